@@ -27,7 +27,7 @@ MODULES = {
     "vehicles/car/positioning": "noise",
     "vehicles/car/sending": "sender",
     "vehicles/driver": "command_limit decision follower leader speed",
-    "vehicles/driver/degradation": "innovation innovation_gate meant_path modes reception"
+    "vehicles/driver/degradation": "innovation innovation_gate intended_path modes reception"
     " situation source sources speed_guard stopping trust",
     "vehicles/driver/ego": "covariance late_fixes own_state pose_estimator",
     "transport": "clock codec message_numbers telemetry thinning",

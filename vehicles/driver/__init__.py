@@ -1,12 +1,12 @@
-"""What decides: the lead along its path, followers along what they received.
+"""Drivers: the lead steers along its path, followers along the poses they received.
 
-decision        what a driver is and what it decides at a control instant
-ego/            what is known of the own car
-tracking        errors against the trajectory, and the return to one that was lost
+decision        interface of a driver, and its decision at a control instant
+ego/            the own state
+tracking        errors against the trajectory, and the return to a lost one
 steering        from errors to a steering command: the paper's law and others
-command_limit   no command that the wheels cannot follow
+command_limit   limits of the steering angle and its rate
 speed           from gaps and profiles to an acceleration
-degradation/    what a follower does about messages that do not come, or cannot be true
+degradation/    reactions to missing and to false messages
 leader          the lead, and its wait for lost followers
 follower        a follower: from received poses to steering and speed
 """

@@ -7,10 +7,10 @@ from vehicles.driver.steering import SteeringCommand
 
 
 class CommandLimit:
-    """Holds back the steering command of a driver (Section III-C) to what the rack can do.
+    """Limits the steering command of a driver (Section III-C) to what the rack can follow.
 
-    A command further than that away would only tell the actuator, eq. (4), to go as fast as it can,
-    and wind up meanwhile. The paper is silent on it; without a limit of the rate nothing is done.
+    A command further away than that winds up while the actuator, eq. (4), moves as fast as it can.
+    The paper states no such limit; without a limit of the rate commands pass unchanged.
     """
 
     def __init__(
@@ -21,23 +21,23 @@ class CommandLimit:
         *,
         first: float = 0.0,
     ) -> None:
-        """Limit to `rate` (rad/s) over a control period (s), from the command `first` (rad) on.
+        """Limit to `rate` (rad/s) over a control period (s), starting at the command `first` (rad).
 
-        `steering_limit` is the largest angle (rad), beyond which no command is taken for one.
+        `steering_limit` is the largest angle (rad).
         """
         self._step = rate * period if math.isfinite(rate) else math.inf
         self._limit = steering_limit
         self._last = first
 
-    def held_back(self, command: SteeringCommand) -> SteeringCommand:
-        """Command of this control instant, at most a step from the last one's.
+    def limited(self, command: SteeringCommand) -> SteeringCommand:
+        """Command of this control instant, at most a step from the last; δ_ff, δ_fb stay.
 
-        To be called once at every control instant. The parts δ_ff and δ_fb stay what they were.
+        Call once per control instant.
         """
-        asked, step, limit = command.steering, self._step, self._limit
-        if (-step <= asked - self._last <= step and -limit <= asked <= limit) or step == math.inf:
-            self._last = asked
+        wanted, step, limit = command.steering, self._step, self._limit
+        if (-step <= wanted - self._last <= step and -limit <= wanted <= limit) or step == math.inf:
+            self._last = wanted
             return command
-        asked = min(max(asked, -limit), limit)
-        self._last = min(max(asked, self._last - step), self._last + step)
+        wanted = min(max(wanted, -limit), limit)
+        self._last = min(max(wanted, self._last - step), self._last + step)
         return replace(command, steering=self._last)

@@ -27,9 +27,9 @@ class Decision:
     """Commands for steering and drive, and what they follow from (Fig. 1, Sections III-A to III-C).
 
     Units: gap m, target_speed m/s. `path_offset` (m) is how far the own last fix lies to the left
-    of the lead's path, as far as that is known. `situation` says how fresh what it follows from is.
-    `fresh` is False at instants between two control instants, where the last decision is held.
-    `fit` is the trajectory if it was made anew. `remarks` are lines for the log.
+    of the lead's path, as far as that is known. `fresh` is False between two control instants,
+    where the last decision is held. `fit` is the trajectory if it was fitted again. `remarks` are
+    lines for the log.
     """
 
     actuation: Actuation
@@ -75,7 +75,7 @@ class Decision:
         self.fresh = fresh
 
     def tracking(self, vehicle: str, seq: int, now: int) -> Tracking:
-        """What is known at a command (Sections III-A and III-B), as a message for the log."""
+        """Message of the errors and of what is known (Sections III-A and III-B), for the log."""
         situation, lead, ahead = self.situation, self.situation.lead, self.situation.predecessor
         return Tracking(
             vehicle=vehicle,
@@ -107,7 +107,7 @@ class Decision:
         )
 
     def command(self, vehicle: str, seq: int, now: int) -> Command:
-        """What is asked of the car (Section III-C), as a message for the log."""
+        """Message of the commands (Section III-C), for the log."""
         return Command(
             vehicle=vehicle,
             seq=seq,
@@ -120,7 +120,7 @@ class Decision:
         )
 
     def held(self) -> "Decision":
-        """The same decision where none is due: between two control instants (Fig. 1)."""
+        """The same decision between two control instants, where none is due."""
         return Decision(
             actuation=self.actuation,
             steering=self.steering,
@@ -138,7 +138,7 @@ class Decision:
 
     @property
     def announcement(self) -> Announcement:
-        """What is told to those behind beside the pose, as in a CAM."""
+        """What is sent to the followers with the pose, as in a CAM."""
         return Announcement(
             mode=self.mode,
             hazard=self.situation.hazard,
@@ -148,10 +148,10 @@ class Decision:
         )
 
     def trajectory(self, fit: Fit, vehicle: str, seq: int, now: int) -> CompositeTrajectory:
-        """The composite trajectory of Section III-A as a message for the log."""
+        """Message of the composite trajectory of Section III-A, for the log."""
         pieces = [
-            (one.east, one.north, one.yaw, one.curvature, one.length, one.rate)
-            for one in fit.spline.pieces
+            (piece.east, piece.north, piece.yaw, piece.curvature, piece.length, piece.rate)
+            for piece in fit.spline.pieces
         ]
         east, north, yaw, curvature, length, rate = zip(*pieces, strict=True)
         return CompositeTrajectory(
@@ -174,10 +174,7 @@ class Decision:
 
 
 class Driver(Protocol):
-    """Driver of a car: of the lead along its path, of a follower along what it received.
-
-    The controller of Fig. 1, together with the drive.
-    """
+    """Driver of a car: the controller of Fig. 1, together with the drive."""
 
     def step(
         self,
@@ -186,9 +183,9 @@ class Driver(Protocol):
         motion: Motion | Body | None,
         received: Sequence[ReceivedPose],
     ) -> Decision:
-        """Decide (Fig. 1) at `now` (ns) from what the own sensors measured and the received poses.
+        """Decide at `now` (ns) from what the own sensors measured and the received poses.
 
-        `fix` and `motion` are None where there is none at this instant; an exact sensor gives the
-        true state of the car.
+        `fix` and `motion` are None where nothing is measured at this instant; an exact sensor gives
+        the true state of the car.
         """
         ...

@@ -16,7 +16,7 @@ from vehicles.car.imu import Motion
 from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Decision
 from vehicles.driver.degradation.innovation_gate import InnovationGate
-from vehicles.driver.degradation.meant_path import path_offset
+from vehicles.driver.degradation.intended_path import path_offset
 from vehicles.driver.degradation.modes import ModeMachine, Modes, ModesByReach, without_sources
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import SLOWING, Situation
@@ -28,7 +28,7 @@ from vehicles.driver.ego.own_state import OwnState, Pose
 from vehicles.driver.ego.slip_estimator import LoadWatch
 from vehicles.driver.speed import VehiclesAhead
 from vehicles.driver.steering import LateralController, SteeringCommand
-from vehicles.driver.tracking import Rejoining, TrackingErrors, WayBehind, track
+from vehicles.driver.tracking import PathBehind, Rejoining, TrackingErrors, track
 from vehicles.messages import Mode
 from vehicles.preview.curve_fit import TELLING
 from vehicles.preview.samples import Window
@@ -40,8 +40,8 @@ REFIT_AFTER: Final = 50 * MILLISECOND
 """Without new poses the trajectory is fitted again this often (ns), so that a source that stopped
 sending is noticed."""
 JUST_BEGUN: Final = 3
-"""Up to this number of samples behind a straight bridge from the own place make no bend: that they
-leave its line may be noise of the one that the bridge ends at."""
+"""Up to this number of samples beyond a straight bridge from the own place make no bend: their
+offset from its line may be noise of the sample at which the bridge ends."""
 
 
 class Follower:
@@ -72,11 +72,8 @@ class Follower:
     ) -> None:
         """`alpha` in [0, 1] is the weight of the predecessor, 1 - alpha that of the lead.
 
-        `periods` (s) are those between the messages of its sources and `delays` (s) how long one
-        takes to come, as far as they are known; left out, none is.
-        `limit` is that of the steering command, `load` watches how heavily the car is laden, if
-        there are such.
-        `gates` judge the poses of the sources by their names; without one only jumps are refused.
+        `periods` (s) between messages and `delays` (s) of the first message are by source.
+        `gates` judge the poses of the sources; without one only jumps are refused.
         """
         self._own_state = own_state
         self._controller = controller
@@ -110,7 +107,7 @@ class Follower:
             self._modes = ModeMachine(degradation)
         self._along: tuple[tuple[float, Fit], ...] = ()
         self._driven = 0.0
-        self._behind = WayBehind(), WayBehind()
+        self._behind = PathBehind(), PathBehind()
         self._fitted = False
         self._stops_behind = False
         self._rejoining = Rejoining()
@@ -126,14 +123,15 @@ class Follower:
         motion: Motion | Body | None,
         received: Sequence[ReceivedPose],
     ) -> Decision:
-        """Decide at `now` (ns); between control instants the last decision is held.
-
-        Sections III-A to III-E in a row, as in Fig. 1.
-        """
+        """Decide at `now` (ns), Sections III-A to III-E; between control instants hold the last."""
         self._load.observe(now, motion)
         self._own_state.update(now, fix, motion)
         for pose in received:
-            self._receive(now, pose)
+            trace = self._sources.receive(pose)
+            if not trace.joined:
+                own = self._own_state.at(now)
+                trace.bridge(own.east, own.north)
+            self._refit.due_at = now
         if self._decision is not None and not self._control.due(now):
             self._decision = self._decision.held()
         else:
@@ -141,15 +139,6 @@ class Follower:
         if fix is not None:
             self._decision.path_offset = path_offset(self._along[0][1], fix) if self._along else nan
         return self._decision
-
-    def _receive(self, now: int, pose: ReceivedPose) -> None:
-        source = self._sources.all[pose.message.vehicle]
-        source.receive(pose)
-        trace = source.trace
-        if not trace.joined:
-            own = self._own_state.at(now)
-            trace.bridge(own.east, own.north)
-        self._refit.due_at = now
 
     def _decide(self, now: int, pose: Pose) -> Decision:
         last, sources = self._decision, self._sources
@@ -166,7 +155,7 @@ class Follower:
         if self._mode == "coast":
             kept = last.steering if last else wanted
             wanted = without_sources(self._reaction, self._mode, wanted, kept)
-        steering = self._limit.held_back(wanted)
+        steering = self._limit.limited(wanted)
         ahead = self._vehicles_ahead(now, pose, errors)
         self._load.commanded(steering.steering)
         situation.predecessor_weight = sources.alpha(self._alpha)
@@ -192,7 +181,7 @@ class Follower:
         )
 
     def _remark_stop(self, situation: Situation) -> None:
-        """Add a line for the log when it begins to stop behind a predecessor that announced to."""
+        """Log when it begins to stop behind a predecessor that announced its stop."""
         before, self._stops_behind = self._stops_behind, self._speed_guard.stops_behind
         if self._stops_behind and not before:
             name, silence = self._sources.predecessor.name, situation.predecessor.silence
@@ -220,7 +209,7 @@ class Follower:
         self._gap, self._gap_at = self._measured_gap(now, pose), now
 
     def _settings_for(self, windows: Mapping[Mode, Window]) -> FitSettings:
-        """Settings of the fit: fewer conclusions from samples if some are mere guesses."""
+        """Settings of the fit: fewer conclusions from samples if some only bridge holes."""
         if not self._sources.have_guesses(windows):
             return self._settings
         received = self._sources.received(windows)
@@ -236,16 +225,16 @@ class Follower:
         self._driven += pose.speed / self._rate_hz
         if len(self._along) == 1:
             errors = self._track(self._along[0][1], pose)
-            corrected = self._rejoining.from_there(now, errors, pose.speed)
+            corrected = self._rejoining.corrected(now, errors, pose.speed)
             return errors, self._controller.steer(corrected, pose.speed)
         tracked = [(share, self._track(fit, pose)) for share, fit in self._along]
         return blended([(share, e, self._controller.steer(e, pose.speed)) for share, e in tracked])
 
     def _track(self, fit: Fit, pose: Pose) -> TrackingErrors:
-        """Errors along a trajectory, whose way behind is that of its source if they are blended."""
+        """Errors along a trajectory; each source has its own path behind if they are blended."""
         errors = track(fit.spline, pose)
         behind = self._behind[fit.source.item(0) if self._fusion == "blend" else 0]
-        behind.go_on(self._driven, errors)
+        behind.extend(self._driven, errors)
         errors.behind = behind
         return errors
 
@@ -259,7 +248,6 @@ class Follower:
         return gap + trace.newest.speed * age
 
     def _vehicles_ahead(self, now: int, pose: Pose, errors: TrackingErrors) -> VehiclesAhead:
-        """State of the vehicles ahead, extrapolated to now."""
         lead, predecessor = self._sources.lead.trace.newest, self._sources.predecessor.trace.newest
         if predecessor is None:
             return VehiclesAhead(curvature_ahead=errors.curvature_ahead)

@@ -29,18 +29,17 @@ from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND, Cadence
 
 WAITING_SHARE: Final = 0.5
-"""Share of its set speed at which a lead waits: slow enough to be caught up with on any road where
-the convoy drives on, and no standstill that nobody needs."""
+"""Share of its set speed at which a lead waits: slow enough for followers to catch up."""
 
 SLOWEST: Final = 1.0
 """Below this speed (m/s) the pace changes no faster than it would here."""
 
 
 class ConvoyWatch:
-    """Which followers are lost or announce trouble, so that the lead `waits`, and the `reason`.
+    """Whether the lead `waits` for followers that are lost or announce trouble, and the `reason`.
 
-    A follower that is silent for longer than a source may be is lost, counted from the start on;
-    the lead waits until nothing was wrong for the probation.
+    A follower is lost after the silence of a lost source, counted from the start on; the lead waits
+    until no follower was in trouble for the probation.
     """
 
     def __init__(
@@ -59,7 +58,6 @@ class ConvoyWatch:
         self.reason = ""
 
     def observe(self, now: int, received: Sequence[ReceivedPose]) -> None:
-        """Take the poses received by `now` (ns)."""
         for pose in received:
             self._receive(pose)
         wrong = [why for name in self._received_at if (why := self._wrong(now, name))]
@@ -73,7 +71,7 @@ class ConvoyWatch:
         message = pose.message
         name = message.vehicle
         if pose.measured_at <= self._measured_at.get(name, inf):
-            return  # an older one that was overtaken, or no follower's
+            return  # overtaken by a newer one, or no follower's
         self._received_at[name], self._measured_at[name] = pose.received_at, pose.measured_at
         self._troubled.pop(name, None)
         if message.hazard or message.mode in SLOWING:
@@ -89,8 +87,8 @@ class ConvoyWatch:
 class WaitingProfile(ProfileSpeed):
     """Drives a speed profile, slower while the lead `waits` for a follower.
 
-    Its time then passes more slowly, so the lead is everywhere at most as fast as the profile is
-    there, in bends too. While it does not wait it is `ProfileSpeed` to the bit.
+    Its time then passes more slowly, so the lead is nowhere faster than the profile is at that
+    place, in bends too. While it does not wait it equals `ProfileSpeed`.
     """
 
     def __init__(
@@ -106,7 +104,6 @@ class WaitingProfile(ProfileSpeed):
         self.waits = False
 
     def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:  # noqa: ARG002
-        """Mean acceleration over the coming period, plus a mild correction, as Section V-C.3."""
         self._behind += (1.0 - self._pace) * (now - self._at) / SECOND
         self._at = now
         seconds = (now - self._start_at) / SECOND - self._behind
@@ -118,13 +115,13 @@ class WaitingProfile(ProfileSpeed):
         return SpeedCommand(wanted + profile_correction(speed, pose.speed), next_speed)
 
     def _change_pace(self, speed: float) -> None:
-        """Move the pace on by a period: towards its aim at the configured deceleration and jerk."""
+        """Move the pace towards its aim at the configured deceleration and jerk."""
         aim = WAITING_SHARE if self.waits else 1.0
         if self._pace == aim and not self._change:
             return
         full, braking = max(speed, SLOWEST), self._braking
         left = (aim - self._pace) * full
-        # No faster than can be ended at this jerk when the aim is reached.
+        # So that the change can end at this jerk when the aim is reached.
         fastest = min(braking.deceleration, sqrt(2.0 * braking.jerk * abs(left)))
         wanted = fastest if left > 0.0 else -fastest
         step = braking.jerk * self._period
@@ -180,7 +177,7 @@ class Leader:
     ) -> Decision:
         """Decide at `now` (ns); between control instants the last decision is held.
 
-        Errors of Section III-B against the path itself, steering of Section III-C.
+        Errors of Section III-B against the path, steering of Section III-C.
         """
         self._load.observe(now, motion)
         self._own_state.update(now, fix, motion)
@@ -192,7 +189,7 @@ class Leader:
             return self._decision.held()
         pose = self._own_state.at(now)
         errors = self._track(pose)
-        steering = self._limit.held_back(self._controller.steer(errors, pose.speed))
+        steering = self._limit.limited(self._controller.steer(errors, pose.speed))
         self._load.commanded(steering.steering)
         speed = self._speed_law.command(now, pose, VehiclesAhead())
         self._decision = Decision(
@@ -207,7 +204,7 @@ class Leader:
 
     def _track(self, pose: Pose) -> TrackingErrors:
         foot = self._path.project(pose.east, pose.north, self._near)
-        # At rare decisions the next place lies beyond the window of the projection.
+        # At low control rates the next place lies beyond the window of the projection.
         self._near = foot.station + pose.speed / self._control.rate_hz
         return TrackingErrors(
             lateral=foot.lateral,

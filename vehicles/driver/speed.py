@@ -1,7 +1,4 @@
-"""How fast a vehicle goes: at a given speed over time, or at its gap to the vehicle ahead.
-
-SI units.
-"""
+"""Speed of a vehicle: a profile over time, or the gap to the vehicle ahead; SI units."""
 
 import math
 from bisect import bisect_right
@@ -17,29 +14,28 @@ PROFILE_CORRECTION: Final = 0.5
 """Share of the speed error taken back each second when a profile is followed (1/s)."""
 
 CORRECTION_MAX: Final = 2.0
-"""Most that is asked for that (m/s²): a car that stood, while the others drove on, sets off like
-one."""
+"""Limit of that correction (m/s²), as for a car that has fallen behind and starts again."""
 
 GAP_STIFFNESS: Final = 3.0
-"""k_p, acceleration asked per metre of gap error (1/s²)."""
+"""k_p, acceleration per metre of gap error (1/s²)."""
 
 DAMPING: Final = 4.0
-"""k_v + k_l, acceleration asked per m/s of speed difference to predecessor and lead (1/s)."""
+"""k_v + k_l, acceleration per m/s of speed difference to predecessor and lead (1/s)."""
 
 LEAD_SHARE: Final = 0.5
 """Share of the damping that counts from the lead, k_l, at constant distance."""
 
 STABLE_HEADWAY: Final = 0.35
-"""Headway (s) from which on the lead's speed is not needed, and is not used."""
+"""Headway (s) from which on the lead's speed is neither needed nor used."""
 
 CATCH_UP_DISTANCE: Final = 5.0
-"""A gap that is too large by more than this (m) asks for no more acceleration."""
+"""Gap error (m) beyond which the acceleration does not grow."""
 
 BEND_RATE: Final = 2.0
-"""Share of the speed that is too high for a bend which is taken back each second (1/s)."""
+"""Share of the excess of speed in a bend taken back each second (1/s)."""
 
 BEND_TIMES = (0.0, 0.4, 0.8)
-"""Times ahead (s) at which a follower looks at its way, up to the paper's preview."""
+"""Times ahead (s) at which a follower evaluates its path, up to the paper's preview."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,10 +58,7 @@ class SpeedProfile:
             raise ValueError("the times of a speed profile must increase")
 
     def at(self, seconds: float) -> tuple[float, float]:
-        """Speed (m/s) and acceleration (m/s²); at a corner, the acceleration that follows it.
-
-        Velocity and acceleration of Fig. 11, by linear interpolation.
-        """
+        """Speed (m/s) and acceleration (m/s²); at a corner, the acceleration that follows it."""
         times, speeds = self.times, self.speeds
         index = bisect_right(times, seconds) - 1
         if index < 0:
@@ -81,10 +74,7 @@ class SpeedProfile:
         return sum([self._driven(begin, end) for begin, end in pairwise((0.0, *inner, seconds))])
 
     def time_to(self, distance: float) -> float:
-        """Time (s) after which `distance` (m) is driven; infinite if it is never reached.
-
-        Constant acceleration from one point of the profile to the next, and elementary algebra.
-        """
+        """Time (s) after which `distance` (m) is driven; infinite if it is never reached."""
         driven = 0.0
         for begin, end in pairwise((0.0, *(time for time in self.times if time > 0.0))):
             step = self._driven(begin, end)
@@ -117,7 +107,6 @@ class GapPolicy:
         _require_not_negative(self)
 
     def desired(self, speed: float) -> float:
-        """Gap to keep (m) at `speed` (m/s), by the constant time headway policy."""
         return self.standstill + self.headway * speed
 
 
@@ -126,8 +115,8 @@ class GapLimits:
     """Limits of acceleration and braking (m/s²) for the constant time headway policy.
 
     Both are positive. 2 m/s² is brisk driving; 6 m/s² is hard braking on a dry road with some grip
-    in reserve, twice what a lead should use, so that followers can make up for their delay.
-    `lateral` (m/s²) is what may act sideways in bends, infinite for no limit.
+    in reserve, twice what a lead should use, so that followers can compensate their delay.
+    `lateral` (m/s²) is the largest lateral acceleration in bends, infinite for no limit.
     """
 
     acceleration: float = 2.0
@@ -183,11 +172,11 @@ def gap_acceleration(
 def bend_acceleration(
     speed: float, curvature_ahead: Callable[[float], float] | None, limits: GapLimits
 ) -> float:
-    """Acceleration (m/s²) that a follower may have in the bends of its way (m/s, 1/m).
+    """Largest acceleration (m/s²) of a follower in the bends of its path (m/s, 1/m).
 
     A predecessor that leaves a bend accelerates while those behind are still in it. At a distance s
-    the bend allows v² <= a_lat/|κ| + 2 b s with half the braking limit for b (uniformly accelerated
-    motion: elementary algebra); what is too fast is taken back at `BEND_RATE`.
+    the bend allows v² <= a_lat/|κ| + 2 b s with half the braking limit for b; an excess is taken
+    back at `BEND_RATE`.
     """
     if curvature_ahead is None or limits.lateral == math.inf:
         return math.inf
@@ -202,11 +191,10 @@ def bend_acceleration(
 
 @dataclass(slots=True)
 class VehiclesAhead:
-    """What a follower has received of the vehicles ahead, NaN where nothing.
+    """Received state of the vehicles ahead, NaN where unknown.
 
-    For keeping gaps after Swaroop and Hedrick, 1996. The gap to the predecessor (m) is along its
-    trace, extrapolated to now; speeds (m/s) are those received last. `curvature_ahead` gives the
-    curvature (1/m) of the way so many metres ahead.
+    The gap to the predecessor (m) is along its trace, extrapolated to now; speeds (m/s) are those
+    received last. `curvature_ahead` gives the curvature (1/m) of the path at a distance (m) ahead.
     """
 
     gap: float = math.nan
@@ -226,17 +214,14 @@ class VehiclesAhead:
         self.lead_speed = lead_speed
         self.curvature_ahead = curvature_ahead
 
-    def seen_as(self, *, gap: float, lead_speed: float) -> "VehiclesAhead":
-        """Return the same vehicles with another gap (m) and speed of the lead (m/s), Section V-C.
-
-        Written out, since `replace` takes a hundredth of all that a vehicle does at a tick.
-        """
+    def replaced(self, *, gap: float, lead_speed: float) -> "VehiclesAhead":
+        """Copy with another gap (m) and lead's speed (m/s); `replace` costs 1 % of a tick."""
         return VehiclesAhead(gap, self.predecessor_speed, lead_speed, self.curvature_ahead)
 
 
 @dataclass(slots=True)
 class SpeedCommand:
-    """Acceleration asked of the drive (m/s²), dv_x/dt of Section IV-A, and speed aimed at (m/s)."""
+    """Command of acceleration (m/s²), dv_x/dt of Section IV-A, and target speed (m/s)."""
 
     acceleration: float
     target_speed: float
@@ -249,15 +234,13 @@ class SpeedCommand:
 class SpeedLaw(Protocol):
     """Decides the longitudinal command at a control instant: that of Section V-C.3 or another."""
 
-    def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:
-        """Command at `now` (ns) for a vehicle at `pose` behind those `ahead`, as in Section V-C."""
-        ...
+    def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand: ...
 
 
 def profile_correction(wanted: float, speed: float) -> float:
     """Acceleration (m/s²) that takes a speed error (m/s) back mildly."""
     correction = PROFILE_CORRECTION * (wanted - speed)
-    if -CORRECTION_MAX <= correction <= CORRECTION_MAX:  # as mostly
+    if -CORRECTION_MAX <= correction <= CORRECTION_MAX:  # the usual case
         return correction
     return min(max(correction, -CORRECTION_MAX), CORRECTION_MAX)
 
@@ -272,14 +255,11 @@ class ProfileSpeed:
         self._period = period
 
     def follow(self, profile: SpeedProfile) -> None:
-        """Follow another profile (Section V-C.3) from now on, by the same clock."""
+        """Follow another profile from now on, by the same clock."""
         self._profile = profile
 
     def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:  # noqa: ARG002
-        """Mean acceleration of the profile over the coming period, plus a mild correction.
-
-        The profile is that of Section V-C.3; the paper corrects no speed error.
-        """
+        """Mean acceleration of the profile over the coming period, plus a mild correction."""
         seconds = (now - self._start_at) / SECOND
         speed, _ = self._profile.at(seconds)
         next_speed, _ = self._profile.at(seconds + self._period)
@@ -288,18 +268,14 @@ class ProfileSpeed:
 
 
 class GapKeeping:
-    """Keeps a constant distance or time gap, after Swaroop and Hedrick, 1996.
-
-    See `gap_acceleration`.
-    """
+    """Keeps a constant distance or time gap (see `gap_acceleration`)."""
 
     def __init__(self, policy: GapPolicy, limits: GapLimits) -> None:
-        """`policy` sets the gap, `limits` the accelerations."""
         self._policy = policy
         self._limits = limits
 
     def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:  # noqa: ARG002
-        """Acceleration after Swaroop and Hedrick, 1996; 0 until the predecessor is received."""
+        """Keep the gap; no acceleration until the predecessor is received."""
         if math.isnan(ahead.gap):
             return SpeedCommand(0.0, pose.speed)
         wanted = gap_acceleration(

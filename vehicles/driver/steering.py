@@ -12,10 +12,7 @@ from vehicles.driver.tracking import TrackingErrors
 
 @dataclass(slots=True)
 class SteeringCommand:
-    """Front wheel angle asked for and its two parts before the limit (rad, left positive).
-
-    δ_c, δ_ff and δ_fb of Section III-C.
-    """
+    """δ_c, δ_ff and δ_fb of Section III-C: front wheel angle, its parts before the limit (rad)."""
 
     steering: float
     feedforward: float
@@ -38,9 +35,9 @@ class LateralController(Protocol):
     1/`control.rate_hz` seconds of the run; with `fusion = "blend"` once for each of the two
     trajectories. The car turns its wheels no further than `parameters.steering_limit` (rad).
 
-    Before a run it is built and asked for one command, on a straight at 10 m/s without errors; one
-    that cannot give it is refused. In a run, what it raises, and a command that is not finite, ends
-    the run with one line, or only its vehicle where `convoy.when_a_vehicle_dies = "go_on"`.
+    Before a run it is built and called once, on a straight at 10 m/s without errors; a controller
+    that fails is refused. In a run an exception, or a command that is not finite, ends the run with
+    one line, or only its vehicle where `convoy.when_a_vehicle_dies = "go_on"`.
     """
 
     def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
@@ -54,7 +51,7 @@ class LateralController(Protocol):
 
 
 class ControllerError(ValueError):
-    """A controller (Section III-C) that breaks the contract of `LateralController`, in one line."""
+    """A controller that breaks the contract of `LateralController`, in one line."""
 
 
 def limited(feedforward: float, feedback: float, limit: float) -> SteeringCommand:
@@ -66,12 +63,11 @@ class FeedforwardFeedback:
     """The paper's law: δ = δ_ff + δ_fb (Sections III-C to III-E)."""
 
     def __init__(self, parameters: VehicleParameters, gains: Gains = NOMINAL_GAINS) -> None:
-        """`parameters` are those that the controller assumes of its car."""
         self._gains = gains
         self.assume(parameters)
 
     def assume(self, parameters: VehicleParameters) -> None:
-        """Take other parameters of the car for K_sg, eq. (6), from now on."""
+        """Assume other parameters of the car for K_sg, eq. (6)."""
         self._wheelbase = parameters.wheelbase
         self._steer_gradient = parameters.steer_gradient
         self._limit = parameters.steering_limit
@@ -99,18 +95,18 @@ class SlipCompensated:
     of a car that keeps to the path behind and ahead (`path_keeping`), and the feedforward is the
     steering of that car.
 
-    To first order in the distance driven its yaw rate is vκ for the curvature l behind it, which is
-    what dθ/dt is compared with. Where l < 0, in fast cars, that would be ahead, and the curvature
-    beside the car is taken: followers learn late of a change, and there the difference is a lead.
+    To first order in the distance driven its yaw rate is vκ for the curvature l behind it, with
+    which dθ/dt is compared. Where l < 0, in fast cars, that would be ahead, and the curvature
+    beside the car is used: followers learn late of a change, and there the difference is a lead.
 
-    Where a trajectory has a bend begin too early or too late, its heading beside the car is wrong
-    one way and its curvature behind the other, so that in θ̃ both errors add up if l > 0, as below
-    24 to 27 m/s, and cancel in part if l < 0. In slower cars the curvature behind is therefore that
-    which was followed there, in fast ones that of the trajectory.
+    Where the bend of a trajectory begins too early or too late, the errors of its heading beside
+    the car and of its curvature behind have opposite signs, so that in θ̃ both add up if l > 0, as
+    below 24 to 27 m/s, and cancel in part if l < 0. In slower cars the curvature behind is
+    therefore that of the path followed there, in fast ones that of the trajectory.
 
-    Eq. (4) answers a command late by 2ζ/ω_n, and being underdamped sharpens it: to second order it
-    is exp(-2ζ s/ω_n) exp(-(1 - 2ζ²) s²/ω_n²). The wheels are therefore told what they are to do
-    that much later, and all of it is a mean, with weights 1/4, 1/2, 1/4, over three places v times
+    Eq. (4) responds to a command late by 2ζ/ω_n, and being underdamped sharpens it: to second order
+    it is exp(-2ζ s/ω_n) exp(-(1 - 2ζ²) s²/ω_n²). The wheels are therefore commanded that much
+    ahead, and each command is a mean, with weights 1/4, 1/2, 1/4, over three places v times
     2 sqrt(1 - 2ζ²)/ω_n apart, whose second-order term is the inverse. That rounds off a jump Δa of
     the lateral acceleration by Δa (1 - 2ζ²)/(2 ω_n²): 1.3 mm at 1.8 m/s².
 
@@ -121,7 +117,6 @@ class SlipCompensated:
     """Mean age of a command (s): half a control period at 50 Hz."""
 
     def __init__(self, parameters: VehicleParameters, gains: Gains = NOMINAL_GAINS) -> None:
-        """`parameters` are those that the controller assumes of its car."""
         self._gains = gains
         self.assume(parameters)
         damping, frequency = parameters.steering_damping, parameters.steering_frequency
@@ -129,7 +124,7 @@ class SlipCompensated:
         self._apart = 2.0 * sqrt(max(1.0 - 2.0 * damping * damping, 0.0)) / frequency
 
     def assume(self, parameters: VehicleParameters) -> None:
-        """Take other parameters of the car for eqs. (1), (2) and (6) from now on."""
+        """Assume other parameters of the car for eqs. (1), (2) and (6)."""
         self._keeping = PathKeeping(parameters)
         self._limit = parameters.steering_limit
 
@@ -140,8 +135,8 @@ class SlipCompensated:
         slip = keeping.slip(speed)
         lag = max(slip, 0.0)
         reach = -lag - apart, delay + apart
-        way = errors.curvatures_driven if slip > 0.0 else errors.curvatures_ahead
-        motion = keeping.motion(way, reach, speed)
+        curvatures = errors.curvatures_driven if slip > 0.0 else errors.curvatures_ahead
+        motion = keeping.motion(curvatures, reach, speed)
         heading = motion.heading.mean(0.0, apart)
         curvature = motion.curvature.mean(-lag, apart)
         feedback = (
@@ -171,7 +166,6 @@ class Stanley:
     """Share of the yaw-rate error taken back (s)."""
 
     def __init__(self, parameters: VehicleParameters, gains: Gains = NOMINAL_GAINS) -> None:  # noqa: ARG002 - every controller is built alike
-        """`parameters` are those that the controller assumes of its car."""
         self._parameters = parameters
         car = parameters
         self._slip = (
@@ -213,7 +207,6 @@ class PurePursuit:
     """Points per look-ahead distance at which the goal point is sought."""
 
     def __init__(self, parameters: VehicleParameters, gains: Gains = NOMINAL_GAINS) -> None:  # noqa: ARG002 - every controller is built alike
-        """`parameters` are those that the controller assumes of its car."""
         self._parameters = parameters
 
     def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
@@ -236,8 +229,8 @@ class PurePursuit:
     ) -> tuple[float, float]:
         """Go along the path to the first place `reach` (m) from (x, y), in the foot point's frame.
 
-        The foot point itself if the car is further off than that, and half a turn on a circle that
-        never gets so far.
+        The foot point itself if the car is further away than that; half a turn on a circle that is
+        too small.
         """
         step = reach / self.STEPS
         goal_x = goal_y = turned = 0.0
@@ -267,7 +260,6 @@ class GuardedController:
         self._name = name
 
     def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
-        """Return the controller's own command, checked."""
         try:
             command: object = self._controller.steer(errors, speed)
         except (Exception, SystemExit) as error:
@@ -286,22 +278,21 @@ class GuardedController:
                     f"controller {self._name!r}: steer() returned {part} = {value!r}, needed is a "
                     "finite number of radians"
                 )
-        # Plain numbers, whatever kind of number the user's own are.
+        # Plain numbers, also where the controller returns NumPy's.
         return SteeringCommand(
             float(command.steering), float(command.feedforward), float(command.feedback)
         )
 
 
 def _described(error: BaseException) -> str:
-    """Return kind and message of an exception in one line."""
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 
 def load_controller(name: str, parameters: VehicleParameters, gains: Gains) -> LateralController:
     """Build the controller class of a dotted name such as `vehicles.driver.steering.Stanley`.
 
-    Raises ControllerError if there is no such class, or if it cannot be built. A class from
-    elsewhere is guarded.
+    Raises ControllerError if there is no such class, or if it cannot be built. A class of another
+    module is guarded.
     """
     module_name, _, class_name = name.rpartition(".")
     if not module_name or not class_name:
@@ -326,5 +317,5 @@ def load_controller(name: str, parameters: VehicleParameters, gains: Gains) -> L
 
 
 def try_out(controller: LateralController) -> None:
-    """Ask for one command, on a straight at 10 m/s; raises ControllerError."""
+    """Call it once, on a straight at 10 m/s without errors; raises ControllerError."""
     controller.steer(TrackingErrors(lateral=0.0, heading=0.0, yaw_rate=0.0, curvature=0.0), 10.0)

@@ -11,14 +11,16 @@ from dataclasses import dataclass, field, replace
 from math import ceil, sqrt
 from typing import Protocol
 
+from vehicles.car.dynamics import Body
+from vehicles.driver.ego.own_state import Pose
 from vehicles.geometry.arc_spline import ArcSpline
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.schedule import SECOND
 
 SPACING = 0.1
-"""Distance (m) between the places at which the curvature of the way behind is kept."""
+"""Distance (m) between the places at which the curvature of the path behind is kept."""
 PLACES = 256
-"""So many of the last places are kept at least: 26 m."""
+"""Number of the last places that are kept at least: 26 m."""
 REJOINING_LATERAL = 2.0
 """Lateral acceleration (m/s²) that the return to a path may take."""
 SHORTEST_RETURN = 10.0
@@ -27,65 +29,32 @@ SLOWEST_RETURN = 8.0
 """A slower car (m/s) will soon be as fast as this again."""
 
 
-class PoseLike(Protocol):
-    """Position (m), yaw (rad) and motion (m/s, rad/s) of a car: what it measures in Fig. 1."""
-
-    @property
-    def east(self) -> float:
-        """East coordinate (m): X_v of Section III-B, with X to the east."""
-        ...
-
-    @property
-    def north(self) -> float:
-        """North coordinate (m): Y_v of Section III-B, with Y to the north."""
-        ...
-
-    @property
-    def yaw(self) -> float:
-        """Heading θ of Section III-B, counter-clockwise from east (rad)."""
-        ...
-
-    @property
-    def speed(self) -> float:
-        """Forward speed v_x of eq. (1) (m/s)."""
-        ...
-
-    @property
-    def yaw_rate(self) -> float:
-        """Rate of turn dθ/dt of eq. (1), counter-clockwise (rad/s)."""
-        ...
-
-
 class Curved(Protocol):
-    """A path whose curvature is known (the arc spline of Section III-A, or the lead's own)."""
+    """The arc spline of Section III-A, or the lead's own path: curvatures (1/m) at stations (m)."""
 
-    def curvature_at(self, station: float) -> float:
-        """Signed curvature (1/m) at `station` (m), 1/R of Section III-A."""
-        ...
+    def curvature_at(self, station: float) -> float: ...
 
-    def curvatures(self, start: float, step: float, count: int) -> Sequence[float]:
-        """The same at `count` places `step` (m) apart from station `start` (m) on."""
-        ...
+    def curvatures(self, start: float, step: float, count: int) -> Sequence[float]: ...
 
 
 @dataclass(slots=True)
-class WayBehind:
-    """The way that a car came, as it was followed then: its curvature 1/R of Section III-B.
+class PathBehind:
+    """Curvature 1/R (Section III-B) of the path behind a car, as it was followed then.
 
     A trajectory is fitted to samples ahead of the car and just behind. Where it begins its
-    curvature is the least sure: where a bend sets in, wrong by a quarter of the bend's. When the
+    curvature is the least certain: where a bend sets in, wrong by a quarter of the bend's. When the
     car was there, it had samples on both sides.
 
-    `driven` is the distance (m) that the car has come, `rest` what of it lies beyond the last place
-    `passed`, one every `SPACING`, whose curvatures (1/m) these are.
+    `driven` is the distance (m) driven, `rest` the part of it beyond the last place; `passed` are
+    the curvatures (1/m) at the places, one every `SPACING`.
     """
 
     driven: float = 0.0
     rest: float = 0.0
     passed: list[float] = field(default_factory=list)
 
-    def go_on(self, driven: float, errors: "TrackingErrors") -> None:
-        """Go on until so much (m) is driven in all, to the foot point of these (Section III-B)."""
+    def extend(self, driven: float, errors: "TrackingErrors") -> None:
+        """Extend it to the foot point of `errors`, where `driven` (m) in all are driven."""
         self.rest += driven - self.driven
         self.driven = driven
         self.passed = self.passed or [errors.curvature]
@@ -97,13 +66,15 @@ class WayBehind:
             del self.passed[:-PLACES]
 
     def curvatures(self, start: float, step: float, count: int) -> list[float]:
-        """Curvature (1/m), as it was on the arcs of Section III-A, at the nearest places passed.
+        """Curvature (1/m) at `count` places, `step` (m) apart, the first `start` (m, < 0) ahead.
 
-        They are `count`, `step` (m) apart, from `start` (m, negative) ahead of the car on.
+        Each is that of the nearest place passed.
         """
         passed, newest = self.passed, len(self.passed) - 1
         first, pace = newest + (start + self.rest) / SPACING + 0.5, step / SPACING
-        if first >= 0.0 and int(first + (count - 1) * pace) <= newest:  # as mostly: all are held
+        if (
+            first >= 0.0 and int(first + (count - 1) * pace) <= newest
+        ):  # the usual case: all are held
             return [passed[int(first + k * pace)] for k in range(count)]
         return [passed[min(max(int(first + k * pace), 0), newest)] for k in range(count)]
 
@@ -114,7 +85,7 @@ class TrackingErrors:
 
     Section III-B, with signed curvature 1/R; the car's errors in eq. (7).
     The foot point is at `station` (m) of `path`; without a path its curvature is taken as constant.
-    The way `behind` is as it was followed when the car was there, if that is known.
+    `behind` is the path as it was followed when the car was there, if that is known.
     """
 
     lateral: float
@@ -123,31 +94,22 @@ class TrackingErrors:
     curvature: float
     path: Curved | None = field(default=None, compare=False, repr=False)
     station: float = field(default=0.0, compare=False, repr=False)
-    behind: WayBehind | None = field(default=None, compare=False, repr=False)
+    behind: PathBehind | None = field(default=None, compare=False, repr=False)
 
     def curvature_ahead(self, distance: float) -> float:
-        """Signed curvature (1/m) `distance` (m) ahead of the foot point; 1/R of eq. (6) at 0.
-
-        Behind it for negative distances.
-        """
+        """Signed curvature (1/m) `distance` (m) ahead of the foot point; 1/R of eq. (6) at 0."""
         return (
             self.curvature if self.path is None else self.path.curvature_at(self.station + distance)
         )
 
     def curvatures_ahead(self, start: float, step: float, count: int) -> Sequence[float]:
-        """Signed curvature (1/m), as `curvature_ahead`, of eq. (6), at `count` places.
-
-        They are `step` (m) apart, the first `start` (m) ahead.
-        """
+        """`curvature_ahead` at `count` places, `step` (m) apart, the first `start` (m) ahead."""
         if self.path is None:
             return [self.curvature] * count
         return self.path.curvatures(self.station + start, step, count)
 
     def curvatures_driven(self, start: float, step: float, count: int) -> Sequence[float]:
-        """As `curvatures_ahead`, of eq. (6), but behind the foot point as they were followed there.
-
-        Without a way `behind` they are the same.
-        """
+        """`curvatures_ahead`, but behind the foot point those of `behind`, if there is one."""
         if self.behind is None or start >= 0.0:
             return self.curvatures_ahead(start, step, count)
         passed = min(ceil(-start / step), count)
@@ -155,7 +117,7 @@ class TrackingErrors:
         return [*self.behind.curvatures(start, step, passed), *ahead]
 
 
-def track(spline: ArcSpline, pose: PoseLike) -> TrackingErrors:
+def track(spline: ArcSpline, pose: Pose | Body) -> TrackingErrors:
     """Errors of `pose` against the nearest point of `spline` (Section III-B).
 
     Heading error θ̃ = θ − θ_R in (−π, π]; yaw-rate error dθ/dt − v/R with signed R, which is the
@@ -193,9 +155,9 @@ class _Return:
 class Rejoining:
     """Takes the car from where it is to a path that is received again.
 
-    A steering law would turn its wheels by all that the error asks for, at once. So the error to
+    A steering law would turn its wheels at once by all that the error requires. So the error to
     be corrected is that from a cubic (Hermite) which leads from the car's place and heading to the
-    path, as long as it needs to be for a mild lateral acceleration.
+    path, as long as a mild lateral acceleration requires.
     """
 
     def __init__(self) -> None:
@@ -206,15 +168,14 @@ class Rejoining:
 
     @property
     def under_way(self) -> bool:
-        """Whether the car is still returning."""
         return self._wanted or self._return is not None
 
     def begin(self) -> None:
-        """Begin at the next errors: the path has become another one."""
+        """Begin at the next errors."""
         self._wanted = True
 
-    def from_there(self, now: int, errors: TrackingErrors, speed: float) -> TrackingErrors:
-        """Errors from the return at `now` (ns) and `speed` (m/s), or as they are (Hermite)."""
+    def corrected(self, now: int, errors: TrackingErrors, speed: float) -> TrackingErrors:
+        """Errors from the return at `now` (ns) and `speed` (m/s), or `errors` without one."""
         span, self._last_at = (now - self._last_at) / SECOND, now
         if self._wanted:
             self._return, self._driven, self._wanted = _return_to(errors, speed), 0.0, False

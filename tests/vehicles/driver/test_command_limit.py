@@ -13,7 +13,7 @@ ANGLES = st.lists(st.floats(-5.0, 5.0), min_size=1, max_size=50)
 
 
 def given_to(limit: CommandLimit, asked: list[float]) -> list[float]:
-    return [limit.held_back(SteeringCommand(angle, angle, 0.0)).steering for angle in asked]
+    return [limit.limited(SteeringCommand(angle, angle, 0.0)).steering for angle in asked]
 
 
 @given(asked=ANGLES)
@@ -27,12 +27,12 @@ def test_no_step_is_larger_than_the_rate_allows(asked: list[float]) -> None:
 def test_without_a_limit_of_the_rate_nothing_is_changed(asked: list[float]) -> None:
     commands = [SteeringCommand(angle, angle, 0.0) for angle in asked]
     limit = CommandLimit(math.inf, PERIOD, LARGEST)
-    assert all(limit.held_back(command) is command for command in commands)
+    assert all(limit.limited(command) is command for command in commands)
 
 
 def test_a_command_within_reach_is_the_controller_s_own() -> None:
     limit, command = CommandLimit(RATE, PERIOD, LARGEST), SteeringCommand(0.01, 0.007, 0.003)
-    assert limit.held_back(command) is command
+    assert limit.limited(command) is command
 
 
 def test_it_reaches_what_is_asked_and_comes_back_at_once() -> None:
@@ -44,11 +44,11 @@ def test_it_reaches_what_is_asked_and_comes_back_at_once() -> None:
 
 
 def test_the_controller_s_parts_are_kept() -> None:
-    command = CommandLimit(RATE, PERIOD, LARGEST).held_back(SteeringCommand(0.3, 0.2, 0.1))
+    command = CommandLimit(RATE, PERIOD, LARGEST).limited(SteeringCommand(0.3, 0.2, 0.1))
     assert (command.feedforward, command.feedback) == (0.2, 0.1)
     assert command.steering == pytest.approx(RATE * PERIOD)
 
 
 def test_whoever_takes_over_goes_on_from_the_command_that_the_car_has() -> None:
     limit = CommandLimit(1.0, 0.02, 0.5, first=0.3)
-    assert limit.held_back(SteeringCommand(0.0, 0.0, 0.0)).steering == pytest.approx(0.28)
+    assert limit.limited(SteeringCommand(0.0, 0.0, 0.0)).steering == pytest.approx(0.28)

@@ -14,13 +14,13 @@ TICK = SECOND // 50
 def way(lateral: float, heading: float, speed: float) -> list[tuple[float, float]]:
     """Where (m) and how (rad) a car that keeps to its way back is to its path, tick by tick."""
     rejoining, now = Rejoining(), START
-    rejoining.from_there(now, TrackingErrors(0.0, 0.0, 0.0, 0.0), speed)
+    rejoining.corrected(now, TrackingErrors(0.0, 0.0, 0.0, 0.0), speed)
     rejoining.begin()
     beginning = TrackingErrors(lateral, heading, 0.0, 0.0)
     found = []
     for _ in range(5000):
         now += TICK
-        left = rejoining.from_there(now, beginning, speed)
+        left = rejoining.corrected(now, beginning, speed)
         found.append((lateral - left.lateral, heading - left.heading))
         if left is beginning:
             return found
@@ -29,7 +29,7 @@ def way(lateral: float, heading: float, speed: float) -> list[tuple[float, float
 
 def test_without_being_asked_errors_stay_what_they_are() -> None:
     rejoining, errors = Rejoining(), TrackingErrors(1.0, 0.1, 0.0, 0.0)
-    assert rejoining.from_there(START, errors, 10.0) is errors
+    assert rejoining.corrected(START, errors, 10.0) is errors
 
 
 @given(st.floats(-5.0, 5.0), st.floats(-0.3, 0.3), st.floats(8.0, 30.0))

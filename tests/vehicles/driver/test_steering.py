@@ -18,7 +18,7 @@ from vehicles.driver.steering import (
     SteeringCommand,
     load_controller,
 )
-from vehicles.driver.tracking import TrackingErrors, WayBehind, track
+from vehicles.driver.tracking import PathBehind, TrackingErrors, track
 from vehicles.geometry.arc_spline import ArcSpline
 
 CONTROLLERS: list[Callable[..., LateralController]] = [
@@ -130,10 +130,10 @@ def test_slip_compensation_keeps_to_the_path_where_its_curvature_jumps(
 def test_slip_compensation_looks_back_in_slow_cars_at_the_way_as_it_was_followed() -> None:
     """There a trajectory errs behind the car; in fast cars both errors of it belong together."""
     way, straight = course([(0.05, 40.0), (0.0, 40.0)]), course([(0.0, 80.0)])
-    law, behind = SlipCompensated(CAR), WayBehind()
+    law, behind = SlipCompensated(CAR), PathBehind()
     for station in range(41):
         there = TrackingErrors(0.0, 0.0, 0.0, 0.05, way, station)
-        behind.go_on(station, there)
+        behind.extend(station, there)
     for speed, right in ((5.0, way), (30.0, straight)):
         seen = TrackingErrors(0.0, 0.0, 0.0, 0.0, straight, 40.0, behind)
         expected = law.steer(TrackingErrors(0.0, 0.0, 0.0, 0.0, right, 40.0), speed)

@@ -1,12 +1,12 @@
 import math
-from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made.vehicles.arc_courses import beside, course
-from vehicles.driver.tracking import SPACING, TrackingErrors, WayBehind, track
+from vehicles.driver.ego.own_state import Pose
+from vehicles.driver.tracking import SPACING, PathBehind, TrackingErrors, track
 
 HEADINGS = {"east": 0.0, "north": math.pi / 2, "west": math.pi, "south": -math.pi / 2}
 ROADS = {"straight": 0.0, "left": 1 / 40, "right": -1 / 40}
@@ -14,8 +14,8 @@ ROADS = {"straight": 0.0, "left": 1 / 40, "right": -1 / 40}
 
 def pose(
     east: float, north: float, yaw: float, *, speed: float = 10.0, yaw_rate: float = 0.0
-) -> SimpleNamespace:
-    return SimpleNamespace(east=east, north=north, yaw=yaw, speed=speed, yaw_rate=yaw_rate)
+) -> Pose:
+    return Pose(east, north, yaw, speed, yaw_rate)
 
 
 @pytest.mark.parametrize("heading", HEADINGS)
@@ -96,12 +96,12 @@ def test_behind_the_car_curvature_is_that_which_was_followed_there(
     steps: list[float], start: float, step: float
 ) -> None:
     """Whatever the trajectory of now says of places passed more than a metre ago."""
-    rate, behind, driven = 0.01, WayBehind(), 0.0
+    rate, behind, driven = 0.01, PathBehind(), 0.0
     for distance in (0.0, *steps):
         driven += distance
         way = Bends(rate, driven, wrong=0.7)
         errors = TrackingErrors(0.0, 0.0, 0.0, rate * driven, way, driven)
-        behind.go_on(driven, errors)
+        behind.extend(driven, errors)
     errors.behind = behind
     found = errors.curvatures_driven(start, step, 30)
     assert len(found) == 30
@@ -113,9 +113,9 @@ def test_behind_the_car_curvature_is_that_which_was_followed_there(
 
 
 def test_the_way_behind_is_kept_for_as_far_as_a_fast_car_looks_back() -> None:
-    behind = WayBehind()
+    behind = PathBehind()
     for k in range(3000):
-        behind.go_on(1.0 * k, TrackingErrors(0.0, 0.0, 0.0, 0.0, Bends(1.0), 1.0 * k))
+        behind.extend(1.0 * k, TrackingErrors(0.0, 0.0, 0.0, 0.0, Bends(1.0), 1.0 * k))
         assert len(behind.passed) < 1000
     assert behind.curvatures(-25.0, 5.0, 5) == pytest.approx(
         [2974.0, 2979.0, 2984.0, 2989.0, 2994.0], abs=0.051

@@ -1,15 +1,15 @@
-"""What a follower does about messages that do not come, or cannot be true.
+"""Reactions of a follower to missing and to false messages.
 
-settings         thresholds, braking, and which reaction is configured
-situation        how fresh what a follower knows is, in seconds and metres
-innovation       how far a pose lies from where earlier poses of its source predict it
-innovation_gate  whether a car can have come to a pose from its source's earlier ones
+settings         thresholds, braking, and the configured reaction
+situation        freshness of the sources, in seconds and metres
+innovation       distance of a pose from its prediction by earlier poses of its source
+innovation_gate  plausibility of a pose after its source's earlier poses
 trust            the one judge of received poses, by gate and reach
-reception        how a source is received: period, share, age, probation
+reception        statistics of one source's messages: period, share, age, probation
 source           one source: its trace, its status, its weight
 sources          lead and predecessor together
-meant_path       the lead's path, by the offset from it that the predecessor announces
-modes            the mode: which sources it steers along, when it slows down and stops
-stopping         braking distances, and stops that were announced
+intended_path    the lead's path, by the offset from it that the predecessor announces
+modes            the mode: sources to steer along, slowing down, stopping
+stopping         braking distances, and announced stops
 speed_guard      the speed of a follower while messages fail
 """

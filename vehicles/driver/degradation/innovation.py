@@ -1,10 +1,9 @@
-"""How far a pose lies from where earlier poses of its source say it should be.
+"""Innovation of a pose against its prediction by earlier poses of its source.
 
-Innovations as of a Kalman filter (Bar-Shalom, Li, Kirubarajan, Estimation with Applications to
-Tracking and Navigation, 2001, 5.4): what was measured less what was predicted, over the deviation
-of that. The prediction holds for whatever a car may do: the displacement between two poses is their
-mean velocity times the time between them, and with an acceleration of at most A no car is further
-from there than A T² / 4.
+As in a Kalman filter (Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and
+Navigation, 2001, 5.4): measured minus predicted, over its deviation. The prediction holds for any
+manoeuvre: the displacement between two poses is their mean velocity times the time between them,
+and with an acceleration of at most A no car is further from there than A T² / 4.
 """
 
 from functools import lru_cache
@@ -18,27 +17,27 @@ from vehicles.schedule import SECOND
 BRAKING: Final = 8.0
 """Acceleration along the road (m/s²) beyond which no car drives or brakes."""
 CORNERING: Final = 9.0
-"""Acceleration across the road (m/s²) beyond which none corners: what dry tyres carry."""
+"""Acceleration across the road (m/s²) beyond which no car corners: the limit of dry tyres."""
 TURNING_UP: Final = 8.0
-"""Yaw acceleration (rad/s²) of a car whose one axle alone uses all its friction, rounded up."""
+"""Yaw acceleration (rad/s²) of a car with all friction used at one axle, rounded up."""
 SLIP_ARM: Final = 1.5
 """Lateral speed over yaw rate (m) at walking pace: from the rear axle to the antenna."""
 SLIP_ARM_GROWTH: Final = 0.002
-"""What tyres that slip add to it (s²/m), times the squared speed: the steady-state model's."""
+"""Its growth (s²/m) with the squared speed by slipping tyres, of the steady-state model."""
 BASE: Final = SECOND
 """Time (ns) over which announced places are compared with announced speeds."""
 LEAST_DEVIATION: Final = 0.01
-"""Least deviation (m) that is assumed of a receiver, whatever it states."""
+"""Least deviation (m) assumed of a receiver, whatever it states."""
 MOST_DEVIATION: Final = 5.0
-"""Largest deviation (m) that is assumed: a pose that states more would pass whatever it holds."""
+"""Largest deviation (m) assumed: with a larger one every pose would pass."""
 
 
 class Innovation(NamedTuple):
-    """Innovation (of a Kalman filter) of a pose against another one of its source.
+    """Innovation of a pose against another one of its source.
 
     `span` (s) lies between them, negative for an earlier pose. `east`, `north` (m) are the place
-    less the prediction, `along` and `across` (m) the same by the direction of travel; the variances
-    (m²) are those of what the car may have done meanwhile, `stated` (m²) that of both places as the
+    less the prediction, `along` and `across` (m) the same by the direction of travel; their
+    variances (m²) are those of the manoeuvre in between, `stated` (m²) that of both places as the
     source states it. `east_driven`, `north_driven` (m) are the predicted displacement. `square` is
     the squared normalised innovation, chi-squared of 2.
     """
@@ -56,10 +55,7 @@ class Innovation(NamedTuple):
     square: float
 
     def deviations(self, inflation: float = 1.0) -> float:
-        """Innovation of the place in its deviations, the larger axis (Kalman filter).
-
-        Stated deviations are taken for larger by the ratio `inflation`.
-        """
+        """Innovation in its deviations, the larger axis; stated ones are inflated by the ratio."""
         noise = self.stated * inflation * inflation
         along = abs(self.along) / sqrt(self.along_variance + noise)
         across = abs(self.across) / sqrt(self.across_variance + noise)
@@ -73,10 +69,10 @@ def stated_variance(accuracy: float) -> float:
 
 
 def innovation(before: ReceivedPose, pose: ReceivedPose, noise: GnssNoise) -> Innovation:
-    """Innovation of the place of `pose` against `before` (Kalman filter).
+    """Innovation of the place of `pose` against `before`.
 
-    `noise` is that of all but places. What the car may have done is normal with a third of the most
-    as its deviation.
+    `noise` is that of all but places. The manoeuvre is normal, its deviation a third of the
+    extreme.
     """
     span = (pose.measured_at - before.measured_at) / SECOND
     size, half = abs(span), 0.5 * span
@@ -111,7 +107,7 @@ def innovation(before: ReceivedPose, pose: ReceivedPose, noise: GnssNoise) -> In
 
 
 def turned(before: ReceivedPose, pose: ReceivedPose, noise: GnssNoise) -> float:
-    """Innovation of the heading of `pose` against `before`, in its deviations (Kalman filter)."""
+    """Innovation of the heading of `pose` against `before`, in its deviations."""
     span = (pose.measured_at - before.measured_at) / SECOND
     size = abs(span)
     turn = remainder(
@@ -127,24 +123,21 @@ def turned(before: ReceivedPose, pose: ReceivedPose, noise: GnssNoise) -> float:
 
 
 class PoseTrack:
-    """Poses of a source that agree with one another, the innovation of the next one, and its sum.
+    """Consistent poses of a source, and the sum of their innovations.
 
-    Innovations of poses one after the other hide what goes wrong slowly. Their sum since a pose of
-    up to a second ago, the anchor, has the noise of two places alone (CUSUM; Page, 1954).
+    Innovations of consecutive poses hide slow drifts. Their sum since a pose of up to a second ago,
+    the anchor, has the noise of two places alone (CUSUM; Page, 1954).
     """
 
     def __init__(self, pose: ReceivedPose, inflation: float) -> None:
-        """Begin at `pose`, whose place is worse than stated by the ratio `inflation`."""
+        """Begin at `pose`, whose deviation is the stated one times `inflation`."""
         self.last = pose
         self._anchor = pose
         self._anchor_inflation = inflation
         self._east = self._north = self._spread = self._turned = 0.0
 
     def strays(self, one: Innovation, pose: ReceivedPose, inflation: float) -> float:
-        """Sum of innovations with that of `pose`, in deviations (CUSUM).
-
-        The anchor keeps the inflation that held for it, however exact its source has become since.
-        """
+        """Sum of innovations up to `pose`, in deviations; the anchor keeps its own inflation."""
         along, across = one.along_variance, one.across_variance
         spread = self._spread + sqrt(across if across > along else along)
         at_anchor = self._anchor_inflation
@@ -158,8 +151,8 @@ class PoseTrack:
     def cornering(self, pose: ReceivedPose) -> float:
         """Mean acceleration across the road (m/s²) up to `pose`, 0 over less than half a second.
 
-        Speed times the change of heading, over half a second at least: in it the lateral speed of
-        eq. (1) averages out, which dominates the yaw rate of a swerving car.
+        Speed times the change of heading: over half a second the lateral speed of eq. (1), which
+        dominates the yaw rate of a swerving car, averages out.
         """
         span = pose.measured_at - self._anchor.measured_at
         if 2 * span < BASE:
@@ -168,7 +161,7 @@ class PoseTrack:
         return min(self._anchor.speed, pose.speed) * abs(turned) * SECOND / span
 
     def push(self, one: Innovation, pose: ReceivedPose, inflation: float) -> None:
-        """Continue with a newer pose and its innovation (Kalman filter)."""
+        """Continue with a newer pose and its innovation."""
         self._turned += remainder(pose.yaw - self.last.yaw, tau)
         self.last = pose
         if pose.measured_at - self._anchor.measured_at >= BASE:

@@ -1,9 +1,8 @@
-"""The gate of one source: whether a car can have come to a pose from its earlier poses.
+"""The gate of one source: whether a car can have driven to a pose from its earlier poses.
 
-As estimators refuse measurements (PX4's EKF2: 5 deviations of the position), but of a source that
-states its place, its speed and its heading, so that they can be compared with each other. A source
-that is consistently wrong from the first message to the last is not found: one beside the road all
-the time, or one that comes to a new place and stays.
+As estimators reject measurements (PX4's EKF2: 5 deviations of the position), but of a source that
+states its place, its speed and its heading, which can be compared with each other. A source that is
+consistently wrong is not detected: beside the road all the time, or at a new place for good.
 """
 
 from collections import Counter, deque
@@ -29,7 +28,7 @@ from vehicles.schedule import SECOND
 Distrust = Literal["", "frozen", "jumping", "impossible", "ghost", "over-confident"]
 """Why a source is not trusted, or not wholly.
 
-frozen          the same place again and again, at a speed
+frozen          the same place repeatedly, at a speed
 jumping         a place, or a heading, that it cannot have reached
 impossible      beyond any car: its acceleration, or a displacement that contradicts its speeds
 ghost           two tracks under one name; this pose is not of the trusted one
@@ -52,18 +51,17 @@ HONEST_THIRD: Final = 0.41
 """A third of an honest source's squared innovations, the smaller one of those against the two poses
 before, lie below. So do a third of two tracks', if one is honest."""
 LEAST_INFLATION: Final = 1.5
-"""With less no source is over-confident; a ghost's poses may be as far off as they like."""
+"""Below this no source is over-confident."""
 MOST_INFLATION: Final = 30.0
-"""Beyond this it is not noise any more: one solver stated a twentieth of its true deviation."""
+"""Beyond this it is no noise: one solver stated a twentieth of its true deviation."""
 HEADINGS: Final = 3
-"""Headings in a row beyond their gate, against each of the two level ones before: by chance
-once in 2e7 poses, where the car's own turning does not make it rarer still."""
+"""Headings in a row beyond their gate, against each of the last two accepted ones: by chance once
+in 2e7 poses at most."""
 RESTART_POSES: Final = 3
 """Poses that agree on a new place before it is accepted, at least."""
 LATELY: Final = 12
-"""Number of the last poses among which ..."""
 RETURNS: Final = 2
-"""... a trusted one follows a refused one this often where there are two tracks."""
+"""Among the last `LATELY` poses of two tracks a trusted one follows a refused one this often."""
 FORGOTTEN: Final = 3 * SECOND
 """Age (ns) beyond which a refused pose no longer supports a new one."""
 
@@ -72,7 +70,8 @@ class InnovationGate:
     """Judges the poses of one source in the order in which they are received.
 
     A pose is compared with the newest trusted one. Refused poses that agree with one another for
-    `settle` are the source's new place, so none is shut out for ever. `refused` counts by reason.
+    `settle` are the source's new place, so no source is excluded for good. `refused` counts by
+    reason.
     """
 
     def __init__(
@@ -83,10 +82,7 @@ class InnovationGate:
         heading_gate: float = 3.0,
         settle: float = 1.0,
     ) -> None:
-        """`noise` is that of the source's receiver, as assumed: of all but its position.
-
-        Gates are in standard deviations, `settle` in s.
-        """
+        """`noise` is assumed of all but positions; gates are in deviations, `settle` in s."""
         self._noise = noise or GnssNoise()
         self._gate = gate
         self._heading_gate = heading_gate
@@ -109,7 +105,7 @@ class InnovationGate:
         self.refused: Counter[Distrust] = Counter()
 
     def judge(self, pose: ReceivedPose) -> Distrust:
-        """Judge a pose by its innovations (Kalman filter); one of `REFUSED` is not to be used."""
+        """Judge a pose by its innovations; a pose with a reason of `REFUSED` must not be used."""
         if not isfinite(pose.east + pose.north + pose.yaw + pose.speed + pose.yaw_rate):
             return self._refuse("impossible")
         last = innovation(self._last[-1], pose, self._noise) if self._last else None
@@ -133,8 +129,11 @@ class InnovationGate:
             self._lately.append(True)
             return self._confidence
         self._lately.append(False)
-        ghost = reason != "frozen" and self._alternates
-        return self._doubt(pose, "ghost" if ghost else reason)
+        if reason != "frozen":
+            turns = [after and not before for before, after in pairwise(self._lately)]
+            if sum(turns) >= RETURNS:  # trusted and refused in turn: two tracks
+                reason = "ghost"
+        return self._doubt(pose, reason)
 
     def deviation(self, pose: ReceivedPose) -> float:
         """Standard deviation (m, per axis) to assume of a pose instead of the stated one."""
@@ -142,18 +141,11 @@ class InnovationGate:
             return pose.accuracy
         return min(self._inflation * max(pose.accuracy, LEAST_DEVIATION), MOST_DEVIATION)
 
-    @property
-    def _alternates(self) -> bool:
-        """Whether poses have been trusted and refused in turn, so that there are two tracks."""
-        returns = sum([after and not before for before, after in pairwise(self._lately)])
-        return returns >= RETURNS
-
     def _refuse(self, reason: Distrust) -> Distrust:
         self.refused[reason] += 1
         return reason
 
     def _accept(self, track: PoseTrack) -> Distrust:
-        """Trust a track from now on."""
         self._trusted, self._suspect = track, None
         self._level.clear()
         self._level.append(track.last)
@@ -163,7 +155,7 @@ class InnovationGate:
     def _fault(
         self, track: PoseTrack, one: Innovation, turn: float, pose: ReceivedPose
     ) -> Distrust:
-        """What contradicts a track in a pose, if anything does."""
+        """How a pose contradicts a track; empty if it does not."""
         noise = self._noise
         if one.deviations(self._inflation) > self._gate:
             return "jumping"
@@ -178,7 +170,7 @@ class InnovationGate:
         return "jumping" if turn > self._gate else ""
 
     def _twist(self, pose: ReceivedPose) -> Distrust:
-        """Whether the heading has been wrong several times in a row."""
+        """Refuse a pose once the heading was wrong several times in a row."""
         if min(turned(before, pose, self._noise) for before in self._level) <= self._heading_gate:
             self._level.append(pose)
             self._twisted = 0
@@ -187,7 +179,7 @@ class InnovationGate:
         return "jumping" if self._twisted >= HEADINGS else ""
 
     def _doubt(self, pose: ReceivedPose, reason: Distrust) -> Distrust:
-        """Refuse a pose, unless it completes those that make a new place."""
+        """Refuse a pose, unless it completes those of a new place."""
         track, now = self._suspect, pose.received_at
         if track is not None and pose.measured_at - track.last.measured_at > FORGOTTEN:
             track = None
@@ -210,10 +202,7 @@ class InnovationGate:
         return self._refuse("ghost" if reason == "ghost" else self._suspected)
 
     def _learn(self, pose: ReceivedPose, one: Innovation | None) -> bool:
-        """Learn from any pose how exact its source is; returns whether it is frozen.
-
-        `one` is its innovation against the last one, if there is one.
-        """
+        """Update the inflation by a pose and its innovation; returns whether the pose is frozen."""
         if one is None:
             self._last.append(pose)
             self._place = pose
@@ -238,7 +227,7 @@ class InnovationGate:
         return frozen
 
     def _stays(self, one: Innovation, pose: ReceivedPose) -> bool:
-        """Whether the place has not moved although the stated speed must have moved it."""
+        """Whether the place is constant although the stated speed must have changed it."""
         place, noise = self._place or pose, self._noise
         stated = stated_variance(place.accuracy) + stated_variance(pose.accuracy)
         limit = self._gate * self._inflation * sqrt(stated)

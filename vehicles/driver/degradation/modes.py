@@ -1,4 +1,4 @@
-"""Which of its sources a follower steers along, and when it slows down and stops: its mode."""
+"""Modes of a follower: the sources that it steers along, slowing down, stopping."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -21,8 +21,6 @@ NO_TRAJECTORY: Final = "no trajectory through what is heard"
 
 
 class Modes(Protocol):
-    """Decides on the mode of a follower."""
-
     def decide(
         self,
         now: int,
@@ -33,9 +31,9 @@ class Modes(Protocol):
         fitted: bool,
         has_path: bool,
     ) -> tuple[Mode, str]:
-        """Mode at a control instant `now` (ns) at `speed` (m/s), and why.
+        """Mode at a control instant `now` (ns) at `speed` (m/s), and the reason for the log.
 
-        `fitted` says whether the samples supported a trajectory when last fitted, `has_path`
+        `fitted` states whether the samples supported a trajectory at the last fit, `has_path`
         whether they ever did.
         """
         ...
@@ -46,10 +44,10 @@ class ModeMachine:
 
     The car steers along the sources that it relies on. Without any it coasts as long as a stop
     within the known path needs no more than comfortable braking, and stops otherwise, until a
-    source is relied on again; after waiting in vain for a first message it stops, too. If sources
-    are received, but all their road lies behind the car, it coasts until enough lies ahead. A
-    source is given up at once and relied on again only after its probation (`Source`), and a worse
-    mode is left for a better one only after as long, so that none is entered twice within one.
+    source is relied on again; it also stops if no first message comes in time. If sources are
+    received, but all their road lies behind the car, it coasts until enough lies ahead. A source
+    is given up at once and relied on again only after its probation (`Source`), and a worse mode is
+    left for a better one only after the same time, so that no mode is entered twice within it.
     """
 
     def __init__(self, settings: DegradationSettings) -> None:
@@ -68,13 +66,10 @@ class ModeMachine:
         situation: Situation,
         speed: float,
         *,
-        fitted: bool,  # noqa: ARG002 - what was fitted last is steered along
+        fitted: bool,  # noqa: ARG002 - it steers along the last trajectory
         has_path: bool,
     ) -> tuple[Mode, str]:
-        """Mode at a control instant `now` (ns) at `speed` (m/s), and why.
-
-        Why: what is missing, and when the mode changes which sources are relied on again.
-        """
+        """The reason names missing sources and, at a change, those relied on again."""
         relied = list(pair.relied.values())
         soon = (now - self._worse_at) / SECOND < self._dwell
         outrun = self._is_outrun(now, pair, situation)
@@ -98,10 +93,10 @@ class ModeMachine:
         return mode, why
 
     def _is_outrun(self, now: int, pair: SourcePair, situation: Situation) -> bool:
-        """Whether all received road has for long been behind the car.
+        """Whether all received road has been behind the car for longer than the probation.
 
-        That is so where a gap takes less time to drive than a message takes to come: the car never
-        knows where to drive, unless it falls back.
+        That is so where the gap takes less time to drive than a message takes to arrive: the car
+        must fall back to have a path ahead.
         """
         enough = FALLEN_BACK if self._mode in SLOWING else 0.0
         outrun = situation.known <= enough and any(
@@ -124,7 +119,7 @@ class ModeMachine:
         outrun: bool,
         soon: bool,
     ) -> Mode:
-        """The mode that follows; to a better one not too `soon` after one to a worse."""
+        """The next mode; no better one too `soon` after a worse one."""
         relied, slows = list(pair.relied), self._mode in SLOWING
         if relied and has_path and not outrun and not (soon and slows):
             if len(relied) == 1 or (soon and self._mode in relied):
@@ -133,7 +128,7 @@ class ModeMachine:
         if not slows and not outrun and (relied or not _given_up(pair.used.values())):
             return "straight"  # no source was received yet, or no trajectory came of it
         known = 0.0 if isnan(situation.known) else situation.known
-        if outrun:  # the vehicles ahead are received, so that it need not stop: it falls back
+        if outrun:  # the vehicles ahead are received: fall back, no need to stop
             return "coast"
         if self._mode == "stop" or needed_deceleration(speed, known) > self._comfortable:
             return "stop"
@@ -148,15 +143,15 @@ class ModeMachine:
 
 
 class ModesByReach:
-    """Modes of followers that do not degrade, to compare with: all of them go on at full speed.
+    """Modes of the baselines, which continue at full speed.
 
-    The car steers along the sources whose samples reach ahead of it, however old they are. Where
-    none do, it coasts: along its last trajectory, or as its reaction is.
+    The car steers along the sources whose samples reach ahead of it, however old they are. Without
+    any it coasts: along its last trajectory, or by its configured reaction.
     """
 
     def decide(
         self,
-        now: int,  # noqa: ARG002 - all modes are decided alike
+        now: int,  # noqa: ARG002
         pair: SourcePair,
         situation: Situation,  # noqa: ARG002
         speed: float,  # noqa: ARG002
@@ -164,7 +159,6 @@ class ModesByReach:
         fitted: bool,
         has_path: bool,
     ) -> tuple[Mode, str]:
-        """Mode by the windows of the last fit, and which sources are missing."""
         reaching = [mode for mode, one in pair.used.items() if one.reaches]
         silent = [one for one in pair.used.values() if not one.reaches]
         why = ", ".join(
@@ -182,10 +176,10 @@ class ModesByReach:
 def without_sources(
     reaction: Reaction, mode: Mode, wanted: SteeringCommand, last: SteeringCommand
 ) -> SteeringCommand:
-    """Steering command of a reaction while no source is followed: the last one, or straight.
+    """Steering command while no source is followed: "hold" keeps the `last` one.
 
-    "hold" keeps the `last` command, "straight" turns the wheels straight, as the guardian of the
-    Apollo system does; all others steer as `wanted` along their trajectory.
+    "straight" turns the wheels straight, as the guardian of the Apollo system does; all others
+    steer as `wanted` along their trajectory.
     """
     if mode != "coast" or reaction in ("degrade", "extrapolate"):
         return wanted
@@ -195,7 +189,7 @@ def without_sources(
 
 
 def _given_up(sources: Iterable[Source]) -> bool:
-    """Whether a source was lost, or all were waited for in vain."""
+    """Whether a source was lost, or no first message of any came in time."""
     sources = list(sources)
     lost = any(one.status in LOST or one.status == "probation" for one in sources)
     return lost or all(one.never_came for one in sources)
@@ -221,7 +215,6 @@ def _end(known: float) -> str:
 
 
 def _road_left(situation: Situation, speed: float) -> str:
-    """How a stop fits into the known path."""
     if isnan(situation.known):
         return "no path known"
     needed = needed_deceleration(speed, situation.known)

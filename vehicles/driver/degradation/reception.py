@@ -1,4 +1,4 @@
-"""How a source has been received of late: period, share, age, and probation after a loss.
+"""Reception of a source: period, share and age of its messages, probation after a loss.
 
 SI units; instants in ns.
 """
@@ -14,11 +14,11 @@ from vehicles.schedule import SECOND
 RECENT: Final = SECOND
 """Time (ns) over which arrivals are counted and the period is learned."""
 USUAL_TIME: Final = 10.0
-"""Time (s) over which the usual share is a mean, once that much has been counted."""
+"""Longest time (s) over which the usual share is a mean."""
 CLOSING_RATE: Final = 0.1
-"""A gap that was opened closes again at this share of the own speed; while it is wide, faster:"""
+"""An opened gap closes again at this share of the own speed, ..."""
 CLOSING_TIME: Final = 3.0
-"""a time constant (s), so that a car that stood for a minute does not stay behind for ten."""
+"""... and with this time constant (s) while it is wide, as after a stop of a minute."""
 USUAL_SHARE: Final = 0.05
 """Weight of a new message in the usual age of messages at reception."""
 
@@ -30,16 +30,14 @@ class _Arrival(NamedTuple):
 
 
 class Reception:
-    """The messages of one source as they arrived in the last second.
+    """The messages of one source that arrived in the last second.
 
-    The period at which they are expected is what lies between two in the sender's own time, over
-    what lies between their numbers, so that losses on the way do not stretch it. The numbers held
-    here are those of the arrivals from which this follows; which numbers ever came is the inbox's
-    to know.
+    Their period is the time between two stamps over the difference of their numbers, so that losses
+    do not stretch it.
     """
 
     def __init__(self, period: float) -> None:
-        """`period` (s) is that between the messages that can come, as far as that is known."""
+        """`period` (s) is the least that is expected."""
         self._least_period = period
         self.period = period
         self.usual_share = nan
@@ -53,9 +51,9 @@ class Reception:
         self._counted = 0.0
 
     def add(self, now: int, measured_at: int, seq: int) -> bool:
-        """Take in a message received at `now`; returns whether it is the newest by its time stamp.
+        """Count a message received at `now`, unless its number is repeated.
 
-        One that repeats the number of a recent one does not count.
+        Returns whether it is the newest by its stamp.
         """
         if seq > self._highest:
             self._highest = seq
@@ -76,22 +74,16 @@ class Reception:
         return True
 
     def forget(self) -> None:
-        """Forget what came: the time across a long silence is no period."""
+        """Forget the arrivals: the time across a long silence is no period."""
         self._recent.clear()
         self._received_at.clear()
 
     def silence(self, now: int) -> float:
-        """Time (s) since a newer message was received, NaN before the first.
-
-        Not since it was measured: a latency is no silence.
-        """
+        """Time (s) since a newer message was received (not measured), NaN before the first."""
         return nan if self._newest_at is None else (now - self._newest_at) / SECOND
 
     def share(self, now: int) -> float:
-        """Share of the messages of the last second that came, NaN before any.
-
-        Within a second of the first message, of those since then.
-        """
+        """Share of the expected messages of the last second that came, NaN before the first."""
         if self._newest_at is None:
             return nan
         came, expected = self._counts(now)
@@ -99,15 +91,12 @@ class Reception:
         return 1.0 if share > 1.0 else share
 
     def delivers(self, now: int, share: float) -> bool:
-        """Whether at least `share` of what usually comes did so in the last second.
-
-        But for one message, which may have come just before or just after.
-        """
+        """Whether at least `share` of the usual messages came in the last second, or one less."""
         came, expected = self._counts(now)
         return came + 1 >= share * self.usual_share * expected
 
     def count_share(self, now: int, share: float) -> None:
-        """Let the `share` of the last second count for the usual one."""
+        """Update the usual share by the `share` of the last second."""
         span = (now - self._counted_until) / SECOND
         self._counted_until = now
         if span <= 0.0:
@@ -118,11 +107,11 @@ class Reception:
         self.usual_share = before + (share - before) * span / self._counted
 
     def pause_count(self, now: int) -> None:
-        """Leave the time until `now` out of the usual share."""
+        """Exclude the time until `now` from the usual share."""
         self._counted_until = now
 
     def _counts(self, now: int) -> tuple[int, float]:
-        """Messages of the last second that came, and that were expected."""
+        """Number of messages of the last second that came, and number that was expected."""
         since, received_at = now - RECENT, self._received_at
         while received_at and received_at[0] <= since:
             received_at.popleft()
@@ -144,10 +133,10 @@ class Reception:
 
 
 class Probation:
-    """Time that a source which came back has to behave before it is relied on again.
+    """Time for which a source must be received again before it is relied on.
 
-    It doubles with each relapse and halves after each time without one, as PX4's estimator EKF2
-    does with its sensors: the time grows while failing and shrinks while passing.
+    It doubles with each relapse and halves after each time without one, as in PX4's estimator EKF2:
+    the time grows while failing and shrinks while passing.
     """
 
     def __init__(self, settings: DegradationSettings) -> None:
@@ -158,7 +147,7 @@ class Probation:
         self.length = settings.probation
 
     def fail(self, now: int) -> None:
-        """Count that the source was lost or refused at `now` (ns)."""
+        """Lengthen the next probation: the source was lost or refused at `now` (ns)."""
         settings = self._settings
         if self._trusted_at is not None:
             healthy = (now - self._trusted_at) / SECOND
@@ -169,23 +158,18 @@ class Probation:
         self._next = min(2.0 * self.length, max(settings.probation_max, settings.probation))
 
     def begin(self, now: int) -> None:
-        """Begin at `now` (ns), when the source is received again."""
         self._began_at = now
 
     def served(self, now: int) -> float:
-        """Time (s) of it that has passed at `now` (ns)."""
+        """Time (s) since its beginning."""
         return (now - self._began_at) / SECOND
 
     def end(self, now: int) -> None:
-        """Rely on the source again from `now` (ns) on."""
         self._trusted_at = now
 
 
 class AgeWatch:
-    """How much older than usual the newest sample of the predecessor is, and was lately.
-
-    Until the first message, the predecessor is where it was at the start.
-    """
+    """Age of the predecessor's newest sample beyond the usual: now, and the largest lately."""
 
     def __init__(self, settings: DegradationSettings, period: float) -> None:
         """`period` (s) is the time between messages until it is learned."""
@@ -198,11 +182,10 @@ class AgeWatch:
 
     @property
     def usual(self) -> float:
-        """Largest age (s) to be expected: that at reception, and a period."""
+        """Largest expected age (s): that at reception, plus a period."""
         return self._usual + self._period
 
     def observe(self, now: int, age: float, source: SourceFreshness) -> None:
-        """Take the age (s) of the newest sample at `now` (ns)."""
         settings = self._settings
         if not isnan(source.period):
             self._period = source.period
@@ -218,7 +201,7 @@ class AgeWatch:
                 self._peak, self._peak_at = growth, now
 
     def is_longest(self, now: int) -> bool:
-        """Whether the newest sample at `now` (ns) is late, and older than it was lately."""
+        """Whether the newest sample at `now` (ns) is late, and older than any lately."""
         return self._peak_at == now
 
     def is_awake(self, now: int) -> bool:
@@ -228,10 +211,7 @@ class AgeWatch:
         return now - self._late_at <= self._settings.probation * SECOND
 
     def growth(self, now: int) -> float:
-        """Age beyond the usual (s): the largest lately, which fades.
-
-        A gap that followed the present age would pump.
-        """
+        """Largest age beyond the usual lately (s), fading: the present one would make gaps pump."""
         if not self._peak:
             return 0.0
         since = (now - self._peak_at) / SECOND - self._settings.probation

@@ -1,4 +1,4 @@
-"""Thresholds of degradation, and the ways of braking; SI units."""
+"""Thresholds of degradation, and levels of braking; SI units."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -24,10 +24,7 @@ driven   the predecessor's own path, with its errors, which add up along the con
 
 @dataclass(frozen=True, slots=True)
 class Braking:
-    """Deceleration (m/s², positive) and the jerk (m/s³) at which it builds up.
-
-    As planners state it (Autoware).
-    """
+    """Deceleration (m/s², positive) and the jerk (m/s³) at which it builds up."""
 
     deceleration: float
     jerk: float
@@ -41,7 +38,7 @@ def _braking(deceleration: float, jerk: float) -> Braking:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DegradationSettings:
-    """Thresholds of degradation, and how the car slows down (s, m/s²; beyond the paper).
+    """Thresholds of degradation, and the braking of the car (s, m/s²; beyond the paper).
 
     The thresholds of a lost source are openpilot's, its growing probation is that of PX4's
     estimator, the gates are those of PX4's EKF2, and comfortable and firm braking are Autoware's

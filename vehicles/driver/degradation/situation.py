@@ -1,4 +1,4 @@
-"""How fresh what a follower knows is, in seconds and in metres; SI units, NaN where unknown."""
+"""Freshness of what a follower knows, in seconds and metres; SI units, NaN where unknown."""
 
 from dataclasses import dataclass, field
 from math import nan
@@ -13,14 +13,13 @@ SLOWING: tuple[Mode, ...] = ("coast", "stop")
 
 @dataclass(slots=True)
 class SourceFreshness:
-    """What a follower knows of one source at a control instant.
+    """State of one source at a control instant.
 
-    `age` (s) is that of the newest sample, counted from when it was measured, `silence` (s) the
-    time since it was received, `period` (s) the time between messages as expected, `share` that of
-    the messages of the last second which were received. Its path is known up to `known` (m) ahead
-    of the car, negative where it ends behind. `lost_at` (ns) is when it is lost unless it is
-    received again. `mode`, `hazard`, `acceleration` (m/s²) and `stops_at` (ns) are what it
-    announced last.
+    `age` (s) is the time since the newest sample was measured, `silence` (s) that since it was
+    received, `period` (s) the expected time between messages, `share` the received ratio of those
+    of the last second. Its path is known up to `known` (m) ahead of the car, negative where it ends
+    behind. It is lost at `lost_at` (ns) unless it is received again. It announced `mode`, `hazard`,
+    `acceleration` (m/s²) and `stops_at` (ns) last.
     """
 
     status: SourceStatus = "unheard"
@@ -64,15 +63,14 @@ class SourceFreshness:
 
 @dataclass(slots=True)
 class Situation:
-    """What a follower knows of its sources, its road and its brakes at a control instant.
+    """State of the sources, the road and the brakes of a follower at a control instant.
 
-    The first follower has one source, which is both. `known` (m) is the path
-    known ahead of the car by all sources; `comfortable_stop` and `firm_stop` are the braking
-    distances (m), `blind` how far the car would drive beyond the known path in the hardest stop (m,
-    0 if it stops within).
+    The first follower has one source, which is both. `known` (m) is the path known ahead of the car
+    by all sources; `comfortable_stop` and `firm_stop` are the braking distances (m), `blind` the
+    distance beyond the known path in the hardest stop (m, 0 if it stops within).
     `predecessor_weight` is the predecessor's weight in the trajectory, `hazard` whether the car
-    warns those behind, `stops_at` (ns) when it begins to stop unless it hears more, as it announces
-    to them, 0 if it does not mean to.
+    warns those behind, `stops_at` (ns) when it begins to stop without new data, as it announces to
+    them, 0 for no stop.
     """
 
     lead: SourceFreshness = field(default_factory=SourceFreshness)

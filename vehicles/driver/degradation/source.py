@@ -4,11 +4,12 @@ from math import isnan, nan
 from typing import Final
 
 from vehicles.driver.degradation.innovation_gate import REFUSED
-from vehicles.driver.degradation.meant_path import MeantPath
+from vehicles.driver.degradation.intended_path import IntendedPath
 from vehicles.driver.degradation.reception import RECENT, Probation, Reception
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import LOST, SLOWING, SourceFreshness
 from vehicles.driver.degradation.trust import Trust
+from vehicles.driver.ego.own_state import Pose
 from vehicles.messages import SourceStatus
 from vehicles.preview.trace import Trace, Window
 from vehicles.received_pose import ReceivedPose
@@ -29,10 +30,10 @@ class Source:
 
     Its status: unheard, fresh, late when some messages are overdue, lost after a longer silence,
     distrusted while its poses are refused, on probation once it is received and trusted again. Its
-    `weight` in the trajectory is 1 as long as it is fresh; from when it is late it fades with the
-    path that is left of it, and comes back slowly, so that no sample comes or goes at once. A
-    source that `may_stray` is followed only while it announces no trouble: there is another one,
-    whose path is meant. `freshness` is that of the last look.
+    `weight` in the trajectory is 1 as long as it is fresh; once it is late it fades with its known
+    path, and returns slowly, so that no sample comes or goes at once. A source that `may_stray` is
+    followed only while it announces no trouble: there is another one, whose path is followed.
+    `freshness` is that of the last control instant.
     """
 
     def __init__(
@@ -43,13 +44,10 @@ class Source:
         delay: float = 0.0,
         trust: Trust | None = None,
     ) -> None:
-        """`period` (s) is that between messages, `delay` (s) how long one takes to come.
-
-        Both as far as they are known beforehand; the delay counts for the first one alone.
-        """
+        """`period` (s) between messages and `delay` (s) of the first one are as expected."""
         self.name = name
         self.trace = Trace()
-        self.meant: MeantPath | None = None
+        self.intended: IntendedPath | None = None
         self.weight = 1.0
         self.usable = False
         self.reaches = False
@@ -73,18 +71,13 @@ class Source:
         self._known_of_all = 0.0
 
     @property
-    def relied_on(self) -> bool:
-        """Whether it is received as usual, and a trajectory was made of it before."""
-        return self.usable and self.status in RELIED_ON
-
-    @property
     def runs_out(self) -> bool:
-        """Whether it extends the known path no further: it is late or astray."""
+        """Whether it no longer extends the known path: it is late or has left the path."""
         return self.status == "late" or self._strayed
 
     @property
     def is_missed(self) -> bool:
-        """Whether a message of it is overdue, long before it counts as late."""
+        """Whether a message is overdue, long before the source counts as late."""
         if self.status == "unheard":
             return self._waited > MISSED_AFTER * self._period
         share = self._reception.usual_share
@@ -93,7 +86,7 @@ class Source:
 
     @property
     def never_came(self) -> bool:
-        """Whether it was never received in the time in which others are lost."""
+        """Whether it was never received in the time after which it would be lost."""
         after = self._settings.lost_after_silence(self._period)
         return self.status == "unheard" and self._waited > after
 
@@ -111,14 +104,14 @@ class Source:
             self._moved |= self._trust.at_new_place
             self.trace.pass_over(pose)
         else:
-            # Baselines know no holes: after a silence the next pose is one more sample to them.
+            # For baselines the next pose after a silence is one more sample.
             hole = (lost and self._degrades) or (newer and self._strayed)
             moved = newer and (self._moved or self._trust.at_new_place)
             self._strayed &= not newer
             self._moved &= not newer
             self.trace.add(pose, after_hole=hole, at_new_place=moved)
-            if self.meant is not None:
-                self.meant.note(pose, message.path_offset_m)
+            if self.intended is not None:
+                self.intended.note(pose, message.path_offset_m)
         if lost:
             self._reception.forget()
         if self._reception.add(now, pose.measured_at, message.seq):
@@ -130,34 +123,38 @@ class Source:
                 self.status = "probation"
 
     def window(self, east: float, north: float, behind: float, ahead: float) -> Window | None:
-        """Samples around the ego at (east, north), None if they do not reach ahead of it.
+        """Preview data (Section III-A) from `behind` to `ahead` (m) of the ego at (east, north).
 
-        The preview data of Section III-A, from `behind` to `ahead` (m).
+        None if they do not reach ahead of it.
         """
         window = self.trace.window(east, north, behind, ahead)
         self.reaches = reaches_ahead(window)
         self.usable |= self.reaches
         return window if self.reaches else None
 
-    def locate(self, east: float, north: float) -> None:
-        """Measure how far its path is known ahead of the ego at (east, north)."""
-        self._known = self.trace.known(east, north)
+    def judge(self, now: int, pose: Pose, span: float, *, refit: bool) -> None:
+        """Judge it at a control instant `now` (ns), `span` (s) after the last.
 
-    def look(self, now: int, driven: float, span: float) -> SourceFreshness:
-        """Judge it at a control instant `now` (ns), `span` (s) and `driven` (m) after the last.
-
-        By silence, not by age, so that a latency alone makes nobody lost.
+        By silence, not by age, so that no source is lost by a latency alone. The known path is
+        measured at a `refit`, and follows from the speed otherwise.
         """
-        self._known -= driven
+        if refit:
+            self._known = self.trace.known(pose.east, pose.north)
+        else:
+            self._known -= pose.speed * span
         newest, announced = self.trace.newest, self._announced
         if newest is None or announced is None:
-            lost_at = self._wait(now)
+            if self._due_from is None:
+                self._due_from = now + self._delay
+            self._waited = (now - self._due_from) / SECOND
+            after = self._settings.lost_after_silence(self._period)
+            lost_at = self._due_from + round(after * SECOND)
             self.freshness = SourceFreshness(known=self._known, lost_at=lost_at)
-            return self.freshness
+            return
         reception, message = self._reception, announced.message
         silence, share, period = reception.silence(now), reception.share(now), reception.period
         after = self._settings.lost_after_silence(period)
-        self._judge(now, silence, share, after)
+        self._update_status(now, silence, share, after)
         if self.weight == 1.0 and self.status in ("fresh", "probation"):  # the usual case
             self._known_of_all = 0.0
         elif self._degrades:
@@ -175,17 +172,8 @@ class Source:
             now + round((after - silence) * SECOND),
             message.stops_at_ns,
         )
-        return self.freshness
 
-    def _wait(self, now: int) -> int:
-        """Wait for its first message as long as for any later one; returns when it is lost (ns)."""
-        if self._due_from is None:
-            self._due_from = now + self._delay
-        self._waited = (now - self._due_from) / SECOND
-        after = self._settings.lost_after_silence(self._period)
-        return self._due_from + round(after * SECOND)
-
-    def _judge(self, now: int, silence: float, share: float, after: float) -> None:
+    def _update_status(self, now: int, silence: float, share: float, after: float) -> None:
         """Lost and distrusted at once, relied on again only after probation."""
         late = silence > self._settings.late_periods * self._reception.period
         refused = self._refused_at is not None and (now - self._refused_at) / SECOND <= after
@@ -203,7 +191,7 @@ class Source:
             self.status = "late" if late else "fresh"
 
     def _serve(self, now: int, share: float) -> None:
-        """Let it come back; what it usually delivers may be less by now, so that it always can."""
+        """End the probation if due; the usual share may have fallen, so that it always can end."""
         served = self.probation.served(now)
         if served * SECOND < RECENT:
             self._reception.pause_count(now)
@@ -215,7 +203,7 @@ class Source:
             self.status = "fresh"
 
     def _weigh(self, span: float) -> None:
-        """Let the weight fade with the known path, and come back over the probation."""
+        """Reduce the weight with the known path; restore it over the probation."""
         if self.status in ("fresh", "probation"):
             self._known_of_all = 0.0
             self.weight = min(self.weight + span / self.probation.length, 1.0)

@@ -3,26 +3,27 @@
 from collections.abc import Iterable, Mapping
 from math import isnan, nan
 
-from vehicles.driver.degradation.meant_path import MeantPath, MeantShare
+from vehicles.driver.degradation.intended_path import IntendedPath, IntendedShare
 from vehicles.driver.degradation.settings import Braking, DegradationSettings
 from vehicles.driver.degradation.situation import Situation
 from vehicles.driver.degradation.source import RELIED_ON, Source, reaches_ahead
 from vehicles.driver.degradation.stopping import stopping_distance
 from vehicles.driver.ego.own_state import Pose
 from vehicles.messages import Mode
-from vehicles.preview.trace import Window
+from vehicles.preview.trace import Trace, Window
 from vehicles.preview.trajectory import FitSettings, Fusion
+from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
-HOPED_FOR = ("unheard", *RELIED_ON)
-"""Statuses of a source that a trajectory may yet be made of."""
+AWAITED = ("unheard", *RELIED_ON)
+"""Statuses of a source whose samples may still give a trajectory."""
 
 
 class SourcePair:
     """Lead and predecessor (Section III-A), and which of them make the trajectory.
 
     `used` are those, by the mode of a follower that steers along one alone; `relied` are those of
-    them that were relied on at the last look.
+    them that were relied on at the last control instant.
     """
 
     def __init__(
@@ -41,19 +42,25 @@ class SourcePair:
             predecessor.may_stray = len(self.used) > 1 and settings.reaction == "degrade"
         wanted = predecessor.may_stray and settings.predecessor_path == "meant"
         if wanted:
-            predecessor.meant = MeantPath()
-        self._meant = MeantShare(settings.probation, wanted=wanted)
+            predecessor.intended = IntendedPath()
+        self._intended = IntendedShare(settings.probation, wanted=wanted)
         self._degrades = settings.reaction == "degrade"
         self._comfortable, self._firm = settings.comfortable, settings.firm
         self._hardest = settings.hardest
         self._looked_at = 0
         self._alone_at = 0
 
-    def windows(self, pose: Pose, settings: FitSettings, *, runs_out: bool) -> dict[Mode, Window]:
-        """Samples around the ego of sources that reach ahead of it (preview data, Section III-A).
+    def receive(self, pose: ReceivedPose) -> Trace:
+        """Take a pose to its source; returns the trace of that source."""
+        source = self.all[pose.message.vehicle]
+        source.receive(pose)
+        return source.trace
 
-        While the known path `runs_out`, more of it behind makes up for what is missing ahead, so
-        that the curve is no less certain where it has to be held.
+    def windows(self, pose: Pose, settings: FitSettings, *, runs_out: bool) -> dict[Mode, Window]:
+        """Preview data (Section III-A) of the sources that reach ahead of the ego.
+
+        While the known path `runs_out`, more of it behind replaces what is missing ahead, so that
+        the curve stays as certain.
         """
         behind, ahead = settings.behind(pose.speed), settings.ahead(pose.speed)
         windows: dict[Mode, Window] = {}
@@ -64,57 +71,53 @@ class SourcePair:
             window = source.window(pose.east, pose.north, behind + more, ahead)
             if window is not None:
                 windows[mode] = window
-        return self._as_meant(self._without_guesses(windows, behind))
+        windows = self._without_guesses(windows, behind)
+        alone, source = windows.get("predecessor"), self.predecessor
+        if alone is not None and source.intended is not None and self._intended.now > 0.0:
+            instants = source.trace.instants(alone)
+            windows["predecessor"] = source.intended.of(alone, instants, self._intended.now)
+        return windows
 
     def have_guesses(self, windows: Mapping[Mode, Window]) -> bool:
-        """Whether some of the samples cut out last bridge what was never received."""
+        """Whether some of the samples only bridge a hole in the trace."""
         return any(self.used[mode].trace.has_guesses(window) for mode, window in windows.items())
 
     def received(self, windows: Mapping[Mode, Window]) -> int:
-        """Number of samples of these sources since their traces began (Section III-A)."""
+        """Number of samples received of these sources since their traces began."""
         return sum([self.used[mode].trace.heard for mode in windows])
 
-    def _as_meant(self, windows: dict[Mode, Window]) -> dict[Mode, Window]:
-        """Bring the predecessor's samples to the path that it meant, while it alone is followed."""
-        window, source = windows.get("predecessor"), self.predecessor
-        if window is not None and source.meant is not None and self._meant.now > 0.0:
-            instants = source.trace.instants(window)
-            windows["predecessor"] = source.meant.of(window, instants, self._meant.now)
-        return windows
-
     def _without_guesses(self, windows: dict[Mode, Window], behind: float) -> dict[Mode, Window]:
-        """Leave out what bridges holes where a source that counts has the path beside the car.
+        """Leave out bridges of holes where a source with a weight has the path beside the car.
 
-        That is up to `behind` (m) in front of it and behind it: inside of a longer hole a bridge is
-        the better guess. Where none behind count, as by the paper's own rules, only the path ahead
-        is needed.
+        That is up to `behind` (m) ahead and behind: within a longer hole a bridge is the better
+        guess. Where no samples behind are used, as in the paper, only the path ahead is needed.
         """
-        told: dict[Mode, Window] = {}
+        received: dict[Mode, Window] = {}
         bridged = False
         for mode, window in windows.items():
-            told[mode] = self.used[mode].trace.told(window)
-            bridged = bridged or told[mode] is not window
+            received[mode] = self.used[mode].trace.told(window)
+            bridged = bridged or received[mode] is not window
         if not bridged:  # the usual case
             return windows
-        told = {mode: window for mode, window in told.items() if reaches_ahead(window)}
+        received = {mode: window for mode, window in received.items() if reaches_ahead(window)}
         if behind == 0.0:
-            return told or windows
-        for mode, window in told.items():
+            return received or windows
+        for mode, window in received.items():
             passed = int(window.station.searchsorted(0.0, "right"))
             beside = window.station[max(passed - 1, 0) : passed + 1].tolist()
             if self.used[mode].weight and -behind <= beside[0] <= 0.0 <= beside[-1] <= behind:
-                return told
+                return received
         return windows
 
     def steer_along(self, mode: Mode, span: float) -> None:
-        """Steer along `mode` for `span` (s), which may bring in the path that was meant.
+        """Steer along `mode` for `span` (s), which may move the path to the lead's.
 
-        Beyond the paper, whose followers without lead data follow the way driven (Section V-D.1).
+        The paper's followers without lead data follow the path driven (Section V-D.1).
         """
-        self._meant.go_on(mode, span)
+        self._intended.advance(mode, span)
 
     def alpha(self, alpha: float) -> float:
-        """Weight of the predecessor, α of eq. (5), by what is left of both sources' weights."""
+        """Weight of the predecessor, α of eq. (5), scaled by both sources' weights."""
         lead, ahead = self.lead.weight, self.predecessor.weight
         if lead == ahead or lead + ahead == 0.0:
             return alpha
@@ -122,25 +125,19 @@ class SourcePair:
         return alpha * ahead / total if total > 0.0 else alpha
 
     def look(self, now: int, pose: Pose, acceleration: float, *, refit: bool) -> Situation:
-        """Judge all sources at a control instant `now` (ns), after `acceleration` (m/s²) was asked.
-
-        How far the path is known is measured at a `refit`, and follows from the speed otherwise.
-        """
+        """Judge all sources at a control instant `now` (ns), after a command of `acceleration`."""
         span = (now - self._looked_at) / SECOND if self._looked_at else 0.0
         self._looked_at = now
         speed = pose.speed
-        driven = 0.0 if refit else speed * span
         for source in self.all.values():
-            if refit:
-                source.locate(pose.east, pose.north)
-            source.look(now, driven, span)
+            source.judge(now, pose, span, refit=refit)
         known = nan
         self.relied = {}
         for mode, source in self.used.items():
-            seen = source.freshness
-            if seen.status != "distrusted" and (isnan(known) or seen.known > known):
-                known = seen.known
-            if source.usable and seen.status in RELIED_ON:
+            freshness = source.freshness
+            if freshness.status != "distrusted" and (isnan(known) or freshness.known > known):
+                known = freshness.known
+            if source.usable and freshness.status in RELIED_ON:
                 self.relied[mode] = source
         comfortable = _stop(speed, acceleration, self._comfortable)
         firm = _stop(speed, acceleration, self._firm)
@@ -151,26 +148,25 @@ class SourcePair:
 
     @property
     def run_out(self) -> bool:
-        """Whether none that is relied on extends the known path any further."""
+        """Whether no source that is relied on extends the known path."""
         return all(source.runs_out for source in self.relied.values())
 
     def stops_at(self, mode: Mode, brakes_at: int) -> int:
-        """Instant (ns) from which a car that steers along `mode` stops, unless it receives more.
+        """Instant (ns) from which a car that steers along `mode` stops without new data; or 0.
 
-        0 if nothing requires it. That is when the last source that it relies on, or waits for, is
-        lost, as soon as a message of each is overdue; or when its guard has to brake behind the
-        predecessor (`brakes_at`, 0 for not); and not later than the predecessor's, behind which it
-        stops too.
+        That is when the last source that it relies on, or waits for, is lost, as soon as a message
+        of each is overdue; or when its guard has to brake behind the predecessor (`brakes_at`, 0
+        for not); and not later than the predecessor's, behind which it stops too.
         """
         if not self._degrades:
             return 0
-        hopes: Iterable[Source] = self.relied.values()
+        awaited: Iterable[Source] = self.relied.values()
         if not self.relied:
-            hopes = [one for one in self.used.values() if one.status in HOPED_FOR]
+            awaited = [source for source in self.used.values() if source.status in AWAITED]
         lost_at, misses_all = 0, mode != "coast"
-        for one in hopes:
-            lost_at = max(lost_at, one.freshness.lost_at)
-            misses_all = misses_all and one.is_missed
+        for source in awaited:
+            lost_at = max(lost_at, source.freshness.lost_at)
+            misses_all = misses_all and source.is_missed
         self._alone_at = lost_at or self._alone_at
         earliest = self._alone_at if misses_all else 0
         for at in (brakes_at, self.predecessor.freshness.stops_at):
@@ -180,10 +176,10 @@ class SourcePair:
 
 
 def _stop(speed: float, acceleration: float, braking: Braking, period: float = 0.0) -> float:
-    """Braking distance (m); a car that brakes harder already would not release the brake first.
+    """Braking distance (m); a car that brakes harder already does not release the brake first.
 
-    Commands that are held for a `period` (s) are on average half a period ahead of the ramp of the
-    jerk: at 30 m/s and 50 Hz that is 0.3 m.
+    Commands held for a `period` (s) are on average half a period ahead of the ramp of the jerk:
+    0.3 m at 30 m/s and 50 Hz.
     """
     sooner = acceleration - 0.5 * braking.jerk * period
     hardest = -braking.deceleration

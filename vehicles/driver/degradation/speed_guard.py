@@ -1,6 +1,6 @@
 """Speed of a follower while messages fail; SI units.
 
-As long as they come as usual its speed law decides, and nothing here changes a bit of that.
+As long as they come as usual its speed law decides alone.
 """
 
 from dataclasses import dataclass, replace
@@ -31,17 +31,17 @@ from vehicles.messages import Mode
 from vehicles.schedule import SECOND
 
 GUARD_MARGIN: Final = 1.0
-"""Distance (m) between the bodies that the guard leaves: what errors of place and speed come to."""
+"""Distance (m) between the bodies that the guard keeps for errors of place and speed."""
 
 GUARD_TIME: Final = 0.3
 """The guard brakes when the last instant to do so is no further away than this (s)."""
 
 HEADWAY_RATE: Final = 0.5
 """Speed (m/s) at which a gap is opened to a stable headway, and closed again. All followers do so
-at once, and the last one of eight falls back at seven times that speed."""
+at once: the last one of eight falls back at seven times that speed."""
 
 LEAD_FORGOTTEN: Final = 1.0
-"""Time constant (s) with which the speed of a lead that is lost becomes the predecessor's."""
+"""Time constant (s) with which the speed of a lost lead becomes the predecessor's."""
 
 FALLEN_BEHIND: Final = 1.0
 """A predecessor slower than the common speed by more than this (m/s) does not drive it."""
@@ -53,7 +53,7 @@ CLOSER: Final = 0.5
 """A gap that is narrower than at the start by more than this (m) is not kept by a common speed."""
 
 STOPS_BEFORE: Final = 0.5
-"""A stop is aimed so far (m) before the end of the known road."""
+"""Distance (m) before the end of the known road at which a stop ends."""
 
 STANDING: Final = 0.2
 """A car slower than this (m/s) is held by its brake."""
@@ -61,11 +61,11 @@ STANDING: Final = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuardedCar:
-    """What the guard knows of its car and its place in the convoy.
+    """Constants of a guarded car and of its place in the convoy.
 
     `length` (m) of a car, `friction` of the road, `policy` and `limits` of gap keeping (where the
     convoy drives a common speed: the gap at the start), `initial_gap` (m) to the predecessor at the
-    start, centre to centre, and `period` (s), the time between its messages, until it is learned.
+    start, centre to centre, and the expected `period` (s) between its messages.
     """
 
     length: float
@@ -78,10 +78,9 @@ class GuardedCar:
 
 @dataclass(slots=True)
 class _Instant:
-    """A control instant (ns), the time since the last one (s), and what is known at it.
+    """Inputs at a control instant `now` (ns), `span` (s) after the last one.
 
-    `gap` (m, arc length from here), `speed` (m/s) and `age` (s) are those of the predecessor's
-    newest sample.
+    `gap` (m, arc length), `speed` (m/s) and `age` (s) are of the predecessor's newest sample.
     """
 
     now: int
@@ -100,15 +99,14 @@ class SpeedGuard:
     """Decides the speed of a follower while messages fail; otherwise its speed law does.
 
     Beyond the paper, whose followers drive the profile whatever they receive. It brakes within the
-    known road where no source is received; it opens the gap while the predecessor is late or the
+    known road while no source is received; it opens the gap while the predecessor is late or the
     lead is lost; it keeps the safe distance of Shalev-Shwartz, Shammah and Shashua, 2017 (RSS); and
     it catches up. It `stops_behind` a predecessor that is assumed to stop as it announced, if this
-    takes more than comfortable braking. `brakes_at` (ns) is when it has to brake hard itself unless
-    the predecessor is received, 0 if it will not.
+    takes more than comfortable braking. At `brakes_at` (ns, 0 for never) it has to brake hard
+    itself unless the predecessor is received.
     """
 
     def __init__(self, law: SpeedLaw, settings: DegradationSettings, car: GuardedCar) -> None:
-        """`law` decides as long as all messages come as usual."""
         self._law = law
         self._keeps_gap = isinstance(law, GapKeeping)
         self._keeping = law if self._keeps_gap else GapKeeping(car.policy, car.limits)
@@ -138,7 +136,11 @@ class SpeedGuard:
     ) -> SpeedCommand:
         """Command at `now` (ns) while the car steers along `mode`, once per control instant."""
         usual = self._law.command(now, pose, ahead)
-        span = self._advance(now, pose)
+        if self._first_at is None:
+            self._first_at, self._first_speed, self._at = now, pose.speed, now
+        span = (now - self._at) / SECOND
+        self._at = now
+        self._driven += pose.speed * span
         if not self._degrades:
             return usual
         self.stops_behind = False
@@ -151,7 +153,7 @@ class SpeedGuard:
         blind = mode in SLOWING
         expects_stop = self._announced.is_expected(now, predecessor)
         awake = blind or warned or self._ages.is_awake(now)
-        self._follow_or_not(tick, awake=awake)
+        self._update_following(tick, awake=awake)
         reserve, opening = self._reserve(tick), self._opening(tick)
         alone = self._headway > 0.0 or situation.lead.status in LOST
         if not (awake or self._following or self._held or opening or alone):
@@ -162,7 +164,7 @@ class SpeedGuard:
             return usual
         self._promised = self._promised or reserve >= 0.0
         self.brakes_at = self._brakes_at(tick, reserve)
-        # Without any source it stops within the known road, however wide the gap should be.
+        # Without any source it stops within the known road, whatever the gap.
         free = wanted = self._kept_gap(tick, 0.0 if blind else opening)
         if warned and ahead.gap < self._car.policy.desired(pose.speed) + self._car.length:
             wanted = min(wanted, predecessor.acceleration)
@@ -175,19 +177,10 @@ class SpeedGuard:
             wanted = min(wanted, self._stopping(tick, firmly=mode == "stop"))
         return self._released(tick, wanted, free)
 
-    def _advance(self, now: int, pose: Pose) -> float:
-        """Time (s) since the last command, and the way since the first one."""
-        if self._first_at is None:
-            self._first_at, self._first_speed, self._at = now, pose.speed, now
-        span = (now - self._at) / SECOND
-        self._at = now
-        self._driven += pose.speed * span
-        return span
-
     def _sample(self, now: int, ahead: VehiclesAhead, age: float) -> tuple[float, float, float]:
-        """Gap (m), speed (m/s) and age (s) of the predecessor's newest sample, seen from here.
+        """Gap (m), speed (m/s) and age (s) of the predecessor's newest sample.
 
-        Before the first message it is where it was at the start, as fast as the car itself then.
+        Before the first message it is assumed at its initial place, as fast as the car itself.
         """
         if isnan(ahead.gap) or isnan(age):
             age = (now - (self._first_at or 0)) / SECOND
@@ -196,7 +189,7 @@ class SpeedGuard:
         return ahead.gap - speed * age, 0.0 if speed < 0.0 else speed, age
 
     def _hardest(self, pose: Pose) -> Braking:
-        """Hardest braking (m/s², m/s³) beside the lateral acceleration, by the friction circle."""
+        """Hardest braking beside the lateral acceleration, by the friction circle."""
         hardest = self._hard
         left = friction_left(self._car.friction, pose.speed * pose.yaw_rate)
         if 0.1 <= hardest.deceleration <= left:
@@ -204,7 +197,7 @@ class SpeedGuard:
         return replace(hardest, deceleration=max(min(hardest.deceleration, left), 0.1))
 
     def _reserve(self, tick: _Instant) -> float:
-        """Distance (m) left if both brake as hard as they can, it since its newest sample (RSS)."""
+        """Distance (m) left (RSS) if both brake hardest, the predecessor from its newest sample."""
         harder = self._hard.deceleration
         announced = -tick.situation.predecessor.acceleration
         if announced > harder:
@@ -219,8 +212,8 @@ class SpeedGuard:
         """Largest acceleration (m/s²) that keeps the safe distance of RSS.
 
         It approaches the hardest braking while the reserve (m) is used up, so that the last instant
-        to brake is never passed. A convoy that was closer already, with all it received, opens
-        gently, so that those behind can follow; not so after waiting in vain for a first message.
+        to brake is never passed. A convoy that was closer already opens gently, so that those
+        behind can follow, unless the predecessor was never received.
         """
         time = reserve / max(tick.pose.speed, 0.1)
         if time >= GUARD_TIME:
@@ -229,19 +222,21 @@ class SpeedGuard:
         most, jerk = tick.hardest.deceleration, tick.hardest.jerk
         if tick.pose.speed < STANDING:
             most = self._comfortable.deceleration
-        elif not self._promised and not self._never_received(tick):
-            most = min(most, self._comfortable.deceleration)
-            jerk = self._comfortable.jerk
+        elif not self._promised:
+            first = tick.situation.predecessor  # lost without a message?
+            if not (first.status == "unheard" and 0 < first.lost_at <= tick.now):
+                most = min(most, self._comfortable.deceleration)
+                jerk = self._comfortable.jerk
         return max(-share * most, self._last - jerk * tick.span)
 
     def _brakes_at(self, tick: _Instant, reserve: float) -> int:
         """When the guard has to brake hard (ns) unless the predecessor is received, or 0.
 
-        Only a silence that is longer than all lately is announced: for others the gap was opened.
+        Only a silence longer than any lately is announced: for shorter ones the gap was opened.
         Where the safe distance was never kept, it brakes comfortably.
         """
         if tick.now - round(tick.age * SECOND) < self.brakes_at <= tick.now:
-            return self.brakes_at  # it does, and has received nothing newer
+            return self.brakes_at  # it brakes, and has received no newer sample
         predecessor = tick.situation.predecessor
         waits = predecessor.status == "unheard"
         if not ((self._promised or waits) and self._ages.is_longest(tick.now)):
@@ -250,11 +245,6 @@ class SpeedGuard:
             return tick.now
         needed = tick.now + round(max(reserve, 0.0) / max(tick.pose.speed, 0.1) * SECOND)
         return max(needed, predecessor.lost_at) if waits else needed
-
-    def _never_received(self, tick: _Instant) -> bool:
-        """Whether the predecessor was never received in the time in which it would be lost."""
-        predecessor = tick.situation.predecessor
-        return predecessor.status == "unheard" and 0 < predecessor.lost_at <= tick.now
 
     def _stopping(self, tick: _Instant, *, firmly: bool) -> float:
         """Mildest braking (m/s²) that stops within the known road (see `needed_deceleration`)."""
@@ -278,10 +268,7 @@ class SpeedGuard:
         return max(-min(needed, hardest.deceleration), self._last - hardest.jerk * tick.span)
 
     def _opening(self, tick: _Instant) -> float:
-        """Metres by which the gap is wanted to be wider than usual.
-
-        Own speed times the growth of age, and at least what RSS needs at that age.
-        """
+        """Widening of the gap (m): speed times growth of age, at least the RSS distance then."""
         growth = self._ages.growth(tick.now)
         if growth <= 0.0:
             return 0.0
@@ -292,9 +279,9 @@ class SpeedGuard:
         return max(speed * growth, needed - policy.desired(speed), 0.0)
 
     def _without_lead(self, tick: _Instant) -> VehiclesAhead:
-        """Let the lead's speed count less while it is lost, and the headway grow instead.
+        """Reduce the weight of a lost lead's speed while the headway grows to a stable one.
 
-        Step by step to the headway that is stable without it (Swaroop and Hedrick, 1996).
+        That is the headway at which the lead's speed is not needed (Swaroop and Hedrick, 1996).
         """
         ahead, speed = tick.ahead, tick.pose.speed
         lost = tick.situation.lead.status in LOST and (self._keeps_gap or self._following)
@@ -305,38 +292,35 @@ class SpeedGuard:
             known = self._lead_speed if isfinite(self._lead_speed) else ahead.predecessor_speed
             share = min(tick.span / LEAD_FORGOTTEN, 1.0)
             self._lead_speed = known + share * (ahead.predecessor_speed - known)
-            ahead = ahead.seen_as(gap=ahead.gap, lead_speed=self._lead_speed)
+            ahead = ahead.replaced(gap=ahead.gap, lead_speed=self._lead_speed)
         else:
             self._lead_speed = ahead.lead_speed
         if not self._headway:
             return ahead
         left = 1.0 - self._headway / STABLE_HEADWAY
         lead = ahead.predecessor_speed + left * (ahead.lead_speed - ahead.predecessor_speed)
-        return ahead.seen_as(gap=ahead.gap - self._headway * speed, lead_speed=lead)
+        return ahead.replaced(gap=ahead.gap - self._headway * speed, lead_speed=lead)
 
     def _kept_gap(self, tick: _Instant, opening: float) -> float:
-        """Acceleration (m/s²) that keeps the wanted gap; it is opened at comfortable braking.
-
-        After Swaroop and Hedrick, 1996, as without loss.
-        """
+        """Acceleration (m/s²) that keeps the wanted gap; it is opened at comfortable braking."""
         ahead = self._without_lead(tick)
         if isnan(ahead.gap) or not (self._keeps_gap or self._following):
             return tick.wanted.acceleration
         if opening or self._following:
-            # A lead that goes on while the predecessor falls back must not draw the car closer.
+            # A lead that drives on while the predecessor falls back must not draw the car closer.
             slower = min(ahead.lead_speed, ahead.predecessor_speed)
-            ahead = ahead.seen_as(gap=ahead.gap, lead_speed=slower)
+            ahead = ahead.replaced(gap=ahead.gap, lead_speed=slower)
         usual = self._keeping.command(tick.now, tick.pose, ahead).acceleration
         if not opening:
             return usual
-        wider = ahead.seen_as(gap=ahead.gap - opening, lead_speed=ahead.lead_speed)
+        wider = ahead.replaced(gap=ahead.gap - opening, lead_speed=ahead.lead_speed)
         opened = self._keeping.command(tick.now, tick.pose, wider).acceleration
         comfortable = self._comfortable
         eased = min(self._last, 0.0) - comfortable.jerk * tick.span
         return max(opened, min(usual, max(-comfortable.deceleration, eased)))
 
-    def _follow_or_not(self, tick: _Instant, *, awake: bool) -> None:
-        """Whether a car of a convoy with a common speed keeps its gap instead, until caught up."""
+    def _update_following(self, tick: _Instant, *, awake: bool) -> None:
+        """Decide whether a car of a convoy with a common speed keeps its gap, until caught up."""
         gap = tick.ahead.gap
         if self._keeps_gap or isnan(gap):
             return
@@ -359,7 +343,7 @@ class SpeedGuard:
             self._following = False
 
     def _released(self, tick: _Instant, wanted: float, free: float) -> SpeedCommand:
-        """Release the brake, and return to the law, no faster than the jerk allows."""
+        """Release the brake, and return to the law, at a limited jerk."""
         settings, usual = self._settings, tick.wanted
         jerk = settings.hardest.jerk if self._last < 0.0 else settings.firm.jerk
         upper = self._last + jerk * tick.span

@@ -12,10 +12,10 @@ from vehicles.driver.degradation.situation import LOST, SourceFreshness
 from vehicles.schedule import SECOND
 
 HARDEST: Final = 100.0
-"""No deceleration (m/s²) beyond this is looked for; tyres end at a tenth of it."""
+"""Upper end (m/s²) of the bisection; tyres end at a tenth of it."""
 
 HALVINGS: Final = 40
-"""Halvings of that interval: 1e-10 m/s² is left of it."""
+"""Halvings of that interval, to 1e-10 m/s²."""
 
 
 def stopping_distance(speed: float, acceleration: float, braking: Braking) -> float:
@@ -73,10 +73,9 @@ def needed_deceleration(
 
 
 def friction_left(friction: float, lateral: float) -> float:
-    """Deceleration (m/s²) that `friction` leaves beside the lateral acceleration `lateral` (m/s²).
+    """Deceleration (m/s²) that `friction` allows beside the lateral acceleration `lateral` (m/s²).
 
-    Friction circle of Pacejka's Tire and Vehicle Dynamics: a_x² + a_y² <= (μ g)². Beyond the paper,
-    whose tyres carry any force.
+    Friction circle of Pacejka's Tire and Vehicle Dynamics: a_x² + a_y² <= (μ g)².
     """
     limit = friction * GRAVITY
     left = limit * limit - lateral * lateral
@@ -86,8 +85,8 @@ def friction_left(friction: float, lateral: float) -> float:
 class AnnouncedStop:
     """Whether the predecessor is assumed to stop as hard as it can, and where.
 
-    Else cars that drive into silence one after the other would begin to brake one after the other
-    at one and the same place, and all come to stand there.
+    Without this assumption cars that lose all data one after the other at the same place would
+    begin to brake there one after the other, and collide.
     """
 
     def __init__(self, hardest: Braking) -> None:
@@ -95,9 +94,9 @@ class AnnouncedStop:
         self._received_at = 0
 
     def is_expected(self, now: int, predecessor: SourceFreshness) -> bool:
-        """Whether it stops at `now`, as it announced, until its poses show what it does instead.
+        """Whether it is assumed to stop at `now`, as it announced, until its poses show otherwise.
 
-        While it is received, until its brakes have gripped: from then on they can be followed.
+        While it is received, that is until its brakes have built up.
         """
         stops_at = predecessor.stops_at
         if not stops_at or now < stops_at:
@@ -112,9 +111,9 @@ class AnnouncedStop:
         return now - self._received_at <= hardest.deceleration / hardest.jerk * SECOND
 
     def distance(self, now: int, speed: float, predecessor: SourceFreshness) -> float:
-        """Distance (m) that it covers from its newest sample on, at `speed` (m/s) then.
+        """Stopping distance (m) from its newest sample on, at `speed` (m/s) then.
 
-        It drives on at that speed until the announced instant, or brakes already.
+        It drives at that speed until the announced instant, or brakes already.
         """
         free = (predecessor.stops_at - now) / SECOND + predecessor.age
         if free > 0.0:

@@ -2,8 +2,8 @@
 
 Whether a message can be a pose at all (stamps, coordinates, speeds) is the wire's question, and
 `transport.links.gate` answers it before. Fixes of the own receiver are checked by the own filter
-(`ego.pose_estimator`), announced offsets are bounded where they are used (`meant_path`), and what
-`preview.outliers` leaves out of a fit are samples that passed here and that the other samples
+(`ego.pose_estimator`), announced offsets are bounded where they are used (`intended_path`), and
+`preview.outliers` leaves out of a fit the samples that passed here and that the other samples
 contradict: it judges a curve, and no pose.
 """
 
@@ -27,7 +27,7 @@ QUIET: Final = SECOND
 
 @dataclass(slots=True)
 class _Doubt:
-    """A spell in which poses of a source are refused: their number, and the reported reasons."""
+    """A period in which poses of a source are refused: their number, and the reported reasons."""
 
     refused_at: int = 0
     refused: int = 0
@@ -39,7 +39,8 @@ class Trust:
 
     By its innovations, if there is a gate, and by reach: a pose that no car can have driven to is
     refused until several agree on a new place. Behind a gate that catches outliers of receivers
-    that state a large deviation. `at_new_place` tells whether the last pose used begins such.
+    that state a large deviation. `at_new_place` states whether the last pose used is the first of
+    a new place.
     """
 
     def __init__(
@@ -58,7 +59,7 @@ class Trust:
         self._remarks = [] if remarks is None else remarks
 
     def judge(self, pose: ReceivedPose) -> Distrust:
-        """Judge a pose; one of `REFUSED` is not to be used."""
+        """Judge a pose; a pose with a reason of `REFUSED` must not be used."""
         reason: Distrust = ""
         if self._gate is not None:
             reason = self._gate.judge(pose)
@@ -71,7 +72,7 @@ class Trust:
         return self._reach(pose) or reason
 
     def _reach(self, pose: ReceivedPose) -> Distrust:
-        """Whether a car can have come to a pose from the newest one; late poses are passed."""
+        """Whether a car can have driven to a pose from the newest one; late poses pass."""
         newest, suspects = self._newest, self._suspects
         self.at_new_place = False
         if newest is not None and pose.measured_at <= newest.measured_at:

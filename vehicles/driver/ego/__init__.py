@@ -1,8 +1,8 @@
 """What a driver knows of its own car.
 
-own_state        its state now; exact knowledge
+own_state        interface of the own pose; exact knowledge of it
 pose_estimator   from its sensors: a Kalman filter
-late_fixes       the same where its fixes come late
-covariance       how wrong that may be
+late_fixes       the same filter for fixes that arrive late
+covariance       covariance of the estimate
 slip_estimator   how heavily it is laden, from how it answers its steering
 """

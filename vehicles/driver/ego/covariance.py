@@ -17,19 +17,19 @@ EXACT = 1.0, 0.0, 0.0
 
 @dataclass(slots=True)
 class AlongCovariance:
-    """Of the place along the body (a, m) and the speed's bias (s, m/s); a' = -s (Kalman)."""
+    """Of the place along the body (a, m) and the speed's bias (s, m/s); a' = -s."""
 
     aa: float
     ss: float
     sa: float = 0.0
 
     def grow(self, span: float, density: float) -> None:
-        """Predict over `span` (s), with a random walk of `density` (m²/s) (Kalman)."""
+        """Predict over `span` (s), with a random walk of `density` (m²/s)."""
         self.aa += span * (density + span * self.ss - 2.0 * self.sa)
         self.sa -= span * self.ss
 
     def by_place(self, innovation: float, variance: float) -> tuple[float, float]:
-        """Correct by a measured place; returns the corrections of place and bias (Kalman)."""
+        """Correct by a measured place; returns the corrections of place and bias."""
         total = self.aa + variance
         gain, bias_gain = (self.aa / total, self.sa / total) if total > 0.0 else EXACT[:2]
         ss = self.ss - bias_gain * self.sa
@@ -39,7 +39,7 @@ class AlongCovariance:
         return gain * innovation, bias_gain * innovation
 
     def by_bias(self, innovation: float, variance: float) -> tuple[float, float]:
-        """Correct by a measured bias; returns the corrections of place and bias (Kalman)."""
+        """Correct by a measured bias; returns the corrections of place and bias."""
         total = self.ss + variance
         gain, place_gain = (self.ss / total, self.sa / total) if total > 0.0 else EXACT[:2]
         aa = self.aa - place_gain * self.sa
@@ -53,7 +53,7 @@ class AlongCovariance:
 class AcrossCovariance:
     """Of the place across the body (c, m), heading (h, rad) and the gyroscope's bias (g, rad/s).
 
-    c' = v h + l h', h' = -g with the speed v and the steady slip per yaw rate l (Kalman).
+    c' = v h + l h', h' = -g with the speed v and the steady slip per yaw rate l.
     """
 
     cc: float
@@ -66,7 +66,7 @@ class AcrossCovariance:
     def grow(
         self, span: float, distance: float, slip: float, across: float, heading: float
     ) -> None:
-        """Predict over `span` (s) and `distance` (m), at `slip` l (m) (Kalman).
+        """Predict over `span` (s) and `distance` (m), at `slip` l (m).
 
         With random walks of density `across` (m²/s) and of `heading` (rad²/s).
         """
@@ -83,7 +83,7 @@ class AcrossCovariance:
         self.gh = gh - span * self.gg
 
     def by_place(self, innovation: float, variance: float) -> tuple[float, float, float]:
-        """Correct by a measured place; returns the corrections of place, heading, bias (Kalman)."""
+        """Correct by a measured place; returns the corrections of place, heading, bias."""
         total = self.cc + variance
         c, h, g = (self.cc / total, self.hc / total, self.gc / total) if total > 0.0 else EXACT
         hh = self.hh - h * self.hc
@@ -97,7 +97,7 @@ class AcrossCovariance:
         return c * innovation, h * innovation, g * innovation
 
     def by_heading(self, innovation: float, variance: float) -> tuple[float, float, float]:
-        """Correct by a measured heading; returns as `by_place` (Kalman)."""
+        """Correct by a measured heading; returns as `by_place`."""
         total = self.hh + variance
         h, c, g = (self.hh / total, self.hc / total, self.gh / total) if total > 0.0 else EXACT
         cc = self.cc - c * self.hc
@@ -111,7 +111,7 @@ class AcrossCovariance:
         return c * innovation, h * innovation, g * innovation
 
     def by_bias(self, innovation: float, variance: float) -> tuple[float, float, float]:
-        """Correct by a measured bias of the gyroscope; returns as `by_place` (Kalman)."""
+        """Correct by a measured bias of the gyroscope; returns as `by_place`."""
         total = self.gg + variance
         g, c, h = (self.gg / total, self.gc / total, self.gh / total) if total > 0.0 else EXACT
         cc = self.cc - c * self.gc

@@ -1,4 +1,4 @@
-"""What a driver knows of its own car: how it is told, and the car that knows itself exactly."""
+"""The own pose of a car: its interface, and the car that knows it exactly."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -11,10 +11,7 @@ from vehicles.geometry.geodesy import wrap_angle
 
 @dataclass(slots=True)
 class Pose:
-    """Estimated position (m), yaw (rad, within (-pi, pi]), speed (m/s) and yaw rate (rad/s).
-
-    What the vehicle block of Fig. 1 puts out, in the world frame.
-    """
+    """Position (m, world frame), yaw (rad, within (-pi, pi]), speed (m/s), yaw rate (rad/s)."""
 
     east: float
     north: float
@@ -38,14 +35,14 @@ class Pose:
 
 
 class OwnState(Protocol):
-    """Tells where the own car is: the vehicle block of Fig. 1, with the integration of V-D."""
+    """Estimates the own pose: the vehicle block of Fig. 1, with the integration of V-D."""
 
     def update(self, now: int, fix: Fix | None, motion: Motion | Body | None) -> None:
-        """Take in what the car measured at `now` (ns): an own fix, a reading, or none (Fig. 1)."""
+        """Take in what the car measured at `now` (ns): an own fix, a reading, or none."""
         ...
 
     def at(self, now: int) -> Pose:
-        """Pose at `now` (ns), not before the last update (Fig. 1); ValueError before the first."""
+        """Pose at `now` (ns), not before the last update; ValueError before the first."""
         ...
 
 
@@ -56,13 +53,11 @@ class KnownState:
         self._pose: Pose | None = None
 
     def update(self, now: int, fix: Fix | None, motion: Motion | Body | None) -> None:  # noqa: ARG002
-        """Take the pose from the true state of eqs. (1), (2); a fix is not needed."""
         if isinstance(motion, Body):
             yaw = wrap_angle(motion.yaw)
             self._pose = Pose(motion.east, motion.north, yaw, motion.speed, motion.yaw_rate)
 
     def at(self, now: int) -> Pose:  # noqa: ARG002
-        """Pose of the last update (Section V-C), which is at `now`; ValueError before the first."""
         if self._pose is None:
             raise ValueError("no pose before the first reading")
         return self._pose

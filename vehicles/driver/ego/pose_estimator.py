@@ -3,14 +3,14 @@
 An error-state Kalman filter. The pose moves on by the readings of the inertial sensor, sideways
 with the slip that the single-track model has at that yaw rate (`vehicles.car.dead_reckoning`). A
 fix corrects position, heading and the biases of the sensor; by how much follows from the stated
-noise of both and from what has piled up since the last fix, so nothing is to be tuned.
+noise of both and from the growth since the last fix, so nothing is to be tuned.
 
-At 30 m/s with the usual sensors (50 Hz; fixes of 2 cm and 0.1 deg at 20 Hz) a fix is taken over
-by a tenth on a straight and by a third on an arc of 500 m, where the slip may be wrong because the
-load is not known.
+At 30 m/s with the usual sensors (50 Hz; fixes of 2 cm and 0.1 deg at 20 Hz) a fix has a gain of a
+tenth on a straight and of a third on an arc of 500 m, where the slip may be wrong because the load
+is unknown.
 
-Errors of fixes are taken for white. Where they last (drift, a bias), nothing aboard can tell them
-from the car's own motion: the estimate follows them, smoothed, and is less sure than it believes.
+Errors of fixes are assumed white. Lasting ones (drift, a bias) cannot be distinguished from the
+car's own motion: the estimate follows them, smoothed, and its covariance is too small.
 """
 
 import math
@@ -29,18 +29,19 @@ from vehicles.geometry.geodesy import wrap_angle
 from vehicles.schedule import SECOND
 
 GATE: Final = 6.0
-"""An innovation of more than so many standard deviations is no noise."""
+"""An innovation of more than this number of standard deviations is no noise."""
 
 JUMP_DISTANCE: Final = 0.5
 JUMP_GROWTH: Final = 3.0
-"""So far (m, and m/s times the age of the last fix) a sliding car may be from dead reckoning."""
+"""Largest distance (m, and m/s times the age of the last fix) of a sliding car from dead
+reckoning."""
 
 JUMP_HEADING: Final = 0.1
 JUMP_TURNING: Final = 0.5
 """The same of its heading (rad, rad/s)."""
 
-JUMPS_BELIEVED: Final = 3
-"""After so many outliers in a row that agree with one another the filter restarts there."""
+JUMPS_ACCEPTED: Final = 3
+"""After this number of outliers in a row that agree with one another the filter restarts there."""
 
 ACCELERATION: Final = 3.0
 YAW_ACCELERATION: Final = 1.0
@@ -52,8 +53,8 @@ class PoseEstimator:
 
     A Kalman filter, in place of the integrated GPS and IMU of Section V-D. `imu_rate_hz` is the
     rate of the readings. Until there is one, speed and yaw rate are those of the first fix. With
-    `by_accuracy` each fix counts by the accuracy that its receiver states, in place of `gnss`. At
-    `start` the car is if its pose is asked for before the first fix.
+    `by_accuracy` each fix counts by the accuracy that its receiver states, in place of `gnss`.
+    `start` serves as the first fix if the pose is requested before there is one.
     """
 
     def __init__(
@@ -76,17 +77,16 @@ class PoseEstimator:
         self._rival: _Track | None = None
 
     def update(self, now: int, fix: Fix | None, motion: Motion | Body | None) -> None:
-        """Take in what was measured at `now` (ns): first the reading, then the fix (Kalman)."""
+        """Take in what was measured at `now` (ns): first the reading, then the fix."""
         if motion is not None:
             self.move(now, motion.speed, motion.yaw_rate)
         if fix is not None:
             self.correct(fix)
 
     def move(self, now: int, speed: float, yaw_rate: float) -> None:
-        """Take in a reading at `now` (ns), and move on to it (eqs. (1), (2), Kalman).
+        """Predict to a reading at `now` (ns) by eqs. (1), (2); both change evenly in between.
 
-        Between two readings speed and yaw rate change evenly. A reading that is not finite, or
-        older than the estimate, is ignored.
+        A reading that is not finite, or older than the estimate, is ignored.
         """
         if not math.isfinite(speed + yaw_rate):
             return
@@ -98,33 +98,31 @@ class PoseEstimator:
                 self._rival.read(now, speed, yaw_rate)
 
     def assume(self, parameters: VehicleParameters) -> None:
-        """Take other parameters of the car for its slip, by eqs. (1), (2), from now on."""
+        """Assume other parameters of the car for its slip, by eqs. (1), (2), from now on."""
         slip = SlipModel(parameters)
         self._model.slip = slip
         self._model.drift = DriftModel(slip, self._model.imu, self._imu_rate_hz)
 
-    def twin(self) -> "PoseEstimator":
-        """Give another one with this estimate and the same model (Kalman), which goes on by itself.
-
-        It is for readings alone: of outliers that wait to be believed it knows nothing.
-        """
+    def copy(self) -> "PoseEstimator":
+        """Copy the estimate, with the same model, for readings alone: without the outliers."""
         other = PoseEstimator(self._parameters, imu_rate_hz=self._imu_rate_hz, start=self._start)
         other._model, other._motion = self._model, self._motion
-        other._track = self._track and self._track.twin()
+        other._track = self._track and self._track.copy()
         return other
 
     def correct(self, fix: Fix) -> None:
-        """Take in a fix of the vehicle itself (Kalman); they come in the order of measurement.
+        """Correct by a fix of the own receiver; they come in the order of measurement.
 
-        The first one is taken as it is. Fixes that are not finite or not newer than the last one
-        or than the estimate are ignored. An outlier (see GATE) is ignored too, unless it is the
-        third in a row of outliers that dead reckoning joins to one another: then the filter
-        restarts there.
+        The first initialises the filter. Fixes that are not finite, or not newer than the last one
+        or than the estimate, are ignored. So is an outlier (see GATE), unless it is the third in a
+        row of outliers that agree with one another by dead reckoning: then the filter restarts
+        there.
         """
         if not math.isfinite(fix.east + fix.north + fix.yaw + fix.speed + fix.yaw_rate):
             return
         if self._track is None:
-            self._track = self._started(fix)
+            motion = self._motion or Motion(fix.speed, fix.yaw_rate)
+            self._track = _Track.begun(fix, motion, self._model)
         elif fix.measured_at > self._track.fixed_at and fix.measured_at >= self._track.at:
             self._take(self._track, fix)
 
@@ -134,18 +132,11 @@ class PoseEstimator:
             return
         if self._rival is None or not self._rival.take(fix):
             self._rival = track.restarted(fix)
-        if self._rival.fixes >= JUMPS_BELIEVED:
+        if self._rival.fixes >= JUMPS_ACCEPTED:
             self._track, self._rival = self._rival, None
 
-    def _started(self, fix: Fix) -> "_Track":
-        motion = self._motion or Motion(fix.speed, fix.yaw_rate)
-        return _Track.begun(fix, motion, self._model)
-
     def at(self, now: int) -> Pose:
-        """Pose at `now` (ns) by dead reckoning; ValueError before the first fix.
-
-        The slip is that of the last readings by eqs. (1), (2).
-        """
+        """Pose at `now` (ns) by dead reckoning; ValueError before the first fix."""
         if self._track is None and self._start is not None:
             self.correct(self._start)
         if self._track is None:
@@ -154,9 +145,9 @@ class PoseEstimator:
 
     @property
     def deviations(self) -> tuple[float, float, float]:
-        """Standard deviations of the pose along (m), across (m) and in heading (rad) (Kalman).
+        """Standard deviations along (m), across (m) and in heading (rad) at the last measurement.
 
-        They hold at the last reading or fix. Raises ValueError before the first fix.
+        Raises ValueError before the first fix.
         """
         if self._track is None:
             raise ValueError("no pose before the first fix")
@@ -178,7 +169,6 @@ class _Model:
     yaw_rate: float = field(init=False)
 
     def __post_init__(self) -> None:
-        """Work out the variances of a fix's heading, and of it and a reading in speed and turn."""
         gnss, imu = self.gnss, self.imu
         self.heading = gnss.heading**2
         self.speed = gnss.speed**2 + imu.speed**2
@@ -191,7 +181,7 @@ class _Model:
 
 @dataclass(slots=True, eq=False, kw_only=True)
 class _Track:
-    """An estimate, the instant (ns) it holds for, how wrong it may be and how many fixes it has."""
+    """An estimate, its instant (ns), its covariance and its number of fixes."""
 
     at: int
     fixed_at: int
@@ -211,7 +201,6 @@ class _Track:
 
     @classmethod
     def begun(cls, fix: Fix, motion: Motion, model: _Model) -> "_Track":
-        """Begin where `fix` is."""
         place = model.position(fix) ** 2
         gnss, imu = model.gnss, model.imu
         return cls(
@@ -229,8 +218,7 @@ class _Track:
             _lateral_speed=model.slip.steady(motion.speed, motion.yaw_rate),
         )
 
-    def twin(self) -> "_Track":
-        """Copy the track with its covariances; the model is the same."""
+    def copy(self) -> "_Track":
         return replace(self, along=replace(self.along), across=replace(self.across))
 
     def restarted(self, fix: Fix) -> "_Track":
@@ -242,12 +230,10 @@ class _Track:
         return other
 
     def read(self, now: int, speed: float, yaw_rate: float) -> None:
-        """Move on to `now`, where these are read."""
         self.move(now, speed, yaw_rate)
         self.read_at = now
 
     def pose(self, now: int) -> Pose:
-        """Pose at `now`, with the last readings."""
         speed = self._speed - self._speed_bias
         speed = speed if speed > 0.0 else 0.0
         yaw_rate = self._yaw_rate - self._yaw_rate_bias
@@ -261,7 +247,7 @@ class _Track:
         return Pose(*self._moved(span, speed, sideways, yaw_rate), speed, yaw_rate)
 
     def move(self, now: int, speed: float, yaw_rate: float) -> None:
-        """Move on to `now`, where the readings are these; errors grow."""
+        """Predict to `now`, where these are read; the covariance grows."""
         span = (now - self.at) / SECOND
         if span > 0.0:
             slip, drift = self._model.slip, self._model.drift
@@ -283,7 +269,7 @@ class _Track:
     def _moved(
         self, span: float, speed: float, sideways: float, yaw_rate: float
     ) -> tuple[float, float, float]:
-        """Where the car is after `span` (s) at these speeds and this yaw rate, exactly."""
+        """East, north, yaw after `span` (s) at these speeds and this yaw rate, exactly."""
         half = 0.5 * yaw_rate * span
         # A body that turns evenly covers its chord, which points half the turn ahead.
         chord = span * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
@@ -295,7 +281,7 @@ class _Track:
         )
 
     def take(self, fix: Fix) -> bool:
-        """Correct by `fix`, which is not older; False if it is an outlier, and nothing is taken."""
+        """Correct by `fix`, which is not older; False, and unchanged, if it is an outlier."""
         since = (fix.measured_at - self.fixed_at) / SECOND
         self.move(fix.measured_at, self._speed, self._yaw_rate)
         east, north = fix.east - self.east, fix.north - self.north

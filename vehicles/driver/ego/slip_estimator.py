@@ -1,16 +1,15 @@
-"""How heavily the car is laden, learned on the way from how it answers its steering.
+"""The load of the car, estimated from its response to steering.
 
 The understeer gradient K_sg of eq. (6) and the steady slip l = b - m a v²/(L C_r) both change with
 the load, which the paper's controller does not know (Section V-B). One number holds both: the ratio
-of the true mass to the assumed one, or, which comes to the same, of assumed to true stiffness.
+of the true mass to the assumed one, or, equivalently, of assumed to true stiffness.
 
-Beside the car run two linear models of it (eqs. (1), (2), (4)), one as it is assumed and one laden,
-fed with the same commands. How far the measured yaw rate lies from the one towards the other is the
-ratio; on straights it says nothing, and there the gyroscope's bias is learned. Ratio and bias are
-the states of a Kalman filter (R. E. Kalman, "A new approach to linear filtering and prediction
-problems", Journal of Basic Engineering 82, 1960) with one measurement, so no steady state is waited
-for, and the uncertainty is told. Tyres near their limit answer as if the car were heavier, and need
-what a heavier car does.
+Two linear models of the car (eqs. (1), (2), (4)), one as it is assumed and one laden, are fed with
+the same commands. The position of the measured yaw rate between theirs is the ratio; on straights
+it is undetermined, and there the gyroscope's bias is learned. Ratio and bias are the states of a
+Kalman filter (R. E. Kalman, "A new approach to linear filtering and prediction problems", Journal
+of Basic Engineering 82, 1960) with one measurement, so it needs no steady state, and states its
+uncertainty. Tyres near their limit respond as if the car were heavier, and need the same steering.
 """
 
 import math
@@ -28,24 +27,24 @@ from vehicles.schedule import SECOND
 LADEN = 1.3
 """Mass of the second model, as a ratio; a full car of Section V-B has 1.25."""
 INERTIA_PER_MASS = 1.5
-"""By how much faster than the mass the yaw inertia grows with a load (Section V-B: 1.4 to 1.6)."""
+"""Growth of the yaw inertia with a load, relative to the mass (Section V-B: 1.4 to 1.6)."""
 PRIOR = 0.3
 """Standard deviation of the ratio before anything is known."""
 DRIFT = 0.003
-"""By how much the ratio may wander, per square root of a second: passengers stay seated."""
+"""Random walk of the ratio, per square root of a second: passengers stay seated."""
 BIAS_PRIOR, BIAS_DRIFT = 0.002, 5e-5
 """Bias of the yaw rate (rad/s) and its wander per square root of a second."""
 LEAST_NOISE = 2e-4
-"""Noise (rad/s) that even exact measurements are taken to have: the models are approximations."""
+"""Noise (rad/s) assumed even of exact measurements: the models are approximations."""
 DELAY = 0.01
 """Unmodelled delay (s), by which a change of the yaw rate counts as noise."""
 LINEAR_UP_TO = 4.0
 """Lateral acceleration (m/s²) beyond which tyres are not linear and nothing is learned."""
 LIGHTEST, HEAVIEST = 0.7, 1.6
 NEWS = 0.002
-"""Change of the ratio that is passed on."""
+"""Change of the ratio that is announced to controllers and filters."""
 LONGEST_STEP = 0.01
-"""Longest step (s) of the models: at 20 ms the trapezoidal rule alone is worth 5 % of load."""
+"""Longest step (s) of the models: at 20 ms the trapezoidal rule costs 5 % of load."""
 SLOWEST = 3.0
 """Speed (m/s) below which the models are the kinematic one."""
 LEARNS_FROM = 8.0
@@ -99,16 +98,14 @@ class SlipEstimator:
 
     @property
     def deviation(self) -> float:
-        """Standard deviation of the ratio, by the filter of Kalman, 1960."""
         return math.sqrt(self._variance)
 
     @property
     def parameters(self) -> VehicleParameters:
-        """The car as it is estimated, after Section V-B."""
         return with_load(self._assumed, self.ratio)
 
     def move(self, span: float, speed: float, command: float) -> None:
-        """Go on by `span` (s) at `speed` (m/s) with a command (rad) held, by eqs. (1), (2), (4)."""
+        """Predict by `span` (s) at `speed` (m/s) with a held command (rad): eqs. (1), (2), (4)."""
         if span <= 0.0:
             return
         parts = math.ceil(span / LONGEST_STEP - 1e-9)
@@ -141,7 +138,7 @@ class SlipEstimator:
         return 0.5 * (angle + self._steering)
 
     def correct(self, yaw_rate: float, speed: float) -> None:
-        """Take a yaw rate (rad/s) measured now at a speed (m/s): Kalman, 1960."""
+        """Correct by a yaw rate (rad/s) measured now at a speed (m/s)."""
         empty, laden = self._models[0].yaw_rate, self._models[1].yaw_rate
         if speed < LEARNS_FROM or abs(yaw_rate) * speed > LINEAR_UP_TO:
             return
@@ -161,31 +158,26 @@ class SlipEstimator:
 
 @runtime_checkable
 class Assuming(Protocol):
-    """What works with parameters of the car that it does not know for sure (Section V-B)."""
+    """Works with assumed parameters of the car, which may be replaced (Section V-B)."""
 
-    def assume(self, parameters: VehicleParameters) -> None:
-        """Go on with other parameters; Section V-B."""
-        ...
+    def assume(self, parameters: VehicleParameters) -> None: ...
 
 
 class LoadWatch:
-    """Keeps a driver's idea of its car (Section V-B) up to date, if it has an estimator of it."""
+    """Keeps the assumed parameters of a driver's car up to date, if it has an estimator."""
 
     def __init__(
-        self, estimator: SlipEstimator | None = None, told: Sequence[Assuming] = ()
+        self, estimator: SlipEstimator | None = None, users: Sequence[Assuming] = ()
     ) -> None:
-        """`told` are those who are to work with the car as it is estimated."""
+        """`users` are to assume the parameters as they are estimated."""
         self._estimator = estimator
-        self._told = told
+        self._users = users
         self._ratio = 1.0
         self._command = self._speed = 0.0
         self._at: int | None = None
 
     def observe(self, now: int, motion: Motion | Body | None) -> None:
-        """Go on to `now` (ns), and learn from the reading made then, if there is one; Section V-B.
-
-        To be called at every step, before anything is decided.
-        """
+        """Predict to `now` (ns), correct by the reading, if any; at every step, before deciding."""
         if self._estimator is None:
             return
         if self._at is not None:
@@ -198,9 +190,9 @@ class LoadWatch:
         if abs(self._estimator.ratio - self._ratio) > NEWS:
             self._ratio = self._estimator.ratio
             parameters = self._estimator.parameters
-            for one in self._told:
-                one.assume(parameters)
+            for user in self._users:
+                user.assume(parameters)
 
     def commanded(self, steering: float) -> None:
-        """Take the steering command (rad) that holds from now on, δ_c of eq. (4)."""
+        """Note the steering command (rad), δ_c of eq. (4), that holds from now on."""
         self._command = steering

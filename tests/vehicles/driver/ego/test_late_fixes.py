@@ -84,7 +84,7 @@ def test_the_estimate_is_that_of_then_carried_on_by_the_readings() -> None:
     plain = PoseEstimator(CAR)
     start = Fix(0, 0, 0.0, 0.0, 0.0, 20.0, 0.0)
     plain.correct(start)
-    late = LatePoseEstimator(plain.twin(), latency)
+    late = LatePoseEstimator(plain.copy(), latency)
     readings = {
         k * 20 * MILLISECOND: Motion(20.0 + 0.1 * one, 0.02 * other)
         for k, (one, other) in enumerate(random.standard_normal((60, 2)).tolist())

@@ -15,7 +15,7 @@ from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.car.parameters import Loading, VehicleParameters, loaded
 from vehicles.car.positioning.noise import GnssNoise
 from vehicles.driver.ego.own_state import Pose
-from vehicles.driver.ego.pose_estimator import JUMPS_BELIEVED, PoseEstimator
+from vehicles.driver.ego.pose_estimator import JUMPS_ACCEPTED, PoseEstimator
 from vehicles.geometry.geodesy import wrap_angle
 
 MS = 1_000_000
@@ -312,10 +312,10 @@ def test_outliers_that_disagree_are_never_believed() -> None:
 
 def test_a_jump_that_lasts_is_believed_at_its_third_fix() -> None:
     estimator = estimator_at(19)
-    for k in range(20, 20 + JUMPS_BELIEVED - 1):
+    for k in range(20, 20 + JUMPS_ACCEPTED - 1):
         estimator.correct(straight(k, east=k + 50.0))
         assert estimator.at(k * 50 * MS).east == pytest.approx(k, abs=1e-6)
-    last = 20 + JUMPS_BELIEVED - 1
+    last = 20 + JUMPS_ACCEPTED - 1
     estimator.correct(straight(last, east=last + 50.0))
     assert estimator.at(last * 50 * MS).east == pytest.approx(last + 50.0, abs=1e-6)
 

@@ -1,16 +1,16 @@
 """The lead's path, for a follower that receives the vehicle ahead alone.
 
-A vehicle that follows the path driven by the one ahead repeats its errors and adds its own: the
-error grows along the convoy, although each estimates itself on the path (Section V-D.1). So each
-follower announces how far its place lies beside the lead's path, and a follower that receives it
-alone puts that place back on the path.
+A vehicle that follows the path driven by its predecessor repeats its errors and adds its own: the
+error grows along the convoy, although each self-estimate is small (Section V-D.1). So each follower
+announces the offset of its place from the lead's path, and a follower that receives it alone moves
+that place back to the path.
 
-The announced offset is measured from the samples of the lead themselves, or from samples that were
-put back, not from the curve fitted to them: a curve that rounds off bends would do so again for
-each vehicle. And it is measured of the fix that is sent, so that the fix's own error is put back,
-too. A place put back lies on the line between two of the lead's path, so the error of no vehicle is
-handed on, neither that of its law nor that of its receiver, and the noise of the lead's places does
-not grow: between two of variance s², it is at most s².
+The announced offset is measured from the samples of the lead themselves, or from corrected samples,
+not from the curve fitted to them: a curve that rounds off bends would do so again for each vehicle.
+And it is that of the fix that is sent, so that the fix's own error is corrected, too. A corrected
+place lies on the line between two of the lead's path, so no vehicle passes on an error, neither of
+its law nor of its receiver, and the noise of the lead's places does not grow: between two of
+variance s², it is at most s².
 """
 
 from array import array
@@ -40,11 +40,10 @@ FORGOTTEN: Final = 1024
 """Number of offsets that are kept at most, and that are forgotten at once."""
 
 
-class MeantPath:
-    """Where the path is beside the places of a source.
+class IntendedPath:
+    """Offsets from the lead's path of the places of a source.
 
-    Of each its instant (ns), and in turn east and north (m), yaw (rad) and how far left of the path
-    it lies (m).
+    Held by instant (ns): east and north (m), yaw (rad) and offset (m, left positive).
     """
 
     def __init__(self) -> None:
@@ -52,10 +51,10 @@ class MeantPath:
         self._numbers = array("d")
 
     def note(self, pose: ReceivedPose, offset: float) -> None:
-        """Note that a pose lies `offset` (m, left positive) beside the path (Section III-B).
+        """Note the announced `offset` (m, left positive) of a pose from the path.
 
-        Without an offset, or with an impossible one, it counts as on the path. From one pose to the
-        next the offset changes no faster than a car can drive aside, whatever is announced.
+        An unknown or impossible offset counts as 0. From one pose to the next it changes no faster
+        than a car can move sideways.
         """
         instants, numbers = self._instants, self._numbers
         place = bisect_left(instants, pose.measured_at)
@@ -77,17 +76,17 @@ class MeantPath:
             del numbers[: 4 * FORGOTTEN]
 
     def of(self, window: Window, instants: list[int], share: float) -> Window:
-        """Samples (preview data, Section III-A) of these `instants` (ns), brought to the path.
+        """Samples (preview data, Section III-A) of these `instants` (ns), moved to the path.
 
-        By the `share` of their offsets; between those that were told, by what lies between.
+        By the `share` of their offsets, which are interpolated between the announced ones.
         """
-        told = self._instants
-        if not told or not instants:
+        announced = self._instants
+        if not announced or not instants:
             return window
-        low = max(bisect_left(told, min(instants)) - 1, 0)
-        high = bisect_left(told, max(instants) + 1) + 1
-        since = told[low]
-        at = [(one - since) / SECOND for one in told[low:high]]
+        low = max(bisect_left(announced, min(instants)) - 1, 0)
+        high = bisect_left(announced, max(instants) + 1) + 1
+        since = announced[low]
+        at = [(instant - since) / SECOND for instant in announced[low:high]]
         wanted = [(instant - since) / SECOND for instant in instants]
         yaws = self._numbers[4 * low + 2 : 4 * high : 4]
         offsets = self._numbers[4 * low + 3 : 4 * high : 4]
@@ -97,21 +96,20 @@ class MeantPath:
         return window._replace(east=window.east + share * east, north=window.north + share * north)
 
 
-class MeantShare:
-    """How much of the offsets counts: all once the predecessor alone is followed (0 to 1).
+class IntendedShare:
+    """Share of the offsets that counts (0 to 1): all once the predecessor alone is followed.
 
-    Beyond the paper, whose composite trajectory is left as it is. The path must not jump when the
-    mode changes, so it takes a while.
+    It changes over `span` (s), so that the path does not jump when the mode changes, and stays 0
+    unless it is `wanted`.
     """
 
     def __init__(self, span: float, *, wanted: bool) -> None:
-        """From none to all it takes `span` (s); none at all counts if it is not `wanted`."""
         self.now = 0.0
         self._span = span
         self._wanted = wanted
 
-    def go_on(self, mode: Mode, span: float) -> None:
-        """Steer along `mode` for `span` (s); without anybody heard it stays."""
+    def advance(self, mode: Mode, span: float) -> None:
+        """Steer along `mode` for `span` (s); while no source is followed the share stays."""
         if mode == "predecessor" and self._wanted:
             self.now = min(self.now + span / self._span, 1.0)
         elif self.now and mode in ("composite", "lead"):
@@ -119,18 +117,18 @@ class MeantShare:
 
 
 def path_offset(fit: Fit, fix: Fix) -> float:
-    """How far a fix lies to the left of the lead's samples (m), or else of the predecessor's.
+    """Offset (m, left positive) of a fix from the lead's samples, or else from the predecessor's.
 
     Its e_lat of Section III-B against the trajectory, less that of the samples beside it, linearly
-    between the one behind and the one ahead. NaN where they do not reach so far.
+    between the sample behind and the one ahead. NaN without both.
     """
     source, project = fit.source.tolist(), fit.spline.project
     chosen = LEAD if LEAD in source else PREDECESSOR
-    east_of, north_of = fit.east.item, fit.north.item  # few lie behind, and none is looked at twice
+    east_of, north_of = fit.east.item, fit.north.item  # few lie behind the fix
     forward, left = cos(fix.yaw), sin(fix.yaw)
     behind: tuple[float, float] | None = None
-    for place, told_by in enumerate(source):
-        if told_by == chosen:
+    for place, sample_source in enumerate(source):
+        if sample_source == chosen:
             east, north = east_of(place), north_of(place)
             if (east - fix.east) * forward + (north - fix.north) * left > 0.0:
                 ahead = east, north

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 
 from tests.made.transport.received_poses import received, received_fix
 from vehicles.car.gnss import Fix
-from vehicles.driver.degradation.meant_path import (
+from vehicles.driver.degradation.intended_path import (
     DEVIATIONS,
     FURTHEST,
     MOST,
     STEEPEST,
-    MeantPath,
-    MeantShare,
+    IntendedPath,
+    IntendedShare,
     path_offset,
 )
 from vehicles.geometry.path import Path, Segment, path_from_segments
@@ -52,10 +52,10 @@ def window_of(fixes: Sequence[Fix]) -> Window:
 
 
 def put_back(fixes: Sequence[Fix], offsets: Sequence[float], share: float = 1.0) -> Window:
-    meant = MeantPath()
+    intended = IntendedPath()
     for fix, offset in zip(fixes, offsets, strict=True):
-        meant.note(received_fix(fix), offset)
-    return meant.of(window_of(fixes), [one.measured_at for one in fixes], share)
+        intended.note(received_fix(fix), offset)
+    return intended.of(window_of(fixes), [one.measured_at for one in fixes], share)
 
 
 def fit_of(window: Window, *, of_lead: bool = True) -> Fit:
@@ -139,7 +139,7 @@ def test_no_vehicle_adds_to_the_error_of_the_lead_s_places(seed: int) -> None:
     window = window_of([fix_beside(path, k, noise.item(k)) for k in range(60)])
     largest, first = float(np.max(np.abs(noise))), float(np.std(noise))
     for vehicle in range(10):
-        meant, fixes = MeantPath(), []
+        intended, fixes = IntendedPath(), []
         wave, aside = 0.1 * vehicle, random.normal(0.0, 0.02, 60)
         for k in range(2 + vehicle, 57 - vehicle):
             driven = k + random.uniform(0.0, 0.5)
@@ -147,9 +147,9 @@ def test_no_vehicle_adds_to_the_error_of_the_lead_s_places(seed: int) -> None:
             fix = fix_beside(path, 1, off, spacing=driven)
             fix.measured_at = k * PERIOD
             fit = fit_of(moved(window, driven - window.station.item(0)))
-            meant.note(received_fix(fix), path_offset(fit, fix))
+            intended.note(received_fix(fix), path_offset(fit, fix))
             fixes.append(fix)
-        window = meant.of(window_of(fixes), [one.measured_at for one in fixes], 1.0)
+        window = intended.of(window_of(fixes), [one.measured_at for one in fixes], 1.0)
         feet = [
             path.project(e, n, 30.0, 60.0).lateral
             for e, n in zip(window.east, window.north, strict=True)
@@ -183,12 +183,12 @@ def test_who_tells_no_offset_or_an_impossible_one_is_on_the_path(untold: float) 
 
 
 def test_between_what_was_told_it_is_interpolated_and_beyond_it_is_held() -> None:
-    path, meant = road("straight", 0.0), MeantPath()
-    meant.note(received_fix(fix_beside(path, 4, 0.0)), 0.2)
-    meant.note(received_fix(fix_beside(path, 8, 0.0)), -0.2)
+    path, intended = road("straight", 0.0), IntendedPath()
+    intended.note(received_fix(fix_beside(path, 4, 0.0)), 0.2)
+    intended.note(received_fix(fix_beside(path, 8, 0.0)), -0.2)
     fixes = [fix_beside(path, k, 0.0) for k in (0, 4, 5, 6, 8, 12)]
     instants = [-1, *(one.measured_at for one in fixes[1:])]  # a bridge has no instant
-    window = meant.of(window_of(fixes), instants, 1.0)
+    window = intended.of(window_of(fixes), instants, 1.0)
     assert window.north + 50.0 == pytest.approx([-0.2, -0.2, -0.1, 0.0, 0.2, 0.2])
 
 
@@ -196,25 +196,25 @@ def test_between_what_was_told_it_is_interpolated_and_beyond_it_is_held() -> Non
 def test_the_order_in_which_they_come_does_not_matter(order: list[int]) -> None:
     fixes = [fix_beside(road("left", 0.0), k, 0.1) for k in range(12)]
     offsets = [0.1 + 0.02 * math.sin(k) for k in range(12)]
-    meant = MeantPath()
+    intended = IntendedPath()
     for k in (*order, *order):  # each comes twice
-        meant.note(received_fix(fixes[k]), offsets[k])
+        intended.note(received_fix(fixes[k]), offsets[k])
     instants = [one.measured_at for one in fixes]
-    window, wanted = meant.of(window_of(fixes), instants, 1.0), put_back(fixes, offsets)
+    window, wanted = intended.of(window_of(fixes), instants, 1.0), put_back(fixes, offsets)
     assert np.array_equal(window.east, wanted.east)
     assert np.array_equal(window.north, wanted.north)
 
 
 def test_a_car_that_stands_is_not_remembered_for_ever() -> None:
-    path, meant = road("straight", 0.0), MeantPath()
+    path, intended = road("straight", 0.0), IntendedPath()
     driven = [fix_beside(path, k, 0.0) for k in range(3)]
     for fix in driven:
-        meant.note(received_fix(fix), 0.1)
+        intended.note(received_fix(fix), 0.1)
     for seq in range(3, 9000):
         stands = fix_beside(path, 2, 0.0)
         stands.measured_at = seq * PERIOD
-        meant.note(received_fix(stands), 0.1 + 0.01 * math.sin(seq))
-    window = meant.of(window_of(driven), [one.measured_at for one in driven], 1.0)
+        intended.note(received_fix(stands), 0.1 + 0.01 * math.sin(seq))
+    window = intended.of(window_of(driven), [one.measured_at for one in driven], 1.0)
     assert window.north + 50.0 == pytest.approx([-0.1] * 3)
 
 
@@ -232,21 +232,21 @@ def test_a_trace_knows_the_instants_of_a_window() -> None:
 
 
 def test_the_share_comes_and_goes_without_a_step() -> None:
-    share, seen = MeantShare(1.0, wanted=True), []
+    share, seen = IntendedShare(1.0, wanted=True), []
     spells: list[tuple[Mode, float]] = [
         ("composite", 1.0), ("predecessor", 0.6), ("composite", 0.2), ("predecessor", 2.0),
         ("coast", 1.0), ("stop", 1.0), ("predecessor", 0.5), ("lead", 2.0),
     ]  # fmt: skip
     for mode, seconds in spells:
         for _ in range(round(seconds * 50)):
-            share.go_on(mode, 0.02)
+            share.advance(mode, 0.02)
         seen.append(share.now)
     assert seen == pytest.approx([0.0, 0.6, 0.4, 1.0, 1.0, 1.0, 1.0, 0.0])
 
 
 def test_who_does_not_want_it_follows_the_way_that_was_driven() -> None:
-    share = MeantShare(1.0, wanted=False)
-    share.go_on("predecessor", 5.0)
+    share = IntendedShare(1.0, wanted=False)
+    share.advance("predecessor", 5.0)
     assert share.now == 0.0
 
 
@@ -254,10 +254,10 @@ def test_what_is_remembered_takes_little_memory_however_long_the_drive() -> None
     """Every follower with two sources remembers so many places, most of which it never needs."""
     tracemalloc.start()
     try:
-        meant = MeantPath()
+        intended = IntendedPath()
         before, _ = tracemalloc.get_traced_memory()
         for seq in range(3 * MOST):
-            meant.note(received(seq * PERIOD, float(seq), 0.0, 0.0, 20.0), 0.001 * (seq % 7))
+            intended.note(received(seq * PERIOD, float(seq), 0.0, 0.0, 20.0), 0.001 * (seq % 7))
         after, _ = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
