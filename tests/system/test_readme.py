@@ -22,7 +22,7 @@ from scenarios.studies.channel import cost_drives
 from scenarios.studies.cuts import campaign
 from scenarios.studies.paper.experiments import RUNS_OF_CASE, Experiment
 from scenarios.studies.paper.keys import BASE
-from tests.made.scenarios.risks.known_runs import SETTINGS
+from tests.made.many.known_runs import SETTINGS
 
 README = Path(__file__).parents[2] / "README.md"
 SHORT = ["--set", "duration_s=2"]

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.made.transport import drive
-from tests.made.transport.any_messages import KINDS, any_message, plain_values
+from tests.transport.any_messages import KINDS, any_message, plain_values
 from transport.codec import (
     MAX_BYTES,
     PROTOBUF,

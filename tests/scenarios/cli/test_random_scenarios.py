@@ -19,9 +19,9 @@ from scenarios.cli.main import cli
 from scenarios.definition.check import sampled_loop
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario
-from tests.made.scenarios.broken_scenarios import ODD_TRACES, broken
 from tests.made.scenarios.drawn_scenarios import DrawnScenario, drawn_scenario
 from tests.made.transport.links import link as link_of
+from tests.scenarios.cli.broken_scenarios import ODD_TRACES, broken
 from transport.codec import encode
 from transport.links.laws.effect import TransmissionContext
 from transport.log.reader import LogReader

@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from scenarios.cli.main import cli
-from tests.made.scenarios.risks.known_runs import SETTINGS, KnownRuns
+from tests.made.many.known_runs import SETTINGS, KnownRuns
 
 SMALL = [f"--set={one}" for one in SETTINGS]
 NAME = "lossy_lane_change"

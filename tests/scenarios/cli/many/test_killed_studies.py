@@ -22,8 +22,8 @@ from scenarios.studies.engine import fleet
 from scenarios.studies.engine.fleet import WorkerPool
 from scenarios.studies.engine.journal import JOURNAL, Entry, RunJournal
 from tests.made.ended import has_ended
+from tests.made.many.known_runs import SETTINGS
 from tests.made.many.planted_losses import TINY, planted
-from tests.made.scenarios.risks.known_runs import SETTINGS
 
 SMALL = [f"--set={one}" for one in SETTINGS]
 SHORT = ["--set=duration_s=2.5", "--set=convoy.vehicles=2"]

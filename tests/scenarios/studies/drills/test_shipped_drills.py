@@ -11,7 +11,7 @@ from scenarios.studies.drills.drill import carry_out_drill, drill_variants, rows
 from scenarios.studies.drills.worst import SearchSpan, SoughtBurst, WorstSearch, base_of
 from scenarios.studies.engine.engine import Engine
 from tests.made.many.engines import engine_here
-from tests.made.many.planted_faults import PLANTS
+from tests.scenarios.studies.drills.planted_faults import PLANTS
 
 PROMISED = {
     "lead_lost",

@@ -14,8 +14,8 @@ from scenarios.studies.many.splitting import Splitting, gone_on, repeated, split
 from scenarios.studies.many.statistics import Mean, mean_of
 from scenarios.studies.many.watched import watched
 from tests.made.many.engines import engine_here
-from tests.made.scenarios.risks.known_runs import KnownRuns, SilentRuns, small_convoy
-from tests.made.scenarios.risks.lost_path_runs import (
+from tests.made.many.known_runs import KnownRuns, SilentRuns, small_convoy
+from tests.scenarios.studies.many.lost_path_runs import (
     MESSAGES,
     loses_path,
     lost_path_convoy,

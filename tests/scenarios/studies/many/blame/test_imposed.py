@@ -11,7 +11,7 @@ from scenarios.runs.virtual.drive import drive as virtual_drive
 from scenarios.studies.many.blame.imposed import loss_free
 from scenarios.studies.many.blame.losses import LostMessage
 from scenarios.studies.many.blame.rerun import EVER, first_difference
-from tests.made.many.lossy_logs import LAWS, recorded
+from tests.scenarios.studies.many.blame.lossy_logs import LAWS, recorded
 from vehicles.messages import LinkVerdict, Message
 
 

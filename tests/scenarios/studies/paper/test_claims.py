@@ -37,7 +37,7 @@ from scenarios.studies.paper.keys import (
     RunKey,
     at_radius,
 )
-from tests.made.scenarios.findings import a_paper_come_true, a_trial, both
+from tests.scenarios.studies.paper.findings import a_paper_come_true, a_trial, both
 
 SIMULATED = (
     *base.CLAIMS,

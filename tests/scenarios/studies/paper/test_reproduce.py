@@ -39,7 +39,7 @@ from scenarios.studies.paper.reproduce import (
     run_experiment,
 )
 from tests.made.many.engines import engine_here
-from tests.made.scenarios.findings import a_paper_come_true, both
+from tests.scenarios.studies.paper.findings import a_paper_come_true, both
 
 PNG = b"\x89PNG"
 

@@ -7,7 +7,7 @@ So the probability that it loses its path is that of nine losses in a row, for a
 from collections.abc import Collection
 
 from scenarios.studies.many.variant import Variant
-from tests.made.scenarios.risks.known_runs import small_convoy
+from tests.made.many.known_runs import small_convoy
 
 MESSAGES, ROW, LAST = 20, 9, 18
 """Messages of a run, how many lost ones in a row break the limit, and the last that may be it."""

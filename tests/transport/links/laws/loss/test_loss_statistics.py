@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.made.channels.laws import collisions, four_state, gilbert, gilbert_elliott
-from tests.made.transport.hidden_chain import (
+from tests.transport.links.laws.loss.hidden_chain import (
     HiddenChain,
     good_and_bad,
     independent,

@@ -1,1 +1,0 @@
-"""Runs whose probability to break a limit is known."""
