@@ -112,6 +112,35 @@ def zenoh_options(command: Command) -> Command:
     return command
 
 
+def folder_option(default: str, help_text: str) -> Callable[[Command], Command]:
+    return click.option(
+        "--out",
+        type=click.Path(file_okay=False, path_type=Path),
+        default=Path(default),
+        show_default=True,
+        help=help_text,
+    )
+
+
+def new_file_option(command: Command) -> Command:
+    return click.option(
+        "-o",
+        "--out",
+        type=click.Path(dir_okay=False, path_type=Path),
+        help="Write to this new file.",
+    )(command)
+
+
+def print_or_write(text: str, file: Path | None) -> None:
+    """Print a text, or write it to a new file; raises FileExistsError."""
+    if file is None:
+        click.echo(text, nl=False)
+        return
+    with file.open("x", encoding="utf-8") as target:
+        target.write(text)
+    click.echo(f"written: {file}")
+
+
 def run_option(command: Command) -> Command:
     return click.option(
         "--run",

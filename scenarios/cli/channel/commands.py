@@ -8,7 +8,7 @@ import click
 from scenarios.cli.channel.costs import cuts, figure
 from scenarios.cli.failure import clear_errors, require
 from scenarios.cli.guide import completion
-from scenarios.cli.options import setting_options
+from scenarios.cli.options import new_file_option, print_or_write, setting_options
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -164,9 +164,7 @@ Examples:
 @click.argument("log", type=click.Path(path_type=Path))
 @click.option("--link", metavar="SENDER:RECEIVER", help="Only this link.")
 @click.option("--json", "as_json", is_flag=True, help="Keys and estimates as JSON.")
-@click.option(
-    "-o", "--out", type=click.Path(dir_okay=False, path_type=Path), help="Write to this new file."
-)
+@new_file_option
 def fit(log: Path, *, link: str | None, as_json: bool, out: Path | None) -> None:
     """Find the laws of the links of a recorded LOG, as a block for a scenario, with intervals."""
     with clear_errors():
@@ -177,13 +175,7 @@ def fit(log: Path, *, link: str | None, as_json: bool, out: Path | None) -> None
     with clear_errors():
         found = {(one.sender, one.receiver): one for one in fit_log(log_in(log))}
         chosen = tuple(found[pair] for pair in _of_them(link, found, str(log)))
-        text = _as_json(chosen) if as_json else as_toml(chosen)
-        if out is None:
-            click.echo(text, nl=False)
-            return
-        with out.open("x", encoding="utf-8") as target:
-            target.write(text)
-        click.echo(f"written: {out}")
+        print_or_write(_as_json(chosen) if as_json else as_toml(chosen), out)
 
 
 def _as_json(links: "tuple[FittedLink, ...]") -> str:

@@ -7,6 +7,7 @@ import click
 
 from scenarios.cli.columns import Column, table_of
 from scenarios.cli.failure import clear_errors, require
+from scenarios.cli.options import folder_option
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,13 +24,7 @@ Examples:
 """
 )
 @click.option("--quick", is_flag=True, help="A few drives only, to see how it looks.")
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    default=Path("channel"),
-    show_default=True,
-    help="Folder for channel.png and channel.json.",
-)
+@folder_option("channel", "Folder for channel.png and channel.json.")
 def figure(*, quick: bool, out: Path) -> None:
     """Drive a convoy over many channels and draw what loss, bursts and latency cost."""
     with clear_errors():
@@ -75,13 +70,7 @@ Examples:
     show_default=True,
     help="How many, with each of four reactions.",
 )
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    default=Path("cuts"),
-    show_default=True,
-    help="Folder for cuts.png and cuts.json.",
-)
+@folder_option("cuts", "Folder for cuts.png and cuts.json.")
 def cuts(*, count: int, out: Path) -> None:
     """Cut all links at random instants of double lane changes: what each reaction makes of it."""
     with clear_errors():

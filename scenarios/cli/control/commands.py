@@ -7,7 +7,12 @@ from typing import Any
 import click
 
 from scenarios.cli.failure import clear_errors
-from scenarios.cli.options import open_run_options, span_option
+from scenarios.cli.options import (
+    new_file_option,
+    open_run_options,
+    print_or_write,
+    span_option,
+)
 from scenarios.runs.stop import EXIT_BAD_INPUT, EXIT_FAILED
 
 REFRESH_S = 0.5
@@ -213,19 +218,11 @@ Examples:
 """,
 )
 @click.argument("log", type=click.Path(path_type=Path))
-@click.option(
-    "-o", "--out", type=click.Path(dir_okay=False, path_type=Path), help="Write to this new file."
-)
+@new_file_option
 def scenario_from(log: Path, *, out: Path | None) -> None:
     """Make a scenario of a recorded LOG that repeats it, with all that was changed by hand."""
     from scenarios.results.inquiry.session import session_of
     from scenarios.results.log_summary import log_in
 
     with clear_errors():
-        text = session_of(log_in(log)).text
-        if out is None:
-            click.echo(text, nl=False)
-            return
-        with out.open("x", encoding="utf-8") as target:
-            target.write(text)
-        click.echo(f"written: {out}")
+        print_or_write(session_of(log_in(log)).text, out)

@@ -15,7 +15,7 @@ from scenarios.cli.many.options import (
     overrides_option,
     variant_of,
 )
-from scenarios.cli.options import FiniteRange
+from scenarios.cli.options import FiniteRange, folder_option
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -49,8 +49,7 @@ Examples:
               help="The smallest value at which one of the runs breaks it: --share 0.")  # fmt: skip
 @overrides_option
 @engine_options
-@click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=Path("boundary"),
-              show_default=True, help="Folder for boundary.png and bisect.json.")  # fmt: skip
+@folder_option("boundary", "Folder for boundary.png and bisect.json.")
 def bisect(
     *,
     scenario: str,

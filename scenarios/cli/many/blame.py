@@ -8,13 +8,14 @@ import click
 from scenarios.cli.columns import Column, table_of
 from scenarios.cli.failure import clear_errors, require
 from scenarios.cli.many.options import chosen_fleet, engine_options, limit_option
+from scenarios.cli.options import folder_option
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rich.console import Console
 
-    from scenarios.studies.many.blame.ranking import Blamed
+    from scenarios.studies.many.blame.ranking import Attribution
     from scenarios.studies.many.blame.study import Blame
 
 MOST_ROWS = 12
@@ -38,13 +39,7 @@ Examples:
     show_default=True,
     help="Rank by the largest true cross-track error, or by the smallest true gap.",
 )
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    default=Path("blame"),
-    show_default=True,
-    help="Folder for blame.png, blame.json and smallest.toml.",
-)
+@folder_option("blame", "Folder for blame.png, blame.json and smallest.toml.")
 @engine_options
 @click.option(
     "--runs",
@@ -116,7 +111,7 @@ def _opening(found: "Blame") -> str:
     )
 
 
-def _which(row: "Blamed") -> str:
+def _which(row: "Attribution") -> str:
     if row.kind == "group":
         return f"{len(row.group)} bursts, not looked into one by one"
     lines = [burst.line for burst in row.group]
@@ -125,13 +120,13 @@ def _which(row: "Blamed") -> str:
     return "\n".join(lines)
 
 
-def _breaks_alone(row: "Blamed") -> str:
+def _breaks_alone(row: "Attribution") -> str:
     if row.alone is None:
         return ""
     return "no" if row.alone.broken_at is None else "yes"
 
 
-COLUMNS: "Sequence[Column[Blamed]]" = (
+COLUMNS: "Sequence[Column[Attribution]]" = (
     Column("lost", _which, left=True, wraps=True),
     Column("sent, s", lambda row: "{:.2f}-{:.2f}".format(*row.span_s)),
     Column("messages", lambda row: row.messages),

@@ -15,7 +15,7 @@ from scenarios.cli.many.options import (
     overrides_option,
     variant_of,
 )
-from scenarios.cli.options import FiniteRange
+from scenarios.cli.options import FiniteRange, folder_option
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -58,8 +58,7 @@ Examples:
               help="Runs that are followed at a time when splitting.")  # fmt: skip
 @overrides_option
 @engine_options
-@click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=Path("risk"),
-              show_default=True, help="Folder for risk.json.")  # fmt: skip
+@folder_option("risk", "Folder for risk.json.")
 def risk(
     *,
     scenario: str,

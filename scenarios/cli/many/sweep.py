@@ -11,6 +11,7 @@ from scenarios.cli.columns import Column, print_whole, table_of
 from scenarios.cli.failure import clear_errors, require
 from scenarios.cli.guide import completion
 from scenarios.cli.many.options import LIMIT_WORDS, chosen_fleet, engine_options, overrides_option
+from scenarios.cli.options import folder_option
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -78,13 +79,7 @@ Figures are the numbers of summary.json (`convoy reference fields`):
     help=f"Limit whose share of broken runs is counted: {LIMIT_WORDS}. May be repeated.",
 )
 @overrides_option
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    default=Path("sweep"),
-    show_default=True,
-    help="Folder for the tables, the pictures, and the journal of what is done.",
-)
+@folder_option("sweep", "Folder for the tables, the pictures, and the journal of what is done.")
 @engine_options
 @click.option("--no-pictures", is_flag=True, help="Tables only; needs no matplotlib.")
 @click.option("--parquet", is_flag=True, help="Write the tables as Parquet as well.")

@@ -30,10 +30,10 @@ ROUND = 10
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RiskQuestion:
-    """The question: `limit` of one run of `variant`, until the interval is narrow enough.
+    """The risk that a run of `variant` breaks `limit`, and the wanted precision.
 
-    `to` is half of the interval's width over the estimate; no more than `most_runs` are begun, but
-    for what a repetition needs to end. Repetitions follow `paths` runs at a time.
+    `to` is half of the interval's width over the estimate; no more than `most_runs` start, but for
+    what a repetition needs to end. Repetitions follow `paths` runs at a time.
     """
 
     variant: Variant
@@ -61,8 +61,8 @@ class RiskQuestion:
 class Risk:
     """The probability with its interval of 95 %, and the runs behind it.
 
-    By counting, `broken` are the seeds that broke the limit; by splitting, `repetitions` are the
-    independent estimates whose mean it is.
+    `broken` are the seeds that broke the limit, by counting; `repetitions` are the independent
+    estimates, by splitting, whose mean it is.
     """
 
     method: Literal["counting", "splitting"]
@@ -82,7 +82,6 @@ class Risk:
 
 
 def risk_of(question: RiskQuestion, engine: Engine) -> Risk:
-    """Answer it; raises ScenarioError if the scenario is refused."""
     if question.method == "splitting":
         return _split(question, 0, engine)
     most = question.most_runs
@@ -135,7 +134,7 @@ def _by_counting(broken: Sequence[int], runs: int) -> Risk:
 
 
 def _split(question: RiskQuestion, begun: int, engine: Engine) -> Risk:
-    """Repeat the splitting in rounds, until the mean is certain enough or the runs are used up."""
+    """Repeat the splitting in rounds, until the mean is precise enough or the runs are used up."""
     most = question.most_runs - begun
     if most < ROUND * question.paths:
         raise ScenarioError(
@@ -186,7 +185,6 @@ def command_of(question: RiskQuestion, risk: Risk) -> str:
 
 
 def write_risk(question: RiskQuestion, risk: Risk, out: Path) -> list[Path]:
-    """Write all figures as JSON into the folder `out`."""
     figures = asdict(risk) | {"broken": len(risk.broken), "broken_seeds": list(risk.broken)}
     whole = {
         "schema": SCHEMA,

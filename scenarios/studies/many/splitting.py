@@ -19,22 +19,15 @@ from scenarios.definition.limits.limit import Limit
 from scenarios.definition.scenario import Scenario
 from scenarios.runs.virtual.convoy import Branch
 from scenarios.studies.many.variant import Variant
-from scenarios.studies.many.watched import (
-    Measure,
-    Watched,
-    after_start_s,
-    watched,
-    with_seed,
-)
+from scenarios.studies.many.watched import Measure, Watched, watched, with_seed
+from vehicles.schedule import SECOND
 
 
 class BranchablePath(Protocol):
     """A path whose `severity` is the largest it ever had: inf if it broke the limit."""
 
     @property
-    def severity(self) -> float:
-        """How near it came."""
-        ...
+    def severity(self) -> float: ...
 
 
 AnyPath = TypeVar("AnyPath", bound=BranchablePath)
@@ -47,10 +40,10 @@ after that instant comes from a seed."""
 
 @dataclass(frozen=True, slots=True)
 class Repetition(Generic[AnyPath]):
-    """One estimate: `paths` are those left at the end, `runs` how many were run in all.
+    """One estimate: `paths` are those left at the end, `runs` the number of all.
 
     `levels` are the severities at which paths were dropped, in order. It is `extinct` if all paths
-    came equally near at one of them: then the estimate is 0.
+    had the same severity at one of them: then the estimate is 0.
     """
 
     estimate: float
@@ -68,10 +61,10 @@ def split(
     *,
     most_runs: float = inf,
 ) -> Repetition[AnyPath]:
-    """Estimate the chance that a path breaks the limit, with `count` paths at a time.
+    """Estimate the probability that a path breaks the limit, with `count` paths at a time.
 
-    Ends when all of them break it, or none is left to be copied. After `most_runs` runs it ends
-    where it is: the share of paths that break the limit by then, times the chance of the level, is
+    Ends when all of them break it, or none is left to be copied. It also ends after `most_runs`
+    runs: the share of paths that break the limit by then, times the probability of the level, is
     unbiased too, only less certain. Raises ValueError for fewer than two paths.
     """
     if count < 2:
@@ -94,7 +87,7 @@ def split(
 
 
 def _seed(random: Generator) -> int:
-    """A seed that hardly any other path has."""
+    """Draw a seed that hardly any other path has."""
     return int(random.integers(2**63))
 
 
@@ -108,7 +101,7 @@ def _seed(random: Generator) -> int:
 
 @dataclass(frozen=True, slots=True)
 class BranchedRun:
-    """One run: its seed, its branches in order of time, and its nearness to the limit."""
+    """One run: its seed, its branches in order of time, and its records."""
 
     seed: int
     branches: tuple[Branch, ...]
@@ -116,7 +109,6 @@ class BranchedRun:
 
     @property
     def severity(self) -> float:
-        """Nearness to the limit, inf if it was broken."""
         return self.watched.severity
 
 
@@ -126,7 +118,7 @@ Run = Callable[[int, tuple[Branch, ...]], BranchedRun]
 
 @dataclass(frozen=True)
 class Splitting:
-    """What one repetition needs: a run and its limit, how many paths, how many runs at most."""
+    """The parameters of a repetition: a run and its limit, numbers of paths and of runs."""
 
     variant: Variant
     limit: Limit
@@ -136,18 +128,16 @@ class Splitting:
 
     @cached_property
     def scenario(self) -> Scenario:
-        """The scenario of all its runs, but for the seed."""
         return self.variant.scenario
 
     def run(self, seed: int, branches: tuple[Branch, ...] = ()) -> BranchedRun:
-        """Drive with a seed and branches."""
         scenario = with_seed(self.scenario, seed)
         found = watched(scenario, self.limit, branches=branches, measure=self.measure)
         return BranchedRun(seed, branches, found)
 
 
 def gone_on(run: Run, parent: BranchedRun, level: float, seed: int) -> BranchedRun:
-    """Drive as `parent` until it came nearer to the limit than `level`, then otherwise."""
+    """Repeat `parent` until its severity exceeds `level`, then continue with another seed."""
     at = next(one.at for one in parent.watched.records if one.value > level)
     before = tuple(branch for branch in parent.branches if branch.at < at)
     return run(parent.seed, (*before, Branch(at, seed)))
@@ -155,7 +145,7 @@ def gone_on(run: Run, parent: BranchedRun, level: float, seed: int) -> BranchedR
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RiskEstimate:
-    """What is kept of a repetition; `worst` is the seed and the branches of its worst run."""
+    """The result of a repetition; `worst` holds seed and branches of its worst run."""
 
     probability: float
     runs: int
@@ -175,7 +165,7 @@ def repeated(work: Splitting, number: int) -> dict[str, Any]:
     )
     worst = max(found.paths, key=lambda one: one.severity)
     branches = [
-        {"after_s": after_start_s(work.scenario, branch.at), "seed": branch.seed}
+        {"after_s": (branch.at - work.scenario.start_at_ns) / SECOND, "seed": branch.seed}
         for branch in worst.branches
     ]
     return {

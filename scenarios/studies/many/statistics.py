@@ -9,11 +9,11 @@ from scenarios.results.channel.estimates import CONFIDENCE, share
 
 
 def wilson(successes: int, count: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """Low and high end of the score interval of a share: `successes` of `count`.
+    """Score interval of a share: `successes` of `count`.
 
-    Wilson, Journal of the American Statistical Association 22, 1927. It holds the share with about
-    the `confidence`, also near 0 and 1; without runs all is possible. Raises ValueError for counts
-    that there are not.
+    Wilson, Journal of the American Statistical Association 22, 1927. It covers the share with about
+    the `confidence`, also near 0 and 1; (0, 1) without runs. Raises ValueError for impossible
+    counts.
     """
     if count or successes:
         _check(successes, count)
@@ -26,10 +26,10 @@ def wilson(successes: int, count: int, confidence: float = CONFIDENCE) -> tuple[
 def clopper_pearson(
     successes: int, count: int, confidence: float = CONFIDENCE
 ) -> tuple[float, float]:
-    """Low and high end of the exact interval of a share: `successes` of `count`.
+    """Exact interval of a share: `successes` of `count`.
 
-    Clopper and Pearson, Biometrika 26, 1934: it holds the share with at least the `confidence`.
-    Raises ValueError for counts that there are not.
+    Clopper and Pearson, Biometrika 26, 1934: it covers the share with at least the `confidence`.
+    Raises ValueError for impossible counts.
     """
     from scipy.stats import beta  # noqa: PLC0415 - an extra
 
@@ -47,7 +47,7 @@ def _check(successes: int, count: int) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Mean:
-    """The mean of independent estimates with its standard error and interval, none below 0."""
+    """Mean of independent estimates with its standard error and interval, within 0 to 1."""
 
     value: float
     standard_error: float

@@ -2,7 +2,6 @@
 
 import hashlib
 import shlex
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -16,9 +15,9 @@ from scenarios.studies.many.watched import watched
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variant:
-    """A run that needs no file: `text` is all of a resolved scenario, as `Scenario.text` has it.
+    """A run that needs no file: `text` is a whole resolved scenario, as `Scenario.text` has it.
 
-    `name` is how the user called the scenario (a shipped name or a path), `overrides` are laid over
+    `name` is the name given by the user (a shipped name or a path), `overrides` are laid over
     `text` as `key.path=value`, and over them the `seed`.
     """
 
@@ -29,7 +28,7 @@ class Variant:
 
     @property
     def scenario(self) -> Scenario:
-        """The scenario; raises ScenarioError with the overrides that are refused."""
+        """The scenario; raises ScenarioError with the refused overrides."""
         return scenario_from_text(
             self.text, label=self.name, overrides=self.overrides, seed=self.seed
         )
@@ -42,19 +41,11 @@ class Variant:
         return shlex.join(words)
 
     def run(self) -> RunSummary:
-        """Drive it in virtual time without a log; the summary."""
         return run_unlogged(self.scenario)
 
     def breaks(self, limit: Limit) -> bool:
-        """Drive it until it breaks the limit, or to its end; whether it broke the limit."""
+        """Run until the limit is broken, or to the end; returns whether it was broken."""
         return watched(self.scenario, limit).broken
-
-
-def variants_of(
-    name: str, text: str, overrides: Sequence[str], seeds: Sequence[int]
-) -> list[Variant]:
-    """The same run with each of the seeds."""
-    return [Variant(text=text, name=name, overrides=tuple(overrides), seed=seed) for seed in seeds]
 
 
 def identity_of(variant: Variant, **options: Any) -> dict[str, Any]:

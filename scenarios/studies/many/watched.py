@@ -18,7 +18,6 @@ from scenarios.results.stream import FigureStream
 from scenarios.runs.virtual.convoy import Branch
 from scenarios.runs.virtual.drive import drive
 from vehicles.messages import Message, Tracking, TruePose
-from vehicles.schedule import SECOND
 
 Measure = Literal["limit", "silence"]
 """How near a run is to a limit: by what the limit is about, or by how long nothing was received."""
@@ -26,7 +25,7 @@ Measure = Literal["limit", "silence"]
 
 @dataclass(frozen=True, slots=True)
 class NearRecord:
-    """At instant `at` (ns) the run came nearer to the limit than ever before: `value`.
+    """At instant `at` (ns) the run came nearer to the limit than before: `value`.
 
     It is inf once the limit is broken; before, in the unit of the measure.
     """
@@ -37,7 +36,7 @@ class NearRecord:
 
 @dataclass(frozen=True, slots=True)
 class Watched:
-    """What is known of a run; `records` are in order of time, each larger than the one before."""
+    """The records of a run, in order of time, each larger than the one before."""
 
     records: tuple[NearRecord, ...]
 
@@ -48,14 +47,13 @@ class Watched:
 
     @property
     def broken(self) -> bool:
-        """Whether the limit was broken."""
         return self.severity == inf
 
 
 def silence(message: Message, lead: str) -> float:
-    """For how long (s) a follower has received nothing from anybody; -inf before it ever did.
+    """How long (s) a follower has received nothing from its sources; -inf before it ever did.
 
-    Told by what it steers along; -inf for other messages, and those of the `lead`.
+    -inf for messages other than `Tracking`, and those of the `lead`.
     """
     if not isinstance(message, Tracking) or message.vehicle == lead:
         return -inf
@@ -64,7 +62,7 @@ def silence(message: Message, lead: str) -> float:
 
 
 class WatchedRun:
-    """An observer of a virtual run that follows one limit, and ends the run once it is broken."""
+    """An observer of a virtual run that follows one limit, and ends the run at a breach."""
 
     kinds: frozenset[type[Message]] = frozenset((TruePose, Tracking))
 
@@ -85,7 +83,6 @@ class WatchedRun:
         self._collided += 1
 
     def listen(self, at: int, message: Message) -> None:
-        """Take a message of one of the vehicles at instant `at` (ns)."""
         if self.is_over:
             return
         self._stream.add(message)
@@ -99,12 +96,12 @@ class WatchedRun:
             self.is_over = collision_ends_run(self._limits, self._collided)
 
     def _silence(self, message: Message) -> float:
-        """For how long (s) a follower that the limit applies to has received nothing."""
+        """How long (s) a follower to which the limit applies has received nothing."""
         applies = self._live.limit.vehicle in {"", message.vehicle}
         return silence(message, self._lead) if applies else -inf
 
     def finish(self, at: int) -> Watched:
-        """Return what is known of the run, which ended at instant `at` (ns)."""
+        """Return the records of the run, which ended at instant `at` (ns)."""
         self._stream.finish()
         if self._live.broken:
             self._note(at, inf)
@@ -133,10 +130,4 @@ def watched(
 
 
 def with_seed(scenario: Scenario, seed: int) -> Scenario:
-    """The same scenario with another seed."""
     return Scenario(scenario.tables.model_copy(update={"seed": seed}))
-
-
-def after_start_s(scenario: Scenario, at: int) -> float:
-    """Seconds from the start of the virtual run to an instant (ns)."""
-    return (at - scenario.start_at_ns) / SECOND

@@ -19,7 +19,6 @@ from scenarios.studies.many.blame.losses import (
     RecordedRun,
     numbers_by_link,
 )
-from transport.links.laws.content import ContentLaw
 from transport.links.laws.loss.earlier_run import EarlierRun
 from transport.links.laws.loss.listed import Listed
 from transport.links.laws.loss.numbers import Numbers
@@ -34,12 +33,11 @@ which vehicles know meanwhile what to expect of the link."""
 
 @dataclass(frozen=True)
 class LossFree:
-    """A scenario whose links lose nothing but what is listed in them: here nothing."""
+    """A scenario without any loss, to which listed losses can be added."""
 
     scenario: Scenario
 
     def losing(self, lost: Iterable[LostMessage]) -> Scenario:
-        """The scenario in which these messages are lost."""
         numbers = numbers_by_link(lost)
         entries = tuple(
             _losing(entry, numbers.get((entry.sender, entry.receiver)))
@@ -48,7 +46,7 @@ class LossFree:
         return Scenario(self.scenario.tables.model_copy(update={"link": entries}))
 
     def smallest(self, lost: Iterable[LostMessage], limit: Limit, description: str) -> Scenario:
-        """The scenario with these losses that fails by `limit`, and by no other one."""
+        """Return the scenario with these losses, whose only limit is `limit`."""
         tables = self.losing(lost).tables
         changes = {
             "name": f"{tables.name[:20]}_blamed",
@@ -66,15 +64,11 @@ def _losing(entry: LinkEntry, numbers: Numbers | None) -> LinkEntry:
         return entry.model_copy(
             update={"loss": entry.loss.model_copy(update={"dropped_numbers": dropped})}
         )
-    return entry.model_copy(update={"loss": _listed(str(numbers))})
-
-
-def _listed(numbers: str) -> Listed:
-    return Listed(kind="listed", lost_numbers=numbers)
+    return entry.model_copy(update={"loss": Listed(kind="listed", lost_numbers=str(numbers))})
 
 
 def loss_free(run: RecordedRun) -> LossFree:
-    """The scenario of a recorded run in which nothing is lost."""
+    """Return the scenario of a recorded run without its losses."""
     scenario = run.scenario
     changes = [one for one in scenario.tables.change if isinstance(one, LINK_CHANGES)]
     changed = {
@@ -83,7 +77,11 @@ def loss_free(run: RecordedRun) -> LossFree:
     entries = []
     for pair, table in scenario.links.items():
         recorded = pair in changed or table.queue is not None or isinstance(table.loss, EarlierRun)
-        entries.append(_recorded(run, pair, table) if recorded else _drawn(pair, table))
+        if recorded:
+            entries.append(_recorded(run, pair, table))
+        else:  # delays are drawn again, each by its message's number
+            listed = Listed(kind="listed", lost_numbers="")
+            entries.append(_entry(pair, table, also_left_out=set(), loss=listed))
     tables = scenario.tables.model_copy(
         update={
             "overrides": None,
@@ -101,15 +99,10 @@ def loss_free(run: RecordedRun) -> LossFree:
     return LossFree(Scenario(tables))
 
 
-def _drawn(pair: LinkEnds, table: LinkTable) -> LinkEntry:
-    """The entry of a link whose delays are drawn again, each by its message's number."""
-    return _entry(pair, table, besides=set(), loss=_listed(""))
-
-
 def _recorded(run: RecordedRun, pair: LinkEnds, table: LinkTable) -> LinkEntry:
-    """The entry of a link whose delays were recorded.
+    """Build the entry of a link whose delays were recorded.
 
-    What had not become visible when the run ended is visible a second after that.
+    Messages not yet visible when the run ended become visible a second later.
     """
     fates, ends_at = run.fates[pair], round(run.scenario.duration_s * SECOND)
     sent = run.sent[pair[0]]
@@ -127,22 +120,20 @@ def _recorded(run: RecordedRun, pair: LinkEnds, table: LinkTable) -> LinkEntry:
         delays_ns=run_lengths(delays),
         dropped_numbers={"rate": str(by_rate)} if by_rate.ranges else {},
     )
-    return _entry(pair, table, besides=RECORDED_DELAY, loss=loss)
+    return _entry(pair, table, also_left_out=RECORDED_DELAY, loss=loss)
 
 
 def _entry(
-    pair: LinkEnds, table: LinkTable, *, besides: set[str], loss: Listed | EarlierRun
+    pair: LinkEnds, table: LinkTable, *, also_left_out: set[str], loss: Listed | EarlierRun
 ) -> LinkEntry:
     kept: Mapping[str, object] = {
         key: value
         for key, value in table
-        if key not in LOSES | besides and value != LinkTable.model_fields[key].default
+        if key not in LOSES | also_left_out and value != LinkTable.model_fields[key].default
     }
-    if table.content is not None:
-        kept = {**kept, "content": _uncorrupted(table.content)}
+    content = table.content
+    if content is not None:
+        # A bit error that a receiver notices is a loss.
+        ratio = {"bit_error_ratio": 0.0} if content.frame_check else {}
+        kept = {**kept, "content": content.model_copy(update=ratio)}
     return LinkEntry(sender=pair[0], receiver=pair[1], loss=loss, **kept)  # type: ignore[arg-type]
-
-
-def _uncorrupted(content: ContentLaw) -> ContentLaw:
-    """Without the bit errors that a receiver notices: to it such a message is lost."""
-    return content.model_copy(update={"bit_error_ratio": 0.0}) if content.frame_check else content

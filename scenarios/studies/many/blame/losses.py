@@ -20,7 +20,7 @@ LinkEnds = tuple[str, str]
 
 @dataclass(frozen=True, slots=True, order=True)
 class LostMessage:
-    """A message that a link lost, by when it was sent (ns after the start) and its number."""
+    """A message that a link lost, by its sending time (ns after the start) and number."""
 
     sent_at: int
     link: LinkEnds
@@ -32,11 +32,11 @@ Losses = frozenset[LostMessage]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fate:
-    """The fate of a message: when it was sent, and its delay from then on (ns).
+    """The fate of a message: its sending time and delay (ns).
 
-    `reason` is the word by which it was dropped, nothing if it was not. A dropped one has the delay
-    that it would have had. `is_lost`: it can be restored. Not what the link's own rate
-    left out, nor what is lost by its content where the receiver has no frame check.
+    `reason` is that of a drop, empty without one. A dropped message has the delay that it would
+    have had. `is_lost`: it can be restored. The link's own rate and content errors without a frame
+    check cannot.
     """
 
     sent_at: int
@@ -49,9 +49,9 @@ class Fate:
 class RecordedRun:
     """A run from its log, with instants in ns after its start.
 
-    `fates` are the verdicts of each link by the message's number, `sent` when each sender sent
-    which number. `truth` are the true poses (east, north, m) of each vehicle by their instants;
-    `messages` are those that its figures are made of, in the order of the log.
+    `fates` are the verdicts of each link by the message's number, `sent` the sending times of each
+    sender by number. `truth` are the true poses (east, north, m) by vehicle and instant; `messages`
+    are those that its figures are made of, in the order of the log.
     """
 
     log: Path
@@ -64,7 +64,7 @@ class RecordedRun:
     messages: list[Message] = field(default_factory=list)
 
     def lost(self, until: int) -> tuple[LostMessage, ...]:
-        """All lost messages that would have been received by an instant, in order of time."""
+        """Return lost messages that would have arrived by an instant, in order of time."""
         return tuple(
             sorted(
                 LostMessage(fate.sent_at, link, number)
@@ -81,7 +81,6 @@ class RecordedRun:
         return bool(reason) and counts_as_loss(reason)
 
     def take(self, message: Message) -> None:
-        """Take one message of the log."""
         match message:
             case RunStart():
                 self.start_at = message.start_at_ns
@@ -105,9 +104,9 @@ class RecordedRun:
 
 
 def read_run(log: Path) -> RecordedRun:
-    """Read poses and their fates from a log; raises LogError if it is not whole.
+    """Read poses and their fates from a log; raises LogError if it is incomplete.
 
-    Also where there is nothing to blame: no losses, or vehicles that move as they were recorded.
+    Also if there are no losses, or vehicles that move as they were recorded.
     """
     reader = LogReader(log)
     if reader.damage:
@@ -139,28 +138,26 @@ class Burst:
 
     @property
     def link(self) -> LinkEnds:
-        """Sender and receiver."""
         return self.messages[0].link
 
     @property
     def numbers(self) -> tuple[int, int]:
-        """The first and the last one."""
+        """First and last number."""
         return self.messages[0].number, self.messages[-1].number
 
     @property
     def span_s(self) -> tuple[float, float]:
-        """When the first and the last one were sent (s after the start)."""
+        """When the first and the last message were sent (s after the start)."""
         return self.messages[0].sent_at / SECOND, self.messages[-1].sent_at / SECOND
 
     @property
     def line(self) -> str:
-        """The burst in words."""
         (sender, receiver), (first, last) = self.link, self.numbers
         return f"{sender} → {receiver} {first if first == last else f'{first}-{last}'}"
 
 
 def bursts_of(lost: Iterable[LostMessage]) -> tuple[Burst, ...]:
-    """Runs of consecutive numbers on each link, in order of time."""
+    """Group lost messages into runs of consecutive numbers on each link, in order of time."""
     by_link: defaultdict[LinkEnds, list[LostMessage]] = defaultdict(list)
     for one in sorted(lost):
         by_link[one.link].append(one)
@@ -183,7 +180,7 @@ def _runs(messages: Sequence[LostMessage]) -> Iterator[tuple[LostMessage, ...]]:
 
 
 def moments_of(bursts: Sequence[Burst]) -> tuple[tuple[Burst, ...], ...]:
-    """Bursts of several links that overlap in time, put together; in order of time.
+    """Group bursts of several links that overlap in time; in order of time.
 
     A burst lasts from its first to its last message; chains of overlaps are one moment.
     """
@@ -198,7 +195,6 @@ def moments_of(bursts: Sequence[Burst]) -> tuple[tuple[Burst, ...], ...]:
 
 
 def numbers_by_link(lost: Iterable[LostMessage]) -> Mapping[LinkEnds, Numbers]:
-    """The numbers that each link lost."""
     found: defaultdict[LinkEnds, list[int]] = defaultdict(list)
     for one in lost:
         found[one.link].append(one.number)

@@ -25,11 +25,11 @@ does not depend on it."""
 
 
 @dataclass(slots=True)
-class Blamed:
-    """A burst, a moment, or a group that was not looked into, and the metres that it cost.
+class Attribution:
+    """A burst, a moment, or an undivided group, and the metres that it cost.
 
-    `mended_m` is by how much the worst figure gets better with it given back; `alone` is the run in
-    which nothing else is lost, where it was driven.
+    `mended_m` is the improvement of the worst figure when the group is restored; `alone` is the run
+    with no other losses, if it ran.
     """
 
     group: Group
@@ -38,17 +38,15 @@ class Blamed:
 
     @property
     def messages(self) -> int:
-        """How many were lost."""
         return sum(len(burst.messages) for burst in self.group)
 
     @property
     def losses(self) -> Losses:
-        """All of them."""
         return losses_of(self.group)
 
     @property
     def span_s(self) -> tuple[float, float]:
-        """When the first and the last of them were sent (s after the start)."""
+        """When the first and the last message were sent (s after the start)."""
         return (
             min(burst.span_s[0] for burst in self.group),
             max(burst.span_s[1] for burst in self.group),
@@ -56,19 +54,17 @@ class Blamed:
 
     @property
     def kind(self) -> str:
-        """What it is."""
         if len(self.group) == 1:
             return "burst"
         return "moment" if len(moments_of(self.group)) == 1 else "group"
 
 
 def losses_of(bursts: Iterable[Burst]) -> Losses:
-    """Messages of bursts."""
     return frozenset(one for burst in bursts for one in burst.messages)
 
 
 def halves(group: Group) -> list[Group]:
-    """A group by moments in two, a moment by its bursts; nothing of a single burst."""
+    """Split a group by moments in two, a moment by its bursts; empty for a single burst."""
     parts: Sequence[Group] = moments_of(group)
     if len(parts) == 1:
         parts = [(burst,) for burst in group]
@@ -82,21 +78,23 @@ def halves(group: Group) -> list[Group]:
 
 @dataclass(slots=True)
 class _Half:
-    """A group with the metres that it may cost: its own, or what its halves leave unexplained."""
+    """A group and the metres that it may cost: its own, or what its halves leave unexplained."""
 
-    blamed: Blamed
+    blamed: Attribution
     promise_m: float
     is_open: bool = True
 
 
-def ranked(trials: Trials, bursts: Group, recorded: BlameAnswer, mended_m: float) -> list[Blamed]:
-    """Rank bursts, moments, and groups that were not looked into; the costliest first.
+def ranked(
+    trials: Trials, bursts: Group, recorded: BlameAnswer, mended_m: float
+) -> list[Attribution]:
+    """Rank bursts, moments, and undivided groups, the costliest first.
 
-    `mended_m` is what giving back all of them mends. Where two halves mend nothing one by one but
-    do together, both are looked into.
+    `mended_m` is the improvement when all are restored. If two halves improve nothing one by one
+    but do together, both are divided.
     """
     every = losses_of(bursts)
-    halves_seen = [_Half(Blamed(bursts, mended_m), mended_m)]
+    halves_seen = [_Half(Attribution(bursts, mended_m), mended_m)]
     most = trials.runs + MOST_RUNS
     while trials.runs < most and not trials.are_enough:
         promising = [
@@ -115,7 +113,7 @@ def ranked(trials: Trials, bursts: Group, recorded: BlameAnswer, mended_m: float
 def _looked_into(
     trials: Trials, some: Sequence[_Half], every: Losses, recorded: BlameAnswer
 ) -> Iterator[_Half]:
-    """Close each of the groups, and give its halves."""
+    """Close each of the groups, and yield its halves."""
     parts = [halves(one.blamed.group) for one in some]
     answers = iter(trials.answers(every - losses_of(part) for pair in parts for part in pair))
     for whole, pair in zip(some, parts, strict=True):
@@ -123,11 +121,11 @@ def _looked_into(
         mended = [recorded.badness_m - next(answers).badness_m for _ in pair]
         unexplained = 0.5 * (whole.promise_m - max(mended))
         for part, metres in zip(pair, mended, strict=True):
-            yield _Half(Blamed(part, metres), max(metres, unexplained))
+            yield _Half(Attribution(part, metres), max(metres, unexplained))
 
 
-def try_alone(trials: Trials, rows: Sequence[Blamed]) -> None:
-    """Let the worst of the rows be all that is lost."""
+def try_alone(trials: Trials, rows: Sequence[Attribution]) -> None:
+    """Run with the losses of each of the worst rows alone."""
     worst = rows[:ALONE]
     for row, answer in zip(worst, trials.answers(row.losses for row in worst), strict=True):
         row.alone = answer

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from scenarios.definition.scenario import Scenario
 from scenarios.studies.engine.results import write_files
 from scenarios.studies.many.blame.losses import Burst
-from scenarios.studies.many.blame.ranking import ALONE, NEGLIGIBLE_M, Blamed
+from scenarios.studies.many.blame.ranking import ALONE, NEGLIGIBLE_M, Attribution
 from scenarios.studies.many.blame.rerun import BlameAnswer
 from scenarios.studies.many.blame.study import Blame
 from scenarios.studies.picture_style import BLUE, GREEN, GREY, ORANGE, RED, STYLE
@@ -30,7 +30,7 @@ GROUPING = (
 
 
 def smallest_scenario(found: Blame) -> Scenario | None:
-    """The scenario that loses the smallest set and nothing else, and fails by the limit."""
+    """Return the scenario that loses only the smallest set, and fails by the limit."""
     if found.smallest is None:
         return None
     lines = ", ".join(burst.line for burst in found.smallest.bursts)
@@ -42,17 +42,16 @@ def smallest_scenario(found: Blame) -> Scenario | None:
 
 
 def _shortened(text: str, most: int = 200) -> str:
-    """A text cut where it is longer."""
     return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
 def command_of(out: Path) -> str:
-    """The command that shows the smallest set break the limit."""
+    """The command that repeats the breach by the smallest set."""
     return shlex.join(["convoy", "run", str(out / SMALLEST), "--clock", "virtual"])
 
 
 def write_report(found: Blame, out: Path) -> list[Path]:
-    """Write the picture, the JSON, and the scenario where there is a smallest set; their paths."""
+    """Write picture, JSON, and the scenario of the smallest set if there is one."""
     contents: dict[str, Any] = {PICTURE: drawn(found), TWIN: machine_readable(found, out)}
     scenario = smallest_scenario(found)
     if scenario is not None:
@@ -63,7 +62,6 @@ def write_report(found: Blame, out: Path) -> list[Path]:
 
 
 def machine_readable(found: Blame, out: Path) -> dict[str, Any]:
-    """Give all that was found as JSON has it."""
     run = found.run
     lost = [one for burst in found.bursts for one in burst.messages]
     return {
@@ -109,7 +107,7 @@ def _burst(burst: Burst) -> dict[str, Any]:
     }
 
 
-def _row(row: Blamed) -> dict[str, Any]:
+def _row(row: Attribution) -> dict[str, Any]:
     return {
         "kind": row.kind,
         "messages": row.messages,
@@ -171,7 +169,7 @@ def _over_time(axes: Axes, found: Blame) -> None:
 
 
 def _bound(axes: Axes, found: Blame) -> None:
-    """The limit, where it is one on what is drawn."""
+    """Draw the limit, if it applies to the figure drawn."""
     limit = found.question.limit
     applies = limit.vehicle in {"", found.recorded.vehicle}
     if applies and limit.row.live == found.question.figure and limit.row.figure:
@@ -186,6 +184,6 @@ def _bars(axes: Axes, found: Blame) -> None:
     axes.set(xlabel="mended when given back, m")
 
 
-def _label(row: Blamed) -> str:
+def _label(row: Attribution) -> str:
     first, *others = row.group
     return _shortened(first.line + (f" and {len(others)} more" if others else ""), 40)

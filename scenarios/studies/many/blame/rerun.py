@@ -26,7 +26,7 @@ EVER = 2**63
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BlameQuestion:
-    """By which figure and limit runs are compared, and until when (ns)."""
+    """Figure and limit by which runs are compared, and the end of the comparison (ns)."""
 
     figure: FigureName
     limit: Limit
@@ -35,11 +35,11 @@ class BlameQuestion:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BlameAnswer:
-    """The worst figure of a run (m), of whom and when, and whether the limit was broken.
+    """The worst figure of a run (m), its vehicle and instant, and the breach of the limit.
 
-    A gap is the worse the smaller it is, so as `badness_m` it is negative. Instants are in ns after
-    the start; `broken_at` is when the breach was known, None without one. `series` are instants (s)
-    and figures (m) of each vehicle, where they were requested.
+    As `badness_m` a gap is negative: the smaller, the worse. Instants are in ns after the start;
+    `broken_at` is when the breach was known, None without one. `series` are instants (s) and
+    figures (m) of each vehicle, if requested.
     """
 
     badness_m: float
@@ -50,7 +50,7 @@ class BlameAnswer:
 
     @property
     def figure_m(self) -> float:
-        """The figure itself: the largest error, or the smallest gap."""
+        """The largest error, or the smallest gap."""
         return abs(self.badness_m)
 
 
@@ -102,7 +102,7 @@ class RerunWatch:
             self.broken_at = self.now
 
     def answer(self, *, whole: bool = False) -> BlameAnswer:
-        """The answer so far; `whole` with the series."""
+        """Return the answer so far; `whole` with the series."""
         self._stream.finish()
         self._note_breach()
         badness, vehicle, at = self._worst
@@ -118,7 +118,7 @@ class RerunWatch:
 def answer_of(
     scenario: Scenario, question: BlameQuestion, start_at: int, messages: Iterable[Message]
 ) -> BlameAnswer:
-    """The answer of a run that is over, from its messages."""
+    """Return the answer of a finished run, from its messages."""
     watch = RerunWatch(scenario, question, start_at)
     for message in messages:
         watch.listen(start_at, message)
@@ -147,9 +147,9 @@ def rerun(
 
 
 def first_difference(scenario: Scenario, truth: Truth) -> tuple[str, int] | None:
-    """Run in virtual time; the first of these true poses that is another one, by bits.
+    """Run in virtual time; return the first true pose that differs in bits from `truth`.
 
-    None if all are the same.
+    None if all are equal.
     """
     found: dict[tuple[str, int], tuple[float, float]] = {}
 

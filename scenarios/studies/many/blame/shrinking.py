@@ -13,7 +13,7 @@ from itertools import pairwise
 from typing import Generic, TypeVar
 
 from scenarios.studies.many.blame.losses import Burst, Losses, LostMessage, bursts_of
-from scenarios.studies.many.blame.ranking import Blamed, losses_of
+from scenarios.studies.many.blame.ranking import Attribution, losses_of
 from scenarios.studies.many.blame.trials import Trials
 
 Item = TypeVar("Item")
@@ -26,7 +26,7 @@ The first, whatever the order in which they were tried: so a result depends on t
 
 @dataclass(frozen=True, slots=True)
 class Smallest(Generic[Item]):
-    """What is left of the items, in their order.
+    """The remaining items, in their order.
 
     With `is_minimal` the test passes without any one of them: each was left out and tried.
     """
@@ -43,10 +43,10 @@ def ddmin(
 ) -> Smallest[Item]:
     """Leave out items while the test, which fails with all of them, goes on failing.
 
-    Chunks are left out one after another, each half as long as those before once none can be, down
-    to single items; `chunks` is how many there are at first. When it is `enough` the set found so
-    far is given. One item alone is minimal if the test passes without any; so the caller has to
-    know that.
+    Chunks are left out one after another, down to single items, each half as long as before once
+    none can be left out; `chunks` is their first number. Once it is `enough` the set so far is
+    returned. A single remaining item is minimal only if the test passes without any, which the
+    caller has to know.
     """
     left = tuple(items)
     while len(left) > 1:
@@ -85,8 +85,8 @@ def trimmed(
 ) -> tuple[Item, ...]:
     """Cut off items at the end and at the beginning while the test goes on failing.
 
-    By bisection, two cuts at once: for causes that follow one another, of which it finds where they
-    end in a few tests. What is left fails whatever they are.
+    By bisection, two cuts at once: for successive causes it finds their ends in a few tests. The
+    test fails with the result in any case.
     """
     left = tuple(items)
     for _ in range(2):
@@ -99,7 +99,7 @@ def _longest_cut(
     first_that_fails: FirstThatFails[Item],
     enough: Callable[[], bool],
 ) -> int:
-    """How many can be left out at the beginning, if with more of them gone it fails no more."""
+    """Number of leading items that can be left out, if leaving out more makes the test pass."""
     fails, passes = 0, len(items)
     while passes - fails > 1 and not enough():
         third = max((passes - fails) // 3, 1)
@@ -132,14 +132,13 @@ class SmallestSet:
 
     @property
     def bursts(self) -> tuple[Burst, ...]:
-        """The same as bursts."""
         return bursts_of(self.messages)
 
 
-def shrunk(trials: Trials, bursts: Sequence[Burst], rows: Sequence[Blamed]) -> SmallestSet:
-    """Shrink `bursts`, all of which break the limit, while none does not.
+def shrunk(trials: Trials, bursts: Sequence[Burst], rows: Sequence[Attribution]) -> SmallestSet:
+    """Shrink `bursts`, which break the limit while no loss does not.
 
-    A row that breaks it alone is where to begin from, the one with the fewest messages.
+    Starts from the row with the fewest messages that breaks it alone, if there is one.
     """
     alone = [row for row in rows if row.alone is not None and trials.is_breach(row.alone)]
     start = min(alone, key=lambda row: (row.messages, row.span_s)).group if alone else bursts

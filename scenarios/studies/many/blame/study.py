@@ -11,7 +11,7 @@ from scenarios.studies.engine.fleet import cores
 from scenarios.studies.engine.stamp import stamp_of_this_process
 from scenarios.studies.many.blame.imposed import LossFree, loss_free
 from scenarios.studies.many.blame.losses import Burst, RecordedRun, bursts_of, read_run
-from scenarios.studies.many.blame.ranking import Blamed, losses_of, ranked, try_alone
+from scenarios.studies.many.blame.ranking import Attribution, losses_of, ranked, try_alone
 from scenarios.studies.many.blame.rerun import BlameAnswer, BlameQuestion, FigureName, answer_of
 from scenarios.studies.many.blame.shrinking import SmallestSet, shrunk
 from scenarios.studies.many.blame.trials import Trials
@@ -27,8 +27,8 @@ MOST_RUNS = 400
 class Blame:
     """The result: the recorded run, one without any loss, the bursts, and the smallest set.
 
-    `mended` is the run with the costliest row given back. `smallest` is None where the limit was
-    not broken or is broken without any loss; then `unshrunk` is the reason.
+    `mended` is the run with the costliest row restored. `smallest` is None if the limit was not
+    broken or is broken without any loss; then `unshrunk` is the reason.
     """
 
     run: RecordedRun
@@ -37,7 +37,7 @@ class Blame:
     recorded: BlameAnswer
     clean: BlameAnswer
     bursts: tuple[Burst, ...]
-    rows: tuple[Blamed, ...]
+    rows: tuple[Attribution, ...]
     mended: BlameAnswer
     smallest: SmallestSet | None = None
     smallest_answer: BlameAnswer | None = None
@@ -51,8 +51,8 @@ def blame(
 ) -> Blame:
     """Find the losses that caused the worst figure of a log and the breach of `limit`.
 
-    Compares the run with itself, ranks its losses, and shrinks them. Raises LogError, also if the
-    losses of the log do not lead to what it holds.
+    Repeats the run, ranks its losses, and shrinks them. Raises LogError, also if the losses of the
+    log do not reproduce it.
     """
     run = read_run(log)
     question = BlameQuestion(figure=figure, limit=limit)
@@ -105,7 +105,7 @@ def blame(
 
 
 def _check_same(trials: Trials, run: RecordedRun) -> None:
-    """Lose what the log lost, and compare all true poses, bit for bit; raises LogError."""
+    """Repeat the run with its losses and compare all true poses bit for bit; raises LogError."""
     everything = frozenset(run.lost(max(at for _, at in run.truth) + SECOND * 3600))
     off = trials.first_difference(everything, run.truth)
     if off is None:

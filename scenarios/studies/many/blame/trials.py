@@ -22,10 +22,10 @@ from scenarios.studies.many.blame.rerun import (
 
 @dataclass(slots=True)
 class Trials:
-    """Runs of one convoy, each with the losses that are requested.
+    """Runs of one convoy, each with other losses.
 
-    `runs` counts them; `most_runs` is how many there may be. `at_once` runs are begun together. A
-    set of losses breaks the limit if it does so until `breaks_by` (ns after the start).
+    `runs` counts them, up to `most_runs`; `at_once` runs start together. A set of losses breaks the
+    limit if it does so until `breaks_by` (ns after the start).
     """
 
     convoy: LossFree
@@ -40,27 +40,24 @@ class Trials:
 
     @property
     def are_enough(self) -> bool:
-        """Whether there may be no more runs."""
         return self.runs >= self.most_runs
 
     @property
     def seconds(self) -> float:
-        """How long they have taken so far."""
         return self.engine.progress.seconds
 
     def begin(self, doing: str) -> None:
-        """Name what the next runs are for."""
         self.engine.progress.doing = doing
 
     def answers(self, of: Iterable[Losses], *, whole: bool = False) -> list[BlameAnswer]:
-        """The answers of runs with these losses and no others; `whole`: with series."""
+        """Return the answers of runs with exactly these losses; `whole`: with series."""
         wanted = list(of)
         new = [one for one in dict.fromkeys(wanted) if whole or one not in self._answers]
         self._answers |= self._driven(new, self.question, whole=whole)
         return [self._answers[losses] for losses in wanted]
 
     def first_difference(self, losses: Losses, truth: Truth) -> tuple[str, int] | None:
-        """Drive with these losses to the very end; the first of the true poses that differs."""
+        """Repeat the whole run with these losses; return the first true pose that differs."""
         work = partial(_first_difference, self.convoy.losing(losses).text, truth)
         job = Job(key="as recorded", work=work)
         self.runs += 1
@@ -68,10 +65,10 @@ class Trials:
         return None if found is None else (found[0], found[1])
 
     def first_that_breaks(self, sets: Sequence[Losses]) -> int | None:
-        """The place of the first set of losses that breaks the limit, None if none does.
+        """Return the index of the first set of losses that breaks the limit, None if none does.
 
-        They are tried in turn, some at once; which is found does not depend on how many. When there
-        may be no more runs the rest count as not breaking it.
+        Some run at once; the result does not depend on how many. Once there may be no more runs the
+        rest count as not breaking it.
         """
         for begin in range(0, len(sets), self.at_once):
             some = sets[begin : begin + self.at_once]
@@ -91,7 +88,7 @@ class Trials:
         self._broken |= {losses: self.is_breach(answer) for losses, answer in found.items()}
 
     def is_breach(self, answer: BlameAnswer) -> bool:
-        """Whether the limit was broken in time."""
+        """Whether the limit was broken until `breaks_by`."""
         return answer.broken_at is not None and answer.broken_at <= self.breaks_by
 
     def _driven(

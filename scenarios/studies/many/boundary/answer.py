@@ -26,10 +26,10 @@ MOST_VALUES = 100_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoundaryQuestion:
-    """For which value of `key` a `share` of the runs breaks `limit`.
+    """At which value of `key` a `share` of the runs breaks `limit`.
 
-    `variant` is the run with neither the key nor a seed of its own; the value is sought from `low`
-    to `high`, to within `to` on either side, with the seeds from 1 to `seeds`.
+    `variant` is the run without key and seed; the value is sought from `low` to `high`, to within
+    `to` on either side, with the seeds from 1 to `seeds`.
     """
 
     variant: Variant
@@ -49,7 +49,6 @@ class BoundaryQuestion:
         return [float(f"{self.low + step * number:.12g}") for number in range(parts + 1)]
 
     def at(self, value: float, seed: int) -> Variant:
-        """The run with a value and a seed."""
         variant = self.variant
         return Variant(
             text=variant.text,
@@ -65,7 +64,7 @@ class BoundaryQuestion:
         return identity_of(self.variant, **options, seeds=self.seeds, share=self.share)
 
     def check(self) -> None:
-        """Raise ScenarioError for what cannot be sought, or is refused at one of the ends."""
+        """Raise ScenarioError for a wrong question, or a scenario refused at one of the ends."""
         if not (isfinite(self.low) and isfinite(self.high) and self.low < self.high):
             wrong = (
                 f"--range: given {self.low:g}:{self.high:g}, allowed LOW:HIGH with LOW below HIGH"
@@ -91,10 +90,10 @@ class BoundaryQuestion:
 class BoundaryAnswer:
     """The share crosses the wanted one between `low` and `high`.
 
-    `sure_low` and `sure_high` are the nearest values tried at which it surely (by 95 % intervals)
-    is on either side, None where there is none. `points` are all values tried. `turning_seeds`
-    change more than once between broken and held as the value grows. `commands` repeat a run next
-    to the boundary that breaks the limit, and one that holds it.
+    `sure_low` and `sure_high` are the nearest tried values that are on either side with certainty
+    (95 % intervals), None without one. `points` are all tried values. `turning_seeds` change more
+    than once between broken and held as the value grows. `commands` repeat a run next to the
+    boundary that breaks the limit, and one that holds it.
     """
 
     boundary: float
@@ -110,7 +109,7 @@ class BoundaryAnswer:
 
 
 def boundary_of(question: BoundaryQuestion, engine: Engine) -> BoundaryAnswer:
-    """Find it; raises ScenarioError if the question is wrong, or the share crosses it nowhere."""
+    """Raises ScenarioError if the question is wrong, or the share crosses it nowhere."""
     question.check()
     curve = ShareCurve(
         question.values, question.share, question.seeds, partial(_tried, question, engine)
@@ -125,7 +124,6 @@ def boundary_of(question: BoundaryQuestion, engine: Engine) -> BoundaryAnswer:
 def _tried(
     question: BoundaryQuestion, engine: Engine, places: Sequence[Place]
 ) -> dict[Place, bool]:
-    """Try values: one run for each of them and each seed."""
     values, jobs = question.values, list[Job]()
     for number, seed in places:
         variant = question.at(values[number], seed)
@@ -174,7 +172,7 @@ def _no_boundary(question: BoundaryQuestion, curve: ShareCurve) -> str:
 
 
 def _value_at(text: str, key: str) -> object:
-    """Value of a scenario under a key with dots; None if it has none."""
+    """Value of a scenario under a dotted key; None if it has none."""
     here: Any = tomllib.loads(text)
     for part in key.split("."):
         here = here.get(part) if isinstance(here, dict) else None

@@ -28,7 +28,7 @@ Try = Callable[[Sequence[Place]], Mapping[Place, bool]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SharePoint:
-    """At a value `broken` of `runs` seeds broke the limit: a share, with its Wilson interval."""
+    """The share of runs that broke the limit at a value, with its Wilson interval."""
 
     value: float
     runs: int
@@ -64,16 +64,14 @@ class ShareCurve:
 
     @property
     def visited(self) -> list[int]:
-        """Numbers of the values that were tried, in ascending order."""
+        """Numbers of the tried values, ascending."""
         return sorted(self._broke)
 
     @property
     def runs(self) -> int:
-        """Number of runs so far."""
         return sum(map(len, self._broke.values()))
 
     def point(self, number: int) -> SharePoint:
-        """Counts and interval at a value."""
         broke = self._broke[number]
         runs, broken = len(broke), sum(broke.values())
         low, high = wilson(broken, runs)
@@ -87,11 +85,10 @@ class ShareCurve:
         )
 
     def broken_seeds(self, number: int) -> list[int]:
-        """Seeds that break the limit at a value."""
         return sorted(seed for seed, broke in self._broke[number].items() if broke)
 
     def is_beyond(self, number: int) -> bool:
-        """Whether the share there is at least the one that is wanted."""
+        """Whether the share there is at least the wanted one."""
         point = self.point(number)
         return point.broken >= max(1, ceil(self.share * point.runs - 1e-9))
 
@@ -105,11 +102,10 @@ class ShareCurve:
         return point.high < self.share or point.low > self.share
 
     def is_complete(self, number: int) -> bool:
-        """Whether all seeds were tried there."""
         return len(self._broke[number]) == len(self.seeds)
 
     def changes(self) -> Iterator[tuple[int, int]]:
-        """Neighbours among the values tried, one of which is beyond and the other not."""
+        """Yield neighbouring tried values of which one is beyond and the other not."""
         for low, high in pairwise(self.visited):
             if self.is_beyond(low) != self.is_beyond(high):
                 yield low, high
@@ -132,10 +128,10 @@ class NoBoundaryError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Bracket:
-    """The numbers of neighbouring values between which the share crosses the wanted one.
+    """Numbers of the neighbouring values between which the share crosses the wanted one.
 
-    `sure` are values (not numbers) between which it does so with confidence, -inf or inf where no
-    value that was tried is surely on that side; with a share of 0 there is no such thing.
+    `sure` are values (not numbers) between which it does so with confidence, -inf or inf if no
+    tried value is surely on that side, or with a share of 0.
     """
 
     low: int
@@ -144,9 +140,9 @@ class Bracket:
 
 
 def bracket(curve: ShareCurve) -> Bracket:
-    """Bracket the first crossing from the low end on, between two neighbours.
+    """Bracket the first crossing from the low end, between two neighbours.
 
-    On both sides of it all seeds are run in the end. Raises NoBoundaryError.
+    On both sides of it all seeds run in the end. Raises NoBoundaryError.
     """
     last = len(curve.values) - 1
     for parts in (COARSE, 2 * COARSE):
@@ -172,9 +168,9 @@ def bracket(curve: ShareCurve) -> Bracket:
 
 
 def _sure(curve: ShareCurve, low: int, high: int) -> tuple[float, float]:
-    """The nearest values tried, down from `low` and up from `high`, whose interval excludes it.
+    """The nearest tried values, down from `low` and up from `high`, whose interval excludes it.
 
-    Each interval has so much of the confidence that all of them together have 95 % (Bonferroni).
+    Together all intervals have a confidence of 95 % (Bonferroni).
     """
     if curve.share == 0.0:
         return -inf, inf

@@ -16,7 +16,6 @@ SIZE = (6.4, 3.8)
 
 
 def write_answer(question: BoundaryQuestion, answer: BoundaryAnswer, out: Path) -> list[Path]:
-    """Write the picture and all figures as JSON into the folder `out`."""
     whole = {
         "schema": SCHEMA,
         "scenario": question.variant.name,
@@ -55,14 +54,10 @@ def drawn(question: BoundaryQuestion, answer: BoundaryAnswer) -> Figure:
     for one in points:
         axes.annotate(f"{one.broken}/{one.runs}", (one.value, one.share), xytext=(4, 5),
                       textcoords="offset points", fontsize=6.5, color=GREY)  # fmt: skip
-    axes.set(ylim=(-0.03, 1.08), xlim=_with_margin(question.low, question.high))
+    margin = 0.03 * (question.high - question.low)
+    axes.set(ylim=(-0.03, 1.08), xlim=(question.low - margin, question.high + margin))
     axes.set_xlabel(question.key)
     axes.set_ylabel(f"share of runs that break {question.limit}")
     axes.set_title(f"{question.variant.name}, {question.seeds} seeds")
     axes.legend(loc="upper left")
     return figure
-
-
-def _with_margin(low: float, high: float) -> tuple[float, float]:
-    margin = 0.03 * (high - low)
-    return low - margin, high + margin

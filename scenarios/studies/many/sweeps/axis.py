@@ -27,12 +27,10 @@ class SweepAxis:
 
     @property
     def overrides(self) -> tuple[str, ...]:
-        """Each value as `key=value`."""
         return tuple(f"{self.key}={text}" for text in self.texts)
 
     @property
     def values(self) -> tuple[Any, ...]:
-        """Each value as the scenario gets it."""
         return tuple(parse_override(one)[1] for one in self.overrides)
 
     @property
@@ -45,7 +43,7 @@ class SweepAxis:
 
 
 def parsed_axis(text: str) -> SweepAxis:
-    """Read `KEY=START:STOP:STEP`, both ends included, or `KEY=a,b,c`; raises ScenarioError."""
+    """Parse `KEY=START:STOP:STEP`, both ends included, or `KEY=a,b,c`; raises ScenarioError."""
     key, _, given = text.partition("=")
     key = key.strip()
     try:
@@ -64,7 +62,7 @@ def parsed_axis(text: str) -> SweepAxis:
 
 
 def _texts(given: str) -> tuple[str, ...]:
-    """Texts of the values; raises ValueError with what would be right."""
+    """Return texts of the values; raises ValueError with the allowed form."""
     ends = RANGE.fullmatch(given)
     texts = tuple(_range(*map(Decimal, ends.groups()))) if ends else tuple(_split(given))
     if not all(texts):
@@ -88,7 +86,7 @@ def _range(start: Decimal, stop: Decimal, step: Decimal) -> list[str]:
 
 
 def _split(given: str) -> Iterator[str]:
-    """Give what stands between commas, but those within brackets or quotes."""
+    """Split at commas, but not within brackets or quotes."""
     depth, quote, word = 0, "", ""
     for letter in given:
         if quote:
@@ -105,7 +103,7 @@ def _split(given: str) -> Iterator[str]:
 
 
 def parsed_axes(texts: Sequence[str]) -> tuple[SweepAxis, ...]:
-    """Read all `--vary`; raises ScenarioError, also for a key that is given twice."""
+    """Parse all `--vary`; raises ScenarioError, also for a key given twice."""
     axes = tuple(map(parsed_axis, texts))
     keys = [axis.key for axis in axes]
     if twice := [key for place, key in enumerate(keys) if key in keys[:place]]:
@@ -114,5 +112,5 @@ def parsed_axes(texts: Sequence[str]) -> tuple[SweepAxis, ...]:
 
 
 def cells(axes: Sequence[SweepAxis]) -> list[tuple[str, ...]]:
-    """Every combination of values, as overrides; the last key changes fastest."""
+    """Return every combination of values, as overrides; the last key changes fastest."""
     return list(product(*(axis.overrides for axis in axes)))

@@ -28,7 +28,7 @@ NEAR = 4
 
 
 @dataclass(frozen=True, slots=True)
-class AskedFigure:
+class SweepFigure:
     """A figure by its name.
 
     `FIELD` is that of the worst follower: the largest, but the smallest of what ends with `_min`
@@ -40,11 +40,10 @@ class AskedFigure:
 
     @property
     def is_worst_when_least(self) -> bool:
-        """Whether small values are bad ones."""
         return self.name.endswith("_min") or "safe_time_ratio" in self.name.split(".")
 
     def of(self, summary: RunSummary) -> float | None:
-        """Its value in a run; None where there was nothing to measure, or nobody."""
+        """Its value in a run; None if there was nothing to measure."""
         scope, _, rest = self.name.partition(".")
         if scope == "events":
             return float(sum(event.kind == rest for event in summary.events))
@@ -58,7 +57,7 @@ class AskedFigure:
         return min(known) if self.is_worst_when_least else max(known)
 
     def _rows(self, summary: RunSummary, scope: str, rest: str) -> tuple[Iterable[Any], str]:
-        """What has the field, and the field's name."""
+        """Return the rows that have the field, and the field's name."""
         if scope == "links":
             return summary.links, rest
         if ":" in scope:
@@ -96,8 +95,8 @@ OF_LINK = tuple(_paths(LinkSummary))
 FIRST_OF_VEHICLE = frozenset(path.split(".")[0] for path in OF_VEHICLE)
 
 
-def parsed_figure(text: str, vehicles: Sequence[str]) -> AskedFigure:
-    """Read a figure's name in a convoy of `vehicles`; raises ScenarioError with near names."""
+def parsed_figure(text: str, vehicles: Sequence[str]) -> SweepFigure:
+    """Parse a figure's name in a convoy of `vehicles`; raises ScenarioError with near names."""
     links = ("links", *(f"{sender}:{receiver}" for sender, receiver in directed_links(vehicles)))
     scope, dot, _ = text.partition(".")
     if scope in vehicles and dot:
@@ -108,13 +107,13 @@ def parsed_figure(text: str, vehicles: Sequence[str]) -> AskedFigure:
         known = [*OF_VEHICLE, *OF_RUN, *(f"events.{kind}" for kind in get_args(EventKind))]
         known += [f"links.{path}" for path in OF_LINK]
     if text in known:
-        return AskedFigure(text)
+        return SweepFigure(text)
     near = _near(text, known)
     allowed = ", ".join(near) if near else "the numbers that `convoy reference fields` lists"
     raise ScenarioError([f"--figure: unknown figure {text!r}, near it: {allowed}"])
 
 
 def _near(text: str, known: Sequence[str]) -> list[str]:
-    """Names that look alike or contain what was given."""
+    """Similar names, or those that contain the text."""
     inside = [name for name in known if len(text) > 2 and text in name]
     return list(dict.fromkeys([*get_close_matches(text, known, n=NEAR), *inside]))[:NEAR]

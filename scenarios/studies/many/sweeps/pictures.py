@@ -36,7 +36,7 @@ MOST_NAMED = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepPanel:
-    """What one picture shows of each cell, and where it is at its bound."""
+    """The values of each cell in one picture, and the bound to mark."""
 
     title: str
     values: NDArray[np.float64]
@@ -47,7 +47,7 @@ class SweepPanel:
 
 
 def _panels(table: SweepTable) -> Iterator[SweepPanel]:
-    """Give the share of each limit, with its interval, and the median of each figure, 5 to 95 %."""
+    """Yield the share of each limit with its interval, and medians of figures (5 to 95 %)."""
     for number, limit in enumerate(table.plan.limits):
         shares = [cell.limits[number] for cell in table.cells]
         yield SweepPanel(
@@ -73,13 +73,12 @@ def _panels(table: SweepTable) -> Iterator[SweepPanel]:
 
 
 def _bound_of(figure: str, limits: Sequence[Limit]) -> float | None:
-    bounds = (limit.bound for limit in limits if _figure_of(limit) == figure)
-    return next(bounds, None)
-
-
-def _figure_of(limit: Limit) -> str:
-    """Name of the figure that a limit bounds, as `--figure` takes it."""
-    return f"{limit.vehicle}.{limit.row.figure}" if limit.vehicle else limit.row.figure
+    """Return the bound of the limit on a figure, named as in `--figure`; None without one."""
+    for limit in limits:
+        vehicle = f"{limit.vehicle}." if limit.vehicle else ""
+        if f"{vehicle}{limit.row.figure}" == figure:
+            return limit.bound
+    return None
 
 
 def _numbers(values: Any) -> NDArray[np.float64]:
@@ -87,7 +86,7 @@ def _numbers(values: Any) -> NDArray[np.float64]:
 
 
 def why_no_heat_map(table: SweepTable) -> str:
-    """Return in a line why the cells cannot be drawn; empty if they can."""
+    """Return the reason if the cells cannot be drawn, else an empty text."""
     axes = table.plan.axes
     if not axes:
         return "no heat map: no key varies; seeds.png has the distribution over the seeds"
@@ -101,7 +100,6 @@ def why_no_heat_map(table: SweepTable) -> str:
 
 @mpl.rc_context(STYLE)
 def sweep_figure(table: SweepTable) -> Figure:
-    """Draw the cells over the keys that vary."""
     axes, panels = table.plan.axes, list(_panels(table))
     if len(axes) == 3:
         return _multiples(axes, panels[0])
@@ -126,7 +124,7 @@ def _places(panels: Sequence[object]) -> tuple[Figure, list[Axes]]:
 
 
 def _positions(axis: SweepAxis) -> NDArray[np.float64]:
-    """Where the values of a key stand: numbers that grow at their place, others side by side."""
+    """Positions of a key's values: ascending numbers at their place, others side by side."""
     numbers = axis.numbers
     if numbers is None or any(np.diff(numbers) <= 0.0):
         return np.arange(len(axis.texts), dtype=float)
@@ -145,7 +143,7 @@ def _heat(
     panel: SweepPanel,
     values: NDArray[np.float64],
 ) -> None:
-    """Draw the cells in colour, the first key along, and where the limit is reached."""
+    """Draw the cells in colour, the first key along x, and the contour of the bound."""
     along, up = axes[-2:]
     grid = values.reshape(len(along.texts), len(up.texts)).T
     x, y = _positions(along), _positions(up)
@@ -207,7 +205,6 @@ def _multiples(axes: Sequence[SweepAxis], panel: SweepPanel) -> Figure:
 
 
 def _line(place: Axes, axis: SweepAxis, panel: SweepPanel) -> None:
-    """Draw a line with its band, and the bound."""
     x = _positions(axis)
     place.fill_between(x, panel.low, panel.high, color=BLUE, alpha=0.2, linewidth=0.0)
     place.plot(x, panel.values, "o-", color=BLUE, markersize=3.0)
@@ -239,13 +236,13 @@ def seeds_figure(table: SweepTable) -> Figure:
 
 
 def _over(table: SweepTable) -> str:
-    """Say how many seeds there are, and what colours mean that no legend names."""
+    """Return the number of seeds, and the meaning of colours without a legend."""
     several = f", blue to orange: {len(table.cells)} cells in their order"
     return f"{table.plan.seeds} seeds{several if len(table.cells) > MOST_NAMED else ''}"
 
 
 def _colours(table: SweepTable) -> list[Any]:
-    """From blue to orange in the order of the cells; grey if there is one only."""
+    """Colours from blue to orange in the order of the cells; grey for a single cell."""
     if len(table.cells) == 1:
         return [GREY]
     map_ = mpl.colors.LinearSegmentedColormap.from_list("cells", [BLUE, ORANGE])

@@ -11,8 +11,8 @@ from scenarios.definition.scenario import load_scenario
 from scenarios.results.limits.judged import broken_by
 from scenarios.studies.engine.job import Job
 from scenarios.studies.many.sweeps.axis import SweepAxis, cells, parsed_axes
-from scenarios.studies.many.sweeps.figure import AskedFigure, parsed_figure
-from scenarios.studies.many.variant import Variant, identity_of, variants_of
+from scenarios.studies.many.sweeps.figure import SweepFigure, parsed_figure
+from scenarios.studies.many.variant import Variant, identity_of
 
 DEFAULT_FIGURE = "cross_track_error_m_max"
 MOST_RUNS = 100_000
@@ -23,7 +23,7 @@ class SweepPlan:
     """A scenario, the keys that vary, the seeds 1 to `seeds`, the figures and limits.
 
     Seed k is the same noise in every cell, as draws are keyed by it. `text` is the scenario without
-    overrides, `sets` are those that all runs have.
+    overrides, `sets` are those of all runs.
     """
 
     name: str
@@ -31,25 +31,26 @@ class SweepPlan:
     sets: tuple[str, ...]
     axes: tuple[SweepAxis, ...]
     seeds: int
-    figures: tuple[AskedFigure, ...]
+    figures: tuple[SweepFigure, ...]
     limits: tuple[Limit, ...]
 
     @property
     def cells(self) -> list[tuple[str, ...]]:
-        """What is laid over the scenario in each cell, as overrides, one for each axis."""
+        """The overrides of each cell, one for each axis."""
         return cells(self.axes)
 
     @property
     def runs(self) -> int:
-        """How many runs it has."""
         return len(self.cells) * self.seeds
 
     def variants(self, cell: Sequence[str]) -> list[Variant]:
-        """The runs of a cell, in the order of their seeds."""
-        return variants_of(self.name, self.text, [*self.sets, *cell], range(1, self.seeds + 1))
+        sets = (*self.sets, *cell)
+        return [
+            Variant(text=self.text, name=self.name, overrides=sets, seed=seed)
+            for seed in range(1, self.seeds + 1)
+        ]
 
     def jobs(self) -> list[Job]:
-        """Every run, by its key in the journal."""
         return [
             Job(
                 key=run_key(place, variant.seed),
@@ -72,14 +73,13 @@ class SweepPlan:
 
 
 def run_key(cell: int, seed: int) -> str:
-    """A run's name in the journal."""
     return f"{cell}/{seed}"
 
 
 def figures_of(
-    variant: Variant, figures: Sequence[AskedFigure], limits: Sequence[Limit]
+    variant: Variant, figures: Sequence[SweepFigure], limits: Sequence[Limit]
 ) -> dict[str, Any]:
-    """Drive a run; what is kept of it, in the order of the figures and limits."""
+    """Simulate a run; returns what the journal keeps, in the order of figures and limits."""
     summary = variant.run()
     return {
         "outcome": summary.outcome,
@@ -98,7 +98,7 @@ def planned(
     figures: Sequence[str] = (),
     limits: Sequence[str] = (),
 ) -> SweepPlan:
-    """Put a sweep together from the texts of the command line.
+    """Build a sweep from the texts of the command line.
 
     Raises ScenarioError, in a line for each problem, before anything runs: every value of every key
     is tried once with the first values of the others.
@@ -128,7 +128,7 @@ def planned(
 
 
 def _vehicles(plan: SweepPlan) -> Iterator[tuple[str, ...]]:
-    """Load the first run of each value; gives the names of its vehicles."""
+    """Load the first run of each value; yields the names of its vehicles."""
     first = [axis.overrides[0] for axis in plan.axes]
     tried = [first] + [
         [*first[:place], override, *first[place + 1 :]]
@@ -143,7 +143,7 @@ def _vehicles(plan: SweepPlan) -> Iterator[tuple[str, ...]]:
 
 
 def _as_varied(line: str, axes: Sequence[SweepAxis]) -> str:
-    """Say of a refused value by which option it came."""
+    """Name the option by which a refused value was given."""
     by_set = "--set: "
     if any(line.startswith(f"{by_set}{axis.key}") for axis in axes):
         return line.replace(by_set, "--vary: ", 1)

@@ -25,9 +25,9 @@ def carry_out_sweep(
     parquet: bool = False,
     pictures: bool = True,
 ) -> tuple[SweepTable, list[Path]]:
-    """Do all runs that the journal in `out` does not have yet; the table, and the files written.
+    """Run what the journal in `out` does not have yet; returns table and files.
 
-    Killed at any instant and called again, it goes on and ends with the same bytes in all tables.
+    A killed sweep resumes when it is started again, and ends with the same bytes in all tables.
     Raises ScenarioError if the folder holds something else.
     """
     files = (CELLS, RUNS, TWIN, HEAT_MAP, SEEDS, *PARQUET)
@@ -40,7 +40,6 @@ def carry_out_sweep(
 
 
 def _entries(plan: SweepPlan, engine: Engine) -> dict[str, dict[str, Any]]:
-    """Do all runs; what is kept of each."""
     jobs = plan.jobs()
     known = engine.known(jobs)
     if known:
@@ -56,7 +55,6 @@ def _entry(outcome: Outcome) -> dict[str, Any]:
 
 
 def tables_of(table: SweepTable, *, parquet: bool = False) -> dict[str, Any]:
-    """All tables by the names of their files."""
     cells, runs = table.rows(), table.run_rows()
     contents: dict[str, Any] = {CELLS: cells, RUNS: runs, TWIN: machine_readable(table)}
     if parquet:
@@ -66,7 +64,7 @@ def tables_of(table: SweepTable, *, parquet: bool = False) -> dict[str, Any]:
 
 
 def drawn(table: SweepTable, report: Callable[[str], None]) -> dict[str, Any]:
-    """All pictures by the names of their files; why there is no heat map goes to `report`."""
+    """Return all pictures by file name; the reason for a missing heat map goes to `report`."""
     from scenarios.studies.many.sweeps.pictures import (  # noqa: PLC0415 - needs matplotlib
         seeds_figure,
         sweep_figure,

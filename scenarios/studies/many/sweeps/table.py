@@ -9,7 +9,7 @@ import numpy as np
 from scenarios.definition.limits.limit import Limit
 from scenarios.studies.engine.results import Row
 from scenarios.studies.many.statistics import wilson
-from scenarios.studies.many.sweeps.figure import AskedFigure
+from scenarios.studies.many.sweeps.figure import SweepFigure
 from scenarios.studies.many.sweeps.plan import SweepPlan, run_key
 
 SCHEMA = "convoy.sweep/1"
@@ -31,7 +31,7 @@ class SweptRun:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FigureSpread:
-    """A figure over the seeds of a cell, of the `known` runs that have it; None without any."""
+    """A figure over the seeds of a cell, from the `known` runs that have it."""
 
     known: int
     median: float | None = None
@@ -43,7 +43,7 @@ class FigureSpread:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitShare:
-    """How many runs of a cell broke a limit, with Wilson's interval of 95 % of the share."""
+    """Number of runs of a cell that broke a limit, and the share's Wilson interval of 95 %."""
 
     broken: int
     ratio: float | None
@@ -53,7 +53,7 @@ class LimitShare:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweptCell:
-    """The runs of one cell; those that raised an error count nowhere but in `errors`.
+    """The runs of one cell; those that raised an error count in `errors` only.
 
     `failed` are those that did not end as planned, by limits in the scenario or by a fault. `worst`
     is the run with the worst first figure.
@@ -77,7 +77,6 @@ class SweepTable:
 
     @property
     def errors(self) -> int:
-        """How many runs raised an error."""
         return sum(cell.errors for cell in self.cells)
 
     @property
@@ -86,11 +85,9 @@ class SweepTable:
         return max((cell.worst for cell in self.cells), key=_badness(self.plan.figures[0]))
 
     def rows(self) -> list[Row]:
-        """A row for each cell."""
         return [self._row(cell) for cell in self.cells]
 
     def run_rows(self) -> list[Row]:
-        """A row for each run."""
         return [self._run_row(run) for cell in self.cells for run in cell.runs]
 
     def _keys(self, values: Sequence[str]) -> Row:
@@ -123,7 +120,7 @@ class SweepTable:
 
 
 def table_of(plan: SweepPlan, entries: Mapping[str, Mapping[str, Any]]) -> SweepTable:
-    """Sum up what the journal has of all runs; their order there does not matter."""
+    """Sum up the journal's entries of all runs, in any order."""
     found = []
     for place, cell in enumerate(plan.cells):
         values = tuple(override.partition("=")[2] for override in cell)
@@ -151,7 +148,7 @@ def _run(values: tuple[str, ...], seed: int, command: str, entry: Mapping[str, A
 def _cell(
     values: tuple[str, ...],
     runs: Sequence[SweptRun],
-    figures: Sequence[AskedFigure],
+    figures: Sequence[SweepFigure],
     limits: Sequence[Limit],
 ) -> SweptCell:
     sound = [run for run in runs if not run.error]
@@ -166,8 +163,8 @@ def _cell(
     )
 
 
-def _badness(figure: AskedFigure) -> Callable[[SweptRun], float]:
-    """How bad a run is by a figure; of equal ones `max` takes the one with the smallest seed."""
+def _badness(figure: SweepFigure) -> Callable[[SweptRun], float]:
+    """Severity of a run by a figure; of equal runs `max` takes the one with the smallest seed."""
     sign = -1.0 if figure.is_worst_when_least else 1.0
 
     def bad(run: SweptRun) -> float:
@@ -178,7 +175,7 @@ def _badness(figure: AskedFigure) -> Callable[[SweptRun], float]:
 
 
 def _spread(values: Sequence[float | None]) -> FigureSpread:
-    """Quantiles between the values where none is at their place, as numpy's by default."""
+    """Quantiles, interpolated as numpy does by default."""
     known = [value for value in values if value is not None]
     if not known:
         return FigureSpread(known=0)
@@ -200,7 +197,6 @@ def _share(broken: Sequence[bool]) -> LimitShare:
 
 
 def machine_readable(table: SweepTable) -> dict[str, object]:
-    """The question, and each cell with its runs, as JSON has it."""
     cells = [_cell_content(table, cell) for cell in table.cells]
     return {"schema": SCHEMA, "asked": table.plan.identity(), "cells": cells}
 
@@ -232,7 +228,7 @@ def _cell_content(table: SweepTable, cell: SweptCell) -> dict[str, object]:
 
 
 def typed_rows(table: SweepTable, rows: Sequence[Row]) -> list[Row]:
-    """Rows in which the values of keys that are numbers are such and not texts."""
+    """Convert the texts of numeric keys to numbers."""
     numbers = {axis.key for axis in table.plan.axes if axis.numbers}
     return [
         {name: float(value) if name in numbers else value for name, value in row.items()}

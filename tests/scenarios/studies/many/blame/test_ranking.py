@@ -13,7 +13,7 @@ from scenarios.definition.limits.limit import Limit
 from scenarios.studies.engine.job import Job
 from scenarios.studies.many.blame.imposed import LossFree
 from scenarios.studies.many.blame.losses import Burst, Losses, LostMessage, bursts_of, moments_of
-from scenarios.studies.many.blame.ranking import Blamed, losses_of, ranked, try_alone
+from scenarios.studies.many.blame.ranking import Attribution, losses_of, ranked, try_alone
 from scenarios.studies.many.blame.rerun import BlameAnswer, BlameQuestion
 from scenarios.studies.many.blame.shrinking import SmallestSet, shrunk
 from scenarios.studies.many.blame.trials import Trials
@@ -63,7 +63,7 @@ HARMLESS = [one for number in range(0, 600, 6) for one in lost("v2", number, 1)]
 
 def found(
     error_of: ErrorOf, messages: list[LostMessage], **how: int
-) -> tuple[list[Blamed], SmallestSet, Trials]:
+) -> tuple[list[Attribution], SmallestSet, Trials]:
     trials, bursts = trials_of(error_of, **how), bursts_of(messages)
     whole = error_of(losses_of(bursts))
     rows = ranked(trials, bursts, answer(whole), whole - error_of(frozenset()))
