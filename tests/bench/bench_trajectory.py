@@ -22,9 +22,10 @@ from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.steering import SlipCompensated
 from vehicles.driver.tracking import track
 from vehicles.geometry import arc_spline
+from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.samples import Window
 from vehicles.preview.trace import Trace
-from vehicles.preview.trajectory import Fit, FitSettings, fit_composite
+from vehicles.preview.trajectory import Fit, fit_composite
 
 SHAPES = {
     "line": [(0.0, 32.0)],

@@ -30,9 +30,9 @@ from vehicles.driver.speed import VehiclesAhead
 from vehicles.driver.steering import LateralController, SteeringCommand
 from vehicles.driver.tracking import PathBehind, Rejoining, TrackingErrors, track
 from vehicles.messages import Mode
-from vehicles.preview.curve_fit import TELLING
+from vehicles.preview.curve_fit import TELLING, FitSettings
 from vehicles.preview.samples import Window
-from vehicles.preview.trajectory import Fit, FitSettings, Fusion, fuse
+from vehicles.preview.trajectory import Fit, Fusion, fuse
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import MILLISECOND, SECOND, Cadence, Timer
 

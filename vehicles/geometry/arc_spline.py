@@ -63,6 +63,25 @@ def on_arc(start: Place, curvature: float, station: float) -> PathPoint:
     )
 
 
+def on_clothoid(start: Place, curvature: float, rate: float, station: float) -> PathPoint:
+    """Point `station` (m) along the clothoid (or arc) that leaves `start`.
+
+    Its `curvature` (1/m) at the start grows by `rate` (1/m²). By `clothoid_chord`; the paper has
+    arcs only (Section III-A).
+    """
+    if rate == 0.0:
+        return on_arc(start, curvature, station)
+    east, north, yaw = start
+    ahead, left = clothoid_chord(curvature, rate, station)
+    forward, aside = cos(yaw), sin(yaw)
+    return PathPoint(
+        east + ahead * forward - left * aside,
+        north + ahead * aside + left * forward,
+        wrap_angle(yaw + station * (curvature + 0.5 * rate * station)),
+        curvature + rate * station,
+    )
+
+
 def along_arc(start: Place, kappa: float, east: float, north: float) -> float:
     """Station (m) of `near_arc` (Section III-B), without the rest of the foot."""
     start_east, start_north, yaw = start
@@ -114,17 +133,11 @@ class Piece:
 
         By the chord of the arc in between (Section III-A has the shape, not the formula).
         """
+        start = (self.east, self.north, self.yaw)
         if self.rate == 0.0:
-            return on_arc((self.east, self.north, self.yaw), self.curvature, station)
+            return on_arc(start, self.curvature, station)
         within = min(max(station, 0.0), self.length)
-        ahead, left = clothoid_chord(self.curvature, self.rate, within)
-        forward, aside = cos(self.yaw), sin(self.yaw)
-        point = PathPoint(
-            self.east + ahead * forward - left * aside,
-            self.north + ahead * aside + left * forward,
-            wrap_angle(self.yaw + within * (self.curvature + 0.5 * self.rate * within)),
-            self.curvature + self.rate * within,
-        )
+        point = on_clothoid(start, self.curvature, self.rate, within)
         if within == station:
             return point
         return on_arc((point.east, point.north, point.yaw), point.curvature, station - within)

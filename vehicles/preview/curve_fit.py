@@ -1,11 +1,12 @@
 """The curve that explains a set of samples: line, arc, clothoid, two of line and arc, or a mean.
 
-The paper tells line from arc by the longest prefix within 10 cm of its chord. A 15 m chord of a
-300 m arc passes that test, so the choice is made here on all samples at once: each unknown more
-has to pay for itself in squared residuals, measured against the noise. Curves that explain them
-about as well are averaged, each with the weight of its evidence (Akaike weights: K. P. Burnham,
-D. R. Anderson, "Model selection and multimodel inference", 2002, Section 2.9). So the curve moves
-from one shape to another while samples come and go, where a choice would make the command jump.
+The paper distinguishes line and arc by the longest prefix within 10 cm of its chord. A 15 m chord
+of a 300 m arc passes that test, so the choice is made here on all samples at once: each further
+unknown must reduce the squared residuals by a price, measured against the noise. Curves that
+explain the samples about as well are averaged, each with the weight of its evidence (Akaike
+weights: K. P. Burnham, D. R. Anderson, "Model selection and multimodel inference", 2002, Section
+2.9). So the curve moves from one shape to another while samples come and go, where a choice would
+make the command jump.
 """
 
 from bisect import bisect_left, bisect_right
@@ -37,22 +38,26 @@ from vehicles.preview.laying import between, laid
 
 Floats = NDArray[np.float64]
 Trajectory = Literal["fitted", "paper", "paper_prefix"]
-"""How a trajectory is made: by this module, or by the paper's own rules (`paper_recipe`)."""
+"""Origin of a trajectory: this module, or the paper's own rules (`paper_recipe`)."""
 STRAYING: Final = 0.5
 """Drift from an arc or a clothoid, in units of noise times the root of the number of samples, below
-which no further shape is tried. Half of all lines and arcs stay below."""
+which no further shape is tried. Half of all lines and arcs stay below.
+"""
 
 UNLIKE: Final = 3.0
-"""Variance from an arc or a clothoid, in that of the noise, from which on it is tried without
-asking where the samples drift to. Noise alone is above that once in 1e8 times with 40 samples."""
+"""Variance from an arc or a clothoid, in that of the noise, from which on the next shape is tried
+without the test for drift. Noise alone exceeds it once in 1e8 times with 40 samples.
+"""
 TELLING: Final = 8.0
-"""Weight of the samples, each one's being one, from which on their residuals say how good they are:
-an arc leaves five of them then."""
+"""Weight of the samples, each one's being one, from which on their residuals measure the noise: an
+arc then leaves five degrees of freedom.
+"""
 FEW: Final = 4.0
-"""Weight of samples up to which a bend must explain more: an arc leaves one of four."""
+"""Weight of samples up to which a bend must explain more: an arc leaves one degree of freedom."""
 POOR: Final = 2.0
-"""Scatter, in tolerances, from which on the samples are taken for those of poor receivers. Two good
-ones that drive a few decimetres beside one another scatter by less."""
+"""Scatter, in tolerances, from which on receivers count as poor. Two good ones a few decimetres
+apart scatter by less.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,20 +65,20 @@ class FitSettings:
     """Constants of the fit (s, m): Section III-A names the preview time and the tolerance.
 
     Samples count up to `preview_time` times the speed ahead, at least `preview_min` (the paper's
-    0.8 s), and `behind_time` times the speed behind, at least `behind_min`. A street corner is
-    entered over 5 to 8 m: the more of it and of the straight before it are seen at once, the less
-    one shape explains them. `tolerance` is the paper's 10 cm: a sample further off is a jump, or is
-    not explained. `position_noise` is what a sample is assumed to be off by (RTK, 2 cm); smaller
-    residuals lower that, down to `noise_floor`. An arc instead of a line must lower the sum of
-    squared residuals by `evidence` times the noise squared, a clothoid by `rate_evidence`, a join
-    of line and arc by `join_evidence`, one of two arcs by another `arcs_evidence`; of few samples
-    each asks `few_evidence` more. By what it is short of, divided by twice the `temperature`, a
-    curve loses weight exponentially; one with less than `ignored` times the weight of the best
-    counts nothing. A join is sought at some of `joins` places, each piece being at least
-    `piece_min` long and `piece_ratio` of the whole; the best is refined in up to `passes`.
-    `span_min` is the least travel that has a direction.
+    0.8 s), and `behind_time` times the speed behind, at least `behind_min`. A street corner begins
+    over 5 to 8 m: the more of it and of the straight before it is in the window, the less one shape
+    explains them. `tolerance` is the paper's 10 cm: a sample further off is a jump, or is not
+    explained. `position_noise` is the assumed error of a sample (RTK, 2 cm); smaller residuals
+    lower it, down to `noise_floor`. An arc instead of a line must lower the sum of squared
+    residuals by `evidence` times the noise squared, a clothoid by `rate_evidence`, a join of line
+    and arc by `join_evidence`, one of two arcs by another `arcs_evidence`; with few samples each
+    needs `few_evidence` more. A curve loses weight exponentially with its shortfall divided by
+    twice the `temperature`; one with less than `ignored` times the weight of the best counts
+    nothing. A join is sought at some of `joins` places, each piece being at least `piece_min` long
+    and `piece_ratio` of the whole; the best is refined in up to `passes`. `span_min` is the least
+    travel that has a direction.
 
-    `trajectory` says who fits; the paper's own rules know preview time, tolerance and `span_min`.
+    `trajectory` selects the fit; the paper's own rules use preview time, tolerance and `span_min`.
     """
 
     preview_time: float = 0.8
@@ -98,25 +103,25 @@ class FitSettings:
     trajectory: Trajectory = "fitted"
 
     def price_of_join(self, freedom: int) -> float:
-        """How much squared residual, in noise squared, a join and so many unknowns must explain.
+        """Squared residual, in noise squared, that a join and its unknowns must explain.
 
-        Akaike's criterion asks 2 for each; a join's place may be anywhere, and asks more.
+        Akaike's criterion charges 2 for each; the free place of a join costs more.
         """
         return self.join_evidence if freedom == 4 else self.join_evidence + self.arcs_evidence
 
     def with_stated_noise(self) -> "FitSettings":
-        """Give those for samples whose residuals say nothing of the noise: it is as stated.
+        """Settings for samples whose residuals do not measure the noise: it is as stated.
 
-        Beyond Section III-A. Guessed points (a bridge over what was lost) lie on a smooth curve,
-        and a few samples may by chance: the noise would be taken for less than a millimetre, and
-        that of the others for a shape.
+        Beyond Section III-A. Guessed points (a bridge over a hole) lie on a smooth curve, and a few
+        samples may by chance: the estimated noise would be below a millimetre, and that of the
+        others would pass for a shape.
         """
         return replace(self, noise_floor=self.position_noise)
 
     def wary(self) -> "FitSettings":
-        """Give those for few samples: a bend of Section III-A must explain `few_evidence` more.
+        """Settings for few samples: a bend of Section III-A must explain `few_evidence` more.
 
-        One that they make by chance is driven on for as long as nothing more is heard.
+        A bend made by chance is followed until further samples arrive.
         """
         return replace(
             self.with_stated_noise(),
@@ -126,15 +131,15 @@ class FitSettings:
         )
 
     def straight(self) -> "FitSettings":
-        """Give those for samples too few to tell a bend of Section III-A from noise: for a line."""
+        """Settings for samples too few for a bend of Section III-A: a line."""
         stated = self.with_stated_noise()
         return replace(stated, evidence=inf, rate_evidence=inf, join_evidence=inf)
 
     @property
     def reach(self) -> float:
-        """By how much, in noise squared, a curve may score worse than the best and still count.
+        """Excess of a curve's score over the best, in noise squared, up to which it counts.
 
-        Where its Akaike weight is `ignored` times that of the best.
+        Its Akaike weight there is `ignored` times that of the best.
         """
         return 2.0 * self.temperature * log(1.0 / self.ignored)
 
@@ -143,7 +148,7 @@ class FitSettings:
         return max(self.preview_min, self.preview_time * speed)
 
     def behind(self, speed: float) -> float:
-        """How far behind the ego samples count (m) at `speed` (m/s); in Section III-A none do."""
+        """Distance (m) behind the ego of samples that count at `speed` (m/s); 0 in the paper."""
         if self.trajectory != "fitted":
             return 0.0
         return max(self.behind_min, self.behind_time * speed)
@@ -215,7 +220,7 @@ def _explaining(data: FitData, settings: FitSettings) -> LocalCurve | None:
 
 
 def _scores(graphs: list[Graph], noise: float, settings: FitSettings) -> list[float]:
-    """What line, arc and clothoid leave and cost (m²), the least being the best explanation."""
+    """Residuals and price (m²) of line, arc and clothoid, the least being the best explanation."""
     scores = [graphs[0].distance, graphs[1].distance + settings.evidence * noise]
     if len(graphs) > 2:
         scores.append(graphs[2].distance + settings.rate_evidence * noise)
@@ -227,8 +232,8 @@ def _tried(
 ) -> tuple[list[Graph], BestJoined | None, float] | None:
     """Curves that may explain the samples and the variance of the noise (m²), if the best does.
 
-    Line and arc, and where the samples drift from the arc the clothoid, and where they drift from
-    that, too, the best curve with a join.
+    Line and arc; where the samples drift from the arc also the clothoid, and where they drift from
+    that the best curve with a join.
     """
     through = centred(data)
     arc = None if through is None else best_arc(data, through)
@@ -263,7 +268,7 @@ def _tried(
 
 
 def _scatter(arc: Graph, data: FitData) -> float:
-    """Variance of the noise (m²) by the differences between neighbours, whatever the shape is.
+    """Variance of the noise (m²) from the differences between neighbours, for any shape.
 
     J. von Neumann, "Distribution of the ratio of the mean square successive difference to the
     variance", Annals of Mathematical Statistics 12(4), 1941: large only if receivers are poorer
@@ -275,15 +280,15 @@ def _scatter(arc: Graph, data: FitData) -> float:
 
 
 def _variance(misfit: float, freedom: int, count: float, stated: float) -> float:
-    """Variance of the samples' distances (m²), if the curve is right; `stated` if they are few."""
+    """Variance of the samples' distances (m²), if the curve is right; `stated` for few samples."""
     spare = count - freedom
     return misfit / spare if spare >= 1.0 else stated
 
 
 def _noise(variance: float, least: float, stated: float) -> float:
-    """Variance of the noise (m²): as stated, or less, if a curve comes closer than that."""
-    held = variance if variance > least else least  # noqa: FURB136 - twice as fast as max
-    return held if held < stated else stated  # noqa: FURB136 - twice as fast as min
+    """Variance of the noise (m²), at most as stated."""
+    bounded = variance if variance > least else least  # noqa: FURB136 - twice as fast as max
+    return bounded if bounded < stated else stated  # noqa: FURB136 - twice as fast as min
 
 
 def _joined(
@@ -291,7 +296,7 @@ def _joined(
 ) -> BestJoined | None:
     """Try joins at samples, at least three samples away from both ends; one arc or two.
 
-    None if it would have no weight beside the curve whose score is `least` (m²).
+    None if it would have no weight against the curve whose score is `least` (m²).
     """
     stations: list[float] = data.station.tolist()
     first, last = stations[0], stations[-1]

@@ -1,4 +1,4 @@
-"""Least squares for line and arc, and what all shapes share (paper, Section III-A.1).
+"""Least squares for line and arc, and the sums that all shapes share (paper, Section III-A.1).
 
 One equation serves all. Through a point P with unit tangent u and normal n (left), the arc of
 curvature κ is the set of points q with
@@ -8,16 +8,15 @@ curvature κ is the set of points q with
 the paper's e(x, y) divided by −2R: exact for every circle, a line for κ = 0, and linear in offset,
 slope and κ once P is given. On the curve its gradient has length one, so E is the distance to first
 order, and the fit is not biased to small circles as one with e(x, y) itself is. Coordinates are
-centred at the samples and turned along them (far from the origin the paper's equations are
-ill-conditioned).
+centred at the samples and turned along them (far from the origin the paper's equations are ill-
+conditioned).
 
 A curvature that changes adds one more term (`fit_clothoid`), a join divides the samples in two
 (`fit_joined`).
 
-E is a combination of (x² + y², x, y, 1) for every κ, P and u. The sums of the products of these
-four, over all samples (`FitData.total`) and over the first k (`cumulated`), are therefore nearly
-all that is needed of the samples. All is elementwise arithmetic, so that no result depends on a
-linear-algebra library.
+E is a combination of (x² + y², x, y, 1) for every κ, P and u. So the fits need little more than the
+sums of the products of these four, over all samples (`FitData.total`) and over the first k
+(`cumulated`). All is elementwise arithmetic, so no result depends on a linear-algebra library.
 """
 
 from collections.abc import Sequence
@@ -35,7 +34,7 @@ Y: Final = 2
 ONE: Final = 3
 """Places of x² + y², x, y and 1 in `FitData`."""
 PAIRS = np.triu_indices(4)
-"""Rows of `FitData` whose products are different: every one with itself and those after it."""
+"""Rows of `FitData` with different products: each one with itself and those after it."""
 Factors = tuple[float, float, float, float]
 DETERMINED: Final = 1e-9
 """Relative spread below which the samples do not determine an unknown."""
@@ -78,7 +77,7 @@ class Centred:
     """Linear regression about the weighted mean: weight, means (m), xx (m²), slope, misfit (m²).
 
     Of x² + y², by which an arc (Section III-A) leaves the line: the sums with 1 and with x about
-    its mean (`square_one`, `square_x`), the sum with itself and what is left of that without 1, x.
+    its mean (`square_one`, `square_x`), the sum with itself, and its remainder without 1 and x.
     """
 
     weight: float
@@ -98,7 +97,7 @@ class Graph:
 
     Circle of Section III-A.1 in the local frame. With t from `fit_clothoid` its curvature changes;
     graphs may be averaged. `square` is that of the gradient of its equation, `distance` its misfit
-    in distances from it instead of in y (m²; J of eq. (5)).
+    in distances from it instead of in y (m²; J of eq. (5)), infinite for a graph that is no curve.
     """
 
     __slots__ = ("distance", "half", "misfit", "offset", "rate", "slope", "square")
@@ -106,7 +105,6 @@ class Graph:
     def __init__(
         self, offset: float, slope: float, half: float, rate: float, misfit: float
     ) -> None:
-        """Work out what is asked for several times; a graph that is no curve is at no distance."""
         self.offset, self.slope, self.half, self.rate = offset, slope, half, rate
         self.misfit = misfit
         square = self.square = 1.0 + slope * slope - 4.0 * half * offset
@@ -114,10 +112,10 @@ class Graph:
 
 
 def summed(away: Floats, ux: float, uy: float, station: Floats, weight: Floats | None) -> FitData:
-    """Add up the products of (x² + y², x, y, 1) along the samples: what eq. (5) expands to.
+    """Sum the products of (x² + y², x, y, 1) along the samples, into which eq. (5) expands.
 
-    `away` (m, shape (2, n)) is where they are from the local origin, east and north, and (ux, uy)
-    the direction of x there, of length one.
+    `away` (m, shape (2, n)) are the samples relative to the local origin, east and north, and (ux,
+    uy) the unit vector of x there.
     """
     rows = np.empty((4, len(station)))
     by_x, by_y = away * ux, away * uy
@@ -134,8 +132,8 @@ def summed(away: Floats, ux: float, uy: float, station: Floats, weight: Floats |
 def cumulated(data: FitData) -> Floats:
     """Sums as in `total` over the first k + 1 samples, for every k, shape (10, n).
 
-    What J of eq. (5) expands to for the samples before a join. `PAIRS` says which row is what: a
-    product does not depend on the order of its factors.
+    Into these J of eq. (5) expands for the samples before a join. `PAIRS` lists the two factors of
+    each row.
     """
     one, other = PAIRS
     return np.add.accumulate(data.weighted.take(one, 0) * data.rows.take(other, 0), 1)
@@ -174,11 +172,11 @@ def offsets(curve: LocalCurve, data: FitData) -> Floats:
 
 
 def cubic(along: Floats, square: Floats, half: float) -> Floats:
-    """How far a clothoid of rate 1 leaves its circle, of curvature 2 `half` (1/m): t, in m³.
+    """Distance of a clothoid of rate 1 from its circle, of curvature 2 `half` (1/m): t, in m³.
 
     `along` (m) is the distance along the tangent at P, `square` (m²) the squared distance from P.
-    On the circle at arc length s that is (κs − sin κs)/κ³, about s³/6, as a series in (κρ/2)²
-    where ρ is the chord (elementary algebra; the paper has arcs only).
+    On the circle at arc length s that is (κs − sin κs)/κ³, about s³/6, as a series in (κρ/2)² where
+    ρ is the chord (elementary algebra; the paper has arcs only).
     """
     bend = half * half
     series: Floats = square * (bend * bend * 9.0 / 336.0)
@@ -219,7 +217,7 @@ def centred(data: FitData) -> Centred | None:
 
 
 def best_line(line: Centred) -> Graph:
-    """Give the line of least squares (linear regression; Section III-A joins two samples)."""
+    """The line of least squares (linear regression; Section III-A joins two samples)."""
     return Graph(line.mean_y - line.slope * line.mean_x, line.slope, 0.0, 0.0, line.misfit)
 
 
@@ -227,7 +225,7 @@ def best_arc(data: FitData, line: Centred) -> Graph | None:
     """Fit the arc of least squares; None unless three distinct samples determine it.
 
     Minimises J of eq. (5) with e divided by −2R, times the gradient of the graph: three linear
-    equations, as Section III-A.1 says.
+    equations, as in Section III-A.1.
     """
     spread, square_one, square_x = line.spread, line.square_one, line.square_x
     if not spread > DETERMINED * line.square:
@@ -241,16 +239,16 @@ def best_arc(data: FitData, line: Centred) -> Graph | None:
 
 
 def largest(values: Floats) -> float:
-    """Largest of the sizes of some values, as of the distances in eq. (5)."""
+    """Largest absolute value."""
     sizes = np.abs(values)
     found: float = sizes.item(sizes.argmax())
     return found
 
 
 def drift(graph: Graph, column: Floats | None, data: FitData) -> float:
-    """How far the distances from a graph add up (m, weighted), at most, along the samples.
+    """Largest cumulative sum of the distances from a graph along the samples (m, weighted).
 
-    Those of noise alone cancel out sooner than those of a curve of another shape (CUSUM statistic).
+    The distances of noise cancel sooner than those of a curve of another shape (CUSUM statistic).
     `column` is that of the rate, if there is one.
     """
     rows = data.rows

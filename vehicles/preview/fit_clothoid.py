@@ -1,7 +1,7 @@
 """Least squares for a curve whose curvature changes evenly: a clothoid.
 
 The arc of `fit_arc` and one more linear unknown, the rate of the curvature: the graph gains a term
-that is the clothoid's way off the arc, to first order in the rate and exact in the curvature.
+that is the clothoid's distance from the arc, to first order in the rate and exact in the curvature.
 """
 
 from typing import Final, NamedTuple
@@ -20,11 +20,13 @@ from vehicles.preview.fit_arc import (
 )
 
 RATE_MOST: Final = 0.06
-"""Largest rate of curvature (1/m²) that is taken from samples: at 3 m/s a car of 2.85 m wheelbase
-then turns its wheels by half a radian a second."""
+"""Largest rate of curvature (1/m²) that is fitted: at 3 m/s a car of 2.85 m wheelbase then turns
+its wheels by half a radian a second.
+"""
 TURN_MOST: Final = 2.2
-"""Samples that turn by more than this (rad) from first to last are not taken for a clothoid: the
-series of its way off the arc ends at the sixth power of a quarter of that."""
+"""Turn (rad) from first to last sample above which no clothoid is fitted: the series of its
+distance from the arc ends at the sixth power of a quarter of that.
+"""
 
 
 class Clothoid(NamedTuple):
@@ -37,9 +39,9 @@ class Clothoid(NamedTuple):
 def best_clothoid(data: FitData, line: Centred, arc: Graph) -> Clothoid | None:
     """Fit the clothoid of least squares to samples of which the best arc is known.
 
-    One more column in the linear regression of the arc (eq. (5)), its way off the arc measured from
-    the local origin, which the arc passes within the noise of a sample. None where the samples do
-    not determine it, or turn too far for it; a rate beyond `RATE_MOST` is taken as that.
+    One more column in the linear regression of the arc (eq. (5)), its distance from the arc
+    measured from the local origin, which the arc passes within the noise of a sample. None where
+    the samples do not determine it, or turn too far for it; the rate is limited to `RATE_MOST`.
     """
     if not abs(2.0 * arc.half) * (data.station.item(-1) - data.station.item(0)) < TURN_MOST:
         return None

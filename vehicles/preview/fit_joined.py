@@ -3,7 +3,8 @@
 Given the join P on the curve, all three are linear in offset, slope and curvatures: the equation of
 the arc (see `fit_arc`) with a curvature on either side. So only the place of the join is sought: at
 some of the samples, uphill from those in the middle, and from the best of them by parabolas through
-what the joins explain. All is plain arithmetic on the sums of products up to a join.
+the squared residuals that the joins explain. All is plain arithmetic on the sums of products up to
+a join.
 """
 
 from bisect import bisect_right
@@ -15,31 +16,33 @@ from typing import Final, NamedTuple
 from vehicles.preview.fit_arc import DETERMINED, Centred, FitData, LocalCurve, X, Y, cumulated
 
 LITTLE: Final = 0.05
-"""A join is not moved again unless that is foretold to explain so much of the noise squared more:
-off by its standard error it explains less by one."""
+"""Predicted improvement, in noise squared, below which a join is not moved again: a join off by its
+standard error explains one less.
+"""
 SURPRISE: Final = 2.0
-"""By so much of the noise squared a join may come to explain more than the parabola foretold. One
-that would still not count then is left alone."""
+"""Improvement, in noise squared, that a join may gain over the parabola's prediction. A join that
+would not count even then is not refined.
+"""
 TINY: Final = 1e-30
-"""Keeps an undetermined curvature from being zero by zero."""
+"""Avoids zero by zero for an undetermined curvature."""
 AFTER: Final = 0
 BEFORE: Final = 1
 BOTH: Final = 2
-"""Which side of the join is an arc."""
+"""The side of the join that is an arc."""
 
 Column = tuple[float, float, float, float]
 Place = tuple[float, float, float]
-"""Factors of x, y and 1 in |q − P|², beside x² + y²."""
+"""Factors of x, y and 1 in |q − P|², next to x² + y²."""
 
 
 @dataclass(slots=True)
 class Joined:
     """Two pieces with a join between, each linear least squares for the join (Section III-A).
 
-    At the `station` and the place (x, y) (m). For `AFTER`, `BEFORE` and `BOTH`: by how much they
-    lower the line's squared residuals (`gains`, m²). `halves` (1/m) are half the curvatures of
-    `BEFORE` and of `AFTER`, and those of `BOTH` before and after the join. `shares` are what 1 and
-    x, both normed, have of the column before the join, and of that after it.
+    At the `station` and the place (x, y) (m). For `AFTER`, `BEFORE` and `BOTH`: the reduction of
+    the line's squared residuals (`gains`, m²). `halves` (1/m) are half the curvatures of `BEFORE`
+    and of `AFTER`, and those of `BOTH` before and after the join. `shares` are the components along
+    1 and x, both normed, of the column before the join, and of that after it.
     """
 
     station: float
@@ -62,7 +65,12 @@ class BestJoined(NamedTuple):
 
 
 class Search:
-    """Looks for the best join; a change of curvature of Section III-A, anywhere in the samples."""
+    """Search for the best join: a change of curvature of Section III-A, anywhere in the samples.
+
+    `stations` (m) are those of `data`, `line` is that of least squares through the samples. Two
+    arcs have to lower the sum of squared residuals by `evidence` times the noise squared more than
+    one; the noise is estimated from their residuals, within the bounds `noise` (m²).
+    """
 
     def __init__(
         self,
@@ -72,13 +80,8 @@ class Search:
         noise: tuple[float, float],
         evidence: float,
     ) -> None:
-        """`stations` (m) are those of `data`, `line` is that of least squares through the samples.
-
-        Two arcs have to lower the sum of squared residuals by `evidence` times the noise squared
-        more than one; that is what they leave, held within `noise` (m²).
-        """
-        self._least, self.noise = noise
-        self._most, self._evidence = self.noise, evidence
+        self._least, self._most = noise
+        self.noise, self._evidence = self._most, evidence
         self._data, self._line, self._sums = data, line, cumulated(data)
         self._total = self._sums[:, -1].tolist()
         self._stations = stations
@@ -88,7 +91,7 @@ class Search:
     def climb(self, places: Sequence[int]) -> tuple[list[Joined], Joined, int]:
         """Best join of Section III-A at samples, up to three around it in order, and its side.
 
-        Tried are the samples `places` from the middle on to where the join explains most.
+        Tries the samples `places` from the middle on to the join that explains most.
         """
         begin, end = max(len(places) // 2 - 1, 0), len(places) // 2 + 2
         tried = [self.at_sample(place) for place in places[begin:end]]
@@ -108,21 +111,22 @@ class Search:
         return tried[first : first + 3], tried[place], side
 
     def side(self, gains: Sequence[float]) -> int:
-        """Side of the join that is best taken for an arc, by what each explains (Section III-A)."""
+        """Side of the join that is best taken for an arc, by the gains of each (Section III-A)."""
         line = self._line
         left = (line.misfit - gains[BOTH]) / max(line.weight - 5.0, 1.0)
-        held = left if left > self._least else self._least  # noqa: FURB136 - twice as fast as max
-        self.noise = held if held < self._most else self._most  # noqa: FURB136 - as min
+        least, most = self._least, self._most
+        left = left if left > least else least  # noqa: FURB136 - twice as fast as max
+        self.noise = left if left < most else most  # noqa: FURB136 - twice as fast as min
         side = AFTER if gains[AFTER] >= gains[BEFORE] else BEFORE
         return BOTH if gains[BOTH] - self._evidence * self.noise > gains[side] else side
 
     def left(self, gain: float, side: int) -> float:
-        """Misfit (m², J of eq. (5)) at least left by a join that is foretold to explain `gain`.
+        """Least misfit (m², J of eq. (5)) left by a join whose predicted gain is `gain`.
 
         Two arcs are charged what they cost more than one.
         """
-        dearer = self._evidence * self.noise if side == BOTH else 0.0
-        return self._line.misfit - gain + dearer - SURPRISE * self._most
+        extra = self._evidence * self.noise if side == BOTH else 0.0
+        return self._line.misfit - gain + extra - SURPRISE * self._most
 
     def at_sample(self, index: int) -> Joined:
         """Fit two pieces that join at a sample: linear least squares as in Section III-A.1."""
@@ -144,7 +148,7 @@ class Search:
         return self._at(split, station, x, y)
 
     def _at(self, split: int, station: float, x: float, y: float) -> Joined:
-        """Fit two pieces that join beside (x, y), the first `split` samples before that."""
+        """Fit two pieces that join next to (x, y), after the first `split` samples."""
         place = -2.0 * x, -2.0 * y, x * x + y * y
         one, along, cross, square = self._column(self._sums[:, split - 1].tolist(), place)
         later_one, later_along, later_cross, later_square = self._column(self._total, place)
@@ -190,11 +194,11 @@ class Search:
         )
 
     def found(self, joined: Joined, side: int) -> BestJoined:
-        """Give two pieces as a curve of the local frame (elementary algebra).
+        """Two pieces as a curve of the local frame (elementary algebra).
 
-        What was taken for P lies d to the left of the tangent, by the noise of a sample. Its foot
-        is P: there the equations of both sides have one direction, and gradients that differ from
-        that of the tangent by twice the half curvature times d.
+        The assumed P lies d to the left of the tangent, by the noise of a sample. Its foot is P:
+        there the equations of both sides have one direction, and gradients that differ from that of
+        the tangent by twice the half curvature times d.
         """
         mean_x, mean_y, line_slope, norm_one, norm_x = self._about
         half, later_half, both, later_both = joined.halves
@@ -227,15 +231,15 @@ def best_joined(
 ) -> BestJoined | None:
     """Best line→arc or arc→line with its join at one of the samples `places`, or best two arcs.
 
-    The join then moves in up to `passes` to where a parabola through what the best three explain is
-    highest, but stays between the stations `within`. None where that is not foretold to leave as
-    little as `counting` (m²), which is what one arc may leave and still count. Section III-A splits
-    off the longest straight prefix instead.
+    The join then moves in up to `passes` to the maximum of a parabola through the gains of the best
+    three, but stays between the stations `within`. None where its predicted misfit exceeds
+    `counting` (m²), which one arc may leave and still count. Section III-A splits off the longest
+    straight prefix instead.
     """
     three, best, side = search.climb(places)
     top = _top(three, side, within)
-    foretold = best.gains[side] if top is None else max(best.gains[side], top[1])
-    if search.left(foretold, side) > counting:
+    predicted = best.gains[side] if top is None else max(best.gains[side], top[1])
+    if search.left(predicted, side) > counting:
         return None
     for _ in range(passes):
         if top is None:
@@ -263,7 +267,7 @@ def _nearest(station: float, three: list[Joined], moved: Joined) -> list[Joined]
 
 
 def _top(three: list[Joined], side: int, within: tuple[float, float]) -> tuple[float, float] | None:
-    """Station (m) where the parabola through what three joins explain is highest, and how high.
+    """Station (m) and height of the maximum of the parabola through the gains of three joins.
 
     Between the two stations `within`. None if there is no such place, or no three.
     """

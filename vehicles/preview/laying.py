@@ -1,4 +1,4 @@
-"""The mean of two curves of the local frame, and a curve laid in the world."""
+"""The mean of two curves of the local frame, and a curve placed in the world."""
 
 from math import atan2, cos, sin
 
@@ -7,9 +7,8 @@ from vehicles.geometry.arc_spline import (
     Piece,
     Place,
     along_arc,
-    clothoid_chord,
     near_arc,
-    on_arc,
+    on_clothoid,
 )
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.preview.fit_arc import FitData, LocalCurve, X, Y
@@ -19,7 +18,7 @@ Frame = tuple[float, float, float, float]
 
 
 def laid(curve: LocalCurve, data: FitData, frame: Frame) -> ArcSpline:
-    """Lay a curve in the world, from the first sample's projection to the last one's.
+    """Place a curve in the world, from the first sample's projection to the last one's.
 
     The arc spline of Section III-A.
     """
@@ -46,8 +45,8 @@ def laid(curve: LocalCurve, data: FitData, frame: Frame) -> ArcSpline:
 def between(one: LocalCurve, joined: LocalCurve, share: float, data: FitData) -> LocalCurve:
     """Mean of a curve of one piece and one of two, `share` being that of the second.
 
-    Place and direction are means beside the sample that is nearest to the ego, curvatures
-    all along, so the curve does not jump where another explains the samples better.
+    Place and direction are means at the sample nearest to the ego, curvatures all along, so the
+    curve does not jump where another explains the samples better.
     """
     nearest = min(int(data.station.searchsorted(0.0)), len(data.station) - 1)
     x, y = data.rows.item(X, nearest), data.rows.item(Y, nearest)
@@ -66,7 +65,7 @@ def between(one: LocalCurve, joined: LocalCurve, share: float, data: FitData) ->
 def _foot(curve: LocalCurve, x: float, y: float) -> Place:
     """Station (m) from the curve's P, offset (m) and direction (rad) of the projection of (x, y).
 
-    On a clothoid by two steps of Newton's method, each to the circle that hugs it.
+    On a clothoid by two steps of Newton's method, each to the osculating circle.
     """
     place = curve.x, curve.y, curve.angle
     foot = near_arc(place, curve.after, x, y)
@@ -81,15 +80,5 @@ def _foot(curve: LocalCurve, x: float, y: float) -> Place:
 
 
 def _on(start: Place, curvature: float, rate: float, station: float) -> Place:
-    """Place `station` (m) along a curve that has `curvature` (1/m) at `start`."""
-    if rate == 0.0:
-        point = on_arc(start, curvature, station)
-        return point.east, point.north, point.yaw
-    east, north, yaw = start
-    ahead, left = clothoid_chord(curvature, rate, station)
-    forward, aside = cos(yaw), sin(yaw)
-    return (
-        east + ahead * forward - left * aside,
-        north + ahead * aside + left * forward,
-        wrap_angle(yaw + station * (curvature + 0.5 * rate * station)),
-    )
+    point = on_clothoid(start, curvature, rate, station)
+    return point.east, point.north, point.yaw

@@ -15,9 +15,9 @@ _sum = np.add.reduce
 TELLING_SHARE: Final = 0.25
 """A jump is a sample without which the squared residuals fall by at least this share."""
 JUMPS_MOST: Final = 3
-"""Number of samples that are tried one by one."""
+"""Number of samples that are tested one by one."""
 LEAST_LEFT: Final = 0.6
-"""Share of the samples that has to be left."""
+"""Share of the samples that must remain."""
 FAR_RATIO: Final = 4.0
 """Ratio to the median distance beyond which a sample is far from the curve."""
 
@@ -25,7 +25,7 @@ FAR_RATIO: Final = 4.0
 def without_jumps(
     east: Floats, north: Floats, station: Floats, offsets: Floats, tolerance: float
 ) -> NDArray[np.bool_] | None:
-    """Choose the samples to keep (True) when some `offsets` from a fit exceed `tolerance` (m).
+    """Select the samples to keep (True) when some `offsets` from a fit exceed `tolerance` (m).
 
     None if no sample stands out. A single jump displaces the curve, most of all at the end, so it
     need not be the sample that is furthest off: samples are left out one by one, each the one

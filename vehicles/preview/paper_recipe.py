@@ -3,12 +3,12 @@
 Section III-B joins the first and the last sample of the preview by a line L; if no sample is 10 cm
 from it the trajectory is straight, else the circle that minimises J of eq. (5). Section III-A has
 another rule, which keeps the longest straight prefix and fits the circle to the rest; it swallows
-arcs. Both are here to be held against `curve_fit`, which a convoy had better follow.
+arcs. Both serve for comparison with `curve_fit`.
 
-Departures, each because the recipe cannot be followed to the letter: samples come in order of
-travel, the samples are centred, turned along L and scaled before the sums (far from the origin the
-three linear equations are ill-conditioned), the circle has a sign, and the heading is that of the
-line or circle fitted, not of the closest and the second closest sample, which can lie side by side.
+Departures where the recipe cannot be followed to the letter: samples come in order of travel, the
+samples are centred, turned along L and scaled before the sums (far from the origin the three linear
+equations are ill-conditioned), the circle has a sign, and the heading is that of the line or circle
+fitted, not of the closest and the second closest sample, which can lie side by side.
 """
 
 from math import atan2, cos, hypot, inf, sin, sqrt
@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 _sum = np.add.reduce
 
 PREFIX_LEAST = 3
-"""The k ≥ 3 of Section III-A: so many samples make a straight prefix at least."""
+"""The k ≥ 3 of Section III-A: least number of samples of a straight prefix."""
 DETERMINED = 1e-12
 """Share of the squared spread below which the samples do not determine a circle."""
 
@@ -82,7 +82,7 @@ def circle_of_least_squares(
     """Centre and radius (X_c, Y_c, R) (m) that minimise J of eq. (5); None if undetermined.
 
     Three linear equations in X_c, Y_c and R² − X_c² − Y_c² (Section III-A.1). About the weighted
-    mean the third one stands alone, so two are left; lengths are divided by the samples' spread.
+    mean the third one is independent, so two are left; lengths are divided by the samples' spread.
     """
     total = float(_sum(weight))
     mean_x, mean_y = float(_sum(weight * x)) / total, float(_sum(weight * y)) / total
@@ -105,7 +105,7 @@ def circle_of_least_squares(
 
 
 def _line(x: Floats, y: Floats, weight: Floats) -> tuple[Piece, ...]:
-    """Give the line of least squares, from the first sample's foot to the last one's."""
+    """The line of least squares, from the first sample's foot to the last one's."""
     total = float(_sum(weight))
     mean_x, mean_y = float(_sum(weight * x)) / total, float(_sum(weight * y)) / total
     dx = x - mean_x
@@ -116,10 +116,10 @@ def _line(x: Floats, y: Floats, weight: Floats) -> tuple[Piece, ...]:
 
 
 def _circle(x: Floats, y: Floats, weight: Floats) -> tuple[Piece, ...]:
-    """Give the circle of eq. (5), run through in the direction of travel; a line if undetermined.
+    """The circle of eq. (5) in the direction of travel; a line if undetermined.
 
-    The chord of an arc of any extent has the direction of the tangent at its middle: that tells
-    left turns from right ones.
+    The chord of an arc of any extent has the direction of the tangent at its middle, which
+    distinguishes left turns from right ones.
     """
     found = circle_of_least_squares(x, y, weight)
     if found is None:
@@ -143,7 +143,7 @@ def _circle(x: Floats, y: Floats, weight: Floats) -> tuple[Piece, ...]:
 
 
 def _between(piece: Piece, x: Floats, y: Floats) -> Piece:
-    """Give a line or arc the ends beside the first and the last sample."""
+    """Limit a line or arc to the feet of the first and the last sample."""
     start = piece.project(x.item(0), y.item(0)).station
     end = piece.project(x.item(-1), y.item(-1)).station
     begin = piece.at(start)
@@ -163,7 +163,7 @@ def _offsets(piece: Piece, x: Floats, y: Floats) -> Floats:
 
 
 def _straight_prefix(x: Floats, y: Floats, tolerance: float) -> int:
-    """How many samples make the longest prefix that passes for a line (Section III-A); or 0."""
+    """Length in samples of the longest prefix that passes for a line (Section III-A); or 0."""
     for count in range(len(x) - 1, PREFIX_LEAST - 1, -1):
         dx, dy = x[:count] - x.item(0), y[:count] - y.item(0)
         chord = hypot(dx.item(-1), dy.item(-1))

@@ -8,9 +8,9 @@ from typing import Final
 from vehicles.schedule import SECOND
 
 LONG_STEP: Final = 6.0
-"""From this length (m) on a step is measured straight: meanwhile the car may have turned."""
+"""Length (m) from which on a step is measured straight: the car may have turned meanwhile."""
 LONG_WHILE: Final = SECOND
-"""From this time (ns) on, too."""
+"""Duration (ns) from which on it is, too."""
 
 Point = tuple[int, float, float, float]
 """Instant (ns), position (m, m), yaw (rad)."""
@@ -19,15 +19,14 @@ Point = tuple[int, float, float, float]
 class Polyline:
     """Points with an instant each (ns, ascending), position (m), yaw (rad) and station (m).
 
-    A step counts by its component along the mean of the yaws at its ends, so that a point that
-    lies aside or behind does not make the line longer. Stations are never renumbered when points
-    are dropped: a place keeps its station.
+    A step counts by its component along the mean of the yaws at its ends, so a point to the side or
+    behind does not make the line longer. Stations are not renumbered when points are dropped: a
+    place keeps its station.
     """
 
     __slots__ = ("at", "dropped", "east", "north", "station", "yaw")
 
     def __init__(self) -> None:
-        """Start without points."""
         self.at: list[int] = []
         self.east: list[float] = []
         self.north: list[float] = []
@@ -36,11 +35,9 @@ class Polyline:
         self.dropped = 0
 
     def __len__(self) -> int:
-        """Points held."""
         return len(self.at)
 
     def point(self, k: int) -> Point:
-        """Give point `k`."""
         return self.at[k], self.east[k], self.north[k], self.yaw[k]
 
     def append(self, point: Point, step: float) -> None:
@@ -53,9 +50,9 @@ class Polyline:
         self.yaw.append(yaw)
 
     def insert(self, place: int, point: Point, step: float, next_step: float) -> float:
-        """Put a point before index `place` > 0, the steps (m) to it and from it being known.
+        """Insert a point before index `place` > 0, given the steps (m) to it and from it.
 
-        Returns how far later stations move on (m).
+        Returns the shift of later stations (m).
         """
         before = self.station[place - 1]
         shift = 0.0
@@ -71,7 +68,7 @@ class Polyline:
         return shift
 
     def prepend(self, points: Sequence[Point]) -> None:
-        """Put `points` before the first one; all stations start anew from 0."""
+        """Insert `points` before the first one; all stations are counted from 0 again."""
         kept = [self.point(k) for k in range(len(self))]
         dropped = self.dropped
         self.drop(len(kept))
@@ -80,13 +77,12 @@ class Polyline:
             self.append(point, step(self.point(-1), point) if self.at else 0.0)
 
     def drop(self, count: int) -> None:
-        """Drop the first `count` points."""
         self.dropped += count
         del self.at[:count], self.east[:count], self.north[:count]
         del self.yaw[:count], self.station[:count]
 
     def cut(self, count: int) -> list[Point]:
-        """Take away all but the first `count` points; returns them."""
+        """Remove and return all but the first `count` points."""
         taken = [self.point(k) for k in range(count, len(self))]
         del self.at[count:], self.east[count:], self.north[count:]
         del self.yaw[count:], self.station[count:]

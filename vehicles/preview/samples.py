@@ -13,23 +13,23 @@ from vehicles.schedule import SECOND
 Floats = NDArray[np.float64]
 REACH_RATIO: Final = 1.5
 REACH_MARGIN: Final = 3.0
-"""A place is beyond reach if it is further away than this ratio times what its speed allows, plus
-this margin (m)."""
+"""A place is out of reach if it is further away than this ratio times the speed's distance, plus
+this margin (m).
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TraceSettings:
-    """Constants of a trace (m unless said otherwise), none of them in Section III-A.
+    """Constants of a trace (m unless stated otherwise), none of them in Section III-A.
 
     A sample is kept if it is at least `spacing` further along than the one before: a stopped source
-    repeats a place, and a fix may lie behind another.
-    The ego's station moves per call at most `back` backwards, and forwards at most `margin` plus
-    `reach_ratio` (1) times the distance the ego moved, never more than `reach`. Samples further
-    behind than `memory` are dropped, and never more than `capacity` are held. A window holds at
-    most `window_samples`, and at least `least_samples` where a source is heard so rarely that fewer
-    lie in it: half of them ahead, as far as there are any. A bridge has a point every
-    `bridge_spacing` and at most `bridge_length`; where a source was lost for at least `hole`, it is
-    bridged, too.
+    repeats a place, and a fix may lie behind another. The ego's station moves per call at most
+    `back` backwards, and forwards at most `margin` plus `reach_ratio` (1) times the distance the
+    ego moved, never more than `reach`. Samples further behind than `memory` are dropped, and never
+    more than `capacity` are held. A window holds at most `window_samples`, and at least
+    `least_samples` where messages are so rare that fewer lie in it: half of them ahead, as far as
+    there are any. A bridge has a point every `bridge_spacing` and at most `bridge_length`; a loss
+    of the source over at least `hole` is bridged, too.
     """
 
     spacing: float = 0.2
@@ -61,4 +61,9 @@ def reachable(one: ReceivedPose, other: ReceivedPose) -> bool:
     """Whether a car could have been at both places at their instants."""
     distance = hypot(other.east - one.east, other.north - one.north)
     speed, span = max(abs(one.speed), abs(other.speed)), abs(other.measured_at - one.measured_at)
+    return drivable(distance, span, speed)
+
+
+def drivable(distance: float, span: int, speed: float) -> bool:
+    """Whether a car at `speed` (m/s) can have covered `distance` (m) in `span` (ns)."""
     return distance <= REACH_RATIO * speed * (span / SECOND) + REACH_MARGIN

@@ -14,20 +14,17 @@ import numpy as np
 
 from vehicles.geometry.bridges import UnbridgedError, curve_between
 from vehicles.preview.polyline import Point, Polyline, step
-from vehicles.preview.samples import REACH_MARGIN, REACH_RATIO, TraceSettings, Window
+from vehicles.preview.samples import TraceSettings, Window, drivable
 from vehicles.received_pose import ReceivedPose
-from vehicles.schedule import SECOND
-
-__all__ = ["Trace", "TraceSettings", "Window"]
 
 BRIDGE_AT: Final = -1
 """Instant of bridge points: before any sample."""
 MOST_GUESSED: Final = 500
-"""Points that are put into a hole at most."""
+"""Limit of the points that bridge a hole."""
 MOST_HOLES: Final = 8
 """Holes that are remembered, for late samples that belong there."""
 FORGET_CHUNK: Final = 64
-"""Samples behind the ego that are dropped at once."""
+"""Number of samples behind the ego that are dropped at once."""
 
 
 class _Hole(NamedTuple):
@@ -42,14 +39,15 @@ class Trace:
     """The samples of one source, received and stored as in Section III-A.
 
     Poses are judged before they come here; the trace brings them into the order of travel. `newest`
-    is the newest pose, `heard` the number of samples since the line began, and `joined` whether no
-    bridge from the ego's place is needed any more: it is laid, or the ego is on the trace already.
+    is the newest pose, `sample_count` that of the samples since the line began, and `joined`
+    whether no bridge from the ego's place is needed any more: it exists, or the ego is on the trace
+    already.
     """
 
     def __init__(self, settings: TraceSettings | None = None) -> None:
         self.settings = settings or TraceSettings()
         self.newest: ReceivedPose | None = None
-        self.heard = 0
+        self.sample_count = 0
         self.joined = False
         self._line = Polyline()
         self._first_yaw = 0.0
@@ -61,16 +59,15 @@ class Trace:
         self._holes: list[_Hole] = []
 
     def __len__(self) -> int:
-        """Points held, bridge included."""
         return len(self._line.at)
 
     def add(
         self, pose: ReceivedPose, *, after_hole: bool = False, at_new_place: bool = False
     ) -> None:
-        """Take a pose to its place in the order of travel (Section III-A).
+        """Insert a pose at its place in the order of travel (Section III-A).
 
-        If it comes `after_hole`, a curve bridges what was not received; `at_new_place`, to which no
-        car can have driven, another line begins.
+        `after_hole` bridges the missing stretch by a curve; `at_new_place`, to which no car can
+        have driven, another line begins.
         """
         newest = self.newest
         if newest is None or at_new_place:
@@ -82,7 +79,7 @@ class Trace:
             if after_hole:
                 self._fill(point, pose.speed)
             self.newest = pose
-            self.heard += 1
+            self.sample_count += 1
             line = self._line
             on = step(line.point(-1), point)
             if on >= self.settings.spacing:  # else it stands, or the message came twice
@@ -92,7 +89,7 @@ class Trace:
                     self._forget()
 
     def pass_over(self, pose: ReceivedPose) -> None:
-        """Note where the source is, but do not take its path for one to follow.
+        """Record the position of a source whose path is not one to follow.
 
         Preview data of Section III-A are those of a source that keeps to the path.
         """
@@ -101,9 +98,9 @@ class Trace:
             self.newest = pose
 
     def _start(self, pose: ReceivedPose) -> None:
-        """Begin the line at a pose; what was held before is dropped."""
+        """Begin the line at a pose and drop all earlier points."""
         self.newest = pose
-        self.heard = 1
+        self.sample_count = 1
         self._line = Polyline()
         self._line.append((pose.measured_at, pose.east, pose.north, pose.yaw), 0.0)
         self._first_yaw = pose.yaw
@@ -114,9 +111,9 @@ class Trace:
         self._holes.clear()
 
     def _fill(self, after: Point, speed: float) -> None:
-        """Put points in front of a point, by a cubic with the places and headings of both sides.
+        """Insert points before `after`, on a cubic with the places and headings of both sides.
 
-        They are about a bridge's spacing apart, and their instants lie evenly between.
+        They are about a bridge's spacing apart, and their instants are evenly distributed.
         """
         before = self._line.point(-1)
         length = hypot(after[1] - before[1], after[2] - before[2])
@@ -138,7 +135,7 @@ class Trace:
         self._holes = [*self._holes[1 - MOST_HOLES :], _Hole(before, speed, after[0])]
 
     def _insert_in_hole(self, hole: _Hole, point: Point, speed: float) -> None:
-        """Put a late sample into a hole: both sides of it are bridged again."""
+        """Insert a late sample into a hole and bridge both sides of it again."""
         line, before = self._line, hole.before
         first, last = bisect_right(line.at, before[0]), bisect_left(line.at, hole.end)
         if not 0 < first < last < len(line.at) or not _fits(before, point, max(hole.speed, speed)):
@@ -156,13 +153,13 @@ class Trace:
         self._changed = True
 
     def _append(self, point: Point, speed: float) -> None:
-        """Add a sample at the end of the line, with what lies between if that is long."""
+        """Add a sample at the end of the line, and a bridge to it where the step is long."""
         self._fill(point, speed)
         on = step(self._line.point(-1), point)
         self._line.append(point, max(on, self.settings.spacing))
 
     def _insert(self, pose: ReceivedPose) -> None:
-        """Put a late sample at its place, if that place is still held and it fits there."""
+        """Insert a late sample at its place, if that place is still held and it fits there."""
         line, at = self._line, pose.measured_at
         point = (at, pose.east, pose.north, pose.yaw)
         if at <= self._forgotten_at:
@@ -183,7 +180,7 @@ class Trace:
             if steps[side] < self.settings.spacing:
                 return
         self._changed = True
-        self.heard += 1
+        self.sample_count += 1
         if place == 0 or line.at[place - 1] == BRIDGE_AT:
             self._begin_earlier(point, place)
             return
@@ -206,10 +203,10 @@ class Trace:
     def bridge(self, east: float, north: float) -> None:
         """Join the ego's place to the first sample by a straight line, if that lies ahead of it.
 
-        A convoy forms up on a straight lead-in, and what a source drove before its first message
-        is unknown: points on the straight line let the fit interpolate, where a few noisy samples
-        15 to 60 m ahead would be extrapolated backwards. Does nothing once a bridge is laid, once
-        samples behind the ego were forgotten, or before a sample is held.
+        A convoy forms up on a straight lead-in, and a source's path before its first message is
+        unknown: points on the straight line let the fit interpolate, where a few noisy samples 15
+        to 60 m ahead would be extrapolated backwards. Does nothing once a bridge exists, once
+        samples behind the ego were dropped, or before a sample is held.
         """
         line = self._line
         if not line.at or self.joined:
@@ -232,8 +229,8 @@ class Trace:
         self.joined = True
         self._here = None
 
-    def told(self, window: Window) -> Window:
-        """What of a window was told by the source (Section III-A), without what bridges a hole."""
+    def received(self, window: Window) -> Window:
+        """The received samples of a window (Section III-A), without bridges over holes."""
         if not self._holes or self._here is None:
             return window
         stations = window.station + self._here
@@ -244,16 +241,16 @@ class Trace:
         return Window(*(values[keep] for values in window))
 
     def has_guesses(self, window: Window) -> bool:
-        """Whether points of a bridge are in the window cut out last (not in Section III-A)."""
+        """Whether the window cut out last contains points of a bridge (not in Section III-A)."""
         line, here = self._line, self._here
         if here is None:
             return False
         if line.at[0] == BRIDGE_AT:
             first = bisect_right(line.at, BRIDGE_AT)
-            told_from = line.station[first] if first < len(line.at) else inf
-            if window.station.item(0) + here < told_from - 1e-6:
+            received_from = line.station[first] if first < len(line.at) else inf
+            if window.station.item(0) + here < received_from - 1e-6:
                 return True
-        return bool(self._holes) and len(self.told(window).station) < len(window.station)
+        return bool(self._holes) and len(self.received(window).station) < len(window.station)
 
     def instants(self, window: Window) -> list[int]:
         """Instants (ns) of the samples of the window cut out last (time stamps, Section III-B)."""
@@ -270,11 +267,11 @@ class Trace:
 
         The preview data of Section III-A, which sorts by distance and keeps none behind.
 
-        If any behind count, the newest of them does, however far behind it lies: a curve that only
-        samples ahead determine is extrapolated to the ego, and may pass metres beside it. Where
-        fewer than `least_samples` lie there, the next ones on both sides are taken in.
-        Thinned to every second, fourth, … sample until at most `window_samples` are left. The same
-        ones are left out while the ego moves, so that thinning does not shake the fit.
+        If any behind count, the newest of them does, however far behind it lies: a curve determined
+        by samples ahead only is extrapolated to the ego, and may pass metres from it. Where fewer
+        than `least_samples` lie there, the next ones on both sides are included. Thinned to every
+        second, fourth, … sample until at most `window_samples` are left. The same ones are left out
+        while the ego moves, so thinning does not shake the fit.
         """
         here = self._locate(east, north)
         line = self._line
@@ -294,7 +291,7 @@ class Trace:
         )
 
     def _widened(self, here: float, first: int, last: int) -> tuple[int, int]:
-        """Take in the next samples on either side of the ego where too few lie in the window."""
+        """Include the next samples on either side of the ego where too few lie in the window."""
         place = bisect_left(self._line.station, here)
         half = self.settings.least_samples // 2
         last = max(last, min(place + half, len(self._line.at)))
@@ -303,8 +300,8 @@ class Trace:
     def gap(self, east: float, north: float) -> float | None:
         """Arc length (m) from the ego at (east, north) to the source's newest place.
 
-        For keeping gaps. None before the first sample. How far the source went since then is for
-        the caller to add.
+        For keeping gaps. None before the first sample. The caller adds the distance driven since
+        then.
         """
         if self.newest is None:
             return None
@@ -315,7 +312,7 @@ class Trace:
         return self._line.station[-1] + beyond - here
 
     def known(self, east: float, north: float) -> float:
-        """Path (m) known ahead of the ego at (east, north): negative where it ends behind.
+        """Known path (m) ahead of the ego at (east, north): negative where it ends behind.
 
         The metres left of the preview of Section III-A; NaN before the first sample.
         """
@@ -344,7 +341,6 @@ class Trace:
         return self._here
 
     def _forget(self) -> None:
-        """Drop the oldest points."""
         self._forgotten_at = max(self._forgotten_at, self._line.at[FORGET_CHUNK - 1])
         self._line.drop(FORGET_CHUNK)
         self.joined = True
@@ -353,5 +349,4 @@ class Trace:
 def _fits(one: Point, other: Point, speed: float) -> bool:
     """Whether a late pose can lie beside a point of its line, for a car at `speed` (m/s)."""
     distance = hypot(other[1] - one[1], other[2] - one[2])
-    span = abs(other[0] - one[0]) / SECOND
-    return distance <= REACH_RATIO * abs(speed) * span + REACH_MARGIN
+    return drivable(distance, abs(other[0] - one[0]), abs(speed))

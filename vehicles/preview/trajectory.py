@@ -1,9 +1,9 @@
 """The composite trajectory: one arc spline through the samples of lead and predecessor.
 
-Paper, Section "Target Trajectory Construction". Where its recipe fails, this departs from it:
-tangent and curvature come from the fit (a lead and a predecessor sample can lie side by side, and
-the line through them points anywhere), the pieces are chosen on all samples at once (`curve_fit`),
-and samples just behind the ego are kept, so that its own place is not extrapolated.
+Paper, Section "Target Trajectory Construction", with these departures: tangent and curvature come
+from the fit (a lead and a predecessor sample can lie side by side, and the line through them points
+anywhere), the pieces are chosen on all samples at once (`curve_fit`), and samples just behind the
+ego are kept, so that its own place is not extrapolated.
 """
 
 from dataclasses import dataclass
@@ -17,9 +17,7 @@ from vehicles.preview.curve_fit import Curve, FitSettings, fit_curve
 from vehicles.preview.fit_arc import largest
 from vehicles.preview.outliers import without_jumps
 from vehicles.preview.paper_recipe import recipe_curve
-from vehicles.preview.trace import Window
-
-__all__ = ["Fit", "FitSettings", "Fusion", "fit_composite", "fuse"]
+from vehicles.preview.samples import Window
 
 Floats = NDArray[np.float64]
 Fusion = Literal["composite", "predecessor", "blend"]
@@ -31,10 +29,9 @@ PREDECESSOR: Final = 1
 class Fit:
     """A trajectory, the samples it was fitted to (world, m; in order of station) and how well.
 
-    The composite ELC trajectory of Section III-A and its preview data.
-
-    `source` is 0 for lead, 1 for predecessor; `station` (m) is relative to the ego's projection;
-    residuals (m) are those of the samples used, `outliers` the number left out as jumps.
+    The composite ELC trajectory of Section III-A and its preview data. `source` is 0 for lead, 1
+    for predecessor; `station` (m) is relative to the ego's projection; residuals (m) are those of
+    the samples used, `outliers` the number left out as jumps.
     """
 
     spline: ArcSpline
@@ -48,7 +45,7 @@ class Fit:
 
 
 class _Merged(NamedTuple):
-    """Samples of both sources in order of station; without a weight each has that of one.
+    """Samples of both sources in order of station; all weigh one without `weight`.
 
     `columns` are east, north and station (m), shape (3, n).
     """
@@ -59,11 +56,9 @@ class _Merged(NamedTuple):
 
     @property
     def places(self) -> tuple[Floats, Floats, Floats]:
-        """East, north and station (m), each by itself."""
         return self.columns[0], self.columns[1], self.columns[2]
 
     def where(self, chosen: NDArray[np.bool_]) -> "_Merged":
-        """Only the samples where `chosen` is True."""
         return _Merged(
             self.columns[:, chosen],
             None if self.weight is None else self.weight[chosen],
@@ -80,7 +75,7 @@ def fit_composite(
 ) -> Fit | None:
     """The curve that explains the samples (`curve_fit`): of one piece, or two with one tangent.
 
-    Or what the paper's own rules give, if `settings.trajectory` asks for them (`paper_recipe`).
+    By the paper's own rules, if `settings.trajectory` selects them (`paper_recipe`).
 
     Minimises α Σ e² over the predecessor's plus (1 − α) Σ e² over the lead's samples (J of eq. (5),
     with e the distance from the curve); a source alone gets all the weight. A sample that has
@@ -104,7 +99,7 @@ def fit_composite(
 
 
 def _only_ahead(merged: _Merged, keep: NDArray[np.bool_]) -> bool:
-    """Whether without those that are not to be kept the curve has to be extrapolated to the ego."""
+    """Whether the kept samples all lie ahead, so that the curve is extrapolated to the ego."""
     station = merged.columns[2]
     first: float = station.item(0)
     kept: float = station.item(int(keep.argmax()))
@@ -138,10 +133,10 @@ def fuse(
 
 
 def _merge(lead: Window | None, predecessor: Window | None, alpha: float) -> _Merged | None:
-    """Put the samples of both sources in order of station, with weights; None without any.
+    """Merge the samples of both sources in order of station, weighted as in eq. (5).
 
     Weights are scaled to add up to the number of equally weighted samples of the same information.
-    With an alpha of 1/2 all are one.
+    With an alpha of 1/2 all are one. None without samples.
     """
     leads = 0 if lead is None else len(lead.station)
     predecessors = 0 if predecessor is None else len(predecessor.station)
@@ -155,15 +150,12 @@ def _merge(lead: Window | None, predecessor: Window | None, alpha: float) -> _Me
     columns = joined.reshape(3, -1)
     order = columns[2].argsort(kind="stable")
     source = (order >= leads).view(np.int8)  # False is LEAD, True is PREDECESSOR
-    weight = None if alpha == 0.5 else _weights(alpha, leads, predecessors).take(source)
+    weight = None
+    if alpha != 0.5:
+        total = (1.0 - alpha) * leads + alpha * predecessors
+        scale = total / ((1.0 - alpha) ** 2 * leads + alpha**2 * predecessors)
+        weight = np.array((scale * (1.0 - alpha), scale * alpha)).take(source)
     return _Merged(columns.take(order, 1), weight, source)
-
-
-def _weights(alpha: float, leads: int, predecessors: int) -> Floats:
-    """Weight of a sample of the lead and of one of the predecessor (eq. (5)); both 1 for 1/2."""
-    total = (1.0 - alpha) * leads + alpha * predecessors
-    scale = total / ((1.0 - alpha) ** 2 * leads + alpha**2 * predecessors)
-    return np.array((scale * (1.0 - alpha), scale * alpha))
 
 
 def _alone(window: Window, source: int) -> _Merged:

@@ -12,7 +12,7 @@ from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.car.sending.every_fix import EveryFix
 from vehicles.driver.degradation.source import LEAST_SAMPLES
-from vehicles.preview.trajectory import FitSettings
+from vehicles.preview.curve_fit import FitSettings
 from vehicles.schedule import MILLISECOND
 
 SLOWEST = 0.1

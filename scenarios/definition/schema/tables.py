@@ -25,7 +25,7 @@ from vehicles.car.sending.every_fix import EveryFix
 from vehicles.car.sending.registry import RULES
 from vehicles.car.sending.rule import SendingRule
 from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.preview.trajectory import FitSettings
+from vehicles.preview.curve_fit import FitSettings
 
 FIT = FitSettings()
 EPOCH, LATEST = datetime(1970, 1, 1, tzinfo=UTC), datetime(2200, 1, 1, tzinfo=UTC)

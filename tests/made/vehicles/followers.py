@@ -16,7 +16,8 @@ from vehicles.driver.speed import GapLimits, GapPolicy, ProfileSpeed, SpeedLaw, 
 from vehicles.driver.steering import SlipCompensated
 from vehicles.geometry.path import Path, Segment, path_from_segments
 from vehicles.messages import GpsPose
-from vehicles.preview.trajectory import FitSettings, Fusion
+from vehicles.preview.curve_fit import FitSettings
+from vehicles.preview.trajectory import Fusion
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import Cadence
 

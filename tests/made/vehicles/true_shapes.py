@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.samples import Window
-from vehicles.preview.trajectory import FitSettings, fit_composite
+from vehicles.preview.trajectory import fit_composite
 
 Floats = NDArray[np.float64]
 NOISE = 0.02

@@ -13,8 +13,9 @@ from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.steering import SlipCompensated
 from vehicles.driver.tracking import track
+from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.trace import Trace
-from vehicles.preview.trajectory import FitSettings, fit_composite
+from vehicles.preview.trajectory import fit_composite
 
 COURSES: dict[str, tuple[Place, float]] = {
     "bulb turn": (lap(bulb(radius=12.0)), bulb(radius=12.0).length - 1.0),

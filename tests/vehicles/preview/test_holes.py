@@ -8,9 +8,10 @@ import pytest
 
 from tests.made.transport.received_poses import received
 from vehicles.geometry.path import Path, Segment, path_from_segments
+from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.samples import Window
 from vehicles.preview.trace import Trace
-from vehicles.preview.trajectory import FitSettings, fit_composite
+from vehicles.preview.trajectory import fit_composite
 from vehicles.schedule import SECOND
 
 SPEED, PERIOD = 20.0, SECOND // 20

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from tests.made.vehicles.arc_courses import course, misses, shaken, window
 from tests.made.vehicles.true_shapes import JUMPING, SMOOTH, drawn
 from vehicles.geometry.arc_spline import ArcSpline, Piece
+from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.fit_clothoid import RATE_MOST
-from vehicles.preview.trajectory import Fit, FitSettings, fit_composite
+from vehicles.preview.trajectory import Fit, fit_composite
 
 SETTINGS = FitSettings()
 YAWS = st.floats(-math.pi, math.pi)

@@ -10,8 +10,9 @@ from scipy.optimize import least_squares
 
 from tests.made.vehicles.arc_courses import beside, course, misses, shaken, window
 from vehicles.geometry.arc_spline import ArcSpline
+from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.samples import Window
-from vehicles.preview.trajectory import Fit, FitSettings, fit_composite, fuse
+from vehicles.preview.trajectory import Fit, fit_composite, fuse
 
 SETTINGS = FitSettings()
 STARTS = st.tuples(

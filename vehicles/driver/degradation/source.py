@@ -11,7 +11,8 @@ from vehicles.driver.degradation.situation import LOST, SLOWING, SourceFreshness
 from vehicles.driver.degradation.trust import Trust
 from vehicles.driver.ego.own_state import Pose
 from vehicles.messages import SourceStatus
-from vehicles.preview.trace import Trace, Window
+from vehicles.preview.samples import Window
+from vehicles.preview.trace import Trace
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 

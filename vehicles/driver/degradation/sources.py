@@ -10,8 +10,10 @@ from vehicles.driver.degradation.source import RELIED_ON, Source, reaches_ahead
 from vehicles.driver.degradation.stopping import stopping_distance
 from vehicles.driver.ego.own_state import Pose
 from vehicles.messages import Mode
-from vehicles.preview.trace import Trace, Window
-from vehicles.preview.trajectory import FitSettings, Fusion
+from vehicles.preview.curve_fit import FitSettings
+from vehicles.preview.samples import Window
+from vehicles.preview.trace import Trace
+from vehicles.preview.trajectory import Fusion
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
@@ -84,7 +86,7 @@ class SourcePair:
 
     def received(self, windows: Mapping[Mode, Window]) -> int:
         """Number of samples received of these sources since their traces began."""
-        return sum([self.used[mode].trace.heard for mode in windows])
+        return sum([self.used[mode].trace.sample_count for mode in windows])
 
     def _without_guesses(self, windows: dict[Mode, Window], behind: float) -> dict[Mode, Window]:
         """Leave out bridges of holes where a source with a weight has the path beside the car.
@@ -95,7 +97,7 @@ class SourcePair:
         received: dict[Mode, Window] = {}
         bridged = False
         for mode, window in windows.items():
-            received[mode] = self.used[mode].trace.told(window)
+            received[mode] = self.used[mode].trace.received(window)
             bridged = bridged or received[mode] is not window
         if not bridged:  # the usual case
             return windows

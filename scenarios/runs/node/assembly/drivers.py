@@ -18,7 +18,7 @@ from vehicles.driver.leader import ConvoyWatch, Leader, WaitingProfile
 from vehicles.driver.speed import GapKeeping, GapPolicy, ProfileSpeed, SpeedLaw
 from vehicles.driver.steering import LateralController, load_controller
 from vehicles.geometry.geodesy import wrap_angle
-from vehicles.preview.trajectory import FitSettings
+from vehicles.preview.curve_fit import FitSettings
 from vehicles.schedule import MILLISECOND
 
 SOUGHT = 100.0

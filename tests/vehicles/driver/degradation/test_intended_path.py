@@ -22,9 +22,10 @@ from vehicles.driver.degradation.intended_path import (
 )
 from vehicles.geometry.path import Path, Segment, path_from_segments
 from vehicles.messages import Mode
+from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.samples import Window
 from vehicles.preview.trace import Trace
-from vehicles.preview.trajectory import Fit, FitSettings, fit_composite
+from vehicles.preview.trajectory import Fit, fit_composite
 from vehicles.schedule import MILLISECOND
 
 PERIOD = 50 * MILLISECOND
