@@ -103,7 +103,7 @@ def _leave_out_cases(config: pytest.Config, items: list[pytest.Item]) -> None:
         marker = family[0].get_closest_marker("spread")
         count = marker.args[0] if marker is not None else 0
         if len(family) > count:
-            kept = {round(k * (len(family) - 1) / (count - 1)) for k in range(count)}
+            kept = {round(k * (len(family) - 1) / max(count - 1, 1)) for k in range(count)}
             left_out += [item for k, item in enumerate(family) if k not in kept]
     if left_out:
         config.hook.pytest_deselected(items=left_out)

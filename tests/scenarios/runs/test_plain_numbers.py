@@ -16,6 +16,7 @@ from vehicles.messages import Message
 PLAIN = {bool, float, int, str}
 
 
+@pytest.mark.spread(6)
 @pytest.mark.parametrize("name", library())
 @pytest.mark.parametrize(
     "overrides",

@@ -48,7 +48,7 @@ def verdicts(scenario: Scenario, folder: Path) -> dict[Pair, dict[int, Raw]]:
     return found
 
 
-@pytest.mark.campaign(8, 200)
+@pytest.mark.campaign(4, 200)
 def test_other_vehicles_links_and_rules_change_no_verdict(case: int, tmp_path: Path) -> None:
     chance = Random(case)
     entries = [entry(chance, pair) for pair in OWN]

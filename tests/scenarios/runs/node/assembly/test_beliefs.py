@@ -66,6 +66,7 @@ def test_the_gate_leaves_commands_as_they_are(name: str, monkeypatch: pytest.Mon
     assert driven(scenario)[1] == commands
 
 
+@pytest.mark.spread(2)
 @pytest.mark.parametrize(
     "sending", ['{ kind = "cam" }', '{ kind = "intervals", table = "cam_vw_highway" }']
 )

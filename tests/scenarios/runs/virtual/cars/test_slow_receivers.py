@@ -1,6 +1,6 @@
 """Lane changes with receivers from 1 to 20 Hz at 10 to 36 m/s, against what `convoy check` says.
 
-`python -m tests.scenarios.runs.cars.test_slow_receivers` prints all cases as a table.
+`python -m tests.scenarios.runs.virtual.cars.test_slow_receivers` prints all cases as a table.
 """
 
 import re
@@ -67,7 +67,7 @@ def outcome(case: int) -> Outcome:
     )
 
 
-@pytest.mark.campaign(4, len(CASES))
+@pytest.mark.campaign(2, len(CASES))
 def test_cars_stay_in_their_lane_or_it_is_said_beforehand(case: int) -> None:
     found = outcome(case)
     if found.growth > 0.0:

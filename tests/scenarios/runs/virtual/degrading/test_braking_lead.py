@@ -1,4 +1,4 @@
-"""Convoys that keep their gaps, hear next to nothing, and whose lead brakes (beyond the paper)."""
+"""Convoys that keep their gaps, hear next to nothing, and whose lead brakes."""
 
 from itertools import pairwise
 
@@ -49,6 +49,7 @@ def test_nobody_of_eight_drives_into_anybody(loss: float, braking: float, case: 
 
 
 @pytest.mark.campaign(1, 200)
+@pytest.mark.spread(2)
 @pytest.mark.parametrize("braking", [2.5, 6.0])
 @pytest.mark.parametrize("loss", [0.8, 0.9, 0.97])
 def test_nobody_drives_into_anybody(loss: float, braking: float, case: int) -> None:
@@ -98,6 +99,7 @@ headway_s = 0.0
 """
 
 
+@pytest.mark.spread(1)
 @pytest.mark.parametrize(("followers", "gap"), [("gap", 12.0), ("same", 15.0)])
 def test_gaps_do_not_grow_along_eight_vehicles_that_hear_only_the_one_ahead(
     followers: str, gap: float

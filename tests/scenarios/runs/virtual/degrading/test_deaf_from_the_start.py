@@ -1,11 +1,14 @@
 """Cars that have hardly heard anybody yet: who waits in vain for a first message stops, too."""
 
+from dataclasses import replace
 from math import isnan
+from typing import Any
 
 import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.summary import RunSummary
+from scenarios.runs.observer import OnMessage
 from scenarios.runs.virtual.unlogged import run_unlogged
 from tests.made.convoys.speed_runs import Driven, drive
 from tests.made.interpreted import interpreted_only
@@ -43,7 +46,8 @@ def speed_at(driven: Driven, scenario: Scenario, vehicle: str, seconds: float) -
 def test_all_that_hear_nobody_stop_alike_and_drive_on_when_they_hear(gap_m: float) -> None:
     dark = f"change=[{{kind='cut', at_s=0, for_s={DARK_S}}}]"
     scenario = convoy(5, gap_m, dark, "duration_s=24")
-    driven = drive(scenario)
+    driven = Driven()
+    run = run_unlogged(scenario, [OnMessage(driven.take)])
     for name in ("v2", "v3", "v4", "v5"):
         speeds = [speed_at(driven, scenario, name, at) for at in (LOST_S, 2.0, DARK_S, 24.0)]
         assert speeds[0] == pytest.approx(30.0, abs=0.2)
@@ -52,7 +56,6 @@ def test_all_that_hear_nobody_stop_alike_and_drive_on_when_they_hear(gap_m: floa
         assert speeds[2] < 0.05
         assert speeds[3] > 5.0
         assert all(abs(one.steering_rad) < 0.01 for one in driven.truth[name][: int(DARK_S * 50)])
-    run = summary(5, gap_m, dark, "duration_s=24")
     assert collisions(run) == 0
     assert min(row.true_gap_m_min or 99.0 for row in run.vehicles) > 0.7 * (gap_m - 4.93)
 
@@ -72,7 +75,12 @@ def test_if_nobody_missed_first_messages_some_would_be_hit(
     own = ("links.loss_ratio=0.95", "duration_s=5")
     assert collisions(summary(3, 15.0, *own, seed=37)) == 0
     monkeypatch.setattr(Source, "never_came", property(lambda _: False))
-    monkeypatch.setattr(SpeedGuard, "_never_received", lambda *_: False)
+    guarded = SpeedGuard._guarded
+
+    def before_any_is_lost(guard: SpeedGuard, tick: Any, reserve: float) -> float:
+        return guarded(guard, replace(tick, now=-1), reserve)
+
+    monkeypatch.setattr(SpeedGuard, "_guarded", before_any_is_lost)
     assert collisions(summary(3, 15.0, *own, seed=37)) > 0
 
 

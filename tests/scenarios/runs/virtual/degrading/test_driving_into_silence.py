@@ -37,6 +37,7 @@ def collisions(summary: RunSummary) -> int:
 
 
 @pytest.mark.campaign(1, 50)
+@pytest.mark.spread(2)
 @pytest.mark.parametrize(
     ("preset", "gap_m", "rate_hz"),
     [("tunnel", 8, 20), ("tunnel", 15, 20), ("tunnel", 15, 10), ("lead_lost", 8, 20)],
