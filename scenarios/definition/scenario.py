@@ -169,7 +169,7 @@ class Scenario:
         return self.tables.control.rate_hz
 
     @property
-    def goes_on_without_the_dead(self) -> bool:
+    def continues_without_failed(self) -> bool:
         """Whether the others drive on when the process of a vehicle ends unexpectedly."""
         return self.tables.convoy.when_a_vehicle_dies == "go_on"
 

@@ -43,5 +43,4 @@ def listeners_by_kind(observers: Sequence[Observer]) -> dict[type[Message], list
 
 
 def kinds_of(observers: Sequence[Observer]) -> Kinds:
-    """Kinds of message that at least one of the observers wants."""
     return frozenset[type[Message]]().union(*(one.kinds for one in observers))

@@ -79,7 +79,6 @@ class Recorder:
 
     @property
     def keys(self) -> list[str]:
-        """The keys of the messages to record."""
         return list(self._topics)
 
     def begin(self, at: int, start_at: int, run_id: str) -> bytes:
@@ -131,7 +130,7 @@ class Recorder:
     def _note_misdated(self, key_expression: str, reason: str, at: int) -> None:
         vehicle, _ = self._topics.get(key_expression, ("", None))
         if vehicle and (line := self._misdated.count(vehicle, reason)):
-            self.say(at, line, "alert")
+            self.log(at, line, "alert")
 
     def _admit(self, key_expression: str, data: bytes, at: int) -> tuple[Message, MessageNumbers]:
         """Decode and check a message; raises RefusedMessageError.
@@ -162,8 +161,7 @@ class Recorder:
             raise RefusedMessageError("duplicate", f"number {message.seq} came before")
         return message, seen
 
-    def say(self, at: int, text: str, level: Level = "info") -> None:
-        """Log a line of the run itself."""
+    def log(self, at: int, text: str, level: Level = "info") -> None:
         self._put(LogText, at, logged_at_ns=at, level=level, text=text)
 
     def report_health(self, at: int, *, final: bool = False) -> None:
@@ -209,12 +207,12 @@ class Recorder:
             for one in self._deviations.news():
                 self._writer.write_deviation(at, *one)
         if kind is TruePose or kind is Tracking:  # nothing else brings events and warnings
-            self.say_news(at)
+            self.log_news(at)
 
-    def say_news(self, at: int) -> None:
+    def log_news(self, at: int) -> None:
         """Log a line for each new event on the road and each new warning."""
         if self._metrics.out_of_linear:
             for line in self._metrics.news():
-                self.say(at, line, "warning")
+                self.log(at, line, "warning")
         for event in self._metrics.events.news():
-            self.say(at, event.line, event.level)
+            self.log(at, event.line, event.level)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario
-from scenarios.results.channel.account import in_words
+from scenarios.results.channel.account import describe_link
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.holes import hole_lines
 from scenarios.results.limits.judged import why_failed
@@ -103,12 +103,12 @@ class RunLog:
         self._end_at = at
         try:
             self.metrics.finish()
-            self.recorder.say_news(at)
+            self.recorder.log_news(at)
             for line in hole_lines(self.metrics.holes(self._ran_ns), MOST_HOLE_LINES):
-                self.recorder.say(at, line, "warning")
+                self.recorder.log(at, line, "warning")
             for row in self.metrics.link_summaries()[:MOST_LINK_LINES]:
                 if row.judged:
-                    self.recorder.say(at, in_words(row), "debug")  # for the log only
+                    self.recorder.log(at, describe_link(row), "debug")  # for the log only
             silent = silent_links(self.metrics, self._replayed, self._scenario.off_links)
             broken = self._limits.broken(self._ran_ns)
             self._reason = why_failed(reason or self.must_end or silent, broken)

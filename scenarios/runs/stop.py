@@ -52,7 +52,6 @@ class Stop:
 
     @property
     def exit_code(self) -> int:
-        """Exit code of the first request, 0 before."""
         return self._requests[0][1] if self._requests else 0
 
     def ask(self, reason: str, exit_code: int) -> None:

@@ -25,7 +25,7 @@ from scenarios.runs.stop import stop_on_request
 
 if TYPE_CHECKING:  # reading a scenario takes imports that no command needs to show its help
     from scenarios.definition.scenario import Scenario
-    from scenarios.runs.processes.forking import Deed
+    from scenarios.runs.processes.forking import Task
 
 
 @click.command(
@@ -241,7 +241,7 @@ def record(
         )
 
 
-def be_part(scenario: "Scenario", arguments: Sequence[str]) -> "Deed":
+def be_part(scenario: "Scenario", arguments: Sequence[str]) -> "Task":
     """Prepare `convoy ARGUMENTS` as a part of a run of `scenario`.
 
     Parsing here and not in each child saves memory; so does preparing the bus of the vehicles.

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.node.sink import BatchingSink
-from scenarios.runs.processes.forking import Deed
+from scenarios.runs.processes.forking import Task
 from scenarios.runs.processes.launcher import LaunchPlan, launch
 from scenarios.runs.processes.membership import Fingerprint
 from scenarios.runs.processes.supervisor import Supervisor
@@ -20,7 +20,7 @@ from scenarios.runs.stop import stop_on_signals
 from scenarios.runs.virtual.convoy import VirtualConvoy
 from transport.log.records import LogError
 
-BePart = Callable[[Scenario, Sequence[str]], Deed]
+BePart = Callable[[Scenario, Sequence[str]], Task]
 """Prepares, of a run of a scenario, what a forked process does as `convoy ARGUMENTS`."""
 PARTS = ("scenarios.runs.processes.router", "scenarios.runs.processes.vehicle")
 """Modules of the parts of a run but for the recorder, which imports its own."""
@@ -29,11 +29,11 @@ PARTS = ("scenarios.runs.processes.router", "scenarios.runs.processes.vehicle")
 def run_processes(plan: LaunchPlan, be_part: BePart | None, *, quiet: bool) -> int:
     """Run on the wall clock; returns the exit code."""
     stop = stop_on_signals()
-    become = None
+    prepare_task = None
     if be_part is not None:
         prepare_parts(plan.scenario)
-        become = partial(be_part, plan.scenario)
-    outcome = launch(plan, stop, Supervisor(become), _complete)
+        prepare_task = partial(be_part, plan.scenario)
+    outcome = launch(plan, stop, Supervisor(prepare_task), _complete)
     if outcome.reason and not outcome.is_reported:
         from rich.console import Console
         from rich.text import Text

@@ -195,7 +195,7 @@ def _expected(requested: LinkTable, tally: LinkTally) -> ExpectedChannel:
     return expected
 
 
-def in_words(row: LinkSummary) -> str:
+def describe_link(row: LinkSummary) -> str:
     """Say in a line what a link did, with intervals of 95 %, and what was asked of it."""
     asked_loss, asked_ms = row.requested_loss_ratio, row.requested_latency_ms_mean
     parts = [

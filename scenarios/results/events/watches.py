@@ -35,7 +35,7 @@ class PathWatch:
         self._after = nanoseconds(after)
         self._lost: dict[str, Episode | None] = {}
         self._last: dict[str, int] = {}
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
 
     def add(self, tracking: Tracking, place: tuple[float, float] = NOWHERE) -> Iterable[Episode]:
         """Take the tracking of one instant; gives a loss as soon as it has lasted long enough.
@@ -46,8 +46,8 @@ class PathWatch:
         before, self._last[name] = self._last.get(name, at), at
         if tracking.mode not in LOST_MODES or tracking.known_m > 0.0:  # false for NaN
             self._lost[name] = None
-            if self._told:
-                self._told.discard(name)
+            if self._reported:
+                self._reported.discard(name)
         elif name in self._lost:  # it has had one
             return self._losing(name, at, place, unseen=at - before > UNRECORDED_NS)
         return ()
@@ -58,11 +58,11 @@ class PathWatch:
         episode = self._lost[name]
         if episode is None or unseen:
             episode = self._lost[name] = Episode("path_lost", (name,), at, at, place=place)
-            self._told.discard(name)
+            self._reported.discard(name)
         episode.until_ns = at
         episode.most("duration_s", (at - episode.at_ns) / SECOND)
-        if name not in self._told and at - episode.at_ns > self._after:
-            self._told.add(name)
+        if name not in self._reported and at - episode.at_ns > self._after:
+            self._reported.add(name)
             yield episode
 
 
@@ -128,10 +128,10 @@ class TrustWatch:
             or tracking.lead_status == "distrusted"
             or tracking.predecessor_status == "distrusted"
         ):
-            return self._doubting(tracking, place)
+            return self._distrusting(tracking, place)
         return ()  # as nearly always
 
-    def _doubting(self, tracking: Tracking, place: tuple[float, float]) -> Iterator[Episode]:
+    def _distrusting(self, tracking: Tracking, place: tuple[float, float]) -> Iterator[Episode]:
         name, at = tracking.vehicle, tracking.decided_at_ns
         ahead = self._ahead.get(name)
         if ahead is None:  # the lead has no sources

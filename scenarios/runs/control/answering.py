@@ -36,7 +36,6 @@ class Confirmation:
 
     @property
     def text(self) -> bytes:
-        """The answer."""
         return json.dumps(asdict(self)).encode()
 
     @classmethod
@@ -66,7 +65,6 @@ class LiveControl:
         self._made: list[AnyChange] = []
 
     def listen(self, bus: Bus) -> None:
-        """Answer from now on."""
         bus.answer(control_key(self._vehicle), lambda question: self.answer(question).text)
 
     def begin(self, start_at: int, agenda: Agenda) -> None:

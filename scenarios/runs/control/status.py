@@ -76,7 +76,6 @@ class RunStatus:
 
     @property
     def text(self) -> str:
-        """The status as JSON."""
         return json.dumps(asdict(self))
 
     @classmethod

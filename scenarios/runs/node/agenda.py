@@ -30,7 +30,6 @@ class Agenda:
     """
 
     def __init__(self, scheduled: Iterable[Due] = ()) -> None:
-        """`scheduled` are those that the scenario asks for, in the order of its file."""
         self._coming = sorted(scheduled, key=_at)
         self._lock = Lock()
 
@@ -41,7 +40,6 @@ class Agenda:
 
     @property
     def pending(self) -> tuple[Due, ...]:
-        """Those that are still to come, in order."""
         with self._lock:
             return tuple(self._coming)
 

@@ -50,7 +50,6 @@ class ChangedLinks:
     def __init__(
         self, names: Sequence[str], scheduled: Iterable[Due], by_hand: Iterable[Due] = ()
     ) -> None:
-        """`scheduled` are the changes of the scenario, `by_hand` those carried out before."""
         self._names = names
         self._links: dict[tuple[str, str], ChangingLink] = {}
         self._scheduled = list(scheduled)
@@ -58,7 +57,6 @@ class ChangedLinks:
 
     @property
     def by_hand(self) -> tuple[Due, ...]:
-        """What was done by hand so far, in the order in which it was carried out."""
         return tuple(self._by_hand)
 
     def adopt(self, links: Iterable[ChangingLink]) -> None:

@@ -51,22 +51,22 @@ class Changes:
         return phase.at(now)
 
     def _carried_out(self, due: Due, now: int, phase: VehiclePhase) -> VehiclePhase:
-        aboard = phase.aboard
+        context = phase.context
         if isinstance(due.change, LINK_CHANGES):
-            aboard.outbox.publish_change(now, due, self.links.carry_out(due))
+            context.outbox.publish_change(now, due, self.links.carry_out(due))
             return phase
         following = _phase_after(due, now, phase)
         if following is None:
-            aboard.outbox.say(now, f"{in_words(due.change)}: has no effect now", "warning")
+            context.outbox.log(now, f"{describe_change(due.change)}: has no effect now", "warning")
             return phase
-        aboard.outbox.publish_change(now, due, in_words(due.change))
+        context.outbox.publish_change(now, due, describe_change(due.change))
         match due.change:
             case CrashTable(for_s=None):
                 raise CrashedError("its process has crashed, as asked")
             case FixChangeTable():
-                change_fix(aboard.car.gnss, due.at, due.change)
+                change_fix(context.car.gnss, due.at, due.change)
             case SpeedChangeTable():
-                aboard.plan = changed_plan(aboard.plan, aboard.start_at, due.at, due.change)
+                context.plan = changed_plan(context.plan, context.start_at, due.at, due.change)
                 following.replan(now)
         return following
 
@@ -103,14 +103,14 @@ def change_receiver(agenda: Agenda, gnss: GnssReceiver, outbox: Outbox, now: int
     for due in agenda.take(now):
         match due.change:
             case FixChangeTable():
-                outbox.publish_change(now, due, in_words(due.change))
+                outbox.publish_change(now, due, describe_change(due.change))
                 change_fix(gnss, due.at, due.change)
             case _:
-                text = f"{in_words(due.change)}: has no effect, it moves as it was recorded"
-                outbox.say(now, text, "warning")
+                text = f"{describe_change(due.change)}: has no effect, it moves as it was recorded"
+                outbox.log(now, text, "warning")
 
 
-def in_words(change: AnyChange) -> str:
+def describe_change(change: AnyChange) -> str:
     """Say in a few words what is done."""
     said = {"kind", "at_s", "vehicle"}
     figures = change.model_dump(exclude=said, exclude_none=True)

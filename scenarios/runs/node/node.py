@@ -6,7 +6,7 @@ from scenarios.definition.road.set_speed import SpeedPlan
 from scenarios.runs.node.agenda import Agenda, Due
 from scenarios.runs.node.changes import Changes
 from scenarios.runs.node.outbox import Outbox, OutboxState
-from scenarios.runs.node.phases import Aboard, Car, Down, VehiclePhase
+from scenarios.runs.node.phases import Car, Down, VehicleContext, VehiclePhase
 from transport.clock import Tick
 from transport.links.inbox import Inbox, InboxCounts
 
@@ -33,9 +33,8 @@ class Handover:
 class Node:
     """A car, its sensors and its driver, with its incoming and its outgoing messages."""
 
-    def __init__(self, aboard: Aboard, changes: Changes, phase: VehiclePhase) -> None:
-        """`phase` is what it does at first, `changes` what is done to it."""
-        self._aboard = aboard
+    def __init__(self, context: VehicleContext, changes: Changes, phase: VehiclePhase) -> None:
+        self._context = context
         self._changes = changes
         self.phase = phase
 
@@ -43,27 +42,23 @@ class Node:
         """One tick of the schedule: do what the phase asks for, advance the car to the next."""
         self.phase = self._changes.by(tick.at, self.phase)
         command = self.phase.step(tick.at)
-        self._aboard.car.advance(command, tick.span_s)
+        self._context.car.advance(command, tick.span_s)
 
     @property
     def inbox(self) -> Inbox:
-        """What it receives."""
-        return self._aboard.inbox
+        return self._context.inbox
 
     @property
     def outbox(self) -> Outbox:
-        """What it sends."""
-        return self._aboard.outbox
+        return self._context.outbox
 
     @property
     def agenda(self) -> Agenda:
-        """What is still to be done to it."""
         return self._changes.agenda
 
     @property
     def car(self) -> Car:
-        """The car."""
-        return self._aboard.car
+        return self._context.car
 
     def handover(self, now: int) -> Handover | None:
         """All that outlives a crash, if its software is down after the tick at `now` (ns)."""
@@ -72,8 +67,8 @@ class Node:
         return Handover(
             at=now,
             until=self.phase.until,
-            car=self._aboard.car,
-            plan=self._aboard.plan,
+            car=self._context.car,
+            plan=self._context.plan,
             pending=self.agenda.pending,
             changed_links=self._changes.links.by_hand,
             outbox=self.outbox.state,

@@ -73,12 +73,10 @@ class Outbox:
 
     @property
     def state(self) -> OutboxState:
-        """How far it has come."""
         return OutboxState(dict(self._next), self._ticks, self._late_ticks, self._health.due_at)
 
     @property
     def next_pose(self) -> int:
-        """The number of the next pose that it sends."""
         return self._next[messages.GpsPose]
 
     def publish(self, now: int, body: Body, fix: Fix | None, decision: Decision) -> None:
@@ -121,7 +119,7 @@ class Outbox:
         )
         self._add_text(now, text)
 
-    def say(self, now: int, text: str, level: messages.Level = "info") -> None:
+    def log(self, now: int, text: str, level: messages.Level = "info") -> None:
         """Write a line into the log, with what is sent at the tick at `now` (ns)."""
         self._add_text(now, text, level)
 

@@ -39,7 +39,6 @@ class Car:
     _motion: CarMotion = field(init=False)
 
     def __post_init__(self) -> None:
-        """Know how it moves."""
         self._motion = CarMotion(self.parameters)
 
     def measure(self, now: int) -> tuple[Fix | None, Motion | Body | None]:
@@ -53,7 +52,6 @@ class Car:
 
     @property
     def position(self) -> Position:
-        """Where it truly is."""
         body = self.body
         return Position(body.east, body.north, body.distance)
 
@@ -71,7 +69,7 @@ class Software:
     alone: bool
 
 
-class Workshop(Protocol):
+class VehicleFactory(Protocol):
     """Makes anew what a fault of the software takes away."""
 
     def station(self, body: Body) -> float:
@@ -82,17 +80,15 @@ class Workshop(Protocol):
         """Links with nothing heard over them, of a run from `start_at` (ns)."""
         ...
 
-    def software(self, now: int, aboard: "Aboard") -> Software:
+    def software(self, now: int, context: "VehicleContext") -> Software:
         """Software that starts at `now` (ns) without memory, but for where the car is."""
         ...
 
-    def human(self, aboard: "Aboard") -> tuple[Driver, ProfileSpeed]:
-        """A human who drives the road, and the speed over time that he drives."""
-        ...
+    def human(self, context: "VehicleContext") -> tuple[Driver, ProfileSpeed]: ...
 
 
 @dataclass(slots=True, kw_only=True)
-class Aboard:
+class VehicleContext:
     """What all phases of a vehicle share; its instants (ns) count from `start_at`."""
 
     start_at: int
@@ -102,7 +98,7 @@ class Aboard:
     plan: SpeedPlan
     inbox: Inbox
     outbox: Outbox
-    workshop: Workshop
+    factory: VehicleFactory
 
     def follow_the_plan(self, now: int, law: ProfileSpeed | None, *, alone: bool) -> None:
         """Let `law` drive the speed that is planned by now; `alone`, from where the car is."""
@@ -112,7 +108,7 @@ class Aboard:
             law.follow(self.plan.profile)
             return
         seconds, body = (now - self.start_at) / SECOND, self.car.body
-        law.follow(self.plan.setting_off(seconds, self.workshop.station(body), body.speed))
+        law.follow(self.plan.setting_off(seconds, self.factory.station(body), body.speed))
 
     def idle(self, now: int, command: Actuation) -> Actuation:
         """Let the car go on with `command` while its software does nothing at `now` (ns)."""
@@ -124,8 +120,8 @@ class Aboard:
 class VehiclePhase:
     """One of them; what is done to a vehicle leads to another one, or has no effect (None)."""
 
-    def __init__(self, aboard: Aboard) -> None:
-        self.aboard = aboard
+    def __init__(self, context: VehicleContext) -> None:
+        self.context = context
 
     def step(self, now: int) -> Actuation:
         """Do what there is to do at the tick at `now` (ns); returns the command until the next."""
@@ -144,46 +140,43 @@ class VehiclePhase:
 
     def crashed(self, until: int) -> "VehiclePhase | None":
         """Return the phase of one whose software starts anew at `until` (ns)."""
-        return Down(self.aboard, until)
+        return Down(self.context, until)
 
     def left(self, now: int) -> "VehiclePhase | None":
-        """Return the phase of one whose human takes over."""
-        return ByHand(self.aboard, now)
+        return HumanDriving(self.context, now)
 
     def joined(self, now: int) -> "VehiclePhase | None":  # noqa: ARG002
-        """Return the phase of one whose software takes over."""
         return None
 
 
 class Driving(VehiclePhase):
     """Its software drives: the heart of a vehicle."""
 
-    def __init__(self, aboard: Aboard, software: Software) -> None:
-        super().__init__(aboard)
+    def __init__(self, context: VehicleContext, software: Software) -> None:
+        super().__init__(context)
         self.software = software
         self.has_begun = False
 
     @classmethod
-    def anew(cls, aboard: Aboard, now: int) -> "Driving":
+    def restarted(cls, context: VehicleContext, now: int) -> "Driving":
         """Begin at `now` (ns) without memory."""
-        aboard.inbox.listen_anew(aboard.workshop.links(aboard.start_at), now)
-        driving = cls(aboard, aboard.workshop.software(now, aboard))
+        context.inbox.listen_anew(context.factory.links(context.start_at), now)
+        driving = cls(context, context.factory.software(now, context))
         driving.replan(now)
         return driving
 
     def step(self, now: int) -> Actuation:
         """Receive, measure, decide, send."""
         self.has_begun = True
-        aboard, car = self.aboard, self.aboard.car
-        received = aboard.clock.judged(now, aboard.inbox.take(now, car.position))
+        context, car = self.context, self.context.car
+        received = context.clock.judged(now, context.inbox.take(now, car.position))
         fix, motion = car.measure(now)
         decision = self.software.driver.step(now, fix, motion, received)
-        aboard.outbox.publish(now, car.body, self.software.sender.send(now, fix), decision)
+        context.outbox.publish(now, car.body, self.software.sender.send(now, fix), decision)
         return decision.actuation
 
     def replan(self, now: int) -> None:
-        """Drive the speed that is planned now."""
-        self.aboard.follow_the_plan(now, self.software.law, alone=self.software.alone)
+        self.context.follow_the_plan(now, self.software.law, alone=self.software.alone)
 
     def stalled(self, until: int) -> VehiclePhase:
         """Return the phase of one whose control does not run before `until` (ns)."""
@@ -194,24 +187,23 @@ class Stalled(VehiclePhase):
     """Its control does not run: the car keeps its command, and messages wait."""
 
     def __init__(self, driving: Driving, until: int) -> None:
-        super().__init__(driving.aboard)
+        super().__init__(driving.context)
         self._driving = driving
         self._until = until
 
     def step(self, now: int) -> Actuation:
         """Nothing but what the car does by itself."""
-        self.aboard.inbox.pass_by(now, self.aboard.car.position)
-        return self.aboard.idle(now, self.aboard.car.command)
+        self.context.inbox.pass_by(now, self.context.car.position)
+        return self.context.idle(now, self.context.car.command)
 
     def at(self, now: int) -> VehiclePhase:
         """Return the phase at `now` (ns): the software goes on where it was, or begins."""
         if now < self._until:
             return self
         driving = self._driving
-        return driving if driving.has_begun else Driving.anew(self.aboard, now)
+        return driving if driving.has_begun else Driving.restarted(self.context, now)
 
     def replan(self, now: int) -> None:
-        """Drive the speed that is planned now, afterwards."""
         self._driving.replan(now)
 
     def stalled(self, until: int) -> VehiclePhase:
@@ -222,28 +214,28 @@ class Stalled(VehiclePhase):
 class Down(VehiclePhase):
     """Its software is lost: the car brakes to a standstill with its wheels as they were."""
 
-    def __init__(self, aboard: Aboard, until: int) -> None:
-        super().__init__(aboard)
+    def __init__(self, context: VehicleContext, until: int) -> None:
+        super().__init__(context)
         self.until = until
 
     def step(self, now: int) -> Actuation:
         """Nothing but what the car does by itself; what was sent by now is not heard any more."""
-        car = self.aboard.car
-        self.aboard.inbox.let_go(now, car.position)
-        return self.aboard.idle(now, Actuation(car.command.steering, -BRAKING))
+        car = self.context.car
+        self.context.inbox.let_go(now, car.position)
+        return self.context.idle(now, Actuation(car.command.steering, -BRAKING))
 
     def at(self, now: int) -> VehiclePhase:
         """Return the phase at `now` (ns): new software once the time is over."""
         if now < self.until:
             return self
-        self.aboard.outbox.say(now, "its software has started anew")
-        return Driving.anew(self.aboard, now)
+        self.context.outbox.log(now, "its software has started anew")
+        return Driving.restarted(self.context, now)
 
     def crashed(self, until: int) -> None:
         """Nothing is left that could crash."""
 
 
-class ByHand(VehiclePhase):
+class HumanDriving(VehiclePhase):
     """A human drives by what he sees, not by what is received, and nothing is sent.
 
     He keeps to the road as the lead does, by the same steering law, and knows where he is. His
@@ -251,20 +243,19 @@ class ByHand(VehiclePhase):
     vehicles around him he knows nothing.
     """
 
-    def __init__(self, aboard: Aboard, now: int) -> None:
-        super().__init__(aboard)
-        self._human, self._law = aboard.workshop.human(aboard)
+    def __init__(self, context: VehicleContext, now: int) -> None:
+        super().__init__(context)
+        self._human, self._law = context.factory.human(context)
         self.replan(now)
 
     def step(self, now: int) -> Actuation:
         """Drive by the true state of the car."""
-        aboard, car = self.aboard, self.aboard.car
-        aboard.inbox.let_go(now, car.position)
-        return aboard.idle(now, self._human.step(now, None, car.body, ()).actuation)
+        context, car = self.context, self.context.car
+        context.inbox.let_go(now, car.position)
+        return context.idle(now, self._human.step(now, None, car.body, ()).actuation)
 
     def replan(self, now: int) -> None:
-        """Drive the speed that is planned now."""
-        self.aboard.follow_the_plan(now, self._law, alone=True)
+        self.context.follow_the_plan(now, self._law, alone=True)
 
     def crashed(self, until: int) -> None:
         """Its software does not run."""
@@ -273,5 +264,4 @@ class ByHand(VehiclePhase):
         """It has left already."""
 
     def joined(self, now: int) -> VehiclePhase:
-        """Return the phase of one whose software takes over."""
-        return Driving.anew(self.aboard, now)
+        return Driving.restarted(self.context, now)

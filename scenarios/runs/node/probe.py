@@ -17,14 +17,11 @@ class Usage:
 class Probe(Protocol):
     """A source of readings."""
 
-    def read(self) -> Usage:
-        """Take a reading."""
-        ...
+    def read(self) -> Usage: ...
 
 
 class NoProbe:
     """For virtual time, where a vehicle has no process of its own and no tick is late."""
 
     def read(self) -> Usage:
-        """Return zeros."""
         return Usage()

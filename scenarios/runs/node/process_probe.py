@@ -34,7 +34,6 @@ class ProcessProbe:
 
     @property
     def lateness(self) -> Lateness:
-        """Lateness so far."""
         return Lateness(self._late_ticks, self._lateness_ns_max)
 
     def tick_began(self, lateness_ns: int) -> None:

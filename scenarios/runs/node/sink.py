@@ -28,9 +28,7 @@ class Sink(Protocol):
         """Take one message; it may wait until `flush`."""
         ...
 
-    def flush(self) -> None:
-        """Deliver what waits: the messages of a tick are complete."""
-        ...
+    def flush(self) -> None: ...
 
     def reads(self, kind: type[Message]) -> bool:
         """Whether anybody reads messages of a kind; those of another need not be made."""
@@ -41,7 +39,6 @@ class BusSink:
     """Encodes messages and publishes them on a bus."""
 
     def __init__(self, vehicle: str, bus: Bus, on_sent: OnSent | None = None) -> None:
-        """`on_sent` is called for each message, in the order in which they are sent."""
         self._bus = bus
         self._on_sent = on_sent
         self._addresses: dict[type[Message], tuple[str, Topic]] = {
@@ -64,7 +61,6 @@ class BusSink:
         self._waiting.clear()
 
     def reads(self, kind: type[Message]) -> bool:  # noqa: ARG002 - whoever listens may read all
-        """Everything may be read."""
         return True
 
 
@@ -120,7 +116,6 @@ class BatchingSink:
             self._send_batch()
 
     def _present_span(self) -> int:
-        """Number of the span of time for which a batch goes out."""
         return (self._now() - self._turn) // BATCH_NS
 
     def flush_all(self) -> None:
@@ -134,5 +129,4 @@ class BatchingSink:
         self._waiting.clear()
 
     def reads(self, kind: type[Message]) -> bool:
-        """Whether the log, or a figure, takes anything of a kind."""
         return not self._thinning.drops_all(TOPIC_OF[kind].name)

@@ -25,11 +25,9 @@ class ClockOffset:
     uncertainty: int
 
     def exceeds(self, limit_ms: float) -> bool:
-        """Whether it is beyond the limit for certain."""
         return abs(self.offset) - self.uncertainty > limit_ms * MILLISECOND
 
     def __str__(self) -> str:
-        """Say it in words."""
         way = "ahead of" if self.offset >= 0 else "behind"
         offset_ms, uncertainty_ms = (x / MILLISECOND for x in (abs(self.offset), self.uncertainty))
         return (
@@ -39,7 +37,6 @@ class ClockOffset:
 
 
 def answer_for_clock(bus: Bus, vehicle: str, now: Now) -> None:
-    """Let others read the clock of `vehicle`."""
     bus.answer(clock_key(vehicle), lambda _: str(now()).encode())
 
 

@@ -11,7 +11,7 @@ from scenarios.runs.processes.router_watch import RouterWatch
 from vehicles.messages import Change, Health, LogText, Message
 from vehicles.schedule import SECOND, nanoseconds
 
-DEATH_AFTER_NS = SECOND // 2
+FAILED_AFTER_NS = SECOND // 2
 """A vehicle is dead when its token has been gone for this long with the router in reach."""
 LEFT_AFTER_NS = SECOND
 """A vehicle that sent its final counters early has left when its token has been gone for this long.
@@ -30,7 +30,7 @@ HELD_UP_NS = SECOND
 """
 RESTART_NS = 5 * SECOND
 """How much later than asked a process that crashes and starts anew may be back."""
-WAITING_SAID_AFTER_NS = 3 * SECOND
+REPORT_MISSING_AFTER_NS = 3 * SECOND
 """Who is missing is said after this time, and from then on whenever it changes."""
 LEAD_TIME_NS = SECOND // 2
 """From the announcement to the start: time for all vehicles to receive it and to prepare."""
@@ -55,7 +55,7 @@ class Conductor:
         vehicles: Sequence[str],
         *,
         duration_ns: int,
-        goes_on_without_the_dead: bool,
+        continues_without_failed: bool,
         gather_until: int,
     ) -> None:
         """All of `vehicles` must be present by `gather_until`."""
@@ -64,11 +64,11 @@ class Conductor:
         self.start_at = 0
         self._vehicles = tuple(vehicles)
         self._duration_ns = duration_ns
-        self._goes_on = goes_on_without_the_dead
+        self._continues = continues_without_failed
         self._gather_until = gather_until
         self._alive: set[str] = set()
         self._gone_since: dict[str, int] = {}
-        self._dead: set[str] = set()
+        self._failed: set[str] = set()
         self._finished: set[str] = set()
         self._early: dict[str, int] = {}
         self._left: set[str] = set()
@@ -77,8 +77,8 @@ class Conductor:
         self._router = RouterWatch()
         self._patient_from = 0
         self._advanced_at: int | None = None
-        self._waiting_said_at: int | None = None
-        self._said_missing: list[str] = []
+        self._report_missing_at: int | None = None
+        self._reported_missing: list[str] = []
 
     @property
     def end_at(self) -> int:
@@ -125,11 +125,9 @@ class Conductor:
                 self._patient_from = max(self._patient_from, again_at)
 
     def missing(self) -> list[str]:
-        """Vehicles that are not present."""
         return [name for name in self._vehicles if name not in self._alive]
 
     def awaits_final_counters(self) -> bool:
-        """Whether a vehicle that is present has not sent its final counters."""
         return bool(self._alive - self._finished)
 
     def advance(self, now: int, *, connected: bool, recorded_until: int | None = None) -> list[str]:
@@ -175,14 +173,14 @@ class Conductor:
         if now > self._gather_until:
             self.stop(f"not present in time: {', '.join(missing)}")
             return []
-        return self._say_missing(now, missing)
+        return self._report_missing(now, missing)
 
-    def _say_missing(self, now: int, missing: list[str]) -> list[str]:
-        if self._waiting_said_at is None:
-            self._waiting_said_at = now + WAITING_SAID_AFTER_NS
-        if now < self._waiting_said_at or missing == self._said_missing:
+    def _report_missing(self, now: int, missing: list[str]) -> list[str]:
+        if self._report_missing_at is None:
+            self._report_missing_at = now + REPORT_MISSING_AFTER_NS
+        if now < self._report_missing_at or missing == self._reported_missing:
             return []
-        self._said_missing = missing
+        self._reported_missing = missing
         return [f"waiting for {', '.join(missing)}"]
 
     def _run(self, now: int, known_until: int, *, connected: bool) -> list[str]:
@@ -198,11 +196,11 @@ class Conductor:
             lines.append(f"the router was out of reach for {outage / SECOND:.1f} s")
             self._patient_from = now
             self._gone_since = dict.fromkeys(self._gone_since, now + RETURN_NS)
-        if not self._goes_on:
+        if not self._continues:
             for vehicle, why in self._faults.items():
                 self.stop(f"{vehicle}: {why}")
-        lines += self._count_the_dead(known_until)
-        lines += self._count_the_early(known_until)
+        lines += self._count_failed(known_until)
+        lines += self._count_early(known_until)
         self._end_if_over(known_until)
         return lines
 
@@ -213,37 +211,37 @@ class Conductor:
 
     def _end_if_over(self, now: int) -> None:
         vehicles = set(self._vehicles)
-        if self._dead >= vehicles:
+        if self._failed >= vehicles:
             self.stop("all vehicles died")
-        elif self._dead | self._left >= vehicles:
+        elif self._failed | self._left >= vehicles:
             self.stop("all vehicles died or left")
-        elif not (awaited := vehicles - self._finished - self._dead):
+        elif not (awaited := vehicles - self._finished - self._failed):
             if self._left == self._early.keys():  # else it is not yet known why the last one left
                 self.stop("")
         elif now > max(self.end_at, self._patient_from) + FINAL_COUNTERS_NS:
             self.stop(f"no last words from {', '.join(sorted(awaited))}")
 
-    def _count_the_dead(self, now: int) -> list[str]:
+    def _count_failed(self, now: int) -> list[str]:
         lines: list[str] = []
         for name, since in self._gone_since.items():
-            if name in self._finished | self._dead or now - since < DEATH_AFTER_NS:
+            if name in self._finished | self._failed or now - since < FAILED_AFTER_NS:
                 continue
             if now < self._excused.get(name, now):
                 continue
-            self._dead.add(name)
+            self._failed.add(name)
             line = f"{name} died {self._when(since)}"
-            if self._goes_on:
+            if self._continues:
                 lines.append(f"{line}; the convoy goes on without it")
             else:
                 self.stop(line)
         return lines
 
-    def _count_the_early(self, now: int) -> list[str]:
+    def _count_early(self, now: int) -> list[str]:
         lines: list[str] = []
         for name, at in self._early.items():
             if name in self._left or not self._has_left(name, at, now):
                 continue
-            if self._goes_on:
+            if self._continues:
                 self._left.add(name)
                 lines.append(f"{name} left {self._when(at)}; the convoy goes on without it")
             else:

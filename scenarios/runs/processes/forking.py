@@ -20,9 +20,9 @@ from typing import BinaryIO, NoReturn, Self
 
 from scenarios.runs.stop import ASKING, EXIT_FAILED, end_on_signals, without_watch
 
-Deed = Callable[[], None]
+Task = Callable[[], None]
 """What a child does; it may end by SystemExit."""
-Become = Callable[[Sequence[str]], Deed]
+PrepareTask = Callable[[Sequence[str]], Task]
 """Prepares, before the fork, what a child does that is to do what `convoy ARGUMENTS` does."""
 EVERY_FILE = 1 << 20
 """Above the numbers of all files that a process has open."""
@@ -67,11 +67,9 @@ class ForkedProcess:
         return self._look(0) or 0
 
     def terminate(self) -> None:
-        """Ask it to end, by SIGTERM."""
         self.send_signal(signal.SIGTERM)
 
     def kill(self) -> None:
-        """End it, by SIGKILL."""
         self.send_signal(signal.SIGKILL)
 
     def send_signal(self, number: int) -> None:
@@ -88,7 +86,7 @@ class ForkedProcess:
 
 
 @dataclass(frozen=True, slots=True)
-class Birth:
+class ChildSpec:
     """A child to be forked: what it is called, and what it does, which is `convoy ARGUMENTS`.
 
     Its standard input is a pipe from here, and if it is `piped` its standard output one to here.
@@ -96,26 +94,26 @@ class Birth:
 
     name: str
     arguments: Sequence[str]
-    deed: Deed
+    task: Task
     piped: bool = False
 
 
-def fork_all(births: Sequence[Birth]) -> list[ForkedProcess]:
+def fork_all(specs: Sequence[ChildSpec]) -> list[ForkedProcess]:
     """Fork children, one right after the other; raises OSError, and then there are none.
 
     What this process writes to between two forks no two children would share.
     """
-    pipes = [_Pipes.of(birth) for birth in births]
+    pipes = [_Pipes.of(spec) for spec in specs]
     pids: list[int] = []
     sys.stdout.flush()
     sys.stderr.flush()
     gc.freeze()  # the collector would write to every object, and so make the memory the child's own
     try:
         with without_watch(), _signals_held():
-            for birth, ends in zip(births, pipes, strict=True):
+            for spec, ends in zip(specs, pipes, strict=True):
                 pid = os.fork()
                 if pid == 0:
-                    _live(birth, ends)
+                    _run_child(spec, ends)
                 pids.append(pid)
     except OSError:
         for pid in pids:
@@ -124,7 +122,7 @@ def fork_all(births: Sequence[Birth]) -> list[ForkedProcess]:
         raise
     finally:
         for ends in pipes:
-            ends.leave_to_the_child(forked=len(pids) == len(births))
+            ends.close_child_ends(forked=len(pids) == len(specs))
     return [ends.process(pid) for pid, ends in zip(pids, pipes, strict=True)]
 
 
@@ -132,20 +130,20 @@ def fork_all(births: Sequence[Birth]) -> list[ForkedProcess]:
 class _Pipes:
     """Ends of a child's pipes: two for itself, two for its parent; -1 where there is none."""
 
-    leash: int
+    parent_watch: int
     output: int
     stdin: int
     stdout: int
 
     @classmethod
-    def of(cls, birth: Birth) -> Self:
-        leash, stdin = os.pipe()
-        stdout, output = os.pipe() if birth.piped else (-1, -1)
-        return cls(leash, output, stdin, stdout)
+    def of(cls, spec: ChildSpec) -> Self:
+        parent_watch, stdin = os.pipe()
+        stdout, output = os.pipe() if spec.piped else (-1, -1)
+        return cls(parent_watch, output, stdin, stdout)
 
-    def leave_to_the_child(self, *, forked: bool) -> None:
+    def close_child_ends(self, *, forked: bool) -> None:
         """Close here what is the child's; if it was not `forked`, everything."""
-        for end in (self.leash, self.output, *(() if forked else (self.stdin, self.stdout))):
+        for end in (self.parent_watch, self.output, *(() if forked else (self.stdin, self.stdout))):
             if end >= 0:
                 os.close(end)
 
@@ -164,12 +162,12 @@ def _signals_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _live(birth: Birth, ends: _Pipes) -> NoReturn:
+def _run_child(spec: ChildSpec, ends: _Pipes) -> NoReturn:
     """Be the child, from its first instant to its end."""
     code = EXIT_FAILED
     try:
-        _come_of_age(birth, ends)
-        birth.deed()
+        _detach_from_parent(spec, ends)
+        spec.task()
         code = 0
     except SystemExit as end:
         code = _exit_code_of(end)
@@ -192,17 +190,17 @@ def _exit_code_of(end: SystemExit) -> int:
     return end.code or 0
 
 
-def _come_of_age(birth: Birth, ends: _Pipes) -> None:
+def _detach_from_parent(spec: ChildSpec, ends: _Pipes) -> None:
     """Leave behind what is the parent's: session, files, signals, command line, its last deeds."""
     os.setsid()
-    name_process(birth.name)
-    os.dup2(ends.leash, 0)
+    name_process(spec.name)
+    os.dup2(ends.parent_watch, 0)
     if ends.output >= 0:
         os.dup2(ends.output, 1)
     os.closerange(3, EVERY_FILE)  # a sibling's leash held here would keep it alive
     atexit._clear()
-    sys.argv = ["convoy", *birth.arguments]
+    sys.argv = ["convoy", *spec.arguments]
     # By this a vehicle that crashes starts anew: a program of its own from then on.
-    sys.orig_argv = [sys.executable, "-m", "scenarios.cli", *birth.arguments]
+    sys.orig_argv = [sys.executable, "-m", "scenarios.cli", *spec.arguments]
     end_on_signals(say=False)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, ASKING)

@@ -26,33 +26,21 @@ class ProcessSupervisor(Protocol):
     """What the launcher needs of a `Supervisor`."""
 
     @property
-    def children(self) -> Sequence[ChildProcess]:
-        """Those that were started and not yet reported as ended or stopped."""
-        ...
+    def children(self) -> Sequence[ChildProcess]: ...
 
     def start_router(self) -> str:
         """Start a router; returns its endpoint."""
         ...
 
-    def start(self, name: str, arguments: Sequence[str]) -> ChildProcess:
-        """Start `convoy ARGUMENTS`."""
-        ...
+    def start(self, name: str, arguments: Sequence[str]) -> ChildProcess: ...
 
-    def start_all(self, asked: Sequence[tuple[str, Sequence[str]]]) -> None:
-        """Start `convoy ARGUMENTS` under each name."""
-        ...
+    def start_all(self, asked: Sequence[tuple[str, Sequence[str]]]) -> None: ...
 
-    def tell(self, name: str, reason: str) -> None:
-        """Tell a child why it has to stop."""
-        ...
+    def tell(self, name: str, reason: str) -> None: ...
 
-    def ended(self) -> Sequence[ChildProcess]:
-        """Children that have ended since the last call."""
-        ...
+    def ended(self) -> Sequence[ChildProcess]: ...
 
-    def stop(self, names: Sequence[str] | None = None, grace_s: float = ...) -> object:
-        """Stop the named children, by default all of them."""
-        ...
+    def stop(self, names: Sequence[str] | None = None, grace_s: float = ...) -> object: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,9 +128,8 @@ def _is_over(
     stop: Stop,
     outcome: RunOutcome,
 ) -> bool:
-    """Whether the run is over: as planned, as asked, or because a process failed."""
     vehicles = plan.scenario.vehicle_names
-    goes_on = plan.scenario.goes_on_without_the_dead
+    continues = plan.scenario.continues_without_failed
     if stop.asked:
         outcome.fail(stop.reason, stop.exit_code, is_reported=True)
     for child in supervisor.ended():
@@ -150,7 +137,7 @@ def _is_over(
             return True
         if child is recorder and child.exit_code == EXIT_FAILED:
             outcome.fail(RECORDER_FAILED, is_reported=True)
-        elif child.name not in vehicles or (child.exit_code != 0 and not goes_on):
+        elif child.name not in vehicles or (child.exit_code != 0 and not continues):
             outcome.router_ended = child.name == ROUTER and not outcome.reason
             outcome.fail(f"{describe(child)}; the run ends")
     return bool(outcome.reason)

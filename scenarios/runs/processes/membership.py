@@ -56,7 +56,6 @@ class Fingerprint:
 
     @property
     def chunk(self) -> str:
-        """All of it as one chunk of a key."""
         return "~".join((self.scenario, self.seed, self.version, self.digest))
 
     def difference(self, chunk: str) -> str:
@@ -107,12 +106,10 @@ class Membership:
 
     @property
     def recorder_is_present(self) -> bool:
-        """Whether the run has a recorder."""
         return any(other.role == RECORDER for other in self._mine())
 
     @property
     def vehicles(self) -> set[str]:
-        """Names of the vehicles of this run's scenario, seed and version that are present."""
         return {other.name for other in self._mine() if other.role == VEHICLE}
 
     def _mine(self) -> list[Member]:

@@ -48,7 +48,7 @@ CANCELLED_NS = SECOND
 """How long the recorder of a run that ends early waits for the vehicles' final counters."""
 LITTLE_PATIENCE_S = 0.2
 """How long it waits for a router that has brought no answer in that time."""
-HEARD_NS = SECOND
+CONFIRM_NS = SECOND
 """How long the recorder of a completed run waits for the vehicles to end."""
 
 
@@ -67,7 +67,6 @@ class RecorderProcess:
         gather_s: float = GATHER_S,
         observers: Sequence[Observer] = (),
     ) -> None:
-        """Open the log in `folder` and subscribe to everything that the convoy publishes."""
         self._clock = WallClock()
         self._bus = bus
         self._stop = stop
@@ -78,7 +77,7 @@ class RecorderProcess:
         self._conductor = Conductor(
             scenario.vehicle_names,
             duration_ns=round(scenario.duration_s * SECOND),
-            goes_on_without_the_dead=scenario.goes_on_without_the_dead,
+            continues_without_failed=scenario.continues_without_failed,
             gather_until=self._clock.now() + round(gather_s * SECOND),
         )
         metrics = metrics or Metrics.of(scenario)
@@ -103,7 +102,7 @@ class RecorderProcess:
             self._run.recorder.keys, larger=dict.fromkeys(batches, MAX_RECORDS_BYTES)
         )
         self._in_order = SendingOrder(batches)
-        self._said_behind = False
+        self._reported_behind = False
         answer_for_clock(bus, CONDUCTOR, self._clock.now)
         self._board.listen_on(bus)
         bus.subscribe(EVERYTHING, self._arrive)
@@ -119,11 +118,11 @@ class RecorderProcess:
         with suppress(LogError):  # the run has a reason to end already
             self._record_arrivals()
         if account := self._watchers.account():
-            self._run.recorder.say(self._clock.now(), account, "warning")
+            self._run.recorder.log(self._clock.now(), account, "warning")
         end = self._run.end(self._clock.now(), self._conductor.reason)
         self._own_message("end", end)
         if self._conductor.reason:
-            self._tell_end()
+            self._announce_end()
             self._await_final_counters()
         self._run.recorder.rejected.update(self._arrivals.refusals())
         return self._run.close(self._clock.now())
@@ -134,14 +133,14 @@ class RecorderProcess:
         That of a completed run is repeated until they have ended; a router that is away is waited
         for. Of a failed run they have been told before.
         """
-        self._tell_end()
+        self._announce_end()
         if self._conductor.reason or self._conductor.router_is_lost:
             return
         begun = self._clock.now()
         self._settled_at = begun
-        poll(lambda: self._stop.asked or self._is_heard(begun), every_s=POLL_S)
+        poll(lambda: self._stop.asked or self._all_ended(begun), every_s=POLL_S)
 
-    def _tell_end(self) -> None:
+    def _announce_end(self) -> None:
         """Publish that the run is over.
 
         Who was asked to stop with nobody there need not wait until a router has read this.
@@ -149,7 +148,7 @@ class RecorderProcess:
         if self._membership.vehicles or not self._stop.asked:
             self._bus.publish(*self._own[-1], urgent=True)
 
-    def _is_heard(self, begun: int) -> bool:
+    def _all_ended(self, begun: int) -> bool:
         """Whether no vehicle is left that waits for the end, or none will hear of it."""
         now = self._clock.now()
         if self._announcing.is_due(now):
@@ -159,7 +158,7 @@ class RecorderProcess:
             return now > begun + ROUTER_LOST_AFTER_NS
         if now < self._settled_at:  # the vehicles are still on their way back to the router
             return False
-        return not self._membership.vehicles or now > self._settled_at + HEARD_NS
+        return not self._membership.vehicles or now > self._settled_at + CONFIRM_NS
 
     def _await_final_counters(self) -> None:
         until = self._clock.now() + CANCELLED_NS
@@ -179,7 +178,7 @@ class RecorderProcess:
             found = measure(self._bus, vehicle, self._clock.now)
             if found is None:  # it has left again, or hangs: its token tells
                 continue
-            self._run.recorder.say(self._clock.now(), str(found), "debug")
+            self._run.recorder.log(self._clock.now(), str(found), "debug")
             if found.exceeds(self._clock_offset_ms_max):
                 too_far.append(str(found))
         if too_far:
@@ -217,7 +216,6 @@ class RecorderProcess:
         self._run.recorder.accept_all(self._in_order.until(sent_until))
 
     def _put_in_order(self, arrival: Arrival) -> None:
-        """Let a message wait for what was sent before it, and each of a batch by itself."""
         try:
             self._in_order.put(arrival)
         except RefusedMessageError as refusal:
@@ -235,9 +233,9 @@ class RecorderProcess:
         for line in self._conductor.advance(
             now, connected=connected, recorded_until=recorded_until
         ):
-            self._run.recorder.say(now, line)
+            self._run.recorder.log(now, line)
         if self._conductor.phase is Phase.RUNNING:
-            self._say_if_behind(now, now - recorded_until)
+            self._warn_if_behind(now, now - recorded_until)
             if not self._own:
                 self._own_message("start", self._run.start(now, self._conductor.start_at))
             if self._announcing.is_due(now):
@@ -249,19 +247,18 @@ class RecorderProcess:
         if self._flushing.is_due(now):
             self._run.flush()
 
-    def _say_if_behind(self, now: int, behind: int) -> None:
+    def _warn_if_behind(self, now: int, behind: int) -> None:
         """Say once why a run whose time is up is not over."""
-        if behind > BEHIND_NS and now > self._conductor.end_at and not self._said_behind:
-            self._said_behind = True
+        if behind > BEHIND_NS and now > self._conductor.end_at and not self._reported_behind:
+            self._reported_behind = True
             line = f"the log is {behind / SECOND:.1f} s behind and is completed first"
-            self._run.recorder.say(now, line, "warning")
+            self._run.recorder.log(now, line, "warning")
 
     def _note_requests(self, now: int) -> None:
-        """End the run if somebody asks for it, or its limits do."""
         if self._stop.asked:
             # A launcher that was killed takes its router with it; that is no end of a run.
             connected = self._stop.orphaned or self._bus.connected()
             for line in self._conductor.stop_as_asked(self._stop.reason, now, connected=connected):
-                self._run.recorder.say(now, line)
+                self._run.recorder.log(now, line)
         elif reason := self._run.must_end:
             self._conductor.stop(reason)

@@ -61,7 +61,7 @@ def pack(handover: object, file: IO[bytes]) -> None:
     _Pickler(file).dump(handover)
 
 
-def start_anew(handover: ProcessHandover) -> NoReturn:
+def restart_process(handover: ProcessHandover) -> NoReturn:
     """End this process, and be the same program anew; nothing but `handover` is left of it."""
     with TemporaryFile(buffering=0) as file:  # without a name, so it is gone with its last reader
         pack(handover, file)
@@ -71,7 +71,7 @@ def start_anew(handover: ProcessHandover) -> NoReturn:
         os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])  # noqa: S606 - no shell
 
 
-def taken_over() -> ProcessHandover | None:
+def received_handover() -> ProcessHandover | None:
     """Return what the process that this one has been has handed over, if there was one."""
     number = os.environ.pop(VARIABLE, None)
     if number is None:

@@ -8,7 +8,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import IO, Protocol
 
-from scenarios.runs.processes.forking import Become, Birth, ForkedProcess, can_fork, fork_all
+from scenarios.runs.processes.forking import (
+    ChildSpec,
+    ForkedProcess,
+    PrepareTask,
+    can_fork,
+    fork_all,
+)
 from scenarios.runs.processes.router import LISTENING
 from transport.bus.bus import BusError
 from transport.clock import poll
@@ -22,9 +28,7 @@ class ChildProcess(Protocol):
     """A process of the run: its name, and its exit code once it has ended."""
 
     @property
-    def name(self) -> str:
-        """What it is called in messages: router, recorder, or the vehicle's name."""
-        ...
+    def name(self) -> str: ...
 
     @property
     def exit_code(self) -> int | None:
@@ -79,26 +83,25 @@ class Supervisor:
     and the child stops by itself.
     """
 
-    def __init__(self, become: Become | None = None) -> None:
-        """Let children do what `become` prepares, forked where that can be; else start programs."""
+    def __init__(self, prepare_task: PrepareTask | None = None) -> None:
+        """Let children do what `prepare_task` prepares, forked where that can be; else start programs."""
         self.children: list[Child] = []
         self._router_output: IO[bytes] | None = None
-        self._become = become if become is not None and can_fork() else None
+        self._prepare_task = prepare_task if prepare_task is not None and can_fork() else None
 
     def start(self, name: str, arguments: Sequence[str], *, piped: bool = False) -> Child:
         """Start `convoy ARGUMENTS` as a child; with `piped` its output comes here."""
         return self._start([(name, arguments)], piped=piped)[0]
 
     def start_all(self, asked: Sequence[tuple[str, Sequence[str]]]) -> None:
-        """Start a child of each name that does `convoy ARGUMENTS`."""
         self._start(asked, piped=False)
 
     def _start(self, asked: Sequence[tuple[str, Sequence[str]]], *, piped: bool) -> list[Child]:
         before = len(self.children)
-        if (become := self._become) is not None:
-            births = [Birth(name, given, become(given), piped) for name, given in asked]
-            for birth, process in zip(births, fork_all(births), strict=True):
-                self.children.append(Child(birth.name, process))
+        if (prepare_task := self._prepare_task) is not None:
+            specs = [ChildSpec(name, given, prepare_task(given), piped) for name, given in asked]
+            for spec, process in zip(specs, fork_all(specs), strict=True):
+                self.children.append(Child(spec.name, process))
         else:
             for name, given in asked:  # those before one that fails are children by then
                 self.children.append(Child(name, spawn(given, piped=piped)))

@@ -18,8 +18,8 @@ from scenarios.runs.processes.membership import VEHICLE, Fingerprint, Membership
 from scenarios.runs.processes.restart import (
     ProcessHandover,
     SoftwareLostError,
-    start_anew,
-    taken_over,
+    received_handover,
+    restart_process,
 )
 from scenarios.runs.processes.router_watch import RouterWatch
 from scenarios.runs.stop import EXIT_FAILED, Stop
@@ -68,7 +68,7 @@ def run_vehicle(
     `say` gets the news and `complain` what went wrong, a line each. What the recorder announced
     is not for a `launched` vehicle to repeat: the recorder tells the launcher itself.
     """
-    before = taken_over()
+    before = received_handover()
     builder = VehicleBuilder(scenario, name)
     try:
         with open_bus(options) as bus:
@@ -80,7 +80,7 @@ def run_vehicle(
             vehicle.await_start(say, wait_s)
             vehicle.drive(say)
     except SoftwareLostError as lost:
-        start_anew(lost.handover)
+        restart_process(lost.handover)
     except VehicleFaultError as fault:
         if launched:  # the recorder says it, if it lives
             return 0 if vehicle.is_called_off else EXIT_FAILED
@@ -122,7 +122,7 @@ class RunAnnouncements:
     def __init__(self, bus: Bus, now: Callable[[], int]) -> None:
         self.start: RunStart | None = None
         self.end: RunEnd | None = None
-        self.heard_at = 0
+        self.last_received_at = 0
         """Instant (ns) of the last announcement; they are repeated while the run is on."""
         self._now = now
         for name in ("start", "end"):
@@ -135,7 +135,7 @@ class RunAnnouncements:
             return
         if message.vehicle != CONDUCTOR:
             return
-        self.heard_at = self._now()
+        self.last_received_at = self._now()
         if isinstance(message, RunStart):
             self.start = self.start or message
         elif isinstance(message, RunEnd) and not self._is_the_start(message):
@@ -171,7 +171,7 @@ class VehicleProcess:
         self._recorder = RecorderWatch(membership, bus)
         self._router = RouterWatch()
         self._watching = Timer(WATCH_NS)
-        self._last_words: tuple[str, bytes] | None = None
+        self._final_counters: tuple[str, bytes] | None = None
         self._fetches: list[Fetch] = []
         self.exit_code = 0
         answer_for_clock(bus, builder.name, self._clock.now)
@@ -185,7 +185,6 @@ class VehicleProcess:
 
     @property
     def is_called_off(self) -> bool:
-        """Whether it was asked to stop, or the recorder has announced the end."""
         return self._stop.asked or self._announced.end is not None
 
     def await_start(self, say: Say, wait_s: float) -> None:
@@ -246,7 +245,7 @@ class VehicleProcess:
             self._builder.name,
             self._bus,
             self._clock.now,
-            self._keep_last_words,
+            self._keep_final_counters,
             logged_hz=self._builder.scenario.tables.log.rates_hz,
         )
         node = self._builder.node(start_at, sink, probe, before.node if before else None)
@@ -295,7 +294,7 @@ class VehicleProcess:
                 self._fetch(node.inbox)
                 step(tick)
                 if tick.at >= back_at:
-                    self._start_anew_if_down(node, tick.at, probe)
+                    self._restart_if_down(node, tick.at, probe)
                 if self._watching.is_due(now := self._clock.now()):
                     self._check_company(now)
             sink.flush_all()
@@ -309,12 +308,11 @@ class VehicleProcess:
             raise
 
     def _fetch(self, inbox: Inbox) -> None:
-        """Take in what has come since the last tick."""
         for fetch in self._fetches:
             if fetch():
                 inbox.note_overflow()
 
-    def _start_anew_if_down(self, node: Node | ReplayedNode, now: int, probe: ProcessProbe) -> None:
+    def _restart_if_down(self, node: Node | ReplayedNode, now: int, probe: ProcessProbe) -> None:
         """Raise SoftwareLostError if the software of the vehicle has crashed by `now` (ns)."""
         handover = node.handover(now)
         if handover is not None:
@@ -347,15 +345,15 @@ class VehicleProcess:
         if self._router.was_lost_at_last(end_at):  # the recorder comes to the same result
             return self._router.is_lost_for_good(now)
         self._check_company(now)
-        if now > max(end_at, self._router.back_at, self._announced.heard_at) + END_NS:
+        if now > max(end_at, self._router.back_at, self._announced.last_received_at) + END_NS:
             raise RunOffError(f"{self._run} failed: no word of its end from the recorder")
-        if self._last_words is not None:
-            self._bus.publish(*self._last_words)
+        if self._final_counters is not None:
+            self._bus.publish(*self._final_counters)
         return False
 
-    def _keep_last_words(self, topic: Topic, data: bytes, message: Message) -> None:
+    def _keep_final_counters(self, topic: Topic, data: bytes, message: Message) -> None:
         if isinstance(message, Health) and message.final:
-            self._last_words = key(message.vehicle, topic), data
+            self._final_counters = key(message.vehicle, topic), data
 
 
 def most_waiting(link: IncomingLink) -> int:

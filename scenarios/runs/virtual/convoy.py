@@ -109,7 +109,7 @@ class VirtualConvoy:
                 self.bus.subscribe(sender_key, node.inbox.on_bytes)
             ticks = partial(builder.ticks, start_at)
             step = stepping(node, name, start_at)
-            if self._scenario.goes_on_without_the_dead:
+            if self._scenario.continues_without_failed:
                 step = self._leaving(step, name, nodes)
             self._steppers.append(Stepper(builder.schedule, ticks, step))
         return nodes
@@ -127,7 +127,7 @@ class VirtualConvoy:
                     raise
                 self.left.add(name)
                 outbox = nodes[name].outbox
-                outbox.say(tick.at, fault.text, "fatal")
+                outbox.log(tick.at, fault.text, "fatal")
                 self._on_left(tick.at, name)
                 outbox.publish_health(tick.at, final=True)
 

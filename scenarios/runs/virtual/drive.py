@@ -58,7 +58,6 @@ class ObservedSink:
             listen(self._now(), message)
 
     def reads(self, kind: type[Message]) -> bool:
-        """Whether anything takes messages of a kind."""
         return kind is GpsPose or bool(self._listeners[kind])
 
 

@@ -154,7 +154,7 @@ def test_a_log_that_breaks_off_before_the_start_ran_for_no_time(
     scenario: Scenario, tmp_path: Path
 ) -> None:
     run = RunLog(scenario, tmp_path, clock="wall", run_id="today")
-    run.recorder.say(at(0.0), "waiting")
+    run.recorder.log(at(0.0), "waiting")
     run.recorder.accept("convoy/v1/health", encode(health("v1")), at(30.0))
     run.flush()
     assert summary_of(tmp_path / LOG_NAME).ran_s == 0.0

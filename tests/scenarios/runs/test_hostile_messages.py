@@ -95,7 +95,7 @@ def drive(
     conductor = Conductor(
         VEHICLES,
         duration_ns=end_at - clock.now(),
-        goes_on_without_the_dead=False,
+        continues_without_failed=False,
         gather_until=end_at,
     )
     for name in VEHICLES:

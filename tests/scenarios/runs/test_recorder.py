@@ -206,8 +206,8 @@ def test_the_run_s_own_messages_are_numbered_and_returned_for_the_bus(tmp_path: 
     recorded = Recorded(tmp_path / "run.mcap", begun=False)
     recorder = recorded.recorder
     started = recorder.begin(at(0.0), at(0.5), "trial")
-    recorder.say(at(1.0), "all 2 vehicles are present")
-    recorder.say(at(2.0), "the router was out of reach for 1.0 s", "warning")
+    recorder.log(at(1.0), "all 2 vehicles are present")
+    recorder.log(at(2.0), "the router was out of reach for 1.0 s", "warning")
     ended = recorder.end(at(3.0), "enough")
     recorded.writer.close()
     logged = list(LogReader(recorded.path).messages())

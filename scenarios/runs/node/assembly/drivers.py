@@ -2,7 +2,7 @@
 
 from scenarios.definition.channel.build import usual_delay_ms
 from scenarios.definition.scenario import Scenario
-from scenarios.runs.node.phases import Aboard, Car
+from scenarios.runs.node.phases import Car, VehicleContext
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
 from vehicles.driver.command_limit import CommandLimit
@@ -35,24 +35,24 @@ class DriverBuilder:
         self._setup = scenario.vehicle(name)
         self._route = scenario.route
 
-    def software(self, now: int, aboard: Aboard) -> tuple[Driver, ProfileSpeed | None]:
+    def software(self, now: int, context: VehicleContext) -> tuple[Driver, ProfileSpeed | None]:
         """Driver that starts at `now` (ns) without memory, and the profile it drives, if any."""
         own = self._setup.predecessor is None or self._drives_a_profile
-        law = self._own_profile(aboard.start_at) if own else None
-        return self._driver(aboard, now, law or self._gap_keeping()), law
+        law = self._own_profile(context.start_at) if own else None
+        return self._driver(context, now, law or self._gap_keeping()), law
 
-    def human(self, aboard: Aboard) -> tuple[Driver, ProfileSpeed]:
+    def human(self, context: VehicleContext) -> tuple[Driver, ProfileSpeed]:
         """A human who drives the road like the lead, and knows where he is."""
-        law = self._profile(aboard.start_at)
-        body = aboard.car.body
+        law = self._profile(context.start_at)
+        body = context.car.body
         return Leader(
             own_state=KnownState(),
             controller=self._controller(),
             speed_law=law,
-            control=aboard.control,
+            control=context.control,
             path=self._route.path,
             station=self.station(body),
-            limit=self._command_limit(aboard.car),
+            limit=self._command_limit(context.car),
         ), law
 
     def station(self, body: Body) -> float:
@@ -60,9 +60,9 @@ class DriverBuilder:
         expected = self._route.start_station(self._setup.place) + body.distance
         return self._route.path.project(body.east, body.north, expected, SOUGHT).station
 
-    def _driver(self, aboard: Aboard, now: int, speed_law: SpeedLaw) -> Driver:
-        setup, control = self._setup, aboard.control
-        own_state = self._own_state(now, aboard)
+    def _driver(self, context: VehicleContext, now: int, speed_law: SpeedLaw) -> Driver:
+        setup, control = self._setup, context.control
+        own_state = self._own_state(now, context)
         controller = self._controller()
         load = self._load_watch(own_state, controller)
         if setup.predecessor is None:
@@ -76,8 +76,8 @@ class DriverBuilder:
                 waiting=waiting,
                 control=control,
                 path=self._route.path,
-                station=self.station(aboard.car.body),
-                limit=self._command_limit(aboard.car),
+                station=self.station(context.car.body),
+                limit=self._command_limit(context.car),
                 load=load,
             )
         steering = setup.steering
@@ -94,18 +94,18 @@ class DriverBuilder:
             fusion=steering.fusion,
             settings=self._fit_settings(),
             degradation=setup.degradation,
-            limit=self._command_limit(aboard.car),
+            limit=self._command_limit(context.car),
             load=load,
             gates=self._gates(),
         )
 
-    def _own_state(self, now: int, aboard: Aboard) -> OwnState:
+    def _own_state(self, now: int, context: VehicleContext) -> OwnState:
         """What tells the car where it is, from `now` (ns) on.
 
         Software that starts later than the run, or whose first fix may come late, is told where it
         starts; so is any other if it has to decide before its first fix.
         """
-        setup, body = self._setup, aboard.car.body
+        setup, body = self._setup, context.car.body
         if setup.knows_itself:
             return KnownState()
         gnss = setup.gnss
@@ -119,7 +119,7 @@ class DriverBuilder:
             by_accuracy=True,
             start=start,
         )
-        if gnss.is_punctual and now == aboard.start_at:
+        if gnss.is_punctual and now == context.start_at:
             return estimator
         estimator.correct(start)
         if not gnss.latency:

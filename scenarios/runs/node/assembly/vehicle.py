@@ -24,7 +24,15 @@ from scenarios.runs.node.changed_links import ChangedLinks, ChangingLink
 from scenarios.runs.node.changes import Changes
 from scenarios.runs.node.node import Handover, Node
 from scenarios.runs.node.outbox import Outbox
-from scenarios.runs.node.phases import Aboard, ByHand, Car, Down, Driving, Software, VehiclePhase
+from scenarios.runs.node.phases import (
+    Car,
+    Down,
+    Driving,
+    HumanDriving,
+    Software,
+    VehicleContext,
+    VehiclePhase,
+)
 from scenarios.runs.node.probe import Probe
 from scenarios.runs.node.replayed import ReplayedNode
 from scenarios.runs.node.sink import Sink
@@ -137,7 +145,7 @@ class VehicleBuilder:
                 outbox=outbox,
                 agenda=Agenda(coming),
             )
-        aboard = Aboard(
+        context = VehicleContext(
             start_at=start_at,
             car=handover.car if handover else self._car(start_at),
             clock=clock,
@@ -145,20 +153,20 @@ class VehicleBuilder:
             plan=handover.plan if handover else self._route.plan,
             inbox=inbox,
             outbox=outbox,
-            workshop=self,
+            factory=self,
         )
         if handover is not None:
             changes = Changes(Agenda(handover.pending), self._changed)
-            return Node(aboard, changes, Down(aboard, handover.until))
+            return Node(context, changes, Down(context, handover.until))
         changes = Changes(Agenda(coming), self._changed)
-        return Node(aboard, changes, self._first_phase(aboard))
+        return Node(context, changes, self._first_phase(context))
 
-    def _first_phase(self, aboard: Aboard) -> VehiclePhase:
+    def _first_phase(self, context: VehicleContext) -> VehiclePhase:
         """Driven by its software, or by a human until it joins."""
         if self._scenario.joins_late(self.name):
-            return ByHand(aboard, aboard.start_at)
-        start_at = aboard.start_at
-        return Driving(aboard, self._software(start_at, aboard, set_off=False))
+            return HumanDriving(context, context.start_at)
+        start_at = context.start_at
+        return Driving(context, self._software(start_at, context, set_off=False))
 
     def concerns(self, change: AnyChange) -> bool:
         """Whether this vehicle carries a change out."""
@@ -201,26 +209,26 @@ class VehicleBuilder:
         for one in self._links:
             one.link.redraw(numbers[one.link.sender], seed)
 
-    def software(self, now: int, aboard: Aboard) -> Software:
+    def software(self, now: int, context: VehicleContext) -> Software:
         """Software that starts at `now` (ns) without memory, but for where the car is.
 
-        The receiver aboard knows its place all the time. A lead that stood is late: it drives its
+        The receiver context knows its place all the time. A lead that stood is late: it drives its
         speed by where it is, not by when.
         """
-        return self._software(now, aboard, set_off=self._setup.predecessor is None)
+        return self._software(now, context, set_off=self._setup.predecessor is None)
 
-    def _software(self, now: int, aboard: Aboard, *, set_off: bool) -> Software:
-        driver, law = self._drivers.software(now, aboard)
+    def _software(self, now: int, context: VehicleContext, *, set_off: bool) -> Software:
+        driver, law = self._drivers.software(now, context)
         return Software(
             driver=driver,
-            sender=make_sender(self._scenario, self._setup, aboard.start_at),
+            sender=make_sender(self._scenario, self._setup, context.start_at),
             law=law,
             alone=set_off,
         )
 
-    def human(self, aboard: Aboard) -> tuple[Driver, ProfileSpeed]:
+    def human(self, context: VehicleContext) -> tuple[Driver, ProfileSpeed]:
         """A human who drives the road like the lead, and knows where he is."""
-        return self._drivers.human(aboard)
+        return self._drivers.human(context)
 
     def station(self, body: Body) -> float:
         """Station (m) on the road at which a car is that has driven from its start."""

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.schema.links import LinkTable
-from scenarios.results.channel.account import LinkSummary, in_words, link_summary, misses
+from scenarios.results.channel.account import LinkSummary, describe_link, link_summary, misses
 from scenarios.results.channel.tally import LinkTally
 from tests.made.scenarios.messages import at, verdict
 from vehicles.messages import LinkVerdict
@@ -116,7 +116,7 @@ def test_what_the_machine_delayed_is_not_the_link_s_fault() -> None:
 def test_a_line_says_what_was_asked_and_done() -> None:
     tally = tallied(*fates(("x" * 2 + "." * 8) * 20))
     tally.add_age(0.12)
-    line = in_words(account(LinkTable(loss_ratio=0.25), tally))
+    line = describe_link(account(LinkTable(loss_ratio=0.25), tally))
     assert line.startswith("v1 → v2: lost 20.0 % (")
     assert ") of what it carried, asked 25 %; 2.00 in a row, 2 at most; delayed 20.0 ms" in line
     assert line.endswith("asked 20; 120 ms old at commands, 120 at most")
@@ -130,4 +130,4 @@ def test_a_link_that_was_changed_is_held_against_nothing_that_was_asked() -> Non
     found = account(LinkTable(), tally, 600)
     assert found.requested_loss_ratio is found.requested_latency_ms_mean is None
     assert found.loss_ratio == 0.5
-    assert "asked -" in in_words(found)
+    assert "asked -" in describe_link(found)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from scenarios.definition.schema.changes import CrashTable
 from scenarios.runs.processes.conductor import (
-    DEATH_AFTER_NS,
+    FAILED_AFTER_NS,
     FINAL_COUNTERS_NS,
     LEAD_TIME_NS,
     LEFT_AFTER_NS,
@@ -26,7 +26,7 @@ DURATION_S = 20.0
 GATHER_S = 10.0
 LEAD_TIME_S = LEAD_TIME_NS / SECOND
 RETURN_S = RETURN_NS / SECOND
-DEATH_S = DEATH_AFTER_NS / SECOND
+FAILED_S = FAILED_AFTER_NS / SECOND
 LEFT_S = LEFT_AFTER_NS / SECOND
 CONVOY = ("v1", "v2", "v3")
 ALL_COME = [(1.0, "v1 comes"), (1.2, "v2 comes"), (2.0, "v3 comes")]
@@ -55,7 +55,7 @@ def play(*history: Event, goes_on: bool = False, until: float = 40.0) -> Told:
     conductor = Conductor(
         CONVOY,
         duration_ns=round(DURATION_S * SECOND),
-        goes_on_without_the_dead=goes_on,
+        continues_without_failed=goes_on,
         gather_until=at(GATHER_S),
     )
     told = Told(conductor)
@@ -198,7 +198,7 @@ def test_one_that_leaves_before_the_start_is_told_as_such() -> None:
 
 
 @pytest.mark.parametrize(
-    ("last", "after_s"), [("goes", DEATH_S), ("finishes", FINAL_COUNTERS_NS / SECOND)]
+    ("last", "after_s"), [("goes", FAILED_S), ("finishes", FINAL_COUNTERS_NS / SECOND)]
 )
 def test_a_convoy_that_all_left_or_died_in_does_not_go_on(last: str, after_s: float) -> None:
     history = [(10.0, "v1 finishes"), (12.0, "v2 finishes"), (14.0, f"v3 {last}")]
@@ -214,7 +214,7 @@ def test_a_convoy_that_all_left_or_died_in_does_not_go_on(last: str, after_s: fl
 def test_a_vehicle_that_dies_ends_the_run() -> None:
     told = play(*ALL_COME, (STARTED + 7.0, "v2 goes"))
     assert told.reason == "v2 died 7.0 s after the start"
-    assert told.over == pytest.approx(STARTED + 7.0 + DEATH_S, abs=0.06)
+    assert told.over == pytest.approx(STARTED + 7.0 + FAILED_S, abs=0.06)
     assert told.conductor.awaits_final_counters()
 
 
@@ -230,7 +230,7 @@ def test_a_convoy_of_which_nobody_is_left_does_not_go_on() -> None:
     told = play(*ALL_COME, *deaths, goes_on=True)
     assert len(told.lines) == 1 + 3
     assert told.reason == "all vehicles died"
-    assert told.over == pytest.approx(STARTED + 5.0 + DEATH_S, abs=0.06)
+    assert told.over == pytest.approx(STARTED + 5.0 + FAILED_S, abs=0.06)
 
 
 def test_of_the_dead_no_last_words_are_awaited() -> None:
@@ -244,7 +244,7 @@ def test_a_death_before_the_start_is_told_as_such() -> None:
 
 
 def test_a_token_that_is_soon_back_is_no_death() -> None:
-    blink = [(5.0, "v2 goes"), (5.0 + 0.8 * DEATH_S, "v2 comes")]
+    blink = [(5.0, "v2 goes"), (5.0 + 0.8 * FAILED_S, "v2 comes")]
     told = play(*ALL_COME, *blink, *ALL_FINISH)
     assert told.reason == ""
     assert told.lines == ["all 3 vehicles are present"]
@@ -252,7 +252,7 @@ def test_a_token_that_is_soon_back_is_no_death() -> None:
 
 def test_being_told_of_one_absence_twice_delays_nothing() -> None:
     told = play(*ALL_COME, (5.0, "v2 goes"), (5.3, "v2 goes"))
-    assert told.over == pytest.approx(5.0 + DEATH_S, abs=0.06)
+    assert told.over == pytest.approx(5.0 + FAILED_S, abs=0.06)
 
 
 # ---- Losing the router: everyone seems to vanish
@@ -295,7 +295,7 @@ def test_a_vehicle_that_does_not_come_back_after_an_outage_is_dead() -> None:
         (9.2, "v3 comes"),
     )
     assert told.reason == f"v2 died {9.0 + RETURN_S - STARTED:.1f} s after the start"
-    assert told.over == pytest.approx(9.0 + RETURN_S + DEATH_S, abs=0.06)
+    assert told.over == pytest.approx(9.0 + RETURN_S + FAILED_S, abs=0.06)
 
 
 def test_each_outage_is_told() -> None:
@@ -398,7 +398,7 @@ def test_a_recorder_that_is_behind_judges_nobody_before_it_has_read_what_came() 
 
 def test_a_recorder_that_has_caught_up_judges_as_one_that_was_never_behind() -> None:
     told = play(*ALL_COME, until=STARTED + 7.0)
-    gone, dead = at(STARTED + 7.0), at(STARTED + 7.0 + DEATH_S)
+    gone, dead = at(STARTED + 7.0), at(STARTED + 7.0 + FAILED_S)
     told.conductor.presence("v2", alive=False, at=gone)
     told.conductor.advance(at(STARTED + 9.0), connected=True, recorded_until=dead - PERIOD_NS)
     assert told.conductor.phase is Phase.RUNNING
