@@ -7,9 +7,9 @@ from vehicles.messages import Message, TruePose
 
 
 class LimitWatch:
-    """An observer that knows when a run has to end early: after collisions that break a limit.
+    """Observer that ends a run early after collisions that break a limit.
 
-    `metrics` take each message before it does. `reason` is empty until then.
+    `metrics` must receive each message first. `reason` is empty until the run has to end.
     """
 
     kinds: frozenset[type[Message]] = frozenset({TruePose})  # nothing else brings collisions
@@ -20,14 +20,13 @@ class LimitWatch:
         self.reason = ""
 
     def listen(self, at: int, _pose: Message) -> None:
-        """Look whether the limits require the end of the run, at instant `at` (ns)."""
         collisions = self._metrics.events.collisions
         if collisions and not self.reason and collision_ends_run(self._limits, collisions):
             ran_ns = max(at - (self._metrics.start_at or 0), 0)
             self.reason = why_failed("", self.broken(ran_ns))
 
     def broken(self, ran_ns: int) -> list[str]:
-        """List the limits that are broken by now, after `ran_ns`, a line each."""
+        """List the limits broken after `ran_ns`, a line each."""
         return broken_limits(
             self._limits,
             self._metrics.events.events(),

@@ -17,28 +17,27 @@ ALL_KINDS: Kinds = frozenset(TOPIC_OF)
 
 
 class Observer(Protocol):
-    """Receives the messages of a run, in the order in which they are sent or recorded."""
+    """Receives the messages of a run in the order in which they are sent or recorded."""
 
     @property
     def kinds(self) -> Kinds:
-        """Kinds of message to pass to `listen`; a virtual run does not make what nobody wants."""
+        """Kinds of message to pass to `listen`; a virtual run builds no others."""
         ...
 
     def listen(self, at: int, message: Message, /) -> None:
-        """Take a message of one of the kinds, and its instant (ns)."""
+        """Take a message and its instant (ns)."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class OnMessage:
-    """An observer that is a function."""
+    """A function as an observer."""
 
     listen: Listen
     kinds: Kinds = ALL_KINDS
 
 
 def listeners_by_kind(observers: Sequence[Observer]) -> dict[type[Message], list[Listen]]:
-    """List the functions that take each kind of message, in the order of the observers."""
     return {kind: [one.listen for one in observers if kind in one.kinds] for kind in TOPIC_OF}
 
 

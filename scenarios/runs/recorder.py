@@ -48,10 +48,10 @@ class Recorder:
         observers: Sequence[Observer] = (),
         clock_errors_ns: Mapping[str, int] | None = None,
     ) -> None:
-        """`vehicles` are the names with their highest rates of sending (Hz).
+        """`vehicles` maps names to their highest rates of sending (Hz).
 
-        Their clocks are off by up to `clock_errors_ns`. `plane` is
-        the scenario's; `observers` receive each message after it has been written.
+        Their clocks are off by up to `clock_errors_ns`. `plane` is that of the scenario;
+        `observers` receive each message after it was written.
         """
         self._topics: dict[str, tuple[str, Topic]] = {
             key(vehicle, topic): (vehicle, topic)
@@ -82,7 +82,7 @@ class Recorder:
         return list(self._topics)
 
     def begin(self, at: int, start_at: int, run_id: str) -> bytes:
-        """Log at instant `at` that the run starts at `start_at` (ns); earlier messages are refused.
+        """Log at instant `at` that the run starts at `start_at` (ns).
 
         Returns the announcement for the bus.
         """
@@ -105,14 +105,13 @@ class Recorder:
         return self._put(RunEnd, at, end_at_ns=at, reason=reason)
 
     def accept_all(self, arrivals: Iterable[tuple[int, str, bytes]]) -> None:
-        """Take messages: instant of reception (ns), key and bytes of each."""
         for at, key_expression, data in arrivals:
             self.accept(key_expression, data, at)
 
     def accept(self, key_expression: str, data: bytes, at: int) -> bool:
         """Take one message received at instant `at` (ns); return whether it was recorded.
 
-        Final counters, which a vehicle repeats until they are confirmed, are recorded once.
+        Repeated final counters are recorded once.
         """
         try:
             message, seen = self._admit(key_expression, data, at)
@@ -135,7 +134,7 @@ class Recorder:
     def _admit(self, key_expression: str, data: bytes, at: int) -> tuple[Message, MessageNumbers]:
         """Decode and check a message; raises RefusedMessageError.
 
-        Returns it with the numbers of the earlier ones on its key.
+        Returns it with the numbers of earlier messages on its key.
         """
         found = self._topics.get(key_expression)
         if found is None:
@@ -165,7 +164,6 @@ class Recorder:
         self._put(LogText, at, logged_at_ns=at, level=level, text=text)
 
     def report_health(self, at: int, *, final: bool = False) -> None:
-        """Log the recorder's own counters."""
         self._put(
             Health,
             at,
@@ -184,7 +182,7 @@ class Recorder:
         )
 
     def _put(self, kind: type[Message], at: int, **fields: object) -> bytes:
-        """Log a message of the run itself (vehicle `run`); returns its bytes for publishing."""
+        """Log a message of the run itself; returns its bytes for publishing."""
         make = cast("Callable[..., Message]", kind)
         message = make(vehicle=CONDUCTOR, seq=self._next[kind], **fields)
         self._next[kind] += 1
@@ -210,7 +208,7 @@ class Recorder:
             self.log_news(at)
 
     def log_news(self, at: int) -> None:
-        """Log a line for each new event on the road and each new warning."""
+        """Log new events on the road and new warnings."""
         if self._metrics.out_of_linear:
             for line in self._metrics.news():
                 self.log(at, line, "warning")

@@ -24,7 +24,7 @@ ROOM_BYTES = 1024 * 1024
 def default_folder(slug: str, started: datetime, root: Path = Path("runs")) -> Path:
     """Make the folder of a run, named by its start and the `slug` of its scenario.
 
-    The second one of the same second gets `-2` behind the name, and so on.
+    Further ones of the same second get the suffix `-2`, `-3`, ...
     """
     root.mkdir(parents=True, exist_ok=True)
     base = f"{started:%Y%m%d-%H%M%S}-{slug}"
@@ -38,10 +38,10 @@ def default_folder(slug: str, started: datetime, root: Path = Path("runs")) -> P
 
 @contextmanager
 def claimed(folder: Path, *, fresh: bool = False) -> Iterator[None]:
-    """Hold `folder` for one run; one that is `fresh` or had to be made and stays empty is removed.
+    """Lock `folder` for one run; remove it if it is `fresh` or new and stays empty.
 
-    Raises ScenarioError if another run holds it or has left its log in it, and OSError if it cannot
-    be written into.
+    Raises ScenarioError if another run holds it or left its log in it, and OSError if it is not
+    writable.
     """
     made = fresh or not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)

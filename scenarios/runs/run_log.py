@@ -31,7 +31,7 @@ MOST_LINK_LINES = 100
 
 
 def scene_of(scenario: Scenario) -> Scene:
-    """Cars, lead's path and lane of `scenario`, as its log describes them."""
+    """Cars, lead's path and lane of `scenario` for its log."""
     path = scenario.route.path
     lane = scenario.tables.events.lane_width_m
     return Scene(sizes_of(scenario), (path.east.tolist(), path.north.tolist()), lane)
@@ -87,18 +87,17 @@ class RunLog:
         self._reason = ""
 
     def flush(self) -> None:
-        """Write what is buffered to the file."""
         self._writer.flush()
 
     def start(self, at: int, start_at: int) -> bytes:
-        """Log the start instant (ns); returns the announcement for the bus."""
+        """Log the start (ns); returns the announcement for the bus."""
         return self.recorder.begin(at, start_at, self._identity.run_id)
 
     def end(self, at: int, reason: str) -> bytes:
         """Log that the run is over; an empty `reason` means as planned.
 
-        Returns the announcement for the bus. Messages can be recorded until `close`. A log that
-        cannot be written is a reason too, and so is a link without loss that delivered nothing.
+        Returns the announcement for the bus; messages can be recorded until `close`. A failed log
+        and a link without loss that delivered nothing are reasons too.
         """
         self._end_at = at
         try:
@@ -119,7 +118,7 @@ class RunLog:
 
     @property
     def must_end(self) -> str:
-        """The broken limit that ends the run now; empty while there is none."""
+        """The broken limit that ends the run now, or empty."""
         return self._limits.reason
 
     @property
@@ -132,8 +131,8 @@ class RunLog:
     def close(self, at: int) -> RunSummary:
         """Complete the log at instant `at` (ns), write the summary and return it.
 
-        If either cannot be written the run has failed: the summary contains the reason, the log is
-        completed with what it holds, and the summary is written if there is room for it.
+        If either cannot be written the run has failed: the summary has the reason, the log keeps
+        what it holds, and the summary is written if there is room.
         """
         try:
             self.recorder.report_health(at, final=True)

@@ -24,13 +24,12 @@ REST = 0
 
 
 class Stop:
-    """Whether the process was asked to stop, why, and with which exit code it has to end.
+    """Request to stop this process: reason and exit code.
 
-    A request takes no lock, since a signal handler makes it, and a second signal may interrupt the
-    first one's handler. So loops poll `asked`. `begun` says that the process has something to
-    complete before it ends; `launched` that another process started it and speaks for it;
-    `orphaned` that this launcher has ended. An empty `folder` is not left by a process that ends at
-    once.
+    No lock is taken, because signal handlers interrupt each other: loops poll `asked`. `begun`:
+    there is something to complete before the end. `launched`: another process started this one and
+    reports for it. `orphaned`: that launcher has ended. An empty `folder` is removed on an
+    immediate end.
     """
 
     def __init__(self) -> None:
@@ -42,12 +41,10 @@ class Stop:
 
     @property
     def asked(self) -> bool:
-        """Whether the process was asked to stop."""
         return bool(self._requests)
 
     @property
     def reason(self) -> str:
-        """Reason of the first request, empty before."""
         return self._requests[0][0] if self._requests else ""
 
     @property
@@ -60,10 +57,10 @@ class Stop:
 
 
 class _Watch:
-    """A thread that is told of signals by the interpreter's wakeup pipe, not by the main thread.
+    """Thread that receives signals over the interpreter's wakeup pipe.
 
-    A handler in Python has to wait until a library call of the main thread returns; this does not,
-    as long as that call releases the interpreter's lock.
+    Unlike a Python handler it does not wait for a library call of the main thread to return, if
+    that call releases the interpreter's lock.
     """
 
     def __init__(self, *, say: bool) -> None:
@@ -75,12 +72,11 @@ class _Watch:
         self.begin()
 
     def begin(self) -> None:
-        """Watch, on a thread of its own."""
         self._thread = Thread(target=self._wait, name="signals", daemon=True)
         self._thread.start()
 
     def rest(self) -> None:
-        """End the thread; what comes from now on waits for the next one."""
+        """End the thread; later signals wait for the next one."""
         os.write(self._writing, bytes([REST]))
         self._thread.join()
 
@@ -108,10 +104,10 @@ def _reason(number: int) -> str:
 
 
 def end_on_signals(*, say: bool) -> None:
-    """From now on SIGINT and SIGTERM end this process, until the command has begun.
+    """Let SIGINT and SIGTERM end this process until the command has begun.
 
-    The exit codes are the shell's, 130 and 143; with `say` a line says so. Call it once, in the
-    main thread of a command's process, before its imports.
+    The exit codes are the shell's, 130 and 143; with `say` a line is printed. Call it once, in the
+    main thread, before the command's imports.
     """
     global _watch  # noqa: PLW0603 - signals are the process's, not an object's
     _watch = _Watch(say=say)
@@ -119,16 +115,16 @@ def end_on_signals(*, say: bool) -> None:
 
 
 def remove_if_empty(folder: Path) -> None:
-    """If a signal ends this process at once, let it remove `folder` where nothing is in that."""
+    """Remove an empty `folder` if a signal ends this process at once."""
     if _watch is not None:
         _watch.stop.folder = folder
 
 
 @contextmanager
 def without_watch() -> Iterator[None]:
-    """Do without the thread that watches for signals, as a process must that is about to fork.
+    """Pause the thread that watches for signals, as before a fork.
 
-    A signal is noted meanwhile, and seen to afterwards. Call it in the main thread.
+    Signals are handled afterwards. Call it in the main thread.
     """
     if _watch is None:
         yield
@@ -141,17 +137,16 @@ def without_watch() -> Iterator[None]:
 
 
 def stop_on_signals() -> Stop:
-    """SIGINT and SIGTERM ask to stop, with the shell's exit codes 130 and 143."""
+    """Request a stop on SIGINT and SIGTERM, with the shell's exit codes 130 and 143."""
     stop = Stop() if _watch is None else _watch.stop
     _ask_on_signals(stop)
     return stop
 
 
 def ignore_signals() -> None:
-    """Ignore SIGINT and SIGTERM from now on, for the moment between the last deed and the end.
+    """Ignore SIGINT and SIGTERM between the end of the work and the exit.
 
-    A handler of ours would be taken away when the interpreter begins to end, and a signal then
-    kill a process whose work is done.
+    The interpreter removes handlers as it exits; a signal would then kill a finished process.
     """
     for number in ASKING:
         signal.signal(number, signal.SIG_IGN)
@@ -166,10 +161,10 @@ def _ask_on_signals(stop: Stop) -> None:
 
 
 def stop_with_launcher(stop: Stop) -> None:
-    """Ask to stop when standard input, a pipe from the launcher, gives a reason or closes.
+    """Request a stop when standard input, a pipe from the launcher, gives a reason or closes.
 
-    A launcher killed by SIGKILL cannot inform its children, but its pipes close. A child that has
-    not begun by then ends at once: its imports alone may take seconds on a busy machine.
+    The pipe also closes if the launcher is killed. A process that has not begun by then ends at
+    once: imports may take seconds on a busy machine.
     """
 
     def wait() -> None:
@@ -184,7 +179,7 @@ def stop_with_launcher(stop: Stop) -> None:
 
 
 def stop_on_request(*, with_launcher: bool) -> Stop:
-    """Stop on signals and, if asked, with the launcher; call it before a command's slow imports."""
+    """Stop on signals and, on request, with the launcher; call it before slow imports."""
     stop = stop_on_signals()
     stop.launched = with_launcher
     if with_launcher:

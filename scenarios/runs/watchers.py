@@ -10,13 +10,13 @@ ALWAYS = (Change, LogText, RunEnd, RunStart)
 
 
 class Watchers:
-    """An observer that passes messages on to others, but only a few while the log is behind.
+    """Observer that passes messages to others, but only a few while the log is behind.
 
-    A picture that takes longer than the run loses messages; the log never does.
+    So a slow picture loses messages; the log never does.
     """
 
     def __init__(self, observers: Sequence[Observer], is_behind: Callable[[], bool]) -> None:
-        """`is_behind` tells whether too many messages wait to be recorded."""
+        """`is_behind` returns whether too many messages wait to be recorded."""
         self._listeners = listeners_by_kind(observers)
         self.kinds = kinds_of(observers)
         """Messages that at least one observer wants."""
@@ -25,7 +25,6 @@ class Watchers:
         """Number of messages not passed on."""
 
     def listen(self, at: int, message: Message) -> None:
-        """Take one recorded message, and the instant (ns) of its reception."""
         listeners = self._listeners[type(message)]
         if not listeners:
             return
@@ -36,7 +35,7 @@ class Watchers:
             listener(at, message)
 
     def account(self) -> str:
-        """Report the messages that were left out; empty if there are none."""
+        """Report the number of skipped messages; empty without any."""
         if not self.left_out:
             return ""
         return (

@@ -24,9 +24,9 @@ FARTHEST_NS = SECOND
 
 @dataclass(frozen=True, slots=True)
 class Confirmation:
-    """What a vehicle says to a change: from when on (s after the start) it does what.
+    """Answer of a vehicle to a change: what it does, and from when on (s after the start).
 
-    `does` is empty if the change is not about it, `refused` says in lines why nothing is done.
+    `does` is empty if the change is not about the vehicle; `refused` lists why nothing is done.
     """
 
     vehicle: str
@@ -40,7 +40,7 @@ class Confirmation:
 
     @classmethod
     def of(cls, answer: bytes) -> "Confirmation":
-        """Read an answer; raises ValueError if it is none."""
+        """Parse an answer; raises ValueError."""
         try:
             fields = json.loads(answer)
             return cls(
@@ -54,7 +54,7 @@ class Confirmation:
 
 
 class LiveControl:
-    """Takes changes for one vehicle, on a thread of the bus, and puts them on its agenda."""
+    """Takes changes for one vehicle on a thread of the bus and puts them on its agenda."""
 
     def __init__(self, scenario: Scenario, vehicle: str, now: Callable[[], int]) -> None:
         """`now` reads the vehicle's clock (ns)."""
@@ -68,18 +68,17 @@ class LiveControl:
         bus.answer(control_key(self._vehicle), lambda question: self.answer(question).text)
 
     def begin(self, start_at: int, agenda: Agenda) -> None:
-        """Let changes be made in the run that starts at `start_at` (ns)."""
+        """Accept changes for the run that starts at `start_at` (ns)."""
         self._under_way = start_at, agenda
 
     def answer(self, text: bytes) -> Confirmation:
-        """Take one change, or say why not; of a question without one, say when it could be."""
+        """Take one change or refuse it; a question without one asks for the first instant."""
         try:
             return self._taken(Question.of(text))
         except ScenarioError as error:
             return Confirmation(self._vehicle, refused=tuple(str(error).splitlines()))
 
     def _taken(self, question: Question) -> Confirmation:
-        """Take one change; raises ScenarioError that says why not."""
         if self._under_way is None:
             raise ScenarioError([f"{self._vehicle} has not started yet"])
         (start_at, agenda), scenario = self._under_way, self._scenario
@@ -100,7 +99,7 @@ class LiveControl:
         return Confirmation(self._vehicle, from_s, in_words(change))
 
     def _effective_at(self, start_at: int, wanted_s: float | None) -> int:
-        """The instant (ns) that is wanted if it can still be had, else the first that is sure."""
+        """Return the requested instant (ns) if it is still possible, else the first safe one."""
         now, rate_hz = self._now(), self._scenario.control_rate_hz
         if wanted_s is not None:
             wanted, soonest = start_at + nanoseconds(wanted_s), now + round(SECOND / rate_hz)
@@ -111,7 +110,7 @@ class LiveControl:
 
 
 def first_instant(now: int, start_at: int, rate_hz: float) -> int:
-    """First instant (ns) of control, of a run from `start_at`, enough periods ahead of `now`."""
+    """First instant (ns) of control that lies PERIODS_AHEAD control periods after `now`."""
     earliest = now + round(PERIODS_AHEAD * SECOND / rate_hz)
     k = max(ceil((earliest - start_at) * rate_hz / SECOND) - 1, 0)
     while (at := instant(start_at, k, rate_hz)) < earliest:

@@ -19,7 +19,7 @@ SUFFIX = ".json"
 
 @dataclass(frozen=True, slots=True)
 class OpenRun:
-    """A run that goes on: its name, its router's endpoint, and the folder that it writes into."""
+    """A running run: name, endpoint of its router, folder that it writes into."""
 
     run: str
     endpoint: str
@@ -27,7 +27,7 @@ class OpenRun:
 
 
 def runtime_folder() -> Path:
-    """Folder of the files: the user's own, gone with the next start of the machine."""
+    """Folder of the files: the user's own, removed at reboot."""
     runtime = os.environ.get("XDG_RUNTIME_DIR")
     if runtime and Path(runtime).is_dir():
         return Path(runtime) / "convoy"
@@ -36,7 +36,7 @@ def runtime_folder() -> Path:
 
 @contextmanager
 def announced(run: OpenRun, where: Path | None = None) -> Iterator[None]:
-    """Let others on this machine find a run; where that cannot be, it goes on without."""
+    """Let other processes of this user find a run, if the folder is writable."""
     folder = where or runtime_folder()
     path = folder / f"{run.run}-{os.getpid()}{SUFFIX}"
     descriptor = None
@@ -51,7 +51,7 @@ def announced(run: OpenRun, where: Path | None = None) -> Iterator[None]:
 
 
 def _write(path: Path, run: OpenRun) -> int:
-    """Write the file under its lock, then give it its name; returns the descriptor that locks."""
+    """Write the file under its lock, then rename it; returns the locking descriptor."""
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     beside = path.with_suffix(".part")
     descriptor = os.open(beside, os.O_CREAT | os.O_WRONLY | os.O_TRUNC, 0o600)
@@ -66,7 +66,7 @@ def _write(path: Path, run: OpenRun) -> int:
 
 
 def open_runs(where: Path | None = None) -> list[OpenRun]:
-    """The runs that go on now, by name; what others have left behind is removed."""
+    """List the running runs by name and remove files that ended runs left behind."""
     folder = where or runtime_folder()
     if not folder.is_dir() or folder.stat().st_uid != os.getuid():  # nobody else's word counts
         return []
@@ -75,7 +75,7 @@ def open_runs(where: Path | None = None) -> list[OpenRun]:
 
 
 def _read(path: Path) -> OpenRun | None:
-    """Read what a file says, None if its run has ended."""
+    """Parse a file; None if its run has ended."""
     with suppress(OSError, ValueError, TypeError), path.open(encoding="utf-8") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)

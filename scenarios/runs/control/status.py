@@ -25,7 +25,7 @@ SELDOM_NS = SECOND
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceFigures:
-    """A source as its follower judges it; None where there is nothing to measure."""
+    """A source as its follower judges it; None for values that are not known."""
 
     status: SourceStatus
     age_s: float | None
@@ -35,7 +35,7 @@ class SourceFigures:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleFiguresNow:
-    """One vehicle now; None where there is nothing to measure, such as the sources of the lead."""
+    """Current figures of one vehicle; None where there is nothing to measure."""
 
     name: str
     mode: str
@@ -51,9 +51,9 @@ class VehicleFiguresNow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkFiguresNow:
-    """One link now, with its loss over the last RECENT_NS.
+    """Current figures of one link, with its loss over the last RECENT_NS.
 
-    `changed` means that it was not as requested at some time.
+    `changed`: its settings were changed during the run.
     """
 
     sender: str
@@ -65,7 +65,7 @@ class LinkFiguresNow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunStatus:
-    """A run now, `at_s` after its start."""
+    """Status of a run `at_s` after its start."""
 
     run: str
     scenario: str
@@ -80,7 +80,7 @@ class RunStatus:
 
     @classmethod
     def of(cls, text: bytes) -> "RunStatus":
-        """Parse a status; raises ValueError if it is none."""
+        """Parse a status; raises ValueError."""
         try:
             fields: dict[str, Any] = json.loads(text)
             vehicles = [
@@ -98,9 +98,9 @@ class RunStatus:
 
 
 class StatusBoard:
-    """An observer that keeps the latest messages and answers requests for the status.
+    """Observer that keeps the latest messages and answers requests for the status.
 
-    Everything but the answer runs in the recorder's own thread.
+    Only the answer runs on another thread than the recorder's.
     """
 
     kinds: frozenset[type[Message]] = frozenset({LinkVerdict, RunStart, Tracking, TruePose})
@@ -123,7 +123,7 @@ class StatusBoard:
         self._seldom = Timer(SELDOM_NS)
 
     def listen_on(self, bus: Bus) -> None:
-        """Answer requests from now on; the answer is empty before the start."""
+        """Answer requests; the answer is empty before the start."""
 
         def answer(_: bytes) -> bytes:
             self._questions += 1
@@ -132,7 +132,6 @@ class StatusBoard:
         bus.answer(control_key(CONDUCTOR), answer)
 
     def listen(self, _at: int, message: Message) -> None:
-        """Take one recorded message."""
         match message:
             case TruePose():
                 self._now = max(self._now, message.true_at_ns)
@@ -146,9 +145,9 @@ class StatusBoard:
                 self._start_at = message.start_at_ns
 
     def draw(self, now: int) -> None:
-        """Update the answer at instant `now` (ns): at each call while requests come.
+        """Update the answer at instant `now` (ns): rarely, or at every call while requests come.
 
-        It takes milliseconds for a long convoy, so otherwise it is done seldom.
+        An update takes milliseconds for a long convoy.
         """
         if self._questions != self._known_questions:
             self._known_questions, self._asked_until = self._questions, now + ASKED_NS
@@ -157,7 +156,6 @@ class StatusBoard:
             self._drawn = self.status(self._start_at).text.encode()
 
     def status(self, start_at: int) -> RunStatus:
-        """The run now."""
         return RunStatus(
             run=self._run,
             scenario=self._scenario.name,
@@ -209,5 +207,5 @@ def _source(told: Tracking, source: str) -> SourceFigures:
 
 
 def _number(value: float) -> float | None:
-    """A number, None for NaN and what is infinite, which JSON does not know."""
+    """Return None for values that JSON does not know."""
     return value if isfinite(value) else None

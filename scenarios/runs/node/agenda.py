@@ -12,7 +12,7 @@ from vehicles.schedule import nanoseconds
 
 @dataclass(frozen=True, slots=True)
 class Due:
-    """A change that takes effect at the instant `at` (ns), asked for by a scenario or by hand."""
+    """A change that takes effect at the instant `at` (ns), by a scenario or by hand."""
 
     at: int
     change: AnyChange
@@ -23,10 +23,9 @@ _at = attrgetter("at")
 
 
 class Agenda:
-    """The changes of one vehicle that are still to come, in order of time.
+    """Pending changes of one vehicle, in order of time and then of addition.
 
-    Of two at one instant the one comes first that was scheduled, or added, first. Any thread may
-    add; only that of the vehicle takes.
+    Any thread may add; only the vehicle's thread takes.
     """
 
     def __init__(self, scheduled: Iterable[Due] = ()) -> None:
@@ -34,7 +33,6 @@ class Agenda:
         self._lock = Lock()
 
     def add(self, due: Due) -> None:
-        """Put `due` among those to come; one whose instant has passed is taken next."""
         with self._lock:
             insort(self._coming, due, key=_at)
 
@@ -44,7 +42,7 @@ class Agenda:
             return tuple(self._coming)
 
     def take(self, now: int) -> list[Due]:
-        """Take those that are due by the tick at `now` (ns), which are hereby done with."""
+        """Remove and return the changes that are due at the tick at `now` (ns)."""
         if not self._coming or self._coming[0].at > now:  # the usual tick needs no lock
             return []
         with self._lock:
@@ -56,7 +54,7 @@ class Agenda:
 def scheduled(
     changes: Iterable[AnyChange], start_at: int, concerns: Callable[[AnyChange], bool]
 ) -> list[Due]:
-    """Return the changes of a scenario that concern a vehicle, for a run from `start_at` (ns)."""
+    """Changes of a scenario that concern a vehicle, for a run from `start_at` (ns)."""
     return [
         Due(start_at + nanoseconds(change.at_s), change) for change in changes if concerns(change)
     ]

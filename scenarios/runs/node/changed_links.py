@@ -21,10 +21,7 @@ from transport.links.link import Link
 
 @dataclass(slots=True)
 class ChangingLink:
-    """One link, what is asked of it, and what makes its effects when it is another one.
-
-    `changes` are those about it with their instants (ns), in order of time.
-    """
+    """One link with its requested settings and its changes by instant (ns), in order of time."""
 
     link: Link
     asked: LinkTable
@@ -33,7 +30,7 @@ class ChangingLink:
     made: Made = field(default_factory=dict)
 
     def change(self, at: int, change: LinkChange) -> None:
-        """Change it from the instant `at` (ns) on; what it did before stays."""
+        """Change the link from the instant `at` (ns) on; earlier effects stay."""
         insort(self.changes, (at, change), key=itemgetter(0))
         before = [one for one in self.link.course if one.from_at < at]
         after = course(self.changes, self.asked, self.effects_of, since=at, made=self.made)
@@ -41,10 +38,11 @@ class ChangingLink:
 
 
 class ChangedLinks:
-    """What is changed of the links to one vehicle of a convoy of `names`.
+    """Changes of the links to one vehicle of a convoy of `names`.
 
-    What the `scheduled` changes do a link knows beforehand; by hand is added when it is due. All of
-    it belongs to the channel: it outlives the vehicle's software, whose links are made anew.
+    A link knows the `scheduled` changes beforehand; those by hand are added when they are due.
+    Changes belong to the channel: they outlive the vehicle's software, which builds its links
+    again.
     """
 
     def __init__(
@@ -60,13 +58,13 @@ class ChangedLinks:
         return tuple(self._by_hand)
 
     def adopt(self, links: Iterable[ChangingLink]) -> None:
-        """Change these links, in the place of those before."""
+        """Replace the links and apply all changes so far to the new ones."""
         self._links = {(one.link.sender, one.link.receiver): one for one in links}
         for due in (*self._scheduled, *self._by_hand):
             self._change(due)
 
     def carry_out(self, due: Due) -> str:
-        """Carry out what is due, if it is about links; returns what there is to say of it."""
+        """Carry out a change of links; returns a line for the log, empty for other changes."""
         if not isinstance(due.change, LINK_CHANGES):
             return ""
         if due.by_hand:

@@ -31,11 +31,11 @@ WORDS = {
 
 
 class CrashedError(Exception):
-    """The process of a vehicle has ended for good, as was asked."""
+    """The process of a vehicle has crashed for good, as requested."""
 
 
 class Changes:
-    """What is done to a vehicle whose software drives and whose car moves by its commands."""
+    """Carries out the changes of a vehicle with its own car and software."""
 
     def __init__(self, agenda: Agenda, links: ChangedLinks) -> None:
         self.agenda = agenda
@@ -44,7 +44,7 @@ class Changes:
     def by(self, now: int, phase: VehiclePhase) -> VehiclePhase:
         """Carry out what is due at the tick at `now` (ns); returns the phase of this tick.
 
-        Raises CrashedError for a vehicle that does not come back.
+        Raises CrashedError if the vehicle does not return.
         """
         for due in self.agenda.take(now):
             phase = self._carried_out(due, now, phase)
@@ -72,7 +72,7 @@ class Changes:
 
 
 def _phase_after(due: Due, now: int, phase: VehiclePhase) -> VehiclePhase | None:
-    """Return the phase that a change leads to, None if it has no effect in this one."""
+    """Phase after a change; None if the change has no effect."""
     match due.change:
         case StallTable(for_s=for_s):
             return phase.stalled(due.at + nanoseconds(for_s))
@@ -87,19 +87,18 @@ def _phase_after(due: Due, now: int, phase: VehiclePhase) -> VehiclePhase | None
 
 
 def changed_plan(plan: SpeedPlan, start_at: int, at: int, change: SpeedChangeTable) -> SpeedPlan:
-    """Plan another set speed from the instant `at` (ns) on, of a run from `start_at` (ns)."""
     return plan.changed((at - start_at) / SECOND, change)
 
 
 def change_fix(gnss: GnssReceiver, at: int, change: FixChangeTable) -> None:
-    """Give a receiver another fix from the instant `at` (ns) on, or its own law again."""
+    """Force a fix from the instant `at` (ns) on, or restore the receiver's own law."""
     state = None if change.fix == "auto" else change.fix
     until = EVER if change.for_s is None else at + nanoseconds(change.for_s)
     gnss.force(state, at, until)
 
 
 def change_receiver(agenda: Agenda, gnss: GnssReceiver, outbox: Outbox, now: int) -> None:
-    """Carry out what is due at `now` (ns) of a vehicle of which only the receiver can change."""
+    """Carry out what is due at `now` (ns) for a vehicle that can only change its receiver."""
     for due in agenda.take(now):
         match due.change:
             case FixChangeTable():
@@ -111,7 +110,6 @@ def change_receiver(agenda: Agenda, gnss: GnssReceiver, outbox: Outbox, now: int
 
 
 def describe_change(change: AnyChange) -> str:
-    """Say in a few words what is done."""
     said = {"kind", "at_s", "vehicle"}
     figures = change.model_dump(exclude=said, exclude_none=True)
     rest = ", ".join(f"{key} = {value}" for key, value in figures.items())

@@ -12,7 +12,7 @@ from vehicles.schedule import SECOND
 
 
 class VehicleFaultError(Exception):
-    """A fault of `vehicle` in one line; `text` is the line without the vehicle's name."""
+    """Fault of `vehicle` in one line; `text` is the line without the vehicle's name."""
 
     def __init__(self, vehicle: str, text: str) -> None:
         self.vehicle, self.text = vehicle, text
@@ -20,7 +20,7 @@ class VehicleFaultError(Exception):
 
 
 def stepping(node: Node | ReplayedNode, vehicle: str, start_at: int) -> Callable[[Tick], None]:
-    """Return `node.step` with a fault of controller or car as a VehicleFaultError, with when."""
+    """Return `node.step`, with faults of controller or car raised as VehicleFaultError."""
 
     def step(tick: Tick) -> None:
         try:

@@ -13,11 +13,9 @@ from transport.links.inbox import Inbox, InboxCounts
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Handover:
-    """All that outlives a crash of a vehicle's software, after the tick at `at` (ns).
+    """State that outlives a crash of a vehicle's software, after the tick at `at` (ns).
 
-    The car with its sensors, the plan of the convoy's speed, what is still to be done to the
-    vehicle, what was done to its links by hand, and the numbers of its messages; the software
-    starts anew at `until` (ns).
+    The software restarts at `until` (ns).
     """
 
     at: int
@@ -31,7 +29,7 @@ class Handover:
 
 
 class Node:
-    """A car, its sensors and its driver, with its incoming and its outgoing messages."""
+    """A car with sensors, driver, inbox and outbox."""
 
     def __init__(self, context: VehicleContext, changes: Changes, phase: VehiclePhase) -> None:
         self._context = context
@@ -39,7 +37,6 @@ class Node:
         self.phase = phase
 
     def step(self, tick: Tick) -> None:
-        """One tick of the schedule: do what the phase asks for, advance the car to the next."""
         self.phase = self._changes.by(tick.at, self.phase)
         command = self.phase.step(tick.at)
         self._context.car.advance(command, tick.span_s)
@@ -61,7 +58,7 @@ class Node:
         return self._context.car
 
     def handover(self, now: int) -> Handover | None:
-        """All that outlives a crash, if its software is down after the tick at `now` (ns)."""
+        """State for the restart if the software is down after the tick at `now` (ns), else None."""
         if not isinstance(self.phase, Down):
             return None
         return Handover(

@@ -23,7 +23,7 @@ from vehicles.schedule import SECOND, Timer
 
 @dataclass(frozen=True, slots=True)
 class OutboxState:
-    """How far an outbox has come: its next numbers, its ticks, and when health is due (ns)."""
+    """Next message numbers, ticks, and the instant of the next counters (ns) of an outbox."""
 
     next_numbers: Mapping[type[Message], int] = field(default_factory=dict)
     ticks: int = 0
@@ -32,7 +32,7 @@ class OutboxState:
 
 
 class Outbox:
-    """Builds and numbers the messages of one vehicle and hands them to a sink."""
+    """Builds and numbers the messages of one vehicle and passes them to a sink."""
 
     def __init__(
         self,
@@ -47,11 +47,10 @@ class Outbox:
         clock: VehicleClock | None = None,
         state: OutboxState | None = None,
     ) -> None:
-        """`parameters` are those of the car, whose tyres are told about.
+        """`probe` measures the process; health is sent once a second from `start_at` (ns) on.
 
-        `probe` measures the process; health is sent once a second from `start_at` (ns) on. What the
-        vehicle measured is stamped by its own `clock`; what is for the log has the true time. One
-        that continues another one has that one's `state`.
+        Measurements are stamped by the vehicle's own `clock`; messages for the log have the true
+        time. A `state` continues an earlier outbox.
         """
         state = state or OutboxState()
         self._vehicle = vehicle
@@ -80,7 +79,7 @@ class Outbox:
         return self._next[messages.GpsPose]
 
     def publish(self, now: int, body: Body, fix: Fix | None, decision: Decision) -> None:
-        """Send `fix`, if there is one, and what was received and decided at tick `now` (ns)."""
+        """Send a fix, if any, and the verdicts and the decision of the tick at `now` (ns)."""
         self._ticks += 1
         if fix is not None:
             self._add_pose(now, body, fix, decision.announcement)
@@ -96,7 +95,7 @@ class Outbox:
         self._sink.flush()
 
     def publish_idle(self, now: int, body: Body, command: Actuation, *, fresh: bool) -> None:
-        """Tell the log of a car that goes on with `command`; `fresh` at instants of control."""
+        """Log a car that keeps `command` without its software; `fresh` at instants of control."""
         self._ticks += 1
         self._mode = ""
         if fresh:
@@ -106,7 +105,7 @@ class Outbox:
         self._sink.flush()
 
     def publish_change(self, now: int, due: Due, text: str) -> None:
-        """Say what was done to the vehicle at the tick at `now` (ns); sent with what that sends."""
+        """Report a change that was carried out at the tick at `now` (ns)."""
         self._add(
             messages.Change(
                 vehicle=self._vehicle,
@@ -120,11 +119,11 @@ class Outbox:
         self._add_text(now, text)
 
     def log(self, now: int, text: str, level: messages.Level = "info") -> None:
-        """Write a line into the log, with what is sent at the tick at `now` (ns)."""
+        """Write a line into the log; sent with the messages of this tick."""
         self._add_text(now, text, level)
 
     def publish_replayed(self, now: int, body: Body, fix: Fix | None, *, fresh: bool) -> None:
-        """Send what a vehicle that decides nothing measured; `fresh` at instants of control."""
+        """Send the measurements of a replayed vehicle; `fresh` at instants of control."""
         self._ticks += 1
         if fix is not None:
             self._add_pose(now, body, fix, NOTHING_TOLD)
@@ -135,12 +134,11 @@ class Outbox:
         self._sink.flush()
 
     def publish_health(self, now: int, *, final: bool = False) -> None:
-        """Send the counters; the last ones of a run are `final`."""
         self._add_health(now, final=final)
         self._sink.flush()
 
     def publish_fault(self, now: int, text: str) -> None:
-        """Say why the vehicle cannot drive on, and send its final counters."""
+        """Log why the vehicle failed and send its final counters."""
         self._add_text(now, text, "fatal")
         self.publish_health(now, final=True)
 
@@ -226,7 +224,7 @@ class Outbox:
         )
 
     def _add_decision(self, now: int, decision: Decision) -> None:
-        """Send what was decided; what nobody reads is counted as sent and not made."""
+        """Send a decision; messages that nothing reads are counted but not built."""
         name, seq, fit = self._vehicle, self._next[messages.Tracking], decision.fit
         self._add(decision.tracking(name, seq, now))
         if self._commands_are_read:

@@ -29,7 +29,7 @@ BRAKING = DegradationSettings().firm.deceleration
 
 @dataclass(slots=True, kw_only=True)
 class Car:
-    """What no fault of the software takes away: the car, its sensors, its last command."""
+    """Car, sensors and last command: independent of the software."""
 
     body: Body
     parameters: VehicleParameters
@@ -42,11 +42,11 @@ class Car:
         self._motion = CarMotion(self.parameters)
 
     def measure(self, now: int) -> tuple[Fix | None, Motion | Body | None]:
-        """Fix and motion as the sensors give them at `now` (ns), to be called at every tick."""
+        """Fix and motion measured at `now` (ns); call it at every tick."""
         return self.gnss.measure(self.body, now), self.imu.measure(self.body, now)
 
     def advance(self, command: Actuation, span: float) -> None:
-        """Move on by `span` (s) with `command`."""
+        """Move by `span` (s) with `command`."""
         self.command = command
         self.body = self._motion.advance(self.body, command, span)
 
@@ -58,9 +58,9 @@ class Car:
 
 @dataclass(slots=True, kw_only=True)
 class Software:
-    """What drives, and what sends its poses; `law` is there if it drives a speed over time.
+    """Driver and sender; `law` is set if the driver follows a speed profile.
 
-    `alone` says that this speed is its own, planned from where it set off.
+    `alone`: the profile is the vehicle's own, planned from where it starts.
     """
 
     driver: Driver
@@ -70,18 +70,18 @@ class Software:
 
 
 class VehicleFactory(Protocol):
-    """Makes anew what a fault of the software takes away."""
+    """Builds what a fault of the software destroys."""
 
     def station(self, body: Body) -> float:
-        """Station (m) on the road at which the car is."""
+        """Station (m) of the car on the road."""
         ...
 
     def links(self, start_at: int) -> Iterable[IncomingLink]:
-        """Links with nothing heard over them, of a run from `start_at` (ns)."""
+        """Links without received messages, of a run from `start_at` (ns)."""
         ...
 
     def software(self, now: int, context: "VehicleContext") -> Software:
-        """Software that starts at `now` (ns) without memory, but for where the car is."""
+        """Software that starts at `now` (ns) and knows only its position."""
         ...
 
     def human(self, context: "VehicleContext") -> tuple[Driver, ProfileSpeed]: ...
@@ -89,7 +89,7 @@ class VehicleFactory(Protocol):
 
 @dataclass(slots=True, kw_only=True)
 class VehicleContext:
-    """What all phases of a vehicle share; its instants (ns) count from `start_at`."""
+    """Parts shared by all phases of a vehicle; instants (ns) count from `start_at`."""
 
     start_at: int
     car: Car
@@ -101,7 +101,7 @@ class VehicleContext:
     factory: VehicleFactory
 
     def follow_the_plan(self, now: int, law: ProfileSpeed | None, *, alone: bool) -> None:
-        """Let `law` drive the speed that is planned by now; `alone`, from where the car is."""
+        """Apply the planned speed to `law`; `alone`, from the position of the car."""
         if law is None:
             return
         if not alone:
@@ -111,20 +111,20 @@ class VehicleContext:
         law.follow(self.plan.setting_off(seconds, self.factory.station(body), body.speed))
 
     def idle(self, now: int, command: Actuation) -> Actuation:
-        """Let the car go on with `command` while its software does nothing at `now` (ns)."""
+        """Keep `command` at `now` (ns) while the software does nothing."""
         self.car.measure(now)
         self.outbox.publish_idle(now, self.car.body, command, fresh=self.control.due(now))
         return command
 
 
 class VehiclePhase:
-    """One of them; what is done to a vehicle leads to another one, or has no effect (None)."""
+    """Base of the phases. A change leads to another phase or has no effect (None)."""
 
     def __init__(self, context: VehicleContext) -> None:
         self.context = context
 
     def step(self, now: int) -> Actuation:
-        """Do what there is to do at the tick at `now` (ns); returns the command until the next."""
+        """Act at the tick at `now` (ns); returns the command until the next one."""
         raise NotImplementedError
 
     def at(self, now: int) -> "VehiclePhase":  # noqa: ARG002
@@ -132,14 +132,14 @@ class VehiclePhase:
         return self
 
     def replan(self, now: int) -> None:
-        """Take note of another plan of the convoy's speed."""
+        """Apply a changed plan of the convoy's speed."""
 
     def stalled(self, until: int) -> "VehiclePhase | None":  # noqa: ARG002
-        """Return the phase of a vehicle whose control does not run before `until` (ns)."""
+        """Phase whose control does not run before `until` (ns)."""
         return None
 
     def crashed(self, until: int) -> "VehiclePhase | None":
-        """Return the phase of one whose software starts anew at `until` (ns)."""
+        """Phase whose software restarts at `until` (ns)."""
         return Down(self.context, until)
 
     def left(self, now: int) -> "VehiclePhase | None":
@@ -150,7 +150,7 @@ class VehiclePhase:
 
 
 class Driving(VehiclePhase):
-    """Its software drives: the heart of a vehicle."""
+    """The software drives."""
 
     def __init__(self, context: VehicleContext, software: Software) -> None:
         super().__init__(context)
@@ -166,7 +166,6 @@ class Driving(VehiclePhase):
         return driving
 
     def step(self, now: int) -> Actuation:
-        """Receive, measure, decide, send."""
         self.has_begun = True
         context, car = self.context, self.context.car
         received = context.clock.judged(now, context.inbox.take(now, car.position))
@@ -179,12 +178,11 @@ class Driving(VehiclePhase):
         self.context.follow_the_plan(now, self.software.law, alone=self.software.alone)
 
     def stalled(self, until: int) -> VehiclePhase:
-        """Return the phase of one whose control does not run before `until` (ns)."""
         return Stalled(self, until)
 
 
 class Stalled(VehiclePhase):
-    """Its control does not run: the car keeps its command, and messages wait."""
+    """Control does not run: the car keeps its command, and messages wait."""
 
     def __init__(self, driving: Driving, until: int) -> None:
         super().__init__(driving.context)
@@ -192,12 +190,11 @@ class Stalled(VehiclePhase):
         self._until = until
 
     def step(self, now: int) -> Actuation:
-        """Nothing but what the car does by itself."""
         self.context.inbox.pass_by(now, self.context.car.position)
         return self.context.idle(now, self.context.car.command)
 
     def at(self, now: int) -> VehiclePhase:
-        """Return the phase at `now` (ns): the software goes on where it was, or begins."""
+        """Return the phase at `now` (ns): the software continues, or begins."""
         if now < self._until:
             return self
         driving = self._driving
@@ -207,40 +204,37 @@ class Stalled(VehiclePhase):
         self._driving.replan(now)
 
     def stalled(self, until: int) -> VehiclePhase:
-        """Return the phase of one that stalls until `until` (ns) as well."""
         return Stalled(self._driving, max(until, self._until))
 
 
 class Down(VehiclePhase):
-    """Its software is lost: the car brakes to a standstill with its wheels as they were."""
+    """The software is lost: the car brakes to a standstill with its steering kept."""
 
     def __init__(self, context: VehicleContext, until: int) -> None:
         super().__init__(context)
         self.until = until
 
     def step(self, now: int) -> Actuation:
-        """Nothing but what the car does by itself; what was sent by now is not heard any more."""
+        """Brake; messages sent by now are lost."""
         car = self.context.car
         self.context.inbox.let_go(now, car.position)
         return self.context.idle(now, Actuation(car.command.steering, -BRAKING))
 
     def at(self, now: int) -> VehiclePhase:
-        """Return the phase at `now` (ns): new software once the time is over."""
         if now < self.until:
             return self
         self.context.outbox.log(now, "its software has started anew")
         return Driving.restarted(self.context, now)
 
     def crashed(self, until: int) -> None:
-        """Nothing is left that could crash."""
+        """No effect: the software does not run."""
 
 
 class HumanDriving(VehiclePhase):
-    """A human drives by what he sees, not by what is received, and nothing is sent.
+    """A human drives by sight: nothing received is used, and nothing is sent.
 
-    He keeps to the road as the lead does, by the same steering law, and knows where he is. His
-    speed is the one planned for the convoy, lowered before the bends that he comes to; of the
-    vehicles around him he knows nothing.
+    The human keeps to the road by the lead's steering law with the true position. The speed is the
+    convoy's planned one, lowered before bends; other vehicles are ignored.
     """
 
     def __init__(self, context: VehicleContext, now: int) -> None:
@@ -249,7 +243,6 @@ class HumanDriving(VehiclePhase):
         self.replan(now)
 
     def step(self, now: int) -> Actuation:
-        """Drive by the true state of the car."""
         context, car = self.context, self.context.car
         context.inbox.let_go(now, car.position)
         return context.idle(now, self._human.step(now, None, car.body, ()).actuation)
@@ -258,10 +251,10 @@ class HumanDriving(VehiclePhase):
         self.context.follow_the_plan(now, self._law, alone=True)
 
     def crashed(self, until: int) -> None:
-        """Its software does not run."""
+        """No effect: the software does not run."""
 
     def left(self, now: int) -> None:
-        """It has left already."""
+        """No effect: it has left already."""
 
     def joined(self, now: int) -> VehiclePhase:
         return Driving.restarted(self.context, now)

@@ -6,7 +6,7 @@ from typing import Protocol
 
 @dataclass(frozen=True, slots=True)
 class Usage:
-    """One reading: resident memory, share of one core since the start, ticks that came late."""
+    """Resident memory, share of one core since the start, and late ticks."""
 
     memory_bytes: int = 0
     cpu_ratio: float = 0.0
@@ -15,8 +15,6 @@ class Usage:
 
 
 class Probe(Protocol):
-    """A source of readings."""
-
     def read(self) -> Usage: ...
 
 

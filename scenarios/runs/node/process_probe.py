@@ -11,20 +11,17 @@ from vehicles.schedule import MILLISECOND
 
 @dataclass(frozen=True, slots=True)
 class Lateness:
-    """Ticks that came late so far, and the latest of all (ns)."""
+    """Number of late ticks, and the largest delay (ns)."""
 
     ticks: int = 0
     worst_ns: int = 0
 
 
 class ProcessProbe:
-    """Reads this process, and counts the ticks of its loop that came late."""
+    """Measures this process and counts late ticks of its loop."""
 
     def __init__(self, late_after_ns: int, before: Lateness | None = None) -> None:
-        """A tick that begins more than `late_after_ns` after its instant is late.
-
-        Those `before` are counted.
-        """
+        """Ticks later than `late_after_ns` are late; `before` holds those of an earlier process."""
         before = before or Lateness()
         self._late_after_ns = late_after_ns
         self._process = psutil.Process()
@@ -37,7 +34,6 @@ class ProcessProbe:
         return Lateness(self._late_ticks, self._lateness_ns_max)
 
     def tick_began(self, lateness_ns: int) -> None:
-        """Count one tick."""
         self._late_ticks += lateness_ns > self._late_after_ns
         self._lateness_ns_max = max(self._lateness_ns_max, lateness_ns)
 

@@ -17,10 +17,9 @@ from vehicles.schedule import SECOND, Cadence
 
 @dataclass(slots=True, kw_only=True)
 class ReplayedNode:
-    """A recorded drive in the place of car and driver, with the receiver of any vehicle.
+    """A recorded drive instead of car and driver, with a vehicle's receiver.
 
-    Its inbox is empty: it listens to nobody. Of what is done to it, only what is done to its
-    receiver has an effect.
+    Its inbox stays empty. Only changes of its receiver have an effect.
     """
 
     drive: ReplayedDrive
@@ -34,17 +33,16 @@ class ReplayedNode:
     agenda: Agenda
 
     def step(self, tick: Tick) -> None:
-        """One tick of the schedule: be where the record says, measure, send."""
         change_receiver(self.agenda, self.gnss, self.outbox, tick.at)
         body = self._body(tick.at)
         fix = self.sender.send(tick.at, self.gnss.measure(body, tick.at))
         self.outbox.publish_replayed(tick.at, body, fix, fresh=self.control.due(tick.at))
 
     def handover(self, now: int) -> None:
-        """Nothing: it has no software that could be lost."""
+        """None: there is no software to lose."""
 
     def _body(self, now: int) -> Body:
-        """The car at `now` (ns): along its path without slip, its wheels turned as that needs."""
+        """The car at `now` (ns), along its path without slip."""
         place, speed, way = self.drive.at((now - self.start_at) / SECOND)
         return Body(
             east=place.east,

@@ -31,13 +31,11 @@ class Sink(Protocol):
     def flush(self) -> None: ...
 
     def reads(self, kind: type[Message]) -> bool:
-        """Whether anybody reads messages of a kind; those of another need not be made."""
+        """Whether anything reads messages of a kind; others need not be built."""
         ...
 
 
 class BusSink:
-    """Encodes messages and publishes them on a bus."""
-
     def __init__(self, vehicle: str, bus: Bus, on_sent: OnSent | None = None) -> None:
         self._bus = bus
         self._on_sent = on_sent
@@ -47,7 +45,6 @@ class BusSink:
         self._waiting: list[tuple[str, bytes, bool]] = []
 
     def send(self, message: Message) -> None:
-        """Encode `message`; it is published by `flush`."""
         address, topic = self._addresses[type(message)]
         data = encode(message)
         self._waiting.append((address, data, topic.urgent))
@@ -55,7 +52,7 @@ class BusSink:
             self._on_sent(topic, data, message)
 
     def flush(self) -> None:
-        """Publish what waits, in one go: on the wire several messages then share a packet."""
+        """Publish all waiting messages at once, so that they share packets on the wire."""
         for address, data, urgent in self._waiting:
             self._bus.publish(address, data, urgent=urgent)
         self._waiting.clear()
@@ -70,10 +67,9 @@ def _record_of(message: Message) -> BatchRecord:
 
 
 class BatchingSink:
-    """Publishes at once what others need at once, and all else in batches; on the wall clock.
+    """Publishes urgent messages at once and others in batches; for the wall clock.
 
-    What waits is encoded when its batch goes out: a tick finds the processor's caches cold, many
-    messages one after the other do so but once.
+    Batched messages are encoded together, while the processor's caches are warm.
     """
 
     def __init__(
@@ -85,9 +81,9 @@ class BatchingSink:
         *,
         logged_hz: Mapping[str, float] | None = None,
     ) -> None:
-        """`now` is the clock (ns); `on_sent` is called for each message that goes alone.
+        """`now` is the clock (ns); `on_sent` is called for each message that is sent alone.
 
-        Of topics in `logged_hz` that only the log needs no more is sent than it is to hold.
+        Topics in `logged_hz` that only the log reads are thinned to the rates of the log.
         """
         self._vehicle = vehicle
         rates_hz = (logged_hz or {}).items()
@@ -101,7 +97,6 @@ class BatchingSink:
         self._span = self._present_span()
 
     def send(self, message: Message) -> None:
-        """Take `message`; `flush` sends it, or a later one."""
         topic = TOPIC_OF[type(message)]
         if not topic.batched:
             self._alone.send(message)
@@ -109,7 +104,6 @@ class BatchingSink:
             self._waiting.append(message)
 
     def flush(self) -> None:
-        """Publish what cannot wait, and the batch when it is time."""
         self._alone.flush()
         if (span := self._present_span()) != self._span:
             self._span = span
@@ -119,7 +113,6 @@ class BatchingSink:
         return (self._now() - self._turn) // BATCH_NS
 
     def flush_all(self) -> None:
-        """Publish all that waits."""
         self._alone.flush()
         self._send_batch()
 

@@ -27,7 +27,7 @@ _instant = itemgetter(0)
 
 
 class Arrivals:
-    """A queue from the bus's thread to the recorder's; what it refuses it counts, by reason."""
+    """Bounded queue from the bus's thread to the recorder's; refusals are counted by reason."""
 
     def __init__(
         self,
@@ -36,7 +36,7 @@ class Arrivals:
         *,
         larger: Mapping[str, int] | None = None,
     ) -> None:
-        """Take nothing but what comes under `keys`, or under one that may have `larger` bytes."""
+        """Accept messages under `keys`, and under those of `larger` with up to that many bytes."""
         self._larger = dict(larger or {})
         self._keys = {key: key for key in (*keys, *self._larger)}
         self._most = most_bytes
@@ -55,14 +55,14 @@ class Arrivals:
 
     @property
     def came_first_at(self) -> int | None:
-        """Instant (ns) at which came what waits the longest; None if nothing waits."""
+        """Arrival instant (ns) of the oldest waiting message, None without any."""
         first: Arrival | None = None
         with suppress(IndexError):
             first = self._waiting[0]
         return None if first is None else first[0]
 
     def put(self, at: int, key_expression: str, data: bytes) -> None:
-        """Take what has come at instant `at` (ns), if there is room; called on any thread."""
+        """Take a message that arrived at instant `at` (ns), if there is room; on any thread."""
         key = self._keys.get(key_expression)  # always the same string, not one for each message
         size = len(data) + OVERHEAD_BYTES
         with self._lock:
@@ -80,10 +80,10 @@ class Arrivals:
                     self._came.set()
 
     def take(self, most: int, timeout_s: float) -> list[Arrival]:
-        """Return what came first, `most` of it; while so much is not there, wait `timeout_s` (s).
+        """Remove up to `most` of the oldest messages; wait up to `timeout_s` (s) for that many.
 
-        So whoever records is not woken by each message, of which thousands come in a second. For
-        one thread alone.
+        So the recorder does not wake for each of thousands of messages per second. For one thread
+        only.
         """
         if len(self._waiting) < most:
             self._wanted = most
@@ -99,17 +99,17 @@ class Arrivals:
         return taken
 
     def refusals(self) -> Counter[RefusalReason]:
-        """Return what was refused since the last call, by reason."""
+        """Return and reset the refusals by reason."""
         with self._lock:
             refused, self._refused = self._refused, Counter()
         return refused
 
 
 class SendingOrder:
-    """What has come, by the instants at which it was sent: batches come later than what is alone.
+    """Sorts arrivals by the instant of sending: batches arrive later than single messages.
 
-    What comes so late that others have been given away already comes after them. Of more than
-    `most_bytes` the first do not wait any longer.
+    A message that arrives after later ones were released follows them. Beyond `most_bytes` the
+    oldest are released early.
     """
 
     def __init__(
@@ -117,16 +117,16 @@ class SendingOrder:
         batches: Mapping[str, Mapping[str, str]] | None = None,
         most_bytes: int = MOST_HELD_BYTES,
     ) -> None:
-        """`batches` are the keys of batches, and by topic the keys of the messages in each."""
+        """`batches` maps the keys of batches to the keys of their messages by topic."""
         self._batches = batches or {}
         self._waiting: list[Arrival] = []
         self._most = most_bytes
         self._held = 0
 
     def put(self, arrival: Arrival) -> None:
-        """Take a message, or each of a batch by itself; raises RefusedMessageError.
+        """Take a message or unpack a batch; raises RefusedMessageError.
 
-        What stands in a batch and may not has the batch's key then, which no recorder takes.
+        A topic that is not allowed in a batch keeps the batch's key, which the recorder refuses.
         """
         at, key, data = arrival
         keys = self._batches.get(key)
@@ -141,7 +141,7 @@ class SendingOrder:
             self._held += len(content) + OVERHEAD_BYTES
 
     def until(self, instant: int | None = None) -> list[Arrival]:
-        """Give away what was sent up to an instant (ns); without one everything."""
+        """Release messages sent up to an instant (ns), by default all."""
         waiting = self._waiting
         waiting.sort(key=_instant)  # which takes what is in order already as it is
         end = len(waiting) if instant is None else bisect_right(waiting, instant, key=_instant)

@@ -18,7 +18,7 @@ Now = Callable[[], int]
 
 @dataclass(frozen=True, slots=True)
 class ClockOffset:
-    """A vehicle's clock less the recorder's, and by how much that may be wrong (both in ns)."""
+    """Offset of a vehicle's clock from the recorder's, with its uncertainty (ns)."""
 
     vehicle: str
     offset: int
@@ -41,7 +41,7 @@ def answer_for_clock(bus: Bus, vehicle: str, now: Now) -> None:
 
 
 def measure(bus: Bus, vehicle: str, now: Now) -> ClockOffset | None:
-    """Measure the offset of a vehicle's clock; None if it does not answer with one."""
+    """Measure the offset of a vehicle's clock; None without a valid answer."""
     found: list[ClockOffset] = []
     for _ in range(ROUNDS):
         asked_at = now()

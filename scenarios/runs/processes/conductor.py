@@ -37,8 +37,6 @@ LEAD_TIME_NS = SECOND // 2
 
 
 class Phase(Enum):
-    """Where a run stands."""
-
     GATHERING = auto()
     RUNNING = auto()
     OVER = auto()
@@ -87,11 +85,10 @@ class Conductor:
 
     @property
     def router_is_lost(self) -> bool:
-        """Whether the router was out of reach at last."""
+        """Whether the router was out of reach at the last look."""
         return self._router.lost_at is not None
 
     def presence(self, vehicle: str, *, alive: bool, at: int) -> None:
-        """A vehicle came or went."""
         if vehicle not in self._vehicles:
             return
         if alive:
@@ -102,7 +99,7 @@ class Conductor:
             self._gone_since.setdefault(vehicle, at)
 
     def listen(self, at: int, message: Message) -> None:
-        """Note from a recorded message which vehicle has finished, or cannot drive on."""
+        """Note vehicles that have finished or failed."""
         if isinstance(message, LogText) and message.ends_vehicle:
             self._faults.setdefault(message.vehicle, message.text)
         if isinstance(message, Health) and message.final and message.vehicle in self._vehicles:
@@ -114,7 +111,7 @@ class Conductor:
             self._excuse(message)
 
     def _excuse(self, change: Change) -> None:
-        """Expect a vehicle to be away for a time, if that was asked for."""
+        """Allow a vehicle to be absent for the time of a requested crash."""
         with suppress(ValidationError):  # as it comes from the bus
             crash = CrashTable.model_validate_json(change.table)
             if crash.for_s is not None:
@@ -131,10 +128,10 @@ class Conductor:
         return bool(self._alive - self._finished)
 
     def advance(self, now: int, *, connected: bool, recorded_until: int | None = None) -> list[str]:
-        """Move on to `now`; returns what happened, a line each, for the log and the user.
+        """Advance to `now`; returns lines for the log and the user.
 
-        Of a recorder that is behind only what came until `recorded_until` (ns) is known: of a
-        vehicle its last words are perhaps still to read.
+        A recorder that is behind knows only what arrived until `recorded_until` (ns): final
+        counters may still be unread.
         """
         if self._advanced_at is not None and now - self._advanced_at > HELD_UP_NS:
             self._patient_from = now
@@ -147,9 +144,9 @@ class Conductor:
         return []
 
     def stop_as_asked(self, reason: str, now: int, *, connected: bool) -> list[str]:
-        """End the run because somebody asks for it: completed, if its router was lost at last.
+        """End the run on request; it counts as completed if the router was lost at its very end.
 
-        A launcher whose router has ended asks for it at once. Returns lines as `advance` does.
+        A launcher whose router has ended requests a stop at once. Returns lines as `advance` does.
         """
         self._router.look(now, connected=connected)
         if self.phase is Phase.RUNNING and self._router.was_lost_at_last(self.end_at):
@@ -249,7 +246,7 @@ class Conductor:
         return lines
 
     def _has_left(self, name: str, finished_at: int, now: int) -> bool:
-        """Whether a vehicle whose final counters came early has left, or will never."""
+        """Whether a vehicle with early final counters has left or will not send any more."""
         gone_since = self._gone_since.get(name)
         if gone_since is None:
             return now - finished_at > FINAL_COUNTERS_NS

@@ -31,25 +31,24 @@ LONGEST_NAME = 15
 
 
 def can_fork() -> bool:
-    """Whether children can be forked: on Linux, with no thread here besides that of the signals.
+    """Whether children can be forked: on Linux, without threads besides that of the signals.
 
-    Elsewhere a child that is not a new program as well may not use the system's libraries.
+    Elsewhere system libraries may not be used in a forked child.
     """
     with without_watch():
         return sys.platform == "linux" and threading.active_count() == 1
 
 
 def name_process(name: str) -> None:
-    """Show this process as `convoy-NAME` in `top`, `ps -o comm` and to `pgrep`, where that goes."""
+    """Show this process as `convoy-NAME` in `top`, `ps -o comm` and `pgrep`, where supported."""
     with suppress(OSError):
         Path("/proc/self/comm").write_text(f"convoy-{name}"[:LONGEST_NAME], encoding="utf-8")
 
 
 class ForkedProcess:
-    """A forked child, as far as a supervisor needs it: what `subprocess.Popen` has by these names.
+    """A forked child with the methods of `subprocess.Popen` that a supervisor uses.
 
-    `stdin` is the writing end of its standard input; `stdout` the reading end of its output, if
-    that was asked for.
+    `stdin` is the writing end of its standard input; `stdout` the reading end of a piped output.
     """
 
     def __init__(self, pid: int, stdin: BinaryIO, stdout: BinaryIO | None) -> None:
@@ -63,7 +62,6 @@ class ForkedProcess:
         return self._look(os.WNOHANG)
 
     def wait(self) -> int:
-        """Wait for its end; returns the exit code."""
         return self._look(0) or 0
 
     def terminate(self) -> None:
@@ -73,7 +71,7 @@ class ForkedProcess:
         self.send_signal(signal.SIGKILL)
 
     def send_signal(self, number: int) -> None:
-        """Send it a signal; nothing happens if it has ended."""
+        """Send a signal, unless it has ended."""
         if self.poll() is None:  # its number is not another's before this process has looked
             os.kill(self.pid, number)
 
@@ -87,9 +85,9 @@ class ForkedProcess:
 
 @dataclass(frozen=True, slots=True)
 class ChildSpec:
-    """A child to be forked: what it is called, and what it does, which is `convoy ARGUMENTS`.
+    """A child to fork: its name, and the task that does what `convoy ARGUMENTS` does.
 
-    Its standard input is a pipe from here, and if it is `piped` its standard output one to here.
+    Its standard input is a pipe from here; if `piped`, its standard output is one to here.
     """
 
     name: str
@@ -99,9 +97,9 @@ class ChildSpec:
 
 
 def fork_all(specs: Sequence[ChildSpec]) -> list[ForkedProcess]:
-    """Fork children, one right after the other; raises OSError, and then there are none.
+    """Fork children one right after the other; raises OSError, and then there are none.
 
-    What this process writes to between two forks no two children would share.
+    Memory that this process writes to between two forks is not shared between children.
     """
     pipes = [_Pipes.of(spec) for spec in specs]
     pids: list[int] = []
@@ -128,7 +126,7 @@ def fork_all(specs: Sequence[ChildSpec]) -> list[ForkedProcess]:
 
 @dataclass(frozen=True, slots=True)
 class _Pipes:
-    """Ends of a child's pipes: two for itself, two for its parent; -1 where there is none."""
+    """Ends of a child's pipes: two of the child, two of its parent; -1 for none."""
 
     parent_watch: int
     output: int
@@ -142,7 +140,7 @@ class _Pipes:
         return cls(parent_watch, output, stdin, stdout)
 
     def close_child_ends(self, *, forked: bool) -> None:
-        """Close here what is the child's; if it was not `forked`, everything."""
+        """Close the child's ends here, and all ends if the fork failed."""
         for end in (self.parent_watch, self.output, *(() if forked else (self.stdin, self.stdout))):
             if end >= 0:
                 os.close(end)
@@ -154,7 +152,7 @@ class _Pipes:
 
 @contextmanager
 def _signals_held() -> Iterator[None]:
-    """Let a signal wait: one that reached the child before it can tell would be lost."""
+    """Block signals: one that reached the child before its handlers would be lost."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, ASKING)
     try:
         yield
@@ -163,7 +161,7 @@ def _signals_held() -> Iterator[None]:
 
 
 def _run_child(spec: ChildSpec, ends: _Pipes) -> NoReturn:
-    """Be the child, from its first instant to its end."""
+    """Run in the child, from the fork to its exit."""
     code = EXIT_FAILED
     try:
         _detach_from_parent(spec, ends)
@@ -183,7 +181,7 @@ def _run_child(spec: ChildSpec, ends: _Pipes) -> NoReturn:
 
 
 def _exit_code_of(end: SystemExit) -> int:
-    """Exit code as the interpreter takes it; a text is said."""
+    """Exit code as the interpreter derives it; a text is printed."""
     if isinstance(end.code, str):
         print(end.code, file=sys.stderr)  # noqa: T201
         return EXIT_FAILED
@@ -191,7 +189,7 @@ def _exit_code_of(end: SystemExit) -> int:
 
 
 def _detach_from_parent(spec: ChildSpec, ends: _Pipes) -> None:
-    """Leave behind what is the parent's: session, files, signals, command line, its last deeds."""
+    """Drop what belongs to the parent: session, files, signals, command line, exit functions."""
     os.setsid()
     name_process(spec.name)
     os.dup2(ends.parent_watch, 0)

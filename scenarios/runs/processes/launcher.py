@@ -23,7 +23,7 @@ RECORDER_FAILED = "the run failed"
 
 
 class ProcessSupervisor(Protocol):
-    """What the launcher needs of a `Supervisor`."""
+    """The part of `Supervisor` that the launcher uses."""
 
     @property
     def children(self) -> Sequence[ChildProcess]: ...
@@ -45,10 +45,7 @@ class ProcessSupervisor(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class LaunchPlan:
-    """What to launch: the scenario, the arguments that name it again, where to write.
-
-    `run` is the name that all processes of the run share.
-    """
+    """What to launch: scenario, the arguments that select it, folder, name of the run."""
 
     scenario: Scenario
     scenario_arguments: Sequence[str]
@@ -59,11 +56,10 @@ class LaunchPlan:
 
 @dataclass(slots=True)
 class RunOutcome:
-    """How the run ended: exit code and, if not as planned, the line that says why.
+    """How a run ended: exit code, and the reason of a failure.
 
-    `repaired` says that the recorder could not complete its log, and that the launcher did;
-    `router_ended` that the run failed by that, unless its recorder knows better. `is_reported`
-    marks a reason that another process, or a signal's handler, has printed already.
+    `repaired`: the launcher completed the log that the recorder could not. `router_ended`: the run
+    failed by that, unless its recorder knows better. `is_reported`: the reason is printed already.
     """
 
     exit_code: int = 0
@@ -88,7 +84,7 @@ def launch(
 ) -> RunOutcome:
     """Run the convoy to its end and leave no process behind.
 
-    By `complete` its log is completed, if its recorder could not; it says whether that was so.
+    `complete` completes the log where the recorder could not; it returns whether that was needed.
     """
     outcome = RunOutcome()
     try:

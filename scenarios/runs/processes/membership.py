@@ -31,7 +31,7 @@ def checked_run_name(name: str) -> str:
 
 
 def shown(text: str) -> str:
-    """Return what another process announced, which may be anything, fit for a line of ours."""
+    """Shorten and escape text that another process announced."""
     text = printable(text)
     return text if len(text) <= LONGEST_SHOWN else f"{text[: LONGEST_SHOWN - 3]}..."
 
@@ -40,7 +40,7 @@ def shown(text: str) -> str:
 class Fingerprint:
     """What must be equal in all processes of a run: scenario, overrides, seed, version.
 
-    `digest` stands for all that the scenario says but its name and its seed.
+    `digest` is that of the scenario's content except its name and its seed.
     """
 
     scenario: str
@@ -50,7 +50,6 @@ class Fingerprint:
 
     @classmethod
     def of(cls, scenario: Scenario) -> "Fingerprint":
-        """Fingerprint of a scenario, driven by the version installed here."""
         here = installed_versions()["convoy-emulator"]
         return cls(scenario.name, str(scenario.seed), here, scenario.digest)
 
@@ -59,7 +58,7 @@ class Fingerprint:
         return "~".join((self.scenario, self.seed, self.version, self.digest))
 
     def difference(self, chunk: str) -> str:
-        """Say in what another's fingerprint differs from this one; nothing if it does not."""
+        """Describe how another fingerprint differs from this one; empty if it does not."""
         if chunk == self.chunk:
             return ""
         parts = chunk.split("~")
@@ -78,13 +77,13 @@ class Fingerprint:
 
 
 class Membership:
-    """Takes part in a run for this process, and knows the others of it.
+    """Takes part in a run for this process and tracks the other members.
 
-    The check is made once, by the one that comes: those that take part already are never harmed.
+    Only a joining process checks, so it never harms present members.
     """
 
     def __init__(self, bus: Bus, run: str, role: str, name: str, fingerprint: Fingerprint) -> None:
-        """Begin to watch who takes part; `join` announces this process."""
+        """Start to watch members; `join` announces this process."""
         self.run = run
         self.name = name
         self._bus = bus
@@ -95,9 +94,9 @@ class Membership:
         bus.watch(self._note)
 
     def join(self, *, sleep: Callable[[float], object] = time.sleep) -> None:
-        """Take part from now on; raises BusError when there is one of this name, or of others.
+        """Join; raises BusError on an equal name or another fingerprint.
 
-        Of two that come at the same instant the one with the lower session identifier stays.
+        Of two that join at the same instant the one with the lower session identifier stays.
         """
         self._refuse(self._before)
         self._bus.announce(self._role, self.name, self._fingerprint.chunk)
@@ -133,8 +132,6 @@ class Membership:
 
 
 class RecorderWatch:
-    """Notices when the recorder of a run has left."""
-
     def __init__(self, membership: Membership, bus: Bus) -> None:
         self._membership = membership
         self._bus = bus

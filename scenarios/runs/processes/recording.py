@@ -53,7 +53,7 @@ CONFIRM_NS = SECOND
 
 
 class RecorderProcess:
-    """The recorder as a process: logs what arrives, and starts and ends the run."""
+    """The recorder as a process: records what arrives, starts and ends the run."""
 
     def __init__(
         self,
@@ -128,10 +128,10 @@ class RecorderProcess:
         return self._run.close(self._clock.now())
 
     def announce_completion(self) -> None:
-        """Announce that the log is complete, for which the vehicles wait before they end.
+        """Announce that the log is complete; vehicles wait for that before they end.
 
-        That of a completed run is repeated until they have ended; a router that is away is waited
-        for. Of a failed run they have been told before.
+        The announcement of a completed run is repeated until the vehicles have ended, also while
+        the router is away. That of a failed run was sent before.
         """
         self._announce_end()
         if self._conductor.reason or self._conductor.router_is_lost:
@@ -141,15 +141,15 @@ class RecorderProcess:
         poll(lambda: self._stop.asked or self._all_ended(begun), every_s=POLL_S)
 
     def _announce_end(self) -> None:
-        """Publish that the run is over.
+        """Publish the end of the run.
 
-        Who was asked to stop with nobody there need not wait until a router has read this.
+        A stopped recorder without vehicles need not wait for a router that does not read.
         """
         if self._membership.vehicles or not self._stop.asked:
             self._bus.publish(*self._own[-1], urgent=True)
 
     def _all_ended(self, begun: int) -> bool:
-        """Whether no vehicle is left that waits for the end, or none will hear of it."""
+        """Repeat the end; whether no vehicle waits for it any more."""
         now = self._clock.now()
         if self._announcing.is_due(now):
             self._bus.publish(*self._own[-1], urgent=True)
@@ -172,7 +172,7 @@ class RecorderProcess:
             self._bus.patience_s = LITTLE_PATIENCE_S
 
     def _compare_clocks(self) -> None:
-        """Write into the log how far the vehicles' clocks are off; too far ends the run."""
+        """Log the offsets of the vehicles' clocks; a large one ends the run."""
         too_far = []
         for vehicle in sorted(self._present):
             found = measure(self._bus, vehicle, self._clock.now)
@@ -192,7 +192,7 @@ class RecorderProcess:
         self._present = present
 
     def _own_message(self, topic: str, data: bytes) -> tuple[str, bytes]:
-        """Return a message of the run's own with its key; it is not recorded from the bus again."""
+        """Return a message of the run with its key; it is not recorded again from the bus."""
         own = key(CONDUCTOR, TOPICS[topic]), data
         self._own.append(own)
         return own
@@ -201,10 +201,9 @@ class RecorderProcess:
         self._arrivals.put(self._clock.now(), key_expression, data)
 
     def _record_arrivals(self) -> None:
-        """Record what has arrived; if that is little, wait for more, but `POLL_S` at most.
+        """Record up to MOST_AT_ONCE arrivals; wait up to `POLL_S` for that many.
 
-        What arrives meanwhile, or is too much at once, is left for the next call: under a flood of
-        messages this would not return, and the run has to be advanced and the log flushed.
+        The rest is left for the next call, so that a flood does not keep the run from advancing.
         """
         self._run.recorder.rejected.update(self._arrivals.refusals())
         is_over = self._conductor.phase is Phase.OVER
@@ -248,7 +247,7 @@ class RecorderProcess:
             self._run.flush()
 
     def _warn_if_behind(self, now: int, behind: int) -> None:
-        """Say once why a run whose time is up is not over."""
+        """Warn once that a run whose time is up still records."""
         if behind > BEHIND_NS and now > self._conductor.end_at and not self._reported_behind:
             self._reported_behind = True
             line = f"the log is {behind / SECOND:.1f} s behind and is completed first"

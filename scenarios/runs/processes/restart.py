@@ -21,7 +21,7 @@ VARIABLE = "CONVOY_HANDOVER"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProcessHandover:
-    """What the process of a vehicle hands over to the one that it becomes.
+    """State that a vehicle's process passes to its successor.
 
     `start_at` (ns) is that of the run, `clock_offset` (ns) that of Unix time against the machine's
     monotonic clock, `lateness` that of its ticks so far.
@@ -34,7 +34,7 @@ class ProcessHandover:
 
 
 class SoftwareLostError(Exception):
-    """The process has to end, and to start anew with `handover`."""
+    """The process has to restart with `handover`."""
 
     def __init__(self, handover: ProcessHandover) -> None:
         self.handover = handover
@@ -42,10 +42,9 @@ class SoftwareLostError(Exception):
 
 
 class _Pickler(pickle.Pickler):
-    """Packs compiled data classes by what they are made of: they cannot be made of nothing."""
+    """Pickles compiled dataclasses by their fields: they have no empty state to restore."""
 
     def reducer_override(self, thing: Any) -> Any:
-        """Say how `thing` is made anew, if it is of such a class."""
         kind = type(thing)
         if not (is_dataclass(kind) and hasattr(kind, "__mypyc_attrs__")):
             return NotImplemented
@@ -62,7 +61,7 @@ def pack(handover: object, file: IO[bytes]) -> None:
 
 
 def restart_process(handover: ProcessHandover) -> NoReturn:
-    """End this process, and be the same program anew; nothing but `handover` is left of it."""
+    """Replace this process by the same program, which receives `handover`."""
     with TemporaryFile(buffering=0) as file:  # without a name, so it is gone with its last reader
         pack(handover, file)
         file.seek(0)
@@ -72,7 +71,7 @@ def restart_process(handover: ProcessHandover) -> NoReturn:
 
 
 def received_handover() -> ProcessHandover | None:
-    """Return what the process that this one has been has handed over, if there was one."""
+    """Handover of the process that this one replaced, None if there was none."""
     number = os.environ.pop(VARIABLE, None)
     if number is None:
         return None

@@ -19,7 +19,7 @@ AFTER_THE_LAUNCHER_S = 2.0
 
 
 def route(options: ZenohOptions, stop: Stop, *, until_empty: bool) -> int:
-    """Route until asked to stop or, with `until_empty`, until all who connected have left.
+    """Route until a stop is requested or, with `until_empty`, until all clients have left.
 
     Returns the exit code.
     """

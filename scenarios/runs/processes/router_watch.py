@@ -9,14 +9,14 @@ LAST_MOMENT_NS = SECOND
 
 
 class RouterWatch:
-    """Notices when the router is lost and when it is back; instants are ns."""
+    """Tracks whether the router is in reach; instants are ns."""
 
     def __init__(self) -> None:
         self.lost_at: int | None = None
         self.back_at = 0
 
     def look(self, now: int, *, connected: bool) -> int:
-        """Note whether the router is in reach; returns how long (ns) it was not, if it is back."""
+        """Note whether the router is in reach; returns the length (ns) of an ended outage."""
         if not connected:
             self.lost_at = self.lost_at or now
             return 0
@@ -26,9 +26,8 @@ class RouterWatch:
         return outage
 
     def is_lost_for_good(self, now: int) -> bool:
-        """Whether it has been out of reach for so long that the run is over."""
         return self.lost_at is not None and now - self.lost_at > ROUTER_LOST_AFTER_NS
 
     def was_lost_at_last(self, end_at: int) -> bool:
-        """Whether it was lost so late that a run which ends at `end_at` counts as completed."""
+        """Whether it was lost so late that a run until `end_at` counts as completed."""
         return self.lost_at is not None and self.lost_at >= end_at - LAST_MOMENT_NS

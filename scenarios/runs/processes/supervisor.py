@@ -25,7 +25,7 @@ GRACE_S = 3.0
 
 
 class ChildProcess(Protocol):
-    """A process of the run: its name, and its exit code once it has ended."""
+    """A process of the run."""
 
     @property
     def name(self) -> str: ...
@@ -38,19 +38,15 @@ class ChildProcess(Protocol):
 
 @dataclass(slots=True)
 class Child:
-    """A child process that this process started."""
-
     name: str
     process: "subprocess.Popen[bytes] | ForkedProcess"
 
     @property
     def exit_code(self) -> int | None:
-        """None while it runs; the negative number of the signal that killed it."""
         return self.process.poll()
 
 
 def describe(child: ChildProcess) -> str:
-    """Say how `child` ended, in words for the user."""
     code = child.exit_code
     if code is None:
         return f"{child.name} still runs"
@@ -60,13 +56,13 @@ def describe(child: ChildProcess) -> str:
 
 
 def write_error(logged: bytes) -> None:
-    """Write to the standard error as it is, if that is open."""
+    """Write bytes to the standard error, if that is open."""
     with suppress(OSError):
         os.write(2, logged)
 
 
 def spawn(arguments: Sequence[str], *, piped: bool) -> "subprocess.Popen[bytes]":
-    """Start `convoy ARGUMENTS` as a program of its own."""
+    """Start `convoy ARGUMENTS` as a new program."""
     return subprocess.Popen(  # noqa: S603 - our own command line, no shell
         [sys.executable, "-m", "scenarios.cli", *arguments],
         stdin=subprocess.PIPE,
@@ -78,19 +74,18 @@ def spawn(arguments: Sequence[str], *, piped: bool) -> "subprocess.Popen[bytes]"
 class Supervisor:
     """Starts and stops the child processes of a run.
 
-    Each has a session of its own, so that a Ctrl-C in the terminal reaches only the launcher. Its
-    standard input is a pipe from the launcher: when the launcher ends in any way, the pipe closes
-    and the child stops by itself.
+    Each has its own session, so that Ctrl-C in the terminal reaches only the launcher. Its standard
+    input is a pipe from the launcher: when that closes, the child stops by itself.
     """
 
     def __init__(self, prepare_task: PrepareTask | None = None) -> None:
-        """Let children do what `prepare_task` prepares, forked where that can be; else start programs."""
+        """Fork children with the tasks of `prepare_task` where possible; else start programs."""
         self.children: list[Child] = []
         self._router_output: IO[bytes] | None = None
         self._prepare_task = prepare_task if prepare_task is not None and can_fork() else None
 
     def start(self, name: str, arguments: Sequence[str], *, piped: bool = False) -> Child:
-        """Start `convoy ARGUMENTS` as a child; with `piped` its output comes here."""
+        """Start `convoy ARGUMENTS` as a child; `piped` sends its output here."""
         return self._start([(name, arguments)], piped=piped)[0]
 
     def start_all(self, asked: Sequence[tuple[str, Sequence[str]]]) -> None:
@@ -110,7 +105,7 @@ class Supervisor:
     def start_router(self) -> str:
         """Start a router on a free port of the loopback interface; returns its endpoint.
 
-        Lines that its libraries log before or after it is ready go to the standard error.
+        Other output of the router goes to the standard error.
         """
         arguments = ["router", "--leash", "-l", "tcp/127.0.0.1:0"]
         output = self.start("router", arguments, piped=True).process.stdout
@@ -123,12 +118,12 @@ class Supervisor:
         raise BusError("the router did not start")
 
     def _pass_on_output(self) -> None:
-        """Empty the pipe of the router's output, which would stop the router if it got full."""
+        """Drain the router's output: a full pipe would block it."""
         if self._router_output is not None and (logged := self._router_output.read()):
             write_error(logged)
 
     def tell(self, name: str, reason: str) -> None:
-        """Tell a child why it has to stop; one that has ended is passed over."""
+        """Send a child the reason to stop; an ended child is skipped."""
         for child in self.children:
             if child.name == name and child.process.stdin:
                 with suppress(OSError):
@@ -136,16 +131,16 @@ class Supervisor:
                     child.process.stdin.flush()
 
     def ended(self) -> list[Child]:
-        """Children that have ended since the last call; they are no longer in `children`."""
+        """Remove the ended children from `children` and return them."""
         self._pass_on_output()
         ended = [child for child in self.children if child.exit_code is not None]
         self.children = [child for child in self.children if child not in ended]
         return ended
 
     def stop(self, names: Sequence[str] | None = None, grace_s: float = GRACE_S) -> list[Child]:
-        """Ask the named children (all of them by default) to stop, and kill those that do not.
+        """Terminate the named children (by default all), and kill them after `grace_s`.
 
-        Returns those that had to be killed.
+        Returns the killed ones.
         """
         chosen = [c for c in self.children if names is None or c.name in names]
         for child in chosen:

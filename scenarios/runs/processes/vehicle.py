@@ -65,8 +65,8 @@ def run_vehicle(
 ) -> int:
     """Drive vehicle `name` of `scenario` for one run; returns the exit code.
 
-    `say` gets the news and `complain` what went wrong, a line each. What the recorder announced
-    is not for a `launched` vehicle to repeat: the recorder tells the launcher itself.
+    `say` receives news and `complain` errors, a line each. A `launched` vehicle does not repeat
+    announcements of the recorder: its launcher has them.
     """
     before = received_handover()
     builder = VehicleBuilder(scenario, name)
@@ -95,7 +95,7 @@ def run_vehicle(
 
 
 def await_own_leaving(bus: Bus, name: str) -> None:
-    """Wait until nobody sees the process any more that this one has been."""
+    """Wait until the process that this one replaced is no longer a member."""
 
     def has_left() -> bool:
         return all((one.role, one.name) != (VEHICLE, name) for one in bus.members())
@@ -104,7 +104,7 @@ def await_own_leaving(bus: Bus, name: str) -> None:
 
 
 class RunOffError(Exception):
-    """There is no such run, or no longer; `announced` if the recorder itself said so."""
+    """The run does not exist any more; `announced` if the recorder said so."""
 
     def __init__(self, text: str, *, announced: bool = False) -> None:
         super().__init__(text)
@@ -112,11 +112,10 @@ class RunOffError(Exception):
 
 
 class RunAnnouncements:
-    """What the recorder announced: when the run starts, and that it is over.
+    """Start and end of the run as the recorder announced them.
 
-    The bytes of some other messages can be decoded as a start or an end too. They are recognised
-    by the vehicle that they name; a start that came under the end's key, by its instant. An end
-    without a start says that the run does not take place.
+    Bytes of other messages may decode as a start or an end. They are recognised by the vehicle that
+    they name; a start under the end's key by its instant. An end without a start cancels the run.
     """
 
     def __init__(self, bus: Bus, now: Callable[[], int]) -> None:
@@ -146,7 +145,7 @@ class RunAnnouncements:
 
 
 class VehicleProcess:
-    """A vehicle from its joining to the end of the run."""
+    """A vehicle from joining to the end of the run."""
 
     def __init__(
         self,
@@ -156,9 +155,9 @@ class VehicleProcess:
         stop: Stop,
         before: ProcessHandover | None = None,
     ) -> None:
-        """Join the run; raises BusError when it has no place for this vehicle.
+        """Join the run; raises BusError if it refuses this vehicle.
 
-        `before` is what the process has handed over that this one goes on from.
+        `before` is the handover of the process that this one continues.
         """
         self._builder = builder
         self._bus = bus
@@ -190,7 +189,7 @@ class VehicleProcess:
     def await_start(self, say: Say, wait_s: float) -> None:
         """Wait for the start; raises RunOffError if there will be none for this vehicle.
 
-        For one that goes on it has been.
+        Returns at once after a restart.
         """
         if self._before is not None:
             return
@@ -219,7 +218,7 @@ class VehicleProcess:
             raise RunOffError(f"{self._run} is off: its recorder has left")
 
     def _why_not_in_time(self, late_ns: int) -> str:
-        """Say why the start lies `late_ns` before the instant at which this vehicle joined."""
+        """Explain a start that lies `late_ns` before this vehicle joined."""
         clock = measure(self._bus, CONDUCTOR, self._clock.now)
         if clock is not None and late_ns < -clock.offset:  # by the recorder's clock it was there
             ahead = f"{-clock.offset / SECOND:.1f} s ahead of the recorder's"
@@ -227,11 +226,10 @@ class VehicleProcess:
         return f"{self._run} had started before this vehicle joined"
 
     def drive(self, say: Say) -> None:
-        """Drive from the start to the end of the run, send the final counters, wait for its end.
+        """Drive to the end of the run, send the final counters, wait for the recorder's end.
 
-        Raises RunOffError when the run cannot go on, VehicleFaultError when the vehicle's
-        controller fails; by then everybody knows; and SoftwareLostError when its process has to
-        start anew.
+        Raises RunOffError when the run cannot continue, VehicleFaultError after announcing a fault
+        of the vehicle, and SoftwareLostError when the process has to restart.
         """
         start_at = self._start_at
         if start_at is None:  # asked to stop before
@@ -270,7 +268,6 @@ class VehicleProcess:
 
     @property
     def _start_at(self) -> int | None:
-        """Start of the run (ns), None while it is not known."""
         if self._before is not None:
             return self._before.start_at
         start = self._announced.start
@@ -313,7 +310,6 @@ class VehicleProcess:
                 inbox.note_overflow()
 
     def _restart_if_down(self, node: Node | ReplayedNode, now: int, probe: ProcessProbe) -> None:
-        """Raise SoftwareLostError if the software of the vehicle has crashed by `now` (ns)."""
         handover = node.handover(now)
         if handover is not None:
             raise SoftwareLostError(
@@ -326,7 +322,7 @@ class VehicleProcess:
             )
 
     def _check_company(self, now: int) -> None:
-        """Raise RunOffError when the run cannot go on."""
+        """Raise RunOffError if router or recorder are lost."""
         self._router.look(now, connected=self._bus.connected())
         if self._router.is_lost_for_good(now):
             raise RunOffError(f"{self._run} failed: the router is gone")
@@ -334,9 +330,9 @@ class VehicleProcess:
             raise RunOffError(f"{self._run} failed: its recorder has left")
 
     def _has_waited(self, end_at: int) -> bool:
-        """Repeat the final counters; whether the end of the run need no longer be waited for.
+        """Repeat the final counters; whether the vehicle may stop waiting for the end.
 
-        Raises RunOffError when no word of it will come.
+        Raises RunOffError when no end will come.
         """
         now = self._clock.now()
         if not self._watching.is_due(now):
@@ -357,19 +353,17 @@ class VehicleProcess:
 
 
 def most_waiting(link: IncomingLink) -> int:
-    """Poses of a sender that are kept while this process is held up."""
     return min(ceil(link.gate.rate_hz * WAITING_S), QUEUE)
 
 
 def punctual(
     ticks: Iterable[Tick], clock: Clock, probe: ProcessProbe, *, turn_ns: int, back_at: int
 ) -> Iterator[Tick]:
-    """Yield each tick `turn_ns` after its instant, when it is the vehicle's turn.
+    """Yield each tick `turn_ns` after its instant.
 
-    After a delay the missed ones follow one by one, at once. None is late before `back_at` (ns):
-    until then the process was away, as asked. One that was held up as a whole first lets its
-    transport take in what has come meanwhile: else the missed ticks would be made good faster than
-    that, each as if nothing had been heard.
+    Missed ticks follow at once. None counts as late before `back_at` (ns), the end of a requested
+    absence. After a hold-up of the whole process the transport first gets SETTLING_S to deliver:
+    else missed ticks would run as if nothing had been received.
     """
     was_held_up = False
     for tick in ticks:

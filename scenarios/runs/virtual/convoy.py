@@ -32,10 +32,7 @@ COLLECTED_EVERY = 50_000
 
 @contextmanager
 def rarely_collected() -> Iterator[None]:
-    """Run the garbage collector rarely: a run makes many objects and few reference cycles.
-
-    The objects of the run are still young afterwards and go without a full collection.
-    """
+    """Run the garbage collector rarely: a run makes many objects and few reference cycles."""
     before = gc.get_threshold()
     gc.set_threshold(COLLECTED_EVERY if before[0] else 0, *before[1:])  # 0: it is switched off
     try:
@@ -45,15 +42,14 @@ def rarely_collected() -> Iterator[None]:
 
 
 def never() -> bool:
-    """Let a run continue to its end."""
     return False
 
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """From the instant `at` (ns) on random numbers come from another seed.
+    """Draw random numbers from another seed after the instant `at` (ns).
 
-    See VehicleBuilder.redraw for which.
+    VehicleBuilder.redraw lists which.
     """
 
     at: int
@@ -61,9 +57,9 @@ class Branch:
 
 
 class VirtualConvoy:
-    """The vehicles of a scenario in one process, with the bus and the clock that they share.
+    """The vehicles of a scenario in one process, with a common bus and clock.
 
-    `left` are the failed vehicles without which the others continue.
+    `left` are failed vehicles without which the others continue.
     """
 
     def __init__(
@@ -72,10 +68,7 @@ class VirtualConvoy:
         branches: Sequence[Branch] = (),
         on_left: Callable[[int, str], None] = lambda _at, _vehicle: None,
     ) -> None:
-        """`branches` are in order of time; instants are those of the scenario's virtual run.
-
-        `on_left` is called with the instant (ns) and the name of each vehicle that leaves.
-        """
+        """`branches` are in order of time; `on_left` gets the instant (ns) and name of a leaver."""
         self.bus = MemoryBus()
         self.clock = VirtualClock(scenario.start_at_ns)
         self._scenario = scenario
@@ -90,10 +83,7 @@ class VirtualConvoy:
     def build(
         self, sink_of: Callable[[str], Sink], replays: "Sequence[Replay]" = ()
     ) -> dict[str, Node | ReplayedNode]:
-        """Build every vehicle; returns the nodes of those that are not replayed.
-
-        `sink_of` makes the sink of a vehicle from its name.
-        """
+        """Build every vehicle with its sink; returns the nodes that are not replayed."""
         start_at = self._scenario.start_at_ns
         recorded = {replay.vehicle: replay for replay in replays}
         nodes: dict[str, Node | ReplayedNode] = {}
@@ -134,7 +124,6 @@ class VirtualConvoy:
         return step_or_leave
 
     def _redraw(self, seed: int) -> None:
-        """Between two instants: draw random numbers from `seed` from now on."""
         numbers = {builder.name: node.outbox.next_pose for builder, node in self._live}
         for builder, node in self._live:
             builder.redraw(node, seed, numbers)

@@ -19,21 +19,20 @@ if TYPE_CHECKING:  # only runs with recorded vehicles import what reads logs
 
 @dataclass(frozen=True, slots=True)
 class DriveOutcome:
-    """How a virtual run ended: its last instant (ns), and the fault of a vehicle that ended it."""
+    """End of a virtual run: last instant (ns), and the fault of a vehicle that ended it."""
 
     at: int
     fault: VehicleFaultError | None
 
     def raise_fault(self) -> None:
-        """Raise the fault that ended the run, if there was one."""
         if self.fault is not None:
             raise self.fault
 
 
 class ObservedSink:
-    """Publishes the poses of one vehicle and passes all its messages to the listeners.
+    """Publishes the poses of one vehicle and passes all its messages to listeners.
 
-    A pose is published by `flush`; only poses are encoded.
+    Only poses are encoded; `flush` publishes them.
     """
 
     def __init__(
@@ -50,7 +49,6 @@ class ObservedSink:
         self._listeners = listeners
 
     def send(self, message: Message) -> None:
-        """Take one message."""
         kind = type(message)
         if kind is GpsPose:
             self._publish(message)

@@ -93,10 +93,7 @@ def record_trial(
     replays: "Sequence[Replay]" = (),
     observers: Sequence[Observer] = (),
 ) -> Trial:
-    """Run `scenario` as `run_virtual` does, and keep what its vehicles drove.
-
-    Raises LogError if the run failed.
-    """
+    """Run `scenario` as `run_virtual` does and keep its drives; raises LogError if it fails."""
     metrics = Metrics.of(scenario)
     drives = DriveRecorder(scenario, metrics.stream)
     summary = run_virtual(

@@ -27,13 +27,12 @@ not."""
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """The messages of one replayed vehicle, in order of time, with the instants of the new run."""
+    """Messages of one replayed vehicle, in order of time, with instants of the new run."""
 
     vehicle: str
     messages: tuple[GpsPose | TruePose, ...]
 
     def stepper(self, sink: Sink) -> Stepper:
-        """Send each message at its instant, as the vehicle itself would."""
         messages = iter(self.messages)
 
         def step(_: Tick) -> None:
@@ -48,7 +47,7 @@ class Replay:
 
 @dataclass(frozen=True, slots=True)
 class RecordedVehicle:
-    """Poses and true states of one vehicle in a log, and when its run started (ns)."""
+    """Poses and true states of one vehicle in a log, and the start of its run (ns)."""
 
     started_at: int
     poses: tuple[GpsPose, ...]
@@ -57,8 +56,8 @@ class RecordedVehicle:
     def replay(self, *, start_at: int, ahead: float = 0.0, vehicle: str | None = None) -> Replay:
         """Shift the messages to a run that starts at `start_at` (ns), under the name `vehicle`.
 
-        At the start the vehicle is where it was `ahead` (s) after the start of its own run;
-        earlier messages are left out, and the others are renumbered.
+        The vehicle starts where it was `ahead` (s) after the start of its own run; earlier messages
+        are left out, and the others are renumbered.
         """
         name = vehicle or self.poses[0].vehicle
         shift = start_at - self.started_at - nanoseconds(ahead)
@@ -85,7 +84,7 @@ class RecordedVehicle:
 
 
 def _acts_at(message: GpsPose | TruePose) -> int:
-    """Instant (ns) at which a message goes out: a pose may be sent later than it was measured."""
+    """Instant (ns) of sending, which for a pose may follow that of its measurement."""
     return message.sent_at_ns if isinstance(message, GpsPose) else message.true_at_ns
 
 
@@ -137,7 +136,7 @@ def head_start(
 def _time_at(
     stations: Sequence[float], at: Sequence[int], station: float, recorded: RecordedVehicle
 ) -> float:
-    """Time (s) from the start of the recorded run at which `station` (m) was reached."""
+    """Time (s) in the recorded run at which `station` (m) was reached."""
     for k in range(1, len(stations)):
         if stations[k] >= station and stations[k] > stations[k - 1]:
             share = (station - stations[k - 1]) / (stations[k] - stations[k - 1])

@@ -19,7 +19,7 @@ class Stepper:
 
 
 def steps_in_order(steppers: Sequence[Stepper]) -> Iterator[tuple[Tick, Step]]:
-    """Yield all steps in order of time, those of one instant in the order of `steppers`."""
+    """Yield all steps in order of time, at equal instants in the order of `steppers`."""
     if len({stepper.schedule for stepper in steppers}) == 1:
         # The usual case: what follows gives the same, but more slowly.
         steps = [stepper.step for stepper in steppers]

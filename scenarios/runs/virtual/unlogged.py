@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # only runs with recorded vehicles import what reads logs
 
 
 def run_unlogged(scenario: Scenario, observers: Sequence[Observer] = ()) -> RunSummary:
-    """Run `scenario` in virtual time; returns the summary that a logged run of it would have."""
+    """Run `scenario` in virtual time; returns the summary that a logged run would have."""
     metrics = Metrics.of(scenario)
     limits = LimitWatch(scenario.tables.limits, metrics)
     outcome = drive(scenario, [metrics, limits, *observers], until=lambda: bool(limits.reason))
@@ -35,10 +35,7 @@ def run_unlogged(scenario: Scenario, observers: Sequence[Observer] = ()) -> RunS
 
 
 def drive_trial(scenario: Scenario, replays: "Sequence[Replay]" = ()) -> Trial:
-    """Run `scenario` in virtual time and keep what its vehicles drove.
-
-    The vehicles receive and do the same as in a logged run. Raises VehicleFaultError.
-    """
+    """Run `scenario` in virtual time and keep its drives; raises VehicleFaultError."""
     stream = FigureStream.of(scenario)
     drives = DriveRecorder(scenario, stream)
     drive(scenario, [stream, drives], replays=replays).raise_fault()
