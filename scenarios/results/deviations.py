@@ -16,7 +16,7 @@ PATIENCE_NS = SECOND
 
 
 class TrueDeviation(NamedTuple):
-    """How far a follower is off the lead's path and from the body ahead (m); NaN if not known."""
+    """Offset of a follower from the lead's path, and gap to the body ahead (m); NaN if unknown."""
 
     vehicle: str
     at_ns: int
@@ -26,22 +26,21 @@ class TrueDeviation(NamedTuple):
 
 @dataclass(slots=True)
 class _Values:
-    """The period of the latest value, and values that wait for the other of their pair."""
+    """Period of the latest value, and values that wait for their counterpart."""
 
     period: int = -1
     waiting: dict[int, float] = field(default_factory=dict)
 
     def is_next(self, at: int) -> bool:
-        """Whether this is the first value in its period."""
         before, self.period = self.period, at // PERIOD_NS
         return self.period != before
 
 
 class Deviations:
-    """Pairs error and gap of equal instants, whichever is known first.
+    """Pairs errors and gaps of equal instants, in either order.
 
     The first instant in each period of a vehicle counts, so the pairs do not depend on the order of
-    the messages of different vehicles. A value that waits for too long is passed on alone.
+    messages of different vehicles. A value that waits for too long is passed on alone.
     """
 
     def __init__(self, followers: Iterable[str]) -> None:
@@ -50,18 +49,16 @@ class Deviations:
 
     @classmethod
     def of(cls, stream: FigureStream) -> "Deviations":
-        """Pair the errors and gaps of a stream."""
+        """Subscribe to the errors and gaps of a stream."""
         made = cls(stream.followers)
         stream.on_error(made.take_error)
         stream.on_gap(made.take_gap)
         return made
 
     def take_error(self, foot: CrossTrack) -> None:
-        """Take a true error from a stream."""
         self.add_error(foot.vehicle, foot.at_ns, foot.lateral)
 
     def take_gap(self, gap: TrueGap) -> None:
-        """Take a true gap from a stream; it is computed only if it is needed."""
         if self.wants_gap(gap.vehicle, gap.now_at_ns):
             self.add_gap(gap.vehicle, gap.now_at_ns, gap.now_m)
 
@@ -76,7 +73,6 @@ class Deviations:
             self._release_old(vehicle, at)
 
     def wants_gap(self, vehicle: str, at: int) -> bool:
-        """Whether a gap of a follower at instant `at` (ns) is needed."""
         _, gaps = self._of[vehicle]
         return gaps.period != at // PERIOD_NS
 
@@ -98,7 +94,6 @@ class Deviations:
             self._ready.append(TrueDeviation(vehicle, at, nan, gaps.waiting.pop(at)))
 
     def news(self) -> list[TrueDeviation]:
-        """What is known since the last call."""
         if not self._ready:
             return []
         ready, self._ready = self._ready, []

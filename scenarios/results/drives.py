@@ -22,9 +22,9 @@ KINDS: frozenset[type[Message]] = frozenset((TruePose, Tracking))
 class Drive:
     """The drive of one vehicle, an entry per control instant (s from the start, m, m/s, rad).
 
-    `lateral_error` and `heading_error` are the paper's: against the trajectory it steers along.
-    `station` and `cross_track` are its true place along and beside the lead's driven path, an
-    entry wherever the lead has driven; for the lead itself they are empty.
+    `lateral_error` and `heading_error` are the paper's: relative to the vehicle's own trajectory.
+    `station` and `cross_track` are the true position along and beside the lead's driven path, where
+    the lead has driven; empty for the lead.
     """
 
     name: str
@@ -39,7 +39,7 @@ class Drive:
 
     @property
     def tracking_max(self) -> float:
-        """Largest |e_lat| (m) against the own trajectory: what the paper shows."""
+        """Largest |e_lat| (m) relative to the own trajectory."""
         return _largest(self.lateral_error)
 
     @property
@@ -56,17 +56,15 @@ class Trial:
 
     @property
     def lead(self) -> Drive:
-        """The lead's drive."""
         return self.drives[0]
 
     @property
     def followers(self) -> tuple[Drive, ...]:
-        """All but the lead."""
         return self.drives[1:]
 
     @cached_property
     def tracking(self) -> tuple[float, ...]:
-        """Largest |e_lat| (m) of each follower against its own trajectory."""
+        """Largest |e_lat| (m) of each follower relative to its own trajectory."""
         return tuple(drive.tracking_max for drive in self.followers)
 
     @cached_property
@@ -80,12 +78,11 @@ def _largest(values: Array) -> float:
 
 
 class DriveRecorder:
-    """An observer that keeps what the drives of a run are made of, vehicle by vehicle."""
+    """Observer that keeps the messages of which drives are made."""
 
     kinds = KINDS
 
     def __init__(self, scenario: Scenario, stream: FigureStream) -> None:
-        """`stream` derives the figures of the run, which is one of `scenario`."""
         self._names = scenario.vehicle_names
         self._start_at = scenario.start_at_ns
         self._truth: defaultdict[str, list[TruePose]] = defaultdict(list)
@@ -94,7 +91,6 @@ class DriveRecorder:
         stream.on_error(lambda foot: self._feet[foot.vehicle].append(foot))
 
     def listen(self, _at: int, message: Message) -> None:
-        """Take a true pose, or the tracking errors of one control instant."""
         if isinstance(message, TruePose):
             self._truth[message.vehicle].append(message)
         elif isinstance(message, Tracking):
@@ -102,7 +98,6 @@ class DriveRecorder:
             self._errors[message.vehicle].append(errors)
 
     def trial(self) -> Trial:
-        """Compute the drives of all vehicles that were on the road."""
         return Trial(tuple(self._drive(name) for name in self._names if name in self._truth))
 
     def _drive(self, name: str) -> Drive:

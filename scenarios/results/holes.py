@@ -13,11 +13,11 @@ HoleKind = Literal["pose", "true pose"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordHole:
-    """Consecutive poses of a vehicle that it should have sent and that are not in the log.
+    """Consecutive poses of a vehicle that are due and missing in the log.
 
-    `from_s` and `to_s` are the instants of the first and the last of them, from the start; of a
-    vehicle that sends by no schedule those of the poses before and after. Of the kind "true pose"
-    are those from which the figures are made, where poses were recorded meanwhile.
+    `from_s` and `to_s` are the instants of the first and the last of them; without a schedule of
+    sending those of the poses before and after. A hole of "true pose"s is one of the poses of which
+    the figures are made, while other poses were recorded.
     """
 
     vehicle: str
@@ -32,12 +32,12 @@ class RecordHole:
     """pose; or true pose, where poses were recorded meanwhile."""
 
     def covers(self, other: "RecordHole", slack_s: float) -> bool:
-        """Whether another hole lies within this one, or but for `slack_s` (s) at each end."""
+        """Whether another hole lies within this one, up to `slack_s` (s) at each end."""
         return other.from_s >= self.from_s - slack_s and other.to_s <= self.to_s + slack_s
 
 
 def hole_lines(holes: Sequence[RecordHole], most: int) -> Iterator[str]:
-    """Report missing poses, a line for equal holes of several vehicles, up to `most` lines."""
+    """Yield up to `most` lines about missing poses, one for equal holes of several vehicles."""
     alike: dict[tuple[float, float, int, HoleKind], list[str]] = {}
     for hole in holes:
         key = (hole.from_s, hole.to_s, hole.poses, hole.kind)
@@ -52,17 +52,14 @@ def hole_lines(holes: Sequence[RecordHole], most: int) -> Iterator[str]:
 
 
 class EdgeInstants:
-    """Instants of messages next to a hole, of a vehicle without a schedule.
-
-    Consecutive numbers have none, so few are kept.
-    """
+    """Instants of messages next to a hole, for a vehicle without a schedule."""
 
     def __init__(self) -> None:
         self._newest: tuple[int, int] | None = None
         self._at: dict[int, int] = {}
 
     def add(self, number: int, at: int) -> None:
-        """Take the number of a message and the instant (ns) at which it was sent."""
+        """Take the number of a message and its instant of sending (ns)."""
         if self._newest is None:
             self._at[number] = at
         elif number != self._newest[0] + 1:
@@ -72,10 +69,7 @@ class EdgeInstants:
             self._newest = number, at
 
     def holes(self, vehicle: str, numbers: MessageNumbers, start_at: int) -> Iterator[RecordHole]:
-        """Yield the holes in `numbers` of a run that started at `start_at` (ns).
-
-        Missing messages at the end leave no trace.
-        """
+        """Yield the holes in `numbers` of a run from `start_at` (ns), none at its end."""
         for first, last in numbers.missing(0):
             yield RecordHole(
                 vehicle=vehicle,
@@ -102,7 +96,7 @@ def holes_of(
     expected: int,
     kind: HoleKind = "pose",
 ) -> Iterator[RecordHole]:
-    """Yield the holes in the record of a vehicle that sends these messages at `rate_hz`."""
+    """Yield the holes in the record of a vehicle that sends at `rate_hz`."""
     for first, last in numbers.missing(expected):
         yield RecordHole(
             vehicle=vehicle,

@@ -17,16 +17,13 @@ from vehicles.messages import RunStart
 
 
 def log_in(path: Path) -> Path:
-    """The log that `path` names: itself, or the one in the folder of a run."""
     return path / LOG_NAME if path.is_dir() else path
 
 
 def summary_of(log: Path, warn: Callable[[str], None] = lambda _: None) -> RunSummary:
-    """The summary inside `log`; for a log that breaks off, worked out from its messages.
+    """The summary inside `log`; for a log that breaks off or was repaired, computed from messages.
 
-    So it is for one that had to be repaired: what was attached last did not know of that yet.
-
-    `warn` is called with a line about damage.
+    `warn` gets a line about damage.
     """
     reader = LogReader(log)
     attachments = reader.attachments()
@@ -68,12 +65,11 @@ def summary_of(log: Path, warn: Callable[[str], None] = lambda _: None) -> RunSu
 
 
 def scenario_of(log: Path) -> Scenario:
-    """The scenario inside a log; raises LogError."""
     return scenario_in(log, LogReader(log).attachments())
 
 
 def scenario_in(log: Path, attachments: Mapping[str, bytes]) -> Scenario:
-    """The scenario inside a log, with the lead's path or trace, so that it can be run again."""
+    """The scenario inside a log with the lead's path or trace, ready to run again."""
     if ATTACHED_AS not in attachments:
         raise LogError(f"{log}: holds no scenario; was it written by `convoy`?")
     try:

@@ -43,8 +43,6 @@ MOST_WARNINGS = 50
 
 
 class Metrics:
-    """Gathers the figures of a run from its messages."""
-
     def __init__(
         self,
         vehicles: Sequence[str],
@@ -107,7 +105,6 @@ class Metrics:
 
     @classmethod
     def of(cls, scenario: Scenario) -> "Metrics":
-        """Figures of a run of `scenario`."""
         return cls(
             scenario.vehicle_names,
             scenario.links,
@@ -125,20 +122,18 @@ class Metrics:
 
     @property
     def start_at(self) -> int | None:
-        """The start of the run (ns), once that is known."""
+        """Start of the run (ns), once known."""
         return self.stream.start_at
 
     @property
     def topics(self) -> list[str]:
-        """Topics of the kinds of message that carry a figure."""
         return [TOPIC_OF[kind].name for kind in (*self._takes, LogText, RunStart)]
 
     def listen(self, _at: int, message: Message) -> None:
-        """Take one message, as an observer of a run."""
         self.add(message)
 
     def add(self, message: Message) -> None:
-        """Take one message; those without figures or of unknown vehicles are ignored."""
+        """Take one message; those without figures and of unknown vehicles are ignored."""
         if (found := self._takes.get(type(message))) is not None:
             figures = self.vehicles.get(message.vehicle)
             if figures is not None:
@@ -175,7 +170,7 @@ class Metrics:
         )
 
     def news(self) -> list[str]:
-        """Lines about tyres that left their linear range since the last call."""
+        """Lines about tyres outside of their linear range since the last call."""
         if self._reported_linear == len(self.out_of_linear):
             return []
         new = list(self.out_of_linear.values())[self._reported_linear :]
@@ -202,7 +197,6 @@ class Metrics:
         figures.add_health(health)
 
     def _add_change(self, figures: VehicleFigures, change: Change, _at: int) -> None:
-        """From now on its poses come by no schedule, or links are not as requested."""
         if change.kind in VEHICLE_CHANGES:
             figures.rate_hz = None
         self._links.add_change(change)
@@ -211,11 +205,10 @@ class Metrics:
         self._links.add_verdict(verdict)
 
     def finish(self) -> None:
-        """Count the events that had not ended when the run did."""
+        """Close events that are still open."""
         self.stream.finish()
 
     def vehicle_summaries(self, ran_ns: int = 0) -> tuple[VehicleSummary, ...]:
-        """Figures per vehicle, the lead first, of a run of `ran_ns`."""
         span, gaps, seconds = self._span(ran_ns), self.stream.gaps, self.stream.seconds
         return tuple(
             figures.summary(span, gaps.get(name), seconds)
@@ -223,7 +216,7 @@ class Metrics:
         )
 
     def holes(self, ran_ns: int = 0) -> tuple[RecordHole, ...]:
-        """Poses that were not recorded of a run of `ran_ns`, in order of time."""
+        """Missing poses of a run of `ran_ns`, in order of time."""
         found = [
             hole
             for figures in self.vehicles.values()
@@ -236,17 +229,15 @@ class Metrics:
         return RunSpan(self.start_at, ran_ns, self._duration_ns)
 
     def link_summaries(self) -> tuple[LinkSummary, ...]:
-        """Figures per directed link, by receiver and then sender from the lead on."""
         sent = {name: (one.poses, one.last_at) for name, one in self.vehicles.items()}
         return self._links.summaries(sent)
 
     def link_misses(self) -> Iterator[str]:
-        """Report links that deviate from what was requested by more than the sampling error."""
         return self._links.misses()
 
 
 def _steady_rate_hz(scenario: Scenario, name: str) -> float | None:
-    """Rate of the poses of a vehicle that sends at every instant of measuring, else None."""
+    """Pose rate of a vehicle that sends at every instant of measuring, else None."""
     setup = scenario.vehicle(name)
     if is_changed(scenario.tables.change, name):
         return None

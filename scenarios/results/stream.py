@@ -32,10 +32,10 @@ TakeEvent = Callable[[Episode], None]
 
 
 class FigureStream:
-    """An observer that passes figures to its subscribers; nothing else is computed.
+    """Observer that passes figures to its subscribers; nothing else is computed.
 
-    Subscribe before the first message. `gaps` holds the gap of each follower to the vehicle ahead,
-    if anything that needs gaps is subscribed to.
+    Subscribe before the first message. `gaps` holds the gap of each follower to its predecessor, if
+    a subscriber needs gaps.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class FigureStream:
         rules: EventsTable | None = None,
         road_yaw: float | None = None,
     ) -> None:
-        """Take the bodies, lead first, thresholds, and the yaw (rad) of the road at the start."""
+        """Bodies, lead first, thresholds, and the yaw (rad) of the road at the start."""
         self.kinds: frozenset[type[Message]] = frozenset({RunStart, Tracking, TruePose})
         self._sizes = sizes
         self._lead, *self.followers = sizes
@@ -70,11 +70,10 @@ class FigureStream:
 
     @classmethod
     def of(cls, scenario: Scenario) -> "FigureStream":
-        """Make the stream of a run of `scenario`, with its thresholds."""
         return cls(sizes_of(scenario), scenario.tables.events, scenario.route.start_yaw)
 
     def on_error(self, take: TakeError) -> None:
-        """Subscribe to the true error of each follower: the foot point on the lead's path."""
+        """Subscribe to the true error of each follower, its foot point on the lead's path."""
         if not self._on_error:
             self._path.follow(self.followers)
         self._on_error.append(take)
@@ -85,12 +84,12 @@ class FigureStream:
         self._on_gap.append(take)
 
     def on_lane_excess(self, take: TakeExcess) -> None:
-        """Subscribe to how far (m) followers are beyond the edge of the lane, by name."""
+        """Subscribe to the excess (m) of followers beyond the edge of the lane."""
         self._watch_lane()
         self._on_excess.append(take)
 
     def on_event(self, take: TakeEvent, kinds: Sequence[EventKind] = ALL_EVENTS) -> None:
-        """Subscribe to events of some kinds; the figures of an event that goes on still grow."""
+        """Subscribe to events of some kinds; figures of a continuing event still grow."""
         if "lane_departure" in kinds:
             self._watch_lane()
         if "collision" in kinds or "near_miss" in kinds:
@@ -116,7 +115,6 @@ class FigureStream:
             self._gaps_of[name] = [gaps[one] for one in (name, behind) if one in gaps]
 
     def listen(self, _at: int, message: Message) -> None:
-        """Take one message, as an observer of a run; those of unknown vehicles are ignored."""
         self.add(message)
 
     def add(self, message: Message) -> None:
@@ -130,7 +128,6 @@ class FigureStream:
                 self.add_tracking(message)
 
     def add_truth(self, pose: TruePose) -> None:
-        """Take a true pose of one of the vehicles."""
         name, at = pose.vehicle, pose.true_at_ns
         if self._first_at is None or at < self._first_at:
             self._first_at = at
@@ -152,7 +149,6 @@ class FigureStream:
             self._pass_gaps(name, at)
 
     def _pass_errors(self, feet: Iterable[CrossTrack]) -> None:
-        """Pass on the true errors among foot points, some of which are those of corners."""
         for foot in feet:
             if foot.vehicle in self._sizes:
                 for take in self._on_error:
@@ -170,7 +166,6 @@ class FigureStream:
                 take(episode)
 
     def add_tracking(self, tracking: Tracking) -> None:
-        """Take what one of the vehicles steers along; of the lead there is nothing to find."""
         if tracking.vehicle == self._lead:
             return
         place = self._places.get(tracking.vehicle, (0.0, 0.0))
@@ -179,12 +174,12 @@ class FigureStream:
                 self._pass_on(found)
 
     def finish(self) -> None:
-        """Pass on the events that had not ended when the run did."""
+        """Close events that are still open."""
         if self._encounters is not None:
             self._pass_on(self._encounters.finish())
 
     def seconds(self, at: int) -> float:
-        """Seconds from the start of the run, or, if that was not recorded, the first pose."""
+        """Seconds from the start of the run or, if that was not recorded, from the first pose."""
         start = self._first_at if self.start_at is None else self.start_at
         return (at - (start or 0)) / SECOND
 

@@ -31,9 +31,9 @@ ClockName = Literal["wall", "virtual"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunIdentity:
-    """Which run it is: scenario, overrides, seed, clock, folder, and the versions that drove.
+    """Identity of a run: scenario, overrides, seed, clock, folder, and versions.
 
-    `title` names the scenario with what was asked of it.
+    `title` names the scenario with its overrides.
     """
 
     schema: str = SCHEMA
@@ -56,7 +56,7 @@ class RunIdentity:
 
     @classmethod
     def here(cls, scenario: Scenario, clock: ClockName, run_id: str) -> "RunIdentity":
-        """Identity of a run of `scenario` by the programs installed here."""
+        """Identity of a run by the programs installed here."""
         return cls(
             scenario=scenario.name,
             title=scenario.title,
@@ -68,7 +68,7 @@ class RunIdentity:
         )
 
     def values(self) -> dict[str, Any]:
-        """All of it in one table, the versions by their packages' names."""
+        """All fields in one table, the versions by their packages' names."""
         own = {one.name: getattr(self, one.name) for one in fields(self) if one.name != "versions"}
         return own | {"overrides": list(self.overrides)} | dict(self.versions)
 
@@ -81,7 +81,7 @@ class RunIdentity:
 
     @classmethod
     def of_values(cls, values: Mapping[str, Any]) -> "RunIdentity":
-        """Read what `values` or `metadata` gave; what is not there stays empty."""
+        """Read the result of `values` or `metadata`; missing fields stay empty."""
         clock: ClockName = "virtual" if values.get("clock") == "virtual" else "wall"
         known = {one.name for one in fields(cls)}
         overrides = values.get("overrides", [])
@@ -99,10 +99,10 @@ class RunIdentity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitFigure:
-    """What came of a limit: its bound, the figure, and how it was broken; nothing if it was kept.
+    """Result of a limit, its key in `[limits]`: bound, figure, and how it was broken.
 
-    `limit` is its key in `[limits]`. Of a limit on vehicles there is one for each, of what had to
-    be done by an instant `what` says what; such a figure is None where it was not done.
+    A limit on vehicles has one per vehicle; `what` is the action that a deadline requires, and the
+    figure is None where it did not happen.
     """
 
     limit: str
@@ -120,13 +120,12 @@ class LimitFigure:
 
     @property
     def broken(self) -> bool:
-        """Whether the run broke it."""
         return bool(self.line)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunSummary:
-    """A run in figures; an empty `reason` says that it was completed."""
+    """Figures of a run; an empty `reason` means that it was completed."""
 
     identity: RunIdentity
     outcome: Literal["completed", "failed"]
@@ -189,14 +188,13 @@ _FIGURES = TypeAdapter(RunSummary)
 
 
 def to_json(summary: RunSummary) -> str:
-    """The content of `summary.json`, beside the log and inside it."""
+    """Content of `summary.json`, also attached to the log."""
     figures = _FIGURES.dump_python(summary, mode="json", exclude={"identity"})
     whole = _finite(summary.identity.values() | figures)
     return json.dumps(whole, indent=2, allow_nan=False) + "\n"
 
 
 def _finite(value: Any) -> Any:
-    """Put null for numbers that JSON does not know."""
     match value:
         case dict():
             return {name: _finite(entry) for name, entry in value.items()}
@@ -208,9 +206,9 @@ def _finite(value: Any) -> Any:
 
 
 def _filled(value: Any, kind: type) -> Any:
-    """Restore NaN where JSON has null, and fill in figures that an earlier version lacked.
+    """Restore NaN where JSON has null, and fill in figures that earlier versions lack.
 
-    A missing figure is NaN or None, whichever its type allows, unless its class has a default.
+    A missing figure is NaN or None, as its type allows, unless its class has a default.
     """
     if not isinstance(value, dict):
         return value
@@ -228,7 +226,7 @@ def _filled(value: Any, kind: type) -> Any:
 
 
 def from_json(text: str) -> RunSummary:
-    """Read the content of a `summary.json` of any version; raises ValueError for anything else."""
+    """Read a `summary.json` of any version; raises ValueError."""
     values = json.loads(text)
     if not isinstance(values, dict):
         raise ValueError("a summary is a table")  # noqa: TRY004 - wrong content of a file

@@ -43,10 +43,9 @@ def summarise(
     reason: str,
     rejected: Mapping[str, int],
 ) -> RunSummary:
-    """Put the figures of a run together.
+    """Summarise the figures of a run of `ran_ns`.
 
-    `ran_ns` is how long it ran, `rejected` counts refused messages by reason. Broken limits follow
-    the `reason` to end early.
+    `rejected` counts refused messages by reason. Broken limits follow the `reason` to end early.
     """
     metrics.finish()
     ran_ns = min(ran_ns, nanoseconds(scenario.duration_s))

@@ -12,6 +12,6 @@ PACKAGES = ("convoy-emulator", "eclipse-zenoh", "mcap", "numpy", "protobuf", "py
 
 @cache
 def installed_versions() -> Mapping[str, str]:
-    """Versions of Python and of PACKAGES here, read once: it takes milliseconds."""
+    """Versions of Python and of PACKAGES; cached, because reading takes milliseconds."""
     versions = {"python": platform.python_version()}
     return MappingProxyType(versions | {package: version(package) for package in PACKAGES})

@@ -126,7 +126,7 @@ def link_summary(
     tally: LinkTally,
     alarms: AlarmSummary = NO_ALARMS,
 ) -> LinkSummary:
-    """Put together what a link (sender, receiver) did of which `sent` messages were recorded."""
+    """Summarise a link (sender, receiver) over which `sent` recorded messages went."""
     expected = _expected(requested, tally)
     loss, burst, longest = _losses(tally, CONFIDENCE)
     milliseconds = RESOLUTION_NS / MILLISECOND
@@ -175,7 +175,7 @@ def link_summary(
 
 
 def _expected(requested: LinkTable, tally: LinkTally) -> ExpectedChannel:
-    """What the link should do; no loss is expected where a vehicle's own radio was off.
+    """Expected behaviour; no loss is expected where a vehicle's own radio was off.
 
     Nothing is expected of a link that was changed during the run.
     """
@@ -196,7 +196,7 @@ def _expected(requested: LinkTable, tally: LinkTally) -> ExpectedChannel:
 
 
 def describe_link(row: LinkSummary) -> str:
-    """Say in a line what a link did, with intervals of 95 %, and what was asked of it."""
+    """Achieved and requested figures of a link in one line, with intervals of 95 %."""
     asked_loss, asked_ms = row.requested_loss_ratio, row.requested_latency_ms_mean
     parts = [
         f"{row.sender} → {row.receiver}: lost {100 * row.loss_ratio:.1f} % "
@@ -216,7 +216,7 @@ def describe_link(row: LinkSummary) -> str:
 
 
 def _losses(tally: LinkTally, confidence: float) -> tuple[Interval, Interval | None, int]:
-    """Loss and mean length of its bursts with their intervals, and the longest burst."""
+    """Loss and mean burst length with their intervals, and the longest burst."""
     lost = tally.lost
     lengths = bursts(lost)
     burst = mean_length(lengths, confidence)
@@ -226,7 +226,7 @@ def _losses(tally: LinkTally, confidence: float) -> tuple[Interval, Interval | N
 
 
 def _half_of_mean(latency: Spread | None, expected: ExpectedChannel) -> float:
-    """Half the width (ms) of the interval of a mean delay, correlated as asked."""
+    """Half the width (ms) of the interval of a mean delay with the requested correlation."""
     if latency is None:
         return 0.0
     error = latency.deviation * sqrt(expected.latency_inflation / latency.count)
@@ -234,7 +234,6 @@ def _half_of_mean(latency: Spread | None, expected: ExpectedChannel) -> float:
 
 
 def _safe_time(tally: LinkTally) -> dict[str, float]:
-    """Share of commands made with data not older than each of SAFE_AGES_MS, by its text."""
     if not tally.commands:
         return {}
     within = {}
@@ -245,9 +244,9 @@ def _safe_time(tally: LinkTally) -> dict[str, float]:
 
 
 def misses(link: tuple[str, str], requested: LinkTable, tally: LinkTally) -> Iterator[str]:
-    """Say what a link did beyond sampling error of what was asked of it, a line each.
+    """Yield a line per figure of a link that deviates beyond sampling error from its request.
 
-    That is beyond the interval of 99.99 %, so that of ten thousand sound figures one is named.
+    The interval is that of 99.99 %: one of ten thousand sound figures lies outside.
     """
     expected, name = _expected(requested, tally), f"{link[0]} → {link[1]}"
     loss, burst, _ = _losses(tally, CERTAINTY)
@@ -270,9 +269,9 @@ def misses(link: tuple[str, str], requested: LinkTable, tally: LinkTally) -> Ite
 def _burst_miss(
     name: str, expected: ExpectedChannel, burst: Interval, tally: LinkTally
 ) -> Iterator[str]:
-    """Compare mean bursts; where few long ones are among many short ones, the count varies as well.
+    """Compare mean bursts. Where losses are clustered, their count varies as well.
 
-    The mean is the count of losses over that of bursts, so it spreads as the first does at least.
+    The mean is the number of losses over that of bursts, so it varies at least as the former does.
     """
     asked, loss = expected.burst_messages or 1.0, expected.loss_ratio or 1.0
     number, count = len(bursts(tally.lost)), len(tally.lost)

@@ -30,7 +30,6 @@ class AlarmTally:
     _is_reported: bool = False
 
     def add(self, at: int, status: SourceStatus) -> None:
-        """Take the status of the source at instant `at` (ns)."""
         is_lost = status == "lost" != self._status
         if is_lost and len(self.instants) < MOST_ALARMS:
             self.instants.append(at)
@@ -38,7 +37,7 @@ class AlarmTally:
         self._status = status
 
     def counted(self, until: int) -> int | None:
-        """Count alarms up to an instant (ns) at which the sender still ran, None without status."""
+        """Count alarms up to an instant (ns) at which the sender still ran; None without status."""
         if not self._is_reported:
             return None
         return sum(at <= until for at in self.instants)

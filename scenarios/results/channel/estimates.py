@@ -16,23 +16,21 @@ CERTAINTY = 0.9999
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """An estimate and the ends of its interval."""
-
     value: float
     low: float
     high: float
 
 
 def quantile_of_normal(confidence: float) -> float:
-    """How many standard deviations to either side hold so much of a normal law."""
+    """Half-width, in standard deviations, of the central interval of a normal law."""
     return NormalDist().inv_cdf(0.5 + 0.5 * confidence)
 
 
 def share(count: float, of: float, confidence: float, inflation: float = 1.0) -> Interval:
     """Wilson's interval of a share (E. B. Wilson, JASA 22, 1927) of `of` events.
 
-    With `inflation` it is that of so many times fewer independent events: of a chain with the
-    correlation r from one to the next it is (1 + r) / (1 - r). Without events all is possible.
+    `inflation` divides the number of independent events: for a chain with the lag-one correlation r
+    it is (1 + r) / (1 - r). Without events the interval is [0, 1].
     """
     if of <= 0.0:
         return Interval(0.0, 0.0, 1.0)
@@ -43,11 +41,10 @@ def share(count: float, of: float, confidence: float, inflation: float = 1.0) ->
 
 
 def inflation(loss_ratio: float, burst: float) -> float:
-    """By how much losses in bursts spread a counted share more than independent ones do.
+    """Variance of a loss share with bursts, relative to that of independent losses; at least 1.
 
-    Of the two-state chain (Gilbert) with this share and this mean length of bursts the correlation
-    from one message to the next is r = 1 - 1/burst - loss/(burst (1 - loss)), and the variance of
-    the share (1 + r) / (1 - r) times that of independent losses. Never less than 1.
+    In the two-state chain (Gilbert) with this share and mean burst length the lag-one correlation
+    is r = 1 - 1/burst - loss/(burst (1 - loss)), and the factor is (1 + r) / (1 - r).
     """
     if not 0.0 < loss_ratio < 1.0 or burst <= 1.0:
         return 1.0
@@ -56,17 +53,17 @@ def inflation(loss_ratio: float, burst: float) -> float:
 
 
 def bursts(lost: NDArray[np.bool_]) -> NDArray[np.int_]:
-    """Lengths of the runs of losses, of messages in the order of their numbers."""
+    """Lengths of the runs of losses, in the order of message numbers."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], lost, [False])).astype(np.int8)))
     lengths: NDArray[np.int_] = edges[1::2] - edges[::2]
     return lengths
 
 
 def mean_length(lengths: NDArray[np.int_], confidence: float) -> Interval | None:
-    """Mean of lengths with its interval, None without any; of one alone nothing bounds it above.
+    """Mean of lengths with its interval, None without any; a single one has no upper bound.
 
-    The spread of a mean of m geometric lengths is taken from their own mean, sqrt(b (b - 1) / m),
-    or from the sample where that is wider.
+    The standard error of the mean b of m geometric lengths is sqrt(b (b - 1) / m), or that of the
+    sample where it is larger.
     """
     count = len(lengths)
     if not count:
@@ -82,8 +79,6 @@ def mean_length(lengths: NDArray[np.int_], confidence: float) -> Interval | None
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """Mean, standard deviation, 95 % quantile and largest of values that were counted."""
-
     mean: float
     deviation: float
     p95: float
@@ -94,7 +89,7 @@ class Spread:
 def spread(histogram: Mapping[int, int], unit: float) -> Spread | None:
     """Figures of values counted as multiples of `unit`, None without any.
 
-    The quantile is the least value that 95 % do not exceed.
+    The quantile is the smallest value that at least 95 % do not exceed.
     """
     if not histogram:
         return None

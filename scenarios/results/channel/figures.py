@@ -18,10 +18,9 @@ _Source = tuple[LinkTally, AlarmTally]
 
 
 class LinkFigures:
-    """Gathers verdicts, ages of the data and false alarms of each directed link."""
+    """Gathers verdicts, data ages and false alarms of each directed link."""
 
     def __init__(self, names: Sequence[str], requested: Mapping[Link, LinkTable]) -> None:
-        """Take the vehicles' names, lead first, and the requested settings of each link."""
         self._names = list(names)
         self._requested = requested
         self._ahead = {behind: ahead for ahead, behind in pairwise(self._names)}
@@ -30,13 +29,12 @@ class LinkFigures:
         self._sources: dict[str, tuple[_Source | None, _Source | None]] = {}
 
     def add_verdict(self, verdict: LinkVerdict) -> None:
-        """Take the fate of a message; those of unknown links are ignored."""
         link = verdict.sender, verdict.vehicle
         if link in self._requested:
             self.tallies[link].add(verdict)
 
     def add_tracking(self, tracking: Tracking, at: int) -> None:
-        """Take how old the data of each source of a follower are at instant `at` (ns)."""
+        """Take the ages of a follower's data at instant `at` (ns)."""
         found = self._sources.get(tracking.vehicle)
         if found is None:
             found = self._sources[tracking.vehicle] = self._sources_of(tracking.vehicle)
@@ -51,7 +49,7 @@ class LinkFigures:
             alarms.add(at, tracking.predecessor_status)
 
     def _sources_of(self, name: str) -> tuple[_Source | None, _Source | None]:
-        """Sources of a follower; the lead is the first follower's predecessor, too."""
+        """Sources of a follower; the first follower has only the lead."""
         lead, ahead = self._names[0], self._ahead[name]
         return self._source(lead, name), self._source(ahead, name) if ahead != lead else None
 
@@ -60,15 +58,14 @@ class LinkFigures:
         return (self.tallies[link], self._alarms[link]) if link in self._requested else None
 
     def add_change(self, change: Change) -> None:
-        """Note links that are not as requested any more."""
         for link in changed_links(change.table, self._names, self._requested):
             self.tallies[link].changed |= link[1] == change.vehicle
 
     def summaries(self, sent: Mapping[str, tuple[int, int]]) -> tuple[LinkSummary, ...]:
         """Figures per link, by receiver and then sender from the lead on.
 
-        `sent` are the number of recorded poses of each vehicle and the instant (ns) of its last
-        message, up to which alarms are false.
+        `sent` holds each vehicle's recorded poses and the instant (ns) of its last message, up to
+        which alarms are false.
         """
         found = []
         for link in self._in_order():
@@ -84,7 +81,7 @@ class LinkFigures:
         return sorted(self._requested, key=lambda link: (place(link[1]), place(link[0])))
 
     def misses(self) -> Iterator[str]:
-        """Report links that deviate from what was requested by more than the sampling error."""
+        """Yield deviations from the requests beyond sampling error."""
         for link in self._in_order():
             yield from misses(link, self._requested[link], self.tallies[link])
         changed = [f"{a} → {b}" for (a, b), one in sorted(self.tallies.items()) if one.changed]

@@ -23,9 +23,9 @@ _LOST, _DELIVERED, _NOT_CARRIED = 1, 2, 3
 
 @dataclass(slots=True)
 class LinkTally:
-    """What became of the messages of a link, and how old its source was when it was used.
+    """Fates of the messages of a link, and ages of its source at commands.
 
-    `changed` says that the link was another one than was asked for, for some of the run.
+    `changed`: its settings were changed during the run.
     """
 
     heard: int = 0
@@ -46,7 +46,6 @@ class LinkTally:
     _heard_at: int | None = None
 
     def add(self, verdict: LinkVerdict) -> None:
-        """Take the link's verdict on one message."""
         number = verdict.pose_seq
         if verdict.outcome == "dropped":
             self._count(self.dropped, verdict.reason)
@@ -73,9 +72,9 @@ class LinkTally:
         self._heard_at = heard_at
 
     def add_age(self, age_s: float) -> None:
-        """Take how old (s) the newest of the source is at a command, NaN before the first.
+        """Take the age (s) of the newest data at a command, NaN before the first.
 
-        Whoever may send what it likes may say an age beyond all sense: it is not fresh.
+        Ages outside of 0 to OLDEST_S count as not fresh.
         """
         self.commands += 1
         if 0.0 <= age_s <= OLDEST_S:
@@ -83,9 +82,9 @@ class LinkTally:
 
     @property
     def lost(self) -> NDArray[np.bool_]:
-        """Whether each message that the link carries was lost, in the order of their numbers.
+        """Whether each carried message was lost, in the order of numbers.
 
-        Those of which no verdict came are left out, as are those that its rate holds back.
+        Messages without a verdict and those held back by the link's rate are left out.
         """
         fates = np.frombuffer(bytes(self._fates), dtype=np.uint8)
         found: NDArray[np.bool_] = fates[(fates == _LOST) | (fates == _DELIVERED)] == _LOST

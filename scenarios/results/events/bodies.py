@@ -12,7 +12,7 @@ ROUNDING_M: Final = 1e-6
 
 
 class BodySize(NamedTuple):
-    """Length and width (m) of a body, and how far its centre lies ahead of the centre of mass."""
+    """Length and width (m) of a body, and the offset of its centre from the centre of mass."""
 
     length: float
     width: float
@@ -20,18 +20,14 @@ class BodySize(NamedTuple):
 
     @classmethod
     def of(cls, car: VehicleParameters) -> "BodySize":
-        """Size of the body of `car`.
-
-        A true pose is that of the centre of mass. Nothing says where the body lies about it, so it
-        is assumed to reach as far beyond the front axle as beyond the rear one.
-        """
+        """Size of the body of `car`, with equal overhangs (assumed) in front and behind."""
         forward = 0.5 * (car.front_axle_distance - car.rear_axle_distance)
         return cls(car.length, car.width, forward)
 
 
 @dataclass(slots=True)
 class CarBody:
-    """A body in the world: its centre (m), unit vector forwards, half sizes, velocity (m/s)."""
+    """A body in the world: centre (m), unit vector forwards, half sizes (m), velocity (m/s)."""
 
     east: float
     north: float
@@ -76,7 +72,6 @@ class Separation(NamedTuple):
 
 
 def body_of(pose: TruePose, size: BodySize) -> CarBody:
-    """Place a body of `size` at `pose`."""
     ux, uy = cos(pose.yaw_rad), sin(pose.yaw_rad)
     length, width, forward = size
     sideways = pose.lateral_speed_mps + pose.yaw_rate_radps * forward
@@ -108,7 +103,7 @@ def corners(body: CarBody) -> tuple[tuple[float, float], ...]:
 
 
 def overlap(one: CarBody, other: CarBody) -> bool:
-    """Tell whether two bodies share more than their edges (theorem of the separating axis).
+    """Whether two bodies share more than their edges (separating axis theorem).
 
     Two convex shapes are apart if and only if they are along the normal of one of their sides.
     """
@@ -127,11 +122,10 @@ def overlap(one: CarBody, other: CarBody) -> bool:
 
 
 def certainly_apart(one: CarBody, other: CarBody, distance: float) -> bool:
-    """Whether two bodies are certainly further apart than `distance` (m); if not, they may be.
+    """Whether two bodies are certainly further apart than `distance` (m).
 
-    Their shadows on the normals of their sides are no further apart than they are, and as far where
-    one follows the other straight ahead, so the first is mostly enough. A fraction of the cost of
-    `separation`.
+    Their projections on the normals of their sides are at most as far apart. A fraction of the cost
+    of `separation`.
     """
     to_east, to_north = other.east - one.east, other.north - one.north
     ux, uy, vx, vy = one.along_east, one.along_north, other.along_east, other.along_north
@@ -156,10 +150,10 @@ def certainly_apart(one: CarBody, other: CarBody, distance: float) -> bool:
 
 
 def separation(one: CarBody, other: CarBody) -> Separation:
-    """Distance between two bodies and its rate, from their velocities; yaw rates are left out.
+    """Distance between two bodies and its rate from their velocities, without yaw rates.
 
-    The nearest points of two convex polygons apart include a corner. Where the bodies overlap the
-    rate is that along the line of their centres.
+    The nearest points of two disjoint convex polygons include a corner. Where the bodies overlap
+    the rate is that along the line of their centres.
     """
     if overlap(one, other):
         to_east, to_north = other.east - one.east, other.north - one.north
@@ -190,7 +184,7 @@ def separation(one: CarBody, other: CarBody) -> Separation:
 
 
 def _closing(one: CarBody, other: CarBody, east: float, north: float) -> float:
-    """Speed (m/s) at which `one` nears `other` along (east, north), the way to the other."""
+    """Speed (m/s) at which `one` nears `other` along the direction (east, north)."""
     length = hypot(east, north)
     if length == 0.0:
         return 0.0

@@ -35,9 +35,9 @@ QUIET_NS = SECOND
 
 @dataclass(slots=True)
 class Episode:
-    """Something that happened, from `at_ns` until `until_ns`; figures have unit suffixes.
+    """An event from `at_ns` until `until_ns`; figures have unit suffixes.
 
-    The figures of one that goes on still grow. `place` is where it began, (east, north) in metres.
+    Figures of a continuing event still grow. `place` (east, north, m) is where it began.
     """
 
     kind: EventKind
@@ -49,23 +49,21 @@ class Episode:
     place: tuple[float, float] = (0.0, 0.0)
 
     def least(self, figure: str, value: float) -> None:
-        """Keep the smallest value of a figure."""
         self.figures[figure] = min(value, self.figures.get(figure, inf))
 
     def most(self, figure: str, value: float) -> None:
-        """Keep the largest value of a figure."""
         self.figures[figure] = max(value, self.figures.get(figure, -inf))
 
     def is_over(self, at: int) -> bool:
-        """Whether the condition has not held for long at instant `at` (ns)."""
+        """Whether the condition has not held for QUIET_NS at instant `at` (ns)."""
         return at - self.until_ns > QUIET_NS
 
 
 @dataclass(slots=True)
 class TrueGap:
-    """Distance (m) from the body of a vehicle to that of the vehicle ahead: latest and smallest.
+    """Latest and smallest distance (m) between a vehicle's body and that of its predecessor.
 
-    The latest one is computed by `now_m`, as few need it.
+    `now_m` computes the latest one, which is rarely needed.
     """
 
     vehicle: str
@@ -76,29 +74,25 @@ class TrueGap:
 
     @property
     def now_m(self) -> float:
-        """The last distance, infinite before the first."""
         return inf if self._last is None else separation(*self._last).distance
 
     def see(self, ahead: CarBody, behind: CarBody, at: int) -> None:
-        """Take the bodies at an instant (ns)."""
         self._last, self.now_at_ns = (ahead, behind), at
 
     def add(self, gap: float, at: int) -> None:
-        """Take the distance at an instant (ns) at which it may be the smallest."""
+        """Take the distance at an instant (ns) where it may be the smallest."""
         if gap < self.min_m:
             self.min_m, self.min_at_ns = gap, at
 
 
 @dataclass(slots=True)
 class _Pair:
-    """Two neighbours in the convoy, the one ahead first, and the gap between them."""
-
     names: tuple[str, str]
     gap: TrueGap
 
 
 class Encounters:
-    """Gaps and near misses of neighbours in the convoy, collisions of any two vehicles."""
+    """Gaps and near misses of neighbours, collisions of any two vehicles."""
 
     def __init__(
         self, sizes: Mapping[str, BodySize], *, near_gap: float = 0.0, near_time: float = 0.0
@@ -119,7 +113,7 @@ class Encounters:
             self._pairs[ahead][behind] = self._pairs[behind][ahead] = pair
 
     def add(self, pose: TruePose, body: CarBody) -> list[Episode]:
-        """Take a pose and the body at it; returns the events that are certain by now."""
+        """Take a pose and its body; returns the events that are certain by now."""
         name, at = pose.vehicle, pose.true_at_ns
         frame = self._frames.get(at)
         if frame is None:
@@ -148,7 +142,7 @@ class Encounters:
         return found
 
     def finish(self) -> list[Episode]:
-        """Return the near misses that had not ended when the run did."""
+        """Return the near misses that are still open."""
         left = [episode for episode in self._near.values() if not episode.hit]
         self._near.clear()
         return left
@@ -156,13 +150,11 @@ class Encounters:
     def _meet(
         self, at: int, name: str, body: CarBody, other: str, there: CarBody
     ) -> Iterable[Episode]:
-        """Compare two that are no neighbours."""
         if self._place[name] > self._place[other]:
             name, body, other, there = other, there, name, body
         return self._look(at, (name, other), body, there, None)
 
     def _follow(self, at: int, pair: _Pair, ahead: CarBody, behind: CarBody) -> Iterable[Episode]:
-        """Compare two neighbours."""
         pair.gap.see(ahead, behind, at)
         if self._is_usual(pair, ahead, behind):
             return ()
@@ -195,10 +187,7 @@ class Encounters:
             yield from self._keep_apart(at, names, apart, place)
 
     def _is_usual(self, pair: _Pair, ahead: CarBody, behind: CarBody) -> bool:
-        """Whether neighbours are certainly not nearer than ever before, nor near at all.
-
-        So it is at most instants, of which nothing but that has to be known.
-        """
+        """Whether neighbours are certainly neither near nor nearer than ever before."""
         name, other = pair.names
         if (self._near and pair.names in self._near) or other in self._touching[name]:
             return False
@@ -211,7 +200,7 @@ class Encounters:
     def _keep_apart(
         self, at: int, pair: tuple[str, str], apart: Separation, place: tuple[float, float]
     ) -> Iterator[Episode]:
-        """Follow a near miss; it is certain once it is over and has not become a collision."""
+        """Follow a near miss; it is certain once it has ended without a collision."""
         distance = apart.distance
         left = distance / apart.closing if apart.closing > 0.0 else inf
         episode = self._near.get(pair)

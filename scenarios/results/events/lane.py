@@ -19,10 +19,10 @@ TakeExcess = Callable[[str, float], None]
 
 @dataclass(slots=True)
 class _Corners:
-    """What is known of the corners of one follower, each a point with a name of its own.
+    """State of the corners of one follower, each a named point.
 
-    `known` are the distances (m) of those corners that the lead has passed, by instant; `seen` is
-    where the follower was then.
+    `known` are the distances (m) of corners that the lead has passed, by instant; `seen` is the
+    follower's position then.
     """
 
     vehicle: str
@@ -36,9 +36,9 @@ class _Corners:
 class LaneWatch:
     """Departures of followers from the lane: a corner too far from the lead's driven path.
 
-    A follower near the edge is looked at at every pose, one well inside less often: four corners of
-    every pose would cost more than all other figures of a run. The excess of a follower is how far
-    (m) the corner farthest out is beyond the edge.
+    A follower near the edge is checked at every pose, one well inside less often: checking four
+    corners of every pose would cost more than all other figures. The excess (m) is that of the
+    outermost corner beyond the edge.
     """
 
     def __init__(
@@ -48,10 +48,7 @@ class LaneWatch:
         path: CrossTrackError,
         on_excess: Sequence[TakeExcess] = (),
     ) -> None:
-        """Take the bodies, lead first, the lane's width (m), and the path that the lead drives.
-
-        `on_excess` are called with a follower and its excess (m) at each look.
-        """
+        """`lane_width` is in m; `on_excess` get a follower and its excess (m) at each check."""
         self._half_width = 0.5 * lane_width
         self._lead, *followers = sizes
         self._followers: dict[str, _Corners] = {}
@@ -65,9 +62,9 @@ class LaneWatch:
         self._on_excess = on_excess
 
     def add(self, pose: TruePose, body: CarBody, feet: Sequence[CrossTrack]) -> Iterable[Episode]:
-        """Take a pose and the body at it; yields each departure as it begins.
+        """Take a pose and its body; yields each departure as it begins.
 
-        `feet` are the foot points that a pose of the lead made known, of corners and others.
+        `feet` are foot points that a pose of the lead made known.
         """
         if pose.vehicle == self._lead:
             return self._measure(feet) if feet else ()
@@ -95,7 +92,7 @@ class LaneWatch:
         return self._measure(feet) if feet else ()
 
     def _measure(self, feet: Iterable[CrossTrack]) -> Iterator[Episode]:
-        """Take foot points; a follower is looked at once those of its four corners are known."""
+        """Take foot points; a follower is checked once its four corners are known."""
         for foot in feet:
             follower = self._of_point.get(foot.vehicle)
             if follower is None:
@@ -134,6 +131,5 @@ class LaneWatch:
 
 
 def _forget(known: dict[int, Any], until: int) -> None:
-    """Drop what was known of instants up to `until` (ns)."""
     for at in [at for at in known if at <= until]:
         del known[at]

@@ -9,7 +9,7 @@ from vehicles.messages import Level
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunEvent:
-    """An event as it stands in the summary; instants in seconds from the start of the run."""
+    """An event as listed in the summary; instants in seconds from the start of the run."""
 
     kind: EventKind
     """collision, near_miss, lane_departure, path_lost, slide, stop, or distrust of a source."""
@@ -23,12 +23,10 @@ class RunEvent:
 
     @property
     def line(self) -> str:
-        """What happened, in one line."""
         return f"{WHAT[self.kind](self)}, {self.at_s:.2f} s after the start"
 
     @property
     def level(self) -> Level:
-        """How bad it is, for the log."""
         return "error" if self.kind == "collision" else "warning"
 
 
@@ -65,7 +63,7 @@ def _stop(event: RunEvent) -> str:
 
 
 def road_known(known: float) -> str:
-    """Say how far ahead (m) the road is known; where that is negative, it ends behind."""
+    """Known length (m) of road ahead in words; a negative one ends behind the vehicle."""
     if known >= 0.0:
         return f"{known:.1f} m of the road known"
     return f"the road known ends {-known:.1f} m behind"
@@ -88,9 +86,9 @@ WHAT: Mapping[EventKind, Callable[[RunEvent], str]] = {
 
 
 class EventLog:
-    """The events of a run in the order in which they are found; `collisions` counts those so far.
+    """Events of a run in the order of detection; `collisions` counts those so far.
 
-    Figures of an event that goes on still grow.
+    Figures of a continuing event still grow.
     """
 
     def __init__(self, seconds: Callable[[int], float]) -> None:
@@ -101,12 +99,10 @@ class EventLog:
         self.collisions = 0
 
     def add(self, episode: Episode) -> None:
-        """Take an event."""
         self._found.append(episode)
         self.collisions += episode.kind == "collision"
 
     def news(self) -> list[RunEvent]:
-        """Events found since the last call."""
         new = self._found[self._reported :]
         self._reported = len(self._found)
         return [self._event(episode) for episode in new]
@@ -116,7 +112,7 @@ class EventLog:
         return self._found[first:]
 
     def events(self) -> tuple[RunEvent, ...]:
-        """All events so far, in order of time, whatever the order in which they were found."""
+        """All events so far in order of time."""
         found = [self._event(episode) for episode in self._found]
         return tuple(sorted(found, key=lambda one: (one.at_s, one.kind, one.vehicles)))
 

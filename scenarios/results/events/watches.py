@@ -18,7 +18,7 @@ slowest control runs at 5 Hz."""
 
 
 class TrackingWatch(Protocol):
-    """Finds events of followers in what they steer along."""
+    """Finds events of followers in their tracking."""
 
     def add(self, tracking: Tracking, place: tuple[float, float] = NOWHERE) -> Iterable[Episode]:
         """Take the tracking of one instant at a place (m); yields each event as it begins."""
@@ -28,7 +28,7 @@ class TrackingWatch(Protocol):
 class PathWatch:
     """Followers that had a trajectory and steer without one for longer than `after` (s).
 
-    One that goes on along what it still knows of the road has not lost its path.
+    A follower that continues along a known road has not lost its path.
     """
 
     def __init__(self, after: float) -> None:
@@ -38,10 +38,7 @@ class PathWatch:
         self._reported: set[str] = set()
 
     def add(self, tracking: Tracking, place: tuple[float, float] = NOWHERE) -> Iterable[Episode]:
-        """Take the tracking of one instant; gives a loss as soon as it has lasted long enough.
-
-        `place` is where the vehicle is (m).
-        """
+        """Take the tracking of one instant at a place (m); yields a loss after `after` (s)."""
         name, at = tracking.vehicle, tracking.decided_at_ns
         before, self._last[name] = self._last.get(name, at), at
         if tracking.mode not in LOST_MODES or tracking.known_m > 0.0:  # false for NaN
@@ -67,13 +64,13 @@ class PathWatch:
 
 
 class SlideWatch:
-    """Vehicles an axle of which uses all the friction that there is, or with linear tyres more."""
+    """Vehicles with an axle that uses all available friction, or more with linear tyres."""
 
     def __init__(self) -> None:
         self._open: dict[str, Episode] = {}
 
     def add(self, pose: TruePose) -> Iterator[Episode]:
-        """Take a pose in which it slides; gives each slide as it begins."""
+        """Take a pose in which the vehicle slides; yields each slide as it begins."""
         name, at = pose.vehicle, pose.true_at_ns
         episode = self._open.get(name)
         if episode is None or episode.is_over(at):
@@ -87,13 +84,12 @@ class SlideWatch:
 
 
 class StopWatch:
-    """Stops of followers that know too little of the road, each until it drives on."""
+    """Stops of followers that know too little of the road, each until it drives again."""
 
     def __init__(self) -> None:
         self._open: dict[str, Episode] = {}
 
     def add(self, tracking: Tracking, place: tuple[float, float] = NOWHERE) -> Iterable[Episode]:
-        """Take the tracking of one instant; gives each stop as it begins."""
         if tracking.mode == "stop":
             return self._stopping(tracking, place)
         if self._open:
@@ -113,16 +109,14 @@ class StopWatch:
 
 
 class TrustWatch:
-    """Sources that a follower does not believe, each until it does again."""
+    """Sources that a follower distrusts, each until it is trusted again."""
 
     def __init__(self, names: Sequence[str]) -> None:
-        """Take the names of the convoy, the lead first."""
         self._lead = names[0]
         self._ahead = {behind: ahead for ahead, behind in pairwise(names)}
         self._open: dict[tuple[str, str], Episode] = {}
 
     def add(self, tracking: Tracking, place: tuple[float, float] = NOWHERE) -> Iterable[Episode]:
-        """Take the tracking of one instant; gives each source as it begins to be distrusted."""
         if (
             self._open
             or tracking.lead_status == "distrusted"

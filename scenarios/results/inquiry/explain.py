@@ -26,11 +26,9 @@ SHOWN = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissingMessage:
-    """A message that was sent after the newest that is known of its sender, and why it is missing.
+    """A message sent after the newest received one of its sender, and why it is missing.
 
-    `fate` is a word of the table of reasons, "on the way" or "never judged"; `due_at_s` is when it
-    is there, or would have been had it not been dropped, at the receiver's tick. `cause` names the
-    key of the rule in the scenario.
+    `fate` is a word of the table.
     """
 
     number: int
@@ -62,7 +60,7 @@ class KnownSource:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Explanation:
-    """What `vehicle` knew at its last decision until the instant asked for."""
+    """What `vehicle` knew at its last decision until the requested instant."""
 
     vehicle: str
     decided_at_s: float
@@ -72,7 +70,6 @@ class Explanation:
 
     @property
     def sentence(self) -> str:
-        """All of it in one sentence for people."""
         along = {
             "path": "drove its own path",
             "straight": "drove straight on, since it had heard nothing yet",
@@ -114,7 +111,7 @@ def _and(words: Sequence[str]) -> str:
 
 @dataclass(slots=True)
 class RecordedKnowledge:
-    """What the log of a run holds of a vehicle and its senders; instants in ns."""
+    """Messages in a log about a vehicle and its senders; instants in ns."""
 
     log: Path
     scenario: Scenario
@@ -128,7 +125,7 @@ class RecordedKnowledge:
 
     @classmethod
     def of(cls, log: Path, vehicle: str) -> "RecordedKnowledge":
-        """Read it; raises LogError, with what would be right, for a vehicle that is not in it."""
+        """Read a log; raises LogError for a vehicle that is not in it."""
         reader = LogReader(log)
         scenario = scenario_in(log, reader.attachments())
         names = scenario.vehicle_names
@@ -141,7 +138,7 @@ class RecordedKnowledge:
         return found
 
     def at(self, at_s: float) -> Explanation:
-        """Say what the vehicle knew `at_s` (s) after the start of the run; raises LogError."""
+        """Explain the instant `at_s` (s) after the start; raises LogError."""
         asked = self.start_at + round(at_s * SECOND) if isfinite(at_s) else -1
         made = bisect_right(self.decisions, asked, key=lambda one: one.decided_at_ns)
         if not made or asked > self.last_at:
@@ -164,9 +161,9 @@ class RecordedKnowledge:
 
 
 def explain(log: Path, vehicle: str, at_s: float) -> Explanation:
-    """Say what `vehicle` knew `at_s` after the start of the run in `log`.
+    """List what `vehicle` knew `at_s` (s) after the start of the run in `log`.
 
-    Raises LogError, with what would be right, for a vehicle or an instant that is not in it.
+    Raises LogError for an unknown vehicle or an instant outside of the run.
     """
     return RecordedKnowledge.of(log, vehicle).at(at_s)
 
@@ -218,7 +215,7 @@ def _seconds(record: RecordedKnowledge, at: int) -> float:
 
 
 def _age(record: RecordedKnowledge, vehicle: str, heard: LinkVerdict, now: int) -> float:
-    """Age (s) of a message by the clock of the vehicle that heard it, as it judges by it."""
+    """Age (s) of a message by the clock of the vehicle that received it."""
     clock = record.scenario.clock(vehicle, record.start_at)
     return (clock.stamped(now) - heard.measured_at_ns) / SECOND
 
@@ -239,7 +236,7 @@ def _missing(record: RecordedKnowledge, link: tuple[str, str], number: int) -> M
 
 
 def _received(verdicts: Iterable[LinkVerdict], now: int) -> float | None:
-    """Share delivered of what was to be known within the last second, None if that was nothing."""
+    """Delivered share of the messages due within the last second, None without any."""
     due = [one for one in verdicts if now - SECOND < one.heard_at_ns <= now]
     return sum(one.outcome == "delivered" for one in due) / len(due) if due else None
 
@@ -247,7 +244,7 @@ def _received(verdicts: Iterable[LinkVerdict], now: int) -> float | None:
 def _path_left(
     record: RecordedKnowledge, sender: str, heard: Sequence[LinkVerdict], now: int
 ) -> float | None:
-    """Way (m) along the places heard of `sender`, from beside the vehicle to the newest."""
+    """Distance (m) along the received places of `sender`, from beside the vehicle to the newest."""
     here = record.places.get(now)
     if here is None or not heard:
         return None
@@ -287,7 +284,7 @@ def _distance(one: tuple[float, float], other: tuple[float, float]) -> float:
 
 
 def _foot(start: tuple[float, float], end: tuple[float, float], here: tuple[float, float]) -> float:
-    """Share of the way from `start` to `end` at which a segment is nearest to `here`."""
+    """Share of the segment from `start` to `end` at its point nearest to `here`."""
     east, north = end[0] - start[0], end[1] - start[1]
     along = (here[0] - start[0]) * east + (here[1] - start[1]) * north
     return min(1.0, max(0.0, along / (east * east + north * north)))

@@ -17,17 +17,16 @@ from vehicles.schedule import SECOND
 
 @dataclass(slots=True)
 class _Done:
-    """A change that was made by hand, and the vehicles that carried it out."""
+    """A change made by hand, and the vehicles that carried it out."""
 
     change: AnyChange
     by: list[str] = field(default_factory=list)
 
 
 def session_of(log: Path) -> Scenario:
-    """The scenario in `log`, with the changes that were made by hand; raises LogError.
+    """The scenario in `log` with the changes that were made by hand; raises LogError.
 
-    Of a link each receiver carries a change out by itself. Where all that it is about did so at the
-    same instant it is one change again.
+    Each receiver of a link carries a change out by itself; equal ones at one instant are joined.
     """
     reader = LogReader(log)
     scenario = scenario_in(log, reader.attachments())
@@ -51,7 +50,7 @@ def session_of(log: Path) -> Scenario:
 
 
 def _as_carried_out(done: _Done, scenario: Scenario) -> Sequence[AnyChange]:
-    """One change, or one for each receiver, if others that it is about did not carry it out."""
+    """One change, or one per receiver if not all of them carried it out."""
     change = done.change
     if not isinstance(change, LINK_CHANGES):
         return [change]

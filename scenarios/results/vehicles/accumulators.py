@@ -10,7 +10,7 @@ from vehicles.messages import TruePose
 
 @dataclass(slots=True)
 class Extremes:
-    """Latest value, largest magnitude and root mean square of a signal, value by value."""
+    """Latest value, largest magnitude and root mean square of a signal."""
 
     latest: float = 0.0
     largest: float = 0.0
@@ -19,7 +19,6 @@ class Extremes:
     count: int = 0
 
     def add(self, value: float, at: int = 0) -> None:
-        """Take one value, and its instant (ns) where that is asked for."""
         self.latest = value
         if value > self.largest:
             self.largest, self.largest_at = value, at
@@ -30,20 +29,18 @@ class Extremes:
 
     @property
     def rms(self) -> float:
-        """Root mean square, 0 without values."""
         return sqrt(self.squares / self.count) if self.count else 0.0
 
 
 @dataclass(slots=True)
 class SelfEstimateErrors:
-    """Differences of the self-estimated lateral errors from the true ones, at equal instants."""
+    """Differences of self-estimated and true lateral errors at equal instants."""
 
     difference: Extremes = field(default_factory=Extremes)
     estimated: dict[int, float] = field(default_factory=dict)
     true: dict[int, float] = field(default_factory=dict)
 
     def add_estimate(self, at: int, error: float) -> None:
-        """Take the vehicle's own estimate at instant `at` (ns)."""
         true = self.true.pop(at, None)
         if true is not None:
             self.difference.add(error - true, at)
@@ -51,7 +48,6 @@ class SelfEstimateErrors:
             self._keep(self.estimated, at, error)
 
     def add_true(self, at: int, error: float) -> None:
-        """Take the true error at instant `at` (ns)."""
         estimate = self.estimated.pop(at, None)
         if estimate is not None:
             self.difference.add(estimate - error, at)
@@ -66,10 +62,7 @@ class SelfEstimateErrors:
 
 @dataclass(slots=True)
 class TyreFigures:
-    """Largest magnitudes of what the tyres of one vehicle did, and how many poses it slid in.
-
-    m/s², rad, and the share of the friction; plain numbers, because every true pose changes them.
-    """
+    """Largest magnitudes of a vehicle's tyres (m/s², rad, friction share), and sliding poses."""
 
     lateral_acceleration: float = 0.0
     front_slip: float = 0.0
@@ -79,7 +72,6 @@ class TyreFigures:
     sliding: int = 0
 
     def add(self, pose: TruePose) -> None:
-        """Take the next true pose."""
         across, share = pose.lateral_acceleration_mps2, pose.friction_ratio
         front, rear = pose.front_slip_rad, pose.rear_slip_rad
         self.poses += 1

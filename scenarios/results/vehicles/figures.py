@@ -97,7 +97,7 @@ class VehicleSummary:
 
 
 class RunSpan(NamedTuple):
-    """When a run started (ns, None if not recorded), how long it took, and was planned to."""
+    """Start of a run (ns, None if not recorded), its duration and planned duration."""
 
     start_at: int | None
     ran_ns: int
@@ -105,7 +105,7 @@ class RunSpan(NamedTuple):
 
 
 class VehicleFigures:
-    """Gathers the figures of one vehicle from its messages and from the stream of figures."""
+    """Gathers the figures of one vehicle."""
 
     def __init__(
         self,
@@ -115,7 +115,7 @@ class VehicleFigures:
         rate_hz: float | None = USUAL_RATE_HZ,
         control_rate_hz: float = USUAL_CONTROL_RATE_HZ,
     ) -> None:
-        """`rate_hz` is that of its GPS poses, None for a vehicle that sends by no schedule."""
+        """`rate_hz` is that of its GPS poses, None without a schedule of sending."""
         self.name = name
         self.is_lead = is_lead
         self.rate_hz = rate_hz
@@ -140,11 +140,9 @@ class VehicleFigures:
 
     @property
     def poses(self) -> int:
-        """GPS poses recorded."""
         return self.numbers.count
 
     def add_truth(self, pose: TruePose) -> None:
-        """Take the next true pose."""
         self.distance, self.speed = pose.distance_m, pose.speed_mps
         self.true_numbers.add(pose.seq)
         self.tyres.add(pose)
@@ -152,12 +150,10 @@ class VehicleFigures:
             self.reaction.add_truth(pose)
 
     def add_error(self, foot: CrossTrack) -> None:
-        """Take the true error at an instant."""
         self.cross_track_error.add(foot.lateral, foot.at_ns)
         self.self_estimate.add_true(foot.at_ns, foot.lateral)
 
     def add_tracking(self, tracking: Tracking) -> None:
-        """Take the errors and the mode of a control instant."""
         mode, error = tracking.mode, tracking.lateral_error_m
         if mode not in {"path", "straight"}:  # without a trajectory there is no error
             self.self_estimate.add_estimate(tracking.decided_at_ns, error)
@@ -171,7 +167,6 @@ class VehicleFigures:
             self.gap_min = tracking.gap_m
 
     def add_pose(self, pose: GpsPose) -> None:
-        """Take a GPS pose."""
         self.numbers.add(pose.seq)
         if self._first_sent_at is None:
             self._first_sent_at = pose.sent_at_ns
@@ -179,7 +174,6 @@ class VehicleFigures:
             self.edges.add(pose.seq, pose.sent_at_ns)
 
     def add_health(self, health: Health) -> None:
-        """Take the counters of the vehicle's process."""
         self.health = health
         self._memory_max = max(self._memory_max, health.memory_bytes)
         if health.seq and not health.final:  # those cover a second, first and last less
@@ -189,8 +183,8 @@ class VehicleFigures:
     def holes(self, span: RunSpan) -> list[RecordHole]:
         """Holes in the record of its poses, up to its end or that of the run.
 
-        A vehicle that became silent without final counters may have failed: no hole. If it sends by
-        no schedule, only gaps in the numbers are known.
+        A vehicle that became silent without final counters may have failed: no hole. Without a
+        schedule of sending only gaps in the numbers are known.
         """
         if self.rate_hz is None:
             return list(self.edges.holes(self.name, self.numbers, span.start_at or 0))
@@ -203,7 +197,7 @@ class VehicleFigures:
         return list(holes_of(self.name, self.numbers, self.rate_hz, expected))
 
     def true_holes(self, holes: Sequence[RecordHole]) -> Iterator[RecordHole]:
-        """Holes in the record of its true poses outside of `holes`, those of its poses."""
+        """Holes in the record of its true poses outside of `holes`."""
         slack_s = 1.0 / (self.rate_hz or USUAL_RATE_HZ)
         found = holes_of(self.name, self.true_numbers, self._control_rate_hz, 0, "true pose")
         for hole in found:
@@ -212,13 +206,13 @@ class VehicleFigures:
 
     @property
     def sent_for_s(self) -> float:
-        """How long it sent poses (s): by their number, or without a schedule from the first on."""
+        """Time (s) of sending: by the number of poses, or without a schedule from the first on."""
         if self.rate_hz is not None:
             return self.poses / self.rate_hz
         return self._seconds_from(self._first_sent_at)
 
     def recorded_for_s(self, start_at: int | None) -> float:
-        """How long it was recorded (s): by the number of its poses, or from the start (ns) on."""
+        """Recorded time (s): by the number of poses, or without a schedule from the start (ns)."""
         if self.rate_hz is not None:
             return self.poses / self.rate_hz
         return self._seconds_from(start_at)
@@ -227,7 +221,7 @@ class VehicleFigures:
         return 0.0 if begun is None else max(self.last_at - begun, 0) / SECOND
 
     def _silent_from_s(self, span: RunSpan) -> float | None:
-        """Time (s) after which nothing was recorded of it although the run went on."""
+        """Time (s) after which nothing of it was recorded although the run went on."""
         if span.start_at is None:
             return None
         until = max(self.last_at - span.start_at, 0)

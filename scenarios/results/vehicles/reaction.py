@@ -59,7 +59,7 @@ def is_degraded(tracking: Tracking) -> bool:
 
 @dataclass(slots=True)
 class Reaction:
-    """Gathers the figures of one follower, message by message."""
+    """Gathers the reaction of one follower."""
 
     _mode: Mode | None = None
     _mode_changes: int = 0
@@ -75,7 +75,7 @@ class Reaction:
     _driven_before: int | None = None
 
     def add_tracking(self, tracking: Tracking) -> None:
-        """Take what the follower knew at a command; they come in order of time."""
+        """Take a follower's state at a command, in order of time."""
         mode, hazard, at = tracking.mode, tracking.hazard, tracking.decided_at_ns
         if mode != self._mode:
             self._enter(tracking)
@@ -97,7 +97,6 @@ class Reaction:
             self._drive_on(driven, beyond)
 
     def _enter(self, tracking: Tracking) -> None:
-        """Take a mode that is another one than before."""
         self._mode_changes += self._mode is not None
         if tracking.mode == "stop":
             self._stops += 1
@@ -106,7 +105,7 @@ class Reaction:
         self._mode = tracking.mode
 
     def add_truth(self, pose: TruePose) -> None:
-        """Take the metres driven; poses come in order of time."""
+        """Take the distance driven, in order of time."""
         at, driven = pose.true_at_ns, _whole(pose.distance_m)
         beyond = self._beyond.pop(at, None)
         if beyond is None:
@@ -115,10 +114,10 @@ class Reaction:
             self._drive_on(driven, beyond)
 
     def _drive_on(self, driven: int, beyond: int) -> None:
-        """Add what was driven beyond the known path up to an instant of which both are there.
+        """Add the distance driven beyond the known path up to an instant with both messages.
 
-        Of the metres since the instant before no more than those by which the path has ended. Both
-        kinds of messages come in order, and so do the instants of which both are there.
+        It is at most the distance since the previous such instant, and at most that beyond the
+        path's end.
         """
         before, self._driven_before = self._driven_before, driven
         if beyond and before is not None:
@@ -126,7 +125,6 @@ class Reaction:
 
     @property
     def summary(self) -> ReactionSummary:
-        """The figures so far."""
         durations = self._recoveries
         return ReactionSummary(
             mode_changes=self._mode_changes,
