@@ -37,8 +37,8 @@ MODULES = {
     "scenarios/results/channel": "figures tally",
     "scenarios/results/events": "bodies encounters lane watches",
     "scenarios/results/vehicles": "accumulators",
-    "scenarios/runs": "recorder watchers",
-    "scenarios/runs/node": "agenda changes fault node outbox phases probe process_probe sink",
+    "scenarios/runs": "recorder",
+    "scenarios/runs/node": "agenda changes node outbox phases probe process_probe sink",
     "scenarios/runs/processes": "arrivals vehicle",
 }
 """Names of the compiled modules by folder."""

@@ -1,19 +1,19 @@
 """Figures, events and summary of a run, live, in virtual time or from its log.
 
-stream            values derived from the messages once, for all who need them
-metrics           figures gathered message by message
+stream            values derived once from the messages, for all subscribers
+metrics           gathers the figures of a run
 vehicles/         figures of single vehicles
-channel/          what links did, against what was requested
+channel/          achieved against requested behaviour of links
 events/           collisions, near misses, lane departures, paths lost, slides, stops, distrust
-holes             poses that were not recorded
+holes             missing poses in the log
 deviations        true errors and gaps for plots of the log
-limits/           limits of the scenario that were kept or broken
+limits/           results of the scenario's limits
 files             names of the files of a run
-versions          versions of the packages that ran it
+versions          installed versions of packages
 summary           the typed summary, its JSON, and the documentation of its fields
 summing_up        figures put together as a summary, and its file
 log_summary       summary and scenario from a log alone
-drives            what each vehicle drove, as arrays
-inquiry/          questions put to a log
+drives            the drive of each vehicle as arrays
+inquiry/          explain an instant, repeat a session
 pictures/         the picture of a run and of its log
 """

@@ -1,14 +1,13 @@
 """One run of a scenario: in processes over Zenoh, or in virtual time.
 
 node/        one vehicle, the same on the wall clock and in virtual time
-processes/   a process per vehicle, router, recorder, and what keeps them together
-control/     a convoy that drives, found, looked at and changed by hand
-virtual/     all vehicles in one process, as fast as it goes
+processes/   a process per vehicle, router and recorder, and their supervision
+control/     find, observe and change a running convoy
+virtual/     all vehicles in one process, as fast as possible
 limit_watch  ends a run early when a limit requires it
-observer     who receives the messages of a run
-recorder     every message into log, figures and picture
-watchers     who watches a run, and waits while the log has to catch up
-run_folder   the folder of a run, taken by one at a time
-run_log      the two files of a run
-stop         why and how a process has to stop; exit codes
+observer     receivers of the messages of a run, and those that yield to a late log
+recorder     writes every message into log, figures and picture
+run_folder   the folder of a run, locked for one run at a time
+run_log      log and summary of a run
+stop         requests to stop a process; exit codes
 """

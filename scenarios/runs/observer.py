@@ -8,12 +8,14 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from transport.topics import TOPIC_OF
-from vehicles.messages import Message
+from vehicles.messages import Change, LogText, Message, RunEnd, RunStart
 
 Kinds = frozenset[type[Message]]
 Listen = Callable[[int, Message], None]
 """Takes the instant (ns) at which a message was sent or recorded, and the message."""
 ALL_KINDS: Kinds = frozenset(TOPIC_OF)
+ALWAYS = (Change, LogText, RunEnd, RunStart)
+"""Few messages, needed to understand the others."""
 
 
 class Observer(Protocol):
@@ -43,3 +45,38 @@ def listeners_by_kind(observers: Sequence[Observer]) -> dict[type[Message], list
 
 def kinds_of(observers: Sequence[Observer]) -> Kinds:
     return frozenset[type[Message]]().union(*(one.kinds for one in observers))
+
+
+class Watchers:
+    """Observer that passes messages to others, but only a few while the log is behind.
+
+    So a slow picture loses messages; the log never does.
+    """
+
+    def __init__(self, observers: Sequence[Observer], is_behind: Callable[[], bool]) -> None:
+        """`is_behind` returns whether too many messages wait to be recorded."""
+        self._listeners = listeners_by_kind(observers)
+        self.kinds = kinds_of(observers)
+        """Messages that at least one observer wants."""
+        self._is_behind = is_behind
+        self.left_out = 0
+        """Number of messages not passed on."""
+
+    def listen(self, at: int, message: Message) -> None:
+        listeners = self._listeners[type(message)]
+        if not listeners:
+            return
+        if self._is_behind() and not isinstance(message, ALWAYS):
+            self.left_out += 1
+            return
+        for listener in listeners:
+            listener(at, message)
+
+    def account(self) -> str:
+        """Report the number of skipped messages; empty without any."""
+        if not self.left_out:
+            return ""
+        return (
+            f"the picture and the progress leave out {self.left_out} messages, which the log has: "
+            "there was no time for them"
+        )

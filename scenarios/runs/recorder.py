@@ -1,4 +1,4 @@
-"""Takes every message of a run into the log, the figures and the picture."""
+"""Writes every message of a run into the log, the figures and the picture."""
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -27,7 +27,7 @@ from vehicles.messages import (
 from vehicles.schedule import SECOND
 
 EARLY_NS = SECOND
-"""How early final counters may come, of a run that is cancelled before its start."""
+"""How early final counters may arrive, in a run that is cancelled before its start."""
 ANY_AGE_NS = 2**62
 """A pose is recorded however late it comes."""
 
@@ -201,10 +201,10 @@ class Recorder:
         self.recorded += 1
         for listen in self._listeners[kind]:
             listen(at, message)
-        if kind is TruePose:  # nothing else brings deviations
+        if kind is TruePose:
             for one in self._deviations.news():
                 self._writer.write_deviation(at, *one)
-        if kind is TruePose or kind is Tracking:  # nothing else brings events and warnings
+        if kind is TruePose or kind is Tracking:
             self.log_news(at)
 
     def log_news(self, at: int) -> None:

@@ -1,7 +1,7 @@
-"""The folder of a run: taken by one run at a time, before anything is started.
+"""The folder of a run, locked for one run at a time before anything is started.
 
-Whoever writes into a folder holds an advisory lock on it, which ends with the process in whatever
-way that ends, and leaves no file behind. `convoy run` holds it while its recorder writes the log.
+The advisory lock ends with its process and leaves no file behind. `convoy run` holds it while its
+recorder writes the log.
 """
 
 import fcntl
@@ -18,7 +18,7 @@ from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.runs.stop import remove_if_empty
 
 ROOM_BYTES = 1024 * 1024
-"""A folder in which there is no room for this much is refused before the start."""
+"""Free space that a folder needs at the start."""
 
 
 def default_folder(slug: str, started: datetime, root: Path = Path("runs")) -> Path:

@@ -25,9 +25,9 @@ from vehicles.geometry.geodesy import LocalPlane
 from vehicles.schedule import nanoseconds
 
 MOST_HOLE_LINES = 20
-"""Holes with a line of their own in the log; the summary has them all."""
+"""Holes listed in the log; the summary lists all."""
 MOST_LINK_LINES = 100
-"""Links with a line of their own, likewise."""
+"""Links listed in the log, likewise."""
 
 
 def scene_of(scenario: Scenario) -> Scene:
@@ -146,7 +146,7 @@ class RunLog:
             with suppress(LogError):
                 write_summary(self._folder, summary)
         if self._writer.broken:
-            from transport.log.repair import repair  # noqa: PLC0415 - hardly ever
+            from transport.log.repair import repair  # noqa: PLC0415 - rarely
 
             with suppress(LogError):
                 repair(self._folder / LOG_NAME)

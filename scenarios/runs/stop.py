@@ -17,10 +17,10 @@ from types import FrameType
 EXIT_FAILED = 1
 """The run did not end as planned."""
 EXIT_BAD_INPUT = 2
-"""What was given cannot be used."""
+"""The input cannot be used."""
 ASKING = (signal.SIGINT, signal.SIGTERM)
 REST = 0
-"""No signal's number: by it the watch for signals is told to rest."""
+"""No signal's number: it ends the watch thread."""
 
 
 class Stop:
@@ -86,7 +86,7 @@ class _Watch:
                 continue
             if self._say and not self.stop.launched:
                 self._say = False
-                with suppress(OSError):  # nobody reads it any more
+                with suppress(OSError):  # closed
                     os.write(2, f"{_reason(number)}\n".encode())
             if not self.stop.begun:
                 if self.stop.folder is not None:
@@ -96,7 +96,7 @@ class _Watch:
 
 
 _watch: _Watch | None = None
-"""That of this process, if it is a command."""
+"""Set if this process is a command."""
 
 
 def _reason(number: int) -> str:

@@ -1,8 +1,7 @@
-"""What the links of a run did, against what was requested.
+"""Achieved against requested behaviour of the links of a run.
 
 figures     the figures of all links, gathered message by message
-tally       what is kept of one link while a run goes on
-alarms      how often a source counted as lost although it sent
+tally       counts of one link, and its false alarms
 estimates   ratios, bursts and delays with their intervals
 account     the figures of one link in the summary
 """

@@ -6,7 +6,6 @@ from math import sqrt
 
 from scenarios.definition.channel.expected import ExpectedChannel, expected_channel
 from scenarios.definition.schema.links import LinkTable
-from scenarios.results.channel.alarms import AlarmSummary
 from scenarios.results.channel.estimates import (
     CERTAINTY,
     CONFIDENCE,
@@ -24,8 +23,6 @@ from vehicles.schedule import MILLISECOND
 
 SAFE_AGES_MS = tuple(range(100, 1001, 100))
 """Ages up to which data may count as fresh."""
-NO_ALARMS = AlarmSummary()
-"""Of a link of which nobody tells them."""
 LEAST_MESSAGES = 100
 """With fewer nothing is said of a loss that is not what was asked for ..."""
 LEAST_INDEPENDENT = 50
@@ -34,6 +31,23 @@ ROUNDING_MS = 0.01
 """Delays are whole nanoseconds, and counted to 10 µs."""
 OF_VEHICLES = {"transmitter_off", "receiver_off"}
 """Reasons that are no law of the link."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AlarmSummary:
+    """False alarms of a link; `counted` is None where the receiver reports no status of the source.
+
+    The other fields are those of earlier summaries, which compared the count with a prediction.
+    """
+
+    predicted: float | None = None
+    counted: int | None = None
+    low: float | None = None
+    high: float | None = None
+
+
+NO_ALARMS = AlarmSummary()
+"""Of a link of which nobody tells them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

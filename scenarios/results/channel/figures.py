@@ -6,9 +6,8 @@ from itertools import pairwise
 
 from scenarios.definition.changing.asked import changed_links
 from scenarios.definition.schema.links import LinkTable
-from scenarios.results.channel.account import LinkSummary, link_summary, misses
-from scenarios.results.channel.alarms import AlarmSummary, AlarmTally
-from scenarios.results.channel.tally import LinkTally
+from scenarios.results.channel.account import AlarmSummary, LinkSummary, link_summary, misses
+from scenarios.results.channel.tally import AlarmTally, LinkTally
 from vehicles.messages import Change, LinkVerdict, Tracking
 
 Link = tuple[str, str]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from transport.reasons import counts_as_loss
-from vehicles.messages import LinkVerdict
+from vehicles.messages import LinkVerdict, SourceStatus
 from vehicles.schedule import MILLISECOND, SECOND
 
 MOST_WORDS, OTHER_WORD = 50, "other"
@@ -18,6 +18,8 @@ OLDEST_S = 86_400.0
 """Older data than of a day is of no run."""
 RESOLUTION_NS = MILLISECOND // 100
 """Delays and ages are counted so finely; the sums are exact."""
+MOST_ALARMS = 100_000
+"""Instants of alarms that are kept of a link."""
 _LOST, _DELIVERED, _NOT_CARRIED = 1, 2, 3
 
 
@@ -112,3 +114,25 @@ class LinkTally:
     @staticmethod
     def _count(words: Counter[str], word: str) -> None:
         words[word if word in words or len(words) < MOST_WORDS else OTHER_WORD] += 1
+
+
+@dataclass(slots=True)
+class AlarmTally:
+    """Instants at which a follower began to count a source as lost."""
+
+    instants: list[int] = field(default_factory=list)
+    _status: SourceStatus = "unheard"
+    _is_reported: bool = False
+
+    def add(self, at: int, status: SourceStatus) -> None:
+        is_lost = status == "lost" != self._status
+        if is_lost and len(self.instants) < MOST_ALARMS:
+            self.instants.append(at)
+        self._is_reported |= status != "unheard"
+        self._status = status
+
+    def counted(self, until: int) -> int | None:
+        """Count alarms up to an instant (ns) at which the sender still ran; None without status."""
+        if not self._is_reported:
+            return None
+        return sum(at <= until for at in self.instants)

@@ -1,6 +1,6 @@
-"""A convoy that drives, from outside: found, looked at and changed by hand.
+"""Control of a running convoy from outside.
 
 open_runs   the runs of this user on this machine, and where to join them
-answering   a vehicle that answers what it is asked to change
-status      how the run goes, as its recorder answers
+answering   a vehicle that answers requests for changes
+status      the status of a run, as its recorder reports it
 """

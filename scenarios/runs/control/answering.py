@@ -1,4 +1,4 @@
-"""A vehicle that answers what it is asked to change while it drives."""
+"""Answers of a vehicle to requests for changes."""
 
 import json
 from collections.abc import Callable
@@ -16,10 +16,10 @@ from transport.topics import control_key
 from vehicles.schedule import SECOND, Cadence, instant, nanoseconds
 
 PERIODS_AHEAD = 2
-"""A change takes effect at the first instant of control that lies so many periods ahead: all that
-was sent before is judged as before, and the vehicle has not begun that tick."""
+"""A change takes effect this number of control periods ahead: the vehicle has not begun that tick,
+and earlier messages are judged as before."""
 FARTHEST_NS = SECOND
-"""An instant that is wanted lies at most so far ahead."""
+"""A requested instant lies at most this far ahead."""
 
 
 @dataclass(frozen=True, slots=True)

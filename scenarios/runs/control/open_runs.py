@@ -1,8 +1,7 @@
-"""The runs of this user on this machine that are going on, and where to join them.
+"""The running runs of this user on this machine, and where to join them.
 
-Each has a small file in a folder of the user's own. `convoy run` holds an advisory lock on it,
-which ends with the process in whatever way that ends, so a file that is left behind is known as
-such.
+Each has a small file in a folder of the user. `convoy run` holds an advisory lock on it that ends
+with the process, so files left behind are recognised.
 """
 
 import fcntl
@@ -68,7 +67,7 @@ def _write(path: Path, run: OpenRun) -> int:
 def open_runs(where: Path | None = None) -> list[OpenRun]:
     """List the running runs by name and remove files that ended runs left behind."""
     folder = where or runtime_folder()
-    if not folder.is_dir() or folder.stat().st_uid != os.getuid():  # nobody else's word counts
+    if not folder.is_dir() or folder.stat().st_uid != os.getuid():  # not our own
         return []
     found = [run for path in sorted(folder.glob(f"*{SUFFIX}")) if (run := _read(path))]
     return sorted(found, key=lambda one: one.run)

@@ -18,7 +18,7 @@ RECENT_NS = 3 * SECOND
 """Time over which the loss of a link is computed: long enough for tens of messages."""
 MOST_VERDICTS = 4096
 ASKED_NS = 5 * SECOND
-"""How long after a request another one is expected soon."""
+"""How long after a request the status is updated at every call."""
 SELDOM_NS = SECOND
 """Largest age of the answer to a first request."""
 
@@ -104,7 +104,6 @@ class StatusBoard:
     """
 
     kinds: frozenset[type[Message]] = frozenset({LinkVerdict, RunStart, Tracking, TruePose})
-    """Kinds of message that it needs."""
 
     def __init__(self, scenario: Scenario, run: str, metrics: Metrics) -> None:
         self._scenario = scenario

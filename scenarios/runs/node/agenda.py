@@ -1,4 +1,4 @@
-"""What is done to one vehicle, and when: by its scenario, and by hand while it runs."""
+"""Pending changes of one vehicle, by its scenario and by hand."""
 
 from bisect import insort
 from collections.abc import Callable, Iterable

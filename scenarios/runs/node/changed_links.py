@@ -1,4 +1,4 @@
-"""The incoming links of one vehicle, and what is changed of them while it drives."""
+"""Changes of the incoming links of one vehicle."""
 
 from bisect import insort
 from collections.abc import Iterable, Sequence

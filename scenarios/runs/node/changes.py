@@ -1,4 +1,4 @@
-"""Carries out what is done to one vehicle while it runs, and says so."""
+"""Carries out and reports changes of one vehicle while it runs."""
 
 from scenarios.definition.changing.links import LINK_CHANGES
 from scenarios.definition.road.set_speed import SpeedPlan
@@ -27,7 +27,7 @@ WORDS = {
     "gnss": "its receiver has another fix",
     "speed": "the set speed changes",
 }
-"""What is done to a vehicle, by the kind of change."""
+"""Log text by kind of change."""
 
 
 class CrashedError(Exception):

@@ -1,14 +1,19 @@
 """One vehicle as a node: the same object under the wall clock and in virtual time."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from scenarios.definition.road.set_speed import SpeedPlan
 from scenarios.runs.node.agenda import Agenda, Due
-from scenarios.runs.node.changes import Changes
+from scenarios.runs.node.changes import Changes, CrashedError
 from scenarios.runs.node.outbox import Outbox, OutboxState
 from scenarios.runs.node.phases import Car, Down, VehicleContext, VehiclePhase
+from scenarios.runs.node.replayed import ReplayedNode
 from transport.clock import Tick
 from transport.links.inbox import Inbox, InboxCounts
+from vehicles.car.dynamics import OutOfModelError
+from vehicles.driver.steering import ControllerError
+from vehicles.schedule import SECOND
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,3 +76,24 @@ class Node:
             outbox=self.outbox.state,
             inbox=self.inbox.counts,
         )
+
+
+class VehicleFaultError(Exception):
+    """Fault of `vehicle` in one line; `text` is the line without the vehicle's name."""
+
+    def __init__(self, vehicle: str, text: str) -> None:
+        self.vehicle, self.text = vehicle, text
+        super().__init__(f"{vehicle}: {text}")
+
+
+def stepping(node: Node | ReplayedNode, vehicle: str, start_at: int) -> Callable[[Tick], None]:
+    """Return `node.step`, with faults of controller or car raised as VehicleFaultError."""
+
+    def step(tick: Tick) -> None:
+        try:
+            node.step(tick)
+        except (ControllerError, OutOfModelError, CrashedError) as error:
+            after_s = (tick.at - start_at) / SECOND
+            raise VehicleFaultError(vehicle, f"{error}, {after_s:.2f} s after the start") from error
+
+    return step

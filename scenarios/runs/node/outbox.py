@@ -1,4 +1,4 @@
-"""The messages that a vehicle sends: its pose for the convoy, everything else for the log."""
+"""Messages that a vehicle sends: its pose for the convoy, everything else for the log."""
 
 from collections import Counter
 from collections.abc import Mapping

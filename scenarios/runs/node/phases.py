@@ -1,7 +1,7 @@
-"""What a vehicle does at a tick: its software drives, or stalls, or is down, or a human drives.
+"""Phases of a vehicle: driving, stalled, restarting, or driven by a human.
 
-In every phase the car goes on, its sensors measure (so that their noise does not depend on what
-happened to the software), and the log has its true poses; poses are sent while its software drives.
+In every phase the car moves, its sensors measure (so that their noise does not depend on the
+software), and its true poses are logged; poses are sent only while its software drives.
 """
 
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""A vehicle that moves as it was recorded: it measures itself, and decides nothing."""
+"""A vehicle that repeats a recorded drive: it measures, but decides nothing."""
 
 from dataclasses import dataclass
 from math import atan

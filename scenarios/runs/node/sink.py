@@ -1,4 +1,4 @@
-"""Where the messages of one vehicle go: onto the bus, or wherever a run needs them."""
+"""Sinks for the messages of one vehicle."""
 
 from collections.abc import Callable, Mapping
 from typing import Protocol
@@ -13,12 +13,12 @@ from vehicles.messages import Command, CompositeTrajectory, Message
 from vehicles.schedule import MILLISECOND
 
 BATCH_NS = 100 * MILLISECOND
-"""How long a message waits for others at most, where it may wait."""
+"""Longest time that a batched message waits."""
 LOG_ONLY = {TOPIC_OF[kind].name for kind in (CompositeTrajectory, Command)}
-"""Topics of which no figure of a run is made."""
+"""Topics without figures."""
 
 OnSent = Callable[[Topic, bytes, Message], None]
-"""Is given each message as it is sent, with its bytes."""
+"""Receives each sent message with its bytes."""
 
 
 class Sink(Protocol):
@@ -57,7 +57,7 @@ class BusSink:
             self._bus.publish(address, data, urgent=urgent)
         self._waiting.clear()
 
-    def reads(self, kind: type[Message]) -> bool:  # noqa: ARG002 - whoever listens may read all
+    def reads(self, kind: type[Message]) -> bool:  # noqa: ARG002 - any process may subscribe
         return True
 
 
@@ -93,7 +93,7 @@ class BatchingSink:
         self._key = records_key(vehicle)
         self._now = now
         self._waiting: list[Message] = []
-        self._turn = crc32(vehicle.encode()) % BATCH_NS  # those of a convoy send one by one
+        self._turn = crc32(vehicle.encode()) % BATCH_NS  # vehicles of a convoy take turns
         self._span = self._present_span()
 
     def send(self, message: Message) -> None:

@@ -1,15 +1,15 @@
 """The processes of a run on the wall clock.
 
-launcher       `convoy run`: starts the router, the recorder and the vehicles, in this order
-supervisor     starts processes, sees them end, leaves none behind
-forking        a process forked from this one, ready in milliseconds
+launcher       `convoy run`: starts router, recorder and vehicles, in this order
+supervisor     starts, watches and stops child processes
+forking        a child forked from this process, ready in milliseconds
 router         the Zenoh router
 recording      the recorder: gathers the convoy, writes the log, ends the run
-arrivals       what waits for the recorder
-conductor      when the run starts and when it is over
+arrivals       messages that wait for the recorder
+conductor      decides when the run starts and ends
 router_watch   how long the router has been out of reach
-membership     who takes part in a run: once each, and with the same scenario, seed and version
-clock_offset   how far the vehicles' clocks are from the recorder's
+membership     members of a run: unique names, equal scenario, seed and version
+clock_offset   offsets of the vehicles' clocks from the recorder's
 vehicle        one vehicle
-restart        a vehicle that crashes as asked, and starts anew in the same place
+restart        restarts the process of a vehicle after a requested crash
 """

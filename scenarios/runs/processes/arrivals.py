@@ -1,4 +1,4 @@
-"""What has come for the recorder and waits to be recorded: bounded, whoever sends it."""
+"""Messages that wait for the recorder, in bounded memory."""
 
 from bisect import bisect_right
 from collections import Counter, deque
@@ -13,14 +13,14 @@ from transport.telemetry import unpacked
 from vehicles.schedule import SECOND
 
 MOST_BYTES = 64 * 2**20
-"""What may wait of all keys together, half a minute of what forty vehicles send; each key may
-fill its share of it even then. So a flood under some keys pushes out nothing under the others."""
+"""Size of all waiting messages, half a minute of forty vehicles. A key may always fill its own
+share, so a flood under some keys displaces nothing under the others."""
 OVERHEAD_BYTES = 160
-"""What a message takes in the queue beside its bytes."""
+"""Memory of a queued message besides its bytes."""
 MOST_HELD_BYTES = 32 * 2**20
-"""What may wait for what was sent before it, ten times what a hundred vehicles send meanwhile."""
+"""Size of messages held for reordering, ten times that of a hundred vehicles."""
 OLDEST_NS = SECOND
-"""What was sent longer ago than this is logged as if it had been so long ago."""
+"""Instants of sending are at most this long before the arrival."""
 Arrival = tuple[int, str, bytes]
 """Instant (ns) of arrival, or at which a message of a batch was sent; key and bytes."""
 _instant = itemgetter(0)
@@ -43,8 +43,8 @@ class Arrivals:
         self._share = most_bytes // len(self._keys)
         self._held: Counter[str] = Counter()
         self._total = 0
-        # Not a SimpleQueue: of a signal that comes while it waits, and is handled for longer than
-        # is left of the time to wait, it makes a wait without end (CPython 3.11 and 3.12).
+        # Not a SimpleQueue: it waits forever if a signal handler outlasts its timeout (CPython 3.11
+        # and 3.12).
         self._waiting: deque[Arrival] = deque()
         self._came, self._wanted = Event(), 1
         self._refused: Counter[RefusalReason] = Counter()
@@ -63,7 +63,7 @@ class Arrivals:
 
     def put(self, at: int, key_expression: str, data: bytes) -> None:
         """Take a message that arrived at instant `at` (ns), if there is room; on any thread."""
-        key = self._keys.get(key_expression)  # always the same string, not one for each message
+        key = self._keys.get(key_expression)  # one shared string per key
         size = len(data) + OVERHEAD_BYTES
         with self._lock:
             if key is None:
@@ -88,7 +88,7 @@ class Arrivals:
         if len(self._waiting) < most:
             self._wanted = most
             self._came.clear()
-            if len(self._waiting) < most:  # not enough has come since the first look either
+            if len(self._waiting) < most:  # checked again after clearing the event
                 self._came.wait(timeout_s)
         taken = [self._waiting.popleft() for _ in range(min(most, len(self._waiting)))]
         with self._lock:
@@ -143,7 +143,7 @@ class SendingOrder:
     def until(self, instant: int | None = None) -> list[Arrival]:
         """Release messages sent up to an instant (ns), by default all."""
         waiting = self._waiting
-        waiting.sort(key=_instant)  # which takes what is in order already as it is
+        waiting.sort(key=_instant)
         end = len(waiting) if instant is None else bisect_right(waiting, instant, key=_instant)
         given = 0
         for place, (_, _, data) in enumerate(waiting):

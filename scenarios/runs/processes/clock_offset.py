@@ -1,4 +1,4 @@
-"""How far the clocks of the vehicles are from the recorder's, measured over the bus."""
+"""Offsets of the vehicles' clocks from the recorder's, measured over the bus."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,10 +8,10 @@ from transport.topics import clock_key
 from vehicles.schedule import MILLISECOND
 
 ROUNDS = 5
-"""The fastest of so many round trips counts: what delays one of them delays it unevenly."""
+"""Number of round trips, of which the fastest counts: delays are rarely symmetric."""
 TIMEOUT_S = 0.5
 LONGEST_ANSWER = 20
-"""Digits of an instant in nanoseconds; whoever answers with more has no clock."""
+"""Digits of an instant in nanoseconds."""
 
 Now = Callable[[], int]
 

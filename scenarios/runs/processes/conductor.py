@@ -12,28 +12,26 @@ from vehicles.messages import Change, Health, LogText, Message
 from vehicles.schedule import SECOND, nanoseconds
 
 FAILED_AFTER_NS = SECOND // 2
-"""A vehicle is dead when its token has been gone for this long with the router in reach."""
+"""A vehicle has failed when its token has been absent this long with the router in reach."""
 LEFT_AFTER_NS = SECOND
-"""A vehicle that sent its final counters early has left when its token has been gone for this long.
+"""A vehicle with early final counters has left when its token has been absent this long.
 
-Until then what stopped it may stop this process, too, and give the reason: its own process ends
-after its token, and its launcher has to see that first. That is nothing to guess from when the
-counters came: a vehicle that is told to leave takes up to a second for its end on a busy machine.
+Until then the cause may stop this process too and give the reason: the launcher has to notice the
+end of the vehicle's process, which takes up to a second on a busy machine.
 """
 RETURN_NS = SECOND
-"""How much later than the recorder a vehicle may find back to a router that was out of reach."""
+"""How much later than the recorder a vehicle may reconnect to a router."""
 FINAL_COUNTERS_NS = 3 * SECOND
-"""How long the final counters of a vehicle are waited for: after the end of the run, the return
-of the router, or the end of a time in which the recorder itself was held up."""
+"""How long to wait for final counters after the end of the run, the return of the router, or a
+hold-up of the recorder."""
 HELD_UP_NS = SECOND
-"""A recorder that has not looked for this long was held up; what came meanwhile is still to read.
-"""
+"""A longer time between two looks means that the recorder was held up and has messages to read."""
 RESTART_NS = 5 * SECOND
-"""How much later than asked a process that crashes and starts anew may be back."""
+"""How much later than requested a restarted process may return."""
 REPORT_MISSING_AFTER_NS = 3 * SECOND
-"""Who is missing is said after this time, and from then on whenever it changes."""
+"""Missing vehicles are reported after this time, and then at each change."""
 LEAD_TIME_NS = SECOND // 2
-"""From the announcement to the start: time for all vehicles to receive it and to prepare."""
+"""From the announcement to the start: time for all vehicles to prepare."""
 
 
 class Phase(Enum):
@@ -46,7 +44,6 @@ class Conductor:
     """Waits for the vehicles, sets the start, decides on the end. Instants are ns of Unix time."""
 
     kinds: frozenset[type[Message]] = frozenset({Change, Health, LogText})
-    """Messages that it listens to."""
 
     def __init__(
         self,
@@ -112,12 +109,12 @@ class Conductor:
 
     def _excuse(self, change: Change) -> None:
         """Allow a vehicle to be absent for the time of a requested crash."""
-        with suppress(ValidationError):  # as it comes from the bus
+        with suppress(ValidationError):  # messages from the bus may be malformed
             crash = CrashTable.model_validate_json(change.table)
             if crash.for_s is not None:
                 back_at = change.effective_at_ns + nanoseconds(crash.for_s)
                 self._excused[change.vehicle] = back_at + RESTART_NS
-                # If the run ends meanwhile, its new process has to come up for its last words.
+                # If the run ends meanwhile, its new process has to send the final counters.
                 again_at = change.effective_at_ns + RESTART_NS
                 self._patient_from = max(self._patient_from, again_at)
 
@@ -213,7 +210,7 @@ class Conductor:
         elif self._failed | self._left >= vehicles:
             self.stop("all vehicles died or left")
         elif not (awaited := vehicles - self._finished - self._failed):
-            if self._left == self._early.keys():  # else it is not yet known why the last one left
+            if self._left == self._early.keys():  # else the reason of the last one is not known yet
                 self.stop("")
         elif now > max(self.end_at, self._patient_from) + FINAL_COUNTERS_NS:
             self.stop(f"no last words from {', '.join(sorted(awaited))}")

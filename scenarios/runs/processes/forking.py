@@ -1,8 +1,7 @@
 """Children forked from this process, which has imported all they need: ready in milliseconds.
 
-A forked child shares with its parent the memory that neither writes to, and is a process of its
-own in everything else: its own session, signals, standard input, name and death. What it does is a
-command, as if it had been started by its command line.
+A forked child shares unmodified memory with its parent. It has its own session, signals, standard
+input and name, and runs a command as if started by its command line.
 """
 
 import atexit
@@ -21,13 +20,13 @@ from typing import BinaryIO, NoReturn, Self
 from scenarios.runs.stop import ASKING, EXIT_FAILED, end_on_signals, without_watch
 
 Task = Callable[[], None]
-"""What a child does; it may end by SystemExit."""
+"""Work of a child; it may end by SystemExit."""
 PrepareTask = Callable[[Sequence[str]], Task]
-"""Prepares, before the fork, what a child does that is to do what `convoy ARGUMENTS` does."""
+"""Prepares, before the fork, the task of a child that runs `convoy ARGUMENTS`."""
 EVERY_FILE = 1 << 20
-"""Above the numbers of all files that a process has open."""
+"""Above the descriptors of all open files."""
 LONGEST_NAME = 15
-"""Letters that the system keeps of the name of a process."""
+"""Longest process name that the system keeps."""
 
 
 def can_fork() -> bool:
@@ -72,7 +71,7 @@ class ForkedProcess:
 
     def send_signal(self, number: int) -> None:
         """Send a signal, unless it has ended."""
-        if self.poll() is None:  # its number is not another's before this process has looked
+        if self.poll() is None:  # an ended child keeps its number until then
             os.kill(self.pid, number)
 
     def _look(self, options: int) -> int | None:
@@ -105,7 +104,7 @@ def fork_all(specs: Sequence[ChildSpec]) -> list[ForkedProcess]:
     pids: list[int] = []
     sys.stdout.flush()
     sys.stderr.flush()
-    gc.freeze()  # the collector would write to every object, and so make the memory the child's own
+    gc.freeze()  # a collection would write to every object and unshare the memory
     try:
         with without_watch(), _signals_held():
             for spec, ends in zip(specs, pipes, strict=True):
@@ -169,10 +168,10 @@ def _run_child(spec: ChildSpec, ends: _Pipes) -> NoReturn:
         code = 0
     except SystemExit as end:
         code = _exit_code_of(end)
-    except BaseException:  # noqa: BLE001 - as the interpreter does with what nobody has caught
+    except BaseException:  # noqa: BLE001 - as the interpreter does
         traceback.print_exc()
     finally:
-        # What the parent was about to do is not for the child, so it never returns from here.
+        # Never return into the parent's code.
         with suppress(BaseException):
             atexit._run_exitfuncs()
             sys.stdout.flush()
@@ -195,10 +194,10 @@ def _detach_from_parent(spec: ChildSpec, ends: _Pipes) -> None:
     os.dup2(ends.parent_watch, 0)
     if ends.output >= 0:
         os.dup2(ends.output, 1)
-    os.closerange(3, EVERY_FILE)  # a sibling's leash held here would keep it alive
+    os.closerange(3, EVERY_FILE)  # a sibling's pipe held here would keep it alive
     atexit._clear()
     sys.argv = ["convoy", *spec.arguments]
-    # By this a vehicle that crashes starts anew: a program of its own from then on.
+    # A vehicle that crashes restarts by these arguments, as a new program.
     sys.orig_argv = [sys.executable, "-m", "scenarios.cli", *spec.arguments]
     end_on_signals(say=False)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, ASKING)

@@ -16,7 +16,7 @@ from transport.clock import poll
 
 WATCH_PERIOD_S = 0.05
 NOTICED_S = 0.1
-"""Until then each process knows that its router has ended, on a busy machine too."""
+"""Time in which each process notices that its router has ended, on a busy machine too."""
 ROUTER, RECORDER = "router", "recorder"
 RECORDER_FAILED = "the run failed"
 """Reason of a run whose recorder has printed the true one."""
@@ -103,16 +103,16 @@ def launch(
                 every_s=WATCH_PERIOD_S,
                 sleep=sleep,
             )
-    except BusError as error:  # our own router, on a port of its own choice: no fault of the input
+    except BusError as error:  # our own router: no fault of the input
         outcome.fail(f"{error}; the run ends")
     except OSError as error:  # the system allows no more processes, memory or open files
         outcome.fail(f"cannot start all processes: {error.strerror}; the run ends")
     finally:
-        if outcome.router_ended:  # the recorder should have noticed before it is asked to stop
+        if outcome.router_ended:  # let the recorder notice before it is stopped
             sleep(NOTICED_S)
         _stop_all(plan, supervisor, outcome)
         outcome.repaired = complete(plan.folder / LOG_NAME)
-    if outcome.router_ended and recorder.exit_code == 0:  # it was the last second of the run
+    if outcome.router_ended and recorder.exit_code == 0:  # in the last second of the run
         outcome.reason, outcome.exit_code = "", 0
     return outcome
 

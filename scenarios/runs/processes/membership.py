@@ -1,4 +1,4 @@
-"""Who takes part in a run: each process joins once, or is refused and told what differs."""
+"""Members of a run: each process joins once, or is refused with the difference."""
 
 import re
 import time
@@ -13,11 +13,11 @@ from vehicles.schedule import SECOND
 
 RECORDER, VEHICLE = "recorder", "vehicle"
 SETTLE_S = 0.2
-"""Two that join at once see each other's announcement after this time."""
+"""Time after which two joining processes see each other's announcement."""
 LEFT_AFTER_NS = 2 * SECOND
-"""The recorder has left when its token has been gone for this long with the router in reach."""
+"""The recorder has left when its token has been absent this long with the router in reach."""
 LONGEST_SHOWN = 60
-"""Letters of what another process announces, in a line about it."""
+"""Length of text from other processes in messages."""
 _RUN_NAME = re.compile(r"[A-Za-z0-9_-]{1,100}")
 
 
@@ -121,7 +121,7 @@ class Membership:
         self._others = self._others | {member} if alive else self._others - {member}
 
     def _refuse(self, others: Iterable[Member]) -> None:
-        # The recorder is the one to agree with; among vehicles any.
+        # Compare with the recorder first.
         for other in sorted(others, key=lambda one: (one.role, one.name, one.session)):
             who = "the recorder" if other.role == RECORDER else shown(other.name)
             if difference := self._fingerprint.difference(other.fingerprint):

@@ -9,7 +9,7 @@ from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunSummary
 from scenarios.runs.control.status import StatusBoard
 from scenarios.runs.node.sink import BATCH_NS
-from scenarios.runs.observer import Observer
+from scenarios.runs.observer import Observer, Watchers
 from scenarios.runs.processes.arrivals import Arrival, Arrivals, SendingOrder
 from scenarios.runs.processes.clock_offset import answer_for_clock, measure
 from scenarios.runs.processes.conductor import RETURN_NS, Conductor, Phase
@@ -17,7 +17,6 @@ from scenarios.runs.processes.membership import Membership
 from scenarios.runs.processes.router_watch import ROUTER_LOST_AFTER_NS
 from scenarios.runs.run_log import RunLog
 from scenarios.runs.stop import Stop
-from scenarios.runs.watchers import Watchers
 from transport.bus.zenoh_bus import ZenohBus
 from transport.clock import WallClock, poll
 from transport.codec import RefusedMessageError
@@ -30,24 +29,24 @@ POLL_S = 0.02
 FLUSH_NS = SECOND // 5
 """Between two flushes of the log; a kill loses at most half a second."""
 HELD_NS = BATCH_NS + SECOND // 10
-"""How long what has come waits for what was sent before it in a batch."""
+"""How long a message waits for earlier ones in a batch."""
 MOST_WAITING = 2000
-"""Messages and batches that may wait to be recorded while the picture is drawn, two thirds of a
-second of a hundred vehicles."""
+"""Waiting messages and batches up to which the picture is drawn, two thirds of a second of a
+hundred vehicles."""
 MOST_AT_ONCE = 200
-"""Messages and batches that are recorded in one go: who is behind still has a run to lead."""
+"""Messages and batches recorded between two looks at the run."""
 BEHIND_NS = SECOND
-"""A recorder that is so far behind when the run has ended says why the run is not over yet."""
+"""A recorder further behind at the end of the run logs a warning."""
 SHOW_NS = SECOND // 5
-"""Between two pictures of how the run goes, for those who ask."""
+"""Between two updates of the status."""
 ANNOUNCE_NS = SECOND // 4
-"""Between two announcements of the start, for vehicles whose subscription came late."""
+"""Between two announcements of the start, for vehicles that subscribe late."""
 EVERYTHING = "convoy/**"
 GATHER_S = 60.0
 CANCELLED_NS = SECOND
 """How long the recorder of a run that ends early waits for the vehicles' final counters."""
 LITTLE_PATIENCE_S = 0.2
-"""How long it waits for a router that has brought no answer in that time."""
+"""Patience with a router that brought no answer."""
 CONFIRM_NS = SECOND
 """How long the recorder of a completed run waits for the vehicles to end."""
 
@@ -166,9 +165,7 @@ class RecorderProcess:
             with suppress(LogError):  # the run has a reason to end already
                 self._record_arrivals()
             self._note_presences(self._clock.now())
-        if (
-            self._conductor.awaits_final_counters()
-        ):  # perhaps the router hangs; whoever stops us waits
+        if self._conductor.awaits_final_counters():  # the router may hang
             self._bus.patience_s = LITTLE_PATIENCE_S
 
     def _compare_clocks(self) -> None:
@@ -176,7 +173,7 @@ class RecorderProcess:
         too_far = []
         for vehicle in sorted(self._present):
             found = measure(self._bus, vehicle, self._clock.now)
-            if found is None:  # it has left again, or hangs: its token tells
+            if found is None:  # it has left or hangs, which its token shows
                 continue
             self._run.recorder.log(self._clock.now(), str(found), "debug")
             if found.exceeds(self._clock_offset_ms_max):
@@ -255,7 +252,7 @@ class RecorderProcess:
 
     def _note_requests(self, now: int) -> None:
         if self._stop.asked:
-            # A launcher that was killed takes its router with it; that is no end of a run.
+            # A killed launcher takes its router with it, which does not complete a run.
             connected = self._stop.orphaned or self._bus.connected()
             for line in self._conductor.stop_as_asked(self._stop.reason, now, connected=connected):
                 self._run.recorder.log(now, line)

@@ -1,8 +1,7 @@
-"""A vehicle's process that crashes, as asked: it ends, and starts anew under its own number.
+"""Requested crash of a vehicle's process: it is replaced by a new one under the same number.
 
-The new one is the same program with the same arguments, in place of the old one, so whoever
-supervises it loses nothing of it. Its software builds everything from the scenario; what is handed
-over is the car, which no crash of software stops, and the clock.
+The same program with the same arguments takes its place, so its supervisor notices nothing. The
+software is built again from the scenario; only the car and the clock are handed over.
 """
 
 import os
@@ -16,7 +15,7 @@ from scenarios.runs.node.node import Handover
 from scenarios.runs.node.process_probe import Lateness
 
 VARIABLE = "CONVOY_HANDOVER"
-"""Environment variable with the number of the open file in which the handover waits."""
+"""Environment variable with the descriptor of the file of the handover."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +61,7 @@ def pack(handover: object, file: IO[bytes]) -> None:
 
 def restart_process(handover: ProcessHandover) -> NoReturn:
     """Replace this process by the same program, which receives `handover`."""
-    with TemporaryFile(buffering=0) as file:  # without a name, so it is gone with its last reader
+    with TemporaryFile(buffering=0) as file:  # unnamed, so it is removed with its last reader
         pack(handover, file)
         file.seek(0)
         os.set_inheritable(file.fileno(), True)
@@ -76,5 +75,5 @@ def received_handover() -> ProcessHandover | None:
     if number is None:
         return None
     with os.fdopen(int(number), "rb") as file:
-        found = pickle.load(file)  # noqa: S301 - written by this very process, for itself
+        found = pickle.load(file)  # noqa: S301 - written by this process
     return cast("ProcessHandover", found)

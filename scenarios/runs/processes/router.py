@@ -13,7 +13,7 @@ LISTENING = "listening on "
 """Begin of the first line of output; the endpoints follow."""
 POLL_S = 0.05
 EMPTY_S = 2.0
-"""How long no one has been connected when `--until-empty` ends the router."""
+"""Time without clients after which `--until-empty` ends the router."""
 AFTER_THE_LAUNCHER_S = 2.0
 """How long a router outlives its launcher, so that the recorder still gets the last messages."""
 

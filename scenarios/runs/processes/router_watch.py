@@ -1,4 +1,4 @@
-"""How long the router has been out of reach, as the recorder and the vehicles judge it alike."""
+"""How long the router has been out of reach, for recorder and vehicles."""
 
 from vehicles.schedule import SECOND
 

@@ -1,4 +1,4 @@
-"""Starts the processes of a run, reports which have ended, and stops those that are left."""
+"""Starts, watches and stops the processes of a run."""
 
 import os
 import subprocess
@@ -21,7 +21,7 @@ from transport.clock import poll
 
 POLL_S = 0.01
 GRACE_S = 3.0
-"""Time between the request to stop and SIGKILL; with it every run ends within five seconds."""
+"""Time between SIGTERM and SIGKILL; every run ends within five seconds."""
 
 
 class ChildProcess(Protocol):
@@ -98,7 +98,7 @@ class Supervisor:
             for spec, process in zip(specs, fork_all(specs), strict=True):
                 self.children.append(Child(spec.name, process))
         else:
-            for name, given in asked:  # those before one that fails are children by then
+            for name, given in asked:  # appended one by one: a later one may fail
                 self.children.append(Child(name, spawn(given, piped=piped)))
         return self.children[before:]
 

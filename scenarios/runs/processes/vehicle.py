@@ -8,8 +8,7 @@ from time import sleep
 from scenarios.definition.scenario import Scenario
 from scenarios.runs.control.answering import LiveControl
 from scenarios.runs.node.assembly.vehicle import VehicleBuilder
-from scenarios.runs.node.fault import VehicleFaultError, stepping
-from scenarios.runs.node.node import Node
+from scenarios.runs.node.node import Node, VehicleFaultError, stepping
 from scenarios.runs.node.process_probe import ProcessProbe
 from scenarios.runs.node.replayed import ReplayedNode
 from scenarios.runs.node.sink import BatchingSink
@@ -35,20 +34,19 @@ from vehicles.schedule import SECOND, Timer
 
 POLL_S = 0.01
 LEFT_S = 3.0
-"""How long a process that starts anew waits at most until the old one is seen no more."""
+"""How long a restarted process waits until the old one has left."""
 WATCH_NS = SECOND // 4
-"""Between two looks whether router and recorder are still there, and after the end between two
-repetitions of the final counters, until the end of the run is heard."""
+"""Between two checks of router and recorder, and after the end between two repetitions of the final
+counters."""
 END_NS = 8 * SECOND
-"""How long a vehicle that has finished waits for a sign of the recorder, which completes the log:
-one that has to catch up may take longer than that, but says meanwhile that the run is on."""
+"""How long a finished vehicle waits for an announcement of the recorder, which repeats that of the
+start while it is late."""
 HELD_UP_NS = SECOND // 5
-"""A tick later than this after one that was not: the whole process was held up."""
+"""Lateness of a tick from which the whole process counts as held up."""
 SETTLING_S = 0.02
-"""What the transport's threads get after that, to bring in what came for the missed ticks."""
+"""Time for the transport to deliver messages after a hold-up."""
 WAITING_S = 10.0
-"""Of so long a time all poses are kept that came while this process did not fetch them. By then it
-is held to be dead. Room for many is memory: place by place, all of it is used in turn."""
+"""Time for which poses are queued while this process does not fetch them."""
 Say = Callable[[str], None]
 
 
@@ -82,7 +80,7 @@ def run_vehicle(
     except SoftwareLostError as lost:
         restart_process(lost.handover)
     except VehicleFaultError as fault:
-        if launched:  # the recorder says it, if it lives
+        if launched:  # the recorder reports it
             return 0 if vehicle.is_called_off else EXIT_FAILED
         complain(str(fault))
         return EXIT_FAILED
@@ -220,7 +218,7 @@ class VehicleProcess:
     def _why_not_in_time(self, late_ns: int) -> str:
         """Explain a start that lies `late_ns` before this vehicle joined."""
         clock = measure(self._bus, CONDUCTOR, self._clock.now)
-        if clock is not None and late_ns < -clock.offset:  # by the recorder's clock it was there
+        if clock is not None and late_ns < -clock.offset:  # by the recorder's clock it was in time
             ahead = f"{-clock.offset / SECOND:.1f} s ahead of the recorder's"
             return f"{self._run} is off for this vehicle: its clock is {ahead}"
         return f"{self._run} had started before this vehicle joined"
@@ -232,7 +230,7 @@ class VehicleProcess:
         of the vehicle, and SoftwareLostError when the process has to restart.
         """
         start_at = self._start_at
-        if start_at is None:  # asked to stop before
+        if start_at is None:  # stopped before
             self.exit_code = self._stop.exit_code
             return
         before = self._before
@@ -338,7 +336,7 @@ class VehicleProcess:
         if not self._watching.is_due(now):
             return False
         self._router.look(now, connected=self._bus.connected())
-        if self._router.was_lost_at_last(end_at):  # the recorder comes to the same result
+        if self._router.was_lost_at_last(end_at):  # the recorder decides alike
             return self._router.is_lost_for_good(now)
         self._check_company(now)
         if now > max(end_at, self._router.back_at, self._announced.last_received_at) + END_NS:

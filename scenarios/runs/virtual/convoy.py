@@ -5,20 +5,19 @@
 
 import gc
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
+from heapq import merge
 from typing import TYPE_CHECKING
 
 from scenarios.definition.scenario import Scenario
 from scenarios.runs.node.assembly.vehicle import VehicleBuilder
-from scenarios.runs.node.fault import VehicleFaultError, stepping
-from scenarios.runs.node.node import Node
+from scenarios.runs.node.node import Node, VehicleFaultError, stepping
 from scenarios.runs.node.probe import NoProbe
 from scenarios.runs.node.replayed import ReplayedNode
 from scenarios.runs.node.sink import Sink
-from scenarios.runs.virtual.step_order import Step, Stepper, steps_in_order
 from transport.bus.memory_bus import MemoryBus
 from transport.clock import Tick, VirtualClock
 from vehicles.schedule import SECOND
@@ -26,6 +25,7 @@ from vehicles.schedule import SECOND
 if TYPE_CHECKING:  # only runs with recorded vehicles import what reads logs
     from scenarios.runs.virtual.replay import Replay
 
+Step = Callable[[Tick], None]
 COLLECTED_EVERY = 50_000
 """Threshold of the garbage collector during a run."""
 
@@ -54,6 +54,32 @@ class Branch:
 
     at: int
     seed: int
+
+
+@dataclass(frozen=True, slots=True)
+class Stepper:
+    """Makes a `step` at each of its `ticks`; equal `schedule`s have equal ticks."""
+
+    schedule: Hashable
+    ticks: Callable[[], Iterator[Tick]]
+    step: Step
+
+
+def steps_in_order(steppers: Sequence[Stepper]) -> Iterator[tuple[Tick, Step]]:
+    """Yield all steps in order of time, at equal instants in the order of `steppers`."""
+    if len({stepper.schedule for stepper in steppers}) == 1:
+        # The usual case: what follows gives the same, but more slowly.
+        steps = [stepper.step for stepper in steppers]
+        for tick in steppers[0].ticks():
+            for step in steps:
+                yield tick, step
+        return
+
+    def of_one(place: int) -> Iterator[tuple[int, int, Tick]]:
+        return ((tick.at, place, tick) for tick in steppers[place].ticks())
+
+    for _, place, tick in merge(*map(of_one, range(len(steppers)))):
+        yield tick, steppers[place].step
 
 
 class VirtualConvoy:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from scenarios.definition.scenario import Scenario
-from scenarios.runs.node.fault import VehicleFaultError
+from scenarios.runs.node.node import VehicleFaultError
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.observer import Listen, Observer, listeners_by_kind
 from scenarios.runs.virtual.convoy import Branch, VirtualConvoy, never

@@ -11,7 +11,7 @@ from math import cos, hypot, sin
 from pathlib import Path
 
 from scenarios.runs.node.sink import Sink
-from scenarios.runs.virtual.step_order import Stepper
+from scenarios.runs.virtual.convoy import Stepper
 from transport.clock import Tick
 from transport.log.reader import LogReader
 from transport.log.records import LogError

@@ -7,13 +7,12 @@ from typing import Any
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.runs.node.assembly.vehicle import VehicleBuilder
-from scenarios.runs.node.fault import stepping
-from scenarios.runs.node.node import Node
+from scenarios.runs.node.node import Node, stepping
 from scenarios.runs.node.probe import NoProbe
 from scenarios.runs.node.replayed import ReplayedNode
 from scenarios.runs.observer import OnMessage, listeners_by_kind
+from scenarios.runs.virtual.convoy import Stepper, steps_in_order
 from scenarios.runs.virtual.drive import ObservedSink
-from scenarios.runs.virtual.step_order import Stepper, steps_in_order
 from transport.bus.memory_bus import MemoryBus
 from transport.clock import Tick
 from vehicles.messages import Message, TruePose

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from scenarios.cli.tables import print_summary
 from scenarios.definition.schema.links import LinkTable
-from scenarios.results.channel.alarms import AlarmSummary
+from scenarios.results.channel.account import AlarmSummary
 from scenarios.results.events.run_event import RunEvent
 from scenarios.results.holes import RecordHole
 from scenarios.results.metrics import Metrics

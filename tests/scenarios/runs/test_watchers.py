@@ -1,7 +1,6 @@
 """Picture and progress give way while the log has to catch up."""
 
-from scenarios.runs.observer import OnMessage
-from scenarios.runs.watchers import Watchers
+from scenarios.runs.observer import OnMessage, Watchers
 from tests.made.scenarios.messages import START, start, text, tracking, truth
 from vehicles.messages import Message
 

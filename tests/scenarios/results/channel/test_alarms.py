@@ -1,7 +1,7 @@
 """False alarms of a link: how often its receiver counted the sender as lost."""
 
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.results.channel.alarms import AlarmTally
+from scenarios.results.channel.tally import AlarmTally
 from scenarios.results.metrics import Metrics
 from tests.made.scenarios.messages import gps, tracking, truth
 from vehicles.messages import Message, SourceStatus

@@ -10,12 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.runs.node.fault import VehicleFaultError
-from scenarios.runs.node.node import Node
+from scenarios.runs.node.node import Node, VehicleFaultError
 from scenarios.runs.node.phases import BRAKING, Down
 from scenarios.runs.node.probe import NoProbe
 from scenarios.runs.processes.restart import pack
-from scenarios.runs.virtual.step_order import steps_in_order
+from scenarios.runs.virtual.convoy import steps_in_order
 from tests.made.convoys.changed_convoys import ChangedConvoy, changed
 from tests.made.examples import examples
 from transport.codec import encode
