@@ -35,24 +35,25 @@ def _what(event: RunEvent) -> str:
     figures, (first, *others) = event.figures, event.vehicles
     match event.kind:
         case "collision":
-            return f"{others[0]} and {first}, closing at {figures['closing_speed_mps']:.1f} m/s"
+            what = f"{others[0]} and {first}, closing at {figures['closing_speed_mps']:.1f} m/s"
         case "near_miss":
             left = figures.get("time_to_collision_s_min")
             also = "" if left is None else f", {left:.1f} s from a collision"
-            return f"{others[0]} within {figures['gap_m_min']:.2f} m of {first}{also}"
+            what = f"{others[0]} within {figures['gap_m_min']:.2f} m of {first}{also}"
         case "lane_departure":
-            return f"{first} across the edge of the lane"
+            what = f"{first} across the edge of the lane"
         case "path_lost":
-            return f"{first} receives too little to steer along"
+            what = f"{first} receives too little to steer along"
         case "slide":
-            return f"{first} has no more friction to steer by"
+            what = f"{first} has no more friction to steer by"
         case "stop":
             known, blind = figures.get("known_m"), figures.get("predicted_blind_m")
             ends = "" if known is None else f", {road_known(known)}"
             beyond = f", {blind:.1f} m beyond it" if blind else ""
-            return f"{first} brakes to a standstill{ends}{beyond}"
+            what = f"{first} brakes to a standstill{ends}{beyond}"
         case "distrust":
-            return f"{others[0]} does not believe {first}"
+            what = f"{others[0]} does not believe {first}"
+    return what
 
 
 def road_known(known: float) -> str:
