@@ -82,6 +82,16 @@ def steps_in_order(steppers: Sequence[Stepper]) -> Iterator[tuple[Tick, Step]]:
         yield tick, steppers[place].step
 
 
+def replaying(replay: "Replay", sink: Sink) -> Stepper:
+    messages = iter(replay.messages)
+
+    def step(_: Tick) -> None:
+        sink.send(next(messages))
+        sink.flush()
+
+    return Stepper(replay.vehicle, replay.ticks, step)
+
+
 class VirtualConvoy:
     """The vehicles of a scenario in one process, with a common bus and clock.
 
@@ -116,7 +126,7 @@ class VirtualConvoy:
         for name in self._scenario.vehicle_names:
             sink = sink_of(name)
             if name in recorded:
-                self._steppers.append(recorded[name].stepper(sink))
+                self._steppers.append(replaying(recorded[name], sink))
                 continue
             builder = VehicleBuilder(self._scenario, name)
             node = nodes[name] = builder.node(start_at, sink, NoProbe())

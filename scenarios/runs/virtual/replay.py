@@ -10,8 +10,6 @@ from itertools import pairwise
 from math import cos, hypot, sin
 from pathlib import Path
 
-from scenarios.runs.node.sink import Sink
-from scenarios.runs.virtual.convoy import Stepper
 from transport.clock import Tick
 from transport.log.reader import LogReader
 from transport.log.records import LogError
@@ -32,16 +30,7 @@ class Replay:
     vehicle: str
     messages: tuple[GpsPose | TruePose, ...]
 
-    def stepper(self, sink: Sink) -> Stepper:
-        messages = iter(self.messages)
-
-        def step(_: Tick) -> None:
-            sink.send(next(messages))
-            sink.flush()
-
-        return Stepper(self.vehicle, self._ticks, step)
-
-    def _ticks(self) -> Iterator[Tick]:
+    def ticks(self) -> Iterator[Tick]:
         return (Tick(_acts_at(message), 0.0) for message in self.messages)
 
 

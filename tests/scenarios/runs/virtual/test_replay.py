@@ -12,6 +12,7 @@ from scenarios.definition.schema.links import LinkTable
 from scenarios.results.drives import Trial
 from scenarios.results.files import LOG_NAME
 from scenarios.runs.node.sink import BusSink
+from scenarios.runs.virtual.convoy import replaying
 from scenarios.runs.virtual.logged import record_trial
 from scenarios.runs.virtual.replay import RecordedVehicle, head_start, read_recorded_vehicle
 from scenarios.runs.virtual.unlogged import drive_trial
@@ -51,7 +52,7 @@ def published(drive: RecordedVehicle, start_at: int, ahead: float = 0.0) -> list
     bus.subscribe("convoy/v1/gps", lambda _, data: heard.append(decode(TOPICS["gps"], data)))
     bus.subscribe("convoy/v1/truth", lambda _, data: heard.append(decode(TOPICS["truth"], data)))
     replay = drive.replay(start_at=start_at, ahead=ahead)
-    stepper = replay.stepper(BusSink(replay.vehicle, bus))
+    stepper = replaying(replay, BusSink(replay.vehicle, bus))
     for tick in stepper.ticks():
         stepper.step(tick)
     return heard
@@ -80,7 +81,7 @@ def test_a_replayed_vehicle_says_what_was_recorded(
 
 
 def test_it_is_replayed_in_order_of_time(lead: RecordedVehicle) -> None:
-    stepper = lead.replay(start_at=7 * SECOND).stepper(BusSink("v1", MemoryBus()))
+    stepper = replaying(lead.replay(start_at=7 * SECOND), BusSink("v1", MemoryBus()))
     instants = [tick.at for tick in stepper.ticks()]
     assert instants == sorted(instants)
     assert instants[0] == 7 * SECOND
@@ -105,7 +106,7 @@ def test_an_inbox_takes_every_replayed_pose(lead: RecordedVehicle, ahead: float)
     bus = MemoryBus()
     bus.subscribe(inbox.keys[0], inbox.on_bytes)
     replay = lead.replay(start_at=start_at, ahead=ahead)
-    stepper = replay.stepper(BusSink(replay.vehicle, bus))
+    stepper = replaying(replay, BusSink(replay.vehicle, bus))
     for tick in stepper.ticks():
         stepper.step(tick)
     heard = inbox.take(start_at + 10 * SECOND)
