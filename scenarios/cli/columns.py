@@ -31,7 +31,7 @@ class Column(Generic[Row]):
     max_width: int | None = None
 
     def cell(self, row: Row) -> "str | Text":
-        """Return what the table shows of a row."""
+        """Format the cell of a row."""
         value = self.value(row)
         if value is None or isinstance(value, int | float):
             return figure(value, self.format, self.scale)

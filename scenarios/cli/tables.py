@@ -21,7 +21,7 @@ from scenarios.results.vehicles.reaction import NO_REACTION
 MOST_EVENTS = 40
 MOST_HOLES = 10
 MOST_LINKS = 40
-"""So many are printed, of links those that lost most; the summary has them all."""
+"""Printed rows at most, of links those that lost most; the summary has them all."""
 SHOWN_AGES_MS = ("200", "500", "1000")
 """Of the ages up to which data may count as fresh."""
 
@@ -50,7 +50,6 @@ FIGURES: dict[str, Callable[[float], str]] = {
 
 
 def _pair(largest: float | None, rms: float | None) -> tuple[float, float] | None:
-    """Both values, or None if one is unknown."""
     return None if largest is None or rms is None else (largest, rms)
 
 
@@ -69,7 +68,7 @@ def _link_name(row: LinkSummary) -> str:
 
 
 def _dropped(row: LinkSummary) -> str:
-    """Messages dropped by cause, and what became of others on the way."""
+    """Counts of dropped messages by cause, of copies, overtaken and false ones."""
     counts = {**row.dropped, "copies": row.copies, "overtaken": row.reordered}
     counts |= {f"false: {kind}": count for kind, count in row.false.items()}
     return ", ".join(f"{count} {word}" for word, count in counts.items() if count) or "0"
@@ -103,7 +102,7 @@ VEHICLE_COLUMNS: Sequence[Column[VehicleSummary]] = (
     Column("believed\ngap m\nmin", lambda row: row.gap_m_min, ".1f"),
     Column("sideways\nm/s², % of\nfriction", _grip),
 )
-"""What is true of each vehicle, then its estimates of itself."""
+"""True figures of each vehicle, then its self-estimates."""
 PROCESS_COLUMNS: Sequence[Column[VehicleSummary]] = (
     Column("vehicle", lambda row: row.name, left=True),
     Column("poses\nrecorded", lambda row: row.poses),
@@ -189,7 +188,7 @@ ALARM_COLUMN: Column[LinkSummary] = Column("false\nalarms", lambda row: row.fals
 
 
 def print_summary(summary: RunSummary, log: Path | None, console: Console) -> None:
-    """Print what the vehicles did, the links, the events and holes, and where the log is."""
+    """Print tables of vehicles, links and events, then holes, warnings and the log's path."""
     console.print(Text(title_of(summary), style="bold"), highlight=False, soft_wrap=True)
     print_whole(table_of(VEHICLE_COLUMNS, summary.vehicles), console)
     print_whole(table_of(PROCESS_COLUMNS, summary.vehicles), console)
@@ -215,14 +214,12 @@ def print_summary(summary: RunSummary, log: Path | None, console: Console) -> No
 
 
 def title_of(summary: RunSummary) -> str:
-    """Name the run with all that was asked of it."""
     about = summary.identity
     name = about.title or f"{about.scenario}, seed {about.seed}"
     return f"{name}, {about.clock} clock, {summary.ran_s:.1f} s"
 
 
 def event_table(summary: RunSummary) -> Table:
-    """One row per event, in order of time."""
     kinds = Counter(event.kind for event in summary.events)
     title = "events: " + ", ".join(
         f"{count} {NAMES[kind][count > 1]}" for kind, count in kinds.items()
@@ -234,7 +231,6 @@ def event_table(summary: RunSummary) -> Table:
 
 
 def _link_table(summary: RunSummary, columns: Sequence[Column[LinkSummary]], title: str) -> Table:
-    """One row per directed link, of very many links those that lost most."""
     more = len(summary.links) - MOST_LINKS
     return table_of(
         columns,
@@ -245,7 +241,7 @@ def _link_table(summary: RunSummary, columns: Sequence[Column[LinkSummary]], tit
 
 
 def _unrecorded(summary: RunSummary) -> Iterator[str]:
-    """Say what is not in the log, and so not in the figures."""
+    """Describe what is missing in the log, and so in the figures."""
     yield from hole_lines(summary.holes, MOST_HOLES)
     silent = [row for row in summary.vehicles if row.silent_from_s is not None]
     for row in silent:

@@ -56,10 +56,12 @@ def test_a_session_is_confirmed_at_once_logged_and_repeated(tmp_path: Path) -> N
         with joined("live_session", NO_FLAGS) as (bus, run):
             for entry in SESSION:
                 answers = ask(bus, run, entry)
-                assert not any(one.said is None or one.said.refused for one in answers)
+                assert not any(one.answer is None or one.answer.refused for one in answers)
                 took_ms += [one.took_ms for one in answers]
                 effects += [
-                    (one.vehicle, one.said.from_s) for one in answers if one.said and one.said.does
+                    (one.vehicle, one.answer.from_s)
+                    for one in answers
+                    if one.answer and one.answer.does
                 ]
                 sleep(BETWEEN_S)
         assert convoy.wait() == 0

@@ -16,20 +16,20 @@ EIGHTHS = " ▏▎▍▌▋▊▉"
 
 def print_comparison(name: str, scenario: Scenario, found: Comparison, console: Console) -> None:
     """Print the laws and their figures next to those of the sample."""
-    asked = asked_link(scenario, (found.sender, found.receiver))
+    link = asked_link(scenario, (found.sender, found.receiver))
     about = f"{name}, {found.sender} → {found.receiver}"
     console.print(about, style="bold", highlight=False, markup=False)
-    for line in _told(asked.preset_source, [law.words for law in asked.laws], found):
+    for line in _about(link.preset_source, [law.words for law in link.laws], found):
         console.print(line, highlight=False, markup=False)
     console.print(table_of(FIGURE_COLUMNS, found.figures))
     _print_shares("messages lost in a row", found.bursts, console)
     _print_shares("received over", found.distances, console)
     if found.dropped:
-        said = ", ".join(f"{reason} {count}" for reason, count in found.dropped.items())
-        console.print(f"dropped: {said}", highlight=False, markup=False)
+        counts = ", ".join(f"{reason} {count}" for reason, count in found.dropped.items())
+        console.print(f"dropped: {counts}", highlight=False, markup=False)
 
 
-def _told(source: str | None, laws: Sequence[str], found: Comparison) -> Iterator[str]:
+def _about(source: str | None, laws: Sequence[str], found: Comparison) -> Iterator[str]:
     if source:
         yield f"source: {source}"
     yield f"laws: {'; '.join(laws)}"

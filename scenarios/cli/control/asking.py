@@ -1,4 +1,4 @@
-"""Which run is meant, and what its vehicles say to a change."""
+"""The requested run, and the answers of its vehicles to a change."""
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,15 +21,15 @@ from transport.topics import CONDUCTOR, control_key
 ANSWER_S = 1.0
 """How long an answer is waited for; usual are some milliseconds."""
 MOST_AT_ONCE = 32
-"""Vehicles that are asked at the same time."""
+"""Vehicles that receive a request at the same time."""
 
 
 @dataclass(frozen=True, slots=True)
-class Answered:
+class VehicleAnswer:
     """The answer of one vehicle and its delay; None if none came in time."""
 
     vehicle: str
-    said: Confirmation | None
+    answer: Confirmation | None
     took_ms: float
 
 
@@ -62,7 +62,7 @@ def joined(run_name: str | None, flags: dict[str, Any]) -> Iterator[tuple[Bus, s
         yield bus, options.run
 
 
-def ask(bus: Bus, run: str, entry: Mapping[str, Any]) -> list[Answered]:
+def ask(bus: Bus, run: str, entry: Mapping[str, Any]) -> list[VehicleAnswer]:
     """Request a change, given as an entry of `[[change]]` without `at_s`; raises BusError.
 
     The request goes to the vehicle that it names, or to all.
@@ -74,24 +74,24 @@ def ask(bus: Bus, run: str, entry: Mapping[str, Any]) -> list[Answered]:
     if wanted is not None and wanted not in present:
         known = ", ".join(map(shown, present))
         raise BusError(f"run {run}: no vehicle {printable(str(wanted))}, there are {known}")
-    asked = present if wanted is None else [wanted]
+    vehicles = present if wanted is None else [wanted]
     begun = time.monotonic()
     # All at one instant: that which the first of them can do it at.
-    first = _ask_one(bus, asked[0], Question(), begun).said if len(asked) > 1 else None
+    first = _ask_one(bus, vehicles[0], Question(), begun).answer if len(vehicles) > 1 else None
     at_s = first.from_s if first and not first.refused else None
     question = Question(dict(entry), at_s)
-    with ThreadPoolExecutor(min(len(asked), MOST_AT_ONCE)) as pool:
-        return list(pool.map(lambda name: _ask_one(bus, name, question, begun), asked))
+    with ThreadPoolExecutor(min(len(vehicles), MOST_AT_ONCE)) as pool:
+        return list(pool.map(lambda name: _ask_one(bus, name, question, begun), vehicles))
 
 
-def _ask_one(bus: Bus, vehicle: str, question: Question, begun: float) -> Answered:
+def _ask_one(bus: Bus, vehicle: str, question: Question, begun: float) -> VehicleAnswer:
     answer = bus.ask(control_key(vehicle), ANSWER_S, question.text)
     took_ms = 1000.0 * (time.monotonic() - begun)
     try:
-        said = None if answer is None else Confirmation.of(answer)
+        confirmation = None if answer is None else Confirmation.of(answer)
     except ValueError:
-        said = None
-    return Answered(vehicle, said, took_ms)
+        confirmation = None
+    return VehicleAnswer(vehicle, confirmation, took_ms)
 
 
 def status(bus: Bus, run: str) -> RunStatus | None:

@@ -26,17 +26,21 @@ def _change(run_name: str | None, flags: dict[str, Any], kind: str, **keys: obje
     with clear_errors():
         with asking.joined(run_name, flags) as (bus, run):
             answers = asking.ask(bus, run, entry)
-        refused = dict.fromkeys(line for one in answers if one.said for line in one.said.refused)
-        silent = [one.vehicle for one in answers if one.said is None]
+        refused = dict.fromkeys(
+            line for one in answers if one.answer for line in one.answer.refused
+        )
+        silent = [one.vehicle for one in answers if one.answer is None]
         for one in answers:
-            if one.said and one.said.does:
-                text = f"{one.vehicle}: {one.said.does}, {one.said.from_s:.2f} s after the start"
+            if one.answer and one.answer.does:
+                text = (
+                    f"{one.vehicle}: {one.answer.does}, {one.answer.from_s:.2f} s after the start"
+                )
                 click.echo(f"{text} (confirmed in {one.took_ms:.1f} ms)")
         for line in refused:
             click.echo(line, err=True)
         for vehicle in silent:
             click.echo(f"{vehicle}: no answer within {asking.ANSWER_S:g} s", err=True)
-        if not any(one.said and (one.said.does or one.said.refused) for one in answers):
+        if not any(one.answer and (one.answer.does or one.answer.refused) for one in answers):
             click.echo("nothing changed: no vehicle carries this out", err=True)
             sys.exit(EXIT_FAILED)
     if refused:

@@ -65,8 +65,8 @@ def _drive(report: CheckReport) -> Iterator[Row]:
         ("standing", "standing"): report.standing_points,
     }
     if any(left_out.values()):
-        said = (f"{count} {what[count != 1]}" for what, count in left_out.items() if count)
-        yield "points left out", ", ".join(said)
+        counts = (f"{count} {what[count != 1]}" for what, count in left_out.items() if count)
+        yield "points left out", ", ".join(counts)
     if any(report.coordinates_offset_m or ()):
         east, north = report.coordinates_offset_m or (0.0, 0.0)
         yield "coordinates less", f"{east:.0f} m east, {north:.0f} m north"

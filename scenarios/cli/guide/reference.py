@@ -31,8 +31,7 @@ def reference(what: str) -> None:
     """Explain the FIELDS of a summary, the TOPICS of a log, the REASONS for which messages are not
     used, or what a CONTROLLER of your own has to be.
     """  # noqa: D205 - the help text is one sentence
-    tell = {"fields": _fields, "topics": _topics, "reasons": _reasons, "controller": _controller}
-    tell[what]()
+    {"fields": _fields, "topics": _topics, "reasons": _reasons, "controller": _controller}[what]()
 
 
 def _print(heading: str, rows: Iterable[Row]) -> None:

@@ -76,19 +76,19 @@ def blame(
 
     with clear_errors():
         file = log_in(log)
-        asked = parsed_limit(limit_text, scenario_of(file).vehicle_names)
+        limit = parsed_limit(limit_text, scenario_of(file).vehicle_names)
         with study_engine(
             chosen_fleet(workers, scheduler),
             click.echo,
             out=out,
             files=(report.PICTURE, report.TWIN, report.SMALLEST),
-            identity=study.identity_of_blame(file, asked, figure, most_runs),
+            identity=study.identity_of_blame(file, limit, figure, most_runs),
         ) as engine:
-            found = study.blame(file, asked, figure, engine, most_runs=most_runs)
+            found = study.blame(file, limit, figure, engine, most_runs=most_runs)
             written = report.write_report(found, out)
         print_blame(found, Console())
         if found.smallest is not None:
-            click.echo(f"\nit breaks {asked} again: {report.command_of(out)}")
+            click.echo(f"\nit breaks {limit} again: {report.command_of(out)}")
         click.echo(f"written: {', '.join(map(str, written))}")
 
 

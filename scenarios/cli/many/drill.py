@@ -164,7 +164,7 @@ def _columns(*, several_seeds: bool) -> "Sequence[Column[tuple[DrillRow, str]]]"
 
     return (
         Column("drill", lambda row: row[1], left=True, wraps=True),
-        Column("limit", lambda row: row[0].said, left=True, wraps=True),
+        Column("limit", lambda row: row[0].label, left=True, wraps=True),
         Column("figure", lambda row: row[0].figure, ".3g"),
         Column("margin", lambda row: _percent(row[0].margin_ratio)),
         Column("of", vehicle, left=True, wraps=True),

@@ -68,7 +68,7 @@ def risk(
     scheduler: str,
     out: Path,
     runs: int,
-    **asked: Any,
+    **options: Any,
 ) -> None:
     """Estimate how probable it is that one run of SCENARIO breaks a limit, over its seeds."""
     with clear_errors():
@@ -85,7 +85,7 @@ def risk(
             variant=variant,
             limit=parsed_limit(limit_text, variant.scenario.vehicle_names),
             most_runs=runs,
-            **asked,
+            **options,
         )
         with study_engine(
             chosen_fleet(workers, scheduler),

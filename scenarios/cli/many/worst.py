@@ -90,12 +90,12 @@ def worst(
         refuse_existing(file, json_file)
         base = base_of(scenario, overrides, seed)
         loaded = base.scenario
-        asked = burst_of(links, burst, loaded)
-        span = span_of(loaded, asked, from_s=from_s, to_s=to_s, step_s=step_s, finest_s=finest_s)
+        sought = burst_of(links, burst, loaded)
+        span = span_of(loaded, sought, from_s=from_s, to_s=to_s, step_s=step_s, finest_s=finest_s)
         report = partial(click.echo, err=True)
         with study_engine(chosen_fleet(workers, scheduler), report) as engine:
             changes = len(loaded.tables.change)
-            search = WorstSearch(base, asked, figure, engine, changes=changes, seeds=seeds)
+            search = WorstSearch(base, sought, figure, engine, changes=changes, seeds=seeds)
             found = search.look(span)
         of_seeds = f" (mean of {seeds} seeds {found.mean:.3f})" if seeds > 1 else ""
         click.echo(
@@ -106,5 +106,5 @@ def worst(
             write_drill(found, file)
             click.echo(f"written: {file}")
         if json_file is not None:
-            write_file(json_file, machine_readable(found, asked))
+            write_file(json_file, machine_readable(found, sought))
             click.echo(f"written: {json_file}")

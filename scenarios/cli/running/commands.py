@@ -10,11 +10,10 @@ import click
 
 from scenarios.cli.failure import clear_errors
 from scenarios.cli.guide import completion
-from scenarios.cli.loading import loading
 from scenarios.cli.options import (
     FiniteRange,
-    leash_option,
     log_options,
+    parent_watch_option,
     run_option,
     scenario_options,
     zenoh_from,
@@ -70,8 +69,7 @@ def run(
     Writes run.mcap and summary.json into the folder given by --out, by default into
     runs/<start>-<scenario>/, with the overrides behind the name.
     """
-    with loading():
-        from scenarios.cli.running.launching import run_scenario
+    from scenarios.cli.running.launching import run_scenario
 
     with clear_errors():
         sys.exit(
@@ -98,7 +96,7 @@ Examples:
 )
 @zenoh_options
 @click.option("--until-empty", is_flag=True, help="End once all who came have left.")
-@leash_option
+@parent_watch_option
 def router(*, until_empty: bool, leash: bool, **flags: Any) -> None:
     """Start the Zenoh router that the vehicles and the recorder meet at."""
     stop = stop_on_request(with_launcher=leash)
@@ -137,7 +135,7 @@ Examples:
     help="How long to wait for the start.",
 )
 @click.option("--quiet", is_flag=True, help="Print only what goes wrong.")
-@leash_option
+@parent_watch_option
 @click.pass_obj
 def vehicle(
     known: "Scenario | None",
@@ -200,7 +198,7 @@ Examples:
     metavar="SECONDS",
     help="How long to wait until all vehicles are present.",
 )
-@leash_option
+@parent_watch_option
 @click.pass_obj
 def record(
     known: "Scenario | None",

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from scenarios.cli.loading import loading
 from scenarios.cli.running.destination import refuse_picture, run_folder
 from scenarios.definition.check.report import warnings
 from scenarios.definition.scenario import load_scenario
@@ -44,13 +43,11 @@ def run_scenario(
     with claimed(folder, fresh=out is None):
         if clock == "virtual":
             stop = stop_on_signals()
-            with loading():
-                from scenarios.cli.running.virtually import run_virtually
+            from scenarios.cli.running.virtually import run_virtually
 
             return run_virtually(scenario, folder, stop, rerun, quiet=quiet)
-        with loading():
-            from scenarios.cli.running.processes import run_processes
-            from scenarios.runs.processes.launcher import LaunchPlan
+        from scenarios.cli.running.processes import run_processes
+        from scenarios.runs.processes.launcher import LaunchPlan
 
         recorder_flags = ["--rerun", rerun, *(["--quiet"] if quiet else [])]
         plan = LaunchPlan(scenario, again(name, overrides, seed), folder, recorder_flags, common)

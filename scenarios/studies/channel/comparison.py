@@ -62,7 +62,7 @@ def compare(drive: StraightDrive, messages: int) -> tuple[Comparison, SampledCha
     lengths = bursts(sample.lost)
     loss = _share("loss", expected.loss_ratio, sample.lost, expected.loss_inflation)
     burst = mean_length(lengths, CONFIDENCE)
-    told = (burst.value, burst.low, burst.high) if burst and isfinite(burst.high) else ()
+    interval = (burst.value, burst.low, burst.high) if burst and isfinite(burst.high) else ()
     delays = sample.delay_ms
     there = bool(len(delays))
     quantiles: Sequence[float | None] = delay_quantiles(expected, effects, QUANTILES) or [
@@ -78,7 +78,7 @@ def compare(drive: StraightDrive, messages: int) -> tuple[Comparison, SampledCha
         vehicles_between=between.count,
         figures=(
             loss,
-            Compared("lost in a row", expected.burst_messages, *(told or (None,))),
+            Compared("lost in a row", expected.burst_messages, *(interval or (None,))),
             Compared(
                 "mean delay", expected.latency_ms_mean, float(delays.mean()) if there else None
             ),
@@ -118,11 +118,11 @@ def _bursts(lengths: NDArray[np.int_], law: NDArray[np.float64] | None) -> tuple
     rows = []
     for edge, after in zip(EDGES, (*EDGES[1:], None), strict=True):
         within = (lengths >= edge) & (lengths < (after or lengths.max(initial=0) + 1))
-        asked = None if law is None else float(law[edge - 1 : after and after - 1].sum())
+        expected = None if law is None else float(law[edge - 1 : after and after - 1].sum())
         found = share(int(within.sum()), len(lengths), CONFIDENCE)
         name = f"{edge} or more" if after is None else f"{edge} to {after - 1}"
         name = f"{edge}" if after == edge + 1 else name
-        rows.append(Compared(name, asked, found.value, found.low, found.high))
+        rows.append(Compared(name, expected, found.value, found.low, found.high))
     while rows and not rows[-1].sample and (rows[-1].law or 0.0) < 1e-4:
         rows.pop()
     return tuple(rows) if len(lengths) else ()

@@ -1,4 +1,4 @@
-"""What is driven for `convoy channel figure`, and what it cost.
+"""Runs for `convoy channel figure`, and their costs.
 
 Three cars drive the first lane change of `lossy_lane_change` at 30 m/s and send ten messages a
 second, in virtual time. What counts is the largest true distance of the last car from the path of
@@ -22,9 +22,9 @@ SETTINGS = (
 )
 """Over the scenario: the last car is through its lane change after 9 s."""
 FLOOR_MS = 20.0
-"""Latency wherever something else is looked at."""
+"""Latency while something else varies."""
 BURST_LOSS_RATIO = 0.2
-"""Share of messages lost wherever bursts are looked at."""
+"""Share of messages lost while bursts vary."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,7 @@ QUICK = Plan(
     map_seeds=1,
     burst_seeds=1,
 )
-"""To see how it looks."""
+"""A small plan for a first look."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,7 @@ SPEEDS_MPS = 8.0, 30.0
 CUT_AT_S = 3.0, 17.0
 """The convoy has formed by then, and its last car is through both lane changes by then."""
 SHORT_S, LONG_S = (0.3, 4.0), 14.0
-"""Half of the cuts last so long, at random; the others until everybody stands."""
+"""Ranges of half of the cuts; the others last until all stand."""
 
 
 def drawn(count: int, reaction: Reaction, seed: int = 1) -> Iterator[LinkCut]:

@@ -19,7 +19,7 @@ from vehicles.schedule import SECOND, nanoseconds
 LATERAL_ACCELERATION = 1.8
 """Of the lane changes (m/s²): that of the paper's, 500 m at 30 m/s."""
 AFTERWARDS_S = 20.0
-"""A run goes on for so long after the messages are back."""
+"""How long a run goes on after the cut."""
 SETTLED_S = 5.0
 """Time at the convoy's speed that a follower has to reach the path that it receives again."""
 STANDING = 0.05

@@ -55,7 +55,7 @@ class DrillRow:
     command: str
 
     @property
-    def said(self) -> str:
+    def label(self) -> str:
         """The limit for a table: its key and bound, or the required reaction and its time."""
         if self.bound is None:
             return self.limit

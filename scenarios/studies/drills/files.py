@@ -58,7 +58,7 @@ def _counts(name: str, tests: int, failures: int, took_s: float) -> dict[str, st
 
 
 def _case(suite: Xml.Element, row: DrillRow) -> None:
-    case = Xml.SubElement(suite, "testcase", {"classname": row.drill, "name": row.said})
+    case = Xml.SubElement(suite, "testcase", {"classname": row.drill, "name": row.label})
     if not row.passed:
         failure = Xml.SubElement(case, "failure", {"type": "limit", "message": row.line})
         failure.text = f"{row.line}\nrepeat: {row.command}"

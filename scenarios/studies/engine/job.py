@@ -14,9 +14,9 @@ from transport.log.records import LogError
 from transport.texts import printable
 
 Work = Callable[[], Any]
-"""Can be pickled and called, and returns what can be pickled."""
-OWN_WORDS = (ScenarioError, LogError, OSError)
-"""Errors that a command reports in their own words."""
+"""A picklable call with a picklable result."""
+PRINTABLE_ERRORS = (ScenarioError, LogError, OSError)
+"""Errors that a command prints as they are."""
 
 ONE_AT_A_TIME = Lock()
 """Runs are Python: threads of one worker would not make them faster, but take their memory."""
@@ -71,7 +71,7 @@ def _answer(job: Work) -> JobAnswer:
     except (Exception, SystemExit) as error:  # noqa: BLE001 - the other jobs go on
         return JobAnswer(
             error=in_one_line(error),
-            raised=error if isinstance(error, OWN_WORDS) else None,
+            raised=error if isinstance(error, PRINTABLE_ERRORS) else None,
             took_s=time.perf_counter() - began,
         )
 

@@ -1,5 +1,4 @@
 import errno
-import gc
 import json
 import os
 import random
@@ -16,7 +15,6 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
-from scenarios.cli.loading import loading
 from scenarios.cli.main import cli
 from scenarios.definition.channel.presets import presets, read_preset
 from scenarios.definition.scenario import drills, library, load_scenario
@@ -159,19 +157,6 @@ def test_a_run_in_virtual_time_loads_no_bus_and_no_theory() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     unneeded = {"zenoh", "psutil", "scipy"}
     assert not unneeded & {*done.stdout.split()}
-
-
-@pytest.mark.parametrize("enabled", [True, False])
-def test_the_garbage_collector_waits_for_imports_and_is_then_as_it_was(*, enabled: bool) -> None:
-    assert gc.isenabled()
-    try:
-        if not enabled:
-            gc.disable()
-        with loading():
-            assert not gc.isenabled()
-        assert gc.isenabled() == enabled
-    finally:
-        gc.enable()
 
 
 def test_list_names_the_scenarios_that_ship() -> None:

@@ -23,7 +23,7 @@ Flags = NDArray[np.bool_]
 SAME_MS = 1e-3
 """Delays that differ by less are the same: they are whole nanoseconds, and logged as such."""
 LEAST_MESSAGES = 100
-"""Of fewer delays the law is not told apart; they stand as they are."""
+"""Fewer delays do not identify a law; they are kept as they are."""
 ALONE = 0.05
 """Messages with a smaller correlation are taken to be on their own."""
 CERTAIN = 1e-3
@@ -180,9 +180,9 @@ class _Delays:
         own = (score[after] - tied * score[after - 1]) / rest
         waited = self.waited[after]
         known = after[~waited]
-        told = law.logpdf(self.delay_ms[known]) + 0.5 * score[known] ** 2
-        told -= 0.5 * own[~waited] ** 2 + np.log(rest[~waited])
-        return float(told.sum() + stats.norm.logcdf(own[waited]).sum())
+        terms = law.logpdf(self.delay_ms[known]) + 0.5 * score[known] ** 2
+        terms -= 0.5 * own[~waited] ** 2 + np.log(rest[~waited])
+        return float(terms.sum() + stats.norm.logcdf(own[waited]).sum())
 
 
 def _scores(law: Any, delay_ms: Floats) -> Floats:

@@ -35,9 +35,9 @@ def fit_losses(link: RecordedLink) -> Found:
     estimates: list[Estimate] = []
     notes: list[str] = []
     for fitter in FITTERS.values():
-        more, told, noted = fitter(link)
+        more, found, noted = fitter(link)
         keys |= more
-        estimates += told
+        estimates += found
         notes += noted
     return keys, estimates, notes
 

@@ -1,8 +1,8 @@
 """Deliveries of a link over distance: a table, alone or by reservations, or shadowing on the way.
 
-Losses of a radio are told apart by how the fates of two messages correlate. On their own they do
-not. Those of one reservation share their fate, so the correlation goes to 1 as the messages come
-closer. In shadowing each message still has a chance of its own, so it does not.
+Losses of a radio are distinguished by the correlation of two messages' fates. Independent losses
+have none. Messages of one reservation share their fate, so the correlation approaches 1 as they
+come closer. In shadowing each message has a chance of its own, so it does not.
 """
 
 from dataclasses import dataclass, replace
@@ -127,8 +127,8 @@ def _reservations(seen: JudgedOverDistance) -> Found:
         "reselection_messages_max": most,
     }
     table, estimates, notes = _table(seen, keys, held)
-    told = Estimate.normal("radio, messages of a reservation", mean, error, 1.0)
-    return table, [told, *estimates], [*notes, UNTOLD_KEEP]
+    reservation = Estimate.normal("radio, messages of a reservation", mean, error, 1.0)
+    return table, [reservation, *estimates], [*notes, UNTOLD_KEEP]
 
 
 def _mean_reservation(seen: JudgedOverDistance) -> tuple[float, float]:
@@ -180,7 +180,7 @@ def _table(seen: JudgedOverDistance, keys: dict[str, Any], held: Floats) -> Foun
     for at, ratio, chosen in zip(seen.at_m, seen.ratios, seen.stretches, strict=True):
         count, spread_by = len(chosen), _spread_by(seen.number[chosen], held)
         interval = share(ratio * count, count, CONFIDENCE, spread_by)
-        alone = count / spread_by  # so many on their own; one more of each kind, against 0 and 1
+        alone = count / spread_by  # independent messages; one more of each kind, against 0 and 1
         likely = (ratio * alone + 1.0) / (alone + 2.0)
         error = sqrt(likely * (1.0 - likely) / alone)
         key = f"radio.delivery_ratio at {at:.1f} m"

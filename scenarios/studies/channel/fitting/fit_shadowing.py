@@ -3,7 +3,7 @@
 Received is Φ(a + b x - c S), with x = -10 log₁₀ of the distance and S a standard normal quantity
 over the metres driven by the receiver, of autocorrelation e^(-Δ/D). Over S that is a probit law of
 x alone, and the fates of two messages have a normal copula of the correlation v e^(-Δ/D), with
-v = c²/(1 + c²): shares over distance tell a and b, pairs of messages c and D.
+v = c²/(1 + c²): shares over distance determine a and b, pairs of messages c and D.
 """
 
 from collections.abc import Callable
@@ -28,9 +28,9 @@ PER_DB = (stats.norm.isf(ERROR_RATIO[1]) - stats.norm.isf(ERROR_RATIO[0])) / (SN
 LAGS = (1, 2, 3, 5, 8, 12, 17, 25, 40, 60)
 BINS = 24
 BLOCKS = 16
-"""Pieces of the run; each is left out once, which tells the errors."""
+"""Pieces of the run; each is left out once to estimate the errors (jackknife)."""
 FLAT_DB = 0.5
-"""Over a smaller range of x its slope is not told."""
+"""A smaller range of x does not determine the slope."""
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(10)
 
 

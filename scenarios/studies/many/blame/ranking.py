@@ -1,8 +1,8 @@
 """Which losses were to blame, by metres: of groups first, then of the parts of those that matter.
 
-A run for each burst would be too many. Bursts in order of time are given back half by half, and a
-half is only looked into where giving it back mends something: bisection, the best half first.
-Bursts that overlap in time are a moment and stay together until a moment is all that is left.
+One run for each burst would be too many. Bursts in order of time are restored half by half, and a
+half is only divided if restoring it reduces the error: bisection, the best half first. Bursts that
+overlap in time are a moment and stay together until a moment is all that is left.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -14,14 +14,13 @@ from scenarios.studies.many.blame.trials import Trials
 
 Group = tuple[Burst, ...]
 NEGLIGIBLE_M = 0.01
-"""Groups that mend less are not looked into."""
+"""Groups that reduce the error by less are not divided."""
 MOST_RUNS = 24
-"""With groups given back."""
+"""Most runs with restored groups."""
 ALONE = 6
-"""So many of the worst are also lost alone."""
+"""Number of the worst groups that also run with no other losses."""
 AT_ONCE = 2
-"""So many groups are looked into together, whatever the number of workers: so that what is found
-does not depend on it."""
+"""Groups divided together, whatever the number of workers: the result must not depend on it."""
 
 
 @dataclass(slots=True)
@@ -35,6 +34,8 @@ class Attribution:
     group: Group
     mended_m: float
     alone: BlameAnswer | None = None
+    promise_m: float = 0.0
+    is_open: bool = True
 
     @property
     def messages(self) -> int:
@@ -76,15 +77,6 @@ def halves(group: Group) -> list[Group]:
     ]
 
 
-@dataclass(slots=True)
-class _Half:
-    """A group and the metres that it may cost: its own, or what its halves leave unexplained."""
-
-    blamed: Attribution
-    promise_m: float
-    is_open: bool = True
-
-
 def ranked(
     trials: Trials, bursts: Group, recorded: BlameAnswer, mended_m: float
 ) -> list[Attribution]:
@@ -94,34 +86,34 @@ def ranked(
     but do together, both are divided.
     """
     every = losses_of(bursts)
-    halves_seen = [_Half(Attribution(bursts, mended_m), mended_m)]
+    groups = [Attribution(bursts, mended_m, promise_m=mended_m)]
     most = trials.runs + MOST_RUNS
     while trials.runs < most and not trials.are_enough:
         promising = [
-            half
-            for half in halves_seen
-            if half.is_open and half.promise_m >= NEGLIGIBLE_M and len(half.blamed.group) > 1
+            one
+            for one in groups
+            if one.is_open and one.promise_m >= NEGLIGIBLE_M and len(one.group) > 1
         ]
         if not promising:
             break
-        promising.sort(key=lambda half: (-half.promise_m, half.blamed.span_s, half.blamed.messages))
-        halves_seen += _looked_into(trials, promising[:AT_ONCE], every, recorded)
-    shown = [half.blamed for half in halves_seen if half.is_open or half.blamed.kind == "moment"]
+        promising.sort(key=lambda one: (-one.promise_m, one.span_s, one.messages))
+        groups += _divided(trials, promising[:AT_ONCE], every, recorded)
+    shown = [one for one in groups if one.is_open or one.kind == "moment"]
     return sorted(shown, key=lambda one: (-one.mended_m, one.messages, one.span_s))
 
 
-def _looked_into(
-    trials: Trials, some: Sequence[_Half], every: Losses, recorded: BlameAnswer
-) -> Iterator[_Half]:
+def _divided(
+    trials: Trials, some: Sequence[Attribution], every: Losses, recorded: BlameAnswer
+) -> Iterator[Attribution]:
     """Close each of the groups, and yield its halves."""
-    parts = [halves(one.blamed.group) for one in some]
+    parts = [halves(one.group) for one in some]
     answers = iter(trials.answers(every - losses_of(part) for pair in parts for part in pair))
     for whole, pair in zip(some, parts, strict=True):
         whole.is_open = False
         mended = [recorded.badness_m - next(answers).badness_m for _ in pair]
         unexplained = 0.5 * (whole.promise_m - max(mended))
         for part, metres in zip(pair, mended, strict=True):
-            yield _Half(Attribution(part, metres), max(metres, unexplained))
+            yield Attribution(part, metres, promise_m=max(metres, unexplained))
 
 
 def try_alone(trials: Trials, rows: Sequence[Attribution]) -> None:

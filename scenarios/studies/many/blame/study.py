@@ -19,7 +19,7 @@ from transport.log.records import LogError
 from vehicles.schedule import SECOND
 
 AFTER_NS = SECOND
-"""Fewer losses may break the limit a little later, so runs go on for so long after the worst."""
+"""Fewer losses may break the limit a little later, so runs go on this long after the worst."""
 MOST_RUNS = 400
 
 

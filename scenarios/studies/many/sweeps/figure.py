@@ -24,7 +24,7 @@ WORDS: Mapping[str, Sequence[str]] = {
 """Fields that are tables, and the keys that they may have."""
 OF_RUN = ("ran_s",)
 NEAR = 4
-"""So many names are offered for one that is not known."""
+"""Number of names offered for an unknown one."""
 
 
 @dataclass(frozen=True, slots=True)

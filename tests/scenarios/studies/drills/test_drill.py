@@ -69,7 +69,7 @@ def test_what_was_not_done_is_worse_than_what_was_done_late() -> None:
     never = limit(None, "modes[0]", what="in mode stop", line="never")
     row = only_row(run(late), run(never, seed=2))
     assert (row.line, row.figure, row.margin_ratio, row.passed) == ("never", None, None, False)
-    assert row.said == "v3 in mode stop, within 0.5 s"
+    assert row.label == "v3 in mode stop, within 0.5 s"
 
 
 def test_what_could_not_be_measured_has_not_passed() -> None:
@@ -80,14 +80,14 @@ def test_what_could_not_be_measured_has_not_passed() -> None:
 
 def test_a_run_that_failed_for_another_reason_has_a_row_of_its_own() -> None:
     first, second = rows_of([run(limit(0.3), other="v2 died")])
-    assert (first.limit, first.passed, first.line, first.said) == ("run", False, "v2 died", "run")
+    assert (first.limit, first.passed, first.line, first.label) == ("run", False, "v2 died", "run")
     assert second.passed
 
 
 def test_a_count_that_must_be_0_has_no_share_of_it_left() -> None:
     zero = LimitFigure(limit="collisions_max", bound=0, figure=0)
     row = only_row(run(zero))
-    assert (row.margin_ratio, row.passed, row.said) == (None, True, "collisions_max = 0")
+    assert (row.margin_ratio, row.passed, row.label) == (None, True, "collisions_max = 0")
 
 
 def test_rows_keep_the_order_of_the_drills() -> None:
