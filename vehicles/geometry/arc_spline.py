@@ -226,23 +226,23 @@ class ArcSpline:
         """
         if len(self.pieces) == 1 and self.pieces[0].rate == 0.0:
             return [self.pieces[0].curvature] * count
-        found: list[float] = []
+        curvatures: list[float] = []
         offset, last = start, len(self.pieces) - 1
         for index, piece in enumerate(self.pieces):
-            k, passed = len(found), floor((piece.length - offset) / step) + 1
+            k, passed = len(curvatures), floor((piece.length - offset) / step) + 1
             end = max(count if index == last else min(count, passed), k)
             if piece.rate == 0.0:
-                found += [piece.curvature] * (end - k)
+                curvatures += [piece.curvature] * (end - k)
             elif end > k:
                 # Constant before the piece, even within it, and constant after it.
                 begin = min(max(ceil(-offset / step), k), end)
                 after = min(max(passed, begin), end)
-                found += [piece.curvature] * (begin - k)
+                curvatures += [piece.curvature] * (begin - k)
                 bend, rise = piece.curvature + piece.rate * offset, piece.rate * step
-                found += [bend + rise * j for j in range(begin, after)]
-                found += [piece.curvature + piece.rate * piece.length] * (end - after)
+                curvatures += [bend + rise * j for j in range(begin, after)]
+                curvatures += [piece.curvature + piece.rate * piece.length] * (end - after)
             offset -= piece.length
-        return found
+        return curvatures
 
     def project(self, east: float, north: float) -> Foot:
         """Nearest point of the path, extended beyond both ends by the end pieces (Section III-B).

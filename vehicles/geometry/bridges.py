@@ -107,11 +107,11 @@ def filled(points: FloatArray, reach: float) -> Filled:
     Each side is fitted over 2 `reach` (m). Raises UnbridgedError.
     """
     steps = lengths(points)
-    found = holes_in(steps).tolist()
+    holes = holes_in(steps).tolist()
     given = np.arange(points.shape[1])
     parts, begin = [], 0
-    for place, hole in enumerate(found):
-        end = found[place + 1] + 1 if place + 1 < len(found) else points.shape[1]
+    for place, hole in enumerate(holes):
+        end = holes[place + 1] + 1 if place + 1 < len(holes) else points.shape[1]
         before, after = points[:, begin : hole + 1], points[:, hole + 1 : end]
         near = np.delete(steps[max(0, hole - NEARBY) : hole + NEARBY + 1], min(hole, NEARBY))
         spacing = min(float(np.median(near)), steps[hole] / _FILLED) if near.size else math.inf
@@ -128,7 +128,7 @@ def filled(points: FloatArray, reach: float) -> Filled:
         parts += [before, bridge]
         given[hole + 1 :] += bridge.shape[1]
         begin = hole + 1
-    return Filled(np.concatenate([*parts, points[:, begin:]], axis=1), given, tuple(found))
+    return Filled(np.concatenate([*parts, points[:, begin:]], axis=1), given, tuple(holes))
 
 
 def curve_between(before: Place, after: Place, spacing: float) -> FloatArray:

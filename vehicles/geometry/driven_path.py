@@ -181,7 +181,7 @@ class CrossTrackError:
 
     def _feet(self, follower: _Follower) -> list[CrossTrack]:
         """Foot points of the waiting places, up to the first one beyond the end of the path."""
-        found: list[CrossTrack] = []
+        feet: list[CrossTrack] = []
         if follower.left_behind:
             follower.waiting.clear()
         while follower.waiting:
@@ -190,8 +190,8 @@ class CrossTrackError:
                 break
             follower.waiting.popleft()
             if not self._chords[follower.index].guessed:
-                found.append(foot)
-        return found
+                feet.append(foot)
+        return feet
 
     def _foot(self, follower: _Follower, place: _Place) -> CrossTrack | None:
         """Foot point of `place`; None if it lies beyond the end of the path.

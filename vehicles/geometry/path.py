@@ -61,14 +61,14 @@ class Path:
 
     def __post_init__(self) -> None:
         arrays = (self.station, self.east, self.north, self.yaw, self.curvature)
-        if len({one.shape for one in arrays}) != 1 or self.station.ndim != 1:
+        if len({values.shape for values in arrays}) != 1 or self.station.ndim != 1:
             raise ValueError("the arrays of a path must be of one length")
-        if self.station.size < 2 or not all(np.isfinite(one).all() for one in arrays):
+        if self.station.size < 2 or not all(np.isfinite(values).all() for values in arrays):
             raise ValueError("a path needs at least two samples, all finite")
         if not (np.diff(self.station) > 0.0).all():
             raise ValueError("the stations of a path must increase")
-        for one in arrays:
-            one.setflags(write=False)
+        for values in arrays:
+            values.setflags(write=False)
         # Single values are read faster from these than from NumPy's arrays. Tuples take five times
         # the memory, and reading them counts references, so forked vehicles would not share pages.
         object.__setattr__(self, "_rows", array("d", np.column_stack(arrays).tobytes()))
@@ -99,8 +99,8 @@ class Path:
         1/R of Section III-A.
         """
         places = start + step * np.arange(count)
-        found: list[float] = np.interp(places, self.station, self.curvature, 0.0, 0.0).tolist()
-        return found
+        curvatures: list[float] = np.interp(places, self.station, self.curvature, 0.0, 0.0).tolist()
+        return curvatures
 
     def project(
         self, east: float, north: float, near: float | None, window: float = WINDOW

@@ -200,10 +200,10 @@ def _explaining(data: FitData, settings: FitSettings) -> LocalCurve | None:
     count = data.total[ONE][ONE]
     if count < TELLING:
         settings = settings.with_stated_noise() if count > FEW else settings.wary()
-    found = _tried(data, settings)
-    if found is None:
+    tried = _tried(data, settings)
+    if tried is None:
         return None
-    graphs, joined, noise = found
+    graphs, joined, noise = tried
     scores = _scores(graphs, noise, settings)
     if joined is not None:
         scores.append(joined.misfit + settings.price_of_join(joined.freedom) * noise)

@@ -160,15 +160,15 @@ def offsets(curve: LocalCurve, data: FitData) -> Floats:
     ahead = (0.0, ux, uy, -ux * x - uy * y)
     seen = np.einsum("ai,ik->ak", (ahead, left, (1.0, -2.0 * x, -2.0 * y, square)), data.rows)
     xi, rho = seen[0], seen[2]  # unpacked at once it takes three times as long
-    found: Floats = seen[1]
-    found -= half * rho
+    distances: Floats = seen[1]
+    distances -= half * rho
     if half != other:
-        found += (half - other) * rho * (xi <= 0.0)
+        distances += (half - other) * rho * (xi <= 0.0)
     if rate != 0.0:
         bent = cubic(xi, np.abs(rho, rho), 0.5 * (half + other))
         bent *= rate
-        found -= bent
-    return found
+        distances -= bent
+    return distances
 
 
 def cubic(along: Floats, square: Floats, half: float) -> Floats:
@@ -185,8 +185,8 @@ def cubic(along: Floats, square: Floats, half: float) -> Floats:
     series += 1.0 / 6.0
     series *= square
     series *= np.sqrt(square)
-    found: Floats = np.copysign(series, along, series)
-    return found
+    departure: Floats = np.copysign(series, along, series)
+    return departure
 
 
 def centred(data: FitData) -> Centred | None:
@@ -234,15 +234,15 @@ def best_arc(data: FitData, line: Centred) -> Graph | None:
     half = cross / spread
     slope = line.slope - half * square_x / line.xx
     offset = line.mean_y - slope * line.mean_x - half * square_one / line.weight
-    found = Graph(offset, slope, half, 0.0, max(line.misfit - half * cross, 0.0))
-    return found if found.square > 0.0 else None
+    arc = Graph(offset, slope, half, 0.0, max(line.misfit - half * cross, 0.0))
+    return arc if arc.square > 0.0 else None
 
 
 def largest(values: Floats) -> float:
     """Largest absolute value."""
     sizes = np.abs(values)
-    found: float = sizes.item(sizes.argmax())
-    return found
+    size: float = sizes.item(sizes.argmax())
+    return size
 
 
 def drift(graph: Graph, column: Floats | None, data: FitData) -> float:

@@ -96,9 +96,9 @@ class Search:
         begin, end = max(len(places) // 2 - 1, 0), len(places) // 2 + 2
         tried = [self.at_sample(place) for place in places[begin:end]]
         while True:
-            most = list(map(max, *[one.gains for one in tried]))
+            most = list(map(max, *[joined.gains for joined in tried]))
             side = self.side(most)
-            place = [one.gains[side] for one in tried].index(most[side])
+            place = [joined.gains[side] for joined in tried].index(most[side])
             if place == 0 and begin > 0:
                 begin -= 1
                 tried.insert(0, self.at_sample(places[begin]))

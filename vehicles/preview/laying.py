@@ -42,7 +42,7 @@ def laid(curve: LocalCurve, data: FitData, frame: Frame) -> ArcSpline:
     )
 
 
-def between(one: LocalCurve, joined: LocalCurve, share: float, data: FitData) -> LocalCurve:
+def between(smooth: LocalCurve, joined: LocalCurve, share: float, data: FitData) -> LocalCurve:
     """Mean of a curve of one piece and one of two, `share` being that of the second.
 
     Place and direction are means at the sample nearest to the ego, curvatures all along, so the
@@ -52,11 +52,15 @@ def between(one: LocalCurve, joined: LocalCurve, share: float, data: FitData) ->
     x, y = data.rows.item(X, nearest), data.rows.item(Y, nearest)
     rest = 1.0 - share
     cut, lateral, angle = _foot(joined, x, y)
-    station, aside, other = _foot(one, x, y)
+    station, aside, other = _foot(smooth, x, y)
     angle += rest * wrap_angle(other - angle)
     lateral = share * lateral + rest * aside
-    bend = rest * (one.after + one.rate * (station - cut))
-    before, after, rate = share * joined.before + bend, share * joined.after + bend, rest * one.rate
+    bend = rest * (smooth.after + smooth.rate * (station - cut))
+    before, after, rate = (
+        share * joined.before + bend,
+        share * joined.after + bend,
+        rest * smooth.rate,
+    )
     here = (x + lateral * sin(angle), y - lateral * cos(angle), wrap_angle(angle))
     join = _on(here, (before if cut < 0.0 else after) + rate * cut, rate, -cut)
     return LocalCurve(*join, before, after, rate)

@@ -92,7 +92,7 @@ def circle_of_least_squares(
         return None
     dx, dy = dx / size, dy / size
     square = dx * dx + dy * dy
-    xx, xy, yy = (float(_sum(weight * one)) / total for one in (dx * dx, dx * dy, dy * dy))
+    xx, xy, yy = (float(_sum(weight * product)) / total for product in (dx * dx, dx * dy, dy * dy))
     right_x = 0.5 * float(_sum(weight * dx * square)) / total
     right_y = 0.5 * float(_sum(weight * dy * square)) / total
     determinant = xx * yy - xy * xy
@@ -121,10 +121,10 @@ def _circle(x: Floats, y: Floats, weight: Floats) -> tuple[Piece, ...]:
     The chord of an arc of any extent has the direction of the tangent at its middle, which
     distinguishes left turns from right ones.
     """
-    found = circle_of_least_squares(x, y, weight)
-    if found is None:
+    circle = circle_of_least_squares(x, y, weight)
+    if circle is None:
         return _line(x, y, weight)
-    centre_x, centre_y, radius = found
+    centre_x, centre_y, radius = circle
     middle = len(x) // 2
     out_x, out_y = x.item(middle) - centre_x, y.item(middle) - centre_y
     away = hypot(out_x, out_y)
@@ -157,9 +157,9 @@ def _offsets(piece: Piece, x: Floats, y: Floats) -> Floats:
     xi, eta = dx * forward + dy * left, dy * forward - dx * left
     kappa = piece.curvature
     u, w = 1.0 - kappa * eta, kappa * xi
-    found: Floats = 2.0 * eta - kappa * (xi * xi + eta * eta)
-    found /= 1.0 + np.sqrt(u * u + w * w)
-    return found
+    offsets: Floats = 2.0 * eta - kappa * (xi * xi + eta * eta)
+    offsets /= 1.0 + np.sqrt(u * u + w * w)
+    return offsets
 
 
 def _straight_prefix(x: Floats, y: Floats, tolerance: float) -> int:

@@ -96,7 +96,7 @@ class Polyline:
         last = len(self.station) - 2
         first = min(max(bisect_right(self.station, low) - 1, 0), last)
         final = min(max(bisect_left(self.station, high) - 1, first), last)
-        best, found = inf, 0.0
+        best, station = inf, 0.0
         easts, norths, stations = self.east, self.north, self.station
         next_east, next_north = easts[first], norths[first]
         # Only the first segment may begin later than where it does, only the final one end earlier.
@@ -121,8 +121,8 @@ class Polyline:
             away = off_east * off_east + off_north * off_north
             if away < best:
                 best = away
-                found = stations[k] + share * (stations[k + 1] - stations[k])
-        return found
+                station = stations[k] + share * (stations[k + 1] - stations[k])
+        return station
 
 
 def step(one: Point, other: Point) -> float:

@@ -146,8 +146,8 @@ class Trace:
         self._append(point, speed)
         self._append(tail[0], speed)
         shift = line.station[-1] - station
-        for one in tail[1:]:
-            line.append(one, step(line.point(-1), one))
+        for later in tail[1:]:
+            line.append(later, step(line.point(-1), later))
         if self._here is not None and self._here > station:
             self._here += shift
         self._changed = True

@@ -141,8 +141,8 @@ def gain_box(
         inside = stabilises_all(cars, speeds, grid)
         if not inside.any():
             break
-        found = [np.flatnonzero(inside.any(axis=tuple({0, 1, 2} - {k}))) for k in range(3)]
-        first, last = np.array([i[0] for i in found]), np.array([i[-1] for i in found])
+        indices = [np.flatnonzero(inside.any(axis=tuple({0, 1, 2} - {k}))) for k in range(3)]
+        first, last = np.array([i[0] for i in indices]), np.array([i[-1] for i in indices])
         cell = (high - low) / (points - 1)
         short, long = (first == 0) & (low != 0.0), last == points - 1
         if not (short.any() or long.any()) and (last - first >= points - 6)[[0, 2]].all():
@@ -176,12 +176,12 @@ def gain_extremes(
     low, high = np.array(gain_box(cars, speeds)).T
     axes = [np.linspace(low[k], high[k], 24) for k in range(3)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    found = grid[stabilises_all(cars, speeds, grid)]
-    if not len(found):
+    members = grid[stabilises_all(cars, speeds, grid)]
+    if not len(members):
         raise ValueError("the stabilising gains are too thin a set for its extent to be found")
     pairs = []
     for axis in range(3):
-        least, most = found[found[:, axis].argmin()], found[found[:, axis].argmax()]
+        least, most = members[members[:, axis].argmin()], members[members[:, axis].argmax()]
         climbed = [
             _climbed(cars, speeds, end, side * np.eye(3)[axis], high - low)
             for end, side in ((least, -1.0), (most, 1.0))

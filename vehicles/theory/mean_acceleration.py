@@ -92,12 +92,12 @@ def transition(
     """
     span = abs(after - before) / acceleration / STEPS
     rate = (after - before) / (span * STEPS)
-    found = np.eye(6)
+    product = np.eye(6)
     for k in range(STEPS):
         speed = before + (k + 0.5) * (after - before) / STEPS
         matrix = closed_loop_at(parameters, gains, speed) + rate * speed_change_matrix()
-        found = expm(matrix * span) @ found
-    return np.asarray(found)
+        product = expm(matrix * span) @ product
+    return np.asarray(product)
 
 
 def energy_root(

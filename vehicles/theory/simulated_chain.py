@@ -81,10 +81,10 @@ def _loop(
 
 def _amplitudes(signal: Array, times: Array, frequencies: Array) -> ComplexArray:
     """Complex amplitude a of Re(a exp(j w t)) in each column of the signal, by least squares."""
-    found = np.zeros(len(frequencies), dtype=np.complex128)
+    amplitudes = np.zeros(len(frequencies), dtype=np.complex128)
     for index, frequency in enumerate(frequencies):
         angle = frequency * times
         basis = np.column_stack([np.cos(angle), -np.sin(angle)])
         real, imaginary = np.linalg.lstsq(basis, signal[:, index], rcond=None)[0]
-        found[index] = complex(real, imaginary)
-    return found
+        amplitudes[index] = complex(real, imaginary)
+    return amplitudes

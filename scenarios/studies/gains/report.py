@@ -100,7 +100,7 @@ def refuse_foreign_files(out_dir: Path, *, pictures: bool = True) -> None:
             known = json.loads(path.read_text(encoding="utf-8"))
         except ValueError:
             known = None
-        own = {one.name for one in fields(GainsReport)}
+        own = {entry.name for entry in fields(GainsReport)}
         if isinstance(known, dict) and own == known.keys():
             return
         raise ScenarioError(
@@ -304,7 +304,7 @@ def _amplification(subject: Subject, speed: float, steering: SteeringModel) -> A
     parameters, gains = subject.parameters, subject.gains
     transfer = propagation(parameters, gains, speed, steering)
     whole, slow = peak(transfer), peak(transfer, LANE_CHANGE_BAND)
-    found = Amplification(
+    amplification = Amplification(
         norm_ratio=whole.magnitude,
         peak_radps=whole.frequency,
         norm_below_1_hz_ratio=slow.magnitude,
@@ -314,11 +314,11 @@ def _amplification(subject: Subject, speed: float, steering: SteeringModel) -> A
         largest_alpha_ratio=largest_weight(transfer),
     )
     if speed != subject.reference:
-        return found
+        return amplification
     simulated = simulated_propagation(parameters, gains, speed, SIMULATED_FREQUENCIES, steering)
     errors = np.abs(simulated / transfer.at(SIMULATED_FREQUENCIES) - 1.0)
     return replace(
-        found,
+        amplification,
         simulated_radps=tuple(SIMULATED_FREQUENCIES.tolist()),
         simulated_ratio=tuple(np.abs(simulated).tolist()),
         simulation_error_ratio_max=float(errors.max()),

@@ -240,12 +240,12 @@ def as_json(value: Any) -> Any:
             return value if math.isfinite(value) else None
     if not is_dataclass(value):
         return value
-    found: dict[str, Any] = {}
-    for one in fields(value):
-        entry = getattr(value, one.name)
+    entries: dict[str, Any] = {}
+    for field in fields(value):
+        entry = getattr(value, field.name)
         if isinstance(entry, AccelerationBounds):
-            found[f"{one.name}_braking_mps2"] = as_json(entry.braking)
-            found[f"{one.name}_accelerating_mps2"] = as_json(entry.accelerating)
-        elif entry is not None or one.default is MISSING:
-            found[one.name] = as_json(entry)
-    return found
+            entries[f"{field.name}_braking_mps2"] = as_json(entry.braking)
+            entries[f"{field.name}_accelerating_mps2"] = as_json(entry.accelerating)
+        elif entry is not None or field.default is MISSING:
+            entries[field.name] = as_json(entry)
+    return entries

@@ -128,7 +128,7 @@ class Experiment:
 
     @property
     def names_trajectory(self) -> bool:
-        return any(one.startswith(TRAJECTORY_KEY) for one in self.overrides)
+        return any(override.startswith(TRAJECTORY_KEY) for override in self.overrides)
 
     def along(self, trajectory: Trajectory) -> "Experiment":
         if self.names_trajectory:
@@ -198,13 +198,13 @@ def _in_phases(key: RunKey, exact: Experiment, case: RunKey = BASE) -> dict[RunK
     """An exact run, and its repetitions with the road moved by less than the sample distance."""
     speed, begins = ROADS[case]
     until = () if key in BOTH_CHANGES else _first_change(case)
-    found = {key: exact}
+    runs = {key: exact}
     for phase in PHASES:
         distance = phase * SAMPLING_S * speed
         place = road(500.0, 30.0, 30.0, (begins[0] + distance, begins[1] + distance))
         overrides = (*exact.overrides, place, *until)
-        found[key.moved(phase)] = replace(exact, overrides=overrides, logged=False)
-    return found
+        runs[key.moved(phase)] = replace(exact, overrides=overrides, logged=False)
+    return runs
 
 
 def _repeated(key: RunKey, seeds: int, *until: str) -> dict[RunKey, Experiment]:
@@ -245,11 +245,11 @@ def _base() -> dict[RunKey, Experiment]:
 
 
 def _laws() -> dict[RunKey, Experiment]:
-    found = _in_phases(BASE, Experiment(logged=True), BASE)
+    runs = _in_phases(BASE, Experiment(logged=True), BASE)
     for law in OTHER_LAWS:
         run = _changed(f'control.controller="{law}"')
-        found |= _in_phases(BASE.varied(law), run)
-    return found
+        runs |= _in_phases(BASE.varied(law), run)
+    return runs
 
 
 def _a_or_c(key: RunKey, speed: float) -> dict[RunKey, Experiment]:
@@ -275,18 +275,18 @@ def _lead_data() -> dict[RunKey, Experiment]:
 
 
 def _radius() -> dict[RunKey, Experiment]:
-    found = {}
+    runs = {}
     for radius in RADII:
         arc, straight = lane_change_lengths(radius)
         length = 2.0 * arc + straight
         until = f"duration_s={5.0 + length / 30.0 + 6.0:.1f}"
         changes = (*SWERVE, road(radius, arc, straight, (150.0, 300.0 + length)), until)
         key = at_radius(radius)
-        found[key] = Experiment(overrides=changes)
-        found[key.varied("no_lead_data")] = Experiment(overrides=(*changes, *PREDECESSOR_ONLY))
-        found[key.varied("slip_compensated")] = Experiment(overrides=(*changes, *SLIP_COMPENSATED))
-        found |= _noisy(key, "paper_base", 2, *changes)
-    return found
+        runs[key] = Experiment(overrides=changes)
+        runs[key.varied("no_lead_data")] = Experiment(overrides=(*changes, *PREDECESSOR_ONLY))
+        runs[key.varied("slip_compensated")] = Experiment(overrides=(*changes, *SLIP_COMPENSATED))
+        runs |= _noisy(key, "paper_base", 2, *changes)
+    return runs
 
 
 def _field() -> dict[RunKey, Experiment]:
@@ -294,15 +294,15 @@ def _field() -> dict[RunKey, Experiment]:
 
     `field_runs` drives the exact runs, car by car.
     """
-    found = {}
+    runs = {}
     for key, changes in ((FIELD_WITH, ()), (FIELD_WITHOUT, PREDECESSOR_ONLY)):
         for phase in PHASES:
             place = f"path.segments.0.length_m={100.0 + phase * SAMPLING_S * FIELD_SPEED}"
-            found[key.moved(phase)] = Experiment(
+            runs[key.moved(phase)] = Experiment(
                 scenario="paper_field", overrides=(*EXACT, *changes, place, FIELD_UNTIL)
             )
-        found |= _noisy(key, "paper_field", FIELD_SEEDS, *changes, FIELD_UNTIL)
-    return found
+        runs |= _noisy(key, "paper_field", FIELD_SEEDS, *changes, FIELD_UNTIL)
+    return runs
 
 
 RUNS_OF_CASE: Mapping[str, Mapping[RunKey, Experiment]] = {

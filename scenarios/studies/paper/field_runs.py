@@ -90,11 +90,11 @@ def _replays(run: Scenario, logs: Sequence[Path]) -> list[Replay]:
     """Replays of lead and predecessor, each its gaps ahead of the car that drives."""
     names, route = run.vehicle_names, run.route
     ego = len(names) - 1
-    found = []
+    replays = []
     for place in sorted({0, ego - 1}) if ego else []:
         recorded = read_recorded_vehicle(logs[place] / LOG_NAME, names[place])
         start = route.path.at(route.start_station(ego))
         gap = sum(route.gaps[place + 1 : ego + 1])
         ahead = head_start(recorded, LocalPlane(run.origin), (start.east, start.north), gap)
-        found.append(recorded.replay(start_at=run.start_at_ns, ahead=ahead))
-    return found
+        replays.append(recorded.replay(start_at=run.start_at_ns, ahead=ahead))
+    return replays

@@ -53,25 +53,29 @@ class Findings:
 
     def ratios(self, preview_s: float) -> tuple[Array, Array]:
         """Frequencies (rad/s, rising) driven with that preview, and ratios (n, followers)."""
-        found = [one for one in self.sine_responses if one.preview_s == preview_s]
-        found.sort(key=lambda response: response.frequency)
+        responses = [
+            response for response in self.sine_responses if response.preview_s == preview_s
+        ]
+        responses.sort(key=lambda response: response.frequency)
         return (
-            np.array([response.frequency for response in found]),
-            np.array([response.ratios for response in found]),
+            np.array([response.frequency for response in responses]),
+            np.array([response.ratios for response in responses]),
         )
 
     def noisy(self, key: RunKey) -> list[Trial]:
         """Runs with a receiver's noise, one per seed."""
         return [
-            trial for one, trial in self.trials.items() if one.seed is not None and one.exact == key
+            trial
+            for candidate, trial in self.trials.items()
+            if candidate.seed is not None and candidate.exact == key
         ]
 
     def moved(self, key: RunKey) -> list[Trial]:
         """The exact run, and its repetitions on a road moved by less than the sample distance."""
         repeated = [
             trial
-            for one, trial in self.trials.items()
-            if one.phase is not None and one.exact == key
+            for candidate, trial in self.trials.items()
+            if candidate.phase is not None and candidate.exact == key
         ]
         return [self.trials[key], *repeated]
 

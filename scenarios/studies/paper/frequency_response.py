@@ -115,11 +115,11 @@ def amplitudes(trial: Trial, frequency: float) -> tuple[complex, ...]:
     speed = float(trial.lead.speed.mean())
     end = min(float(drive.east[-1]) for drive in trial.drives)
     begin = end - PERIODS * 2.0 * pi * speed / frequency
-    found = []
+    fitted = []
     for drive in trial.drives:
         on = (drive.east >= begin) & (drive.east <= end)
         angle, along = frequency * drive.east[on] / speed, drive.east[on] - begin
         basis = np.column_stack([np.cos(angle), -np.sin(angle), np.ones_like(along), along])
         real, imaginary = np.linalg.lstsq(basis, drive.north[on], rcond=None)[0][:2]
-        found.append(complex(real, imaginary))
-    return tuple(found)
+        fitted.append(complex(real, imaginary))
+    return tuple(fitted)

@@ -78,12 +78,12 @@ def reproduce(
         if isinstance(key, Along):
             add(findings[key.trajectory], key.part, results[key])
         else:
-            for one in findings.values():
-                add(one, key, results[key])
+            for results_along in findings.values():
+                add(results_along, key, results[key])
     claims = write_report(findings, chosen, out)
     for trajectory in TRAJECTORIES:
-        found = [claim.judged[trajectory].judgement for claim in claims]
-        counts = ", ".join(f"{j}: {found.count(j)}" for j in JUDGEMENTS)
+        judgements = [claim.judged[trajectory].judgement for claim in claims]
+        counts = ", ".join(f"{j}: {judgements.count(j)}" for j in JUDGEMENTS)
         progress(f"{len(claims)} claims, {TRAJECTORY_NAMES[trajectory]} ({counts})")
     progress(f"report: {out / REPORT}")
     return 0

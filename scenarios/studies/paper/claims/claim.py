@@ -106,7 +106,7 @@ class JudgedClaim:
     @property
     def differs(self) -> bool:
         """Whether the judgement depends on the trajectory."""
-        return len({one.judgement for one in self.judged.values()}) > 1
+        return len({judged.judgement for judged in self.judged.values()}) > 1
 
 
 def judge(claims: Iterable[Claim], findings: Mapping[Trajectory, Findings]) -> list[JudgedClaim]:
@@ -114,13 +114,15 @@ def judge(claims: Iterable[Claim], findings: Mapping[Trajectory, Findings]) -> l
     return [
         JudgedClaim(claim=claim, judged=_judged(claim, findings))
         for claim in claims
-        if all(one.has(need) for one in findings.values() for need in claim.needs)
+        if all(results.has(need) for results in findings.values() for need in claim.needs)
     ]
 
 
 def _judged(claim: Claim, findings: Mapping[Trajectory, Findings]) -> dict[Trajectory, Judged]:
     if claim.driven:
-        return {trajectory: judged(claim.answer(one)) for trajectory, one in findings.items()}
+        return {
+            trajectory: judged(claim.answer(results)) for trajectory, results in findings.items()
+        }
     once = judged(claim.answer(next(iter(findings.values()))))
     return dict.fromkeys(findings, once)
 
@@ -140,18 +142,18 @@ def judged(answer: Answer) -> Judged:
 
 def groups(claims: Iterable[JudgedClaim], trajectory: Trajectory) -> dict[str, list[JudgedClaim]]:
     """Group the claims that do not hold or are undecided, and those that noise changes."""
-    found: dict[str, list[JudgedClaim]] = {
+    grouped: dict[str, list[JudgedClaim]] = {
         group: [] for group in ("does not hold", "undecided", "noise spoils", "noise helps")
     }
     for claim in claims:
-        one = claim.judged[trajectory]
-        if one.judgement in found:
-            found[one.judgement].append(claim)
-        noise = one.answer.noise
+        outcome = claim.judged[trajectory]
+        if outcome.judgement in grouped:
+            grouped[outcome.judgement].append(claim)
+        noise = outcome.answer.noise
         if noise is None:
             continue
-        if one.judgement == "holds" and noise.holding < noise.runs:
-            found["noise spoils"].append(claim)
-        if one.judgement == "does not hold" and noise.holding > 0:
-            found["noise helps"].append(claim)
-    return found
+        if outcome.judgement == "holds" and noise.holding < noise.runs:
+            grouped["noise spoils"].append(claim)
+        if outcome.judgement == "does not hold" and noise.holding > 0:
+            grouped["noise helps"].append(claim)
+    return grouped

@@ -108,11 +108,11 @@ def ten_centimetres(findings: Findings) -> Answer:
 def circle(_: Findings) -> Answer:
     x, y = _arc(500.0)
     weight = np.full(len(x), 0.5)
-    found = circle_of_least_squares(x, y, weight)
+    solved = circle_of_least_squares(x, y, weight)
     direct = _plain_equations(x, y, weight)
-    if found is None:
+    if solved is None:
         raise ValueError("an arc of 500 m determines its circle")
-    apart = max(abs(a - b) for a, b in zip(found, direct, strict=True)) / found[2]
+    apart = max(abs(a - b) for a, b in zip(solved, direct, strict=True)) / solved[2]
     bias = {radius: _mean_bend(radius) for radius in (300.0, 500.0, 1500.0)}
     return Answer(
         ours=f"solved about the samples and as printed they agree to {apart:.0e} of R. With 2 cm "
@@ -148,9 +148,9 @@ def _mean_bend(radius: float) -> float:
     bends = []
     for _ in range(DRAWS):
         noise = ACCURACY * random.standard_normal((2, len(x)))
-        found = circle_of_least_squares(x + noise[0], y + noise[1], np.ones_like(x))
-        if found is not None:
-            bends.append(np.copysign(radius / found[2], found[1]))
+        solved = circle_of_least_squares(x + noise[0], y + noise[1], np.ones_like(x))
+        if solved is not None:
+            bends.append(np.copysign(radius / solved[2], solved[1]))
     return float(np.mean(bends))
 
 

@@ -21,12 +21,12 @@ AllFindings = Mapping[Trajectory, Findings]
 def logs(findings: AllFindings, cases: Sequence[str]) -> list[str]:
     """Paths of the kept logs, relative to the report."""
     runs = {key: run for case in cases for key, run in RUNS_OF_CASE[case].items()}
-    found = []
-    for kind, one in findings.items():
-        logged = [key for key, run in runs.items() if run.logged and one.has(key)]
-        found += [f"{kind}/{key}/run.mcap" for key in logged]
-        found += [f"{kind}/field/{name}/run.mcap" for name in one.field_logs]
-    return found
+    paths = []
+    for kind, results in findings.items():
+        logged = [key for key, run in runs.items() if run.logged and results.has(key)]
+        paths += [f"{kind}/{key}/run.mcap" for key in logged]
+        paths += [f"{kind}/field/{name}/run.mcap" for name in results.field_logs]
+    return paths
 
 
 def machine_readable(
@@ -60,31 +60,31 @@ def _runs_of(findings: Findings) -> dict[str, Any]:
 def _propagation(findings: Findings) -> list[dict[str, Any]]:
     return [
         {
-            "frequency_radps": one.frequency,
-            "preview_s": one.preview_s,
-            "amplitude_m": np.abs(one.amplitudes).tolist(),
-            "ratio": one.ratios,
+            "frequency_radps": response.frequency,
+            "preview_s": response.preview_s,
+            "amplitude_m": np.abs(response.amplitudes).tolist(),
+            "ratio": response.ratios,
         }
-        for one in sorted(findings.sine_responses, key=lambda one: one.frequency)
+        for response in sorted(findings.sine_responses, key=lambda response: response.frequency)
     ]
 
 
-def _row(one: JudgedClaim) -> dict[str, Any]:
-    claim = one.claim
+def _row(row: JudgedClaim) -> dict[str, Any]:
+    claim = row.claim
     return {
         "name": claim.name,
         "where": claim.where,
         "paper": claim.paper,
         "driven": claim.driven,
-        "trajectories": {kind: _judged_row(judged) for kind, judged in one.judged.items()},
+        "trajectories": {kind: _judged_row(judged) for kind, judged in row.judged.items()},
     }
 
 
-def _judged_row(one: Judged) -> dict[str, Any]:
-    answer = one.answer
+def _judged_row(judged: Judged) -> dict[str, Any]:
+    answer = judged.answer
     return {
         "ours": answer.ours,
-        "verdict": one.judgement,
+        "verdict": judged.judgement,
         "reason": answer.reason,
         "phases": answer.phases._asdict() if answer.phases else None,
         "noise": answer.noise._asdict() if answer.noise else None,

@@ -332,13 +332,13 @@ def measured_propagation(findings: Findings) -> Figure:
 def recipe(findings: Mapping[Trajectory, Findings]) -> Figure:
     figure = Figure(figsize=(10.4, 3.8), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(1.3, 1.0))
-    for (trajectory, one), colour, mark in zip(
+    for (trajectory, results), colour, mark in zip(
         findings.items(), (BLUE, RED), ("o", "s"), strict=True
     ):
-        exact = [max(one.trials[at_radius(r)].tracking) for r in RADII]
+        exact = [max(results.trials[at_radius(r)].tracking) for r in RADII]
         label = TRAJECTORY_NAMES[trajectory]
         left.loglog(RADII, 100.0 * np.array(exact), color=colour, marker=mark, label=label)
-        noisy = [max(max(run.tracking) for run in one.noisy(at_radius(r))) for r in RADII]
+        noisy = [max(max(run.tracking) for run in results.noisy(at_radius(r))) for r in RADII]
         label = f"{label}, 2 cm of noise"
         left.plot(
             RADII, 100.0 * np.array(noisy), mark, ls=":", mfc="white", color=colour, label=label

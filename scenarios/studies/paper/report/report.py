@@ -100,14 +100,14 @@ def _draw(findings: AllFindings, out: Path) -> dict[str, list[str]]:
     drawn: dict[str, list[str]] = {}
     with mpl.rc_context(STYLE):
         for name, (needs, draw_both) in BOTH.items():
-            if all(one.has(need) for one in findings.values() for need in needs):
+            if all(results.has(need) for results in findings.values() for need in needs):
                 draw_both(findings).savefig(out / name, metadata={"Software": ""})
                 drawn[name] = [name]
         for name, (needs, draw) in PICTURES.items():
-            for kind, one in findings.items():
-                if all(map(one.has, needs)):
+            for kind, results in findings.items():
+                if all(map(results.has, needs)):
                     file = _file(name, kind)
-                    draw(one).savefig(out / file, metadata={"Software": ""})
+                    draw(results).savefig(out / file, metadata={"Software": ""})
                     drawn.setdefault(name, []).append(file)
     return drawn
 
@@ -145,7 +145,7 @@ def _markdown(
 
 
 def _counts(claims: Sequence[JudgedClaim], kind: Trajectory) -> str:
-    judgements = [one.judged[kind].judgement for one in claims]
+    judgements = [claim.judged[kind].judgement for claim in claims]
     hold, open_, fail, rest = (judgements.count(j) for j in JUDGEMENTS)
     return (
         f"{TRAJECTORY_NAMES[kind]}: {hold} hold, {open_} are undecided, {fail} do not hold, {rest} "
@@ -155,19 +155,19 @@ def _counts(claims: Sequence[JudgedClaim], kind: Trajectory) -> str:
 
 def _differing(claims: Sequence[JudgedClaim]) -> Iterator[str]:
     """List the claims whose verdict depends on the trajectory."""
-    found = [one for one in claims if one.differs]
+    differing = [claim for claim in claims if claim.differs]
     yield "## Where the trajectory decides"
     yield ""
-    if not found:
+    if not differing:
         yield "Nowhere among these claims."
     else:
         yield (
             "| paper | says | " + " | ".join(TRAJECTORY_NAMES[kind] for kind in TRAJECTORIES) + " |"
         )
         yield "|---|---|---|---|"
-    for one in found:
-        verdicts = (one.judged[kind].judgement for kind in TRAJECTORIES)
-        yield _line(one.claim.where, one.claim.paper, *verdicts)
+    for claim in differing:
+        verdicts = (claim.judged[kind].judgement for kind in TRAJECTORIES)
+        yield _line(claim.claim.where, claim.claim.paper, *verdicts)
     yield ""
 
 
@@ -203,14 +203,14 @@ GROUPS = {
 def _in_short(claims: Sequence[JudgedClaim], kind: Trajectory, title: str) -> Iterator[str]:
     """List the claims that do not simply hold, by group."""
     yield from (f"## In short: {title}", "")
-    for group, found in groups(claims, kind).items():
-        if found:
+    for group, members in groups(claims, kind).items():
+        if members:
             yield f"{GROUPS[group]}:"
             yield ""
-            for one in found:
-                answer = one.judged[kind].answer
+            for claim in members:
+                answer = claim.judged[kind].answer
                 runs = "" if group == "does not hold" else f": {_runs(answer)}"
-                yield f"- {one.claim.paper} ({one.claim.where}){runs}"
+                yield f"- {claim.claim.paper} ({claim.claim.where}){runs}"
             yield ""
 
 
@@ -264,13 +264,13 @@ def _claims(claims: Sequence[JudgedClaim]) -> Iterator[str]:
     yield ""
     yield _line("paper", "says", *(c for n in names for c in (n, "verdict")), "why, or how far")
     yield "|---|---|---|---|---|---|---|"
-    for one in claims:
-        first, second = (one.judged[kind] for kind in TRAJECTORIES)
+    for row in claims:
+        first, second = (row.judged[kind] for kind in TRAJECTORIES)
         same = second.answer.ours == first.answer.ours
-        again = "the same" if one.claim.driven else "(calculated)"
+        again = "the same" if row.claim.driven else "(calculated)"
         yield _line(
-            one.claim.where,
-            one.claim.paper,
+            row.claim.where,
+            row.claim.paper,
             first.answer.ours,
             _verdict(first),
             again if same else second.answer.ours,
@@ -281,20 +281,21 @@ def _claims(claims: Sequence[JudgedClaim]) -> Iterator[str]:
     yield "## Pictures"
 
 
-def _verdict(one: Judged) -> str:
+def _verdict(judged: Judged) -> str:
     """The judgement, and the count of runs in which the claim holds."""
-    bold = one.judgement in {"undecided", "does not hold"}
-    verdict = f"**{one.judgement}**" if bold else str(one.judgement)
-    runs = _runs(one.answer)
+    bold = judged.judgement in {"undecided", "does not hold"}
+    verdict = f"**{judged.judgement}**" if bold else str(judged.judgement)
+    runs = _runs(judged.answer)
     return f"{verdict} ({runs})" if runs else verdict
 
 
 def _reasons(first: Judged, second: Judged) -> str:
-    one, other = first.answer.reason, second.answer.reason
-    if one == other:
-        return one
+    reason, other = first.answer.reason, second.answer.reason
+    if reason == other:
+        return reason
     both = (
-        (TRAJECTORY_NAMES[kind], why) for kind, why in zip(TRAJECTORIES, (one, other), strict=True)
+        (TRAJECTORY_NAMES[kind], why)
+        for kind, why in zip(TRAJECTORIES, (reason, other), strict=True)
     )
     return ". ".join(f"{name.capitalize()}: {why}" for name, why in both if why)
 
@@ -308,7 +309,7 @@ def _gains(findings: AllFindings) -> Iterator[str]:
 
 
 def _logs(findings: AllFindings, cases: Sequence[str]) -> Iterator[str]:
-    found = logs(findings, cases)
-    if found:
+    paths = logs(findings, cases)
+    if paths:
         yield from ("", "## Logs", "", "`convoy review LOG` shows them:", "")
-        yield from (f"- {log}" for log in found)
+        yield from (f"- {log}" for log in paths)

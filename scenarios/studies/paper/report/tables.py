@@ -76,9 +76,9 @@ def _road(radius: float) -> str:
     return f"arcs of {arc:.0f} m, {straight:.0f} m between"
 
 
-def _table(title: str, what: str, rows: Sequence[tuple[str, Trial]]) -> Iterator[str]:
+def _table(title: str, heading: str, rows: Sequence[tuple[str, Trial]]) -> Iterator[str]:
     yield from ("", f"## {title}", "")
-    yield f"| {what} | off the own trajectory | decreasing | off the lead's path |"
+    yield f"| {heading} | off the own trajectory | decreasing | off the lead's path |"
     yield "|---|---|---|---|"
     for text, trial in rows:
         word = "yes" if non_increasing(trial.tracking) else "no"
