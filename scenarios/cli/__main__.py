@@ -10,9 +10,9 @@ def main() -> None:
         from scenarios.runs.stop import end_on_signals
 
         open_standard_files()
-        # A part of a run that its launcher stops says nothing of it: the launcher does.
+        # The launcher reports when it stops a process of its run.
         end_on_signals(say="--leash" not in sys.argv)
-    except KeyboardInterrupt:  # in the few milliseconds before
+    except KeyboardInterrupt:  # before the handlers are set
         os.write(2, b"stopped by SIGINT\n")
         os._exit(130)
     from scenarios.cli.main import main as run_command

@@ -14,7 +14,7 @@ from transport.log.records import LogError
 from transport.picture.viewer_process import ViewerError
 
 UNWRITABLE = {errno.EACCES, errno.EDQUOT, errno.EIO, errno.ENOSPC, errno.EPERM, errno.EROFS}
-"""Nothing is wrong with what was given, but with the place where it is to be written."""
+"""Faults of the destination, not of the input."""
 
 
 class MissingExtraError(Exception):

@@ -86,7 +86,7 @@ for command in (
 def main() -> None:
     """Run the command of `sys.argv`; `scenarios.cli.__main__` handles signals by then."""
     keep_output_going()
-    # A controller of the user's own is sought in the working folder too, after what is installed.
+    # A user's own controller may be in the working folder; installed packages come first.
     sys.path.append(str(Path.cwd()))
     with unwritable_output_reported():
         cli(prog_name="convoy")

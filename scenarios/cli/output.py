@@ -1,4 +1,4 @@
-"""Standard output and error of a command: closed, full or of few letters, they end no run."""
+"""Standard output and error that may be closed, full or limited to few letters."""
 
 import io
 import os

@@ -1,4 +1,4 @@
-"""Commands that look at scenarios and write new ones; nothing is run."""
+"""Commands that check scenarios and write new ones, without a run."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING

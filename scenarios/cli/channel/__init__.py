@@ -1,4 +1,4 @@
-"""What links are configured to do and do, for a person.
+"""Commands and tables about links: their configuration, laws, costs.
 
 commands       convoy channel show and fit
 costs          convoy channel figure and cuts

@@ -1,4 +1,4 @@
-"""What is requested of each link, and what follows from it, as text."""
+"""The configuration of each link, and the figures that follow from it, as text."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

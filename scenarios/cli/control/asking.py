@@ -19,7 +19,7 @@ from transport.texts import printable
 from transport.topics import CONDUCTOR, control_key
 
 ANSWER_S = 1.0
-"""How long an answer is waited for; usual are some milliseconds."""
+"""Timeout of an answer, which usually takes some milliseconds."""
 MOST_AT_ONCE = 32
 """Vehicles that receive a request at the same time."""
 
@@ -76,7 +76,7 @@ def ask(bus: Bus, run: str, entry: Mapping[str, Any]) -> list[VehicleAnswer]:
         raise BusError(f"run {run}: no vehicle {printable(str(wanted))}, there are {known}")
     vehicles = present if wanted is None else [wanted]
     begun = time.monotonic()
-    # All at one instant: that which the first of them can do it at.
+    # All change at the earliest instant that the first of them offers.
     first = _ask_one(bus, vehicles[0], Question(), begun).answer if len(vehicles) > 1 else None
     at_s = first.from_s if first and not first.refused else None
     question = Question(dict(entry), at_s)

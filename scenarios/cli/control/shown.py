@@ -1,4 +1,4 @@
-"""How a convoy goes, as tables of a terminal that refresh, or as JSON."""
+"""The status of a convoy as tables that refresh in a terminal, or as JSON."""
 
 from collections.abc import Callable, Sequence
 
@@ -15,9 +15,9 @@ from transport.texts import printable
 
 POLL_S = 0.05
 MOST_ROWS = 10
-"""Of more vehicles, or links, than this a table that refreshes has only the worst."""
+"""Most vehicles, or links, in a table that refreshes; the worst are shown."""
 HAZARD_M = 1000.0
-"""True error of which hazard lights are worth more."""
+"""Rank of hazard lights, as a true error."""
 
 
 def _sources(one: VehicleFiguresNow) -> str:

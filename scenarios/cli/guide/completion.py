@@ -1,7 +1,7 @@
-"""What a shell offers when Tab is pressed: scenarios, keys of `--set`, vehicles, viewers.
+"""Shell completion of scenarios, keys of `--set`, vehicles and viewers.
 
-Click makes the scripts for bash, zsh and fish. Each press starts a process, so nothing is loaded
-here before it is needed, and never what drives.
+Click makes the scripts for bash, zsh and fish. Each press of Tab starts a process, so imports are
+lazy.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 
 RERUN = ("off", "spawn", "serve", "connect=", "save=")
 DEFAULT = "lane_change"
-"""The scenario in which a shipped channel is looked at."""
+"""The scenario that shows a shipped channel."""
 FILES_ONLY = {"extends", "overrides"}
-"""Keys that `--set` does not take, or that are set by it."""
+"""Keys that `--set` does not accept."""
 
 
 @add_completion_class
@@ -128,7 +128,7 @@ def _vehicles(context: Context) -> tuple[str, ...]:
     from scenarios.definition.library import read_file
     from scenarios.definition.schema.tables import ConvoyTable
 
-    # Behind an option without its value, as here, click leaves the arguments where they are.
+    # Click leaves the arguments in place after an option without its value, as here.
     file = next(iter(context.args), context.params.get("scenario") or DEFAULT)
     file = DEFAULT if file in _presets() else file
     try:

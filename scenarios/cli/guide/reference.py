@@ -1,4 +1,4 @@
-"""`convoy reference`: what is in a log and in a summary, and the contract of a controller."""
+"""`convoy reference`: contents of logs and summaries, and the contract of a controller."""
 
 from collections.abc import Iterable
 from dataclasses import fields

@@ -1,11 +1,11 @@
 """Commands that drive a convoy.
 
 commands     run, router, vehicle, record
-launching    what run does, whichever clock it has
+launching    convoy run, for both clocks
 processes    a run on the wall clock: its processes are prepared and started
 virtually    a run in virtual time
-recording    what record does
-watching     what is shown of a run, while it is recorded and when it is over
-destination  where its files go, and its picture
+recording    convoy record
+watching     display of a run during recording and at its end
+destination  folder of its files, destination of its picture
 progress     the live table of a run
 """

@@ -22,7 +22,7 @@ from scenarios.cli.options import (
 from scenarios.cli.output import unwritable_output_reported
 from scenarios.runs.stop import stop_on_request
 
-if TYPE_CHECKING:  # reading a scenario takes imports that no command needs to show its help
+if TYPE_CHECKING:  # help needs none of these slow imports
     from scenarios.definition.scenario import Scenario
     from scenarios.runs.processes.forking import Task
 
@@ -160,7 +160,7 @@ def vehicle(
 
     name_process(name)
     with clear_errors():
-        # Who was forked from a process that has read the scenario is given it.
+        # A forked process inherits the scenario.
         convoy = known or load_scenario(scenario, overrides, seed)
         options = zenoh_from(flags, checked_run_name(run_name or convoy.name))
         complain = partial(click.echo, err=True)

@@ -1,4 +1,4 @@
-"""Where the files of a run go, and its picture."""
+"""Folder of a run, and the checks of its picture's destination."""
 
 from datetime import UTC, datetime
 from pathlib import Path

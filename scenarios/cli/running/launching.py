@@ -1,4 +1,4 @@
-"""What the command `run` does: prepare the folder, then start the processes, or run virtually."""
+"""`convoy run`: prepare the folder, then start the processes, or run virtually."""
 
 import secrets
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from scenarios.runs.processes.membership import checked_run_name
 from scenarios.runs.run_folder import claimed
 from scenarios.runs.stop import stop_on_signals
 
-if TYPE_CHECKING:  # a run has either clock
+if TYPE_CHECKING:  # virtual runs need none
     from scenarios.cli.running.processes import BePart
 
 
@@ -38,7 +38,7 @@ def run_scenario(
     common = checked_run_name(run_name or f"{scenario.name}-{secrets.token_hex(3)}")
     for line in warnings(scenario):
         click.echo(f"warning: {line}", err=True)
-    refuse_picture(rerun, out)  # here, in one line, rather than by the recorder
+    refuse_picture(rerun, out)  # in one line here, before the recorder starts
     folder = run_folder(scenario, out)
     with claimed(folder, fresh=out is None):
         if clock == "virtual":

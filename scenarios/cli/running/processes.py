@@ -1,7 +1,7 @@
-"""A run on the wall clock: what its processes share is prepared, then they are started.
+"""A run on the wall clock: prepare what its processes share, then start them.
 
-What only a recorder needs is not imported before the vehicles are forked: they would have a part of
-it in their memory.
+Modules of the recorder are not imported before the vehicles are forked, whose memory they would
+enlarge.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,9 +21,9 @@ from scenarios.runs.virtual.convoy import VirtualConvoy
 from transport.log.records import LogError
 
 BePart = Callable[[Scenario, Sequence[str]], Task]
-"""Prepares, of a run of a scenario, what a forked process does as `convoy ARGUMENTS`."""
+"""Prepares `convoy ARGUMENTS` in a forked process, for a run of a scenario."""
 PARTS = ("scenarios.runs.processes.router", "scenarios.runs.processes.vehicle")
-"""Modules of the parts of a run but for the recorder, which imports its own."""
+"""Modules of the processes of a run other than the recorder."""
 
 
 def run_processes(plan: LaunchPlan, be_part: BePart | None, *, quiet: bool) -> int:

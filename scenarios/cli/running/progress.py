@@ -59,17 +59,15 @@ COLUMNS: Sequence[Column[_Row]] = (
 
 
 class Progress:
-    """Shows time, true error and gap, speed and messages of each vehicle, live.
+    """A live table of time, true error and gap, speed and messages of each vehicle.
 
     Of a long convoy it shows the vehicles that were furthest off the lead's path so far, and a line
     about all. The figures are those of `metrics`, which takes each message first.
     """
 
     kinds: frozenset[type[Message]] = frozenset({LogText, RunStart, TruePose})
-    """Kinds of message that it needs."""
 
     def __init__(self, metrics: Metrics, duration_s: float) -> None:
-        """Show nothing until the run, which is to last `duration_s`, starts."""
         self._metrics = metrics
         self._duration_s = duration_s
         self._start_at: int | None = None
@@ -88,7 +86,6 @@ class Progress:
         self._live.stop()
 
     def listen(self, _at: int, message: Message) -> None:
-        """Take one recorded message."""
         known = message.vehicle in self._metrics.vehicles
         match message:
             case RunStart():
@@ -114,13 +111,11 @@ class Progress:
         if self._terminal:
             self._live.update(self._table(), refresh=True)
         else:
-            self._console.print(self._line(), highlight=False, soft_wrap=True)
-
-    def _line(self) -> str:
-        return f"{self._seconds():6.1f} of {self._duration_s:.1f} s  {self._of_all()}"
+            line = f"{self._seconds():6.1f} of {self._duration_s:.1f} s  {self._of_all()}"
+            self._console.print(line, highlight=False, soft_wrap=True)
 
     def _of_all(self) -> str:
-        """Report the worst figures of all vehicles, and the sums of their messages."""
+        """Format the worst figures of all vehicles, and the sums of their messages."""
         figures = self._metrics.vehicles.values()
         worst = max(abs(one.cross_track_error.latest) for one in figures)
         largest = max(one.cross_track_error.largest for one in figures)
@@ -131,15 +126,8 @@ class Progress:
             f"  true gap {gap} m  heard {heard}  lost {lost}  late {late}"
         )
 
-    def _shown(self) -> list[str]:
-        """Names of the vehicles that have a row, in the order of the convoy."""
-        vehicles = self._metrics.vehicles
-        return worst_rows(
-            list(vehicles), lambda name: vehicles[name].cross_track_error.largest, MOST_ROWS
-        )
-
     def _gap(self, name: str) -> float:
-        """True gap (m) to the vehicle ahead by now, infinite if it is unknown."""
+        """True gap (m) to the vehicle ahead, infinite if it is unknown."""
         known = self._metrics.stream.gaps.get(name)
         return known.now_m if known else inf
 
@@ -158,14 +146,15 @@ class Progress:
 
     def _table(self) -> Table:
         title = f"{self._seconds():.1f} of {self._duration_s:.1f} s"
-        names = self._shown()
+        vehicles = self._metrics.vehicles
+        names = worst_rows(
+            list(vehicles), lambda name: vehicles[name].cross_track_error.largest, MOST_ROWS
+        )
         caption = None
-        if len(names) < len(self._metrics.vehicles):
-            count = len(self._metrics.vehicles)
-            caption = f"the worst {len(names)} of {count}; all: {self._of_all()}"
+        if len(names) < len(vehicles):
+            caption = f"the worst {len(names)} of {len(vehicles)}; all: {self._of_all()}"
         rows = [
-            _Row(name, self._metrics.vehicles[name], self._gap(name), *self._messages(name))
-            for name in names
+            _Row(name, vehicles[name], self._gap(name), *self._messages(name)) for name in names
         ]
         # without lines, which would cost columns
         return table_of(COLUMNS, rows, title=title, caption=caption, box=None)

@@ -1,4 +1,4 @@
-"""What `convoy record` does, with a picture and tables."""
+"""`convoy record`, with a picture and tables."""
 
 from contextlib import nullcontext
 from pathlib import Path
@@ -61,8 +61,8 @@ def record_run(
             )
             summary = recorder.record_until_over()
         show(summary, folder, quiet=quiet)
-        # Last of all: on this the vehicles end, and the end of one container may stop all others.
-        # A signal that comes when all is done changes nothing any more, to the very end.
+        # Last of all: the vehicles wait for it, and the end of one container may stop all others.
+        # Signals are ignored from here, as the result is complete.
         ignore_signals()
         recorder.announce_completion()
     if quiet and summary.reason not in {"", stop.reason}:

@@ -1,4 +1,4 @@
-"""What `convoy run --clock virtual` does, with a picture and tables."""
+"""`convoy run --clock virtual`, with a picture and tables."""
 
 from pathlib import Path
 
@@ -27,6 +27,6 @@ def run_virtually(
         stop.begun = True
         summary = run_virtual(scenario, folder, stop, metrics=metrics, observers=watchers)
     show(summary, folder, quiet=quiet)
-    if quiet and stop.exit_code == EXIT_FAILED:  # a signal was said when it came
+    if quiet and stop.exit_code == EXIT_FAILED:  # signals are reported when they arrive
         click.echo(summary.reason, err=True)
     return stop.exit_code if summary.reason else 0

@@ -1,4 +1,4 @@
-"""What is shown of a run while it is recorded and when it is over, whichever clock it has."""
+"""Display of a run during recording and at its end, for both clocks."""
 
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext

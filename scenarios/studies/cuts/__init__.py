@@ -1,4 +1,4 @@
-"""What followers do when all messages stop at some instant of a double lane change.
+"""Reactions of followers when all messages stop during a double lane change.
 
 cut        one such run and its figures
 campaign   many of them, with each reaction

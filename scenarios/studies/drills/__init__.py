@@ -1,4 +1,4 @@
-"""Failure drills: scenarios in which something fails, with limits that must hold all the same.
+"""Failure drills: scenarios in which something fails, with limits that must hold.
 
 drill        drills with their seeds, and the rows of their limits
 files        the rows as JSON and JUnit XML

@@ -1,6 +1,6 @@
 """The instant at which a burst of losses does most harm: a grid over the run, then ever closer.
 
-What is lost follows from when it was sent, so an instant matters as finely as messages are apart.
+A burst loses what is sent during it, so instants matter down to the spacing of messages.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Hands out jobs in batches of a second or more, gathers their outcomes, survives the workers.
+"""Hands out jobs in batches of a second or more and gathers their outcomes.
 
 A batch whose worker died is tried again, each of its jobs alone from then on, so that a job that
 kills its worker is found and the others of its batch are done.

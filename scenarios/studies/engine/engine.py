@@ -1,6 +1,6 @@
-"""Runs the jobs of a study, each once, however often workers and driver are killed.
+"""Runs each job of a study once, even if workers and driver are killed.
 
-With a journal, a driver that was killed goes on where it was.
+With a journal, a killed driver resumes.
 """
 
 import time
@@ -174,7 +174,7 @@ def study_engine(
                 yield Engine(open_fleet, ends, report, journal)
         except BaseException:
             if is_new:
-                with suppress(OSError):  # it holds something
+                with suppress(OSError):  # not empty
                     out.rmdir()
             raise
 

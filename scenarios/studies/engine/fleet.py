@@ -26,7 +26,7 @@ Given = ParamSpec("Given")
 Result = TypeVar("Result")
 
 QUEUED = 2
-"""Batches for each thread of a remote worker: while one comes back, the next is there already."""
+"""Batches for each thread of a remote worker, so that the next is ready at once."""
 LOOK_EVERY_S = 1.0
 """Interval between two looks at a scheduler's workers, which come and go."""
 CONNECT_S = 10.0
@@ -78,9 +78,9 @@ class WorkerPool(Executor):
     """
 
     def __init__(self, workers: int) -> None:
-        # Inherited by the workers; see the same line of the command line.
+        # Inherited by the workers; see scenarios.cli.main.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-        # After a Ctrl-C Python itself cleans up, and would warn that it had to.
+        # After a Ctrl-C Python cleans up by itself, and would warn of it.
         os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
         self._processes = [_one_process() for _ in range(workers)]
         self._futures: list[list[Future[Any]]] = [[] for _ in range(workers)]
@@ -175,11 +175,11 @@ def _dask_fleet(address: str) -> Iterator[Fleet]:
 
     try:
         client = Client(address, timeout=CONNECT_S, set_as_default=False)
-    except (OSError, ValueError) as error:  # also that it takes too long
+    except (OSError, ValueError) as error:  # TimeoutError among them
         why = f"no dask scheduler answers there ({' '.join(str(error).split())})"
         raise EngineError([f"--scheduler: {address}: {why}"]) from error
     try:
-        # Equal batches may be sent twice, when a worker died, so none stands for another.
+        # After the death of a worker equal batches are sent again and must not share a result.
         executor = client.get_executor(pure=False)
         died = (BrokenExecutor, KilledWorker)
         yield Fleet(executor=executor, slots=_slots_of(client), died=died, gave_up=(KilledWorker,))

@@ -1,4 +1,4 @@
-"""Results as they come, in a file that outlives the driver: killed and started again, it goes on.
+"""Results in a file that survives the driver, which resumes from it.
 
 JSON lines: the first holds the question, each further one the outcome of one job. Each line ends
 with a checksum, and that of an outcome covers the question too: so a damaged line, or one that

@@ -1,4 +1,4 @@
-"""Which programs a process has: results of different ones are not mixed."""
+"""Versions of the programs of a process: results of different versions are not mixed."""
 
 import hashlib
 import platform

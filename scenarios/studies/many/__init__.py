@@ -1,11 +1,11 @@
-"""Answers from many runs of one scenario: what is requested of each, and what they show together.
+"""Answers from many runs of one scenario.
 
 variant     one run: a scenario, overrides and a seed, and the command that repeats it
-watched     a run that is watched for one limit, and ends when it is broken
+watched     a run that ends when it breaks a limit
 statistics  intervals of confidence of shares and means
-boundary/   `convoy bisect`: from which value of a key on a limit is broken
-splitting   rare events by adaptive multilevel splitting, of any paths and of runs
+boundary/   `convoy bisect`: the value of a key at which runs begin to break a limit
+splitting   probabilities of rare events by adaptive multilevel splitting
 risk        `convoy risk`: how probable it is that one run breaks a limit
 sweeps/     `convoy sweep`: many values of some keys
-blame/      `convoy blame`: which losses of a recorded run were to blame
+blame/      `convoy blame`: the losses that caused the worst figure of a recorded run
 """

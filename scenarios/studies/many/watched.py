@@ -1,7 +1,7 @@
-"""One run watched for one limit: how near it came, when, and whether it broke it; there it ends.
+"""One run and one limit: how near the run came, when, and whether it broke the limit and ended.
 
-Cheaper than a summary: of all figures only those are worked out that the limit depends on. Whether
-the limit is broken is what `broken_by` finds in the summary of the whole run.
+Cheaper than a summary: only the figures of the limit are computed. The verdict agrees with that of
+`broken_by` on the summary of the whole run.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from scenarios.runs.virtual.drive import drive
 from vehicles.messages import Message, Tracking, TruePose
 
 Measure = Literal["limit", "silence"]
-"""How near a run is to a limit: by what the limit is about, or by how long nothing was received."""
+"""Nearness to a limit: by the limit's figure, or by how long nothing was received."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""`convoy channel fit`: the links of a log as a block of a scenario that gives them again."""
+"""`convoy channel fit`: the links of a log as a block of a scenario that reproduces them."""
 
 from dataclasses import dataclass
 from pathlib import Path

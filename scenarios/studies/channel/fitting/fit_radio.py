@@ -1,4 +1,4 @@
-"""Deliveries of a link over distance: a table, alone or by reservations, or shadowing on the way.
+"""Deliveries of a link over distance: a table, alone or by reservations, or shadowing.
 
 Losses of a radio are distinguished by the correlation of two messages' fates. Independent losses
 have none. Messages of one reservation share their fate, so the correlation approaches 1 as they

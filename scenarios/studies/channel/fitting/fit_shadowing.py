@@ -1,4 +1,4 @@
-"""Shadowing of a link from the fates of its messages, as a path-loss law that gives them again.
+"""Shadowing of a link from the fates of its messages, as a path-loss law that reproduces them.
 
 Received is Φ(a + b x - c S), with x = -10 log₁₀ of the distance and S a standard normal quantity
 over the metres driven by the receiver, of autocorrelation e^(-Δ/D). Over S that is a probit law of

@@ -1,4 +1,4 @@
-"""What became of the messages of each directed link of a recorded run, as arrays."""
+"""Fates of the messages of each directed link of a recorded run, as arrays."""
 
 from collections import defaultdict
 from dataclasses import dataclass

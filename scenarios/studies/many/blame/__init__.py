@@ -1,9 +1,9 @@
-"""`convoy blame`: which losses of a recorded run were to blame for its worst figure.
+"""`convoy blame`: the losses that caused the worst figure of a recorded run.
 
-losses     what its log holds of losses: bursts, and those that overlap in time
+losses     losses in its log: bursts, and those that overlap in time
 imposed    its scenario with exactly the losses of a list
-rerun      one run with other losses: how bad it gets, whether it breaks a limit
-trials     many of them, several at once, none twice
+rerun      one run with other losses: its worst figure, and whether it breaks a limit
+trials     many of them, several at once, none repeated
 ranking    bursts by the metres that they cost, by bisection
 shrinking  the smallest set of losses that still breaks the limit, by delta debugging
 study      all of it, in order

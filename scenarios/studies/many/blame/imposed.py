@@ -1,8 +1,8 @@
 """A recorded run as a scenario that loses exactly the messages of a list, and no others.
 
-Delays, order and content stay as they are drawn, for draws are keyed by the message. Where what
-became of a message also hung on others, in a queue, or on changes of its link, its recorded delay
-takes the place of the link's laws.
+Delays, order and content stay, as draws are keyed by the message. Where the fate of a message also
+depended on others, in a queue, or on changes of its link, its recorded delay replaces the link's
+laws.
 """
 
 from collections.abc import Iterable, Mapping
@@ -25,7 +25,7 @@ from transport.links.laws.loss.numbers import Numbers
 from vehicles.schedule import SECOND
 
 LOSES = {"loss", "loss_ratio", "collisions", "outages", "radio", "preset", "preset_source"}
-"""Keys of a link by which it loses messages; what is left delays or alters them."""
+"""Keys of a link by which it loses messages; others delay or alter them."""
 RECORDED_DELAY = {"queue"}
 """Keys that are left out where delays were recorded. Those take the place of the others, too, by
 which vehicles know meanwhile what to expect of the link."""

@@ -1,4 +1,4 @@
-"""One run again with other losses: how bad it gets, and whether it breaks a limit."""
+"""A repeated run with other losses: its worst figure, and whether it breaks a limit."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field

@@ -18,9 +18,9 @@ from scenarios.studies.many.blame.trials import Trials
 
 Item = TypeVar("Item")
 FirstThatFails = Callable[[Sequence[tuple[Item, ...]]], int | None]
-"""Gives the place of the first of several sets with which the test still fails, None if all pass.
+"""Returns the index of the first set with which the test still fails, None if all pass.
 
-The first, whatever the order in which they were tried: so a result depends on the test alone.
+It must not depend on the order in which they were tried.
 """
 
 
@@ -56,7 +56,7 @@ def ddmin(
             return Smallest(_joined(kept), is_minimal=False)
         if len(parts) == len(left) and len(kept) == len(parts):
             break
-        # Of what has gone the rest may not be in need any more: single items are tried again.
+        # Removing items may make others redundant: single items are tried again.
         left, chunks = _joined(kept), 2 * len(kept)
     return Smallest(left, is_minimal=True)
 
@@ -149,7 +149,7 @@ def shrunk(trials: Trials, bursts: Sequence[Burst], rows: Sequence[Attribution])
     messages = sorted(losses_of(of_bursts.items))
     first_of_messages = partial(_first_that_breaks, trials, frozenset)
     left = trimmed(messages, first_of_messages, lambda: trials.are_enough)
-    # Most of a burst is needed once its ends are gone: single messages from the start.
+    # Without its ends most of a burst is needed, so single messages are tried at once.
     found = ddmin(left, first_of_messages, lambda: trials.are_enough, chunks=len(left))
     return SmallestSet(found.items, found.is_minimal)
 

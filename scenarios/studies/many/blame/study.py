@@ -1,4 +1,4 @@
-"""`convoy blame`: which losses of a recorded run were to blame for what became of it."""
+"""`convoy blame`: all its steps, in order."""
 
 import hashlib
 from dataclasses import asdict, dataclass, replace

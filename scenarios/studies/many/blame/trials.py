@@ -1,4 +1,4 @@
-"""Runs with other losses, several at once, none of them twice."""
+"""Runs with other losses, several at once, none repeated."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace

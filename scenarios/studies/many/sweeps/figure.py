@@ -71,7 +71,7 @@ class SweepFigure:
 def _value(row: Any, path: Sequence[str]) -> float | None:
     for part in path:
         if isinstance(row, Mapping):
-            # What was not counted is 0; a share of no commands is not known.
+            # A missing count is 0; a share of no commands is unknown.
             row = row.get(part, None if "safe_time_ratio" in path else 0)
         else:
             row = getattr(row, part)

@@ -1,4 +1,4 @@
-"""A sweep carried out: what is left of its runs, then its tables and pictures."""
+"""`convoy sweep`: the runs that are left, then tables and pictures."""
 
 from collections.abc import Callable
 from pathlib import Path
