@@ -36,7 +36,7 @@ def review(log: Path, *, rerun: str) -> None:
     def wait(where: str) -> None:
         click.echo(f"look here: {where}\nCtrl-C ends it")
         stop = stop_on_signals()
-        poll(lambda: stop.asked, every_s=0.1)
+        poll(lambda: stop.requested, every_s=0.1)
 
     with clear_errors():
         option = parse_rerun_option(rerun)

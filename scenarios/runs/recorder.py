@@ -1,7 +1,7 @@
 """Writes every message of a run into the log, the figures and the picture."""
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import cast
 
 from scenarios.results.deviations import Deviations
@@ -103,10 +103,6 @@ class Recorder:
     def end(self, at: int, reason: str) -> bytes:
         """Log that the run is over; returns the announcement for the bus."""
         return self._put(RunEnd, at, end_at_ns=at, reason=reason)
-
-    def accept_all(self, arrivals: Iterable[tuple[int, str, bytes]]) -> None:
-        for at, key_expression, data in arrivals:
-            self.accept(key_expression, data, at)
 
     def accept(self, key_expression: str, data: bytes, at: int) -> bool:
         """Take one message received at instant `at` (ns); return whether it was recorded.

@@ -1,9 +1,8 @@
 """Requests to stop a process: by a signal, or because the process that started it has ended.
 
-A command goes through two phases. Until it has begun (`Stop.begun`), nothing is lost by its end,
-and a request ends the process at once, whatever the main thread is doing: importing, or blocked in
-a library that waits for a router. Afterwards `Stop.asked` holds, and the command completes what it
-writes.
+A command has two phases. Until it has begun (`Stop.begun`), nothing is lost by its end, and a
+request ends the process at once, even while the main thread imports or waits for a router.
+Afterwards `Stop.requested` is set, and the command completes what it writes.
 """
 
 import os
@@ -18,7 +17,7 @@ EXIT_FAILED = 1
 """The run did not end as planned."""
 EXIT_BAD_INPUT = 2
 """The input cannot be used."""
-ASKING = (signal.SIGINT, signal.SIGTERM)
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 REST = 0
 """No signal's number: it ends the watch thread."""
 
@@ -26,7 +25,7 @@ REST = 0
 class Stop:
     """Request to stop this process: reason and exit code.
 
-    No lock is taken, because signal handlers interrupt each other: loops poll `asked`. `begun`:
+    No lock is taken, because signal handlers interrupt each other: loops poll `requested`. `begun`:
     there is something to complete before the end. `launched`: another process started this one and
     reports for it. `orphaned`: that launcher has ended. An empty `folder` is removed on an
     immediate end.
@@ -40,7 +39,7 @@ class Stop:
         self.folder: Path | None = None
 
     @property
-    def asked(self) -> bool:
+    def requested(self) -> bool:
         return bool(self._requests)
 
     @property
@@ -51,7 +50,7 @@ class Stop:
     def exit_code(self) -> int:
         return self._requests[0][1] if self._requests else 0
 
-    def ask(self, reason: str, exit_code: int) -> None:
+    def request(self, reason: str, exit_code: int) -> None:
         """Request a stop; the first request decides."""
         self._requests.append((reason, exit_code))
 
@@ -66,7 +65,7 @@ class _Watch:
     def __init__(self, *, say: bool) -> None:
         self.stop = Stop()
         self._say = say
-        self._asked, self._writing = os.pipe()
+        self._reading, self._writing = os.pipe()
         os.set_blocking(self._writing, False)
         signal.set_wakeup_fd(self._writing, warn_on_full_buffer=False)
         self.begin()
@@ -81,8 +80,8 @@ class _Watch:
         self._thread.join()
 
     def _wait(self) -> None:
-        while (number := os.read(self._asked, 1)[0]) != REST:
-            if number not in ASKING:
+        while (number := os.read(self._reading, 1)[0]) != REST:
+            if number not in STOP_SIGNALS:
                 continue
             if self._say and not self.stop.launched:
                 self._say = False
@@ -111,7 +110,7 @@ def end_on_signals(*, say: bool) -> None:
     """
     global _watch  # noqa: PLW0603 - signals are the process's, not an object's
     _watch = _Watch(say=say)
-    _ask_on_signals(_watch.stop)
+    _handle_signals(_watch.stop)
 
 
 def remove_if_empty(folder: Path) -> None:
@@ -139,7 +138,7 @@ def without_watch() -> Iterator[None]:
 def stop_on_signals() -> Stop:
     """Request a stop on SIGINT and SIGTERM, with the shell's exit codes 130 and 143."""
     stop = Stop() if _watch is None else _watch.stop
-    _ask_on_signals(stop)
+    _handle_signals(stop)
     return stop
 
 
@@ -148,15 +147,15 @@ def ignore_signals() -> None:
 
     The interpreter removes handlers as it exits; a signal would then kill a finished process.
     """
-    for number in ASKING:
+    for number in STOP_SIGNALS:
         signal.signal(number, signal.SIG_IGN)
 
 
-def _ask_on_signals(stop: Stop) -> None:
+def _handle_signals(stop: Stop) -> None:
     def ask(number: int, _frame: FrameType | None) -> None:
-        stop.ask(_reason(number), 128 + number)
+        stop.request(_reason(number), 128 + number)
 
-    for number in ASKING:
+    for number in STOP_SIGNALS:
         signal.signal(number, ask)
 
 
@@ -173,7 +172,7 @@ def stop_with_launcher(stop: Stop) -> None:
         if not reason and not stop.begun:
             os._exit(EXIT_FAILED)
         stop.orphaned = not reason
-        stop.ask(reason.decode() if reason else "the launcher is gone", EXIT_FAILED)
+        stop.request(reason.decode() if reason else "the launcher is gone", EXIT_FAILED)
 
     Thread(target=wait, name="launcher", daemon=True).start()
 

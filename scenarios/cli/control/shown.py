@@ -89,7 +89,7 @@ def show(
 
 
 def _wait(stop: Stop, seconds: float) -> bool:
-    return poll(lambda: stop.asked, every_s=POLL_S, at_most_s=seconds)
+    return poll(lambda: stop.requested, every_s=POLL_S, at_most_s=seconds)
 
 
 def _print(status: RunStatus | None, console: Console, *, as_json: bool) -> bool:

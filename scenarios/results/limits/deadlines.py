@@ -39,7 +39,7 @@ class DeadlineFigure:
 
     @property
     def broken(self) -> bool:
-        """Whether it was late, or was not done though there was time."""
+        """Whether it was late, or not done in time to count."""
         return self.is_over if self.took_s is None else self.took_s > self.within_s
 
 
@@ -48,21 +48,19 @@ class DeadlineWatch(Protocol):
 
     what: str
 
-    def add_tracking(self, at: int, tracking: Tracking) -> None:
-        """Take what it knew at a command."""
-        ...
+    def add_tracking(self, at: int, tracking: Tracking) -> None: ...
 
     def add_error(self, at: int, error: float) -> None:
         """Take its true distance (m) from the lead's path."""
         ...
 
     def took(self, ran: int) -> int | None:
-        """How long (ns) after the limit's instant it was done, in a run of `ran` ns."""
+        """Time (ns) from the limit's instant until it was met, in a run of `ran` ns."""
         ...
 
 
 class ModeWatch:
-    """When a follower was first seen in a mode."""
+    """Watches when a follower first entered a mode."""
 
     def __init__(self, limit: ModeLimit) -> None:
         self._after, self._mode = nanoseconds(limit.after_s), limit.mode
@@ -78,12 +76,11 @@ class ModeWatch:
         """Pass over."""
 
     def took(self, ran: int) -> int | None:  # noqa: ARG002 - of others the end matters
-        """How long (ns) it took until it was seen in the mode."""
         return None if self._first is None else self._first - self._after
 
 
 class SourceWatch:
-    """When a follower first made something of a source."""
+    """Watches when a source of a follower first got a status."""
 
     def __init__(self, limit: SourceLimit, lead: str) -> None:
         self._after, self._status = nanoseconds(limit.after_s), limit.status
@@ -92,7 +89,6 @@ class SourceWatch:
         self._first: int | None = None
 
     def add_tracking(self, at: int, tracking: Tracking) -> None:
-        """Take what it knew at a command."""
         status = tracking.lead_status if self._is_lead else tracking.predecessor_status
         if self._first is None and at >= self._after and status == self._status:
             self._first = at
@@ -101,12 +97,11 @@ class SourceWatch:
         """Pass over."""
 
     def took(self, ran: int) -> int | None:  # noqa: ARG002 - of others the end matters
-        """How long (ns) it took until the source had the status."""
         return None if self._first is None else self._first - self._after
 
 
 class RecoveryWatch:
-    """When a follower was last degraded, or too far off the path."""
+    """Watches when a follower was last degraded, or too far off the path."""
 
     def __init__(self, limit: RecoveryLimit) -> None:
         self._after, self._error = nanoseconds(limit.after_s), limit.error_m
@@ -115,13 +110,11 @@ class RecoveryWatch:
         self._measured = self._off = -1
 
     def add_tracking(self, at: int, tracking: Tracking) -> None:
-        """Take what it knew at a command."""
         self._seen = at
         if at >= self._after and is_degraded(tracking):
             self._degraded = at
 
     def add_error(self, at: int, error: float) -> None:
-        """Take its true distance (m) from the lead's path."""
         self._measured = at
         if at >= self._after and abs(error) > self._error:
             self._off = at
@@ -138,7 +131,6 @@ class Deadlines:
     """All deadlines of a scenario; false if it has none."""
 
     def __init__(self, limits: LimitsTable | None = None, lead: str = "") -> None:
-        """Take the limits, and who is the lead."""
         table = limits or LimitsTable()
         self._start_at = 0
         self._limits: list[tuple[str, ModeLimit | SourceLimit | RecoveryLimit, DeadlineWatch]] = [
@@ -158,11 +150,10 @@ class Deadlines:
         return bool(self._limits)
 
     def begin(self, start_at: int) -> None:
-        """Take the start of the run (ns), from which instants are counted."""
+        """Set the start of the run (ns), from which instants count."""
         self._start_at = start_at
 
     def add_tracking(self, tracking: Tracking) -> None:
-        """Take what a vehicle knew at a command."""
         for watch in self._of.get(tracking.vehicle, ()):
             watch.add_tracking(tracking.decided_at_ns - self._start_at, tracking)
 
@@ -172,7 +163,6 @@ class Deadlines:
             watch.add_error(at - self._start_at, error)
 
     def figures(self, ran_ns: int) -> tuple[DeadlineFigure, ...]:
-        """How each was met in a run of `ran_ns`."""
         return tuple(self._figure(key, one, watch, ran_ns) for key, one, watch in self._limits)
 
     def _figure(

@@ -14,7 +14,7 @@ from scenarios.results.vehicles.figures import VehicleSummary
 
 
 def collision_ends_run(limits: LimitsTable, collisions: int) -> bool:
-    """Tell whether the run has to end after so many collisions."""
+    """Whether the run has to end after this number of collisions."""
     after, most = limits.after_collision, limits.collisions_max
     if after == "go_on" or (after is None and most is None):
         return False
@@ -48,18 +48,17 @@ def broken_limits(
     vehicles: Sequence[VehicleSummary],
     deadlines: Sequence[DeadlineFigure] = (),
 ) -> list[str]:
-    """Say which limits were broken, a line each; `events` are in order of time."""
+    """List the broken limits, a line each; `events` are in order of time."""
     found = limit_figures(limits, events, vehicles, deadlines)
     return [one.line for one in found if one.broken]
 
 
 def why_failed(reason: str, broken: Sequence[str]) -> str:
-    """Join why a run ended early with the limits that it broke and that are not said there."""
+    """Join the reason of an early end with broken limits that it does not mention."""
     return "; ".join([*filter(None, [reason]), *(line for line in broken if line not in reason)])
 
 
 def broken_by(limit: Limit, summary: RunSummary) -> bool:
-    """Tell whether a run broke a limit."""
     return severity(limit, summary) > 0.0
 
 
@@ -76,7 +75,7 @@ def severity(limit: Limit, summary: RunSummary) -> float:
 
 
 def _counted(limit: Limit, events: Sequence[RunEvent]) -> list[RunEvent]:
-    """Events that a limit counts: of one vehicle those that involve it."""
+    """Events that a limit counts; a limit of one vehicle counts those that involve it."""
     return [
         event
         for event in events
@@ -93,7 +92,7 @@ def _count(limit: Limit, events: Sequence[RunEvent]) -> LimitFigure:
 
 
 def _first_collision(events: Sequence[RunEvent]) -> LimitFigure:
-    """The limit of a run that ends at the first collision although none is limited."""
+    """Implicit limit of a run that ends at the first collision."""
     found = [event for event in events if event.kind == "collision"]
     line = f'limits.after_collision = "end": {found[0].line}' if found else ""
     return LimitFigure(limit="after_collision", bound=0, figure=len(found), line=line)

@@ -45,10 +45,7 @@ class LiveLimit:
                 stream.on_gap(self._take_gap)
 
     def latest_excess(self) -> float:
-        """How far the run was beyond the limit since the last call; negative while it held.
-
-        -inf if there was nothing to measure.
-        """
+        """Largest excess since the last call; negative while the limit held, -inf without any."""
         excess, self._excess = self._excess, -inf
         return excess
 

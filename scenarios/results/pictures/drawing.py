@@ -18,13 +18,13 @@ MOST_FEET = 10_000
 
 
 class RunDrawing(Closing):
-    """The picture of a run, with what its figures tell; `draw` is a listener of a recorder.
+    """Picture of a run with its figures; `draw` is an observer.
 
-    `where` tells the user where it is shown.
+    `where` describes to the user where it is shown.
     """
 
     def __init__(self, view: RerunView, metrics: Metrics, *, gathered: bool) -> None:
-        """Draw into `view`. If `metrics` are not `gathered` by the recorder, `draw` does it."""
+        """Draw into `view`; `draw` gathers the `metrics` unless the recorder does."""
         self.where = view.where
         self._view = view
         self._events = metrics.events
@@ -40,7 +40,6 @@ class RunDrawing(Closing):
         self._drawn_at = {name: 0 for name in names if view.details(name)}
 
     def draw(self, now: int, message: Message) -> None:
-        """Draw a message that was recorded at instant `now` (ns)."""
         if not self._view.drawn:
             return
         if self._gathers:
@@ -67,7 +66,7 @@ class RunDrawing(Closing):
             self._marked += 1
 
     def close(self) -> None:
-        """Draw what had not ended when the run did, and end the picture."""
+        """Draw events that are still open, and end the picture."""
         if self._view.drawn:
             self._stream.finish()
             self._draw_marks()
@@ -96,7 +95,7 @@ def open_drawing(
 
 
 def widest_gap(scenario: Scenario) -> float:
-    """Return the largest gap (m) between two vehicles, as started with or kept at top speed."""
+    """Largest gap (m) between two vehicles, at the start or at top speed."""
     gaps = [*scenario.route.gaps[1:], 0.0]
     if scenario.tables.speed.followers == "gap":
         profile = scenario.route.profile

@@ -55,7 +55,6 @@ def review(
 
 
 def _scenario_in(reader: LogReader, warn: Callable[[str], None]) -> Scenario | None:
-    """The scenario in a log, if there is one that can be read."""
     text = reader.attachments().get(ATTACHED_AS)
     if text is None:
         return None
@@ -83,7 +82,7 @@ def _open(reader: LogReader, option: RerunOption, scenario: Scenario | None) -> 
 
 
 def _in_order(reader: LogReader) -> list[str]:
-    """Names of the vehicles; first the lead, which receives from no other."""
+    """Names of the vehicles; the lead, which receives from no other, comes first."""
     vehicles = [name for name in reader.vehicles if name != CONDUCTOR]
     if not vehicles:
         raise LogError(f"{reader.path}: holds no vehicle's messages")

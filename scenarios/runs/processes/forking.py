@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, NoReturn, Self
 
-from scenarios.runs.stop import ASKING, EXIT_FAILED, end_on_signals, without_watch
+from scenarios.runs.stop import EXIT_FAILED, STOP_SIGNALS, end_on_signals, without_watch
 
 Task = Callable[[], None]
 """Work of a child; it may end by SystemExit."""
@@ -152,7 +152,7 @@ class _Pipes:
 @contextmanager
 def _signals_held() -> Iterator[None]:
     """Block signals: one that reached the child before its handlers would be lost."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, ASKING)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
     try:
         yield
     finally:
@@ -200,4 +200,4 @@ def _detach_from_parent(spec: ChildSpec, ends: _Pipes) -> None:
     # A vehicle that crashes restarts by these arguments, as a new program.
     sys.orig_argv = [sys.executable, "-m", "scenarios.cli", *spec.arguments]
     end_on_signals(say=False)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, ASKING)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)

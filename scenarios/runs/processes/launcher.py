@@ -4,12 +4,11 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.files import LOG_NAME
 from scenarios.runs.control.open_runs import OpenRun, announced
-from scenarios.runs.processes.supervisor import ChildProcess, describe
+from scenarios.runs.processes.supervisor import Child, Supervisor, describe
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from transport.bus.bus import BusError
 from transport.clock import poll
@@ -20,27 +19,6 @@ NOTICED_S = 0.1
 ROUTER, RECORDER = "router", "recorder"
 RECORDER_FAILED = "the run failed"
 """Reason of a run whose recorder has printed the true one."""
-
-
-class ProcessSupervisor(Protocol):
-    """The part of `Supervisor` that the launcher uses."""
-
-    @property
-    def children(self) -> Sequence[ChildProcess]: ...
-
-    def start_router(self) -> str:
-        """Start a router; returns its endpoint."""
-        ...
-
-    def start(self, name: str, arguments: Sequence[str]) -> ChildProcess: ...
-
-    def start_all(self, asked: Sequence[tuple[str, Sequence[str]]]) -> None: ...
-
-    def tell(self, name: str, reason: str) -> None: ...
-
-    def ended(self) -> Sequence[ChildProcess]: ...
-
-    def stop(self, names: Sequence[str] | None = None, grace_s: float = ...) -> object: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +55,7 @@ class RunOutcome:
 def launch(
     plan: LaunchPlan,
     stop: Stop,
-    supervisor: ProcessSupervisor,
+    supervisor: Supervisor,
     complete: Callable[[Path], bool],
     *,
     sleep: Callable[[float], object] = time.sleep,
@@ -119,14 +97,14 @@ def launch(
 
 def _is_over(
     plan: LaunchPlan,
-    supervisor: ProcessSupervisor,
-    recorder: ChildProcess,
+    supervisor: Supervisor,
+    recorder: Child,
     stop: Stop,
     outcome: RunOutcome,
 ) -> bool:
     vehicles = plan.scenario.vehicle_names
     continues = plan.scenario.continues_without_failed
-    if stop.asked:
+    if stop.requested:
         outcome.fail(stop.reason, stop.exit_code, is_reported=True)
     for child in supervisor.ended():
         if child is recorder and child.exit_code == 0:
@@ -139,9 +117,9 @@ def _is_over(
     return bool(outcome.reason)
 
 
-def _stop_all(plan: LaunchPlan, supervisor: ProcessSupervisor, outcome: RunOutcome) -> None:
+def _stop_all(plan: LaunchPlan, supervisor: Supervisor, outcome: RunOutcome) -> None:
     """Stop what still runs: the vehicles first, so that the recorder gets their last messages."""
-    supervisor.tell(RECORDER, outcome.reason)
+    supervisor.send_reason(RECORDER, outcome.reason)
     names = [child.name for child in supervisor.children]
     supervisor.stop([name for name in names if name in plan.scenario.vehicle_names], grace_s=1.0)
     supervisor.stop([RECORDER], grace_s=2.5)

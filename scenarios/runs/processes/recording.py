@@ -137,14 +137,14 @@ class RecorderProcess:
             return
         begun = self._clock.now()
         self._settled_at = begun
-        poll(lambda: self._stop.asked or self._all_ended(begun), every_s=POLL_S)
+        poll(lambda: self._stop.requested or self._all_ended(begun), every_s=POLL_S)
 
     def _announce_end(self) -> None:
         """Publish the end of the run.
 
         A stopped recorder without vehicles need not wait for a router that does not read.
         """
-        if self._membership.vehicles or not self._stop.asked:
+        if self._membership.vehicles or not self._stop.requested:
             self._bus.publish(*self._own[-1], urgent=True)
 
     def _all_ended(self, begun: int) -> bool:
@@ -209,7 +209,8 @@ class RecorderProcess:
             if arrival[1:] not in self._own:
                 self._put_in_order(arrival)
         sent_until = None if is_over else self._clock.now() - HELD_NS
-        self._run.recorder.accept_all(self._in_order.until(sent_until))
+        for at, key_expression, data in self._in_order.until(sent_until):
+            self._run.recorder.accept(key_expression, data, at)
 
     def _put_in_order(self, arrival: Arrival) -> None:
         try:
@@ -251,7 +252,7 @@ class RecorderProcess:
             self._run.recorder.log(now, line, "warning")
 
     def _note_requests(self, now: int) -> None:
-        if self._stop.asked:
+        if self._stop.requested:
             # A killed launcher takes its router with it, which does not complete a run.
             connected = self._stop.orphaned or self._bus.connected()
             for line in self._conductor.stop_as_asked(self._stop.reason, now, connected=connected):

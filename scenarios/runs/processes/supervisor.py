@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import IO, Protocol
+from typing import IO
 
 from scenarios.runs.processes.forking import (
     ChildSpec,
@@ -24,18 +24,6 @@ GRACE_S = 3.0
 """Time between SIGTERM and SIGKILL; every run ends within five seconds."""
 
 
-class ChildProcess(Protocol):
-    """A process of the run."""
-
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def exit_code(self) -> int | None:
-        """None while it runs; the negative number of the signal that killed it."""
-        ...
-
-
 @dataclass(slots=True)
 class Child:
     name: str
@@ -46,7 +34,7 @@ class Child:
         return self.process.poll()
 
 
-def describe(child: ChildProcess) -> str:
+def describe(child: Child) -> str:
     code = child.exit_code
     if code is None:
         return f"{child.name} still runs"
@@ -122,7 +110,7 @@ class Supervisor:
         if self._router_output is not None and (logged := self._router_output.read()):
             write_error(logged)
 
-    def tell(self, name: str, reason: str) -> None:
+    def send_reason(self, name: str, reason: str) -> None:
         """Send a child the reason to stop; an ended child is skipped."""
         for child in self.children:
             if child.name == name and child.process.stdin:

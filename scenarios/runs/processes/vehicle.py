@@ -162,7 +162,7 @@ class VehicleProcess:
         self._membership = membership
         self._stop = stop
         self._before = before
-        self._clock = WallClock(lambda: stop.asked, before.clock_offset if before else None)
+        self._clock = WallClock(lambda: stop.requested, before.clock_offset if before else None)
         self._joined_at = self._clock.now()
         self._announced = RunAnnouncements(bus, self._clock.now)
         self._recorder = RecorderWatch(membership, bus)
@@ -182,7 +182,7 @@ class VehicleProcess:
 
     @property
     def is_called_off(self) -> bool:
-        return self._stop.asked or self._announced.end is not None
+        return self._stop.requested or self._announced.end is not None
 
     def await_start(self, say: Say, wait_s: float) -> None:
         """Wait for the start; raises RunOffError if there will be none for this vehicle.
@@ -203,7 +203,7 @@ class VehicleProcess:
             at_most_s=wait_s,
         )
         start, end = self._announced.start, self._announced.end
-        if self._stop.asked:
+        if self._stop.requested:
             return
         if not came:
             raise RunOffError(f"{self._run} did not start within {wait_s:g} s")
@@ -253,7 +253,7 @@ class VehicleProcess:
         say(f"{self._builder.name}: {self._run} {'goes on' if before else 'starts'}")
         self._drive(node, start_at, probe, sink)
         self._clock.wait_until(0 if self._announced.end is not None else end_at)
-        finished = not self._stop.asked
+        finished = not self._stop.requested
         node.outbox.publish_health(min(self._clock.now(), end_at), final=True)
         poll(lambda: self.is_called_off or self._has_waited(end_at), every_s=POLL_S)
         if not finished:

@@ -70,20 +70,20 @@ def run_virtual(
         outcome = drive(
             scenario,
             log,
-            until=lambda: stop.asked or bool(run.must_end),
+            until=lambda: stop.requested or bool(run.must_end),
             replays=replays,
             on_left=log_departure,
         )
         at = outcome.at
         if outcome.fault is not None:
-            stop.ask(str(outcome.fault), EXIT_FAILED)
+            stop.request(str(outcome.fault), EXIT_FAILED)
     except LogError as error:  # the disk is full, or the log was removed
         at = run.recorder.last_at
-        stop.ask(str(error), EXIT_FAILED)
+        stop.request(str(error), EXIT_FAILED)
     run.end(at, stop.reason)
     summary = run.close(at)
     if summary.reason:  # also of a run that broke a limit and went on to its end
-        stop.ask(summary.reason, EXIT_FAILED)
+        stop.request(summary.reason, EXIT_FAILED)
     return summary
 
 

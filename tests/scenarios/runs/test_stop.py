@@ -21,7 +21,7 @@ stop = stop_on_request(with_launcher="launched" in sys.argv)
 stop.begun = "importing" not in sys.argv
 print("ready", flush=True)
 deadline = time.monotonic() + 20.0
-while not stop.asked and time.monotonic() < deadline:
+while not stop.requested and time.monotonic() < deadline:
     time.sleep(0.005)
 print(stop.reason, "orphaned" if stop.orphaned else "held", flush=True)
 sys.exit(stop.exit_code)
@@ -59,10 +59,10 @@ def last_words(process: "subprocess.Popen[str]") -> tuple[str, int]:
 
 def test_the_first_who_asks_decides() -> None:
     stop = Stop()
-    assert not stop.asked
-    stop.ask("stopped by SIGTERM", 143)
-    stop.ask("the launcher is gone", 1)
-    assert stop.asked
+    assert not stop.requested
+    stop.request("stopped by SIGTERM", 143)
+    stop.request("the launcher is gone", 1)
+    assert stop.requested
     assert (stop.reason, stop.exit_code) == ("stopped by SIGTERM", 143)
 
 

@@ -26,7 +26,7 @@ SOUGHT = 100.0
 
 
 class DriverBuilder:
-    """Makes the drivers of one vehicle of a scenario, which start in its car as it is."""
+    """Builds the drivers of one vehicle, which start in its car as it is."""
 
     def __init__(self, scenario: Scenario, name: str) -> None:
         """Raises ScenarioError if `scenario` has no vehicle called `name`."""
@@ -36,13 +36,13 @@ class DriverBuilder:
         self._route = scenario.route
 
     def software(self, now: int, context: VehicleContext) -> tuple[Driver, ProfileSpeed | None]:
-        """Driver that starts at `now` (ns) without memory, and the profile it drives, if any."""
+        """Driver that starts at `now` (ns) without memory, and its speed profile, if any."""
         own = self._setup.predecessor is None or self._drives_a_profile
         law = self._own_profile(context.start_at) if own else None
         return self._driver(context, now, law or self._gap_keeping()), law
 
     def human(self, context: VehicleContext) -> tuple[Driver, ProfileSpeed]:
-        """A human who drives the road like the lead, and knows where he is."""
+        """Human who drives the road like the lead, with the true position."""
         law = self._profile(context.start_at)
         body = context.car.body
         return Leader(
@@ -56,7 +56,7 @@ class DriverBuilder:
         ), law
 
     def station(self, body: Body) -> float:
-        """Station (m) on the road at which a car is that has driven from its start."""
+        """Station (m) on the road of a car by its distance driven."""
         expected = self._route.start_station(self._setup.place) + body.distance
         return self._route.path.project(body.east, body.north, expected, SOUGHT).station
 
@@ -131,7 +131,6 @@ class DriverBuilder:
         return load_controller(setup.controller, setup.assumed_parameters, setup.gains)
 
     def _command_limit(self, car: Car) -> CommandLimit:
-        """Limit of a driver who takes over with the command that the car has."""
         limits = self._setup.parameters
         return CommandLimit(
             limits.steering_rate_limit,
@@ -141,7 +140,6 @@ class DriverBuilder:
         )
 
     def _load_watch(self, *told: object) -> LoadWatch:
-        """What tells those who can assume another car than they were made for."""
         setup = self._setup
         if not setup.steering.estimate_slip:
             return LoadWatch()
@@ -167,7 +165,7 @@ class DriverBuilder:
         )
 
     def _gates(self) -> dict[str, InnovationGate]:
-        """Gates of the sources; the baselines of degradation have none."""
+        """Gates of the sources; baselines of degradation have none."""
         asked = self._setup.degradation
         if asked.reaction != "degrade":
             return {}
@@ -186,7 +184,7 @@ class DriverBuilder:
         return self._scenario.tables.speed.followers == "same"
 
     def _own_profile(self, start_at: int) -> ProfileSpeed:
-        """The planned speed, driven more slowly by a lead while it waits for a follower."""
+        """The planned speed, reduced while a lead waits for a follower."""
         setup = self._setup
         if setup.predecessor is not None or not setup.senders:
             return self._profile(start_at)
@@ -221,24 +219,23 @@ class DriverBuilder:
         return SpeedGuard(law, setup.degradation, car)
 
     def _convoy_watch(self, now: int) -> ConvoyWatch:
-        """What watches over the followers, as far as they are listened to."""
         periods = {name: self._usual_period(name) for name in self._setup.senders}
         return ConvoyWatch(self._setup.degradation, periods, now)
 
     def _least_period(self, sender: str) -> float:
-        """Shortest time (s) between two messages that can come from `sender`."""
+        """Shortest possible time (s) between two messages of `sender`."""
         setup, link = self._scenario.vehicle(sender), self._scenario.links[sender, self._name]
         rate_hz = setup.highest_rate_hz
         return 1.0 / min(rate_hz, link.rate_hz or rate_hz)
 
     def _usual_delay(self, sender: str) -> float:
-        """Time (s) that most messages of `sender` take at most, from the measurement on."""
+        """Time (s) after its measurement within which most messages of `sender` arrive."""
         link = self._scenario.links[sender, self._name]
         latency_ms = self._scenario.vehicle(sender).gnss.latency / MILLISECOND
         return (latency_ms + usual_delay_ms(link)) / 1000.0
 
     def _usual_period(self, sender: str) -> float:
-        """Time (s) between messages of `sender` to expect, by its sending and its link."""
+        """Expected time (s) between messages of `sender`, by its sending and its link."""
         setup, speed = self._scenario.vehicle(sender), self._route.profile.at(0.0)[0]
         rate_hz = setup.usual_rate_hz(speed) or 1.0
         return 1.0 / min(rate_hz, self._scenario.links[sender, self._name].rate_hz or rate_hz)

@@ -39,12 +39,11 @@ def make_receiver(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Gns
 
 
 def white_noise(seed: int, place: int) -> Generator:
-    """The stream of the white noise of the receiver of the vehicle at a place in the convoy."""
+    """Stream of a receiver's white noise by the vehicle's place in the convoy."""
     return np.random.Generator(np.random.PCG64([seed, place]))
 
 
 def make_sender(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Sender:
-    """Make the sender of a vehicle in a run that starts at `start_at` (ns)."""
     rule = setup.sending
     control = None if rule.dcc is None else rule.dcc.begin(start_at)
     return Sender(rule.begin(_sending_start(scenario, setup, start_at)), control)

@@ -53,7 +53,7 @@ INERTIAL = 1
 
 
 class VehicleBuilder:
-    """Builds one vehicle of a scenario as a node, once the start instant is known."""
+    """Builds one vehicle of a scenario as a node for a start instant."""
 
     def __init__(self, scenario: Scenario, name: str) -> None:
         """Raises ScenarioError if `scenario` has no vehicle called `name`."""
@@ -75,17 +75,16 @@ class VehicleBuilder:
 
     @property
     def scenario(self) -> Scenario:
-        """The scenario of which the vehicle is one."""
         return self._scenario
 
     @property
     def schedule(self) -> Hashable:
-        """Vehicles for which this is equal have equal ticks."""
+        """Key of the schedule: vehicles with equal keys have equal ticks."""
         besides = instants_besides(self._scenario, self._setup, 0, 0)
         return (self.rates_hz, self.name) if besides else self.rates_hz
 
     def ticks(self, start_at: int) -> Iterator[Tick]:
-        """The vehicle's schedule from `start_at` (ns) to the end of the run."""
+        """Schedule of the vehicle from `start_at` (ns) to the end of the run."""
         end_at = start_at + self.duration_ns
         besides = instants_besides(self._scenario, self._setup, start_at, end_at)
         return ticks(start_at, end_at, *self.rates_hz, besides=besides)
@@ -162,14 +161,12 @@ class VehicleBuilder:
         return Node(context, changes, self._first_phase(context))
 
     def _first_phase(self, context: VehicleContext) -> VehiclePhase:
-        """Driven by its software, or by a human until it joins."""
         if self._scenario.joins_late(self.name):
             return HumanDriving(context, context.start_at)
         start_at = context.start_at
         return Driving(context, self._software(start_at, context, set_off=False))
 
     def concerns(self, change: AnyChange) -> bool:
-        """Whether this vehicle carries a change out."""
         return concerns(change, self.name, self._scenario.tables, self._scenario.links)
 
     def _car(self, start_at: int) -> Car:
@@ -182,7 +179,7 @@ class VehicleBuilder:
         )
 
     def links(self, start_at: int) -> list[IncomingLink]:
-        """Links from all that it listens to, in a run from `start_at` (ns)."""
+        """Links from all its sources, in a run from `start_at` (ns)."""
         senders = () if self.name in self._scenario.replays else self._setup.senders
         links = [self._incoming(sender, start_at) for sender in senders]
         self._changed.adopt(self._changing(one, start_at) for one in links)
@@ -227,21 +224,18 @@ class VehicleBuilder:
         )
 
     def human(self, context: VehicleContext) -> tuple[Driver, ProfileSpeed]:
-        """A human who drives the road like the lead, and knows where he is."""
         return self._drivers.human(context)
 
     def station(self, body: Body) -> float:
-        """Station (m) on the road at which a car is that has driven from its start."""
+        """Station (m) on the road of a car by its distance driven."""
         return self._drivers.station(body)
 
     def _changing(self, one: IncomingLink, start_at: int) -> ChangingLink:
-        """A link that can be changed."""
         sender = one.link.sender
         asked = self._scenario.links[sender, self.name]
         return ChangingLink(one.link, asked, self._effects_of(sender, start_at))
 
     def _incoming(self, sender: str, start_at: int) -> IncomingLink:
-        """The link from `sender`, and the gate that its poses pass."""
         scenario = self._scenario
         asked, setup = scenario.links[sender, self.name], scenario.vehicle(sender)
         rate_hz = setup.highest_rate_hz
@@ -257,19 +251,19 @@ class VehicleBuilder:
         return IncomingLink(link, gate, content_stage(asked.content, link, gate))
 
     def _effects_of(self, sender: str, start_at: int) -> EffectsOf:
-        """What makes the effects of the link from `sender`, as it is or as it is changed."""
+        """Builder of the effects of the link from `sender` for any settings."""
         rate_hz = self._scenario.vehicle(sender).highest_rate_hz
         setting = self._scenario.link_setting(sender, self.name, start_at)
         between = partial(self._between, sender)
         return lambda asked, besides: link_effects(asked, rate_hz, setting, between, besides)
 
     def _between(self, sender: str) -> VehiclesBetween:
-        """Who drives between `sender` and this vehicle."""
+        """Vehicles between `sender` and this one."""
         ahead = self._scenario.vehicle(sender).place
         return vehicles_between(self._route, ahead, self._setup.place)
 
     def _body(self) -> Body:
-        """The car at its start: on the path its gap behind the one ahead, with its offsets."""
+        """The car at its start: on the path, its gap behind its predecessor, with its offsets."""
         setup = self._setup
         place = self._route.path.at(self._route.start_station(setup.place))
         aside = setup.lateral_offset_m

@@ -119,7 +119,7 @@ def test_it_refreshes_until_the_run_ends_or_it_is_stopped() -> None:
     assert printed(read, Stop(), every_s=0.01)[0]
     assert left == []
     stop = Stop()
-    stop.ask("stopped by SIGINT", 130)
+    stop.request("stopped by SIGINT", 130)
     assert printed(lambda: status, stop, every_s=60.0)[0]
 
 

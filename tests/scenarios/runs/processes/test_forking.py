@@ -30,7 +30,7 @@ def wait_for_the_end(arguments):
     stop = stop_on_request(with_launcher=True)
     stop.begun = True
     print("ready", flush=True)
-    while not stop.asked:
+    while not stop.requested:
         time.sleep(0.005)
     sys.exit(f"{arguments[0]}: {stop.reason}" if stop.orphaned else stop.exit_code)
 
@@ -204,7 +204,7 @@ def test_a_child_hears_its_reason_and_no_signal_to_it_is_lost() -> None:
 supervisor = Supervisor(doing(wait_for_the_end))
 told = supervisor.start("told", ["told"], piped=True)
 told.process.stdout.readline()
-supervisor.tell("told", "v2 died")
+supervisor.send_reason("told", "v2 died")
 print(ended(told))
 for _ in range(25):  # it may come at any instant of its life
     child = supervisor.start("one", ["one"])

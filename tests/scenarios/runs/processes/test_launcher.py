@@ -4,6 +4,7 @@ import signal
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import cast
 
 import pytest
 
@@ -17,6 +18,7 @@ from scenarios.runs.processes.launcher import (
     RunOutcome,
     launch,
 )
+from scenarios.runs.processes.supervisor import Supervisor
 from scenarios.runs.run_log import RunLog
 from scenarios.runs.stop import Stop
 from tests.made.scenarios.messages import START
@@ -65,7 +67,7 @@ class FakeSupervisor:
         for name, arguments in asked:
             self.start(name, arguments)
 
-    def tell(self, name: str, reason: str) -> None:
+    def send_reason(self, name: str, reason: str) -> None:
         self.calls.append(("tell", name, reason))
 
     def ended(self) -> list[FakeChild]:
@@ -125,7 +127,7 @@ def play(
         while waiting and waiting[0][0] <= now:
             _, name, code = waiting.pop(0)
             if name == "SIGINT":
-                stop.ask("stopped by SIGINT", code)
+                stop.request("stopped by SIGINT", code)
             for child in supervisor.children:
                 if child.name == name:
                     child.exit_code = code
@@ -133,7 +135,7 @@ def play(
     plan = LaunchPlan(
         scenario(goes_on=goes_on), ["my.toml", "--seed=3"], folder, ["--quiet"], "mine"
     )
-    outcome = launch(plan, stop, supervisor, complete, sleep=sleep)
+    outcome = launch(plan, stop, cast("Supervisor", supervisor), complete, sleep=sleep)
     assert supervisor.children == []  # whatever happened, no process is left behind
     return Launched(outcome, supervisor, now)
 
@@ -153,7 +155,7 @@ def test_every_process_is_told_the_scenario_and_the_endpoint_of_the_router(folde
 def test_without_its_router_a_run_fails_and_nothing_else_is_started(folder: Path) -> None:
     supervisor = FakeSupervisor(router_starts=False)
     plan = LaunchPlan(scenario(), ["lane_change"], folder, [], "mine")
-    outcome = launch(plan, Stop(), supervisor, complete, sleep=lambda _: None)
+    outcome = launch(plan, Stop(), cast("Supervisor", supervisor), complete, sleep=lambda _: None)
     assert (outcome.exit_code, outcome.reason) == (1, "the router did not start; the run ends")
     assert supervisor.started == []
 

@@ -107,12 +107,12 @@ def test_deaths_are_seen_reasons_told_and_the_stubborn_killed(supervisor: Superv
     assert describe(killed) == "killed was killed by signal 9"
     assert supervisor.ended() == []  # told once
 
-    supervisor.tell("told", "v2 died; the run ends")
-    supervisor.tell("killed", "too late")
-    supervisor.tell("nobody", "nothing happens")
+    supervisor.send_reason("told", "v2 died; the run ends")
+    supervisor.send_reason("killed", "too late")
+    supervisor.send_reason("nobody", "nothing happens")
     until(lambda: told.exit_code is not None)
     assert describe(told) == "told ended with exit code 1"
-    supervisor.tell("told", "has ended, nothing happens")
+    supervisor.send_reason("told", "has ended, nothing happens")
 
     assert orphan.process.stdin is not None
     orphan.process.stdin.close()

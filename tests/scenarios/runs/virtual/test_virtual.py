@@ -214,7 +214,7 @@ def test_a_run_that_is_stopped_has_a_whole_log(tmp_path: Path) -> None:
 
     def after_a_second(at: int, _message: Message) -> None:
         if at >= scenario.start_at_ns + SECOND:
-            stop.ask("stopped by SIGINT", 130)
+            stop.request("stopped by SIGINT", 130)
 
     summary = run_virtual(scenario, tmp_path, stop, observers=[OnMessage(after_a_second)])
     assert (summary.outcome, summary.reason) == ("failed", "stopped by SIGINT")
