@@ -1,7 +1,6 @@
 """Carries out and reports changes of one vehicle while it runs."""
 
 from scenarios.definition.changing.links import LINK_CHANGES
-from scenarios.definition.road.set_speed import SpeedPlan
 from scenarios.definition.schema.changes import (
     AnyChange,
     CrashTable,
@@ -66,7 +65,8 @@ class Changes:
             case FixChangeTable():
                 change_fix(context.car.gnss, due.at, due.change)
             case SpeedChangeTable():
-                context.plan = changed_plan(context.plan, context.start_at, due.at, due.change)
+                after_s = (due.at - context.start_at) / SECOND
+                context.plan = context.plan.changed(after_s, due.change)
                 following.replan(now)
         return following
 
@@ -84,10 +84,6 @@ def _phase_after(due: Due, now: int, phase: VehiclePhase) -> VehiclePhase | None
             return phase.joined(now)
         case _:
             return phase
-
-
-def changed_plan(plan: SpeedPlan, start_at: int, at: int, change: SpeedChangeTable) -> SpeedPlan:
-    return plan.changed((at - start_at) / SECOND, change)
 
 
 def change_fix(gnss: GnssReceiver, at: int, change: FixChangeTable) -> None:

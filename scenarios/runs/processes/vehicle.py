@@ -135,11 +135,10 @@ class RunAnnouncements:
         self.last_received_at = self._now()
         if isinstance(message, RunStart):
             self.start = self.start or message
-        elif isinstance(message, RunEnd) and not self._is_the_start(message):
+        elif isinstance(message, RunEnd) and (
+            self.start is None or message.end_at_ns != self.start.start_at_ns
+        ):
             self.end = message
-
-    def _is_the_start(self, end: RunEnd) -> bool:
-        return self.start is not None and end.end_at_ns == self.start.start_at_ns
 
 
 class VehicleProcess:

@@ -37,9 +37,10 @@ class DriverBuilder:
 
     def software(self, now: int, context: VehicleContext) -> tuple[Driver, ProfileSpeed | None]:
         """Driver that starts at `now` (ns) without memory, and its speed profile, if any."""
-        own = self._setup.predecessor is None or self._drives_a_profile
+        own = self._setup.predecessor is None or self._scenario.tables.speed.followers == "same"
         law = self._own_profile(context.start_at) if own else None
-        return self._driver(context, now, law or self._gap_keeping()), law
+        gap_keeping = GapKeeping(self._scenario.gap_policy, self._scenario.gap_limits)
+        return self._driver(context, now, law or gap_keeping), law
 
     def human(self, context: VehicleContext) -> tuple[Driver, ProfileSpeed]:
         """Human who drives the road like the lead, with the true position."""
@@ -179,10 +180,6 @@ class DriverBuilder:
             for name in self._setup.senders
         }
 
-    @property
-    def _drives_a_profile(self) -> bool:
-        return self._scenario.tables.speed.followers == "same"
-
     def _own_profile(self, start_at: int) -> ProfileSpeed:
         """The planned speed, reduced while a lead waits for a follower."""
         setup = self._setup
@@ -195,9 +192,6 @@ class DriverBuilder:
         return ProfileSpeed(
             self._route.plan.profile, start_at, 1.0 / self._scenario.control_rate_hz
         )
-
-    def _gap_keeping(self) -> SpeedLaw:
-        return GapKeeping(self._scenario.gap_policy, self._scenario.gap_limits)
 
     def _speed_guard(self, law: SpeedLaw, predecessor: str) -> SpeedGuard:
         """Make what decides instead of `law` while messages fail.
