@@ -9,7 +9,7 @@ from typing import TypeVar
 from scenarios.definition.errors import Refused
 from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.schema.tables import ScenarioTables
-from transport.links.laws.delay.empirical import MOST_RECORDED, EmpiricalDelay
+from transport.links.laws.delay.kinds import MOST_RECORDED, EmpiricalDelay
 
 COLUMN = "delay_ms"
 LONGEST_MS = 60_000.0

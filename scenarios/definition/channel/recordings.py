@@ -19,9 +19,9 @@ from scenarios.definition.schema.links import LinkEntry, LinkTable
 from scenarios.definition.schema.table import overlay
 from scenarios.definition.schema.tables import ScenarioTables
 from scenarios.definition.traces.recorded import is_file
+from transport.links.laws.loss.by_number import RecordedPattern
 from transport.links.laws.loss.earlier_run import EarlierRun
 from transport.links.laws.loss.numbers import Numbers
-from transport.links.laws.loss.pattern import RecordedPattern
 from vehicles.messages import LinkVerdict
 
 COLUMNS = ["number", "received"]

@@ -2,15 +2,13 @@
 
 from typing import TypeVar
 
+from transport.links.laws.effect import Effect
 from transport.links.laws.law import LinkLaw, LinkSetting
+from transport.links.laws.loss.bursts import FourState, GilbertElliott
 from transport.links.laws.loss.collisions import Collisions
-from transport.links.laws.loss.four_state import FourState
-from transport.links.laws.loss.gilbert_elliott import GilbertElliott
-from transport.links.laws.outages.circle import CircleOutage
+from transport.links.laws.outages.placed import CircleOutage, StretchOutage, Who
 from transport.links.laws.outages.random import RandomOutage
-from transport.links.laws.outages.span import SpanOutage, Who
-from transport.links.laws.outages.stretch import StretchOutage
-from transport.links.laws.outages.window import WindowOutage
+from transport.links.laws.outages.span import SpanOutage, WindowOutage
 from vehicles.schedule import SECOND
 
 SomeLaw = TypeVar("SomeLaw", bound=LinkLaw)
@@ -22,6 +20,12 @@ def on_link(law: SomeLaw, setting: LinkSetting | None = None) -> SomeLaw:
     effect = law.effects(setting or LinkSetting())[0]
     assert isinstance(effect, type(law))
     return effect
+
+
+def long_run(effect: Effect) -> tuple[float | None, float | None]:
+    """Share of messages lost in the long run and mean burst; None where unknown."""
+    losses = effect.losses(None)
+    return (None, None) if losses is None else (losses.loss, losses.burst)
 
 
 def gilbert_elliott(p: float, r: float, h: float = 0.0, k: float = 1.0) -> GilbertElliott:

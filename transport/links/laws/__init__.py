@@ -1,4 +1,4 @@
-"""The laws of a directed link: one class in one module each, made known by a line of the registry.
+"""The laws of a directed link, each a class that a line of the registry makes known.
 
 effect         what an effect is given of a message, what it returns and states of itself
 moments        losses and delays in the long run

@@ -56,7 +56,6 @@ class VehiclesBetween:
     radius: float = 1.5
 
     def in_the_way(self, context: TransmissionContext, most: int) -> int:
-        """Count those in the way, up to `most`."""
         sender, receiver = context.sender, context.receiver
         station = self.receiver_start + receiver.driven
         step = (self.sender_start + sender.driven - station) / (self.count + 1)

@@ -63,32 +63,27 @@ class ContentLaw(LinkLaw):
     false: Annotated[tuple[FalseLaw, ...], Field(strict=False)] = ()
 
     def problems(self) -> Iterator[Problem]:
-        """Return the keys of false content that do not fit the others."""
         for place, law in enumerate(self.false):
             for key, why in law.problems():
                 yield f"false[{place}].{key}".removesuffix("."), why
 
-    def effects(self, setting: LinkSetting) -> tuple[Effect, ...]:  # noqa: ARG002 - no time
-        """Return the delay of messages that are held back; the rest is done to what arrives."""
+    def effects(self, setting: LinkSetting) -> tuple[Effect, ...]:
         if not self.reorder_ratio:
             return ()
         return (Reordering(self.reorder_ratio, round(self.reorder_delay_ms * MILLISECOND)),)
 
     @property
     def acts_on_arrival(self) -> bool:
-        """Whether it does anything to messages that arrive."""
         return bool(self.duplicate_ratio or self.bit_error_ratio or self.false)
 
     @property
     def duplication(self) -> "Duplication | None":
-        """The copies, None without any."""
         late_ms = self.duplicate_delay_ms
         delay = None if late_ms is None else round(late_ms * MILLISECOND)
         return Duplication(self.duplicate_ratio, delay) if self.duplicate_ratio else None
 
     @property
     def bit_errors(self) -> "BitErrors | None":
-        """The wrong bits, None without any."""
         if not self.bit_error_ratio:
             return None
         return BitErrors(self.bit_error_ratio, self.frame_check)
@@ -101,7 +96,6 @@ class ContentLaw(LinkLaw):
         return Losses.independent(errors.corrupted_share(size)) if self.frame_check else None
 
     def describe_arrival(self) -> Iterator[str]:
-        """Describe each thing that is done to messages that arrive."""
         if self.duplicate_ratio:
             late = self.duplicate_delay_ms
             after = "after a delay of its own" if late is None else f"{late:g} ms later"
@@ -128,16 +122,13 @@ class Reordering(Effect):
 
     @property
     def delays(self) -> Delays:
-        """Moments of the delay, of those held back or not."""
         variance = self.ratio * (1.0 - self.ratio) * self.delay**2
         return Delays(self.ratio * self.delay, variance)
 
     def describe(self) -> str:
-        """Give share and delay."""
         return f"{100.0 * self.ratio:g} % held back for {self.delay / MILLISECOND:g} ms"
 
     def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
-        """Delay when the message's draw falls below the ratio."""
         return self.delay if draw("reorder", context.seq) < self.ratio else 0
 
 
@@ -153,7 +144,6 @@ class Duplication:
     delay: int | None = None
 
     def copies(self, draw: Draw, seq: int) -> int:
-        """How many copies are made of a message: one or none."""
         return int(draw("duplicate", seq) < self.ratio)
 
 
@@ -212,7 +202,6 @@ def flip_places(draw: Draw, seq: int, count: int, bits: int) -> list[int]:
 
 
 def flipped(frame: bytes, places: Iterable[int]) -> bytes:
-    """Return `frame` with the bits at `places` the other way round."""
     changed = bytearray(frame)
     for place in places:
         changed[place // 8] ^= 1 << place % 8

@@ -73,20 +73,9 @@ class Effect:
         """Describe the law in one line without a full stop, with units."""
         raise NotImplementedError
 
-    @property
-    def mean_loss_ratio(self) -> float | None:
-        """Share of messages lost in the long run, None where it depends on more than the law."""
-        return 0.0
-
-    @property
-    def mean_burst_messages(self) -> float | None:
-        """Mean number of messages lost in a row: inf if it never ends, None if unknown or none."""
-        return None
-
-    def losses(self, distance_m: float | None) -> Losses | None:  # noqa: ARG002 - for radios
-        """Loss over a distance, with its dependence from message to message; None if unknown."""
-        loss = self.mean_loss_ratio
-        return None if loss is None else Losses.of_bursts(loss, self.mean_burst_messages)
+    def losses(self, distance_m: float | None) -> Losses | None:
+        """Loss in the long run (of a radio: over a distance); None if it depends on more."""
+        return Losses(0.0, None, 0.0)
 
     @property
     def states(self) -> LossStates | None:
@@ -98,7 +87,7 @@ class Effect:
         """Moments of the delay, None where they depend on more than the law."""
         return Delays(0.0, 0.0)
 
-    def delay_quantile(self, share: float) -> float | None:  # noqa: ARG002 - no chance
+    def delay_quantile(self, share: float) -> float | None:
         """Delay (ns) that a share of the messages does not exceed, None if unknown."""
         return None
 

@@ -41,7 +41,6 @@ class FalseSpell:
     to_at: float = inf
 
     def __contains__(self, at: int) -> bool:
-        """Whether what is sent at `at` (ns) is concerned."""
         return self.from_at <= at < self.to_at
 
 
@@ -67,13 +66,11 @@ class FalseContent(LawTable):
     kind: str
 
     def problems(self) -> Iterator[Problem]:
-        """Return the end of an empty span."""
         if self.to_s is not None and self.to_s <= self.from_s:
             yield "to_s", f"given {self.to_s}, allowed more than from_s, {self.from_s}"
 
     @cached_property
     def span(self) -> FalseSpell:
-        """When it acts in its run."""
         start_at = self.setting.start_at
         to_at = inf if self.to_s is None else start_at + round(self.to_s * SECOND)
         return FalseSpell(start_at + round(self.from_s * SECOND), to_at)
@@ -108,7 +105,6 @@ class FalseContent(LawTable):
         raise NotImplementedError
 
     def describe(self) -> str:
-        """Give kind and span."""
         end = "" if self.to_s is None else f" to {self.to_s:g} s"
         return f"false content: {self.kind} from {self.from_s:g} s on{end}"
 
@@ -122,7 +118,6 @@ class Displaced(FalseContent):
         raise NotImplementedError
 
     def problems(self) -> Iterator[Problem]:
-        """Return the end of an empty span, and a place that does not differ."""
         yield from super().problems()
         if self.by == Shift():
             units = ("_m", "_mps")
@@ -141,11 +136,9 @@ class FalseOffset(Displaced):
 
     @cached_property
     def by(self) -> Shift:
-        """By how much the place differs (m)."""
         return Shift(self.east_m, self.north_m, self.ahead_m, self.left_m)
 
-    def tell(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose:  # noqa: ARG002 - as all
-        """Move the place."""
+    def tell(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose:
         return displaced(pose, plane, self.by)
 
 
@@ -160,11 +153,9 @@ class FalseDrift(Displaced):
 
     @cached_property
     def by(self) -> Shift:
-        """How fast the place moves (m/s)."""
         return Shift(self.east_mps, self.north_mps, self.ahead_mps, self.left_mps)
 
-    def tell(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose:  # noqa: ARG002 - as all
-        """Move the place by the rate times the time since the start."""
+    def tell(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose:
         return displaced(pose, plane, self.by, (pose.sent_at_ns - self.span.from_at) / SECOND)
 
 
@@ -176,10 +167,9 @@ class FrozenContent(FalseContent):
 
     @property
     def moments(self) -> tuple[int, ...]:
-        """The instant before the span."""
         return (self.span.from_at - 1,)
 
-    def tell(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:  # noqa: ARG002 - as all
+    def tell(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:
         """Repeat the last message before the span; None if none of then is known."""
         return retold(pose, recall(self.span.from_at - 1))
 
@@ -192,10 +182,9 @@ class ReplayedContent(FalseContent):
 
     @cached_property
     def age(self) -> int:
-        """The age in ns."""
         return round(self.age_s * SECOND)
 
-    def tell(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:  # noqa: ARG002 - as all
+    def tell(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:
         """Repeat the newest message of that age or more; None if none of then is known."""
         return retold(pose, recall(pose.sent_at_ns - self.age))
 
@@ -214,16 +203,13 @@ class GhostVehicle(Displaced):
 
     @cached_property
     def by(self) -> Shift:
-        """Where the ghost drives (m)."""
         return Shift(ahead=self.ahead_m, left=self.left_m)
 
     @cached_property
     def after(self) -> int:
-        """By how much (ns) the ghost's message comes after the true one."""
         return round(SECOND / (2.0 * self.setting.source_rate_hz))
 
-    def tell(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:  # noqa: ARG002 - as all
-        """Leave the true message as it is."""
+    def tell(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:
         return pose
 
     def beside(self, pose: GpsPose, plane: LocalPlane) -> GpsPose:
@@ -254,7 +240,6 @@ def displaced(pose: GpsPose, plane: LocalPlane, by: Shift, times: float = 1.0) -
 
 
 def put_off(pose: GpsPose, by: int) -> GpsPose:
-    """Return `pose` with instants that are `by` ns later."""
     measured_at_ns, sent_at_ns = pose.measured_at_ns + by, pose.sent_at_ns + by
     return replace(pose, measured_at_ns=measured_at_ns, sent_at_ns=sent_at_ns)
 

@@ -55,7 +55,6 @@ class LinkSetting:
 
     @property
     def off(self) -> bool:
-        """Whether the radio of one of the two is off at times."""
         return bool(self.radio_off)
 
 
@@ -96,13 +95,12 @@ class LinkLaw(Effect, LawTable):
         """Raise Unfit for the first key that does not fit the others."""
 
     def problems(self) -> Iterator[Problem]:
-        """Return the keys that do not fit the others."""
         try:
             self.check()
         except Unfit as unfit:
             yield unfit.key, unfit.why
 
-    def problems_in(self, plane: LocalPlane) -> Iterator[Problem]:  # noqa: ARG002 - without a place
+    def problems_in(self, plane: LocalPlane) -> Iterator[Problem]:
         """Return the keys that do not fit the scenario's plane."""
         return iter(())
 
@@ -112,7 +110,6 @@ class LinkLaw(Effect, LawTable):
 
     @property
     def stages(self) -> tuple[StageLaw, ...]:
-        """What messages of the link do to one another, behind the effects."""
         return ()
 
     def needed(self, key: str, why: str = "") -> Any:

@@ -55,12 +55,13 @@ class Losses:
 
     @classmethod
     def independent(cls, loss: float) -> "Losses":
-        """Losses of messages each on its own."""
+        """Losses of messages each on its own, whose bursts are geometric."""
+        if not loss:
+            return cls(loss, None, 0.0)
         return cls(loss, 1.0 / (1.0 - loss) if loss < 1.0 else inf, 0.0)
 
     @property
     def has_memory(self) -> bool:
-        """Whether the fates of two messages are correlated."""
         return abs(self.covariances) > _ROUNDING
 
     @property

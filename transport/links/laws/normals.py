@@ -49,21 +49,17 @@ class Normals:
         self._recent: dict[int, float] = {}
 
     def __eq__(self, other: object) -> bool:
-        """Compare by what the numbers depend on."""
         if not isinstance(other, Normals):
             return NotImplemented
         return (self.purpose, self.correlation) == (other.purpose, other.correlation)
 
     def __hash__(self) -> int:
-        """Hash what is compared."""
         return hash((self.purpose, self.correlation))
 
     def __repr__(self) -> str:
-        """Show what the numbers depend on."""
         return f"Normals({self.purpose!r}, {self.correlation!r})"
 
     def at(self, draw: Draw, seq: int) -> float:
-        """Return the number of message `seq`."""
         if not self._block:
             return quantile(draw(self.purpose, seq))
         if self._draw is not draw or not -RECENT < seq - self._last <= 2 * self._block:

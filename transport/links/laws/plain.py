@@ -2,10 +2,9 @@
 
 from dataclasses import dataclass
 from fractions import Fraction
-from math import inf
 
 from transport.links.laws.effect import Draw, Effect, TransmissionContext
-from transport.links.laws.moments import Delays
+from transport.links.laws.moments import Delays, Losses
 from transport.reasons import DropReason
 from vehicles.schedule import MILLISECOND
 
@@ -22,14 +21,12 @@ class Decimation(Effect):
     key = "rate_hz"
     reason = "rate"
 
-    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:  # noqa: ARG002 - no chance
-        """Drop the message unless the link's own count of messages steps on with it."""
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         seq, top, bottom = context.seq, self.kept.numerator, self.kept.denominator
         # Message j of the link is the first of the source at or after the link's j-th period.
         return 0 if seq * top // bottom > (seq - 1) * top // bottom else "rate"
 
     def describe(self) -> str:
-        """Give the share of messages carried."""
         return f"rate: {self.kept.numerator} of {self.kept.denominator} messages carried"
 
 
@@ -40,22 +37,13 @@ class Cut(Effect):
     key = "cut"
     reason = "cut"
 
-    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:  # noqa: ARG002 - no chance
-        """Drop the message."""
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         return "cut"
 
-    @property
-    def mean_loss_ratio(self) -> float:
-        """All are lost."""
-        return 1.0
-
-    @property
-    def mean_burst_messages(self) -> float:
-        """It never stops by itself."""
-        return inf
+    def losses(self, distance_m: float | None) -> Losses:
+        return Losses.independent(1.0)
 
     def describe(self) -> str:
-        """Name it."""
         return "cut"
 
 
@@ -69,23 +57,12 @@ class Loss(Effect):
     reason = "loss"
 
     def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
-        """Drop when the message's draw falls below the ratio."""
         return "loss" if draw("loss", context.seq) < self.ratio else 0
 
-    @property
-    def mean_loss_ratio(self) -> float:
-        """Share of messages lost."""
-        return self.ratio
-
-    @property
-    def mean_burst_messages(self) -> float | None:
-        """Mean of a geometric distribution."""
-        if not self.ratio:
-            return None
-        return 1.0 / (1.0 - self.ratio) if self.ratio < 1.0 else inf
+    def losses(self, distance_m: float | None) -> Losses:
+        return Losses.independent(self.ratio)
 
     def describe(self) -> str:
-        """Name the law and its loss."""
         return f"independent loss {self.ratio:.4g}"
 
 
@@ -97,17 +74,14 @@ class Latency(Effect):
 
     key = "latency_ms"
 
-    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:  # noqa: ARG002 - constant
-        """Delay by the floor."""
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         return self.floor
 
     @property
     def delays(self) -> Delays:
-        """The floor."""
         return Delays(float(self.floor), 0.0)
 
     def describe(self) -> str:
-        """Name the law and its delay."""
         return f"latency {self.floor / MILLISECOND:g} ms"
 
 
@@ -120,18 +94,14 @@ class Jitter(Effect):
     key = "jitter_ms"
 
     def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
-        """Delay by the message's draw."""
         return round(draw("jitter", context.seq) * self.spread)
 
     @property
     def delays(self) -> Delays:
-        """Moments of a uniform distribution."""
         return Delays(0.5 * self.spread, self.spread**2 / 12.0)
 
     def delay_quantile(self, share: float) -> float:
-        """Share of the spread."""
         return share * self.spread
 
     def describe(self) -> str:
-        """Name the law and its largest delay."""
         return f"jitter up to {self.spread / MILLISECOND:g} ms, uniform"

@@ -28,13 +28,11 @@ class Queue(LinkLaw):
     depth_messages: Annotated[int, Field(ge=1, le=10_000)] = 10
     drop: Literal["newest", "oldest"] = "newest"
 
-    def effects(self, setting: LinkSetting) -> tuple[Effect, ...]:  # noqa: ARG002 - a stage
-        """Return none: the verdict on a message depends on the others."""
+    def effects(self, setting: LinkSetting) -> tuple[Effect, ...]:
         return ()
 
     @property
     def stages(self) -> tuple[StageLaw, ...]:
-        """The queue."""
         return (self,)
 
     def service(self, size: int) -> int:
@@ -42,11 +40,9 @@ class Queue(LinkLaw):
         return round(size * SECOND / self.bytes_per_s)
 
     def stage(self) -> Stage:
-        """Begin with nothing to send."""
         return _Sender(self)
 
     def describe(self) -> str:
-        """Give its three numbers."""
         rate, depth = self.bytes_per_s, self.depth_messages
         return f"queue of {depth} messages at {rate:g} bytes/s, drops the {self.drop}"
 

@@ -9,26 +9,22 @@ from typing import Annotated, Any, get_args
 from pydantic import Field
 
 from transport.links.laws.content import ContentLaw
-from transport.links.laws.delay.constant import ConstantDelay
-from transport.links.laws.delay.empirical import EmpiricalDelay
-from transport.links.laws.delay.gamma import GammaDelay
-from transport.links.laws.delay.lognormal import LognormalDelay
-from transport.links.laws.delay.normal import NormalDelay
-from transport.links.laws.delay.uniform import UniformDelay
+from transport.links.laws.delay.kinds import (
+    ConstantDelay,
+    EmpiricalDelay,
+    GammaDelay,
+    LognormalDelay,
+    NormalDelay,
+    UniformDelay,
+)
 from transport.links.laws.effect import Effect
+from transport.links.laws.loss.bursts import FourState, GilbertElliott
+from transport.links.laws.loss.by_number import EveryNth, Listed, NoLoss, RecordedPattern
 from transport.links.laws.loss.collisions import Collisions
 from transport.links.laws.loss.earlier_run import EarlierRun
-from transport.links.laws.loss.every_nth import EveryNth
-from transport.links.laws.loss.four_state import FourState
-from transport.links.laws.loss.gilbert_elliott import GilbertElliott
-from transport.links.laws.loss.listed import Listed
-from transport.links.laws.loss.none import NoLoss
-from transport.links.laws.loss.pattern import RecordedPattern
-from transport.links.laws.outages.circle import CircleOutage
+from transport.links.laws.outages.placed import CircleOutage, StretchOutage
 from transport.links.laws.outages.random import RandomOutage
-from transport.links.laws.outages.span import ReceiverOff, TransmitterOff
-from transport.links.laws.outages.stretch import StretchOutage
-from transport.links.laws.outages.window import WindowOutage
+from transport.links.laws.outages.span import ReceiverOff, TransmitterOff, WindowOutage
 from transport.links.laws.plain import Decimation, Loss
 from transport.links.laws.queue import Queue
 from transport.links.laws.radio.path_loss import PathLossRadio
@@ -70,7 +66,6 @@ RadioLaw = Annotated[
 
 
 def _kinds(laws: Any) -> tuple[type[Effect], ...]:
-    """Classes of an annotated union."""
     kinds: tuple[type[Effect], ...] = get_args(get_args(laws)[0])
     return kinds
 

@@ -62,11 +62,9 @@ class InOrder:
     key: ClassVar[str] = "delay"
 
     def stage(self) -> Stage:
-        """Begin."""
         return _Order()
 
     def describe(self) -> str:
-        """Name it."""
         return "in order"
 
 
@@ -74,8 +72,7 @@ class InOrder:
 class _Order:
     latest: int = 0
 
-    def carry(self, arrived: Iterable[StagedMessage], until: int) -> list[StagedMessage]:  # noqa: ARG002
-        """Hold each back for those before it, which are known."""
+    def carry(self, arrived: Iterable[StagedMessage], until: int) -> list[StagedMessage]:
         decided = []
         for one in arrived:
             visible_at = max(one.visible_at, self.latest)

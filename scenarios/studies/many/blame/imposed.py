@@ -19,8 +19,8 @@ from scenarios.studies.many.blame.losses import (
     RecordedRun,
     numbers_by_link,
 )
+from transport.links.laws.loss.by_number import Listed
 from transport.links.laws.loss.earlier_run import EarlierRun
-from transport.links.laws.loss.listed import Listed
 from transport.links.laws.loss.numbers import Numbers
 from vehicles.schedule import SECOND
 

@@ -13,13 +13,15 @@ from scenarios.definition.scenario import Scenario, load_scenario, scenario_from
 from scenarios.definition.schema.links import LinkTable
 from tests.made.scenarios.messages import STRAIGHT
 from tests.made.transport.links import link
-from transport.links.laws.delay.constant import ConstantDelay
 from transport.links.laws.delay.drawn import DrawnDelay
-from transport.links.laws.delay.empirical import EmpiricalDelay
-from transport.links.laws.delay.gamma import GammaDelay
-from transport.links.laws.delay.lognormal import LognormalDelay
-from transport.links.laws.delay.normal import NormalDelay
-from transport.links.laws.delay.uniform import UniformDelay
+from transport.links.laws.delay.kinds import (
+    ConstantDelay,
+    EmpiricalDelay,
+    GammaDelay,
+    LognormalDelay,
+    NormalDelay,
+    UniformDelay,
+)
 from transport.links.laws.effect import Effect, TransmissionContext
 from transport.links.laws.queue import Queue
 from transport.links.laws.stage import InOrder

@@ -10,16 +10,14 @@ from scenarios.definition.channel.build import link_effects
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import scenario_from_text
 from scenarios.definition.template import template
-from tests.made.channels.laws import collisions, four_state, gilbert, gilbert_elliott
+from tests.made.channels.laws import collisions, four_state, gilbert, gilbert_elliott, long_run
 from tests.made.scenarios.messages import STRAIGHT
 from transport.links.laws.effect import Effect, TransmissionContext
+from transport.links.laws.loss.bursts import GilbertElliott
+from transport.links.laws.loss.by_number import EveryNth, Listed, RecordedPattern
 from transport.links.laws.loss.collisions import Collisions
 from transport.links.laws.loss.earlier_run import EarlierRun
-from transport.links.laws.loss.every_nth import EveryNth
-from transport.links.laws.loss.gilbert_elliott import GilbertElliott
-from transport.links.laws.loss.listed import Listed
 from transport.links.laws.loss.numbers import Numbers
-from transport.links.laws.loss.pattern import RecordedPattern
 from transport.links.laws.plain import Decimation, Jitter, Latency, Loss
 from transport.links.laws.registry import LossLaw
 from transport.links.link import Link, Verdict
@@ -81,8 +79,8 @@ def test_mean_values_come_out_as_asked() -> None:
     law, _ = effects("links.loss={kind='gilbert_elliott', loss_ratio=0.35, burst_messages_mean=7}")
     assert isinstance(law, GilbertElliott)
     assert law.chances == pytest.approx((0.35 / 0.65 / 7.0, 1.0 / 7.0, 0.0, 1.0))
-    assert law.mean_loss_ratio == pytest.approx(0.35)
-    assert law.mean_burst_messages == pytest.approx(7.0)
+    assert long_run(law)[0] == pytest.approx(0.35)
+    assert long_run(law)[1] == pytest.approx(7.0)
 
 
 def test_laws_act_besides_the_plain_keys() -> None:
@@ -95,9 +93,7 @@ def test_laws_act_besides_the_plain_keys() -> None:
     assert found[3] == collisions(0.2, 0.4, 5, 15)
     for one in found:
         assert one.describe()
-        assert one.mean_loss_ratio == {Loss: 0.1, EveryNth: 1 / 3, Collisions: 0.2}.get(
-            type(one), 0.0
-        )
+        assert long_run(one)[0] == {Loss: 0.1, EveryNth: 1 / 3, Collisions: 0.2}.get(type(one), 0.0)
 
 
 def test_no_law_moves_the_draws_of_another() -> None:

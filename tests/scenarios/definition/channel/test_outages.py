@@ -7,7 +7,7 @@ from scenarios.definition.scenario import Scenario, load_scenario
 from tests.made.channels.laws import circle, random_outage, stretch, window
 from transport.links.laws.effect import Effect
 from transport.links.laws.law import LinkLaw
-from transport.links.laws.outages.circle import CircleOutage
+from transport.links.laws.outages.placed import CircleOutage
 from transport.links.laws.outages.span import ReceiverOff, TransmitterOff
 from transport.links.laws.plain import Latency
 from vehicles.geometry.geodesy import LocalPlane

@@ -11,8 +11,8 @@ from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged import run_virtual
 from tests.made.scenarios.messages import STRAIGHT
 from transport.links.laws.effect import TransmissionContext
+from transport.links.laws.loss.by_number import RecordedPattern
 from transport.links.laws.loss.earlier_run import EarlierRun
-from transport.links.laws.loss.pattern import RecordedPattern
 from transport.links.link import Link
 from transport.log.reader import LogReader
 from vehicles.messages import LinkVerdict

@@ -20,7 +20,7 @@ from scenarios.studies.channel.cost_drives import (
     lane_margin_m,
 )
 from scenarios.studies.channel.cost_report import PICTURE, TWIN, channel_figure
-from transport.links.laws.loss.gilbert_elliott import GilbertElliott
+from transport.links.laws.loss.bursts import GilbertElliott
 
 PNG = b"\x89PNG"
 SMALL = Plan(

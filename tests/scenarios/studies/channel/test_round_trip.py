@@ -22,8 +22,8 @@ from scenarios.studies.channel.fitting.estimate import Estimate
 from scenarios.studies.channel.fitting.fit import FittedLink, as_toml, fit_link, fit_log
 from scenarios.studies.channel.fitting.recorded import RecordedLink
 from tests.scenarios.studies.channel.recorded_channels import long_drive, recorded_links_of
-from transport.links.laws.delay.gamma import GammaDelay
-from transport.links.laws.loss.gilbert_elliott import GilbertElliott
+from transport.links.laws.delay.kinds import GammaDelay
+from transport.links.laws.loss.bursts import GilbertElliott
 from transport.links.laws.radio.obstruction import OnceForAll, PerVehicle
 from transport.links.laws.radio.path_loss import PathLossRadio, highway_loss
 from transport.links.laws.radio.reservations import Reservations

@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from transport.links.laws.effect import Draw, TransmissionContext
-from transport.links.laws.law import LinkLaw, Unfit
+from transport.links.laws.law import LinkLaw
 from transport.links.laws.moments import Delays
 from transport.links.laws.normals import Normals, quantile
 from transport.links.laws.stage import InOrder, StageLaw
@@ -23,8 +23,6 @@ from vehicles.schedule import MILLISECOND
 
 PURPOSE = "delay"
 """The word under which delays are drawn."""
-WIDEST, NARROWEST = 5.0, 0.01
-"""Deviations of a skew law in units of its mean."""
 _ROOT_TWO = sqrt(2.0)
 
 Milliseconds = Annotated[float, Field(ge=0, le=60_000)]
@@ -46,7 +44,6 @@ class OrderedDelay(LinkLaw):
 
     @property
     def stages(self) -> tuple[StageLaw, ...]:
-        """Arrival in order, if requested."""
         return (InOrder(),) if self.order == "in_order" else ()
 
 
@@ -61,12 +58,10 @@ class DrawnDelay(OrderedDelay):
 
     @property
     def mean_ns(self) -> float:
-        """Mean delay."""
         raise NotImplementedError
 
     @property
     def deviation_ns(self) -> float:
-        """Standard deviation of the delay."""
         raise NotImplementedError
 
     def at(self, normal: float) -> float:
@@ -82,25 +77,20 @@ class DrawnDelay(OrderedDelay):
         return Normals(PURPOSE, self.correlation_ratio)
 
     def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
-        """Delay by the law's delay for the message's own normal number."""
         return round(self.at(self._normals.at(draw, context.seq)))
 
     @property
     def usual_ns(self) -> float:
-        """Delay that most messages do not exceed: the mean and two deviations."""
         return self.mean_ns + 2.0 * self.deviation_ns
 
     @property
     def delays(self) -> Delays:
-        """Moments of the delay."""
         return Delays(self.mean_ns, self.deviation_ns**2, self.correlation_ratio)
 
     def delay_quantile(self, share: float) -> float:
-        """Delay (ns) that a share of the messages does not exceed."""
         return self.at(quantile(share))
 
     def describe(self) -> str:
-        """Describe law and correlation."""
         tied = self.correlation_ratio
         return f"{self.describe_law()}, correlation {tied:g}" if tied else self.describe_law()
 
@@ -111,13 +101,4 @@ def probability(normal: float) -> float:
 
 
 def in_ms(nanoseconds: float) -> str:
-    """Write a delay."""
     return f"{nanoseconds / MILLISECOND:g} ms"
-
-
-def check_skew(mean_ms: float, deviation_ms: float) -> None:
-    """Raise Unfit for a deviation that a skew law's quantiles do not cover."""
-    least, most = NARROWEST * mean_ms, WIDEST * mean_ms
-    if not least <= deviation_ms <= most:
-        allowed = f"allowed {least:g} to {most:g}, {NARROWEST:g} to {WIDEST:g} times the mean"
-        raise Unfit("deviation_ms", f"given {deviation_ms:g}, {allowed}")

@@ -67,7 +67,6 @@ def _solved(shape: float, z: float, start: float) -> float:
 
 
 def _log_density(z: float) -> float:
-    """Logarithm of the standard normal density."""
     return -0.5 * z * z - _LOG_ROOT_TWO_PI
 
 

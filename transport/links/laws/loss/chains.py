@@ -8,25 +8,22 @@ computed alone, and the chain is exactly stationary from the first message on.
 """
 
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from itertools import accumulate
 from math import inf
 
 import numpy as np
 
-from transport.links.laws.effect import Draw, TransmissionContext
-from transport.links.laws.law import LinkLaw, Unfit
-from transport.links.laws.moments import Losses, LossStates
-from transport.reasons import DropReason
+from transport.links.laws.effect import Draw
 
 LONGEST_LOOK_BACK = 10_000.0
 """Draws that one verdict alone may cost on average: a hundredth of a second."""
 
-_ROUNDING = 1e-12
+ROUNDING = 1e-12
 """Chances below it are none."""
 
-_STEP, _FATE = "burst", "burst fate"
+_STEP = "burst"
 
 Map = tuple[int, ...]
 """The next state of each state, under one draw."""
@@ -59,7 +56,6 @@ class CoupledChain:
         self._known: tuple[Draw, int, int] = (_nobody, 0, 0)
 
     def state_at(self, draw: Draw, seq: int) -> int:
-        """Return the state at a number."""
         drawn, number, state = self._known
         if drawn is draw and number == seq - 1:
             state = self._maps[bisect_right(self._cuts, draw(_STEP, seq))][state]
@@ -122,7 +118,7 @@ class CoupledChain:
         wanted = np.zeros(len(equations) + len(none))
         wanted[len(self.rows)] = 1.0
         found = np.linalg.lstsq(np.vstack((equations, none)), wanted)[0]
-        found[found < _ROUNDING] = 0.0
+        found[found < ROUNDING] = 0.0
         return np.asarray(found / found.sum())
 
 
@@ -133,77 +129,3 @@ def _map(sums: Sequence[Sequence[float]], drawn: float) -> Map:
 
 def _last(row: Sequence[float]) -> int:
     return max(place for place, one in enumerate(row) if place == 0 or one > row[place - 1])
-
-
-class ChainLoss(LinkLaw):
-    """Base of laws that lose by the state of a Markov chain."""
-
-    key = "loss"
-    reason = "burst"
-
-    @cached_property
-    def chain(self) -> CoupledChain:
-        """The chain; raises Unfit."""
-        raise NotImplementedError
-
-    @cached_property
-    def loses(self) -> tuple[float, ...]:
-        """Chance of a loss in each state of the chain."""
-        raise NotImplementedError
-
-    def check(self) -> None:
-        """Find chances that are missing, contradict each other, or make no stationary chain."""
-        _ = self.chain
-
-    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
-        """Drop by the state at the message's number, and by a draw where that leaves a choice."""
-        loss = self.loses[self.chain.state_at(draw, context.seq)]
-        if loss in {0.0, 1.0}:
-            return "burst" if loss else 0
-        return "burst" if draw(_FATE, context.seq) < loss else 0
-
-    @property
-    def mean_loss_ratio(self) -> float:
-        """Share of messages lost: that of each state, by the time spent in it."""
-        return float(np.clip(self.chain.shares @ np.array(self.loses), 0.0, 1.0))
-
-    @property
-    def mean_burst_messages(self) -> float | None:
-        """Mean number of messages lost in a row: those lost over those lost before one is not."""
-        loses, lost = np.array(self.loses), self.mean_loss_ratio
-        last = float((self.chain.shares * loses) @ self.chain.rows @ (1.0 - loses))
-        if not lost:
-            return None
-        return lost / last if last > _ROUNDING else inf
-
-    @property
-    def states(self) -> LossStates:
-        """The chain with the loss in each of its states."""
-        return LossStates(self.chain.rows, self.chain.shares, np.array(self.loses))
-
-    def losses(self, distance_m: float | None) -> Losses:  # noqa: ARG002 - not a radio
-        """Loss with the dependence that the chain has, over the states that are reached."""
-        reached = list(self.chain.states)
-        rows, shares, loses = self.states
-        within = LossStates(rows[np.ix_(reached, reached)], shares[reached], loses[reached])
-        return Losses(self.mean_loss_ratio, self.mean_burst_messages, within.covariances)
-
-    def _loss_and_burst(self) -> str:
-        burst = self.mean_burst_messages
-        in_a_row = "" if burst is None else f", {burst:.4g} messages in a row on average"
-        return f"loss {self.mean_loss_ratio:.4g}{in_a_row}"
-
-
-def forgetting(
-    key: str, chances: Sequence[float], chain: Callable[[], CoupledChain]
-) -> CoupledChain:
-    """Build a chain, or raise Unfit at `key` if it has no stationary state that can be found."""
-    try:
-        return chain()
-    except ValueError as error:
-        value = ", ".join(f"{one:g}" for one in chances)
-        raise Unfit(
-            key,
-            f"given {value}, {error}; allowed a chain that does within 10000 messages on average, "
-            "and does not go round in a circle",
-        ) from error

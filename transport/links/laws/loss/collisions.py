@@ -8,6 +8,7 @@ from pydantic import Field
 
 from transport.links.laws.effect import Draw, TransmissionContext
 from transport.links.laws.law import LinkLaw, Ratio, Unfit
+from transport.links.laws.moments import Losses
 from transport.links.laws.radio.reservations import Reservations
 from transport.reasons import DropReason
 
@@ -48,7 +49,6 @@ class Collisions(LinkLaw):
         return Reservations(least, most, self.keep_ratio, "collision")
 
     def check(self) -> None:
-        """Find a missing loss, and reservations that are longer than their maximum."""
         self.needed("loss_ratio")
         least, most = self.reselection_messages_min, self.reselection_messages_max
         if most < least:
@@ -56,28 +56,21 @@ class Collisions(LinkLaw):
             raise Unfit("reselection_messages_max", f"given {most}, allowed {allowed}")
 
     def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
-        """Drop if the resource that the message is sent in collides."""
         selected = self._held.selected_at(draw, context.seq)
         return "collision" if draw("collision resource", selected) < self._loss else 0
 
-    @property
-    def mean_loss_ratio(self) -> float:
-        """Share of messages lost."""
-        return self._loss
-
-    @property
-    def mean_burst_messages(self) -> float | None:
-        """Mean number of messages lost in a row: over the reservations kept, and unlucky again."""
+    def losses(self, distance_m: float | None) -> Losses:
+        """Loss in bursts of the reservations kept, and of those that choose badly again."""
         loss = self._loss
         if not loss:
-            return None
-        return self._held.mean_messages / (1.0 - loss) if loss < 1.0 else inf
+            return Losses(0.0, None, 0.0)
+        burst = self._held.mean_messages / (1.0 - loss) if loss < 1.0 else inf
+        return Losses.of_bursts(loss, burst)
 
     def describe(self) -> str:
-        """Name the law with its numbers."""
         return (
             f"persistent collisions: loss {self._loss:.4g} by reservations of "
             f"{self.reselection_messages_min} to {self.reselection_messages_max} messages, kept "
-            f"with {self.keep_ratio:.4g}, {self.mean_burst_messages or 0.0:.4g} messages in a row "
+            f"with {self.keep_ratio:.4g}, {self.losses(None).burst or 0.0:.4g} messages in a row "
             "on average"
         )

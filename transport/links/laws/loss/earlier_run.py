@@ -69,23 +69,19 @@ class EarlierRun(LinkLaw):
         return tuple(found)
 
     def check(self) -> None:
-        """Find a record that is given twice or not at all, or is unreadable."""
         if self.file is not None and self.delays_ns is not None:
             raise Unfit("file", "given together with delays_ns, allowed a log or its contents")
         if self.file is None:
             _ = self.delays_in_order, self.dropped
 
     def effects(self, setting: LinkSetting) -> tuple[Effect, ...]:
-        """Return loss and delay, which take the place of all other effects."""
         return (*super().effects(setting), self.recorded_delay(setting.latency))
 
     @cached_property
     def length(self) -> int:
-        """Messages on record."""
         return sum(count for _, count in self.delays_in_order)
 
-    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:  # noqa: ARG002 - no chance
-        """Drop by the number alone."""
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         number = context.seq
         if number >= self.length:
             if self.after_end == "pass":
@@ -104,18 +100,14 @@ class EarlierRun(LinkLaw):
 
     @property
     def lost(self) -> Numbers:
-        """The numbers of the messages lost on record."""
         return Numbers.of(
             pair for reason, some in self.dropped if counts_as_loss(reason) for pair in some.ranges
         )
 
-    @property
-    def mean_loss_ratio(self) -> None:
-        """Unknown: a run seldom ends with the record."""
-        return
+    def losses(self, distance_m: float | None) -> None:
+        """Return None: a run seldom ends with the record."""
 
     def describe(self) -> str:
-        """Give the length of the record and what it lost."""
         then = "repeated" if self.after_end == "repeat" else "then no more"
         lost = len(self.lost)
         return f"an earlier run's link: {self.length} messages, {lost} of them lost, {then}"
@@ -132,8 +124,7 @@ class RecordedDelay(Effect):
 
     key = "loss"
 
-    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:  # noqa: ARG002 - no chance
-        """Delay by the number alone."""
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         number = context.seq
         if number >= self.ends[-1]:
             if self.after_end == "pass":
@@ -143,11 +134,9 @@ class RecordedDelay(Effect):
 
     @property
     def delays(self) -> None:
-        """Unknown, as the losses are."""
         return
 
     def describe(self) -> str:
-        """Give the range of the delays."""
         least, most = (one(self.delays_in_order)[0] / MILLISECOND for one in (min, max))
         return f"delay as in an earlier run, {least:g} to {most:g} ms"
 

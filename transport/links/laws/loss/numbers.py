@@ -25,7 +25,6 @@ class Numbers:
     _firsts: tuple[int, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Keep the first numbers, to search in."""
         object.__setattr__(self, "_firsts", tuple(first for first, _ in self.ranges))
 
     def __contains__(self, number: int) -> bool:
@@ -64,11 +63,6 @@ class Numbers:
                 raise ValueError(f'"{part}", allowed a range that does not go back')
             pairs.append((first, last))
         return cls.of(pairs)
-
-    @property
-    def mean_run(self) -> float | None:
-        """Mean length of its ranges, None if it is empty."""
-        return len(self) / len(self.ranges) if self.ranges else None
 
 
 def numbers_of(key: str, text: str) -> Numbers:

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from transport.links.laws.effect import BY_CELL, Draw, TransmissionContext
+from transport.links.laws.moments import Losses
 from transport.links.laws.outages.span import Outage
 from transport.reasons import DropReason
 from vehicles.schedule import SECOND
@@ -32,7 +33,6 @@ class RandomOutage(Outage):
 
     @cached_property
     def _means(self) -> tuple[int, int]:
-        """Mean times on and off (ns)."""
         return round(self.mean_on_s * SECOND), round(self.mean_off_s * SECOND)
 
     @cached_property
@@ -46,13 +46,14 @@ class RandomOutage(Outage):
         return {}
 
     @property
-    def mean_loss_ratio(self) -> float:
-        """The share of time that is off."""
+    def share_off(self) -> float:
         on, off = self._means
         return off / (on + off)
 
+    def losses(self, distance_m: float | None) -> Losses:
+        return Losses(self.share_off, None, 0.0)
+
     def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
-        """Drop if the link is off at the instant of sending."""
         return "outage" if self.is_off(draw, context.sent_at - self.setting.start_at) else 0
 
     def is_off(self, draw: Draw, since: int) -> bool:
@@ -71,7 +72,7 @@ class RandomOutage(Outage):
         """
         known = self._cells.get((draw, cell))
         if known is None:
-            length, (on, off), share = self.cell, self._means, self.mean_loss_ratio
+            length, (on, off), share = self.cell, self._means, self.share_off
             purpose = f"{BY_CELL} {self.setting.place}"
             mean = length * (1.0 / on + 1.0 / off)
             known = tuple(
@@ -87,7 +88,6 @@ class RandomOutage(Outage):
         return known
 
     def describe(self) -> str:
-        """Give both means in s."""
         return (
             f"random outage, on for {self.mean_on_s:g} s and off for {self.mean_off_s:g} s on "
             "average"

@@ -14,11 +14,10 @@ from pydantic import Field
 
 from transport.links.laws.effect import Draw, JudgedBy, TransmissionContext
 from transport.links.laws.law import LinkLaw, Problem
+from transport.links.laws.moments import Losses
 from transport.reasons import DropReason
 from vehicles.schedule import SECOND
 
-Who = Literal["sender", "receiver", "either", "both"]
-"""Which end has to be inside."""
 Seconds = Annotated[float, Field(ge=0, le=86_400)]
 
 
@@ -31,18 +30,15 @@ class Extent:
     every: float = inf
 
     def holds(self, value: float) -> bool:
-        """Whether a value lies in it; NaN does not."""
         if self.every < inf and value >= self.start:
             return (value - self.start) % self.every < self.end - self.start
         return self.start <= value < self.end
 
     def describe(self, unit: str) -> str:
-        """Write it with a unit."""
         again = f", again every {self.every:g} {unit}" if self.every < inf else ""
         return f"from {self.start:g} to {self.end:g} {unit}{again}"
 
     def problems(self, unit: str) -> Iterator[Problem]:
-        """Return the keys in a unit that do not fit one another."""
         length = self.end - self.start
         if length <= 0.0:
             allowed = f"allowed more than {self.start:g}, its from_{unit}"
@@ -59,9 +55,7 @@ class Outage(LinkLaw):
     reason: ClassVar[DropReason | None] = "outage"
     judged_by: ClassVar[JudgedBy] = "time"
 
-    @property
-    def mean_loss_ratio(self) -> float | None:
-        """Unknown beforehand."""
+    def losses(self, distance_m: float | None) -> Losses | None:
         return None
 
 
@@ -74,11 +68,9 @@ class SpanOutage(Outage):
 
     @property
     def extent(self) -> Extent:
-        """The span in s."""
         return Extent(self.from_s, self.to_s, inf if self.every_s is None else self.every_s)
 
     def problems(self) -> Iterator[Problem]:
-        """Return keys of an empty span, or one that overlaps its repetition."""
         return self.extent.problems("s")
 
     @cached_property
@@ -88,23 +80,26 @@ class SpanOutage(Outage):
         every, reason = round((self.every_s or 0.0) * SECOND), self.reason or "outage"
         return self.setting.start_at + start, end - start, every, reason
 
-    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:  # noqa: ARG002 - no chance
-        """Drop by the instant of sending."""
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         start_at, length, every, reason = self._bounds
         since = context.sent_at - start_at
         if every and since >= 0:
             since %= every
         return reason if 0 <= since < length else 0
 
-    @property
-    def mean_loss_ratio(self) -> float | None:
-        """The share of time, where it repeats."""
+    def losses(self, distance_m: float | None) -> Losses | None:
+        """Share of time, where it repeats."""
         _, length, every, _ = self._bounds
-        return length / every if every else None
+        return Losses(length / every, None, 0.0) if every else None
 
     def describe(self) -> str:
-        """Name the reason and give the span."""
         return f"{(self.reason or 'outage').replace('_', ' ')} {self.extent.describe('s')}"
+
+
+class WindowOutage(SpanOutage):
+    """An outage for a time."""
+
+    kind: Literal["window"] = "window"
 
 
 class TransmitterOff(SpanOutage):
@@ -119,19 +114,3 @@ class ReceiverOff(SpanOutage):
 
     key = "receiver_off"
     reason = "receiver_off"
-
-
-class PlacedOutage(Outage):
-    """What outages by place have: who has to be there."""
-
-    judged_by = "place"
-
-    who: Who = "either"
-
-    def inside(self, sender: bool, receiver: bool) -> bool:
-        """Whether the link is out with the ends inside or not."""
-        if self.who == "either":
-            return sender or receiver
-        if self.who == "both":
-            return sender and receiver
-        return sender if self.who == "sender" else receiver

@@ -62,28 +62,25 @@ class PerVehicle(Obstruction):
     def loss(
         self,
         between: VehiclesBetween,
-        wavering: ShadowField,  # noqa: ARG002 - no chance
-        draw: Draw,  # noqa: ARG002
+        wavering: ShadowField,
+        draw: Draw,
         context: TransmissionContext,
-        distance: float,  # noqa: ARG002
+        distance: float,
     ) -> tuple[float, bool]:
-        """Return the sum over those in the way, and whether there are any."""
         found = between.in_the_way(context, ceil(HOPELESS / self.loss_db))
         return self.loss_db * found, found > 0
 
     def losses(
         self,
         count: int,
-        distance: float,  # noqa: ARG002 - no chance
-        normals: Floats,  # noqa: ARG002
-        weights: Floats,  # noqa: ARG002
+        distance: float,
+        normals: Floats,
+        weights: Floats,
     ) -> tuple[Floats, Floats]:
-        """Return the sum over all."""
         most = ceil(HOPELESS / self.loss_db)
         return np.array([self.loss_db * min(count, most)]), np.ones(1)
 
     def describe(self, count: int) -> str:
-        """Give the loss for each vehicle."""
         return f"{self.loss_db:g} dB for each of up to {count} vehicles in between"
 
 
@@ -110,7 +107,6 @@ class OnceForAll(Obstruction):
         context: TransmissionContext,
         distance: float,
     ) -> tuple[float, bool]:
-        """Return the loss if a vehicle is in the way, and whether one is."""
         if not between.in_the_way(context, 1):
             return 0.0, False
         normal = wavering.at(draw, context.receiver.driven)
@@ -118,19 +114,17 @@ class OnceForAll(Obstruction):
 
     def losses(
         self,
-        count: int,  # noqa: ARG002 - once for all
+        count: int,
         distance: float,
         normals: Floats,
         weights: Floats,
     ) -> tuple[Floats, Floats]:
-        """Return the loss at each of the normal numbers."""
         return np.maximum(0.0, self._mean(distance) + self.deviation_db * normals), weights
 
     def _mean(self, distance: float) -> float:
         return self.mean_db + max(0.0, 15.0 * log10(distance) - 41.0)
 
     def describe(self, count: int) -> str:
-        """Give mean and deviation."""
         law = f"{self.mean_db:g} ± {self.deviation_db:g} dB once"
         return f"{law} for up to {count} vehicles in between"
 

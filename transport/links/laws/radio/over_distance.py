@@ -21,11 +21,6 @@ class OverDistance(LinkLaw):
     key = "radio"
     reason = "range"
 
-    @property
-    def mean_loss_ratio(self) -> float | None:
-        """Unknown: it depends on where the vehicles are."""
-        return None
-
 
 def distance_of(context: TransmissionContext) -> float:
     """Distance (m) between both ends when a message was sent."""

@@ -57,7 +57,6 @@ class PacketErrors(LawTable):
     obstructed_error_ratio: Errors = (0.5, 0.1, 0.01)
 
     def problems(self) -> Iterator[Problem]:
-        """Return lists that do not fit one another, and errors that do not decrease."""
         for word, snr_db, error_ratio in (
             ("", self.snr_db, self.error_ratio),
             ("obstructed_", self.obstructed_snr_db, self.obstructed_error_ratio),
@@ -84,7 +83,6 @@ class ErrorCurve:
     _scores: tuple[float, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Put the points on probability paper; raises ValueError unless there are two or more."""
         if not 2 <= len(self.snrs) == len(self.errors):
             raise ValueError("a curve needs two points or more")
         score = NormalDist().inv_cdf
@@ -121,7 +119,6 @@ class PathLossRadio(OverDistance):
     obstruction: ObstructionLaw | None = None
 
     def problems(self) -> Iterator[Problem]:
-        """Return the keys of the error curves that do not fit one another."""
         return self.errors.problems()
 
     @cached_property
@@ -163,7 +160,6 @@ class PathLossRadio(OverDistance):
         return replace(others, radius=self.obstruction.radius_m) if others.count else None
 
     def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
-        """Drop when the message's draw is not below the share received at its ratio."""
         distance = distance_of(context)
         if not isfinite(distance + context.sender.driven):
             return "range"
@@ -198,7 +194,6 @@ class PathLossRadio(OverDistance):
 
     @property
     def farthest_m(self) -> float:
-        """Distance from which on all but all messages are lost."""
         far = STEP_M
         while far < MOST_M and 1.0 - self._delivered(far) < ALL_BUT_ALL:
             far += STEP_M
@@ -222,7 +217,6 @@ class PathLossRadio(OverDistance):
         return float(of_lost @ np.array(received) @ of_shadow)
 
     def describe(self) -> str:
-        """Give power, shadowing and obstruction."""
         parts = [f"{self.power_dbm:g} dBm, {self.ratio(100.0):.1f} dB above the noise at 100 m"]
         if self.shadowing is not None:
             parts.append(self.shadowing.describe())

@@ -32,7 +32,6 @@ class Reservations:
     )
 
     def __post_init__(self) -> None:
-        """Raise ValueError for lengths and chances that there are not."""
         if not 1 <= self.least <= self.most:
             raise ValueError(f"reservations for {self.least} to {self.most} messages")
         if not 0.0 <= self.kept < 1.0:

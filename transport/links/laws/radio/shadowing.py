@@ -30,11 +30,9 @@ class Shadowing(LawTable):
     decorrelation_m: Annotated[float, Field(ge=1, le=10_000)] = 25.0
 
     def deviation(self, is_obstructed: bool) -> float:
-        """Standard deviation (dB) in sight or behind vehicles."""
         return self.obstructed_deviation_db if is_obstructed else self.deviation_db
 
     def describe(self) -> str:
-        """Give the deviations and the decorrelation distance."""
         deviations = dict.fromkeys((self.deviation_db, self.obstructed_deviation_db))
         decibels = " and ".join(f"{one:g}" for one in deviations)
         return f"shadowing {decibels} dB over {self.decorrelation_m:g} m"
@@ -59,11 +57,9 @@ class ShadowField:
     _nodes: Normals = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Make the nodes."""
         object.__setattr__(self, "_nodes", Normals(self.purpose, _RHO))
 
     def at(self, draw: Draw, driven: float) -> float:
-        """Value where the receiver has driven `driven` metres."""
         place = driven * STEPS / self.decorrelation
         node = floor(place)
         share = place - node

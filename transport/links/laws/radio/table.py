@@ -42,7 +42,6 @@ class TableRadio(OverDistance):
     reselection_messages_max: Annotated[int, Field(ge=1, le=1000)] = 15
 
     def problems(self) -> Iterator[Problem]:
-        """Return lists that do not fit one another, and limits that contradict each other."""
         over = ("distance_m", self.distance_m)
         yield from curve_problems("", over, ("delivery_ratio", self.delivery_ratio))
         least, most = self.reselection_messages_min, self.reselection_messages_max
@@ -52,14 +51,12 @@ class TableRadio(OverDistance):
 
     @cached_property
     def reservations(self) -> Reservations | None:
-        """The reservations, None where each message is lost on its own."""
         if self.burst == "independent":
             return None
         least, most = self.reselection_messages_min, self.reselection_messages_max
         return Reservations(least, most, self.keep_ratio)
 
     def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
-        """Drop when the draw of the message, or of its reservation, is not below the ratio."""
         drawn_for = context.seq
         if self.reservations is not None:
             drawn_for = self.reservations.selected_at(draw, drawn_for)
@@ -78,7 +75,6 @@ class TableRadio(OverDistance):
         return ratios[after - 1] + share * (ratios[after] - ratios[after - 1])
 
     def losses(self, distance_m: float | None) -> Losses | None:
-        """Loss over a distance."""
         if distance_m is None:
             return None
         loss, held = 1.0 - self.ratio(distance_m), self.reservations
@@ -87,11 +83,9 @@ class TableRadio(OverDistance):
 
     @property
     def farthest_m(self) -> float:
-        """The last distance of the table."""
         return self.distance_m[-1]
 
     def describe(self) -> str:
-        """Give both ends of the table, and the bursts."""
         distances, ratios, held = self.distance_m, self.delivery_ratio, self.reservations
         share = f"{ratios[0]:g} received at {distances[0]:g} m"
         if len(ratios) > 1:

@@ -12,14 +12,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from transport.links.laws.delay.constant import ConstantDelay
+from tests.made.channels.laws import long_run
 from transport.links.laws.delay.drawn import DrawnDelay
-from transport.links.laws.delay.empirical import EmpiricalDelay
-from transport.links.laws.delay.gamma import GammaDelay
 from transport.links.laws.delay.gamma_quantiles import log_quantile, log_quantiles
-from transport.links.laws.delay.lognormal import LognormalDelay
-from transport.links.laws.delay.normal import NormalDelay
-from transport.links.laws.delay.uniform import UniformDelay
+from transport.links.laws.delay.kinds import (
+    ConstantDelay,
+    EmpiricalDelay,
+    GammaDelay,
+    LognormalDelay,
+    NormalDelay,
+    UniformDelay,
+)
 from transport.links.laws.effect import TransmissionContext
 from transport.links.laws.normals import RECENT, STRONGEST, Normals
 from transport.links.link import keyed_draw
@@ -238,7 +241,7 @@ def test_laws_say_themselves_in_words() -> None:
     assert tied.describe() == (
         "delay normal, 10 ms ± 12 ms, truncated at 0 and 30 ms, correlation 0.5"
     )
-    assert (tied.mean_loss_ratio, tied.mean_burst_messages) == (0.0, None)
+    assert long_run(tied) == (0.0, None)
     assert (tied.mean_ns, tied.deviation_ns**2, 0.5) == tied.delays
     assert ConstantDelay(delay_ms=3.0).describe() == "delay of 3 ms"
     assert all("ms" in law.describe() for law in LAWS.values())

@@ -2,7 +2,7 @@
 
 from itertools import groupby
 
-from tests.made.channels.laws import collisions
+from tests.made.channels.laws import collisions, long_run
 from transport.links.laws.effect import TransmissionContext
 from transport.links.link import keyed_draw
 
@@ -20,5 +20,5 @@ def test_no_loss_and_total_loss_are_exact() -> None:
     for loss, fate in ((0.0, 0), (1.0, "collision")):
         law = collisions(loss, 0.5)
         assert {law.judge(draw, TransmissionContext(seq, 0)) for seq in range(500)} == {fate}
-    assert collisions(0.0).mean_burst_messages is None
-    assert collisions(1.0).mean_burst_messages == float("inf")
+    assert long_run(collisions(0.0))[1] is None
+    assert long_run(collisions(1.0))[1] == float("inf")

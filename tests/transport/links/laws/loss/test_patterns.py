@@ -7,12 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.made.channels.laws import long_run
 from transport.links.laws.effect import Effect, TransmissionContext
+from transport.links.laws.loss.by_number import EveryNth, Listed, RecordedPattern
 from transport.links.laws.loss.earlier_run import EarlierRun, known_reason
-from transport.links.laws.loss.every_nth import EveryNth
-from transport.links.laws.loss.listed import Listed
 from transport.links.laws.loss.numbers import AfterEnd, Numbers
-from transport.links.laws.loss.pattern import RecordedPattern
 
 Some = st.sets(st.integers(0, 80))
 
@@ -65,8 +64,8 @@ def test_what_is_no_number_is_refused(text: str) -> None:
 def test_every_nth_is_lost(period: int, first: int) -> None:
     law = EveryNth(every_messages=period, first_number=first)
     assert lost(law, 100) == list(range(first, 100, period))
-    assert law.mean_loss_ratio == 1.0 / period
-    assert law.mean_burst_messages == (1.0 if period > 1 else inf)
+    assert long_run(law)[0] == 1.0 / period
+    assert long_run(law)[1] == (1.0 if period > 1 else inf)
     assert f"every {period}" in law.describe()
 
 
@@ -74,7 +73,7 @@ def test_every_nth_is_lost(period: int, first: int) -> None:
 def test_listed_messages_are_lost(some: set[int]) -> None:
     law = Listed(lost_numbers=str(numbers(some)))
     assert lost(law, 100) == sorted(some)
-    assert law.mean_loss_ratio is None
+    assert long_run(law)[0] is None
     assert f"{len(some)} listed" in law.describe()
 
 
@@ -83,7 +82,7 @@ def test_a_pattern_repeats_or_ends(some: set[int], length: int) -> None:
     again, once = pattern(numbers(some), length, "repeat"), pattern(numbers(some), length, "pass")
     assert lost(once, 3 * length) == sorted(some)
     assert lost(again, 3 * length) == sorted(n + k * length for n in some for k in range(3))
-    assert again.mean_loss_ratio == once.mean_loss_ratio == len(some) / length
+    assert long_run(again)[0] == long_run(once)[0] == len(some) / length
 
 
 @given(st.lists(st.booleans(), min_size=1, max_size=40))
@@ -93,7 +92,7 @@ def test_bursts_of_a_pattern_are_those_of_its_repetition(fates: list[bool]) -> N
     turned = fates[fates.index(False) :] + fates[: fates.index(False)] if not all(fates) else fates
     runs = [sum(1 for _ in run) for is_lost, run in groupby(turned) if is_lost]
     expected = inf if all(fates) else sum(runs) / len(runs) if runs else None
-    assert law.mean_burst_messages == expected
+    assert long_run(law)[1] == expected
 
 
 @given(

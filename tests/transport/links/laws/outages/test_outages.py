@@ -9,10 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from tests.made.channels.laws import circle, random_outage, stretch, window
+from tests.made.channels.laws import circle, long_run, random_outage, stretch, window
 from transport.links.laws.effect import Effect, Position, TransmissionContext
+from transport.links.laws.outages.placed import Who
 from transport.links.laws.outages.random import REMEMBERED, RandomOutage
-from transport.links.laws.outages.span import ReceiverOff, TransmitterOff, Who
+from transport.links.laws.outages.span import ReceiverOff, TransmitterOff
 from transport.links.link import keyed_draw
 from vehicles.schedule import SECOND
 
@@ -41,7 +42,7 @@ def test_a_window_comes_again(lap: int, since: int) -> None:
     effect = window(100, 150, START, every=1000, kind=TransmitterOff)
     found = answer(effect, TransmissionContext(0, START + 100 + lap * 1000 + since))
     assert found == ("transmitter_off" if since < 50 else 0)
-    assert effect.mean_loss_ratio == 0.05
+    assert long_run(effect)[0] == 0.05
 
 
 def test_a_window_does_not_come_before_its_first_time() -> None:
@@ -147,7 +148,7 @@ def test_it_is_stationary_from_the_first_message() -> None:
     wanted = exp(-(1 / ON + 1 / OFF) * lag)
     found = np.mean((first - share) * (then - share)) / (share * (1 - share))
     assert abs(found - wanted) < 4.0 / sqrt(links)
-    assert effect.mean_loss_ratio == share
+    assert long_run(effect)[0] == share
 
 
 @given(

@@ -1,19 +1,66 @@
-"""An outage within a circle."""
+"""Outages by place: on a stretch of the road, or within a circle."""
 
 from collections.abc import Iterator
 from functools import cached_property
-from math import hypot, nan
+from math import hypot, inf, nan
 from typing import Annotated, Literal
 
 from pydantic import Field
 
 from transport.links.laws.effect import Draw, Position, TransmissionContext
 from transport.links.laws.law import Problem
-from transport.links.laws.outages.span import PlacedOutage
+from transport.links.laws.outages.span import Extent, Outage
 from transport.reasons import DropReason
 from vehicles.geometry.geodesy import REACH, LocalPlane
 
+Who = Literal["sender", "receiver", "either", "both"]
+"""Which end has to be inside."""
+Station = Annotated[float, Field(ge=-1_000_000, le=1_000_000)]
 Metres = Annotated[float, Field(ge=-200_000, le=200_000)]
+
+
+class PlacedOutage(Outage):
+    """What outages by place have: who has to be there."""
+
+    judged_by = "place"
+
+    who: Who = "either"
+
+    def inside(self, sender: bool, receiver: bool) -> bool:
+        if self.who == "either":
+            return sender or receiver
+        if self.who == "both":
+            return sender and receiver
+        return sender if self.who == "sender" else receiver
+
+
+class StretchOutage(PlacedOutage):
+    """A stretch of the road, by the arc length from the path's first point on.
+
+    Laps of a path go on counting; `every_m` lets the stretch come again. The stations are those of
+    the ends when the run starts; the metres driven are added.
+    """
+
+    kind: Literal["stretch"] = "stretch"
+    from_m: Station
+    to_m: Station
+    every_m: Annotated[float, Field(gt=0, le=1_000_000)] | None = None
+
+    @cached_property
+    def extent(self) -> Extent:
+        return Extent(self.from_m, self.to_m, inf if self.every_m is None else self.every_m)
+
+    def problems(self) -> Iterator[Problem]:
+        return self.extent.problems("m")
+
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
+        setting, holds = self.setting, self.extent.holds
+        sender = holds(setting.sender_station + context.sender.driven)
+        receiver = holds(setting.receiver_station + context.receiver.driven)
+        return "outage" if self.inside(sender, receiver) else 0
+
+    def describe(self) -> str:
+        return f"outage with {self.who} on the road {self.extent.describe('m')}"
 
 
 class CircleOutage(PlacedOutage):
@@ -27,7 +74,6 @@ class CircleOutage(PlacedOutage):
     radius_m: Annotated[float, Field(gt=0, le=100_000)]
 
     def problems(self) -> Iterator[Problem]:
-        """Return keys of a place that is given twice, in part or not at all."""
         pairs = (("east_m", "north_m"), ("latitude_deg", "longitude_deg"))
         given = [[key for key in pair if getattr(self, key) is not None] for pair in pairs]
         if given[0] and given[1]:
@@ -40,7 +86,6 @@ class CircleOutage(PlacedOutage):
                 yield missing, f"missing, needed with {found[0]}"
 
     def problems_in(self, plane: LocalPlane) -> Iterator[Problem]:
-        """Return the latitude of a place that is not near the plane's origin."""
         latitude, longitude = self.latitude_deg, self.longitude_deg
         if latitude is None or longitude is None:
             return
@@ -62,8 +107,7 @@ class CircleOutage(PlacedOutage):
         altitude_m = plane.origin.altitude_m
         return plane.to_plane(self.latitude_deg, self.longitude_deg, altitude_m)
 
-    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:  # noqa: ARG002 - no chance
-        """Drop by the ends' places."""
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         sender, receiver = self._holds(context.sender), self._holds(context.receiver)
         return "outage" if self.inside(sender, receiver) else 0
 
@@ -72,7 +116,6 @@ class CircleOutage(PlacedOutage):
         return hypot(place.east - east, place.north - north) < self.radius_m
 
     def describe(self) -> str:
-        """Give circle and ends."""
         east, north = self.centre
         where = f"{self.radius_m:g} m of east {east:g} m, north {north:g} m"
         return f"outage with {self.who} within {where}"

@@ -1,0 +1,248 @@
+"""The laws of delay that a scenario can request, by `kind`."""
+
+from functools import cached_property
+from math import exp, fsum, inf, log, log1p, pi, sqrt
+from typing import Annotated, Literal
+
+from pydantic import Field, StringConstraints
+
+from transport.links.laws.delay.drawn import (
+    DrawnDelay,
+    Milliseconds,
+    OrderedDelay,
+    SomeMilliseconds,
+    in_ms,
+    probability,
+)
+from transport.links.laws.delay.gamma_quantiles import log_quantile, log_quantiles
+from transport.links.laws.effect import Draw, TransmissionContext
+from transport.links.laws.law import Unfit
+from transport.links.laws.moments import Delays
+from transport.links.laws.normals import quantile
+from transport.reasons import DropReason
+from vehicles.schedule import MILLISECOND
+
+WIDEST, NARROWEST = 5.0, 0.01
+"""Deviations of a skew law in units of its mean."""
+MOST_RECORDED = 1000
+"""Recorded delays that stand for all: every link of every vehicle's process holds them."""
+
+
+class ConstantDelay(OrderedDelay):
+    """Always the same delay."""
+
+    kind: Literal["constant"] = "constant"
+    delay_ms: Milliseconds
+
+    @cached_property
+    def _delay(self) -> int:
+        return round(self.delay_ms * MILLISECOND)
+
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
+        return self._delay
+
+    @property
+    def usual_ns(self) -> float:
+        return float(self._delay)
+
+    @property
+    def delays(self) -> Delays:
+        return Delays(float(self._delay), 0.0)
+
+    def describe(self) -> str:
+        return f"delay of {in_ms(self._delay)}"
+
+
+class UniformDelay(DrawnDelay):
+    """Each delay between the two as likely."""
+
+    kind: Literal["uniform"] = "uniform"
+    delay_ms_min: Milliseconds = 0.0
+    delay_ms_max: Milliseconds
+
+    def check(self) -> None:
+        least, most = self.delay_ms_min, self.delay_ms_max
+        if most <= least:
+            why = f"given {most:g}, allowed more than {least:g}, the least"
+            raise Unfit("delay_ms_max", why)
+
+    @cached_property
+    def _ends(self) -> tuple[float, float]:
+        return self.delay_ms_min * MILLISECOND, self.delay_ms_max * MILLISECOND
+
+    @property
+    def mean_ns(self) -> float:
+        least, most = self._ends
+        return 0.5 * (least + most)
+
+    @property
+    def deviation_ns(self) -> float:
+        least, most = self._ends
+        return (most - least) / sqrt(12.0)
+
+    def at(self, normal: float) -> float:
+        least, most = self._ends
+        return least + probability(normal) * (most - least)
+
+    def describe_law(self) -> str:
+        least, most = self._ends
+        return f"delay uniform from {in_ms(least)} to {in_ms(most)}"
+
+
+class NormalDelay(DrawnDelay):
+    """Normal, cut off at 0 and at `delay_ms_max`; mean and deviation are those before the cut.
+
+    It is truncated, not piled up. Moments of what is left: Johnson, Kotz and Balakrishnan,
+    Continuous Univariate Distributions, vol. 1, ch. 13.
+    """
+
+    kind: Literal["normal"] = "normal"
+    mean_ms: Milliseconds
+    deviation_ms: SomeMilliseconds
+    delay_ms_max: Milliseconds | None = None
+
+    def check(self) -> None:
+        least = max(self.mean_ms, 0.001)
+        if self.delay_ms_max is not None and self.delay_ms_max < least:
+            why = f"given {self.delay_ms_max:g}, allowed at least {least:g}, the mean"
+            raise Unfit("delay_ms_max", why)
+
+    @cached_property
+    def _cut(self) -> tuple[float, float, float, float, float, float]:
+        """Mean, deviation and maximum (ns), and the shares below, above and between the cuts."""
+        centre, spread = self.mean_ms * MILLISECOND, self.deviation_ms * MILLISECOND
+        most = inf if self.delay_ms_max is None else self.delay_ms_max * MILLISECOND
+        below, above = probability(-centre / spread), probability((centre - most) / spread)
+        return centre, spread, most, below, above, 1.0 - below - above
+
+    @property
+    def mean_ns(self) -> float:
+        centre, spread, *_ = self._cut
+        return centre + spread * self._shift()
+
+    @property
+    def deviation_ns(self) -> float:
+        centre, spread, most, _, _, kept = self._cut
+        low, high = -centre / spread, (most - centre) / spread
+        edges = low * _density(low) - (high * _density(high) if high < inf else 0.0)
+        return spread * sqrt(1.0 + edges / kept - self._shift() ** 2)
+
+    def _shift(self) -> float:
+        centre, spread, most, _, _, kept = self._cut
+        low, high = -centre / spread, (most - centre) / spread
+        return (_density(low) - _density(high)) / kept
+
+    def at(self, normal: float) -> float:
+        centre, spread, most, below, above, kept = self._cut
+        tail = probability(-abs(normal)) * kept
+        if normal <= 0.0:
+            return max(centre + spread * quantile(below + tail), 0.0)
+        return min(max(centre - spread * quantile(above + tail), 0.0), most)
+
+    def describe_law(self) -> str:
+        centre, spread, most, *_ = self._cut
+        ends = "0" if most == inf else f"0 and {in_ms(most)}"
+        return f"delay normal, {in_ms(centre)} ± {in_ms(spread)}, truncated at {ends}"
+
+
+def _density(normal: float) -> float:
+    return exp(-0.5 * normal * normal) / sqrt(2.0 * pi)
+
+
+class SkewDelay(DrawnDelay):
+    """Base of the skew laws, by the mean and the standard deviation of the delay."""
+
+    kind: str
+    mean_ms: SomeMilliseconds
+    deviation_ms: SomeMilliseconds
+
+    def check(self) -> None:
+        least, most = NARROWEST * self.mean_ms, WIDEST * self.mean_ms
+        if not least <= self.deviation_ms <= most:
+            allowed = f"allowed {least:g} to {most:g}, {NARROWEST:g} to {WIDEST:g} times the mean"
+            raise Unfit("deviation_ms", f"given {self.deviation_ms:g}, {allowed}")
+
+    @property
+    def mean_ns(self) -> float:
+        return self.mean_ms * MILLISECOND
+
+    @property
+    def deviation_ns(self) -> float:
+        return self.deviation_ms * MILLISECOND
+
+    def describe_law(self) -> str:
+        return f"delay {self.kind}, {in_ms(self.mean_ns)} ± {in_ms(self.deviation_ns)}"
+
+
+class LognormalDelay(SkewDelay):
+    """Lognormal, by the mean and the standard deviation of the delay."""
+
+    kind: Literal["lognormal"] = "lognormal"
+
+    @cached_property
+    def _of_logarithm(self) -> tuple[float, float]:
+        """Deviation of the logarithm, and the median (Johnson, Kotz and Balakrishnan, ch. 14)."""
+        variance = log1p((self.deviation_ns / self.mean_ns) ** 2)
+        return sqrt(variance), self.mean_ns * exp(-0.5 * variance)
+
+    def at(self, normal: float) -> float:
+        spread, median = self._of_logarithm
+        return median * exp(spread * normal)
+
+
+class GammaDelay(SkewDelay):
+    """Gamma, by the mean and the standard deviation of the delay."""
+
+    kind: Literal["gamma"] = "gamma"
+
+    @cached_property
+    def _quantiles(self) -> tuple[tuple[tuple[float, float], ...], float]:
+        """Table of quantiles, and the logarithm of the scale."""
+        table = log_quantiles((self.mean_ns / self.deviation_ns) ** 2)
+        return table, log(self.deviation_ns**2 / self.mean_ns)
+
+    def at(self, normal: float) -> float:
+        table, log_scale = self._quantiles
+        return exp(log_quantile(table, normal) + log_scale)
+
+
+class EmpiricalDelay(DrawnDelay):
+    """Recorded delays, each as likely: the column delay_ms of a CSV `file`.
+
+    When the file has been read they are `recorded_ms`, sorted, and it is their `source`. Of more
+    than 1000 as many quantiles stay, evenly spread: no probability is off by more than 0.001.
+    """
+
+    kind: Literal["empirical"] = "empirical"
+    file: Annotated[str, StringConstraints(min_length=1)] | None = None
+    source: str | None = None
+    recorded_ms: Annotated[
+        tuple[Milliseconds, ...], Field(strict=False, max_length=MOST_RECORDED)
+    ] = ()
+
+    def check(self) -> None:
+        if self.file is not None and self.recorded_ms:
+            raise Unfit("recorded_ms", "given together with file, allowed one of them")
+        if self.file is None and not self.recorded_ms:
+            raise Unfit("file", "missing, needed without recorded_ms")
+
+    @cached_property
+    def _recorded(self) -> tuple[float, ...]:
+        return tuple(one * MILLISECOND for one in sorted(self.recorded_ms))
+
+    @property
+    def mean_ns(self) -> float:
+        return fsum(self._recorded) / len(self._recorded)
+
+    @property
+    def deviation_ns(self) -> float:
+        mean = self.mean_ns
+        return sqrt(fsum((one - mean) ** 2 for one in self._recorded) / len(self._recorded))
+
+    def at(self, normal: float) -> float:
+        count = len(self._recorded)
+        return self._recorded[min(int(probability(normal) * count), count - 1)]
+
+    def describe_law(self) -> str:
+        moments = f"{in_ms(self.mean_ns)} ± {in_ms(self.deviation_ns)}"
+        return f"delay as in {len(self._recorded)} recorded ones, {moments}"

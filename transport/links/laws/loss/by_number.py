@@ -1,0 +1,139 @@
+"""Losses that follow from the numbers of messages alone, and no loss."""
+
+from functools import cached_property
+from math import inf
+from typing import ClassVar, Literal
+
+from transport.links.laws.effect import Draw, Effect, JudgedBy, TransmissionContext
+from transport.links.laws.law import LinkLaw, LinkSetting, Unfit
+from transport.links.laws.loss.numbers import (
+    AfterEnd,
+    FileName,
+    MessageCount,
+    MessageNumber,
+    Numbers,
+    numbers_of,
+)
+from transport.links.laws.moments import Losses
+from transport.reasons import DropReason
+
+
+class NoLoss(LinkLaw):
+    """No further loss, where others have some."""
+
+    kind: Literal["none"] = "none"
+
+    def effects(self, setting: LinkSetting) -> tuple[Effect, ...]:
+        return ()
+
+
+class LossByNumber(LinkLaw):
+    """Base of laws that lose messages by their numbers."""
+
+    key = "loss"
+    reason: ClassVar[DropReason | None] = "pattern"
+    judged_by: ClassVar[JudgedBy] = "number"
+
+
+class EveryNth(LossByNumber):
+    """Message `first_number` is lost, and from then on one of every `every_messages`."""
+
+    kind: Literal["every_nth"] = "every_nth"
+    every_messages: MessageCount | None = None
+    first_number: MessageNumber = 0
+
+    @cached_property
+    def _period(self) -> int:
+        period: int = self.needed("every_messages")
+        return period
+
+    def check(self) -> None:
+        self.needed("every_messages")
+
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
+        after = context.seq - self.first_number
+        return "pattern" if after >= 0 and after % self._period == 0 else 0
+
+    def losses(self, distance_m: float | None) -> Losses:
+        return Losses.of_bursts(1.0 / self._period, 1.0 if self._period > 1 else inf)
+
+    def describe(self) -> str:
+        return f"one message of every {self._period} lost, from number {self.first_number} on"
+
+
+class Listed(LossByNumber):
+    """Messages with certain numbers are lost: a text such as "3, 7, 10-20"."""
+
+    kind: Literal["listed"] = "listed"
+    lost_numbers: str | None = None
+
+    @cached_property
+    def lost(self) -> Numbers:
+        return numbers_of("lost_numbers", self.needed("lost_numbers"))
+
+    def check(self) -> None:
+        _ = self.lost
+
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
+        return "pattern" if context.seq in self.lost else 0
+
+    def losses(self, distance_m: float | None) -> None:
+        """Return None: the share depends on how many messages there are."""
+
+    def describe(self) -> str:
+        which = str(self.lost)
+        return f"{len(self.lost)} listed messages lost" + (f": {which}" * (len(which) < 80))
+
+
+class RecordedPattern(LossByNumber):
+    """A recorded pattern: CSV with the columns number and received, 0 or 1.
+
+    Its first line is the first message of the run. Beyond its end it begins again, or lets all
+    messages pass. When the file has been read, the pattern is `length_messages` long, lost the
+    `lost_numbers` and is from `source`.
+    """
+
+    kind: Literal["pattern"] = "pattern"
+    file: FileName | None = None
+    after_end: AfterEnd = "repeat"
+    source: str = ""
+    length_messages: MessageCount | None = None
+    lost_numbers: str | None = None
+
+    @cached_property
+    def lost(self) -> Numbers:
+        return numbers_of("lost_numbers", self.lost_numbers or "")
+
+    @cached_property
+    def length(self) -> int:
+        return self.length_messages or 1
+
+    def check(self) -> None:
+        if self.file is not None and self.length_messages is not None:
+            why = "given together with length_messages, allowed a file or its contents"
+            raise Unfit("file", why)
+        if self.file is not None:
+            return
+        length = self.needed("length_messages", ", needed without file")
+        if self.lost.ranges and self.lost.ranges[-1][1] >= length:
+            allowed = f"numbers below length_messages, {length}"
+            raise Unfit("lost_numbers", f"given {self.lost.ranges[-1][1]}, allowed {allowed}")
+
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
+        number = context.seq % self.length if self.after_end == "repeat" else context.seq
+        return "pattern" if number in self.lost else 0
+
+    def losses(self, distance_m: float | None) -> Losses:
+        """Loss of the record; a burst goes on across its end if it repeats."""
+        repeats, lost = self.after_end == "repeat", len(self.lost)
+        burst = None
+        if lost == self.length and repeats:
+            burst = inf
+        elif lost:
+            wraps = repeats and 0 in self.lost and self.length - 1 in self.lost
+            burst = lost / (len(self.lost.ranges) - wraps)
+        return Losses.of_bursts(lost / self.length, burst)
+
+    def describe(self) -> str:
+        then = "repeated" if self.after_end == "repeat" else "then no more"
+        return f"a record of {self.length} messages, {len(self.lost)} of them lost, {then}"
