@@ -99,7 +99,7 @@ def _certificate_warnings(scenario: "Scenario") -> tuple[str, ...]:
         require("certificate of the gains", "studies", "scipy")
     except MissingExtraError as error:
         return (str(error),)
-    from scenarios.definition.check.certificate import certificate_warnings
+    from scenarios.definition.check.steering import certificate_warnings
 
     return tuple(certificate_warnings(scenario))
 

@@ -10,7 +10,7 @@ refusal          what is wrong, in one line each
 errors           the exceptions that carry those lines
 links            who listens to whom
 channel/         what is asked of each directed link, and the effects that follow
-limits/          what followers have to have done by an instant, checked
+limits           limits of a run, from a scenario or the command line
 changing/        changes to a running convoy, scheduled and by hand
 traces/          the lead's recorded drive
 road/            the lead's path and speed, and where each vehicle starts

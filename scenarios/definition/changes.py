@@ -26,13 +26,11 @@ Problem = tuple[str, str]
 
 
 def joins_late(changes: Iterable[AnyChange], name: str) -> bool:
-    """Whether the first thing done to a vehicle's part in the convoy is that it joins."""
     parts = [one for one in _of(changes, name) if isinstance(one, JoinTable | LeaveTable)]
     return bool(parts) and isinstance(min(parts, key=lambda one: one.at_s), JoinTable)
 
 
 def is_changed(changes: Iterable[AnyChange], name: str) -> bool:
-    """Whether anything is done to a vehicle itself, so that its poses come by no schedule."""
     return bool(_of(changes, name))
 
 
@@ -54,7 +52,6 @@ def change_problems(tables: ScenarioTables, duration_s: float) -> Iterator[Probl
 
 
 def _of(changes: Iterable[AnyChange], name: str) -> list[VehicleChangeTable]:
-    """All that is done to one vehicle."""
     return [one for one in changes if isinstance(one, VehicleChangeTable) and one.vehicle == name]
 
 
@@ -79,7 +76,6 @@ def _about_one(
 
 
 def _in_order(changes: Sequence[AnyChange], name: str) -> Iterator[Problem]:
-    """Give what is done to a vehicle that is not there for it, in order of time."""
     order = sorted(
         (one.at_s, index, one)
         for index, one in enumerate(changes)

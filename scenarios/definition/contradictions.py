@@ -107,7 +107,6 @@ def _links(tables: ScenarioTables) -> Iterator[Problem]:
 
 
 def _laws(tables: ScenarioTables, names: Sequence[str]) -> Iterator[Problem]:
-    """Give what does not fit within what is asked of a link, under the entry that asks for it."""
     for pair in directed_links(names, lead_waits=tables.speed.lead_waits):
         about = [entry for _, entry in entries_about(tables.link, names, *pair)]
         asked = requested_link(tables, names, *pair)
@@ -132,7 +131,6 @@ def _channels(tables: ScenarioTables) -> Iterator[Problem]:
 
 
 def _listed(key: str, laws: Sequence[LinkLaw] | None) -> dict[str, LinkLaw | None]:
-    """Laws of a list by their keys."""
     return {f"{key}[{place}]": law for place, law in enumerate(laws or ())}
 
 
@@ -143,14 +141,12 @@ def _problems(law: LinkLaw) -> Iterator[Problem]:
 def _problems_of(
     laws: Mapping[str, LinkLaw | None], problems: Callable[[LinkLaw], Iterator[Problem]]
 ) -> Iterator[Problem]:
-    """Return what laws find of their own keys, under those of the laws."""
     for place, law in laws.items():
         if law is not None:
             yield from ((f"{place}.{key}", why) for key, why in problems(law))
 
 
 def _link_tables(tables: ScenarioTables) -> dict[str, LinkTable]:
-    """All tables of links by their keys."""
     return {"links": tables.links, **{f"link[{k}]": one for k, one in enumerate(tables.link)}}
 
 

@@ -13,7 +13,6 @@ class ScenarioError(ValueError):
         super().__init__("\n".join(self.lines))
 
     def __reduce__(self) -> tuple[type["ScenarioError"], tuple[tuple[str, ...]]]:
-        """Let it cross from a worker process: made again from its lines, not from their text."""
         return type(self), (self.lines,)
 
 

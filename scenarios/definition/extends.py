@@ -71,7 +71,6 @@ class MergedScenario:
 
 
 def _around(outer: str, inner: str) -> bool:
-    """Tell whether `outer` is the key `inner` or a table around it."""
     return f"{inner}.".startswith(f"{outer}.")
 
 

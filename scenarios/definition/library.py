@@ -38,17 +38,14 @@ class ScenarioFile:
 
 
 def library() -> tuple[str, ...]:
-    """Names of the shipped scenarios, drills apart."""
     return tuple(sorted(name for name, path in _shipped().items() if path.parent != DRILLS))
 
 
 def drills() -> tuple[str, ...]:
-    """Names of the shipped drills."""
     return tuple(sorted(name for name, path in _shipped().items() if path.parent == DRILLS))
 
 
 def _shipped() -> dict[str, Path]:
-    """File of each shipped scenario and drill, by name."""
     found = (path for path in LIBRARY.rglob("*.toml") if path.parent != PRESETS)
     return {path.stem: path for path in found if path.stem != TEMPLATE}
 

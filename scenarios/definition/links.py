@@ -17,7 +17,6 @@ def senders_to(names: Sequence[str], receiver: str, *, lead_waits: bool = False)
 def directed_links(
     names: Sequence[str], *, lead_waits: bool = False
 ) -> tuple[tuple[str, str], ...]:
-    """Sender and receiver of every link, by receiver from the lead back."""
     return tuple(
         (sender, receiver)
         for receiver in names

@@ -34,7 +34,6 @@ def parsed(text: str) -> Raw:
 
 
 def _inside(value: object) -> list[Any]:
-    """Tables and lists directly inside a table or a list."""
     inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
     return [one for one in inner if isinstance(one, dict | list)]
 
@@ -56,7 +55,6 @@ def parse_override(text: str) -> tuple[tuple[str, ...], Any]:
 
 
 def override(table: Raw, parts: Sequence[str], value: object) -> None:
-    """Set `table[parts[0]][parts[1]]...` to `value`; what is missing is made."""
     here: Any = table
     for depth, part in enumerate(parts):
         last = depth == len(parts) - 1

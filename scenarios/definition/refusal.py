@@ -117,7 +117,6 @@ def limits(field: FieldInfo) -> str:
 
 
 def _metadata(annotation: Any) -> Iterator[Any]:
-    """Limits inside the type of a key, such as those of a ratio that may be left out."""
     for one in getattr(annotation, "__metadata__", ()):
         yield from one.metadata if isinstance(one, FieldInfo) else (one,)
     for part in get_args(annotation):
@@ -125,7 +124,6 @@ def _metadata(annotation: Any) -> Iterator[Any]:
 
 
 def models_of(annotation: Any) -> Iterator[type[BaseModel]]:
-    """Tables inside the type of a key, such as a list of them."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for part in get_args(annotation):
@@ -161,7 +159,6 @@ def _walk(location: Location) -> tuple[Location, list[type[BaseModel]]]:
 
 
 def _kinds(models: Sequence[type[BaseModel]]) -> list[str]:
-    """Kinds of tables between which the key `kind` chooses."""
     return [
         word
         for model in models
@@ -171,7 +168,6 @@ def _kinds(models: Sequence[type[BaseModel]]) -> list[str]:
 
 
 def _fields(location: Location) -> dict[str, FieldInfo]:
-    """Keys of the table at `location`."""
     _, models = _walk(location)
     return {name: field for model in models for name, field in model.model_fields.items()}
 

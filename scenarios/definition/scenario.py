@@ -21,7 +21,7 @@ from scenarios.definition.channel.rules import requested_link
 from scenarios.definition.errors import Refused, ScenarioError
 from scenarios.definition.extends import MergedScenario, merged
 from scenarios.definition.library import ScenarioFile, drills, library, read_file
-from scenarios.definition.limits.problems import limit_problems
+from scenarios.definition.limits import limit_problems
 from scenarios.definition.links import directed_links
 from scenarios.definition.refusal import refusals, shown
 from scenarios.definition.road.replayed import (
@@ -81,7 +81,6 @@ class Scenario:
 
     @property
     def name(self) -> str:
-        """Name of the scenario, for folders and titles."""
         return self.tables.name
 
     @property
@@ -148,7 +147,6 @@ class Scenario:
 
     @property
     def seed(self) -> int:
-        """Seed of all that is random in the run."""
         return self.tables.seed
 
     @cached_property
@@ -165,27 +163,22 @@ class Scenario:
 
     @property
     def control_rate_hz(self) -> float:
-        """Rate at which every vehicle decides."""
         return self.tables.control.rate_hz
 
     @property
     def continues_without_failed(self) -> bool:
-        """Whether the others drive on when the process of a vehicle ends unexpectedly."""
         return self.tables.convoy.when_a_vehicle_dies == "go_on"
 
     @property
     def vehicle_names(self) -> tuple[str, ...]:
-        """Names in order, the lead first."""
         return vehicle_names(self.tables)
 
     @property
     def lead(self) -> str:
-        """Name of the first vehicle."""
         return self.vehicle_names[0]
 
     @property
     def origin(self) -> Origin:
-        """Where the plane touches the earth."""
         table = self.tables.origin or OriginTable()
         return Origin(table.latitude_deg, table.longitude_deg, table.altitude_m)
 
@@ -196,12 +189,10 @@ class Scenario:
 
     @cached_property
     def route(self) -> Route:
-        """Path, stations at the start, and the lead's speed."""
         return plan_route(self.tables)
 
     @cached_property
     def replays(self) -> Mapping[str, ReplayedDrive]:
-        """The motion of each vehicle that moves as it was recorded, by its name."""
         return {
             name: plan_replay(self.tables, name, self.route)
             for name, own in self.tables.vehicle.items()
@@ -210,12 +201,10 @@ class Scenario:
 
     @property
     def gap_policy(self) -> GapPolicy:
-        """The gap that followers keep, if they keep one."""
         return gap_policy(self.tables)
 
     @property
     def gap_limits(self) -> GapLimits:
-        """What gap keeping may ask of the drive, and of the tyres in bends."""
         gap, speed = self.tables.speed.gap, self.tables.speed
         lateral = FOLLOWERS_LATERAL * speed.lateral_acceleration_mps2_max
         return GapLimits(gap.acceleration_mps2_max, gap.braking_mps2_max, lateral)
@@ -244,7 +233,6 @@ class Scenario:
         }
 
     def clock(self, name: str, start_at: int) -> VehicleClock:
-        """The clock of a vehicle in a run that starts at `start_at` (ns)."""
         own = self.tables.vehicle.get(name)
         table = own.clock if own else ClockTable()
         return VehicleClock(start_at, round(table.offset_ms * MILLISECOND), table.drift_ppm)
@@ -295,7 +283,6 @@ class Scenario:
 
 
 def _text_of(tables: ScenarioTables) -> str:
-    """Every key of a scenario as TOML."""
     apart = {"link", "vehicle", "change"}
     whole = tables.model_dump(exclude_none=True, exclude=apart)
     # What one of these leaves out must stay left out: it is the convoy's value.

@@ -29,7 +29,6 @@ def template() -> str:
 
 
 def _lines_of(key: str) -> str:
-    """Lines for the table `key`: its own keys, then the tables inside it."""
     if key == "limits":
         return "\n".join(line for row in LIMITS.values() for line in _limit(row))
     table: type[BaseModel] = ScenarioTables
@@ -42,7 +41,6 @@ def _lines_of(key: str) -> str:
 
 
 def _kinds(kinds: Sequence[type[SettingsTable[Any]]]) -> Iterator[str]:
-    """Lines for the key `kind`, and in comments for the keys of all other kinds than the first."""
     common = kinds[0].by_key
     for place, table in enumerate(kinds):
         kind = f'kind = "{table.model_fields["kind"].default}"'

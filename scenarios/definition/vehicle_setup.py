@@ -73,17 +73,14 @@ class VehicleSetup:
 
     @property
     def knows_itself(self) -> bool:
-        """Whether its own state is exact, without the errors of sensors."""
         return self.steering.own_state == "exact"
 
     @property
     def degradation(self) -> DegradationSettings:
-        """When it counts a source as lost, and what it does then."""
         return self.steering.degradation.value
 
     @property
     def gains(self) -> Gains:
-        """Feedback gains of its steering law."""
         table = self.steering.gains
         return Gains(table.lateral_rad_per_m, table.heading_rad_per_rad, table.yaw_rate_s)
 

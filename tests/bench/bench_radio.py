@@ -8,8 +8,7 @@ for vehicles in the way by how many there are.
 from functools import partial
 from time import process_time
 
-from scenarios.definition.channel.between import vehicles_between
-from scenarios.definition.channel.build import link_effects
+from scenarios.definition.channel.build import link_effects, vehicles_between
 from scenarios.definition.scenario import Scenario, load_scenario
 from transport.links.laws.effect import Position, TransmissionContext
 from transport.links.link import Link

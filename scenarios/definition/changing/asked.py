@@ -34,12 +34,10 @@ class _Asked(Table):
 
 
 def entry_of(change: AnyChange) -> str:
-    """The change as an entry of `[[change]]`, in one line of JSON, without what it leaves out."""
     return json.dumps(change.model_dump(exclude_unset=True, exclude_none=True))
 
 
 def in_words(change: AnyChange) -> str:
-    """Say what is done, without to whom."""
     if isinstance(change, HealTable):
         return "as the scenario has it again"
     told = change.model_dump(exclude_none=True, exclude=_NOT_TOLD)
@@ -63,13 +61,11 @@ class Question:
 
     @property
     def text(self) -> bytes:
-        """The question as JSON."""
         wanted = {} if self.at_s is None else {"at_s": self.at_s}
         return json.dumps({**self.entry, **wanted}).encode()
 
     @classmethod
     def of(cls, text: bytes) -> "Question":
-        """Read it again; raises ScenarioError if it is none."""
         if len(text) > MOST_BYTES:
             raise ScenarioError([f"given {len(text)} bytes, allowed {MOST_BYTES}"])
         try:
@@ -98,7 +94,6 @@ def read_change(
 
 
 def change_from(entry: str) -> AnyChange:
-    """The change that `entry_of` wrote; raises ScenarioError if it is none."""
     try:
         return _validated(json.loads(entry))
     except (ValueError, RecursionError) as error:
@@ -108,7 +103,6 @@ def change_from(entry: str) -> AnyChange:
 def changed_links(
     entry: str, names: Sequence[str], links: Iterable[tuple[str, str]]
 ) -> list[tuple[str, str]]:
-    """Those of the `links` of a convoy of `names` that an entry is about; of other kinds none."""
     try:
         change = change_from(entry)
     except ScenarioError:  # of a later version
@@ -136,6 +130,5 @@ def refused_change(
 
 
 def _line(key: str, why: str) -> str:
-    """A refusal as a line, by the key in the entry alone."""
     own = key.removeprefix(_HERE).removeprefix(".")
     return f"{own}: {why}" if own else why

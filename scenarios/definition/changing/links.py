@@ -8,7 +8,13 @@ from scenarios.definition.channel.rules import ANY, ROLES, requested_link, speci
 from scenarios.definition.links import directed_links
 from scenarios.definition.refusal import shown
 from scenarios.definition.road.route import vehicle_names
-from scenarios.definition.schema.changes import CutTable, HealTable, LinkChangeTable
+from scenarios.definition.schema.changes import (
+    AnyChange,
+    CutTable,
+    HealTable,
+    LinkChangeTable,
+    SpeedChangeTable,
+)
 from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.schema.tables import ScenarioTables
 from transport.links.laws.effect import Effect
@@ -28,8 +34,22 @@ EffectsOf = Callable[[LinkTable, Sequence[Effect]], tuple[Effect, ...]]
 def links_of(
     change: LinkChange, names: Sequence[str], links: Iterable[tuple[str, str]]
 ) -> list[tuple[str, str]]:
-    """Those of the `links` of a convoy of `names` that a change is about."""
     return [pair for pair in links if specificity(change, names, *pair) is not None]
+
+
+def concerns(
+    change: AnyChange, vehicle: str, tables: ScenarioTables, links: Iterable[tuple[str, str]]
+) -> bool:
+    """Whether `vehicle` of a convoy with these `links` carries out a change.
+
+    That is of a link its receiver, and of the speed the lead and those that drive the same speed.
+    """
+    names = vehicle_names(tables)
+    if isinstance(change, LINK_CHANGES):
+        return any(receiver == vehicle for _, receiver in links_of(change, names, links))
+    if isinstance(change, SpeedChangeTable):
+        return vehicle == names[0] or tables.speed.followers == "same"
+    return vehicle == change.vehicle
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +109,6 @@ def course(
 
 
 def _changed(table: LinkTable, active: Sequence[_Spell]) -> LinkTable:
-    """The table with what is changed of it now."""
     given = {
         key: value
         for one in active

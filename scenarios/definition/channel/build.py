@@ -1,24 +1,33 @@
 """The effects and stages of a directed link, from its table."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
-from scenarios.definition.channel.between import Between
+import numpy as np
+
+from scenarios.definition.road.route import Route
 from scenarios.definition.schema.links import LinkTable
 from transport.links.arrival import ContentStage
 from transport.links.gate import PoseGate
-from transport.links.laws.between import nobody
+from transport.links.laws.between import Road, VehiclesBetween, nobody
 from transport.links.laws.content import ContentLaw
 from transport.links.laws.effect import Effect
 from transport.links.laws.law import LinkLaw, LinkSetting
 from transport.links.laws.plain import Decimation, Jitter, Latency, Loss
 from transport.links.laws.stage import StageLaw
 from transport.links.link import Link
+from vehicles.geometry.path import Path
 from vehicles.schedule import MILLISECOND
 
 UNSET = LinkSetting()
 """For links without outages, or at an instant 0."""
+
+ROAD_STEP = 2.0
+"""Metres between two places of the road by which vehicles in between are sought."""
+
+Between = Callable[[], VehiclesBetween]
+"""Returns the vehicles between sender and receiver, and their road."""
 
 
 def link_effects(
@@ -55,7 +64,6 @@ def link_effects(
 
 
 def _of(setting: LinkSetting, *laws: LinkLaw | None) -> list[Effect]:
-    """Effects of laws, those of one key with their places."""
     return [
         effect
         for place, law in enumerate(laws)
@@ -65,12 +73,10 @@ def _of(setting: LinkSetting, *laws: LinkLaw | None) -> list[Effect]:
 
 
 def link_stages(table: LinkTable) -> tuple[StageLaw, ...]:
-    """What messages of the link do to one another, behind its effects."""
     return tuple(stage for law in (table.queue, table.delay) if law for stage in law.stages)
 
 
 def content_stage(law: ContentLaw | None, link: Link, gate: PoseGate) -> ContentStage | None:
-    """What is done to messages that arrive over `link`, whose poses pass `gate`."""
     if law is None or not law.acts_on_arrival:
         return None
     setting = LinkSetting(start_at=gate.start_at, source_rate_hz=gate.rate_hz)
@@ -88,3 +94,25 @@ def usual_delay_ms(table: LinkTable) -> float:
     """What most messages of a link take at most: the jitter at its largest, a law at mean + 2 σ."""
     beyond = 0.0 if table.delay is None else table.delay.usual_ns / MILLISECOND
     return table.latency_ms + table.jitter_ms + beyond
+
+
+def vehicles_between(route: Route, sender: int, receiver: int) -> VehiclesBetween:
+    first = float(route.path.station[0])
+    return VehiclesBetween(
+        count=max(abs(receiver - sender) - 1, 0),
+        road=_road(route.path),
+        sender_start=route.start_station(sender) - first,
+        receiver_start=route.start_station(receiver) - first,
+    )
+
+
+def _road(path: Path) -> Road:
+    """Sample a path; the last piece is on the straight that leaves it."""
+    first, count = float(path.station[0]), int(path.length / ROAD_STEP) + 1
+    nodes = first + ROAD_STEP * np.arange(count)
+    beyond = [path.at(first + ROAD_STEP * (count + more)) for more in (0, 1)]
+    return Road(
+        ROAD_STEP,
+        (*np.interp(nodes, path.station, path.east).tolist(), *(point.east for point in beyond)),
+        (*np.interp(nodes, path.station, path.north).tolist(), *(point.north for point in beyond)),
+    )

@@ -6,8 +6,7 @@ from fractions import Fraction
 from functools import reduce
 from math import gcd, inf, prod, sqrt
 
-from scenarios.definition.channel.between import Between
-from scenarios.definition.channel.build import link_effects, link_stages
+from scenarios.definition.channel.build import Between, link_effects, link_stages
 from scenarios.definition.schema.links import LinkTable
 from transport.links.laws.between import nobody
 from transport.links.laws.effect import Effect
@@ -111,7 +110,6 @@ def _burst(laws: Sequence[Losses], loss: float) -> float | None:
 
 
 def _delay(table: LinkTable, effects: Sequence[Effect]) -> tuple[float | None, float | None, float]:
-    """Mean and deviation (ms) of the sum of all delays, and the inflation of a mean of many."""
     if link_stages(table):
         return None, None, 1.0
     mean = variance = spread = 0.0

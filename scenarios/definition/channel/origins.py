@@ -35,7 +35,6 @@ def giver(tables: ScenarioTables, link: tuple[str, str], key: str) -> str:
 
 
 def rules_of(tables: ScenarioTables, link: tuple[str, str]) -> Iterator[str]:
-    """Name the rules that are about a link, the most specific first, up to one with a preset."""
     for entry in _entries(tables, link):
         yield f"{_place(tables, entry)} ({entry.sender} → {entry.receiver})"
         if entry.preset:

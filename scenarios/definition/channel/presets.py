@@ -35,12 +35,10 @@ class ChannelPreset:
 
 
 def presets() -> tuple[str, ...]:
-    """Names of the shipped channels."""
     return tuple(sorted(path.stem for path in PRESETS.glob("*.toml")))
 
 
 def read_preset(name: str) -> ChannelPreset:
-    """Read a shipped channel by its name; raises KeyError if there is none."""
     if name not in presets():
         raise KeyError(name)
     return _read(PRESETS / f"{name}.toml")
@@ -90,7 +88,6 @@ def _preset(key: str, table: object, *, alone: bool = False) -> ChannelPreset | 
 
 
 def _whole(table: Any, preset: ChannelPreset | None) -> Any:
-    """Lay a table over the keys of its preset."""
     if preset is None:
         return table
     # Whether the table names a preset must not matter here: it would replace what is under it.

@@ -48,14 +48,11 @@ def with_recordings(tables: ScenarioTables, folder_of: FolderOf) -> ScenarioTabl
 
 
 def _places(tables: ScenarioTables) -> list[tuple[str, LinkTable]]:
-    """Give the tables of links by their keys."""
     entries = [(f"link[{place}]", entry) for place, entry in enumerate(tables.link)]
     return [("links", tables.links), *entries]
 
 
 def _with_loss(tables: ScenarioTables, key: str, loss: RecordedPattern | None) -> ScenarioTables:
-    """Put another law of loss into one of the tables of links."""
-
     def changed(table: AnyLink) -> AnyLink:
         copy = table.model_copy(update={"loss": loss})
         if loss is None:
@@ -95,7 +92,6 @@ def _pattern(table: RecordedPattern, file: str, key: str, folder_of: FolderOf) -
 
 
 def _received(text: str) -> Iterator[bool]:
-    """Give whether each message of a pattern was received; raises ValueError."""
     rows = csv.reader(text.splitlines())
     header = [cell.strip() for cell in next(rows, [])]
     if header != COLUMNS:
@@ -161,7 +157,6 @@ def _giver(tables: ScenarioTables, loss: EarlierRun, pair: tuple[str, str]) -> s
 
 
 def _links_of(path: Path) -> dict[tuple[str, str], dict[int, LinkVerdict]]:
-    """Verdicts of a log by sender and receiver, then by the message's number."""
     from transport.log.reader import LogReader  # noqa: PLC0415 - not in a vehicle's process
     from transport.log.records import LogError  # noqa: PLC0415
 

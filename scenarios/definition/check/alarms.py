@@ -32,7 +32,6 @@ class Alarms:
 
     @property
     def per_h(self) -> float:
-        """Alarms per hour."""
         return self.per_s * HOUR_S
 
 
@@ -42,7 +41,6 @@ def longest_silence_s(source: VehicleSetup, receiver: VehicleSetup) -> float:
 
 
 def first_distance_m(scenario: Scenario, link: tuple[str, str]) -> float:
-    """Distance (m) between sender and receiver of a link at the start."""
     sender, receiver = link
     speed = scenario.route.profile.at(0.0)[0]
     return gap_to(scenario, scenario.vehicle(receiver).place, sender, speed)
@@ -112,7 +110,6 @@ def all_lost_per_h(links: Sequence[Alarms | None]) -> float | None:
 
 
 def _is_even(source: VehicleSetup) -> bool:
-    """Whether a message is sent in each period."""
     gnss = source.gnss
     always = gnss.fix != "none" and not gnss.fix_states and not gnss.outages
     return always and source.even_rate_hz is not None

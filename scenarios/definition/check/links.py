@@ -4,8 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
 
-from scenarios.definition.channel.between import vehicles_between
-from scenarios.definition.channel.build import link_effects, link_stages
+from scenarios.definition.channel.build import link_effects, link_stages, vehicles_between
 from scenarios.definition.channel.expected import expected_age_ms, expected_channel
 from scenarios.definition.channel.origins import OF_VEHICLES, giver, rules_of
 from scenarios.definition.check.alarms import (
@@ -16,7 +15,6 @@ from scenarios.definition.check.alarms import (
 )
 from scenarios.definition.check.preview import gap_to
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.schedule import MILLISECOND
 
 PLAIN = {"rate_hz", "loss_ratio", "latency_ms", "jitter_ms"}
@@ -71,7 +69,6 @@ class AskedReceiver:
 
 
 def asked_links(scenario: Scenario) -> tuple[tuple[AskedLink, ...], tuple[AskedReceiver, ...]]:
-    """Return what is requested of each link of a scenario, and of each receiver, in their order."""
     links: list[AskedLink] = []
     of_receiver: dict[str, list[Alarms | None]] = {}
     samples: dict[AskedLink, Alarms | None] = {}
@@ -91,7 +88,6 @@ def asked_links(scenario: Scenario) -> tuple[tuple[AskedLink, ...], tuple[AskedR
 
 
 def asked_link(scenario: Scenario, link: tuple[str, str]) -> AskedLink:
-    """Return what is requested of one link (sender, receiver)."""
     sender, receiver = link
     table, source, setup = (
         scenario.links[link],
@@ -101,7 +97,7 @@ def asked_link(scenario: Scenario, link: tuple[str, str]) -> AskedLink:
     speed = scenario.route.profile.at(0.0)[0]
     distance_m = gap_to(scenario, setup.place, sender, speed) if table.radio else None
     between = partial(vehicles_between, scenario.route, source.place, setup.place)
-    expected = expected_channel(table, _sent_hz(source), distance_m, between)
+    expected = expected_channel(table, source.highest_rate_hz, distance_m, between)
     if scenario.link_setting(sender, receiver, 0).off:
         expected = replace(expected, loss_ratio=None, burst_messages=None)
     sent_hz = source.usual_rate_hz(speed)
@@ -131,24 +127,18 @@ def asked_link(scenario: Scenario, link: tuple[str, str]) -> AskedLink:
     )
 
 
-def _sent_hz(source: VehicleSetup) -> float:
-    """Rate by which a link of a lower one holds messages back."""
-    return source.highest_rate_hz
-
-
 def laws_in_brief(scenario: Scenario, link: tuple[str, str]) -> str:
     """Name the laws of a link besides latency, jitter, independent loss and rate."""
     return "; ".join(words for key, words in _laws(scenario, link) if key not in PLAIN)
 
 
 def _laws(scenario: Scenario, link: tuple[str, str]) -> Iterator[tuple[str, str]]:
-    """Give the key of each law, within the link's table or as a vehicle's, and its words."""
     sender, receiver = link
     table, source = scenario.links[link], scenario.vehicle(sender)
     setting = scenario.link_setting(sender, receiver, 0)
     place = scenario.vehicle(receiver).place
     between = partial(vehicles_between, scenario.route, source.place, place)
-    for effect in link_effects(table, _sent_hz(source), setting, between):
+    for effect in link_effects(table, source.highest_rate_hz, setting, between):
         end = OF_VEHICLES.get(effect.key)
         yield effect.key if end is None else f"vehicle.{link[end]}.{effect.key}", effect.describe()
     for stage in link_stages(table):

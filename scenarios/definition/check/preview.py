@@ -4,8 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 
-from scenarios.definition.channel.between import vehicles_between
-from scenarios.definition.channel.build import usual_delay_ms
+from scenarios.definition.channel.build import usual_delay_ms, vehicles_between
 from scenarios.definition.channel.expected import expected_channel
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable

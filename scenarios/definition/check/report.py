@@ -12,8 +12,7 @@ import numpy as np
 from scenarios.definition.check.links import laws_in_brief
 from scenarios.definition.check.preview import preview_warnings
 from scenarios.definition.check.receivers import receiver_warnings
-from scenarios.definition.check.sampled_loop import sampled_loop_warnings
-from scenarios.definition.check.slip import slip_warnings
+from scenarios.definition.check.steering import sampled_loop_warnings, slip_warnings
 from scenarios.definition.road.replayed import replay_warnings
 from scenarios.definition.road.route import place_of
 from scenarios.definition.scenario import Scenario, load_scenario
@@ -120,7 +119,6 @@ def check(
 
 
 def report_of(scenario: Scenario) -> CheckReport:
-    """Gather the figures of a scenario."""
     tables, route, run = scenario.tables, scenario.route, _run(scenario)
     cars = {name: scenario.vehicle(name) for name in scenario.vehicle_names}
     changes = np.diff(run.speeds) / STEP
@@ -177,12 +175,10 @@ def report_of(scenario: Scenario) -> CheckReport:
 
 
 def _steering(table: SteeringTable) -> dict[str, Any]:
-    """What one vehicle is asked for; the rate of control is the convoy's."""
     return table.model_dump(include=set(SteeringTable.model_fields))
 
 
 def _imu(setup: VehicleSetup) -> dict[str, float] | None:
-    """The inertial sensor of one vehicle, with the rate that it has."""
     return (
         None
         if setup.knows_itself
@@ -201,7 +197,6 @@ def _tyres(car: VehicleParameters) -> dict[str, Any]:
 
 
 def _offsets(tables: ScenarioTables) -> dict[str, dict[str, float]]:
-    """Vehicles that do not start on the path."""
     keys = {"lateral_offset_m", "heading_offset_deg"}
     found = {name: own.model_dump(include=keys) for name, own in tables.vehicle.items()}
     return {name: offsets for name, offsets in found.items() if any(offsets.values())}

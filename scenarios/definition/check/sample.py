@@ -45,7 +45,6 @@ class StraightDrive:
 
     @property
     def table(self) -> LinkTable:
-        """What is requested of the link."""
         return self.scenario.links[self.link]
 
     @property
@@ -56,23 +55,19 @@ class StraightDrive:
 
     @property
     def speed_mps(self) -> float:
-        """The lead's mean speed."""
         profile, duration_s = self.scenario.route.profile, self.scenario.duration_s
         return max(profile.distance(duration_s) / duration_s, SLOWEST_MPS)
 
     def between(self) -> VehiclesBetween:
-        """Who drives between both ends."""
         places = [self.scenario.vehicle(name).place for name in self.link]
         straight = Road(1.0, (0.0, 1.0), (0.0, 0.0))
         return VehiclesBetween(max(places[1] - places[0] - 1, 0), straight, self.distance_m, 0.0)
 
     def effects(self) -> tuple[Effect, ...]:
-        """The effects of a run that starts at instant 0."""
         setting = self.scenario.link_setting(*self.link, 0)
         return link_effects(self.table, self.rate_hz, setting, self.between)
 
     def sample(self, messages: int) -> SampledChannel:
-        """Judge so many messages with the scenario's seed."""
         lost, delays = list[bool](), list[float]()
         dropped: Counter[str] = Counter()
         for context, visible_at, reason in self._judged(messages):

@@ -86,7 +86,6 @@ class _Cap:
 
 
 def _standing(wanted: SpeedProfile, at: float, speed: float) -> bool:
-    """Tell whether the lead has stopped for good."""
     return speed == 0.0 and at >= wanted.times[-1] and wanted.speeds[-1] == 0.0
 
 

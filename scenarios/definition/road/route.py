@@ -85,12 +85,10 @@ class Route:
 
 
 def vehicle_names(tables: ScenarioTables) -> tuple[str, ...]:
-    """Return the names of all vehicles, the lead first."""
     return tables.convoy.vehicle_names
 
 
 def gap_policy(tables: ScenarioTables) -> GapPolicy:
-    """Return the gap that followers keep, if they keep one."""
     return GapPolicy(tables.speed.gap.standstill_m, tables.speed.gap.headway_s)
 
 

@@ -95,7 +95,6 @@ def approached(wanted: SpeedProfile, speed: float, acceleration: float) -> Speed
 
 
 def with_changes(plan: SpeedPlan, changes: Iterable[AnyChange]) -> SpeedPlan:
-    """Plan all changes of the set speed among `changes`, each at its time."""
     speeds = [change for change in changes if isinstance(change, SpeedChangeTable)]
     for change in sorted(speeds, key=lambda one: one.at_s):
         plan = plan.changed(change.at_s, change)
@@ -114,7 +113,6 @@ def _from(profile: SpeedProfile, at: float) -> SpeedProfile:
 
 
 def _joined(before: SpeedProfile, after: SpeedProfile, at: float) -> SpeedProfile:
-    """Join one profile before `at` (s) to another one from then on."""
     knots = [(t, v) for t, v in zip(before.times, before.speeds, strict=True) if t < at]
     if not knots or after.at(at)[0] != before.at(at)[0]:
         # What was wanted may jump: a profile has no jumps, but corners a nanosecond apart.

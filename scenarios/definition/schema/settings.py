@@ -170,7 +170,6 @@ def _entry(one: SettingField) -> tuple[Any, Any]:
 
 
 def _to_si(one: SettingField, value: Any) -> Any:
-    """Value of a key as the settings class has it."""
     if isinstance(value, SettingsTable):
         return value.value
     if isinstance(value, tuple):
@@ -181,7 +180,6 @@ def _to_si(one: SettingField, value: Any) -> Any:
 
 
 def _from_si(one: SettingField, value: Any) -> Any:
-    """Value of a settings class as its key has it."""
     if is_dataclass(value):
         return table_with(value, one.setting.kinds)
     if isinstance(value, tuple):

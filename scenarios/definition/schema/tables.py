@@ -71,7 +71,6 @@ class ConvoyTable(Table):
 
     @property
     def vehicle_names(self) -> tuple[str, ...]:
-        """Return the names given, or v1, v2, ..."""
         return self.names or tuple(f"v{place}" for place in range(1, self.vehicles + 1))
 
 

@@ -278,7 +278,6 @@ def read_log(path: Path, vehicle: str | None) -> RecordedDrive:
 
 
 def _poses(path: Path, vehicle: str | None) -> tuple[list[GpsPose], str]:
-    """Return the poses of a vehicle, and what of the log is damaged."""
     from transport.log.reader import LogReader  # noqa: PLC0415 - not in a vehicle's process
 
     log = LogReader(path)

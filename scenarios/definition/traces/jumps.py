@@ -65,7 +65,6 @@ class JumpFinder:
         self._least = max(LEAST_JUMP, UNLIKELY * scatter(points))
 
     def without_jumps(self) -> list[Jump]:
-        """Take out what jumps, and say what that was."""
         found: list[Jump] = []
         place = 0
         suspects = set(self._suspects())
@@ -95,7 +94,6 @@ class JumpFinder:
         return [*ends, *(near for k in odd for near in (k - 1, k, k + 1))]
 
     def _jump(self, place: int) -> int | None:
-        """How many points from `place` on jump; None if it does not."""
         last = len(self.kept) - 1
         for count in range(1, LONGEST_JUMP + 1):
             before, after = place - 1, place + count

@@ -157,7 +157,6 @@ def _laid_near(table: PointsPath, far: float) -> PointsPath:
 
 
 def _moved(table: PointsPath, east: float, north: float) -> PointsPath:
-    """Subtract an offset (m) from points, and keep it."""
     return table.model_copy(
         update={
             "east_m": tuple(x - east for x in table.east_m),

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scenarios.definition.traces.cleaning import Cleaned, cleaned
+from scenarios.definition.traces.cleaning import Cleaned, cleaned, without_leaps
 from scenarios.definition.traces.formats import (
     Clock,
     RecordedDrive,
@@ -19,7 +19,6 @@ from scenarios.definition.traces.formats import (
     read_log,
     read_nmea,
 )
-from scenarios.definition.traces.leaps import without_leaps
 from vehicles.geometry.geodesy import LocalPlane, Origin
 
 MAX_BYTES = 200_000_000
@@ -62,7 +61,6 @@ class DriveInPlane:
 
 
 def is_file(path: Path) -> bool:
-    """Tell whether there is a file, whatever its name."""
     try:
         return path.is_file()
     except OSError:  # such as a name that is too long for any file
@@ -209,10 +207,7 @@ def _speed_at(left: Cleaned, speeds: tuple[float, ...]) -> Iterator[float]:
 
 
 def _remarks(left: Cleaned, points: list[RecordedPoint]) -> Iterator[str]:
-    """Say what jumps and stands were found, and where."""
-
     def where(k: int) -> str:
-        """Where in the file a point is, and how long after the first one that is kept."""
         begun, at = points[left.kept[0]].time, points[k].time
         if begun is None or at is None:
             return points[k].place

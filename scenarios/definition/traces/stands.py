@@ -138,7 +138,6 @@ def _runs(slow: NDArray[np.bool_]) -> list[tuple[int, int]]:
 def _joined(
     points: Floats, runs: list[tuple[int, int]], radius: float
 ) -> Iterator[tuple[int, int]]:
-    """Runs between which the car stays where it is are one."""
     held: tuple[int, int] | None = None
     for run in runs:
         if held is None:

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from math import inf
 from operator import attrgetter
 
-from scenarios.definition.limits.limit import Limit, limits_of
+from scenarios.definition.limits import Limit, limits_of
 from scenarios.definition.schema.limit_rows import LimitRow
 from scenarios.definition.schema.limits import LimitsTable
 from scenarios.results.events.run_event import RunEvent

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from math import ceil
 
 from scenarios.definition.changing.asked import Question, in_words, read_change
-from scenarios.definition.changing.concerned import concerns
+from scenarios.definition.changing.links import concerns
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.changes import AnyChange

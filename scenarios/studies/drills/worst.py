@@ -9,7 +9,7 @@ from functools import partial
 
 from scenarios.definition.channel.rules import ANY, ROLES
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.limits.limit import Limit
+from scenarios.definition.limits import Limit
 from scenarios.definition.refusal import shown
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.limit_rows import WORDS

@@ -6,10 +6,13 @@ from math import cos, sin
 
 import numpy as np
 
-from scenarios.definition.changing.concerned import concerns
-from scenarios.definition.changing.links import EffectsOf
-from scenarios.definition.channel.between import vehicles_between
-from scenarios.definition.channel.build import content_stage, link_effects, link_stages
+from scenarios.definition.changing.links import EffectsOf, concerns
+from scenarios.definition.channel.build import (
+    content_stage,
+    link_effects,
+    link_stages,
+    vehicles_between,
+)
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.changes import AnyChange
 from scenarios.runs.node.agenda import Agenda, scheduled

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from scenarios.definition.changing.links import LINK_CHANGES, links_of
 from scenarios.definition.channel.recordings import run_lengths
-from scenarios.definition.limits.limit import Limit
+from scenarios.definition.limits import Limit
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkEntry, LinkTable
 from scenarios.studies.many.blame.losses import (

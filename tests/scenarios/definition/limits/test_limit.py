@@ -3,7 +3,7 @@
 import pytest
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.limits.limit import Limit, limits_of, parsed_limit
+from scenarios.definition.limits import Limit, limits_of, parsed_limit
 from scenarios.definition.scenario import load_scenario
 from scenarios.definition.schema.limit_rows import LIMITS, WORDS
 from scenarios.definition.schema.limits import LimitsTable

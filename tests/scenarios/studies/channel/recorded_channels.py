@@ -5,8 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from scenarios.definition.channel.between import vehicles_between
-from scenarios.definition.channel.build import link_effects, link_stages
+from scenarios.definition.channel.build import link_effects, link_stages, vehicles_between
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.studies.channel.fitting.recorded import RecordedLink
 from transport.links.laws.effect import Position, TransmissionContext

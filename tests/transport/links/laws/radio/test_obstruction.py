@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from scenarios.definition.channel.between import ROAD_STEP, vehicles_between
+from scenarios.definition.channel.build import ROAD_STEP, vehicles_between
 from scenarios.definition.scenario import scenario_from_text
 from transport.links.laws.between import Road, VehiclesBetween
 from transport.links.laws.effect import Position, TransmissionContext

@@ -1,4 +1,4 @@
-"""One limit with its bound, as a scenario or the command line gives it."""
+"""The limits of a run: from a scenario or the command line, and checked against the convoy."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -6,9 +6,18 @@ from math import isfinite, nan
 from typing import Any
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.refusal import near
+from scenarios.definition.refusal import near, shown
+from scenarios.definition.road.route import vehicle_names
 from scenarios.definition.schema.limit_rows import LIMITS, WORDS, LimitRow, words_with_examples
-from scenarios.definition.schema.limits import LimitsTable
+from scenarios.definition.schema.limits import DeadlineTable, LimitsTable, ModeLimit, SourceLimit
+from scenarios.definition.schema.tables import ScenarioTables
+
+SLACK_S = 1e-9
+OF_TWO = {"composite", "predecessor"}
+"""Modes of a follower that hears somebody besides the lead."""
+
+Problem = tuple[str, str]
+"""Key, and what is wrong with it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +29,6 @@ class Limit:
     vehicle: str = ""
 
     def __str__(self) -> str:
-        """Write the limit as `--limit` takes it."""
         text = self.row.word if self.row.event else f"{self.row.word}={self.bound:g}"
         return f"{self.vehicle}.{text}" if self.vehicle else text
 
@@ -30,18 +38,15 @@ class Limit:
 
     @property
     def name(self) -> str:
-        """Key inside of `[limits]`."""
         return f"{self.vehicle}.{self.key}" if self.vehicle else self.key
 
     @property
     def table(self) -> LimitsTable:
-        """The table of a scenario with this limit alone."""
         bound = int(self.bound) if self.row.event else self.bound
         keys: dict[str, Any] = {self.key: bound}
         return LimitsTable.model_validate({self.vehicle: keys} if self.vehicle else keys)
 
     def is_beyond(self, figure: float) -> bool:
-        """Whether a figure breaks the limit."""
         return self.excess(figure) > 0.0
 
     def excess(self, figure: float) -> float:
@@ -88,7 +93,6 @@ def problem_of(row: LimitRow, vehicle: str, vehicles: Sequence[str]) -> str:
 
 
 def no_vehicle(name: str, vehicles: Sequence[str]) -> str:
-    """Report an unknown name of a vehicle, with the known ones."""
     return "no such vehicle" + (near(name, vehicles) or f", allowed {', '.join(vehicles)}")
 
 
@@ -97,3 +101,57 @@ def _number(text: str) -> float:
         return float(text)
     except ValueError:
         return nan
+
+
+def limit_problems(tables: ScenarioTables, duration_s: float) -> Iterator[Problem]:
+    """Give limits of unknown vehicles or of a lead that has none, and deadlines after the end."""
+    limits, names = tables.limits, vehicle_names(tables)
+    for name, own in limits.of_vehicles.items():
+        if name not in names:
+            yield f"limits.{name}", no_vehicle(name, names)
+            continue
+        for key in own.model_fields_set:
+            if problem := problem_of(LIMITS[key], name, names):
+                yield f"limits.{name}.{key}", problem
+    for name in ("modes", "sources", "recovery"):
+        for index, limit in enumerate(getattr(limits, name)):
+            key = f"limits.{name}[{index}]"
+            yield from _about(tables, key, limit)
+            if limit.after_s + limit.within_s > duration_s + SLACK_S:
+                yield (
+                    f"{key}.within_s",
+                    f"given {limit.within_s:g} after {limit.after_s:g} s, allowed together at most "
+                    f"the run's {duration_s:g}",
+                )
+
+
+def _about(tables: ScenarioTables, key: str, limit: DeadlineTable) -> Iterator[Problem]:
+    names = vehicle_names(tables)
+    if limit.vehicle not in names[1:]:
+        allowed = f"allowed a follower: {', '.join(names[1:]) or 'there is none'}"
+        yield f"{key}.vehicle", f"given {shown(limit.vehicle)}, {allowed}"
+        return
+    own = tables.vehicle.get(limit.vehicle)
+    if own is not None and own.replay is not None:
+        yield (
+            f"{key}.vehicle",
+            f"given {shown(limit.vehicle)}, which moves as it was recorded and listens to nobody",
+        )
+    if isinstance(limit, ModeLimit) and limit.vehicle == names[1] and limit.mode in OF_TWO:
+        yield (
+            f"{key}.mode",
+            f"given {shown(limit.mode)}, but {limit.vehicle} hears the lead alone: allowed "
+            '"lead", "coast", "stop" or "straight"',
+        )
+    if isinstance(limit, SourceLimit):
+        yield from _source(names, key, limit)
+
+
+def _source(names: Sequence[str], key: str, limit: SourceLimit) -> Iterator[Problem]:
+    heard = dict.fromkeys((names[0], names[names.index(limit.vehicle) - 1]))
+    if limit.source not in heard:
+        yield (
+            f"{key}.source",
+            f"given {shown(limit.source)}, whom {limit.vehicle} does not hear: allowed "
+            f"{' or '.join(heard)}",
+        )
