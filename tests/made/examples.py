@@ -7,6 +7,6 @@ CAMPAIGN = "campaign"
 
 
 def examples(few: int, everything: int) -> settings:
-    """So many examples of a property, and with `--campaign` so many."""
+    """Try `few` examples of a property, and `everything` with `--campaign`."""
     whole = settings.get_current_profile_name() == CAMPAIGN
     return settings(max_examples=everything if whole else few)

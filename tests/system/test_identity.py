@@ -225,9 +225,9 @@ def test_a_vehicle_whose_clock_is_off_is_not_driven_with(
     recorder = place.start("record", *SHORT, "--out=run", "--quiet")
     assert recorder.wait() == 1
     (line,) = recorder.lines()
-    assert line.startswith("the clock of v2 is ")
-    assert " ms behind the recorder's" in line
-    assert line.endswith("allowed are 50 ms (convoy.clock_offset_ms_max)")
+    assert "v2" in line
+    assert "50 ms" in line
+    assert "convoy.clock_offset_ms_max" in line
     for name, vehicle in zip(NAMES, vehicles, strict=True):
         assert vehicle.wait() == 1
         assert vehicle.lines()[1:] == [f"{name}: run lane_change is off: {line}"]

@@ -47,5 +47,5 @@ def test_a_collision_ends_the_run_and_is_said_everywhere(tmp_path: Path) -> None
     assert found["reason"].startswith("limits.collisions_max = 0: collision: v2 and v1, closing")
     assert found["ran_s"] < 20.0
     assert "run: collision: v2 and v1, closing at " in said.err
-    assert f"ended early: {found['reason']}" in said.out
+    assert found["reason"] in said.out
     assert "events: " in said.out

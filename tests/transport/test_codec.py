@@ -7,9 +7,10 @@ from dataclasses import MISSING, fields, replace
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.made.examples import examples
 from tests.made.transport import drive
 from tests.transport.any_messages import KINDS, any_message, plain_values
 from transport.codec import (
@@ -28,7 +29,7 @@ ALIKE = (RunStart, RunEnd)
 """Kinds whose fields differ in nothing but their names."""
 
 
-@settings(max_examples=150)
+@examples(50, 150)
 @given(any_message)
 def test_what_is_decoded_is_what_was_encoded(message: Message) -> None:
     decoded = decode(TOPIC_OF[type(message)], encode(message))
@@ -43,14 +44,14 @@ def test_equal_messages_give_equal_bytes(message: Message) -> None:
     assert encode(message) == encode(replace(message))
 
 
-@settings(max_examples=150)
+@examples(50, 150)
 @given(any_topic, st.binary(max_size=300))
 def test_random_bytes_are_refused(topic: Topic, data: bytes) -> None:
     with pytest.raises(RefusedMessageError):
         decode(topic, data)
 
 
-@settings(max_examples=200)
+@examples(66, 200)
 @given(data=st.data(), message=any_message, topic=any_topic)
 def test_spoilt_messages_are_decoded_or_refused(
     data: st.DataObject, message: Message, topic: Topic
@@ -115,7 +116,7 @@ def test_fields_of_a_later_version_are_passed_over() -> None:
         decode(TOPICS["start"], encode(start) + later, exact=True)
 
 
-@settings(max_examples=150)
+@examples(50, 150)
 @given(message=any_message, topic=any_topic)
 def test_off_a_bus_no_message_passes_for_another(message: Message, topic: Topic) -> None:
     data = encode(message)

@@ -1,9 +1,10 @@
 from fractions import Fraction
 from itertools import pairwise
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.made.examples import examples
 from vehicles.schedule import MILLISECOND, SECOND, Cadence, Timer, instant, nanoseconds
 
 START = 1_790_000_000 * SECOND + 123_456_789
@@ -11,7 +12,7 @@ rates = st.sampled_from([1.0, 5.0, 10.0, 20.0, 30.0, 50.0, 99.9, 500.0]) | st.fl
 
 
 @given(rate_hz=rates, k=st.integers(0, 10_000_000))
-@settings(max_examples=200)
+@examples(66, 200)
 def test_every_instant_lies_within_half_a_nanosecond_of_its_place(rate_hz: float, k: int) -> None:
     exact = Fraction(k * SECOND) / Fraction(rate_hz)
     # Ten million periods of a tenth of a hertz are three years: a float holds that to 16 ns.
@@ -20,7 +21,7 @@ def test_every_instant_lies_within_half_a_nanosecond_of_its_place(rate_hz: float
 
 
 @given(rate_hz=rates, k=st.integers(0, 1_000_000))
-@settings(max_examples=200)
+@examples(66, 200)
 def test_a_cadence_knows_the_numbers_of_its_instants_and_no_others(rate_hz: float, k: int) -> None:
     cadence = Cadence(START, rate_hz)
     at = instant(START, k, rate_hz)

@@ -4,15 +4,16 @@ from typing import Any
 
 import pytest
 import tomli_w
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.overrides import override, parse_override
 from scenarios.definition.scenario import scenario_from_text
+from tests.made.examples import examples
 from tests.made.scenarios.messages import STRAIGHT
 
 
-@settings(max_examples=50)
+@examples(16, 50)
 @given(
     key=st.lists(st.from_regex(r"\A[a-z_]{1,8}\Z"), min_size=1, max_size=4),
     value=st.one_of(
@@ -35,7 +36,7 @@ def test_an_override_sets_just_the_value_that_it_gives(key: list[str], value: An
     assert type(found) is type(value)
 
 
-@settings(max_examples=50)
+@examples(16, 50)
 @given(alpha=st.floats(0, 1), latency=st.floats(0, 1000), seed=st.integers(0, 2**63 - 1))
 def test_overrides_arrive_in_the_scenario_and_survive_its_text(
     alpha: float, latency: float, seed: int

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import tomli_w
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.check.report import warnings
 from scenarios.definition.scenario import load_scenario, scenario_from_text
+from tests.made.examples import examples
 from tests.made.scenarios.messages import STRAIGHT
 from vehicles.car.parameters import LINCOLN_MKZ, Gains
 
@@ -165,7 +166,7 @@ def test_without_a_duration_the_lead_drives_its_whole_path() -> None:
     assert scenario_from_text(text, overrides=["speed.set_mps=25"]).duration_s == 40.0
 
 
-@settings(max_examples=50)
+@examples(16, 50)
 @given(
     description=st.text(st.characters(exclude_categories=["Cs"])),
     link=st.fixed_dictionaries(

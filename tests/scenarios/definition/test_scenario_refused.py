@@ -3,11 +3,12 @@
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario, scenario_from_text
+from tests.made.examples import examples
 from tests.made.scenarios.messages import STRAIGHT
 
 
@@ -179,7 +180,7 @@ def test_a_broken_file_is_refused_in_one_line(text: str, key: str, why: str) -> 
     assert why in line
 
 
-@settings(max_examples=200)
+@examples(66, 200)
 @given(
     key=st.sampled_from(
         [

@@ -14,6 +14,7 @@ from scenarios.results.channel.account import LinkSummary
 from scenarios.results.metrics import Metrics
 from scenarios.results.vehicles.accumulators import Extremes
 from scenarios.results.vehicles.figures import VehicleSummary
+from tests.made.examples import examples
 from tests.made.scenarios.messages import gps, health, start, text, tracking, truth, verdict
 from vehicles.messages import Change, Message, TruePose
 
@@ -50,7 +51,7 @@ def link(sender: str, receiver: str, *messages: Message) -> LinkSummary:
 
 
 @given(values=st.lists(st.floats(-1e3, 1e3), max_size=30))
-@settings(max_examples=50)
+@examples(16, 50)
 def test_extremes_are_those_of_the_values(values: list[float]) -> None:
     extremes = Extremes()
     for value in values:

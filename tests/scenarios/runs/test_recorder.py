@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.schema.links import LinkTable
@@ -12,6 +12,7 @@ from scenarios.results.metrics import Metrics
 from scenarios.results.vehicles.figures import VehicleSummary
 from scenarios.runs.observer import OnMessage, kinds_of
 from scenarios.runs.recorder import Recorder
+from tests.made.examples import examples
 from tests.made.scenarios.messages import (
     START,
     at,
@@ -177,7 +178,7 @@ def test_a_message_cut_anywhere_is_refused(recorded: Recorded, message: Message)
 
 
 @given(data=st.binary(max_size=200), topic=st.sampled_from(sorted(TOPICS)))
-@settings(max_examples=100)
+@examples(33, 100)
 def test_no_bytes_do_harm(
     tmp_path_factory: pytest.TempPathFactory, data: bytes, topic: str
 ) -> None:

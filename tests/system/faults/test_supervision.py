@@ -49,9 +49,16 @@ def assert_log_reaches(run: Run, instant: int) -> None:
         assert [pose.seq for pose in poses.values()] == list(range(len(poses))), name
 
 
-def assert_one_clear_line(convoy: Process, line: str) -> None:
-    """Beside the news of its start, a run complains in this line and no other."""
-    assert [one for one in convoy.lines() if "are present" not in one] == [line]
+def the_one_complaint(convoy: Process) -> str:
+    """Return the only line of a run beside the news of its start."""
+    (_, line) = convoy.lines()
+    return line
+
+
+def assert_the_reason_is_shown(convoy: Process, run: Run) -> None:
+    """Standard output ends with the reason that the summary gives."""
+    assert run.summary["reason"]
+    assert run.summary["reason"] in convoy.out
 
 
 def kill(process: psutil.Process) -> int:
@@ -67,12 +74,13 @@ def test_a_part_that_is_killed_ends_the_run(victim: str, tmp_path: Path) -> None
         killed_at = kill(convoy.part(victim))
         assert convoy.is_gone_in_time()
         assert convoy.wait() == 1
-        assert_one_clear_line(convoy, f"{victim} was killed by signal 9; the run ends")
-        assert "ended early" in convoy.out
+        line = the_one_complaint(convoy)
+    assert victim in line
+    assert str(signal.SIGKILL.value) in line
     run = Run(tmp_path / "run")
     assert_log_reaches(run, killed_at)
     assert run.summary["outcome"] == "failed"
-    assert run.summary["reason"]
+    assert_the_reason_is_shown(convoy, run)
 
 
 def test_a_router_that_is_killed_in_the_last_second_leaves_a_completed_run(tmp_path: Path) -> None:
@@ -99,12 +107,12 @@ def test_when_the_launcher_is_killed_all_follow(tmp_path: Path) -> None:
         assert until(lambda: len(convoy.everyone()) == parts)
         killed_at = kill(convoy.part("launcher"))
         assert convoy.is_gone_in_time()
-        assert "ended early: the launcher is gone" in convoy.out
         assert "Traceback" not in convoy.err
     run = Run(tmp_path / "run")
     assert_log_reaches(run, killed_at)
     assert_summary_is_in_the_log(run)
-    assert run.summary["reason"] == "the launcher is gone"
+    assert "launcher" in run.summary["reason"]
+    assert_the_reason_is_shown(convoy, run)
 
 
 def test_a_launcher_that_is_killed_before_the_start_leaves_nothing(tmp_path: Path) -> None:
@@ -122,12 +130,13 @@ def test_a_run_stops_when_asked_to(tmp_path: Path) -> None:
         asked_at = time.time_ns()
         assert convoy.is_gone_in_time()
         assert convoy.wait() == 130
-        assert_one_clear_line(convoy, "stopped by SIGINT")
-        assert "ended early: stopped by SIGINT" in convoy.out
+        line = the_one_complaint(convoy)
     run = Run(tmp_path / "run")
     assert_log_reaches(run, asked_at)
     assert_summary_is_in_the_log(run)
-    assert run.summary["reason"] == "stopped by SIGINT"
+    assert signal.SIGINT.name in line
+    assert run.summary["reason"] == line
+    assert_the_reason_is_shown(convoy, run)
     assert all(row["finished"] for row in run.summary["vehicles"])
 
 
@@ -176,8 +185,9 @@ def test_a_vehicle_that_hangs_for_good_ends_the_run(tmp_path: Path) -> None:
         convoy.part("v3").suspend()
         assert convoy.wait() == 1
         assert convoy.is_gone_in_time()
-        assert "ended early: v3 died " in convoy.out
-    assert Run(tmp_path / "run").summary["reason"].startswith("v3 died")
+    run = Run(tmp_path / "run")
+    assert "v3" in run.summary["reason"]
+    assert_the_reason_is_shown(convoy, run)
 
 
 def test_a_vehicle_that_is_told_to_leave_ends_the_run(tmp_path: Path) -> None:
@@ -186,11 +196,13 @@ def test_a_vehicle_that_is_told_to_leave_ends_the_run(tmp_path: Path) -> None:
         convoy.part("v2").terminate()
         assert convoy.is_gone_in_time()
         assert convoy.wait() == 1
-        assert_one_clear_line(convoy, "v2 ended with exit code 143; the run ends")
+        line = the_one_complaint(convoy)
+    assert "v2" in line
+    assert str(128 + signal.SIGTERM) in line
     run = Run(tmp_path / "run")
     assert_summary_is_in_the_log(run)
     assert run.summary["outcome"] == "failed"
-    assert run.summary["reason"] == "v2 ended with exit code 143; the run ends"
+    assert run.summary["reason"] == line
 
 
 def test_a_convoy_may_go_on_without_some(tmp_path: Path) -> None:

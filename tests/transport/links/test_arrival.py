@@ -14,6 +14,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from scenarios.definition.schema.links import LinkTable
+from tests.made.examples import examples
 from tests.made.scenarios.messages import MS, START, gps
 from tests.made.transport.links import inbox as inbox_of
 from tests.made.transport.links import taken
@@ -241,7 +242,7 @@ def test_without_frame_check_the_gate_decides_and_its_word_is_told() -> None:
     }
 
 
-@settings(max_examples=300)
+@examples(100, 300)
 @given(
     drawn=st.lists(st.floats(0.0, 1.0, exclude_max=True), min_size=1, max_size=12),
     ratio=st.sampled_from([1e-3, 1e-2, 0.1]),

@@ -4,9 +4,10 @@ import math
 from dataclasses import replace
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.made.examples import examples
 from tests.made.scenarios.messages import START, at, gps
 from transport.codec import RefusedMessageError, encode
 from transport.links.gate import HORIZON_NS, LONGEST_POSE_BYTES, MisdatedCount, PoseGate
@@ -58,7 +59,7 @@ def test_numbers_that_no_vehicle_measures_are_absurd(field: str, value: float) -
     east=st.floats(-1.5 * REACH, 1.5 * REACH),
     altitude=st.floats(-500.0, 9000.0),
 )
-@settings(max_examples=300)
+@examples(100, 300)
 def test_what_passes_the_gate_can_be_laid_into_the_plane(
     north: float, east: float, altitude: float
 ) -> None:

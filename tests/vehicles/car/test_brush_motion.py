@@ -6,10 +6,11 @@ from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from tests.made.examples import examples
 from tests.made.vehicles.driving import TICK, advance, drive, steer
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.parameters import LINCOLN_MKZ, VehicleParameters
@@ -129,7 +130,7 @@ def test_brakes_give_what_friction_allows_and_no_more() -> None:
 
 @given(commands=COMMANDS, speed=st.floats(0.0, 40.0), lateral=st.floats(-5.0, 5.0),
        yaw_rate=st.floats(-2.0, 2.0))  # fmt: skip
-@settings(max_examples=60)
+@examples(20, 60)
 def test_friction_is_never_exceeded_whatever_is_asked(
     commands: list[tuple[float, float]], speed: float, lateral: float, yaw_rate: float
 ) -> None:
@@ -156,7 +157,7 @@ def ground_velocity(body: Body) -> tuple[float, float]:
 
 @given(speed=st.floats(0.0, 40.0), lateral=st.floats(-20.0, 20.0), yaw_rate=st.floats(-4.0, 4.0),
        commands=COMMANDS)  # fmt: skip
-@settings(max_examples=60)
+@examples(20, 60)
 def test_without_drive_the_energy_never_grows(
     speed: float, lateral: float, yaw_rate: float, commands: list[tuple[float, float]]
 ) -> None:
@@ -175,7 +176,7 @@ def test_a_car_that_spins_comes_to_rest() -> None:
 
 
 @given(commands=COMMANDS, speed=st.floats(0.0, 40.0))
-@settings(max_examples=40)
+@examples(15, 40)
 def test_left_and_right_are_mirror_images(
     commands: list[tuple[float, float]], speed: float
 ) -> None:

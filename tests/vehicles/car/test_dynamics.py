@@ -4,9 +4,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.made.examples import examples
 from tests.made.vehicles.driving import TICK, advance, apart, drive, lane_change, steer
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
@@ -76,7 +77,7 @@ def test_left_steering_turns_left_in_all_headings(yaw: float, speed: float) -> N
     speed=st.floats(0.0, 35.0), yaw=st.floats(-3.0, 3.0), turned=st.floats(-3.0, 3.0),
     steering=st.floats(-0.5, 0.5), acceleration=st.floats(-4.0, 2.0),
 )  # fmt: skip
-@settings(max_examples=40)
+@examples(15, 40)
 def test_mirror_symmetry_and_rotation_invariance(
     speed: float, yaw: float, turned: float, steering: float, acceleration: float
 ) -> None:
@@ -175,7 +176,7 @@ def test_turning_car_that_stops_comes_to_rest() -> None:
     speed=st.floats(0.0, 35.0), steering=st.floats(-0.5, 0.5), acceleration=st.floats(-5.0, 2.0),
     share=st.floats(0.1, 0.9),
 )  # fmt: skip
-@settings(max_examples=40)
+@examples(15, 40)
 def test_two_spans_in_a_row_are_one(
     speed: float, steering: float, acceleration: float, share: float
 ) -> None:

@@ -127,6 +127,7 @@ def test_lead_or_predecessor_may_be_silent_alone() -> None:
 # ---- Conventions
 
 
+@pytest.mark.spread(4)
 @pytest.mark.parametrize("yaw", HEADINGS)
 @pytest.mark.parametrize("aside", [0.8, -0.8])
 def test_a_follower_left_of_the_lead_s_path_steers_right(yaw: float, aside: float) -> None:
@@ -147,6 +148,7 @@ def test_a_follower_left_of_the_lead_s_path_steers_right(yaw: float, aside: floa
     assert max(away * value for value in off) < 0.81
 
 
+@pytest.mark.spread(4)
 @pytest.mark.parametrize("yaw", HEADINGS)
 @pytest.mark.parametrize("sign", [1, -1])
 def test_bends_to_both_sides_are_followed_in_all_headings(yaw: float, sign: int) -> None:

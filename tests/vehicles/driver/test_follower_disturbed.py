@@ -5,9 +5,10 @@ from functools import cache
 from random import Random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.made.examples import examples
 from tests.made.vehicles import told_decisions
 from tests.made.vehicles.exact_drives import (
     CONTROL_HZ,
@@ -77,6 +78,7 @@ def test_a_heard_position_that_jumps_hardly_moves_the_car(far: float, who: str) 
     assert max(abs(step.decision.actuation.steering) for step in steps) < 0.1
 
 
+@pytest.mark.spread(2)
 @pytest.mark.parametrize("far", [1.0, 1.5, 2.0, 3.0])
 def test_a_heard_position_that_jumps_a_little_hardly_moves_the_car(far: float) -> None:
     for towards in range(0, 360, 45):
@@ -193,7 +195,7 @@ heard_poses = st.tuples(
     speed=st.sampled_from([0.0, 1.0, 10.0, 40.0]),
     keeps_gap=st.booleans(),
 )
-@settings(max_examples=80)
+@examples(26, 80)
 def test_whatever_is_heard_commands_stay_finite_and_within_the_limits(
     ticks: list[list[tuple[str, int, tuple[float, float] | None, float, float]]],
     own: dict[int, tuple[float, float]],

@@ -35,6 +35,7 @@ def cross_track(place: Place, station: float, body: Body) -> tuple[float, float]
     return float(around[nearest]), away[nearest]
 
 
+@pytest.mark.spread(2)
 @pytest.mark.parametrize("name", COURSES)
 def test_a_car_follows_the_leg_that_was_driven(name: str) -> None:
     place, length = COURSES[name]

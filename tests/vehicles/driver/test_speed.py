@@ -3,9 +3,10 @@ from collections import deque
 from itertools import accumulate, pairwise
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.made.examples import examples
 from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.speed import (
     BEND_RATE,
@@ -307,7 +308,7 @@ def test_a_car_that_stood_while_the_others_drove_sets_off_like_a_car() -> None:
     spans=st.lists(st.floats(0.001, 2.0), min_size=1, max_size=8),
     speeds=st.lists(st.floats(0.0, 40.0), min_size=8, max_size=8),
 )
-@settings(max_examples=50)
+@examples(16, 50)
 def test_a_car_that_does_as_told_is_on_the_profile_at_every_tick(
     spans: list[float], speeds: list[float]
 ) -> None:
@@ -372,7 +373,7 @@ def test_a_lead_that_was_not_heard_counts_as_fast_as_the_predecessor(headway: fl
     predecessor=st.floats(0.0, 60.0),
     lead=st.floats(0.0, 60.0) | st.just(math.nan),
 )
-@settings(max_examples=100)
+@examples(33, 100)
 def test_no_more_is_asked_than_the_limits_allow(
     gap: float, own: float, predecessor: float, lead: float
 ) -> None:

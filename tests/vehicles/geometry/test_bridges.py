@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.made.examples import examples
 from tests.made.vehicles.recorded_points import Points, circle, noisy, smooth
 from vehicles.geometry import bridges, local_regression
 from vehicles.geometry.bridges import UnbridgedError, filled, holes_in, lengths, scatter
@@ -43,7 +44,7 @@ def test_a_hole_is_long_and_unusual() -> None:
     assert holes_in(speeding).tolist() == []
 
 
-@settings(max_examples=60)
+@examples(20, 60)
 @given(
     radius=st.sampled_from([20.0, 40.0, 100.0, 400.0, 1e6]),
     length=st.floats(6.0, 50.0),

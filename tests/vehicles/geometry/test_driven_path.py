@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.made.examples import examples
 from tests.made.interpreted import interpreted_only
 from tests.made.scenarios.messages import at, truth
 from tests.made.transport import drive
@@ -341,7 +342,7 @@ def projected(own: Sequence[TruePose], lead: Sequence[TruePose], yaw: float) -> 
     stops=st.tuples(st.integers(5, 100), st.integers(5, 100), st.integers(0, 60)),
     seed=st.integers(0, 2**32),
 )
-@settings(max_examples=40, deadline=None)
+@examples(15, 40)
 def test_in_whatever_order_vehicles_are_heard_the_values_are_those_of_a_plain_projection(
     course: str, aside: float, askew: float | None, stops: tuple[int, int, int], seed: int
 ) -> None:

@@ -2,9 +2,10 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.made.examples import examples
 from vehicles.geometry.local_regression import NEIGHBOURS, local_cubic
 
 
@@ -14,7 +15,7 @@ from vehicles.geometry.local_regression import NEIGHBOURS, local_cubic
     reach=st.floats(0.5, 30.0),
     cubic=st.tuples(*[st.floats(-1.0, 1.0)] * 4),
 )
-@settings(max_examples=60)
+@examples(20, 60)
 def test_cubics_pass_unchanged_up_to_the_ends_however_the_points_lie(
     seed: int, count: int, reach: float, cubic: tuple[float, ...]
 ) -> None:

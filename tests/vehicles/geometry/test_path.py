@@ -4,9 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.made.examples import examples
 from vehicles.geometry.path import SAMPLING, Path, Segment, path_from_segments
 from vehicles.geometry.path_point import PathPoint
 
@@ -46,7 +47,7 @@ segments_drawn = st.lists(
 
 
 @given(segments=segments_drawn, yaw=st.floats(-3.0, 3.0), share=st.floats(0.0, 1.0))
-@settings(max_examples=60)
+@examples(20, 60)
 def test_path_runs_exactly_along_straights_and_arcs(
     segments: list[Segment], yaw: float, share: float
 ) -> None:
@@ -85,7 +86,7 @@ def test_left_is_positive_in_all_four_headings() -> None:
     segments=segments_drawn, share=st.floats(0.0, 1.0), lateral=st.floats(-3.0, 3.0),
     off=st.floats(-4.0, 4.0),
 )  # fmt: skip
-@settings(max_examples=80)
+@examples(26, 80)
 def test_projection_finds_the_foot_it_was_built_from(
     segments: list[Segment], share: float, lateral: float, off: float
 ) -> None:

@@ -117,6 +117,7 @@ def test_shapes_follow_one_another_without_a_jump() -> None:
     assert np.sqrt(np.mean(steps**2)) < 4e-4
 
 
+@pytest.mark.spread(2)
 @pytest.mark.campaign(300, 3000)
 @pytest.mark.parametrize("name", SMOOTH)
 def test_smooth_shapes_are_met_nearly_as_well_as_if_they_were_known(
@@ -126,6 +127,7 @@ def test_smooth_shapes_are_met_nearly_as_well_as_if_they_were_known(
     assert max(drawn(SMOOTH[name], campaign).ratios) < 1.3
 
 
+@pytest.mark.spread(2)
 @pytest.mark.campaign(300, 3000)
 @pytest.mark.parametrize("name", JUMPING)
 def test_shapes_with_a_jump_of_curvature_are_met_half_as_well_at_least(

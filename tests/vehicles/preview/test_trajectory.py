@@ -4,10 +4,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
+from tests.made.examples import examples
 from tests.made.vehicles.arc_courses import beside, course, misses, shaken, window
 from vehicles.geometry.arc_spline import ArcSpline
 from vehicles.preview.curve_fit import FitSettings
@@ -276,7 +277,7 @@ def test_samples_too_few_or_degenerate_support_no_trajectory() -> None:
 POINTS = st.floats(-1e3, 1e3) | st.sampled_from([0.0, 1.0, 1e7, 1e-300])
 
 
-@settings(max_examples=300)
+@examples(100, 300)
 @given(
     rows=st.lists(st.tuples(POINTS, POINTS, st.floats(-30.0, 60.0)), max_size=12),
     split=st.integers(0, 12),

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from tests.made.examples import examples
 from tests.made.vehicles.random_cars import CAR, CARS, GAINS, SPEEDS
 from vehicles.car.parameters import NOMINAL_GAINS, Gains, VehicleParameters, all_loadings, loaded
 from vehicles.theory.constant_speed import exact_coefficients, guaranteed_decay, is_stable_over
@@ -20,7 +21,7 @@ def test_exact_coefficients(car: VehicleParameters, gains: Gains, speed: float) 
     assert np.array(at_speed) == pytest.approx(expected, rel=1e-10, abs=1e-3)
 
 
-@settings(max_examples=60)
+@examples(20, 60)
 @given(CARS, GAINS, SPEEDS, st.floats(1.01, 3.0), st.floats(0.0, 0.5))
 def test_proof_agrees_with_a_dense_grid(
     car: VehicleParameters, gains: Gains, slowest: float, ratio: float, decay: float

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 
+from tests.made.examples import examples
 from tests.made.vehicles.random_cars import CAR, CARS, GAINS, SPEEDS
 from vehicles.car.parameters import NOMINAL_GAINS, Gains, VehicleParameters, all_loadings, loaded
 from vehicles.theory.gain_margins import common_ball, gain_interval, stability_ball
@@ -17,7 +18,7 @@ def _on_sphere(count: int) -> np.ndarray:
     return np.asarray(points / np.linalg.norm(points, axis=1)[:, None])
 
 
-@settings(max_examples=80)
+@examples(26, 80)
 @given(CARS, GAINS, SPEEDS)
 def test_ball_of_any_car(car: VehicleParameters, gains: Gains, speed: float) -> None:
     """All of the ball is stable, and where it touches the boundary a root sits on the axis."""
@@ -79,7 +80,7 @@ def test_common_ball_is_inside_every_set() -> None:
             assert is_stabilising(car, speed, gains).all()
 
 
-@settings(max_examples=60)
+@examples(20, 60)
 @given(CARS, GAINS, SPEEDS)
 def test_intervals_end_where_stability_does(
     car: VehicleParameters, gains: Gains, speed: float

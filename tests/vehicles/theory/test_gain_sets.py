@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from tests.made.examples import examples
 from tests.made.vehicles.random_cars import CAR, CARS, GAINS, SPEEDS
 from vehicles.car.parameters import NOMINAL_GAINS, Gains, VehicleParameters, all_loadings, loaded
 from vehicles.theory.gain_sets import (
@@ -42,7 +43,7 @@ def test_membership_against_roots(speed: float) -> None:
     assert 10 < claimed.sum() < 590
 
 
-@settings(max_examples=150)
+@examples(50, 150)
 @given(CARS, GAINS, SPEEDS)
 def test_membership_of_any_car(car: VehicleParameters, gains: Gains, speed: float) -> None:
     roots = np.roots(characteristic_polynomial(car, gains, speed))
@@ -52,7 +53,7 @@ def test_membership_of_any_car(car: VehicleParameters, gains: Gains, speed: floa
     assert abscissa(car, gains, [speed])[0] == pytest.approx(worst, rel=1e-6, abs=1e-6)
 
 
-@settings(max_examples=100)
+@examples(33, 100)
 @given(CARS, SPEEDS, st.floats(-0.1, 0.3), st.floats(0.2, 60.0))
 def test_boundary_points_have_a_root_on_the_axis(
     car: VehicleParameters, speed: float, yaw_rate_gain: float, frequency: float

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
+from tests.made.examples import examples
 from tests.made.vehicles.error_model import curvature_input, curvature_rate_input
 from tests.made.vehicles.random_cars import CAR, CARS, GAINS, SPEEDS
 from vehicles.car.parameters import (
@@ -30,7 +31,7 @@ from vehicles.theory.linear_model import (
 Array = np.ndarray
 
 
-@settings(max_examples=60)
+@examples(20, 60)
 @given(CARS, GAINS, SPEEDS)
 def test_polynomial_is_the_determinant(car: VehicleParameters, gains: Gains, speed: float) -> None:
     polynomial = characteristic_polynomial(car, gains, speed)
@@ -160,7 +161,7 @@ def test_left_is_positive() -> None:
     assert curvature_input(CAR, 20.0)[5] > 0.0  # feedforward into a left bend
 
 
-@settings(max_examples=40)
+@examples(15, 40)
 @given(CARS, CARS, SPEEDS)
 def test_steady_cornering_is_the_equilibrium(
     car: VehicleParameters, known: VehicleParameters, speed: float

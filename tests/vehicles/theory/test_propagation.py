@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 
+from tests.made.examples import examples
 from tests.made.vehicles.error_model import curvature_input, curvature_rate_input
 from tests.made.vehicles.random_cars import CAR, CARS, GAINS, SPEEDS
 from vehicles.car.parameters import (
@@ -26,7 +27,7 @@ BOTH: tuple[SteeringModel, ...] = ("instantaneous", "second order")
 FREQUENCIES = np.geomspace(0.05, 60.0, 40)
 
 
-@settings(max_examples=60)
+@examples(20, 60)
 @given(CARS, GAINS, SPEEDS)
 def test_propagation_is_h_over_one_plus_h(
     car: VehicleParameters, gains: Gains, speed: float
@@ -59,7 +60,7 @@ def test_propagation_is_h_over_one_plus_h(
             assert found == pytest.approx(loop / (1.0 + loop), rel=1e-8)
 
 
-@settings(max_examples=60)
+@examples(20, 60)
 @given(CARS, GAINS, SPEEDS)
 def test_predecessor_only_amplifies_at_low_frequency(
     car: VehicleParameters, gains: Gains, speed: float
@@ -80,7 +81,7 @@ def test_predecessor_only_amplifies_at_low_frequency(
         assert excess / frequency**2 == pytest.approx(growth, rel=0.02)
 
 
-@settings(max_examples=60)
+@examples(20, 60)
 @given(CARS, CARS, GAINS, SPEEDS)
 def test_trace_propagation_from_the_error_model(
     car: VehicleParameters, known: VehicleParameters, gains: Gains, speed: float

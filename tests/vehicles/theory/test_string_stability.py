@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import impulse, lsim
 
+from tests.made.examples import examples
 from tests.made.vehicles.random_cars import CAR, CARS, GAINS, SPEEDS
 from vehicles.car.parameters import (
     NOMINAL_GAINS,
@@ -136,7 +137,7 @@ def test_figures_of_the_nominal_loop() -> None:
     assert (lagging.magnitude, lagging.frequency) == pytest.approx((2.0044, 19.6333), abs=1e-3)
 
 
-@settings(max_examples=60)
+@examples(20, 60)
 @given(CARS, GAINS, SPEEDS)
 def test_singular_value_of_the_matrix(car: VehicleParameters, gains: Gains, speed: float) -> None:
     """Second method: the matrix between the states, solved and decomposed numerically."""

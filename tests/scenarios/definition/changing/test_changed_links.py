@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.changing.links import LinkChange, course, links_of
@@ -13,6 +13,7 @@ from scenarios.definition.links import directed_links
 from scenarios.definition.scenario import scenario_from_text
 from scenarios.definition.schema.changes import CutTable, HealTable, LinkChangeTable
 from scenarios.definition.schema.links import LinkTable
+from tests.made.examples import examples
 from transport.links.laws.effect import TransmissionContext
 from transport.links.line import Line, judge_stream
 from transport.links.link import Link, Verdict
@@ -93,7 +94,7 @@ def now(done: Sequence[LinkChange], seconds: float) -> tuple[LinkTable, bool]:
 
 
 @given(st.lists(changes(), max_size=8))
-@settings(max_examples=150, deadline=None)
+@examples(50, 150)
 def test_at_each_instant_it_is_the_link_that_is_asked_for_by_then(done: list[LinkChange]) -> None:
     changed = link(done)
     for seq in range(0, 120, 3):
@@ -104,7 +105,7 @@ def test_at_each_instant_it_is_the_link_that_is_asked_for_by_then(done: list[Lin
 
 
 @given(st.lists(changes(), max_size=6), st.permutations(range(60)))
-@settings(max_examples=50, deadline=None)
+@examples(16, 50)
 def test_a_message_alone_is_judged_as_in_the_stream(
     done: list[LinkChange], order: list[int]
 ) -> None:
@@ -118,7 +119,7 @@ def test_a_message_alone_is_judged_as_in_the_stream(
 
 
 @given(st.lists(changes(), max_size=4), st.lists(changes(), min_size=1, max_size=4))
-@settings(max_examples=50, deadline=None)
+@examples(16, 50)
 def test_changes_of_other_links_do_not_matter(
     done: list[LinkChange], others: list[LinkChange]
 ) -> None:
@@ -129,7 +130,7 @@ def test_changes_of_other_links_do_not_matter(
 
 
 @given(st.lists(changes(), max_size=6), st.integers(0, 5 * SECOND))
-@settings(max_examples=50, deadline=None)
+@examples(16, 50)
 def test_what_comes_later_changes_nothing_before(done: list[LinkChange], at: int) -> None:
     before = [one for one in done if round(one.at_s * SECOND) <= at]
     for seq in range(60):
@@ -154,7 +155,7 @@ def test_a_message_that_the_link_does_not_carry_by_its_rate_is_not_cut() -> None
 
 
 @given(st.lists(changes(), max_size=6), st.data())
-@settings(max_examples=50, deadline=None)
+@examples(16, 50)
 def test_a_queue_behind_a_changed_link_does_not_depend_on_when_bytes_came(
     done: list[LinkChange], data: st.DataObject
 ) -> None:

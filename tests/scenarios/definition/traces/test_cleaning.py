@@ -4,10 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.traces.cleaning import Cleaned, cleaned
+from tests.made.examples import examples
 from tests.made.scenarios.rough_drives import LEFT, STRAIGHT, SWEEP, Rough
 
 
@@ -16,7 +17,7 @@ def of(rough: Rough, *, timed: bool = True) -> Cleaned:
     return cleaned(rows[:, 1:3].T.copy(), rows[:, 0].tolist() if timed else ())
 
 
-@settings(max_examples=80)
+@examples(26, 80)
 @given(
     pieces=st.lists(
         st.tuples(st.sampled_from([6.0, 8.0, 12.0, 20.0, 50.0, 200.0, math.inf]), st.booleans()),
@@ -59,7 +60,7 @@ def test_a_clean_drive_is_left_as_it_is(  # noqa: PLR0917 - what is drawn
     assert found.kept == list(range(len(points)))
 
 
-@settings(max_examples=40)
+@examples(15, 40)
 @given(
     size=st.floats(1.0, 50.0),
     count=st.integers(1, 4),

@@ -4,13 +4,14 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import scenario_from_text
 from scenarios.definition.traces.formats import TraceError
 from scenarios.definition.traces.recorded import read_trace
+from tests.made.examples import examples
 from tests.made.scenarios.recorded_drives import (
     CSV,
     WRITERS,
@@ -96,7 +97,7 @@ def written(name: str) -> bytes:
     return WRITERS[name](drive())
 
 
-@settings(max_examples=60)
+@examples(20, 60)
 @given(
     name=st.sampled_from(sorted(WRITERS)),
     damage=st.lists(

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -20,6 +20,7 @@ from scenarios.results.events.bodies import (
     overlap,
     separation,
 )
+from tests.made.examples import examples
 from tests.made.scenarios.messages import truth
 from tests.made.scenarios.polygons import common_area
 from vehicles.car.parameters import LINCOLN_MKZ
@@ -47,7 +48,7 @@ def edge(body: CarBody, steps: int = 60) -> NDArray[np.float64]:
 
 
 @given(one=bodies, other=bodies)
-@settings(max_examples=400)
+@examples(133, 400)
 def test_bodies_overlap_where_they_share_an_area(one: CarBody, other: CarBody) -> None:
     area = common_area(one, other)
     assume(not 0.0 < area < 1e-9)
@@ -55,7 +56,7 @@ def test_bodies_overlap_where_they_share_an_area(one: CarBody, other: CarBody) -
 
 
 @given(one=bodies, other=bodies)
-@settings(max_examples=100)
+@examples(33, 100)
 def test_the_distance_is_that_of_the_nearest_points_of_their_edges(
     one: CarBody, other: CarBody
 ) -> None:
@@ -71,7 +72,7 @@ def test_the_distance_is_that_of_the_nearest_points_of_their_edges(
 
 
 @given(one=bodies, other=bodies, speeds=st.tuples(*[st.floats(-20, 20)] * 4))
-@settings(max_examples=100)
+@examples(33, 100)
 def test_the_closing_speed_is_the_rate_of_the_distance(
     one: CarBody, other: CarBody, speeds: tuple[float, float, float, float]
 ) -> None:
@@ -135,7 +136,7 @@ def test_a_body_moves_as_its_centre_does() -> None:
 
 
 @given(one=bodies, other=bodies)
-@settings(max_examples=400)
+@examples(133, 400)
 def test_bodies_are_never_nearer_than_their_shadows(one: CarBody, other: CarBody) -> None:
     assert not certainly_apart(one, other, separation(one, other).distance)
 

@@ -14,6 +14,7 @@ from scenarios.results.events.bodies import BodySize, body_of, separation
 from scenarios.results.events.encounters import PARTED_M, QUIET_NS
 from scenarios.results.events.run_event import EventLog, RunEvent
 from scenarios.results.stream import FigureStream
+from tests.made.examples import examples
 from tests.made.scenarios.messages import start, tracking, truth
 from vehicles.messages import Message, Tracking, TruePose
 from vehicles.schedule import SECOND
@@ -268,7 +269,7 @@ def test_only_the_order_within_a_vehicle_matters(random: Any) -> None:
         max_size=3,
     )
 )
-@settings(max_examples=100, deadline=None)
+@examples(33, 100)
 def test_no_overlap_passes_unseen_and_none_is_invented(
     ways: list[list[tuple[float, float, float]]],
 ) -> None:

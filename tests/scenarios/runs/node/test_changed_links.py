@@ -1,7 +1,7 @@
 """Links that are changed one change at a time come to what they come to all at once."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.changing.links import LinkChange, course
@@ -10,6 +10,7 @@ from scenarios.definition.schema.changes import CutTable, HealTable, LinkChangeT
 from scenarios.definition.schema.links import LinkTable
 from scenarios.runs.node.agenda import Due
 from scenarios.runs.node.changed_links import ChangedLinks, ChangingLink
+from tests.made.examples import examples
 from transport.links.laws.effect import TransmissionContext
 from transport.links.link import Link
 from vehicles.schedule import SECOND
@@ -52,7 +53,7 @@ def said(links: list[ChangingLink]) -> list[object]:
 
 
 @given(schedules, schedules)
-@settings(max_examples=100, deadline=None)
+@examples(33, 100)
 def test_one_by_one_is_all_at_once(
     before: list[tuple[int, LinkChange]], later: list[tuple[int, LinkChange]]
 ) -> None:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.schema.changes import CrashTable
@@ -17,6 +17,7 @@ from scenarios.runs.processes.conductor import (
     Phase,
 )
 from scenarios.runs.processes.router_watch import LAST_MOMENT_NS, ROUTER_LOST_AFTER_NS
+from tests.made.examples import examples
 from tests.made.scenarios.messages import START, at, health, tracking
 from vehicles.messages import Change
 from vehicles.schedule import SECOND
@@ -433,7 +434,7 @@ anything = st.builds(
 
 
 @given(history=st.lists(anything, max_size=12), goes_on=st.booleans())
-@settings(max_examples=60)
+@examples(20, 60)
 def test_every_run_ends(history: list[Event], *, goes_on: bool) -> None:
     longest = GATHER_S + LEAD_TIME_S + DURATION_S
     patience = (FINAL_COUNTERS_NS + ROUTER_LOST_AFTER_NS) / SECOND + 1.0

@@ -26,6 +26,7 @@ CASES = {
 }
 
 
+@pytest.mark.spread(3)
 @pytest.mark.parametrize("case", CASES)
 def test_the_summary_is_that_of_the_logged_run(case: str, tmp_path: Path) -> None:
     name, overrides = CASES[case]

@@ -211,6 +211,7 @@ def shipped(preset: str) -> Scenario:
     return load_scenario("lane_change", settings)
 
 
+@pytest.mark.spread(1)
 @pytest.mark.parametrize("preset", ["bursty", "ieee80211p_jam"])
 def test_a_log_gives_a_block_that_runs(preset: str, tmp_path: Path) -> None:
     asked = shipped(preset)

@@ -15,7 +15,7 @@ from scenarios.studies.cuts.cut import LinkCut, carry_out
 from scenarios.studies.engine.engine import study_engine
 from scenarios.studies.engine.fleet import fleet_of
 
-FEW, ALL = 4, 1000
+FEW, ALL = 2, 1000
 INSIDE_M = 0.3
 BLIND_SHARE, BLIND_M = 0.05, 0.5
 """Blind metres are what was predicted to so much of them, or so many metres where they are few."""

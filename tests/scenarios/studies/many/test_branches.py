@@ -50,6 +50,7 @@ def short(channel: str) -> Scenario:
     return load_scenario("lossy_lane_change", own)
 
 
+@pytest.mark.spread(3)
 @pytest.mark.parametrize("channel", CHANNELS)
 def test_a_branch_changes_nothing_before_and_much_after(channel: str) -> None:
     scenario = short(channel)

@@ -28,6 +28,7 @@ LIMITS = (
 )  # fmt: skip
 
 
+@pytest.mark.spread(3)
 @pytest.mark.parametrize("run", RUNS)
 def test_the_limit_is_broken_as_by_the_summary(run: str) -> None:
     scenario = load_scenario("lossy_lane_change", RUNS[run])

@@ -204,6 +204,7 @@ FALSE: list[tuple[FalseContent, str, float, float]] = [
 """Kind, its name, seconds until found at 20 Hz, and seconds from its end until all is believed."""
 
 
+@pytest.mark.spread(9)
 @pytest.mark.parametrize(("false", "name", "found", "back"), FALSE)
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_each_falsehood_is_found_named_and_over(

@@ -4,9 +4,10 @@ from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.made.examples import examples
 from tests.made.vehicles.driving import advance
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix, GnssReceiver
@@ -184,6 +185,7 @@ def mean_squares(drives: list[list[Estimate]]) -> tuple[list[float], list[float]
     )
 
 
+@pytest.mark.spread(2)
 @pytest.mark.parametrize("gnss_hz", [20.0, 5.0, 1.0])
 def test_errors_are_as_large_as_the_filter_says(gnss_hz: float) -> None:
     """Normalised squares of errors and innovations are 1 in the mean, on a straight.
@@ -205,6 +207,7 @@ def test_errors_are_as_large_as_the_filter_says(gnss_hz: float) -> None:
     assert innovations == pytest.approx([1.0] * 3, abs=0.1 if gnss_hz == 20.0 else 0.3)
 
 
+@pytest.mark.spread(2)
 @pytest.mark.parametrize(("speed", "radius"), [(30.0, 500.0), (15.0, 100.0), (4.0, 8.0)])
 def test_in_curves_errors_are_no_larger_than_the_filter_says(speed: float, radius: float) -> None:
     """Here it allows for a load that this car does not have, so the errors are smaller."""
@@ -367,7 +370,7 @@ reading = st.floats(-1e4, 1e4)
         min_size=1, max_size=30,
     )
 )  # fmt: skip
-@settings(max_examples=60)
+@examples(20, 60)
 def test_no_sequence_of_fixes_gives_anything_but_finite_poses(
     readings: list[tuple[int, float, float, float, float, float]],
 ) -> None:

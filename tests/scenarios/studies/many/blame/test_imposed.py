@@ -28,6 +28,7 @@ def fates(scenario: Scenario) -> dict[tuple[str, str, int], tuple[str, int]]:
     return found
 
 
+@pytest.mark.spread(4)
 @pytest.mark.parametrize("law", LAWS)
 def test_the_log_s_losses_give_the_log_s_poses_and_fewer_only_what_was_given_back(
     law: str, tmp_path: Path

@@ -5,16 +5,17 @@ from math import sqrt
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.made.examples import examples
 from transport.links.laws.radio.reservations import Reservations
 from transport.links.link import keyed_draw
 
 LENGTHS = st.tuples(st.integers(1, 12), st.integers(0, 12)).map(lambda two: (two[0], sum(two)))
 
 
-@settings(max_examples=40)
+@examples(15, 40)
 @given(
     LENGTHS, st.sampled_from([0.0, 0.4, 0.8]), st.integers(0, 2**40),
     st.lists(st.integers(0, 3_000), min_size=1, max_size=15),

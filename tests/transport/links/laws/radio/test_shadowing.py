@@ -5,10 +5,11 @@ from statistics import NormalDist, fmean
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from tests.made.examples import examples
 from transport.links.laws.radio.shadowing import STEPS, ShadowField
 from transport.links.link import keyed_draw
 
@@ -65,7 +66,7 @@ def test_what_is_drawn_has_the_law(seed: int, campaign: int) -> None:
         assert abs(found - exp(-apart)) < LINE_ERROR * exp(-apart) + 4.0 * sqrt(2.0) * error
 
 
-@settings(max_examples=40)
+@examples(15, 40)
 @given(st.lists(st.floats(-2_000.0, 2_000.0), min_size=1, max_size=12), st.integers(0, 2**40))
 def test_a_value_alone_is_the_value_in_any_order(places: list[float], seed: int) -> None:
     draw, field = keyed_draw(seed, "v1", "v2"), ShadowField(DECORRELATION)
