@@ -6,9 +6,9 @@ from types import TracebackType
 from typing import Protocol, Self
 
 Handler = Callable[[str, bytes], None]
-"""Is given a message's key and payload, on a thread of the bus; must be quick and never raise."""
+"""Takes a message's key and payload, on a thread of the bus; must be quick and never raise."""
 Fetch = Callable[[], bool]
-"""Gives what has come to a handler; says whether it may have been too much to keep."""
+"""Passes collected messages to a handler; returns whether some may have been lost."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,8 +17,8 @@ class Member:
 
     role         vehicle or recorder
     name         the vehicle's name
-    fingerprint  what it takes part in, as one chunk of a key
-    session      identifier of its bus, which tells two of the same name apart
+    fingerprint  identifies the run, as one chunk of a key
+    session      identifier of its bus, which distinguishes two of the same name
     """
 
     role: str
@@ -28,13 +28,13 @@ class Member:
 
 
 Answer = Callable[[bytes], bytes]
-"""Answers what is asked, on a thread of the bus; must be quick and never raise."""
+"""Answers a query, on a thread of the bus; must be quick and never raise."""
 AliveHandler = Callable[[Member, bool], None]
-"""Is given a member and whether it is alive; may be called twice with the same."""
+"""Takes a member and whether it is alive; may be called twice with the same."""
 
 
 class BusError(Exception):
-    """The bus could not do what was asked: one line that says what, where, and what is allowed."""
+    """A request that the bus cannot fulfil, in one line: what, where, and what is allowed."""
 
 
 class Bus(Protocol):
@@ -42,7 +42,7 @@ class Bus(Protocol):
 
     @property
     def zid(self) -> str:
-        """Identifier of this session, unlike that of any other."""
+        """Unique identifier of this session."""
 
     def publish(self, key: str, data: bytes, *, urgent: bool = False) -> None:
         """Send `data` under `key`; never blocks for a slow or absent receiver."""
@@ -51,29 +51,29 @@ class Bus(Protocol):
         """Call `handler` for every message whose key matches (`*` one chunk, `**` any tail)."""
 
     def collect(self, key: str, handler: Handler, most: int) -> Fetch:
-        """Keep what comes under `key` until it is fetched, the newest `most` of it.
+        """Keep the newest `most` messages under `key` until they are fetched.
 
-        Returns what gives it all to `handler`, on the thread that calls it, and says whether some
-        may have been lost because more came.
+        The returned function passes them to `handler`, on the thread that calls it, and returns
+        whether some may have been lost because more came.
         """
 
     def connected(self) -> bool:
-        """Whether anyone can be reached."""
+        """Whether another member can be reached."""
 
     def answer(self, key: str, answer: Answer) -> None:
-        """Answer each question for `key`, until this bus closes."""
+        """Answer each query for `key`, until this bus closes."""
 
     def ask(self, key: str, timeout_s: float, question: bytes = b"") -> bytes | None:
-        """Return the answer to a question for `key`; None if nobody gives one in time."""
+        """Answer to a query for `key`; None without an answer in time."""
 
     def announce(self, role: str, name: str, fingerprint: str) -> None:
         """Announce a member as alive, until this bus closes or its process ends."""
 
     def watch(self, handler: AliveHandler) -> None:
-        """Call `handler` for every member that is, becomes or ceases to be alive."""
+        """Call `handler` for every member alive now, and at every change."""
 
     def members(self) -> set[Member]:
-        """Return the members that are alive now; to be asked before `watch`, or without."""
+        """Members alive now; only for sessions that do not `watch` yet."""
 
     def close(self) -> None:
         """Deliver what was published, then leave the network."""

@@ -8,10 +8,9 @@ from transport.closing import Closing
 
 
 def matches(key_expression: str, key: str) -> bool:
-    """Whether `key` is one of those that `key_expression` stands for.
+    """Whether `key` matches: `*` one chunk, a `**` at the end any number of chunks.
 
-    `*` stands for one chunk and a `**` at the end for any number of chunks; neither stands for a
-    chunk that begins with `@`, as in Zenoh.
+    As in Zenoh neither matches a chunk that begins with `@`.
     """
     wanted, chunks = key_expression.split("/"), key.split("/")
     if wanted[-1] == "**":
@@ -38,15 +37,13 @@ class MemoryNetwork:
 
     @property
     def alive(self) -> set[Member]:
-        """The members that are alive."""
         return set(self._alive)
 
     def new_session(self) -> str:
-        """Return an identifier that no other bus of this network has."""
         return f"{next(self._sessions):x}"
 
     def publish(self, key: str, data: bytes) -> None:
-        """Deliver `data` to every subscription of `key`, in the order in which they were made."""
+        """Deliver `data` to every subscription of `key`, in the order of subscription."""
         route = self._routes.get(key)
         if route is None:
             route = tuple(h for _, wanted, h in self._subscriptions if matches(wanted, key))
@@ -55,66 +52,57 @@ class MemoryNetwork:
             handler(key, data)
 
     def subscribe(self, bus: object, key_expression: str, handler: Handler) -> None:
-        """Add a subscription of `bus`."""
         self._subscriptions.append((bus, key_expression, handler))
         self._routes.clear()
 
     def answer(self, bus: object, key: str, answer: Answer) -> None:
-        """Answer questions for `key` until `bus` leaves."""
         self._answers[key] = bus, answer
 
     def ask(self, key: str, question: bytes) -> bytes | None:
-        """Return the answer to a question for `key`, if anyone gives one."""
         return self._answers[key][1](question) if key in self._answers else None
 
     def announce(self, bus: object, member: Member) -> None:
-        """Note that `member` is alive until `bus` leaves."""
         if member not in self._alive:
             self._alive[member] = bus
-            self._tell(member, alive=True)
+            self._notify(member, alive=True)
 
     def watch(self, bus: object, handler: AliveHandler) -> None:
-        """Call `handler` for every member that is alive, and at every change."""
         self._watchers.append((bus, handler))
         for member in self._alive:
             handler(member, True)
 
     def leave(self, bus: object) -> None:
-        """Remove the subscriptions of `bus`; what it announced is alive no longer."""
+        """Remove the subscriptions, answers and members of `bus`."""
         self._subscriptions = [row for row in self._subscriptions if row[0] is not bus]
         self._watchers = [row for row in self._watchers if row[0] is not bus]
         self._routes.clear()
         self._answers = {key: row for key, row in self._answers.items() if row[0] is not bus}
-        for member in [one for one, owner in self._alive.items() if owner is bus]:
+        for member in [member for member, owner in self._alive.items() if owner is bus]:
             del self._alive[member]
-            self._tell(member, alive=False)
+            self._notify(member, alive=False)
 
-    def _tell(self, member: Member, *, alive: bool) -> None:
+    def _notify(self, member: Member, *, alive: bool) -> None:
         for _, handler in tuple(self._watchers):
             handler(member, alive)
 
 
 class MemoryBus(Closing):
-    """One member of a `MemoryNetwork`; without one it is a network of its own."""
+    """A bus (`transport.bus.bus.Bus`) of a `MemoryNetwork`, by default one of its own."""
 
     def __init__(self, network: MemoryNetwork | None = None) -> None:
         self._network = network or MemoryNetwork()
         self.zid = self._network.new_session()
 
     def connected(self) -> bool:
-        """Whether anyone can be reached: always."""
         return True
 
     def publish(self, key: str, data: bytes, *, urgent: bool = False) -> None:  # noqa: ARG002
-        """Deliver `data` to all subscriptions of `key` before this returns."""
         self._network.publish(key, data)
 
     def subscribe(self, key_expression: str, handler: Handler) -> None:
-        """Call `handler` for every message whose key matches (`*` one chunk, `**` any tail)."""
         self._network.subscribe(self, key_expression, handler)
 
     def collect(self, key: str, handler: Handler, most: int) -> Fetch:
-        """Keep what comes under `key` until it is fetched, the newest `most` of it."""
         kept: deque[bytes] = deque(maxlen=most)
         self.subscribe(key, lambda _, data: kept.append(data))
 
@@ -127,25 +115,19 @@ class MemoryBus(Closing):
         return fetch
 
     def answer(self, key: str, answer: Answer) -> None:
-        """Answer each question for `key`, until this bus closes."""
         self._network.answer(self, key, answer)
 
     def ask(self, key: str, timeout_s: float, question: bytes = b"") -> bytes | None:  # noqa: ARG002
-        """Return the answer to a question for `key`; None if nobody gives one."""
         return self._network.ask(key, question)
 
     def announce(self, role: str, name: str, fingerprint: str) -> None:
-        """Announce a member as alive, until this bus closes."""
         self._network.announce(self, Member(role, name, fingerprint, self.zid))
 
     def watch(self, handler: AliveHandler) -> None:
-        """Call `handler` for every member that is, becomes or ceases to be alive."""
         self._network.watch(self, handler)
 
     def members(self) -> set[Member]:
-        """Return the members that are alive now."""
         return self._network.alive
 
     def close(self) -> None:
-        """Leave the network."""
         self._network.leave(self)

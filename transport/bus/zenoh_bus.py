@@ -32,16 +32,16 @@ __all__ = [
 ]
 
 FLUSH_S = 1.0
-"""How long closing waits, if need be, until what was published has reached the router."""
+"""Longest wait at closing until the router has received all publications."""
 
 EVERYONE = alive_key("*", "*", "*", "*")
 """Matches the tokens of all members."""
 MEMBERS_S = 2.0
-"""Longest time that the router is asked who is alive."""
+"""Time limit (s) of the query for members."""
 
-_SAID = "error,zenoh::api::session=off"
-"""What Zenoh says by itself, on the standard output; RUST_LOG asks for more. Its sessions complain
-of what still comes while they close; what is missing is counted by its number."""
+_LOG_FILTER = "error,zenoh::api::session=off"
+"""Zenoh's default log filter, unless RUST_LOG is set. Its sessions log errors about messages that
+arrive while they close."""
 _URGENT = zenoh.Priority.DATA_HIGH
 _SLICE_S = 1.0
 _SETTLE_S = 0.01
@@ -51,8 +51,8 @@ _ONE_THREAD = (
     "(app: (worker_threads: 1), acc: (handover: app), tx: (handover: app), "
     "rx: (handover: app), net: (handover: app))"
 )
-"""Zenoh has a thread for each of its tasks, and two to receive. In forty processes on two cores
-they wake each other: of the ticks of their vehicles five times as many began late."""
+"""By default Zenoh has a thread for each of its tasks, and two to receive. In forty processes on 2
+cores five times more ticks are late with them (measured)."""
 
 logger = logging.getLogger(__name__)
 _SOURCE_LINE = re.compile(r" at /\S+?\.rs:\d+\.?")
@@ -62,9 +62,8 @@ _INNER = re.compile(r'(?:Str\(|msg: )"(.*?)"[,)]')
 class ZenohBus(Closing):
     """A session of one process; open it with `open_bus` and close it with `with`.
 
-    `patience_s` is the longest time that closing waits until what was published has been read.
-
-    An unclosed session would keep the interpreter from exiting, also after an exception.
+    `patience_s` limits the wait at closing until the publications have been read. An unclosed
+    session would keep the interpreter from exiting, also after an exception.
     """
 
     def __init__(self, session: zenoh.Session) -> None:
@@ -77,18 +76,14 @@ class ZenohBus(Closing):
         self.zid = str(session.zid())  # as Zenoh's own tools print it
 
     def connected(self) -> bool:
-        """Whether a router or peer is linked to this process.
-
-        When the router is lost, every member is reported dead at once; then this is False.
-        """
+        """Whether a router or peer is linked; after a lost router every member is reported dead."""
         return bool(self._session.info.transports())
 
     def publish(self, key: str, data: bytes, *, urgent: bool = False) -> None:
-        """Send `data` under `key`; never blocks for a slow or absent receiver."""
         publisher = self._publishers.get((key, urgent))
         if publisher is None:
             publisher = self._publishers[key, urgent] = self._declare(key, urgent=urgent)
-        try:  # no `with` here: a vehicle publishes two hundred times a second
+        try:  # a context manager costs too much at 200 messages a second
             publisher.put(data)
         except zenoh.ZError as error:
             raise BusError(f"cannot publish {key}: {_reason(error)}") from None
@@ -107,11 +102,7 @@ class ZenohBus(Closing):
             self._declared.append(self._session.declare_subscriber(key_expression, receive))
 
     def collect(self, key: str, handler: Handler, most: int) -> Fetch:
-        """Keep what comes under `key` until it is fetched, the newest `most` of it.
-
-        Meanwhile no thread of Zenoh's has to wait for the interpreter. Returns what gives it all to
-        `handler`, on the thread that calls it, and says whether some may have been lost.
-        """
+        """As `Bus.collect`; meanwhile no thread of Zenoh's has to wait for the interpreter."""
         with _as_bus_error(f"cannot subscribe {key}"):
             subscriber = self._session.declare_subscriber(key, zenoh.handlers.RingChannel(most))
         self._declared.append(subscriber)
@@ -126,20 +117,19 @@ class ZenohBus(Closing):
         return fetch
 
     def answer(self, key: str, answer: Answer) -> None:
-        """Answer each question for `key`, on a thread of its own, until this bus closes."""
+        """Answer each query for `key`, on a thread of its own."""
 
         def reply(query: zenoh.Query) -> None:
             question = b"" if query.payload is None else query.payload.to_bytes()
             try:
                 query.reply(key, answer(question))
-            except Exception:  # one bad question must not be the last one
+            except Exception:  # an error must not end the answers
                 logger.exception("answer for %s failed", key)
 
         with _as_bus_error(f"cannot answer for {key}"):
             self._declared.append(self._session.declare_queryable(key, reply))
 
     def ask(self, key: str, timeout_s: float, question: bytes = b"") -> bytes | None:
-        """Return the answer to a question for `key`; None if nobody gives one in time."""
         with _as_bus_error(f"cannot ask for {key}"):
             replies = self._session.get(
                 key, timeout=timeout_s, priority=_URGENT, payload=question or None
@@ -150,7 +140,6 @@ class ZenohBus(Closing):
         return None
 
     def announce(self, role: str, name: str, fingerprint: str) -> None:
-        """Announce a member as alive, until this bus closes or its process ends."""
         token = alive_key(role, name, fingerprint, self.zid)
         if token in self._announced:
             return
@@ -159,11 +148,10 @@ class ZenohBus(Closing):
         self._announced.add(token)
 
     def watch(self, handler: AliveHandler) -> None:
-        """Call `handler` for every member that is, becomes or ceases to be alive.
+        """Call `handler` for every member alive now, and once for every change.
 
-        What Zenoh reports twice is passed on once. When the router is lost, every member is
-        reported dead, and `connected()` is False by then, on a busy machine some milliseconds
-        later; those alive are reported again once the router is back.
+        When the router is lost, every member is reported dead, and `connected()` is False by then;
+        those alive are reported again once the router is back.
         """
         alive: set[Member] = set()
 
@@ -186,17 +174,17 @@ class ZenohBus(Closing):
             )
 
     def members(self) -> set[Member]:
-        """Return the members that are alive now, as the router knows them.
+        """Members alive now, from the router.
 
-        A session that watches has no use for it: while Zenoh brings it what it watches, the answer
-        is empty more often than not (measured; without a watch 800 of 800 answers were right).
+        In a session that watches the answer is mostly empty while Zenoh delivers the history
+        (measured; without a watch 800 of 800 answers were right).
         """
         with _as_bus_error("cannot ask who is alive"):
             replies = self._session.liveliness().get(EVERYONE, timeout=MEMBERS_S)
             return {_member(reply.ok.key_expr) for reply in replies if reply.ok is not None}
 
     def close(self) -> None:
-        """Wait until the router has what was published, then leave the network."""
+        """Wait until the router has read all publications, then leave the network."""
         if self._session.is_closed():
             return
         if self._published:
@@ -206,10 +194,7 @@ class ZenohBus(Closing):
         self._session.close()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
 
     def _flush(self) -> None:
-        """Wait until the router has read what waits in the queue, which closing would drop.
-
-        A query without an answer waits behind it.
-        """
+        """Wait until the router has read the queue, by a query without an answer behind it."""
         unanswered = f"convoy/@flush/{self.zid}"
         try:
             list(
@@ -234,7 +219,7 @@ class ZenohBus(Closing):
 
 
 class Router(Closing):
-    """A Zenoh router in this process, until closed; `endpoints` are those it listens on."""
+    """A Zenoh router in this process, which listens on `endpoints`."""
 
     def __init__(self, session: zenoh.Session, endpoints: tuple[str, ...]) -> None:
         self._session = session
@@ -242,11 +227,10 @@ class Router(Closing):
         self.zid = str(session.zid())
 
     def occupied(self) -> bool:
-        """Whether any process is linked to this router."""
+        """Whether a process is linked to this router."""
         return bool(self._session.info.transports())
 
     def close(self) -> None:
-        """Stop routing."""
         if not self._session.is_closed():
             self._session.close()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
 
@@ -256,15 +240,12 @@ def _member(token: zenoh.KeyExpr) -> Member:
 
 
 def open_bus(options: ZenohOptions, own: Mapping[str, str] = VEHICLE_DEFAULTS) -> ZenohBus:
-    """Join the convoy's network; raises BusError with one line that says what is wrong.
-
-    `own` are the defaults of this kind of process beside those of all.
-    """
+    """Join the convoy's network; raises BusError. `own` are defaults of this kind of process."""
     config = prepare_bus(options, own)
     os.environ.setdefault("ZENOH_RUNTIME", _ONE_THREAD)
-    zenoh.init_log_from_env_or(_SAID)
+    zenoh.init_log_from_env_or(_LOG_FILTER)
     if config.get_json("mode") != '"client"':
-        # A peer that finds no other opens all the same: others may come later.
+        # A peer opens without others: they may come later.
         with _as_bus_error("cannot open a peer"):
             return ZenohBus(zenoh.open(config))
     endpoints = config.get_json("connect/endpoints").strip("[]").replace('"', "")
@@ -276,9 +257,9 @@ def open_bus(options: ZenohOptions, own: Mapping[str, str] = VEHICLE_DEFAULTS) -
 
 
 def prepare_bus(options: ZenohOptions, own: Mapping[str, str] = VEHICLE_DEFAULTS) -> zenoh.Config:
-    """Prepare what `open_bus` begins with: once for all processes that are forked afterwards.
+    """Build the configuration for `open_bus` once for all processes that are forked afterwards.
 
-    Each would write over half a megabyte of memory for it. Raises BusError like it.
+    This saves half a megabyte in each. Raises BusError.
     """
     return _prepared(options, tuple(own.items()))
 
@@ -289,7 +270,7 @@ def _prepared(options: ZenohOptions, own: tuple[tuple[str, str], ...]) -> zenoh.
 
 
 def _open_with_retries(config: zenoh.Config, timeout_s: float) -> zenoh.Session:
-    """Open a client, in slices of time, so that signals are handled in between."""
+    """Open a client in slices of time, so that signals are handled in between."""
     give_up_at = time.monotonic() + timeout_s
     while True:
         left_s = min(give_up_at - time.monotonic(), _SLICE_S)
@@ -308,21 +289,21 @@ def open_router(
     config: Path | None = None,
     cfg: tuple[str, ...] = (),
 ) -> Router:
-    """Start a router; port 0 picks a free one. Raises BusError, for one when a port is taken.
+    """Start a router; port 0 selects a free one. Raises BusError, for example for a port in use.
 
-    It joins the routers at the endpoints `connect`, and keeps trying while they are not there.
+    It joins the routers at the endpoints `connect`, and retries while they are absent.
     """
     options = ZenohOptions(listen=listen, connect=connect, config=config, cfg=cfg)
-    # A router scouts for no one, so it need not wait half a second for answers.
+    # A router scouts for no peers, so it does not wait half a second for answers.
     chosen = configuration(options, DEFAULTS | {"scouting/delay": "0"})
     _insert(chosen, "mode", '"router"')
-    ask = any(endpoint.endswith(":0") for endpoint in listen)
-    if ask:
+    any_port = any(endpoint.endswith(":0") for endpoint in listen)
+    if any_port:
         _insert(chosen, "adminspace/enabled", "true")
-    zenoh.init_log_from_env_or(_SAID)
+    zenoh.init_log_from_env_or(_LOG_FILTER)
     with _as_bus_error(f"cannot listen on {', '.join(listen)}"):
         session = zenoh.open(chosen)
-        return Router(session, _locators(session) if ask else listen)
+        return Router(session, _locators(session) if any_port else listen)
 
 
 def _locators(session: zenoh.Session) -> tuple[str, ...]:
@@ -335,7 +316,7 @@ def _locators(session: zenoh.Session) -> tuple[str, ...]:
 def configuration(options: ZenohOptions, defaults: Mapping[str, str]) -> zenoh.Config:
     """Combine flags, the user's file and `defaults`, in this order of precedence.
 
-    Raises BusError for what Zenoh refuses.
+    Raises BusError for settings that Zenoh refuses.
     """
     given, unset = zenoh.Config(), zenoh.Config()
     if options.config is not None:

@@ -1,10 +1,10 @@
-"""Directed links in the receiver, and what comes through them.
+"""Directed links in the receiver, and the messages that they deliver.
 
-laws        the impairments, each an effect of its own
+laws        the impairments, one class each
 link        the verdict of one link on one message
-arrival     a message on its link, and what the channel makes of its content
-line        what a link's messages do to one another
-gate        which messages can be poses at all
-places      the places that the receiver passed
-inbox       what one vehicle receives, tick by tick
+arrival     a message on its link, and false content
+line        stages, in which a link's messages depend on one another
+gate        checks whether a message can be a pose
+positions   recent positions of the receiver
+inbox       the messages of one vehicle, tick by tick
 """

@@ -1,8 +1,8 @@
-"""Messages on a link, and what its channel makes of their content once they are visible.
+"""Messages on a link, and their content as the channel alters it.
 
-A link's verdict is worked out when a message comes off the bus, its content when it becomes
-visible: by then all that was sent earlier has come as well, in whatever order. So what false
-content repeats is the same on every clock, as long as the wire stays below the link's least delay.
+The verdict is computed when a message comes off the bus, its content when it becomes visible: by
+then all earlier messages have come as well, in any order. So replayed content is the same on every
+clock, as long as the wire stays below the link's least delay.
 """
 
 from bisect import bisect_right, insort
@@ -23,19 +23,19 @@ from vehicles.received_pose import ReceivedPose
 
 COPY: Final = 1
 GHOST: Final = 2
-"""What comes of a message besides itself: its copy, and from this number on its ghosts."""
+"""Numbers of further poses of a message: its copy, and from this number on its ghosts."""
 FRAMES_SINCE: Final = 2**60
-"""Instant (ns, the year 2006) of the run's start in frames whose bits are flipped: so that what a
-flipped bit makes of an instant does not depend on the day, nor does the length of the frame."""
+"""Instant (ns, the year 2006) of the run's start in frames whose bits are flipped, so that neither
+the effect of a flipped bit nor the length of a frame depends on the day of the run."""
 _sent_at = attrgetter("sent_at_ns")
 
 
 @dataclass(slots=True, eq=False)
 class Transmission:
-    """One message on its way over a link, from its arrival off the bus until it is handed over.
+    """One message on its link, from its arrival off the bus until it is delivered.
 
-    `sent` is the pose as it was sent, `pose` what the receiver reads, in which `content` names what
-    is false; `copies` is the number of copies that the channel makes of it besides.
+    `sent` is the pose as it was sent, `pose` the pose that the receiver reads; `content` names what
+    is false in it, `copies` counts the copies that the channel adds.
     """
 
     sent: ReceivedPose
@@ -47,8 +47,8 @@ class Transmission:
     copies: int = 0
 
 
-class Further(NamedTuple):
-    """A further pose that comes of a message, from instant `at` (ns) on; `nth` is COPY or GHOST."""
+class ExtraPose(NamedTuple):
+    """A copy or ghost of a message, visible from instant `at` (ns); `nth` is COPY or from GHOST."""
 
     at: int
     nth: int
@@ -56,9 +56,9 @@ class Further(NamedTuple):
 
 
 class Memory:
-    """A sender's poses as they came off the bus, by when they were sent, as far back as is needed.
+    """A sender's poses in the order of sending, as far back as false content needs them.
 
-    Needed are the last ones until certain `moments` (ns), and all for `span` ns. What is visible
+    It needs the last ones until certain `moments` (ns), and all for `span` ns. A visible message
     may have been sent up to two minutes before the newest.
     """
 
@@ -68,7 +68,6 @@ class Memory:
         self._poses: list[GpsPose] = []
 
     def note(self, pose: GpsPose) -> None:
-        """Remember a pose that came."""
         for moment, last in self._last.items():
             if pose.sent_at_ns <= moment and (last is None or last.sent_at_ns < pose.sent_at_ns):
                 self._last[moment] = pose
@@ -79,7 +78,7 @@ class Memory:
                 del self._poses[0]
 
     def newest(self, until: int) -> GpsPose | None:
-        """Return the newest pose that was sent by the instant `until` (ns), None without any."""
+        """Newest pose sent by the instant `until` (ns), None without any."""
         if until in self._last:
             return self._last[until]
         place = bisect_right(self._poses, until, key=_sent_at)
@@ -88,10 +87,9 @@ class Memory:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContentStage:
-    """What becomes of the messages of a link behind its verdict: copies, wrong bits, false content.
+    """Wrong bits, false content and copies of the messages that a link delivers, in this order.
 
-    Wrong bits come first and false content on top, in its order; copies are of the result.
-    `filters` says whether the receiver refuses a copy by its number.
+    `filters` states whether the receiver refuses a copy by its number.
     """
 
     link: Link
@@ -103,16 +101,15 @@ class ContentStage:
     memory: Memory = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Make the memory that the false content needs."""
         moments = [moment for one in self.false for moment in one.moments]
         span = max((one.age for one in self.false), default=0)
         object.__setattr__(self, "memory", Memory(moments, span))
 
-    def arrive(self, one: Transmission) -> list[Further]:
-        """Work out what the receiver reads of a message that has become visible.
+    def arrive(self, one: Transmission) -> list[ExtraPose]:
+        """Set the pose that the receiver reads of a visible message; returns its copies and ghosts.
 
-        A message refused by the frame check or the gate is dropped as "corrupted", with the gate's
-        word as content, if it was that. Returns what comes of it besides.
+        A message refused by the frame check or the gate is dropped as "corrupted", in the latter
+        case with the gate's word as content.
         """
         judged, sent, context = one.verdict, one.sent.message, one.context
         if judged.outcome == "dropped":
@@ -153,7 +150,7 @@ class ContentStage:
         sent_at = sent.message.sent_at_ns
 
         def recall(until: int) -> GpsPose | None:
-            # A wrong bit can put the instant of `read` off: whether messages sent after this one
+            # A wrong bit can move the instant of `read`, and whether messages sent after this one
             # have come depends on the wire.
             return self.memory.newest(min(until, sent_at))
 
@@ -166,32 +163,32 @@ class ContentStage:
         return pose, kinds
 
     def _checked(self, message: GpsPose, sent: GpsPose) -> ReceivedPose:
-        # By an instant of the message, not of the tick, which the wire may put off.
+        # By an instant of the message, not of the tick, which depends on the wire.
         return self.gate.check(message, sent.sent_at_ns)
 
     def _copies(
         self, judged: Verdict, pose: ReceivedPose, context: TransmissionContext
-    ) -> list[Further]:
+    ) -> list[ExtraPose]:
         law, draw = self.duplication, self.link.draw
         if law is None or not law.copies(draw, context.seq):
             return []
         copy = replace(pose)
         if law.delay is not None:
-            return [Further(judged.visible_at + law.delay, COPY, copy)]
+            return [ExtraPose(judged.visible_at + law.delay, COPY, copy)]
         effects = self.link.effects_at(context.sent_at)
         own = combine(effects, draw_of_copy(draw), context)
-        return [Further(max(judged.visible_at, own.visible_at), COPY, copy)]
+        return [ExtraPose(max(judged.visible_at, own.visible_at), COPY, copy)]
 
-    def _ghosts(self, judged: Verdict, sent: GpsPose) -> list[Further]:
+    def _ghosts(self, judged: Verdict, sent: GpsPose) -> list[ExtraPose]:
         ghosts = [
             one for one in self.false if one.after is not None and sent.sent_at_ns in one.span
         ]
-        further = []
+        extra = []
         for nth, one in enumerate(ghosts, GHOST):
             with suppress(RefusedMessageError):  # no vehicle is beyond the plane
                 beside = self._checked(one.beside(sent, self.gate.plane), sent)
-                further.append(Further(judged.visible_at + (one.after or 0), nth, beside))
-        return further
+                extra.append(ExtraPose(judged.visible_at + (one.after or 0), nth, beside))
+        return extra
 
 
 def _corrupted(judged: Verdict) -> Verdict:

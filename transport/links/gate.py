@@ -1,8 +1,8 @@
-"""The wire gate: which messages can be poses of a run at all. Everything else is refused.
+"""The wire gate: refuses messages that cannot be poses of a run.
 
-One gate for all receivers. Vehicles read poses off the wire through it, the recorder checks with it
-what it has decoded for the log. It judges stamps, coordinates and speeds of a message by itself;
-whether a pose contradicts earlier ones is judged by the follower (`driver.degradation.trust`).
+Vehicles read poses off the wire through it, the recorder checks decoded poses with it. It judges
+stamps, coordinates and speeds of a message by itself; whether a pose contradicts earlier ones is
+judged by the follower (`driver.degradation.trust`).
 """
 
 from collections import Counter
@@ -21,20 +21,20 @@ from vehicles.schedule import SECOND
 
 GPS = TOPICS["gps"]
 LONGEST_POSE_BYTES: Final = 512
-"""A pose with a name of 400 letters still fits."""
+"""Enough for a pose with a name of 400 letters."""
 READ_LAST: Final = 64
-"""Poses that are not read again: in virtual time all receivers of one are in one process."""
+"""Number of cached poses: in virtual time all receivers of a pose are in one process."""
 HORIZON_NS: Final = 60 * SECOND
 """Poses measured longer ago, or further ahead, than this are refused. Ahead there must be room:
 a vehicle whose process was suspended receives, when it resumes, what was sent meanwhile."""
 
 MISDATED = ("past", "future")
-"""Reasons that blame the clock of the sender or of the receiver, when there are many."""
+"""Reasons that, when frequent, point to the clock of the sender or of the receiver."""
 MANY: Final = 100
-"""Number that is reported first; then ten times as many, and so on."""
+"""Number that is reported first; then ten times that, and so on."""
 
 _ROUNDING: Final = 0.001
-"""Periods; instants are rounded to nanoseconds."""
+"""Tolerance in periods: instants are rounded to nanoseconds."""
 _LIMITS = {
     "latitude_deg": (-90.0, 90.0),
     "longitude_deg": (-180.0, 180.0),
@@ -43,19 +43,19 @@ _LIMITS = {
     "speed_mps": (0.0, 150.0),
     "yaw_rate_radps": (-10.0, 10.0),
 }
-"""No vehicle of a convoy measures less or more."""
+"""Range of each number that a vehicle of a convoy can measure."""
 _numbers = attrgetter(*_LIMITS)
 
 
 @lru_cache(maxsize=READ_LAST)
 def _read(data: bytes) -> tuple[GpsPose, str]:
-    """Message of these bytes, and which of its numbers no vehicle measures, if there is one."""
+    """Message of these bytes, and its number out of range, if there is one."""
     pose = cast("GpsPose", decode(GPS, data, exact=True))
     return pose, _absurd(pose)
 
 
 def _absurd(pose: GpsPose) -> str:
-    """Name the number that no vehicle measures; empty if all can be."""
+    """Name a number that no vehicle measures; empty if all are in range."""
     for (name, (least, most)), value in zip(_LIMITS.items(), _numbers(pose), strict=True):
         if not least <= value <= most:  # so that NaN is refused too
             return f"{name} is {value}, from {least} to {most}"
@@ -66,10 +66,9 @@ def _absurd(pose: GpsPose) -> str:
 class PoseGate:
     """The limits of one sender's poses: its name, its start, its rate, the reach of its plane.
 
-    `start_at` (ns) is the run's first instant, `rate_hz` the rate at which the sender sends at
-    most, `plane` the scenario's, within reach of which the convoy drives. `oldest_ns` is how long
-    ago a pose may have been measured: a vehicle cannot use what is a minute old, a recorder can.
-    By `clock_error_ns` the sender's own clock may be off, by which it says when it measured.
+    `start_at` (ns) is the run's first instant, `rate_hz` the sender's highest rate, `plane` the
+    scenario's. A pose may be up to `oldest_ns` old: a vehicle cannot use an older one, a recorder
+    can. `clock_error_ns` is the largest error of the sender's clock, which stamps the measurement.
     """
 
     sender: str
@@ -82,7 +81,7 @@ class PoseGate:
     def admit(self, data: bytes, now: int) -> ReceivedPose:
         """Read a pose that came under the sender's key, at a tick of instant `now` (ns).
 
-        Raises RefusedMessageError with a word of the table of reasons.
+        Raises RefusedMessageError with a reason of the table.
         """
         if len(data) > LONGEST_POSE_BYTES:
             raise RefusedMessageError("oversized", f"more than {LONGEST_POSE_BYTES} bytes")
@@ -128,10 +127,7 @@ class MisdatedCount:
     reported: Counter[tuple[str, str]] = field(default_factory=Counter)
 
     def count(self, sender: str, reason: str) -> str | None:
-        """Count a refused message; returns a line whenever these are many, or again ten times so.
-
-        Other reasons than those of stamps are passed over.
-        """
+        """Count a message refused for its stamps; returns a line at 100, 1000, and so on."""
         if reason not in MISDATED:
             return None
         key = sender, reason

@@ -1,4 +1,4 @@
-"""What one vehicle receives: bytes in, poses out when their links let them through."""
+"""The inbox of one vehicle: bytes in, poses out once their links deliver them."""
 
 from collections import Counter, deque
 from collections.abc import Iterable, Mapping
@@ -13,7 +13,7 @@ from transport.links.gate import GPS, LONGEST_POSE_BYTES, MisdatedCount, PoseGat
 from transport.links.laws.effect import NOWHERE, Position, TransmissionContext
 from transport.links.line import Line
 from transport.links.link import Link
-from transport.links.places import PlacesPassed
+from transport.links.positions import PositionHistory
 from transport.message_numbers import MessageNumbers
 from transport.reasons import counts_as_late
 from transport.topics import key
@@ -21,19 +21,19 @@ from vehicles.messages import GpsPose, LinkVerdict
 from vehicles.received_pose import ReceivedPose
 
 QUEUE: Final = 4096
-"""Messages that wait at most for a tick to take them; the oldest go first."""
+"""Largest number of messages between two ticks; the oldest are dropped."""
 WINDOW: Final = 8192
 """Numbers this far behind a sender's newest are refused, so that memory is bounded."""
 
 
 @dataclass(slots=True)
 class IncomingLink:
-    """The link from one sender, its gate, and what became of its messages so far.
+    """The link from one sender, its gate, and its counters.
 
-    `content` is what the channel makes of messages themselves, if anything is configured. `line`
-    holds messages that depend on one another until their fate is known; `held` are they by number.
-    `numbers` are those that came, lost or not. `delivered`, `dropped` (by reason) and `late` count
-    verdicts put out; a late message is among the delivered or the dropped as well.
+    `content` alters the content of messages, if configured. `line` holds messages that depend on
+    one another until their verdicts are known, `held` are their transmissions by number. `numbers`
+    are those that came, lost or not. `delivered`, `dropped` (by reason) and `late` count published
+    verdicts; a late message is among the delivered or the dropped as well.
     """
 
     link: Link
@@ -47,11 +47,10 @@ class IncomingLink:
     numbers: MessageNumbers = field(default_factory=lambda: MessageNumbers(window=WINDOW))
 
     def __post_init__(self) -> None:
-        """Begin the line, if the link's messages depend on one another."""
         self.line = Line(self.link) if self.link.stages else None
 
     def number(self, seq: int) -> None:
-        """Note that `seq` came; raises RefusedMessageError if it came before or is far behind."""
+        """Note the number `seq`; raises RefusedMessageError if it is repeated or far behind."""
         newest = self.numbers.newest
         if seq <= newest - WINDOW:
             raise RefusedMessageError("past", f"number {seq} is far behind {newest}")
@@ -61,28 +60,25 @@ class IncomingLink:
 
 @dataclass(frozen=True, slots=True)
 class InboxCounts:
-    """What an inbox has counted: verdicts put out, and what Health tells of.
-
-    `late` are those that a link had to judge.
-    """
+    """Counters of an inbox for Health, to be continued; `late` are those that a link judged."""
 
     verdicts: int = 0
-    heard: int = 0
+    delivered: int = 0
     dropped: int = 0
     late: int = 0
     rejected: Mapping[str, int] = field(default_factory=dict)
 
 
 class Inbox:
-    """What one vehicle receives, over a link from each sender that it listens to.
+    """Receives the messages of one vehicle, over a link from each of its senders.
 
-    Messages are judged and handed over in `take` alone, in the thread that calls it; only
-    `on_bytes` may be called from another.
+    Messages are judged and delivered in `take`, in the thread that calls it; only `on_bytes` may be
+    called from another.
 
     A message is late if it came after the tick that should have judged it, or too late to be of
-    any use; in a link with stages that tick is the first that its floor lets it through. `heard`
-    and `dropped` count what the links judged, `rejected`, by a word of the table of reasons, all
-    that no link had to judge, and copies that a link made of what was heard.
+    any use; in a link with stages that tick is the first that its floor lets it through.
+    `delivered` and `dropped` count the verdicts of links, `rejected`, by reason, the messages that
+    no link judged, and refused copies.
     """
 
     def __init__(
@@ -93,12 +89,12 @@ class Inbox:
         start_at: int,
         before: InboxCounts | None = None,
     ) -> None:
-        """`start_at` (ns) is the first instant of the run; what was counted `before` goes on."""
+        """`start_at` (ns) is the first instant of the run; counters `before` are continued."""
         self.receiver = receiver
         self._before = before or InboxCounts()
         self._refused: Counter[str] = Counter(self._before.rejected)
         self._overflow = 0
-        self._places = PlacesPassed()
+        self._positions = PositionHistory()
         self._arrived: deque[tuple[str, bytes]] = deque(maxlen=QUEUE)
         self._lock = Lock()
         self._verdicts: list[LinkVerdict] = []
@@ -110,59 +106,53 @@ class Inbox:
         self._senders = {key(sender, GPS): sender for sender in self.links}
 
     def _listen(self, links: Iterable[IncomingLink], now: int) -> None:
-        """Begin at `now` (ns), with nothing heard over `links` so far."""
         self.links = {one.link.sender: one for one in links}
         self._lined = [(name, one) for name, one in self.links.items() if one.line is not None]
         self._waiting: list[tuple[int, str, int, int, Transmission | ReceivedPose]] = []
-        self._heard_from = now
+        self._listens_from = now
         self._taken_until = now - 1
 
-    def listen_anew(self, links: Iterable[IncomingLink], now: int) -> None:
-        """Forget all but the counts: over new `links`, hear what is sent from `now` (ns) on."""
+    def restart(self, links: Iterable[IncomingLink], now: int) -> None:
+        """Forget all but the counts; receive over new `links` messages sent from `now` (ns) on."""
         self._before = self.counts
         self._listen(links, now)
 
-    def pass_by(self, now: int, here: Position) -> None:
-        """Be `here` at the tick at `now` (ns) without hearing anything; what came waits."""
-        self._places.add(now, here)
+    def skip(self, now: int, here: Position) -> None:
+        """Note the position at the tick at `now` (ns) without receiving; messages wait."""
+        self._positions.add(now, here)
 
-    def let_go(self, now: int, here: Position) -> None:
-        """Be `here` at the tick at `now` (ns), where nobody listens: what was sent by now is gone.
+    def discard(self, now: int, here: Position) -> None:
+        """Note the position at the tick at `now` (ns), and drop the messages sent by then.
 
-        What came of later is kept: this tick may be late.
+        Later ones are kept: this tick may be late.
         """
-        self.pass_by(now, here)
+        self.skip(now, here)
         if not self._arrived:
             return
         with self._lock:
             arrived, self._arrived = self._arrived, deque(maxlen=QUEUE)
-            kept = (one for one in arrived if _sent_after(one[1], now))
+            kept = [one for one in arrived if _sent_after(one[1], now)]
             self._arrived.extend(kept)
 
     @property
     def counts(self) -> InboxCounts:
-        """What was counted so far."""
-        late = self._late_on_links
-        return InboxCounts(self._verdict_seq, self.heard, self.dropped, late, dict(self.rejected))
+        late, rejected = self._late_on_links, dict(self.rejected)
+        return InboxCounts(self._verdict_seq, self.delivered, self.dropped, late, rejected)
 
     @property
     def keys(self) -> list[str]:
-        """The keys to subscribe to."""
         return list(self._senders)
 
     @property
-    def heard(self) -> int:
-        """Poses handed over so far."""
-        return self._before.heard + sum([link.delivered for link in self.links.values()])
+    def delivered(self) -> int:
+        return self._before.delivered + sum([link.delivered for link in self.links.values()])
 
     @property
     def dropped(self) -> int:
-        """Poses that a link dropped so far."""
         return self._before.dropped + sum([link.dropped.total() for link in self.links.values()])
 
     @property
     def late(self) -> int:
-        """Poses so far that came after the tick that should have judged them, or far later."""
         too_late = sum([count for word, count in self._refused.items() if counts_as_late(word)])
         return too_late + self._late_on_links
 
@@ -175,29 +165,28 @@ class Inbox:
 
     @property
     def rejected(self) -> Counter[str]:
-        """Messages so far that no link had to judge, by reason."""
         return self._refused + Counter(overflow=self._overflow)
 
     def on_bytes(self, sender_key: str, data: bytes) -> None:
-        """Take in a message as it comes from the bus; the oldest go when too many wait."""
+        """Queue a message from the bus; when too many wait the oldest are dropped."""
         with self._lock:
             self._overflow += len(self._arrived) == self._arrived.maxlen
-            # One byte too long is refused like a million, without keeping the million.
+            # One byte beyond the limit suffices for the refusal.
             self._arrived.append((sender_key, data[: LONGEST_POSE_BYTES + 1]))
 
     def note_overflow(self) -> None:
-        """Count that more came than could be kept for this vehicle."""
+        """Count an overflow of the bus's own queue."""
         with self._lock:
             self._overflow += 1
 
     def take(self, now: int, here: Position = NOWHERE) -> list[ReceivedPose]:
         """Return the poses that have become visible by the tick at `now` (ns).
 
-        They come in the order (visible_at, sender, seq). Instants must not go back. A verdict is
-        put out, by `verdicts`, at the tick that hands a pose over, or would have handed it over.
-        `here` is where the receiver truly is, for links that depend on it.
+        They come in the order (visible_at, sender, seq). Instants must not decrease. A verdict is
+        published by `verdicts` at the tick that delivers a pose, or would have delivered it.
+        `here` is the true position of the receiver, for links that depend on it.
         """
-        self.pass_by(now, here)
+        self.skip(now, here)
         if self._arrived:
             with self._lock:
                 arrived, self._arrived = self._arrived, deque(maxlen=QUEUE)
@@ -206,33 +195,33 @@ class Inbox:
                     self._judge(sender_key, data, now)
                 except RefusedMessageError as refusal:
                     self._refused[refusal.reason] += 1
-                    self._note_misdated(sender_key, refusal.reason)
-        for sender, link in self._lined:
-            self._settle(sender, link, now)
+                    sender = self._senders.get(sender_key, "")
+                    if sender and (line := self._misdated.count(sender, refusal.reason)):
+                        self._complaints.append(line)
+        for name, link in self._lined:
+            for context, judged in link.line.settle(now) if link.line else ():
+                one = link.held.pop(context.seq)
+                one.verdict = judged
+                heappush(self._waiting, (judged.visible_at, name, context.seq, 0, one))
         self._taken_until = now
-        return self._hand_over(now) if self._waiting else []
+        return self._deliver(now) if self._waiting else []
 
     def verdicts(self) -> list[LinkVerdict]:
-        """Return the verdicts put out since the last call."""
+        """Verdicts since the last call."""
         out, self._verdicts = self._verdicts, []
         return out
 
     def complaints(self) -> list[str]:
-        """Return the lines to say since the last call, about stamps that cannot be right."""
-        said, self._complaints = self._complaints, []
-        return said
+        """Warnings about impossible stamps since the last call."""
+        lines, self._complaints = self._complaints, []
+        return lines
 
     def rejections(self) -> list[tuple[str, int]]:
-        """Return what was rejected since the last call: (reason, count)."""
+        """Rejected messages since the last call: (reason, count)."""
         now = self.rejected
         new = now - self._reported
         self._reported = now
         return sorted(new.items())
-
-    def _note_misdated(self, sender_key: str, reason: str) -> None:
-        sender = self._senders.get(sender_key)
-        if sender is not None and (line := self._misdated.count(sender, reason)):
-            self._complaints.append(line)
 
     def _judge(self, sender_key: str, data: bytes, now: int) -> None:
         sender = self._senders.get(sender_key)
@@ -241,11 +230,11 @@ class Inbox:
         link = self.links[sender]
         pose = link.gate.admit(data, now)
         message = pose.message
-        if message.sent_at_ns < self._heard_from:  # while the vehicle did not receive
+        if message.sent_at_ns < self._listens_from:  # while the vehicle did not receive
             return
         link.number(message.seq)
         antenna = Position(message.true_east_m, message.true_north_m, message.true_driven_m)
-        here = self._places.at(message.sent_at_ns)
+        here = self._positions.at(message.sent_at_ns)
         context = TransmissionContext(message.seq, message.sent_at_ns, len(data), antenna, here)
         judged = link.link.judge(context)
         if link.content is not None:
@@ -260,14 +249,7 @@ class Inbox:
                 return
         heappush(self._waiting, (judged.visible_at, sender, message.seq, 0, one))
 
-    def _settle(self, sender: str, link: IncomingLink, now: int) -> None:
-        """Let those of a line wait for their instant whose verdict is known now."""
-        for context, judged in link.line.settle(now) if link.line else ():
-            one = link.held.pop(context.seq)
-            one.verdict = judged
-            heappush(self._waiting, (judged.visible_at, sender, context.seq, 0, one))
-
-    def _hand_over(self, now: int) -> list[ReceivedPose]:
+    def _deliver(self, now: int) -> list[ReceivedPose]:
         delivered: list[ReceivedPose] = []
         while self._waiting and self._waiting[0][0] <= now:
             _, sender, seq, nth, one = heappop(self._waiting)
@@ -278,8 +260,8 @@ class Inbox:
                     delivered.append(one)
                 continue
             if link.content is not None:
-                for further in link.content.arrive(one):
-                    heappush(self._waiting, (further.at, sender, seq, further.nth, further.pose))
+                for extra in link.content.arrive(one):
+                    heappush(self._waiting, (extra.at, sender, seq, extra.nth, extra.pose))
             link.late += one.late
             if one.verdict.outcome == "delivered":
                 link.delivered += 1
@@ -291,7 +273,6 @@ class Inbox:
         return delivered
 
     def _takes_copy(self, link: IncomingLink, seq: int) -> bool:
-        """Whether the receiver uses a copy that the channel made of message `seq`."""
         if link.content is not None and link.content.filters:
             try:
                 link.number(seq)
@@ -301,7 +282,6 @@ class Inbox:
         return True
 
     def _verdict_on(self, one: Transmission, now: int) -> LinkVerdict:
-        """The message about what the link did to a pose, of what was sent."""
         seq, self._verdict_seq = self._verdict_seq, self._verdict_seq + 1
         sent, judged = one.sent.message, one.verdict
         return LinkVerdict(
@@ -322,7 +302,6 @@ class Inbox:
 
 
 def _sent_after(data: bytes, now: int) -> bool:
-    """Whether these are the bytes of a pose that was sent after `now` (ns)."""
     try:
         pose = decode(GPS, data, exact=True)
     except RefusedMessageError:

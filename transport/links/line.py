@@ -1,4 +1,4 @@
-"""The stages of one link in a run: messages in line until their fate is known."""
+"""The stages of one link in a run, in which messages wait until their verdicts are known."""
 
 from collections.abc import Iterable
 from heapq import heappop, heappush
@@ -13,27 +13,26 @@ class Line:
     """Messages of one link that were judged by its effects and now depend on one another."""
 
     def __init__(self, link: Link) -> None:
-        """Begin with the stages of `link` empty."""
         self._stages = [law.stage() for law in link.stages]
         self._link = link
         self._coming: list[tuple[int, int, StagedMessage]] = []
         self._newest = -1
 
     def is_missed(self, context: TransmissionContext, tick: int) -> bool:
-        """Whether what was sent with this message was let through by the tick at `tick` (ns)."""
+        """Whether messages sent with this one had passed by the tick at `tick` (ns)."""
         return context.sent_at <= self._link.visible_until(tick)
 
     def has_passed(self, context: TransmissionContext) -> bool:
-        """Whether a later message than this one was let through: it can no longer come in line."""
+        """Whether a later message than this one has passed, so that it can no longer join."""
         return context.seq <= self._newest
 
     def join(self, context: TransmissionContext, verdict: Verdict) -> None:
-        """Let a message come in line with the verdict of the effects."""
+        """Add a message with the verdict of the effects."""
         one = StagedMessage(context, verdict.visible_at, verdict.reason)
         heappush(self._coming, (context.sent_at, context.seq, one))
 
     def settle(self, now: int) -> list[tuple[TransmissionContext, Verdict]]:
-        """Give the messages whose fate is known by the tick at `now` (ns)."""
+        """Messages whose verdict is known by the tick at `now` (ns)."""
         until = self._link.visible_until(now)
         moved = []
         while self._coming and self._coming[0][0] <= until:
@@ -51,7 +50,7 @@ class Line:
 
 
 def judge_stream(link: Link, stream: Iterable[TransmissionContext]) -> list[Verdict]:
-    """Judge all that was sent over a link, in the order of the numbers."""
+    """Verdicts on all messages sent over a link, in the order of their numbers."""
     contexts = sorted(stream, key=lambda one: one.seq)
     if not link.stages:
         return [link.judge(one) for one in contexts]

@@ -1,9 +1,8 @@
-"""What a directed radio link does to a message: a pure verdict, deliver at an instant or drop.
+"""The verdict of a directed radio link on a message: deliver at an instant, or drop.
 
 The verdict on message `seq` depends on the seed, the link and `seq` alone, and where the link is
-changed during the run on when the message was sent; never on the order in which messages came, on
-other links or on whether `seq - 1` arrived. So a run on the wall clock and a run in virtual time
-judge alike.
+changed during the run on when the message was sent; never on the order of arrival, on other links
+or on whether `seq - 1` arrived. So it is the same on the wall clock and in virtual time.
 """
 
 from bisect import bisect_right
@@ -27,8 +26,7 @@ _STEPS = 2**52  # so that (k + 1/2) / _STEPS is exact in a double and lies stric
 class Verdict(NamedTuple):
     """The link's decision: `reason` is empty when delivered, else a word of the table of reasons.
 
-    `visible_at` (ns) is the instant from which the receiver may know the message, or would have
-    known it had it not been dropped.
+    `visible_at` (ns) is the instant from which the receiver may know the message, also if dropped.
     """
 
     outcome: Outcome
@@ -37,7 +35,7 @@ class Verdict(NamedTuple):
 
 
 def keyed_draw(seed: int, sender: str, receiver: str) -> Draw:
-    """Return what draws the numbers in (0, 1) of one link, the same on every platform."""
+    """Generator of the numbers in (0, 1) of one link, the same on every platform."""
     link = f"{seed}\0{sender}\0{receiver}\0".encode()
 
     def draw(purpose: str, seq: int) -> float:
@@ -48,10 +46,10 @@ def keyed_draw(seed: int, sender: str, receiver: str) -> Draw:
 
 
 def redrawn(before: Draw, after: Draw, from_seq: int) -> Draw:
-    """Draw as `before` what belongs to messages before number `from_seq`, else as `after`.
+    """Draw as `before` for messages before number `from_seq`, else as `after`.
 
-    So chains with memory keep the state that they have reached. What is not drawn for a message,
-    but for a cell of time, stays as it was: part of it lies before that message.
+    So chains with memory keep their state. Draws for a cell of time, instead of a message, do not
+    change: part of the cell lies before that message.
     """
 
     def draw(purpose: str, seq: int) -> float:
@@ -76,9 +74,9 @@ def combine(chain: Iterable[Effect], draw: Draw, context: TransmissionContext) -
 
 @dataclass(frozen=True, slots=True)
 class ChangedEffects:
-    """What a link does to what is sent from the instant `from_at` (ns) on, until the next change.
+    """Effects on messages sent from the instant `from_at` (ns) on, until the next change.
 
-    `floor` is the least delay in ns, which the wire has to beat.
+    `floor` is the least delay in ns, below which the wire has to stay.
     """
 
     from_at: int
@@ -86,7 +84,6 @@ class ChangedEffects:
     floor: int = field(init=False)
 
     def __post_init__(self) -> None:
-        """Add up the least delay."""
         floors = (one.floor for one in self.effects if isinstance(one, Latency))
         object.__setattr__(self, "floor", sum(floors))
 
@@ -98,8 +95,8 @@ _from_at = attrgetter("from_at")
 class Link:
     """A directed link of a run: judges the messages of one sender on their way to one receiver.
 
-    Its effects judge each message by itself; what `stages` add depends on the others, see Line.
-    `course` says what it does from when on, in order of time, where it was changed.
+    Its effects judge each message by itself; in `stages` messages depend on one another (`Line`).
+    `course` are its changes in order of time.
     """
 
     chain: tuple[Effect, ...]
@@ -112,31 +109,28 @@ class Link:
     _unchanged: ChangedEffects = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Key the draws."""
         self.draw = keyed_draw(self.seed, self.sender, self.receiver)
         self._unchanged = ChangedEffects(_EVER_SINCE, self.chain)
 
     def redraw(self, from_seq: int, seed: int) -> None:
-        """Draw for the messages from number `from_seq` on with another seed."""
+        """Use another seed for messages from number `from_seq` on."""
         after = keyed_draw(seed, self.sender, self.receiver)
         self.draw = redrawn(self.draw, after, from_seq)
 
     def effects_at(self, sent_at: int) -> tuple[Effect, ...]:
-        """The effects on what is sent at an instant (ns)."""
-        if not self.course:  # as mostly: it was never changed
+        """The effects on a message sent at an instant (ns)."""
+        if not self.course:  # the usual case
             return self.chain
         place = bisect_right(self.course, sent_at, key=_from_at)
         return self.course[place - 1].effects if place else self.chain
 
     def judge(self, context: TransmissionContext) -> Verdict:
-        """Judge one message by the effects."""
         return combine(self.effects_at(context.sent_at), self.draw, context)
 
     def visible_until(self, now: int) -> int:
-        """The last instant (ns) at which something can have been sent that is visible by `now`.
+        """Last instant (ns) at which a message visible by `now` can have been sent.
 
-        Where the least delay changes that may leave out what was sent shortly before: with a link
-        that has become faster it can be overtaken.
+        Where the least delay has become shorter, messages sent shortly before may be overtaken.
         """
         if not self.course:
             return now - self._unchanged.floor

@@ -35,13 +35,12 @@ from vehicles.messages import CompositeTrajectory, GpsPose, LogText, Message, Ru
 from vehicles.schedule import MILLISECOND
 
 PREVIEW_SPACING_M = 2.0
-"""Distance between the poses that stand for a composite trajectory."""
+"""Distance between the poses that represent a composite trajectory."""
 PREVIEW_PERIOD_NS = 200 * MILLISECOND
-"""A composite trajectory is shown five times a second; our own message has every one."""
 POSE_PERIOD_NS = 80 * MILLISECOND
-"""The true pose is shown at every fourth control tick, 12.5 times a second; ours has every one."""
+"""True poses of every fourth control tick; our own topics have all trajectories and poses."""
 ONCE_NS = 2**62
-"""What is said once is true from then on."""
+"""Period of messages that are logged once."""
 _LEVELS = {
     "debug": Log.DEBUG,
     "info": Log.INFO,
@@ -54,10 +53,7 @@ _LEVELS = {
 
 @dataclass(frozen=True, slots=True)
 class Twin:
-    """A standard message written beside one of ours.
-
-    `make` serialises it; `period_ns` is the least time between two of one vehicle (0: no limit).
-    """
+    """A standard message next to one of ours, at most one per vehicle and `period_ns`."""
 
     name: str
     schema: Any
@@ -84,16 +80,15 @@ def descriptor_set(message_class: Any) -> bytes:
 
 
 def _location_maker() -> Callable[[GpsPose], bytes]:
-    # One object for each vehicle, filled anew each time, is three times as fast as new ones. The
-    # name is set but once: each text that is set takes memory until its object goes.
+    # Reusing one object per vehicle is three times as fast as creating new ones. The name is set
+    # once: each text that is set takes memory until its object is deleted.
     fixes: dict[str, LocationFix] = {}
 
     def make(gps: GpsPose) -> bytes:
         fix = fixes.get(gps.vehicle)
         if fix is None:
             fix = fixes[gps.vehicle] = LocationFix(frame_id=gps.vehicle)
-            # By the receiver's own account, which may be wrong, and as good upwards as to the
-            # sides.
+            # Stated by the receiver, and assumed equal for altitude.
             fix.position_covariance_type = LocationFix.APPROXIMATED
             fix.position_covariance.extend([0.0] * 9)
         covariance, velocity = fix.position_covariance, fix.velocity
@@ -172,7 +167,7 @@ def _make_text(line: LogText) -> bytes:
 
 
 def twins(scene: Scene | None = None) -> Mapping[type[Message], tuple[Twin, ...]]:
-    """Name the standard messages beside each of ours; each call gives makers of its own."""
+    """Standard messages next to each of ours; each call creates its own makers."""
     scene = scene or Scene()
     return {
         GpsPose: (Twin("location", LocationFix, _location_maker()),),

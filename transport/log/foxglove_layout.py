@@ -1,4 +1,4 @@
-"""Layout for a log in Foxglove: the scene, text, and plots of what is true and what is believed."""
+"""Foxglove layout for a log: the scene, text, and plots."""
 
 import json
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ KINDS = {"plot": "Plot", "states": "StateTransitions", "plot_of_one": "Plot"}
 
 
 def foxglove_layout(vehicles: Sequence[str]) -> str:
-    """Lay out the log of a run of `vehicles`, lead first; to be imported in Foxglove."""
+    """Layout for the log of a run of `vehicles`, lead first, to be imported in Foxglove."""
     panels = [panel for panel in PANELS.values() if panel.foxglove and panel.suits(vehicles)]
     panels.sort(key=lambda panel: list(KINDS).index(panel.kind))
     shown = {f"{KINDS[panel.kind]}!{panel.name}": _panel(panel, vehicles) for panel in panels}
@@ -88,7 +88,7 @@ def _panel(panel: Panel, vehicles: Sequence[str]) -> dict[str, object]:
 
 
 def _stacked(panels: Sequence[str]) -> object:
-    """Put panels of equal height below one another."""
+    """Stack panels of equal height."""
     first, *rest = panels
     if not rest:
         return first

@@ -1,4 +1,4 @@
-"""The MCAP file of a log, as far as it can be read."""
+"""The readable records of the MCAP file of a log."""
 
 import struct
 import zlib
@@ -35,16 +35,15 @@ from transport.log.records import (
 
 SECOND = 1_000_000_000
 LARGEST_CHUNK = 2**30
-"""Bytes of an unpacked chunk; one that says it holds more is damaged."""
+"""Largest size of an unpacked chunk (bytes); a larger stated size is damage."""
 MOST_NAMED = 3
-"""Places of damage that are named one by one."""
+"""Number of places of damage that are listed."""
 
 
 class McapFile:
     """The records of an MCAP file, which may break off in the middle of one or be damaged.
 
-    `damage` says in one line what cannot be read though there is more behind it; it is empty if
-    there is no such thing.
+    `damage` names in one line unreadable bytes before the end; empty without any.
     """
 
     def __init__(self, path: Path) -> None:
@@ -62,7 +61,7 @@ class McapFile:
                 else:
                     damaged.append(Span(record.start, record.end))
         self._damaged = _joined(damaged)
-        self.damage = self._name_damage() if self._damaged else ""
+        self.damage = self._describe_damage() if self._damaged else ""
 
     def unpack(self, head: ChunkHead) -> bytes:
         """Return the records of a chunk; raises DamageError."""
@@ -93,7 +92,7 @@ class McapFile:
         except (DamageError, struct.error):
             return False
 
-    def _name_damage(self) -> str:
+    def _describe_damage(self) -> str:
         lost = sum(span.end - span.start for span in self._damaged)
         named = [self._place(span) for span in self._damaged[:MOST_NAMED]]
         if len(self._damaged) > MOST_NAMED:
@@ -101,7 +100,7 @@ class McapFile:
         return f"{self.path}: damaged, {lost} bytes cannot be read: {'; '.join(named)}"
 
     def _place(self, span: Span) -> str:
-        """Say where a damaged span lies, in bytes and between which messages."""
+        """Describe the place of a damaged span, in bytes and in time between messages."""
         before = [head.last_at for record, head in self.chunks if record.end <= span.start]
         after = [head.first_at for record, head in self.chunks if record.start >= span.end]
         text = f"{span.end - span.start} at byte {span.start}"
@@ -113,30 +112,28 @@ class McapFile:
         return f"{text}, between {begin} and {end}"
 
     def messages(self) -> Iterator[tuple[int, int, bytes]]:
-        """Give (channel, log time, data) of all messages that can be read."""
+        """Yield (channel, log time, data) of all readable messages."""
         for _, head in self.chunks:
             yield from messages_in(self.unpack(head))
 
     def metadata(self) -> dict[str, dict[str, str]]:
-        """Return the named text values."""
         return dict(metadata(self.bytes, record) for record in self._of_kind(METADATA))
 
     def attachments(self) -> dict[str, bytes]:
-        """Return the attached files by name."""
         return dict(attachment(self.bytes, record) for record in self._of_kind(ATTACHMENT))
 
     def _of_kind(self, opcode: int) -> Iterator[Record]:
         return (record for record in self.layout.records if record.opcode == opcode)
 
     def channels(self) -> tuple[dict[int, str], Mapping[int, int]]:
-        """Return the channels' topics by number, and the number of messages of each."""
+        """Topics of the channels by number, and numbers of messages."""
         topics: dict[int, str] = {}
         if self.layout.summary.end:
-            found = SeekingReader(cast("IO[bytes]", self.bytes)).get_summary()
-            if found:
-                topics = {number: channel.topic for number, channel in found.channels.items()}
-            if found and found.statistics and not self._damaged:
-                return topics, found.statistics.channel_message_counts
+            summary = SeekingReader(cast("IO[bytes]", self.bytes)).get_summary()
+            if summary:
+                topics = {number: channel.topic for number, channel in summary.channels.items()}
+            if summary and summary.statistics and not self._damaged:
+                return topics, summary.statistics.channel_message_counts
         for _, head in self.chunks:
             chunk = self.unpack(head)
             for opcode, start, end in entries_in(chunk):
@@ -147,7 +144,7 @@ class McapFile:
 
 
 def _joined(spans: list[Span]) -> list[Span]:
-    """Put spans in order, those that touch as one."""
+    """Sort spans, and join those that touch."""
     joined: list[Span] = []
     for span in sorted(spans):
         if joined and span.start <= joined[-1].end:

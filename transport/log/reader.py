@@ -13,9 +13,9 @@ from vehicles.messages import Message
 class LogReader:
     """The messages, metadata and attachments of a log.
 
-    `truncated` says that the log was not completed (its recorder was killed): everything up to
-    the last `flush()` is still there, and `repair` makes it a complete log. `damage` names, in one
-    line, what cannot be read within it; the rest is read. It is empty if nothing is damaged.
+    A `truncated` log was not completed (its recorder was killed): it holds everything up to the
+    last `flush()`, and `repair` completes it. `damage` names, in one line, unreadable bytes within
+    it; the rest is read. It is empty if nothing is damaged.
     """
 
     def __init__(self, path: Path) -> None:
@@ -33,27 +33,25 @@ class LogReader:
             for number, source in self._sources.items()
             if source
         }
-        """Number of messages of each (vehicle, topic)."""
+        """Number of messages by (vehicle, topic)."""
         if not self.counts:
-            raise LogError(self.damage or f"{path}: {self._why_empty(channels.values())}")
+            why = "breaks off before its first message: nothing of it can be read"
+            if channels or not self.truncated:
+                why = (
+                    "holds no messages of a convoy: no topic /convoy/<vehicle>/<topic> "
+                    f"with a topic of {', '.join(TOPICS)}"
+                )
+            raise LogError(self.damage or f"{path}: {why}")
         self.last_at = max((head.last_at for _, head in self._file.chunks), default=0)
-        """When the last message was recorded (ns)."""
+        """Instant at which the last message was recorded (ns)."""
         self.vehicles = tuple(sorted({vehicle for vehicle, _ in self.counts}))
-
-    def _why_empty(self, channels: Collection[str]) -> str:
-        if self.truncated and not channels:
-            return "breaks off before its first message: nothing of it can be read"
-        return (
-            "holds no messages of a convoy: no topic /convoy/<vehicle>/<topic> "
-            f"with a topic of {', '.join(TOPICS)}"
-        )
 
     def messages(
         self, topics: Collection[str] | None = None, vehicles: Collection[str] | None = None
     ) -> Iterator[tuple[int, str, Message]]:
-        """Give (log time in ns, vehicle, message) in the order of the log.
+        """Yield (log time in ns, vehicle, message) in the order of the log.
 
-        `topics` and `vehicles` name what is wanted, by default all of them.
+        `topics` and `vehicles` select messages, by default all of them.
         """
         wanted = {
             number: source
@@ -73,11 +71,11 @@ class LogReader:
 
     @property
     def thinned(self) -> dict[str, str]:
-        """Topics of which the log was to hold but so many messages a second (Hz)."""
+        """Highest rates (Hz) of the topics that the log was configured to thin."""
         return self.metadata().get(THINNED_NAME, {})
 
     def require_whole(self, *topics: str) -> None:
-        """Raise LogError if the log was to hold but some messages of one of these topics."""
+        """Raise LogError if the log was configured to thin one of these topics."""
         for topic, rate in self.thinned.items():
             if topic in topics:
                 held = "none" if rate == "0" else f"at most {rate} a second"
@@ -87,16 +85,16 @@ class LogReader:
                 )
 
     def metadata(self) -> dict[str, dict[str, str]]:
-        """Return the named text values of the log."""
+        """Named text values of the log."""
         return self._file.metadata()
 
     def attachments(self) -> dict[str, bytes]:
-        """Return the files in the log by name."""
+        """Attached files by name."""
         return self._file.attachments()
 
 
 def _source(channel: str) -> tuple[str, Topic] | None:
-    """Split `/convoy/<vehicle>/<topic>`; None for a channel that is not one of ours."""
+    """Split `/convoy/<vehicle>/<topic>`; None for another channel."""
     match channel.split("/"):
         case ["", "convoy", vehicle, name] if name in TOPICS:
             return vehicle, TOPICS[name]

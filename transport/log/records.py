@@ -1,7 +1,7 @@
-"""The records of an MCAP file: up to where it breaks off, and around what is damaged.
+"""The sound records of an MCAP file that breaks off or is damaged.
 
-A record is taken for sound only if its content has the form of its kind. Where none is, the next
-sound one that is followed by another is looked for, so a damaged length costs one record.
+A record is sound if its content has the form of its kind. After an unsound one the scan resumes at
+the next sound record that is followed by another, so a damaged length costs one record.
 """
 
 import fcntl
@@ -38,26 +38,26 @@ _BEGINNING = re.compile(rb"[\x06\x07\x09\x0c\x0f](?=.{4}\x00{4})", re.DOTALL)
 
 
 THINNED_NAME = "thinned"
-"""The record of metadata of a log that was to hold but some messages of some topics."""
+"""Name of the metadata record with the rates of thinned topics."""
 
 
 class LogError(Exception):
-    """A log that cannot be written or read: one line that says what, where and what is allowed."""
+    """A log that cannot be written or read, in one line: what, where and what is allowed."""
 
 
 class DamageError(ValueError):
-    """A record whose content is not what it should be."""
+    """A record whose content does not have the form of its kind."""
 
 
 class Span(NamedTuple):
-    """Bytes of a file, from `start` up to and without `end`."""
+    """Bytes of a file from `start` to before `end`."""
 
     start: int
     end: int
 
 
 class Record(NamedTuple):
-    """A sound record: its opcode, where it starts and where the next one does."""
+    """A sound record: its opcode, its start and the start of the next one."""
 
     opcode: int
     start: int
@@ -65,12 +65,12 @@ class Record(NamedTuple):
 
     @property
     def content(self) -> slice:
-        """Its bytes without opcode and length."""
+        """The bytes without opcode and length."""
         return slice(self.start + _HEAD.size, self.end)
 
 
 class ChunkHead(NamedTuple):
-    """What a chunk says of its messages (instants in ns), and where its packed bytes start."""
+    """Statements of a chunk about its messages (instants in ns), and its packed bytes."""
 
     first_at: int
     last_at: int
@@ -82,10 +82,10 @@ class ChunkHead(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """The sound records of the data section, and what lies between them.
+    """The sound records of the data section, and the gaps between them.
 
-    `truncated` says that the file was not completed; `summary` is the summary section, empty if
-    there is none or its checksum is wrong.
+    A `truncated` file was not completed; `summary` is the summary section, empty if there is none
+    or its checksum is wrong.
     """
 
     records: tuple[Record, ...]
@@ -213,7 +213,6 @@ def _check_data_end(_: mmap.mmap, record: Record) -> None:
 
 
 def chunk_head(log: mmap.mmap, record: Record) -> ChunkHead:
-    """Read what a chunk begins with."""
     at = record.content.start
     if at + _CHUNK_HEAD.size > record.end:
         raise DamageError("not a chunk")
@@ -227,7 +226,7 @@ def chunk_head(log: mmap.mmap, record: Record) -> ChunkHead:
 
 
 def message_index_of(log: mmap.mmap, record: Record) -> tuple[int, int]:
-    """Channel of an index of a chunk's messages, and how many messages it has."""
+    """Channel of an index of a chunk's messages, and their number."""
     at = record.content.start
     if record.end - at < 6:
         raise DamageError("not an index")
@@ -268,7 +267,7 @@ def metadata(log: mmap.mmap, record: Record) -> tuple[str, dict[str, str]]:
 
 
 def _text(log: mmap.mmap, at: int, end: int) -> tuple[str, int]:
-    """Read a text behind its length, which must end before `end`; returns it and where it ends."""
+    """Read a text after its length, which must end before `end`; returns it and its end."""
     (length,) = _U32.unpack_from(log, at)
     at += _U32.size
     if at + length > end:
@@ -277,7 +276,7 @@ def _text(log: mmap.mmap, at: int, end: int) -> tuple[str, int]:
 
 
 def entries_in(chunk: bytes) -> Iterator[tuple[int, int, int]]:
-    """Give (opcode, start, end) of the contents of the records in an unpacked chunk."""
+    """Yield (opcode, start, end) of the contents of the records in an unpacked chunk."""
     at, size = 0, len(chunk)
     unpack, head = _HEAD.unpack_from, _HEAD.size
     while at < size:
@@ -292,7 +291,7 @@ def entries_in(chunk: bytes) -> Iterator[tuple[int, int, int]]:
 
 
 def messages_in(chunk: bytes) -> Iterator[tuple[int, int, bytes]]:
-    """Give (channel, log time, data) of the messages in an unpacked chunk."""
+    """Yield (channel, log time, data) of the messages in an unpacked chunk."""
     unpack, head = _MESSAGE_HEAD.unpack_from, _MESSAGE_HEAD.size
     for opcode, start, end in entries_in(chunk):
         if opcode == MESSAGE:

@@ -1,7 +1,7 @@
-"""The repair of a log that breaks off: its whole records stay as they are, and get an index.
+"""The repair of a log that breaks off: its whole records are kept and indexed.
 
-Nothing is decoded and nothing is packed again. As a rule the missing end is written behind the last
-whole record; with a damaged record before that, a file without it takes the place of the first.
+Messages are neither decoded nor packed again. The missing end is written behind the last whole
+record; with a damaged record before that, a file without it replaces the first.
 """
 
 import os
@@ -40,14 +40,14 @@ from transport.log.records import (
 )
 
 REPAIRED = "repaired"
-"""The record of metadata of a log that was repaired."""
+"""Name of the metadata record of a repaired log."""
 _MESSAGE_START = struct.Struct("<HIQ")  # channel, sequence, log time
 _ENTRY = struct.Struct("<QQ")  # log time, offset in the chunk
 
 
 @dataclass(slots=True)
 class _Kept:
-    """Whole records that stay together, and what the index has to say of them.
+    """Whole records that stay together, and their data for the index.
 
     For a chunk `parts` are itself and the indices of its messages, as spans of the broken file or,
     where those are not whole, as bytes. `channels` are in the order of the indices.
@@ -62,18 +62,18 @@ class _Kept:
 
 
 def complete(log: Path) -> bool:
-    """Repair a log if it was begun, if need be; whether there was need."""
-    with suppress(LogError):  # whoever wrote it was killed before it had begun
+    """Repair a log if it exists and breaks off; returns whether it was repaired."""
+    with suppress(LogError):  # its writer was killed before the first record
         return log.exists() and repair(log)
     return False
 
 
 def repair(path: Path) -> bool:
-    """Complete a log that breaks off, with every record that can be read.
+    """Complete a log that breaks off, with every readable record; returns whether it was needed.
 
-    A complete log is not changed. The metadata `repaired` say how many messages were kept. On a
-    full disk the last messages make room for the index. Returns whether the log was repaired.
-    Raises LogError if the file is no MCAP log, is being written, or cannot be changed.
+    The metadata `repaired` state how many messages were kept. On a full disk the last messages make
+    room for the index. Raises LogError if the file is no MCAP log, is being written, or cannot be
+    changed.
     """
     try:
         with path.open("r+b", buffering=0) as file:
@@ -93,7 +93,7 @@ def repair(path: Path) -> bool:
 
 
 def _kept(log: McapFile) -> list[_Kept]:
-    """Return what can be read of a log, in its order."""
+    """Readable records of a log, in order."""
     heads = {record.start: head for record, head in log.chunks}
     kept: list[_Kept] = [_Kept(0, [Span(0, len(MAGIC))])]
     found = list(log.layout.records)
@@ -114,10 +114,10 @@ def _kept(log: McapFile) -> list[_Kept]:
 def _kept_chunk(
     log: McapFile, head: ChunkHead, found: Sequence[Record], place: int, known: set[int]
 ) -> _Kept:
-    """Keep the chunk at `place` of `found`; `known` are the channels that were described.
+    """Keep the chunk at `place` of `found`; `known` are the channels described before.
 
-    Its messages are looked at one by one only if an index may be missing, because nothing comes
-    right after it, or if a channel is new.
+    Its messages are read one by one only if an index may be missing, because no record follows
+    directly, or if a channel is new.
     """
     record, *indices = group = _unbroken(found, place)
     counts = Counter(dict(message_index_of(log.bytes, index) for index in indices))
@@ -148,7 +148,7 @@ def _kept_chunk(
 
 
 def _unbroken(found: Sequence[Record], place: int) -> list[Record]:
-    """Return the chunk at `place` and the indices right behind it."""
+    """The chunk at `place` and the indices directly behind it."""
     group = [found[place]]
     for at in range(place + 1, len(found)):
         record = found[at]
@@ -163,7 +163,7 @@ def _index(channel: int, rows: bytes) -> bytes:
 
 
 def _is_unbroken(kept: Sequence[_Kept]) -> bool:
-    """Whether the spans that are kept are the beginning of the file, and only bytes follow."""
+    """Whether the kept spans are the beginning of the file, and only bytes follow."""
     at = 0
     own = False
     for part in (part for one in kept for part in one.parts):
@@ -227,7 +227,7 @@ class _Summary:
         self.counts: Counter[int] = Counter()
 
     def add(self, one: _Kept, at: int) -> int:
-        """Take what stands at byte `at` of the file; returns where it ends."""
+        """Add the records at byte `at` of the file; returns their end."""
         lengths = [len(p) if isinstance(p, bytes) else p.end - p.start for p in one.parts]
         content = ReadDataStream(BytesIO(one.described))
         if one.head is not None:
@@ -280,7 +280,6 @@ class _Summary:
                 self.channels[channel_record.id] = channel_record
 
     def statistics(self) -> records.Statistics:
-        """Count what the file holds."""
         filled = [index for index in self.chunks if index.message_index_offsets]
         return records.Statistics(
             attachment_count=len(self.attachments),
@@ -295,7 +294,7 @@ class _Summary:
         )
 
     def pack(self, at: int) -> bytes:
-        """Return the summary section, which starts at byte `at`, and the footer."""
+        """Bytes of the summary section, which starts at byte `at`, and the footer."""
         builder = RecordBuilder()
         offsets: list[records.SummaryOffset] = []
         groups: tuple[tuple[Opcode, Sequence[records.McapRecord]], ...] = (
@@ -320,13 +319,12 @@ class _Summary:
 
 
 def _end(kept: Sequence[_Kept]) -> bytes:
-    """Return what a file of these records ends with."""
+    """Bytes of the end of a file of these records."""
     summary, at = _Summary(), 0
     for one in kept:
         at = summary.add(one, at)
     builder = RecordBuilder()
-    said = records.Metadata(REPAIRED, {"messages": str(summary.counts.total())})
-    said.write(builder)
+    records.Metadata(REPAIRED, {"messages": str(summary.counts.total())}).write(builder)
     note: bytes = builder.end()  # type: ignore[no-untyped-call]
     at = summary.add(_Kept(METADATA, [note], described=note[HEAD_BYTES:]), at)
     records.DataEnd(0).write(builder)

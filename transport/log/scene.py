@@ -1,6 +1,6 @@
-"""What a run looks like as Foxglove's scene entities: the cars, the lead's path and its lane.
+"""Foxglove scene entities of a run: the cars, the lead's path and its lane.
 
-A car is described once, in its own frame, and moves with that. So it costs nothing to log.
+A car is logged once, in its own frame, and moves with that.
 """
 
 import math
@@ -21,17 +21,17 @@ FRAME_ID = "map"
 """Name of the world frame: east, north, up at the scenario's origin."""
 HEIGHT_M = 1.5
 DASHES_M = 5.0
-"""The poses that stand for a path are no further apart."""
+"""Largest distance between the poses that represent a path."""
 ROAD: Colour = (0x6A, 0x6A, 0x6A)
 EDGE: Colour = (0xA0, 0xA0, 0xA0)
 
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """What does not change in a run, all in metres.
+    """The constant scene of a run, in metres.
 
-    Of each car, the lead first, length, width, and how far its middle lies ahead of its pose; of
-    the lead's path, east and north; the width of the lane about it.
+    Length, width and distance of the middle ahead of the pose by car, the lead first; east and
+    north of the lead's path; the width of the lane about it.
     """
 
     cars: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
@@ -39,7 +39,7 @@ class Scene:
     lane: float | None = None
 
     def box_maker(self) -> Callable[[TruePose], bytes]:
-        """Make the box of a vehicle, with its name above, from one of its poses."""
+        """Function that makes the box of a vehicle, with its name above, from one of its poses."""
         places = {name: place for place, name in enumerate(self.cars)}
 
         def make(truth: TruePose) -> bytes:

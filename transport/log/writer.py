@@ -2,7 +2,7 @@
 
 Our own Protobuf messages are logged unchanged under `/convoy/<vehicle>/<topic>`, the standard
 Foxglove messages of `transport/log/foxglove.py` beside them; the scenario, versions and summary are
-metadata and attachments. Whatever reviews or measures a run reads this file alone.
+metadata and attachments. This file alone is needed to review and measure a run.
 """
 
 import contextlib
@@ -28,13 +28,13 @@ from vehicles.messages import Message
 from vehicles.schedule import SECOND, Timer
 
 SEQUENCE_MASK = 0xFFFF_FFFF
-"""MCAP holds sequence numbers in 32 bits; our own message has all of them."""
+"""MCAP holds sequence numbers in 32 bits; our own message has the full number."""
 CHUNK_NS = SECOND
 """Longest time of the messages in one chunk: a flipped bit costs the whole chunk."""
 
 
 def library_name() -> str:
-    """Name the writing software, with the versions on which the bytes of a log depend."""
+    """Name of the writing software, with the versions on which the bytes of a log depend."""
     parts = ("convoy-emulator", "mcap", "protobuf", "tomli-w", "zstandard")
     return " ".join(f"{part} {version(part)}" for part in parts)
 
@@ -56,9 +56,9 @@ class LogWriter(Closing):
     that at least twice a second; in virtual time `close()` is enough. A chunk holds one second or
     one mebibyte at most, so memory stays small either way. Not for use by several threads at once.
 
-    Where the file cannot be written any more (the disk is full, the file was removed), the first
-    call that finds it out raises LogError; then the file is closed and every further call does
-    nothing, so that a run can still be brought to its end. `repair` completes what was written.
+    Once the file cannot be written (the disk is full, the file was removed), the first call raises
+    LogError; the file is closed and later calls do nothing, so that a run can still end. `repair`
+    completes the file.
     """
 
     def __init__(
@@ -69,13 +69,10 @@ class LogWriter(Closing):
         scene: Scene | None = None,
         rates_hz: Mapping[str, float] | None = None,
     ) -> None:
-        """Begin the log; `scene` is what the run looks like. Raises LogError.
-
-        Of the topics in `rates_hz` it holds at most so many messages a second of each vehicle.
-        """
+        """Begin the log; raises LogError. `rates_hz` limit the messages a second by topic."""
         self._path = path
         self.broken = False
-        """True once the file cannot be written any more."""
+        """True once the file cannot be written."""
         try:
             self._file = path.open("xb")
             lock(self._file, path)
@@ -99,8 +96,8 @@ class LogWriter(Closing):
     def write(self, log_time: int, message: Message, data: bytes | None = None) -> None:
         """Log one message and its standard twins.
 
-        `log_time` is when it was recorded (ns); one before the last is raised to it, so the log is
-        in order. `data` are the bytes as they came; without them the message is encoded here.
+        `log_time` is the instant of recording (ns); it is raised to the last one, so that the log
+        is in order. `data` are the received bytes; without them the message is encoded here.
         """
         if self.broken:
             return
@@ -119,18 +116,15 @@ class LogWriter(Closing):
     def write_deviation(
         self, log_time: int, vehicle: str, true_at: int, error: float, gap: float
     ) -> None:
-        """Log true error and gap (m) of a vehicle at an instant (ns), which nobody sent.
-
-        Either may be NaN.
-        """
+        """Log true error and gap (m, may be NaN) of a vehicle at an instant (ns)."""
         if self.broken:
             return
-        found = self._deviations.get(vehicle)
-        if found is None:
+        opened = self._deviations.get(vehicle)
+        if opened is None:
             name = f"/convoy/{vehicle}/deviation"
             identifier = self._register(name, Deviation, {"of": key(vehicle, TOPICS["truth"])})
-            found = self._deviations[vehicle] = _Channel(identifier, ()), count()
-        channel, numbers = found
+            opened = self._deviations[vehicle] = _Channel(identifier, ()), count()
+        channel, numbers = opened
         message = Deviation(
             vehicle=vehicle, true_at_ns=true_at, cross_track_error_m=error, true_gap_m=gap
         )
@@ -138,7 +132,7 @@ class LogWriter(Closing):
         self._add(channel.identifier, at, message.SerializeToString(), true_at, next(numbers))
 
     def _add(self, channel: int, log_time: int, data: bytes, sent_at: int, number: int) -> None:
-        """Write one message, into a new chunk once the present one is old enough."""
+        """Write one message, into a new chunk after `CHUNK_NS`."""
         try:
             if log_time >= self._chunk_ends_at:
                 self._writer.flush()  # type: ignore[no-untyped-call]  # ends the chunk
@@ -179,21 +173,20 @@ class LogWriter(Closing):
             )
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
-        """Put a file into the log, as of the last message."""
+        """Attach a file, at the time of the last message."""
         if self.broken:
             return
         with self._named_failure():
             self._writer.add_attachment(0, self._log_time, name, media_type, data)
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Put named text values into the log; a later record of one name stands for the earlier."""
+        """Write named text values; a later record replaces an earlier one of the same name."""
         if self.broken:
             return
         with self._named_failure():
             self._writer.add_metadata(name, dict(values))
 
     def flush(self) -> None:
-        """Hand everything written so far to the operating system."""
         if self.broken:
             return
         self._chunk_ends_at = 0  # the next message begins a chunk
@@ -202,7 +195,7 @@ class LogWriter(Closing):
             self._find_file()
 
     def close(self) -> None:
-        """Complete the log with its index and summary; closing twice is harmless."""
+        """Complete the log with its index and summary; a second call has no effect."""
         if self._file.closed:
             return
         with self._named_failure():
@@ -212,13 +205,13 @@ class LogWriter(Closing):
             self._file.close()
 
     def _find_file(self) -> None:
-        """Raise OSError if the file is no longer where it was made."""
+        """Raise OSError if the file is no longer at its path."""
         if not os.path.samestat(os.fstat(self._file.fileno()), self._path.stat()):
             raise OSError(errno.ENOENT, "another file took its place")
 
     @contextlib.contextmanager
     def _named_failure(self) -> Iterator[None]:
-        """Name the file in what goes wrong with it, and give it up."""
+        """Turn OSError into LogError, and stop writing."""
         try:
             yield
         except OSError as error:

@@ -1,14 +1,14 @@
 """The picture of a run in Rerun, live or from its log.
 
-option           the value of `--rerun`: where the picture goes
-view             opens and closes it there
+option           the value of `--rerun`: the destination of the picture
+view             opens and closes the picture there
 picture          turns messages into entities of the recording
 shapes           cars, road, name tags
-detail           how much is drawn of a long convoy
-curves           curves and states over time, as the table of panels lists them
-marks            marks of collisions and the like, in plans and plots
-link_states      how each link was over each half second
+detail           level of detail of a long convoy
+curves           curves and states over time, by the table of panels
+marks            marks of events in plans and plots
+link_states      states of each link over half seconds
 blueprint        layout and colours
-log_layout       layout for a log that Rerun opens by itself
-viewer_process   Rerun's own programs beside us
+log_layout       layout for a log that Rerun opens without this project
+viewer_process   Rerun's own programs as processes
 """

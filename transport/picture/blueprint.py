@@ -1,20 +1,20 @@
 """Layout of the picture of a convoy: entities, colours and views.
 
-Entities are named by quantity first and vehicle last, because a view takes in whole branches:
+Entities are named by quantity first and vehicle last, because a view contains whole branches:
 
     world/                  east, north in metres, as in the messages
       plan, convoy          frames of the two plan views: north up, and moving with the convoy
       road/…                the lead's path and its distance marks
-      driven/<vehicle>      where it drove
-      trajectory/<vehicle>  what it steers along
-      samples/<vehicle>     the received samples this was fitted to
-      events/<kind>         where something happened
+      driven/<vehicle>      the path driven
+      trajectory/<vehicle>  the composite trajectory
+      samples/<vehicle>     the received samples to which it was fitted
+      events/<kind>         the places of events
       cars/<vehicle>/…      the car, with a ring if it is furthest off the lead's path
     plots/<quantity>/<vehicle>, plots/<quantity>/events/<kind>
-    plots/closing/<vehicle>/<curve>    its road ahead, as far as known, and what a stop takes
-    links/<vehicle>/from_<sender>      how the link was in each half second
-    messages/<vehicle>/from_<sender>   what became of each message
-    sources/<vehicle>/<source>         what it makes of lead and predecessor
+    plots/closing/<vehicle>/<curve>    the known road ahead, and braking distances
+    links/<vehicle>/from_<sender>      state of the link in each half second
+    messages/<vehicle>/from_<sender>   verdict on each message
+    sources/<vehicle>/<source>         status of lead and predecessor
     mode/<vehicle>, log/<vehicle>
 """
 
@@ -33,10 +33,10 @@ Shape = Literal["Asterisk", "Circle", "Cross", "Diamond", "Down", "Plus", "Squar
 Road = tuple[Sequence[float], Sequence[float]]
 """East and north of the lead's path, m."""
 TIMELINE = "run_time"
-"""Time since the start of the run; `time` is the instant itself."""
+"""Time since the start of the run; the timeline `time` has Unix time."""
 
 EDGE_M = 4.0
-"""What the view that moves along shows about the centre of a car at its edge."""
+"""Margin of the view that moves along, about the centre of a car."""
 LEGEND_HOLDS = 4
 """A legend of more vehicles would hide the curves; the name tags have the same colours."""
 ROAD = (0x6A, 0x6A, 0x6A)
@@ -56,12 +56,12 @@ EVENTS: dict[str, tuple[Colour, Shape, float]] = {
 """Colours of events, brighter than those of the cars, and their shapes and sizes in the plots; the
 worst comes last and so above the others."""
 MARKS = {"change": ((0xFF, 0xFF, 0xFF), "Circle", 5.0), **EVENTS}
-"""The same of all that is marked: what was done to the convoy beside what happened to it."""
+"""The same of all marks: changes to the convoy, and events."""
 LEAST_RANGE_M = 40.0
 
 
 def blueprint(vehicles: Sequence[str], *, gap_m: float, road: Road | None) -> rrb.Blueprint:
-    """Lay out the picture of `vehicles`, lead first, that drive about `gap_m` apart on `road`."""
+    """Layout for `vehicles`, lead first, that drive about `gap_m` apart on `road`."""
     flat = road is not None and _is_flat(road)
     detail = Detail(vehicles)
     rows = [(row, tabs) for row in ROWS if (tabs := _tabs(row, vehicles, detail, gap_m))]
@@ -85,7 +85,7 @@ def blueprint(vehicles: Sequence[str], *, gap_m: float, road: Road | None) -> rr
 
 
 class Reach(NamedTuple):
-    """How far (m) the view that moves along reaches from the vehicle that it follows."""
+    """Range (m) of the view that moves along, about the vehicle that it follows."""
 
     behind: float
     ahead: float
@@ -101,7 +101,7 @@ class Reach(NamedTuple):
         return cls(behind + 8.0, ahead + 25.0, aside)
 
     def need(self, ahead: float, left: float) -> float:
-        """How much larger it had to be to show a place (m), 1 if it is shown."""
+        """Factor by which it has to grow to show a place (m), at least 1."""
         along = ahead / (self.ahead - EDGE_M) if ahead > 0.0 else -ahead / (self.behind - EDGE_M)
         return max(along, abs(left) / (self.aside - EDGE_M), 1.0)
 
@@ -120,7 +120,7 @@ def _convoy_view(vehicles: Sequence[str], reach: Reach) -> rrb.Spatial2DView:
 
 
 def _plan_view(vehicles: Sequence[str], gap_m: float, road: Road | None) -> rrb.Spatial2DView:
-    """Show where on the road the convoy is: as dots where cars would be too small, else as cars."""
+    """The convoy on the road, as dots where cars would be too small."""
     small = road is not None and gap_m < 0.04 * _extent(road)
     hidden = (
         [f"- /world/cars/{name}/name" for name in vehicles[1:]]
@@ -139,7 +139,7 @@ def _plan_view(vehicles: Sequence[str], gap_m: float, road: Road | None) -> rrb.
 
 
 def _bounds(road: Road, margin_ratio: float) -> rrb.VisualBounds2D:
-    """Show the whole road with a margin; the second axis of a picture points down."""
+    """The whole road with a margin; the second axis of a picture points down."""
     east, north = road
     margin = margin_ratio * _extent(road)
     return rrb.VisualBounds2D(
@@ -149,19 +149,18 @@ def _bounds(road: Road, margin_ratio: float) -> rrb.VisualBounds2D:
 
 
 def _extent(road: Road) -> float:
-    """Width or height of a road (m), whichever is more."""
+    """Width or height of a road (m), the larger."""
     east, north = road
     return max(max(east) - min(east), max(north) - min(north))
 
 
 def _is_flat(road: Road) -> bool:
-    """Whether a road is so much wider than high, north up, that a low view is enough."""
+    """Whether a road is so much wider than high, north up, that a low view suffices."""
     east, north = road
     return max(east) - min(east) >= 4.0 * (max(north) - min(north))
 
 
 def _log_view() -> rrb.TextLogView:
-    """Text with its time and level; the text itself names the vehicle."""
     return rrb.TextLogView(
         name="Log",
         origin="log",
@@ -176,7 +175,7 @@ def _log_view() -> rrb.TextLogView:
 
 
 def _all_until_now(vehicles: Sequence[str]) -> dict[Any, Any]:
-    """Driven paths and events are logged one by one: show all up to the time cursor."""
+    """Show all pieces of driven paths and all events up to the time cursor."""
     ranges = [
         rr.VisibleTimeRange(
             timeline,
@@ -196,10 +195,7 @@ def middle(count: int) -> int:
 
 
 def _tabs(row: Row, vehicles: Sequence[str], detail: Detail, gap_m: float) -> rrb.Tabs | None:
-    """Lay out the panels of a row; None if they show followers and there is none.
-
-    Of plots for each follower that of the vehicle that the view moves along with is open.
-    """
+    """Panels of a row; None without any. Of plots by follower that of the followed one is open."""
     tabs: list[rrb.View] = []
     active = None
     for panel in row.panels:
@@ -224,7 +220,7 @@ def _plot(panel: Panel, *, legend: bool) -> rrb.TimeSeriesView:
 
 
 def _plot_of_one(panel: Panel, vehicle: str, most: float) -> rrb.TimeSeriesView:
-    """Lay out the plot of one follower; its largest value is `most` if the panel has a range."""
+    """Plot of one follower, up to `most` if the panel has a range."""
     return rrb.TimeSeriesView(
         name=panel.heading(vehicle),
         origin=f"plots/{panel.name}/{vehicle}",

@@ -17,10 +17,9 @@ from vehicles.schedule import Timer
 
 
 class Curves:
-    """Values of curves, gathered and sent in batches at a tenth of the cost of single values.
+    """Curves, sent in batches at a tenth of the cost of single values.
 
-    A curve's name is its vehicle, or begins with it and a slash; `colours` has the colour of each
-    vehicle before its first value comes.
+    A curve's name is its vehicle, or begins with it and a slash; `colours` are by vehicle.
     """
 
     def __init__(self, recording: rr.RecordingStream) -> None:
@@ -29,7 +28,7 @@ class Curves:
         self.colours: dict[str, Colour] = {}
 
     def style(self, quantity: str, name: str, words: str, colour: Colour, width: float) -> None:
-        """Give a curve a name, colour and width of its own, before its first value comes."""
+        """Set label, colour and width of a curve, before its first value."""
         entity = f"plots/{quantity}/{name}"
         if entity not in self._curves:
             self._curves[entity] = ([], [])
@@ -40,7 +39,7 @@ class Curves:
         self._recording.log(entity, style, static=True)
 
     def add(self, quantity: str, name: str, at: int, value: float) -> None:
-        """Gather a value at instant `at` (ns); infinity, as an unknown age, is left out."""
+        """Add a finite value at instant `at` (ns); others, such as unknown ages, are left out."""
         if not math.isfinite(value):
             return
         entity = f"plots/{quantity}/{name}"
@@ -53,7 +52,7 @@ class Curves:
         curve[1].append(value)
 
     def send(self, start: int) -> None:
-        """Send what was gathered; the run began at instant `start` (ns)."""
+        """Send the values since the last call; the run began at instant `start` (ns)."""
         for entity, (times, values) in self._curves.items():
             if times:
                 at = np.array(times, dtype=np.int64)

@@ -1,6 +1,6 @@
-"""Layout for a log that Rerun opens by itself, without this project.
+"""Layout for a log that Rerun opens without this project.
 
-Rerun reads the standard messages of a log as poses, and all others as tables. The layout says
+Rerun reads the standard messages of a log as poses, and all others as tables. The layout declares
 which of them are cars, and which numbers are curves:
 
     rerun run.mcap - < rerun.rbl
@@ -30,10 +30,10 @@ from transport.picture.blueprint import ROAD, middle
 from transport.topics import TOPICS
 
 TIMELINE = "message_publish_time"
-"""When a message was valid; the log time is when it was recorded."""
+"""The instant at which a message was valid; the log time is that of recording."""
 HEIGHT_M = 1.5
 EYE_M = (-25.0, -12.0, 22.0)
-"""The direction from which the scene is looked at."""
+"""Position of the camera relative to the convoy."""
 LEAST_REACH_M = 40.0
 
 
@@ -46,8 +46,8 @@ def save_log_layout(
 ) -> None:
     """Write the layout for the log named `log` (without its ending).
 
-    `cars` are the vehicles, the lead first, usually `gap_m` apart: length, width, and how far their
-    middles lie ahead of their poses (m).
+    `cars` are the vehicles, the lead first, usually `gap_m` apart: length, width, and distance of
+    the middle ahead of the pose (m).
     """
     names = list(cars)
     beside = path.with_name(path.name + ".part")
@@ -67,12 +67,12 @@ def save_log_layout(
 
 
 def _scene(cars: Mapping[str, tuple[float, float, float]], gap_m: float) -> rrb.Spatial3DView:
-    """Show cars, the path that each steers along, and the lead's path."""
+    """Cars, their composite trajectories, and the lead's path."""
     tracked = list(cars)[middle(len(cars))]
     overrides: dict[Any, Any] = {"convoy/run/path": _dots(ROAD, (0.8, 0.05, 0.02))}
     for place, (name, (length, width, forward)) in enumerate(cars.items()):
         colour = colour_of(place)
-        # The viewer keeps as far away as shows all of the entity that it tracks.
+        # The viewer keeps the distance that shows the whole entity that it tracks.
         reach = max(LEAST_REACH_M, 0.5 * gap_m * len(cars))
         room = [[-reach, 0.0, 0.0], [reach, 0.0, 0.0]] if name == tracked else []
         body = rr.Boxes3D(
@@ -105,7 +105,6 @@ def _dots(colour: Colour, half_size: tuple[float, float, float]) -> list[Any]:
 
 
 def _rows(names: Sequence[str]) -> Iterator[rrb.View | rrb.Tabs]:
-    """Lay out the panels row by row; those of a row are tabs."""
     panels = [panel for panel in PANELS.values() if panel.plain_row and panel.suits(names)]
     for _, row in groupby(sorted(panels, key=_plain_row), _plain_row):
         tabs = [_plot(panel, names) for panel in row]
@@ -117,7 +116,6 @@ def _plain_row(panel: Panel) -> int:
 
 
 def _plot(panel: Panel, names: Sequence[str]) -> rrb.TimeSeriesView:
-    """Plot fields of the messages of followers; none are known of the lead."""
     followers = panel.followers(names)
     overrides: dict[Any, Any] = {
         f"convoy/{name}/{panel.topic}": [
@@ -134,7 +132,6 @@ def _plot(panel: Panel, names: Sequence[str]) -> rrb.TimeSeriesView:
 
 
 def _curve(series: Series, vehicle: str, colour: Colour) -> Any:
-    """One field of a message as a curve."""
     message = TOPICS[series.topic].message.__name__ if series.topic in TOPICS else "Deviation"
     line = rr.SeriesLines(
         names=[series.label_of(vehicle)],
@@ -167,10 +164,10 @@ def _text(names: Sequence[str]) -> rrb.TextLogView:
 
 
 def main() -> None:
-    """Write the layout that the argument asks for, in JSON, when nothing else is to be done."""
+    """Write a layout at low priority; the argument holds `save_log_layout`'s as JSON."""
     os.nice(19)
-    asked = json.loads(sys.argv[1])
-    save_log_layout(Path(asked.pop("path")), **asked)
+    arguments = json.loads(sys.argv[1])
+    save_log_layout(Path(arguments.pop("path")), **arguments)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Marks of what must not pass unseen: at its place in the plans, at its instant in the plots."""
+"""Marks of events and changes: at their places in the plans, at their instants in the plots."""
 
 import math
 from collections.abc import Sequence
@@ -10,12 +10,12 @@ from transport.panels import PANELS
 from transport.picture.blueprint import MARKS
 
 NAMES_FROM_M, ROW_M = 2.0, 2.2
-"""Where the rows of names begin beside the road, and how far they are apart."""
+"""Distance of the first row of names from the road, and between rows."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """Something that happened at instant `at_ns` and place (east, north) in metres."""
+    """An event or change at instant `at_ns` and place (east, north) in metres."""
 
     kind: str
     at_ns: int
@@ -25,18 +25,16 @@ class Mark:
 
     @property
     def label(self) -> str:
-        """What it is, and of whom."""
         what = self.words or self.kind.replace("_", " ")
         return f"{what} {' '.join(reversed(self.vehicles))}"
 
     @property
     def plots(self) -> tuple[str, ...]:
-        """Plots that show the mark: those of all vehicles, and those of the last vehicle alone."""
         return _marked_plots(self.vehicles[-1:])
 
 
 def _marked_plots(vehicles: Sequence[str]) -> tuple[str, ...]:
-    """Names of the marked plots of all vehicles, and of those that each of `vehicles` has alone."""
+    """Names of the marked plots of all vehicles, and of the own plots of `vehicles`."""
     marked = [panel for panel in PANELS.values() if panel.marked]
     common = [panel.name for panel in marked if panel.kind == "plot"]
     own = [panel.name for panel in marked if panel.kind == "plot_of_one"]
@@ -44,10 +42,10 @@ def _marked_plots(vehicles: Sequence[str]) -> tuple[str, ...]:
 
 
 class Marks:
-    """Draws marks; all of one kind have one colour and one shape."""
+    """Draws marks, with one colour and one shape by kind."""
 
     def __init__(self, recording: rr.RecordingStream, followers: Sequence[str]) -> None:
-        """Log the styles, so that the legend has them."""
+        """Log the styles, for the legend."""
         self._recording = recording
         plots = _marked_plots(followers)
         for kind, (colour, shape, size) in MARKS.items():
@@ -63,7 +61,7 @@ class Marks:
     def draw(self, mark: Mark, yaw: float) -> None:
         """Draw a mark at the recording's present time, on a road in direction `yaw` (rad).
 
-        Its name stands to the right of the road, that of each kind in a row of its own.
+        Names are to the right of the road, one row by kind.
         """
         colour, _, _ = MARKS[mark.kind]
         spot = rr.Points2D(

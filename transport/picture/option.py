@@ -1,4 +1,4 @@
-"""The value of `--rerun`: where the picture goes."""
+"""The value of `--rerun`: the destination of the picture."""
 
 import re
 from dataclasses import dataclass
@@ -12,15 +12,15 @@ Sink = Literal["off", "spawn", "serve", "connect", "save"]
 LOOPBACK = "127.0.0.1"
 PAGE_PORT = 9090
 DATA_PORT = 9876
-"""Rerun's usual ports; if they are taken and none were given, any free one is used."""
+"""Rerun's usual ports; by default, if they are in use, any free one."""
 
 
 @dataclass(frozen=True, slots=True)
 class RerunOption:
-    """Where the picture goes.
+    """The destination of the picture.
 
     `target` is the URL of `connect` or the path of `save`. `address` and the two ports (0: the
-    usual one) are those of `serve`: the web page, and the data it shows.
+    usual one), of the web page and of its data, are those of `serve`.
     """
 
     sink: Sink
@@ -37,7 +37,7 @@ _FORMS = "off, spawn, serve, serve=[ADDRESS:]PORT[:DATA_PORT], connect=URL or sa
 
 
 def parse_rerun_option(text: str) -> RerunOption:
-    """Read the value of `--rerun`; raises ViewerError with one clear line.
+    """Read the value of `--rerun`; raises ViewerError.
 
     `serve=0.0.0.0:9090:9876` serves the web page on port 9090 and its data on port 9876 of all
     interfaces, as a container needs it; without an address both stay on 127.0.0.1.
@@ -65,7 +65,7 @@ def parse_rerun_option(text: str) -> RerunOption:
 
 
 RECORDING_MAGICS = (b"RRF2", b"RRF1", b"RRF0")
-"""A recording of Rerun begins with one of these, by its version."""
+"""First bytes of a recording of Rerun, by version."""
 
 
 def refuse_foreign_file(option: RerunOption) -> None:

@@ -1,4 +1,4 @@
-"""Draws messages into a Rerun recording, live or from a log alike."""
+"""Draws messages into a Rerun recording, live or from a log."""
 
 import math
 from collections import defaultdict
@@ -46,17 +46,16 @@ CAR_NS = 40 * MILLISECOND
 TRAJECTORY_NS = 100 * MILLISECOND
 DRIVEN_NS = 200 * MILLISECOND
 BATCH_NS = 500 * MILLISECOND
-"""Curves are gathered and sent twice a second, which costs a tenth of sending each value."""
+"""Period of sending the curves, at a tenth of the cost of single values."""
 AWAY_NS = SECOND
-"""The view follows another vehicle when this one has sent nothing for so long."""
+"""Silence after which the view follows another vehicle."""
 SPACING_M = 1.0
 FAR_OFF_M = 0.2
-"""The vehicle furthest off the lead's path is marked when it is further off than this."""
+"""Least error at which the vehicle furthest off the lead's path is marked."""
 USUAL_CAR = CarShape(4.93, 1.86, -0.1568)
-"""A Lincoln MKZ: what a vehicle is drawn as whose size is not known."""
+"""A Lincoln MKZ, for vehicles of unknown size."""
 MOST_ZOOM = 4.0
-"""For the sake of a vehicle far away the view that moves along shows no more than so much as much;
-for the lead's sake it does."""
+"""Largest factor by which the view that moves along grows to show a vehicle other than the lead."""
 _LEVELS = {
     "debug": "DEBUG",
     "info": "INFO",
@@ -71,8 +70,7 @@ class Picture:
     """Turns messages into entities of a recording, at the rates that a viewer needs.
 
     Of the cross-track error, the tracking error and the gaps every value is drawn, so that the
-    extreme ones are those of the summary. Of a long convoy that is so for some vehicles; `detail`
-    says which.
+    extremes are those of the summary. In a long convoy that holds for the vehicles of `detail`.
     """
 
     def __init__(
@@ -128,7 +126,7 @@ class Picture:
                 recording.log("world/road/lane", lane_edges(*path, lane_m), static=True)
 
     def draw(self, now: int, message: Message) -> None:
-        """Draw a message that came at instant `now` (ns), at the instant when it was valid."""
+        """Draw a message that came at instant `now` (ns), at the instant at which it was valid."""
         if self._start is None:
             self._wait_for_start(now, message)
             return
@@ -152,12 +150,11 @@ class Picture:
         self._curves.add("true_gap", vehicle, at, gap)
 
     def mark(self, mark: Mark) -> None:
-        """Draw a mark, at its instant."""
         self._at(mark.at_ns)
         self._marks.draw(mark, self._yaw.get(mark.vehicles[-1], 0.0))
 
     def finish(self) -> None:
-        """Send what was gathered since the last batch: a log may break off anywhere."""
+        """Send the last batch: a log may break off anywhere."""
         self._curves.send(self._start or 0)
 
     def _wait_for_start(self, now: int, message: Message) -> None:
@@ -173,8 +170,7 @@ class Picture:
         vehicle, at = truth.vehicle, truth.true_at_ns
         self._seen[vehicle] = at
         self._values(truth)
-        car_is_due = self._is_due(vehicle, "car", at, self._car_ns)
-        if not car_is_due:
+        if not self._is_due(vehicle, "car", at, self._car_ns):
             return
         self._at(at)
         self._where[vehicle] = (truth.east_m, truth.north_m)
@@ -193,7 +189,7 @@ class Picture:
             self._series.show_links(vehicle, at)
 
     def _move_along(self, truth: TruePose) -> None:
-        """Let the view follow this vehicle, with a larger unit where not all would be in it."""
+        """Move the view to this vehicle, with a larger unit to show the others."""
         c, s = math.cos(truth.yaw_rad), math.sin(truth.yaw_rad)
         unit = 1.0
         place = self._place(truth.vehicle)
@@ -226,7 +222,6 @@ class Picture:
         self._recording.log(f"world/samples/{vehicle}", samples)
 
     def _values(self, message: Tracking | Command | TruePose) -> None:
-        """Draw what panels show of a message."""
         self._series.draw(message, self._place(message.vehicle))
 
     def _verdict(self, verdict: LinkVerdict) -> None:
@@ -234,7 +229,7 @@ class Picture:
             self._series.count(verdict)
 
     def _show_worst(self, now: int) -> None:
-        """Ring the vehicle that is furthest off the lead's path, if it is far off."""
+        """Ring the vehicle furthest off the lead's path, from `FAR_OFF_M` on."""
         name = max(self._errors, key=lambda one: abs(self._errors[one]), default="")
         if not name or abs(self._errors[name]) <= FAR_OFF_M:
             name = ""
@@ -252,7 +247,7 @@ class Picture:
             self._curves.add("cross_track", "worst", newest, worst)
 
     def _ring(self, vehicle: str, label: str) -> None:
-        """Ring a vehicle with a label, or without one no more."""
+        """Ring a vehicle with a label; an empty label removes the ring."""
         self._recording.log(f"world/cars/{vehicle}/worst", ring(shown=bool(label)))
         self._recording.log(f"world/cars/{vehicle}/worst/name", ring_label(label))
 
@@ -262,7 +257,7 @@ class Picture:
         self._recording.log(f"log/{line.vehicle}", text)
 
     def _change(self, change: Change) -> None:
-        """Mark what was done to a vehicle or its links, where it was, and say it in the log."""
+        """Mark a change to a vehicle or its links, and log it as text."""
         vehicle, at = change.vehicle, change.effective_at_ns
         place = self._where.get(vehicle)
         by = " by hand" if change.by_hand else ""
@@ -278,7 +273,7 @@ class Picture:
         self._recording.log("world/road/marks", marks, static=True)
 
     def _place(self, vehicle: str) -> int:
-        """Place of a vehicle in the convoy; one that was not announced comes last."""
+        """Place of a vehicle in the convoy; an unannounced one comes last."""
         place = self._places.get(vehicle)
         if place is None:
             place = self._places[vehicle] = len(self._places)
@@ -304,7 +299,7 @@ class Picture:
             self._recording.log(f"world/{entity}", shape, static=True)
 
     def _vehicle_to_follow(self, at: int) -> str:
-        """Name the vehicle that the view follows: the middle one of those that send."""
+        """Vehicle that the view follows: the middle one of those that send."""
         if at - self._seen.get(self._followed, self._start or 0) > AWAY_NS:
             there = [name for name, seen in self._seen.items() if at - seen <= AWAY_NS]
             there.sort(key=self._place)
@@ -318,7 +313,7 @@ class Picture:
         return timer.is_due(at)
 
     def _at(self, at: int) -> None:
-        """Draw at this instant from now on; the vehicles' ticks fall on the same instants."""
+        """Set the recording's time."""
         if at == self._drawn_at:
             return
         self._drawn_at = at

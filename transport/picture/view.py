@@ -24,19 +24,19 @@ from vehicles.messages import Message
 
 APPLICATION = "convoy"
 MEMORY_LIMIT = "512MB"
-"""What a server keeps for viewers that come later; beyond it the oldest data go first."""
+"""Memory of a server for viewers that connect later; beyond it the oldest data are deleted."""
 FLUSH_S = 5.0
 FLUSH_TICK_S = 0.1
 
 
 class RerunView(Closing):
-    """Shows a run, live or from its log: `draw` takes every message as it was recorded.
+    """Shows a run, live or from its log: `draw` takes every recorded message.
 
     `vehicles` are in order, the lead first; `gap_m` is their usual distance; `cars` are their
-    lengths and widths (m), and how far their middles lie ahead of their poses; `path` is the
-    lead's, as east and north in metres; `lane_m` is the width of its lane; `title` is what the
-    viewer calls the recording. Raises ViewerError if the picture cannot be shown.
-    `where` tells the user where it is shown; `drawn` is False where nothing is.
+    lengths and widths (m), and the distances of their middles ahead of their poses; `path` is the
+    lead's, as east and north in metres; `lane_m` is the width of its lane; `title` is the name of
+    the recording. Raises ViewerError if the picture cannot be shown. `where` is the destination
+    for the user; `drawn` is False without one.
     """
 
     def __init__(
@@ -81,32 +81,25 @@ class RerunView(Closing):
         )
 
     def details(self, vehicle: str) -> bool:
-        """Whether everything is drawn of a vehicle, its gap too, and not only where it is."""
+        """Whether all curves of a vehicle are drawn, and not only its place."""
         return self._picture is not None and vehicle in self._picture.detail
 
     def draw(self, now: int, message: Message) -> None:
-        """Draw a message that was recorded at instant `now` (ns)."""
         if self._picture is not None:
             self._picture.draw(now, message)
 
     def error(self, vehicle: str, at: int, error: float) -> None:
-        """Draw the true cross-track error (m) of a vehicle at instant `at` (ns)."""
         if self._picture is not None:
             self._picture.error(vehicle, at, error)
 
     def gap(self, vehicle: str, at: int, gap: float) -> None:
-        """Draw the true gap (m) of a vehicle to the body ahead at instant `at` (ns)."""
         if self._picture is not None:
             self._picture.gap(vehicle, at, gap)
 
     def mark(
         self, kind: str, at: int, place: tuple[float, float], vehicles: tuple[str, ...]
     ) -> None:
-        """Mark what happened at instant `at` (ns) and a place (east, north) in metres.
-
-        `kind` is one of `collision`, `near_miss`, `lane_departure`, `path_lost`, `slide`, `stop`
-        and `distrust`.
-        """
+        """Mark an event of a `kind` of `MARKS` at instant `at` (ns) and place (east, north, m)."""
         if self._picture is not None:
             from transport.picture.marks import Mark  # noqa: PLC0415
 
@@ -152,11 +145,11 @@ class RerunView(Closing):
         self.where = f"http://{host}:{page_port}/?url={quote(data_url, safe='')}"
 
     def close(self) -> None:
-        """Send everything drawn so far and end the programs started for the picture."""
+        """Send all data and end the programs started for the picture."""
         if self._recording is not None:
             recording, self._recording = self._recording, None
             picture, self._picture = self._picture, None
-            with suppress(RuntimeError):  # a viewer that went away is no loss to the run
+            with suppress(RuntimeError):  # the run continues without a viewer
                 picture.finish()
                 recording.flush(timeout_sec=FLUSH_S)
             recording.disconnect()

@@ -1,6 +1,6 @@
 """Rerun's own programs as processes of this machine: the web page and the native viewer.
 
-The options of every command come from here too, so that what only a viewer needs is loaded late.
+The options of every command import this module, so it imports viewers' libraries late.
 """
 
 import importlib.util
@@ -16,11 +16,11 @@ from pathlib import Path
 from transport.clock import poll
 
 START_S = 20.0
-"""A program that does not listen after this time (s) has failed."""
+"""Time (s) after which a program that does not listen has failed."""
 STOP_S = 2.0
 POLL_S = 0.05
 TRIES = 5
-"""Ports that are tried, one after the other, if other programs take them at the same moment."""
+"""Number of free ports that are tried, in case other programs take them meanwhile."""
 LAYOUT_NICENESS = 10
 _END_WITH_PARENT = """
 import ctypes, os, sys
@@ -31,17 +31,17 @@ os.nice(int(sys.argv[2]))
 if os.getppid() == int(sys.argv[1]):
     os.execv(sys.argv[3], sys.argv[3:])
 """
-# PR_SET_PDEATHSIG (1) outlives exec: the kernel sends SIGKILL (9) when whoever started the program
-# has ended, however it ended. Set in the new process itself, because a process with threads, which
-# this one is, must run no Python between fork and exec.
+# PR_SET_PDEATHSIG (1) outlives exec: the kernel sends SIGKILL (9) when the parent has ended in any
+# way. Set in the new process, because this process has threads and must run no Python between fork
+# and exec.
 
 
 class ViewerError(Exception):
-    """A viewer that cannot be shown: one line with the reason and an alternative."""
+    """A viewer that cannot be shown, in one line: the reason and an alternative."""
 
 
 def program() -> Path:
-    """Find Rerun's binary: its `rerun` command is a wrapper whose child outlives it."""
+    """Path of Rerun's binary; the `rerun` command is a wrapper whose child outlives it."""
     found = importlib.util.find_spec("rerun_cli")
     for folder in (found.submodule_search_locations or []) if found else []:
         binary = Path(folder) / "rerun"
@@ -53,8 +53,8 @@ def program() -> Path:
 def start_web_page(*, address: str, port: int, data_url: str) -> "subprocess.Popen[bytes] | None":
     """Serve the page that shows `data_url` on `address`; it ends when this process does.
 
-    That holds for SIGKILL as well. Call it from a thread that lives as long as the page is wanted,
-    as the main thread does. Returns None if another program listens on the port.
+    Also by SIGKILL. Call it from a thread that outlives the page, such as the main thread. Returns
+    None if another program listens on the port.
     """
     flags = ["--serve-web", "--bind", address, "--web-viewer-port", str(port), data_url]
     page = _start([*_ending_with_us(), str(program()), *flags])
@@ -75,17 +75,16 @@ def start_log_layout(
 ) -> "subprocess.Popen[bytes]":
     """Write the layout for a log to `path`; see `save_log_layout`.
 
-    It is written by a process of its own, which ends with this one, so that none has to load Rerun
-    for it, and which lets others go first: nobody waits for it before the run is over. Without
-    Rerun, or without room, there is no layout.
+    A process of low priority, which ends with this one, writes it, so that this one does not load
+    Rerun. Without Rerun, or on a full disk, there is no layout.
     """
-    asked = {"path": str(path), "log": log, "cars": cars, "gap_m": gap_m}
-    command = [sys.executable, "-m", "transport.picture.log_layout", json.dumps(asked)]
+    arguments = {"path": str(path), "log": log, "cars": cars, "gap_m": gap_m}
+    command = [sys.executable, "-m", "transport.picture.log_layout", json.dumps(arguments)]
     return _start([*_ending_with_us(nice=LAYOUT_NICENESS), *command])
 
 
 def require_display() -> None:
-    """Raise ViewerError, with what would do instead, where no window can be opened."""
+    """Raise ViewerError, with alternatives, where no window can be opened."""
     if sys.platform == "linux" and not (
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     ):
@@ -96,7 +95,7 @@ def require_display() -> None:
 
 
 def start_native_viewer(port: int) -> "subprocess.Popen[bytes]":
-    """Open the native viewer, which takes data on `port` of 127.0.0.1 and outlives this process."""
+    """Open the native viewer, which receives data on `port` of 127.0.0.1 and outlives this one."""
     require_display()
     flags = ["--port", str(port), "--bind", "127.0.0.1", "--expect-data-soon"]
     viewer = _start([str(program()), *flags])
@@ -107,7 +106,6 @@ def start_native_viewer(port: int) -> "subprocess.Popen[bytes]":
 
 
 def stop(process: "subprocess.Popen[bytes]") -> None:
-    """End a program and wait until it has ended."""
     process.terminate()
     try:
         process.wait(STOP_S)
@@ -117,7 +115,7 @@ def stop(process: "subprocess.Popen[bytes]") -> None:
 
 
 def free_port(address: str, preferred: int) -> int:
-    """Return `preferred` if no program listens there, else some port that is free."""
+    """Return `preferred` if no program listens there, else another free port."""
     for port in (preferred, 0):
         try:
             return _bound(address, port)
@@ -127,24 +125,20 @@ def free_port(address: str, preferred: int) -> int:
 
 
 def listen(address: str, given: int, usual: int, serve: Callable[[int], bool]) -> int:
-    """Have `serve` listen on the port `given`, or if that is 0 on the usual one or another.
+    """Have `serve` listen on the port `given`, or if that is 0 on the usual or another one.
 
-    `serve` says whether it does: another program can take a port after it was found free, so that
-    is tried again. Returns the port; raises ViewerError if there is none.
+    `serve` returns whether it does: another program can take a free port meanwhile, so others are
+    tried. Returns the port; raises ViewerError without one.
     """
     for _ in range(1 if given else TRIES):
-        port = _take_port(address, given) if given else free_port(address, usual)
+        try:
+            port = _bound(address, given) if given else free_port(address, usual)
+        except OSError as error:
+            text = f"{address}:{given} cannot be listened on: {error.strerror}"
+            raise ViewerError(text) from error
         if serve(port):
             return port
     raise ViewerError(f"{address}:{port} cannot be listened on: another program has taken it")
-
-
-def _take_port(address: str, port: int) -> int:
-    """Return the requested `port`; raises ViewerError if it is taken."""
-    try:
-        return _bound(address, port)
-    except OSError as error:
-        raise ViewerError(f"{address}:{port} cannot be listened on: {error.strerror}") from error
 
 
 def _bound(address: str, port: int) -> int:
@@ -156,15 +150,12 @@ def _bound(address: str, port: int) -> int:
 
 
 def quiet_environment() -> dict[str, str]:
-    """Environment in which Rerun sends no usage statistics; no file of the user is changed.
-
-    Rerun 0.41 takes CI in its environment for a machine that runs tests, and sends nothing there.
-    """
+    """Environment with CI set, in which Rerun 0.41 sends no usage statistics."""
     return {**os.environ, "CI": "1"}
 
 
 def _ending_with_us(nice: int = 0) -> list[str]:
-    """Beginning of a command that ends when this process does, and is so `nice` to others."""
+    """Prefix of a command that ends when this process does, with a nice value."""
     return [sys.executable, "-I", "-S", "-c", _END_WITH_PARENT, str(os.getpid()), str(nice)]
 
 
@@ -219,7 +210,6 @@ def _did_not_start(viewer: "subprocess.Popen[bytes]") -> ViewerError:
 
 
 def is_listening(address: str, port: int) -> bool:
-    """Whether a program listens there."""
     try:
         with socket.create_connection((reachable(address), port), timeout=1.0):
             return True
@@ -228,5 +218,5 @@ def is_listening(address: str, port: int) -> bool:
 
 
 def reachable(address: str) -> str:
-    """Return the address under which this machine itself reaches a server bound to `address`."""
+    """Address under which this machine itself reaches a server bound to `address`."""
     return "127.0.0.1" if address == "0.0.0.0" else address  # noqa: S104 - compared, not bound

@@ -1,23 +1,22 @@
 """Motion of the car on tyres that saturate: a car that can slide, spin and be braked too hard.
 
-The single-track model of Section II with its small angles, and two things more: lateral forces of
-brushes (see `tyres`), and the speed along the body as a state of its own, so that a slide costs
-speed. With slip angles s_f = (v_y + a r)/v - δ, s_r = (v_y - b r)/v and the acceleration a_x that
-drive or brakes give,
+The single-track model of Section II with its small angles, lateral forces of brushes (see `tyres`),
+and the speed along the body as a state of its own, so that a slide costs speed. With slip angles
+s_f = (v_y + a r)/v - δ, s_r = (v_y - b r)/v and the acceleration a_x of drive or brakes,
 
     v'   = a_x + r v_y - F_f δ / m          F_f, F_r: brush forces at s_f and s_r
     v_y' = (F_f + F_r) / m - r v
     r'   = (a F_f - b F_r) / I,
 
 so that the energy of motion changes by m a_x v + v (F_f s_f + F_r s_r): without drive it never
-grows. Cornering costs as much speed as the tyres' slip takes, 0.01 m/s² at 2 m/s² sideways.
+grows. Cornering costs speed by the tyres' slip, 0.01 m/s² at 2 m/s² sideways.
 
-The acceleration asked for is given as far as friction goes, at once, as in the paper. Nothing rolls
-backwards: a car that spins beyond a right angle to its way slides on broadside until it rests.
+The commanded acceleration acts at once, up to friction, as in the paper. The car never rolls
+backwards: if it spins beyond a right angle to its path it slides broadside until it rests.
 
-Below WALKING_PACE the slip speeds are taken against WALKING_PACE: for v -> 0 that is the kinematic
-single-track model, it is continuous in v, and still cannot brake harder than friction. Steering
-then answers to the curvature by L + K_sg v WALKING_PACE, which is less than 0.1 % from eq. (6).
+Below WALKING_PACE the slip speeds are divided by WALKING_PACE: for v -> 0 that is the kinematic
+single-track model, it is continuous in v, and still cannot brake harder than friction. The steering
+for a curvature is then L + K_sg v WALKING_PACE, which is less than 0.1 % from eq. (6).
 
 Classical Runge-Kutta, sub-steps as in `dynamics`. Stated tolerance over a span of 20 ms, against
 the exact solution, in full slides and under brakes: 0.1 mm in place, 0.01 m/s, 0.01 rad/s. The kink
@@ -40,10 +39,9 @@ _Tyres = tuple[float, float, float, float, float, float, float, float, float, fl
 
 
 class BrushMotion:
-    """Motion of one car on brushes (Section II): what depends on its parameters alone is kept."""
+    """Motion of one car on brushes (Section II), with constants of its parameters."""
 
     def __init__(self, p: VehicleParameters, steering: Steering) -> None:
-        """`steering` is that of the car."""
         self._steering = steering
         self._friction = p.friction
         self._limit = p.friction * GRAVITY
@@ -53,7 +51,7 @@ class BrushMotion:
         self._rear = p.rear_cornering_stiffness / p.mass
         self._per_inertia = p.mass / p.yaw_inertia
 
-    def move(  # noqa: PLR0917 - named ones take longer, and every tick comes by here
+    def move(  # noqa: PLR0917 - keyword arguments are slower, and every tick calls this
         self,
         place: Four,
         state: Five,
@@ -63,20 +61,20 @@ class BrushMotion:
         fastest: float,
         substeps: int | None = None,
     ) -> tuple[Four, Five]:
-        """Move the car on by `span` (s) with steering command (rad) and acceleration (m/s²) held.
+        """Move the car by `span` (s) with steering command (rad) and acceleration (m/s²) held.
 
         Section II with brushes, by the classical Runge–Kutta method. `place` is (east, north, yaw,
         distance), `state` is (speed, lateral speed, yaw rate, steering, steering rate); `fastest`
         is the fastest rate (1/s) of tyres and steering at the lowest speed of the span.
         """
         limit, wheels = self._limit, self._steering
-        asked = -limit if acceleration < -limit else limit if acceleration > limit else acceleration
+        given = -limit if acceleration < -limit else limit if acceleration > limit else acceleration
         near_limit = wheels.steps(span, command - state[3], state[4])
         needed = math.ceil(span * fastest / STEP_PER_RATE)
         count = substeps or (near_limit if near_limit > needed else needed)
         h = span / count
-        rolls = state[0] > 0.0 or asked > 0.0
-        drive = asked if rolls else 0.0
+        rolls = state[0] > 0.0 or given > 0.0
+        drive = given if rolls else 0.0
         tyres = self._tyres(drive)
         for _ in range(count):
             held = near_limit and wheels.is_at_rate_limit(command - state[3], state[4])
@@ -88,18 +86,18 @@ class BrushMotion:
                 state = (speed, lateral, yaw_rate, steering, rate)
             if speed <= 0.0:  # nothing rolls backwards, and brakes that hold need no friction
                 state = (0.0, lateral, yaw_rate, steering, rate)
-            if (state[0] > 0.0 or asked > 0.0) != rolls:
+            if (state[0] > 0.0 or given > 0.0) != rolls:
                 rolls = not rolls
-                drive = asked if rolls else 0.0
+                drive = given if rolls else 0.0
                 tyres = self._tyres(drive)
         return place, state
 
     def _tyres(self, drive: float) -> _Tyres:
-        """Lever arms, and for each axle C/m, capacity/m, C/(3 capacity), while `drive` is given."""
+        """Lever arms, and for each axle C/m, capacity/m, C/(3 capacity), at a `drive` (m/s²)."""
         a, b, front, rear = self._front_arm, self._rear_arm, self._front, self._rear
         left = self._limit * lateral_share(drive, self._friction) / self._wheelbase
         most_front, most_rear = left * b, left * a
-        # Without any friction left every slip is full sliding.
+        # Without friction left every slip is full sliding.
         front_bend = front / (3.0 * most_front) if most_front > 0.0 else math.inf
         rear_bend = rear / (3.0 * most_rear) if most_rear > 0.0 else math.inf
         return (

@@ -2,19 +2,19 @@
 
 Lateral motion by eqs. (1), (2) in the body's lateral speed and yaw rate, steering by the
 second-order actuation of eq. (4), position by integrating the body's velocity. World frame:
-east-north, yaw counter-clockwise from east; left is positive. SI units. So with linear tyres; on
-such as saturate the car moves as `brush_motion` says.
+east-north, yaw counter-clockwise from east; left is positive. SI units. This holds for linear
+tyres; for tyres that saturate see `brush_motion`.
 
 Integration: Runge-Kutta of order 4 with the command held over the span, in sub-steps h with
 h * rate <= STEP_PER_RATE, where `rate` is the fastest of the tyres' and the steering's. Stated
 tolerance: over an emergency lane change in spans of 20 ms the path stays within 0.005 mm of the
 exact solution; after a steering step of 0.05 rad lateral speed (m/s) and yaw rate (rad/s) are
-within 4e-4 of it. While the steering turns as fast as it can its angle is within 5e-4 rad.
+within 4e-4 of it. At the rate limit of the steering its angle is within 5e-4 rad.
 
 Below WALKING_PACE the tyres' 1/v would make the equations arbitrarily stiff. There the lateral
-speed and yaw rate relax, as fast as they do at WALKING_PACE (some 5 ms), to the steady state that
-the same equations have for the present steering and speed, which for v -> 0 is the kinematic
-single-track model. The right-hand side is continuous in v, so nothing jumps at the change-over.
+speed and yaw rate relax, as fast as at WALKING_PACE (some 5 ms), to the steady state of the same
+equations for the present steering and speed, which for v -> 0 is the kinematic single-track model.
+The right-hand side is continuous in v.
 """
 
 import math
@@ -32,13 +32,13 @@ from vehicles.car.parameters import VehicleParameters
 from vehicles.car.tyres import WALKING_PACE, Coefficients, lateral_coefficients
 
 FASTEST_SLIDE: Final = 1000.0
-"""Lateral speed (m/s) beyond which the linear tyres of an unstable car have long lost all sense."""
+"""Lateral speed (m/s) beyond which linear tyres of an unstable car are meaningless."""
 
 _Lateral = tuple[float, float, float, float, float, float]
 
 
 class OutOfModelError(ValueError):
-    """The car moves as the model, eqs. (1), (2), cannot describe any more."""
+    """The motion of the car is beyond the model, eqs. (1), (2)."""
 
 
 @dataclass(slots=True)
@@ -99,7 +99,7 @@ class Actuation:
 
 
 class CarMotion:
-    """How one car moves by eqs. (1), (2) and (4): what depends on its parameters alone is kept."""
+    """Motion of one car by eqs. (1), (2) and (4), with constants of its parameters."""
 
     def __init__(self, parameters: VehicleParameters) -> None:
         p = self._parameters = parameters
@@ -115,15 +115,13 @@ class CarMotion:
     def advance(
         self, body: Body, actuation: Actuation, span: float, substeps: int | None = None
     ) -> Body:
-        """Move the car on by `span` (s) with `actuation` held meanwhile.
-
-        Eqs. (1), (2) and (4) by the classical Runge–Kutta method.
+        """Move the car by `span` (s) with `actuation` held; classical Runge–Kutta method.
 
         The steering command is clamped to the steering limit and the wheels stop there. A braking
         car comes to rest within the span and stays; it never reverses. `substeps` overrides the
-        number of integration steps (per part of the span: before and after coming to rest). Raises
-        ValueError for a command that is not finite or a negative span, and OutOfModelError for a
-        car that is unstable and spins ever faster.
+        number of integration steps (before and after coming to rest). Raises ValueError for a
+        command that is not finite or a negative span, and OutOfModelError for an unstable car that
+        spins ever faster.
         """
         command, acceleration = actuation.steering, actuation.acceleration
         if not (math.isfinite(command) and math.isfinite(acceleration)):
@@ -142,18 +140,13 @@ class CarMotion:
         return self._integrate(stopped, command, 0.0, span - rolling, substeps)
 
     def fastest_rate(self, speed: float) -> float:
-        """Return the fastest rate of the car's tyres and steering (1/s) at `speed` (m/s).
-
-        Of the tyres it is the larger damping of eqs. (1), (2), of the steering the faster pole of
-        eq. (4).
-        """
+        """Fastest rate (1/s) at `speed` (m/s): damping of eqs. (1), (2), or pole of eq. (4)."""
         of_tyres, of_steering = self._tyres_damping / speed, self._steering_rate
         return of_steering if of_steering > of_tyres else of_tyres
 
     def _advance_on_brushes(
         self, body: Body, command: float, acceleration: float, span: float, substeps: int | None
     ) -> Body:
-        """Advance on tyres that saturate."""
         if span <= 0.0:
             return body
         # A slide changes the speed by the turn of the body as well.
@@ -173,10 +166,6 @@ class CarMotion:
         speed, lateral, yaw_rate, steering, rate = state
         return Body(east, north, yaw, speed, lateral, yaw_rate, steering, rate, distance)
 
-    def _substeps(self, slowest: float, span: float) -> int:
-        """Count the sub-steps for a span in which the speed does not fall below `slowest`."""
-        return math.ceil(span * self.fastest_rate(max(slowest, WALKING_PACE)) / STEP_PER_RATE)
-
     def _integrate(
         self, body: Body, command: float, final_speed: float, span: float, substeps: int | None
     ) -> Body:
@@ -185,8 +174,8 @@ class CarMotion:
             return body
         p, tyres, wheels = self._parameters, self._tyres, self._steering
         near_limit = wheels.steps(span, command - body.steering, body.steering_rate)
-        slowest = min(body.speed, final_speed)
-        count = substeps or max(self._substeps(slowest, span), near_limit)
+        fastest = self.fastest_rate(max(min(body.speed, final_speed), WALKING_PACE))
+        count = substeps or max(math.ceil(span * fastest / STEP_PER_RATE), near_limit)
         place = (body.east, body.north, body.yaw, body.distance)
         state = (body.lateral_speed, body.yaw_rate, body.steering, body.steering_rate)
         speed, change = body.speed, (final_speed - body.speed) / count
@@ -211,10 +200,7 @@ class CarMotion:
 
 
 def fastest_rate(p: VehicleParameters) -> float:
-    """Return the fastest rate of the car's tyres and steering (1/s), which is that at low speed.
-
-    That of eqs. (1), (2) and (4) at walking pace.
-    """
+    """Fastest rate (1/s) of the car's tyres and steering at any speed: that at walking pace."""
     return CarMotion(p).fastest_rate(WALKING_PACE)
 
 
@@ -247,7 +233,7 @@ def _step(
     h: float,
     actuation: tuple[float, float],
 ) -> tuple[Four, Four]:
-    """One Runge-Kutta step, written out because every run spends its time here.
+    """One Runge-Kutta step, written out because runs spend most of their time here.
 
     `place` is (east, north, yaw, distance), `state` is (lateral speed, yaw rate, steering,
     steering rate); speeds and rates are those at the start, the middle and the end of the step.

@@ -26,11 +26,11 @@ BLOCK: Final = 64
 
 @dataclass(slots=True)
 class Fix:
-    """One measurement, with what the vehicle block of Fig. 1 puts out.
+    """One measurement: the output of the vehicle block of Fig. 1.
 
     Number, instant (ns), position (m), yaw of the body within (-pi, pi] (rad), speed along the
-    body (m/s, never negative), yaw rate (rad/s); how the place is known, and how well (m, standard
-    deviation per axis) by the receiver's own account.
+    body (m/s, never negative), yaw rate (rad/s); state of the fix, and stated accuracy (m, standard
+    deviation per axis).
     """
 
     seq: int
@@ -72,12 +72,9 @@ _State = tuple[list[float], ReceiverErrors | None, ForcedStates | None, deque[Fi
 class GnssReceiver:
     """Measures at `start_at` (ns) and every 1/`rate_hz` s after it, each rounded to 1 ns.
 
-    GPS of Section III-A, at 20 Hz at most.
-
-    `random` belongs to this receiver alone: five normal numbers are drawn per measurement, in
-    the order of measurements, whether it gives a fix or not. `errors` are those beside the white
-    `noise`, of which that of the position is then theirs; if their settings are plain they count
-    only while a fix state is forced upon the receiver, by `force`.
+    GPS of Section III-A, at 20 Hz at most. `random` belongs to this receiver alone: five normal
+    numbers are drawn per measurement, with a fix or without. `errors` replace the position noise;
+    those of plain settings count only while a fix state is forced by `force`.
     """
 
     def __init__(
@@ -101,12 +98,10 @@ class GnssReceiver:
         self._coming: deque[Fix] = deque()
 
     def __reduce__(self) -> "tuple[type[GnssReceiver], tuple[object, ...], _State]":
-        """Let it be pickled, compiled too."""
         made_of = self._noise, self._cadence.rate_hz, self._cadence.start_at, self._random
         return GnssReceiver, made_of, (self._drawn, self._errors, self._forced, self._coming)
 
     def __setstate__(self, state: "_State") -> None:
-        """Go on as the one that was pickled."""
         self._drawn, errors, self._forced, self._coming = state
         self._take(errors)
 
@@ -116,11 +111,10 @@ class GnssReceiver:
         self._latency = errors.settings.latency if errors else 0
 
     def measure(self, body: Body, now: int) -> Fix | None:
-        """Measure `body` if `now` (ns) is an instant of measurement; returns what is known then.
+        """Measure `body` if `now` (ns) is an instant of measurement; returns the fix known then.
 
-        That is the fix of this instant, or with a latency that of an earlier one, at the first
-        instant asked about by which it is known; else None. Each quantity has its own white
-        Gaussian noise (Section III-A names that of the position).
+        With a latency that is an earlier fix. Each quantity has its own white Gaussian noise
+        (Section III-A names that of the position).
         """
         fix = self._measured(body, now)
         if not self._latency:
@@ -132,20 +126,16 @@ class GnssReceiver:
         return None
 
     def force(self, state: ReceiverState | None, since: int, until: int = EVER) -> None:
-        """Let it have this fix from `since` until before `until` (ns); None ends it.
+        """Force a fix state from `since` until before `until` (ns); None ends it.
 
-        What Section III-A takes as given. Where it is blind it has none all the same. ValueError
-        for a receiver that knows no fix states.
+        Outages stay. Raises ValueError for a receiver without fix states.
         """
         if self._forced is None:
             raise ValueError("this receiver has white noise alone")
         self._forced.force(state, since, until)
 
     def redraw(self, random: Generator) -> None:
-        """Take the white noise of Section III-A from another stream from now on.
-
-        The other errors go on as they were drawn.
-        """
+        """Draw the white noise from another stream from now on; the other errors stay."""
         self._random = random
         self._drawn.clear()
 
@@ -169,7 +159,8 @@ class GnssReceiver:
             "fixed",
             noise.position,
         )
-        if self._errors is None or (self._plain and not self._is_forced(now)):
+        forced = self._forced is not None and self._forced.is_forced(now)
+        if self._errors is None or (self._plain and not forced):
             return fix
         error = self._errors.at(body, now)
         if error is None:
@@ -180,9 +171,6 @@ class GnssReceiver:
         fix.state, fix.accuracy = error.state, error.accuracy
         return fix
 
-    def _is_forced(self, now: int) -> bool:
-        return self._forced is not None and self._forced.is_forced(now)
-
 
 def to_message(
     fix: Fix,
@@ -192,13 +180,11 @@ def to_message(
     seq: int,
     sent_at: int,
     true_place: tuple[float, float, float],
-    told: Announcement = NOTHING_TOLD,
+    announced: Announcement = NOTHING_TOLD,
 ) -> GpsPose:
-    """Convert a fix to message `seq`, sent at `sent_at` (ns) from `true_place`.
+    """Convert a fix to message `seq` (WGS84, compass course), sent at `sent_at` (ns).
 
-    That is east, north, and the way driven (m). `told` is what the vehicle tells beside.
-
-    WGS84, compass course.
+    `true_place` is the true east, north and distance driven (m) of the vehicle.
 
     The course is counted from the plane's north; true north at the vehicle differs from it by
     the convergence of meridians, about 0.01 deg per km of easting at middle latitudes.
@@ -217,11 +203,11 @@ def to_message(
         sent_at_ns=sent_at,
         fix=fix.state,
         position_accuracy_m=fix.accuracy,
-        mode=told.mode,
-        hazard=told.hazard,
-        acceleration_mps2=told.acceleration_mps2,
-        path_offset_m=told.path_offset_m,
-        stops_at_ns=told.stops_at_ns,
+        mode=announced.mode,
+        hazard=announced.hazard,
+        acceleration_mps2=announced.acceleration_mps2,
+        path_offset_m=announced.path_offset_m,
+        stops_at_ns=announced.stops_at_ns,
         true_east_m=true_place[0],
         true_north_m=true_place[1],
         true_driven_m=true_place[2],

@@ -1,8 +1,4 @@
-"""The sensors aboard that tell how the car moves: a gyroscope and the speed of the wheels.
-
-They measure far more often than a GNSS receiver, and need no sky. What they measure stays in the
-car: it is not broadcast.
-"""
+"""The inertial sensor of the car: a gyroscope and the speed of the wheels; not broadcast."""
 
 import math
 from dataclasses import dataclass, fields
@@ -76,16 +72,15 @@ class InertialSensor:
         self._drawn: list[float] = []
 
     def __reduce__(self) -> "tuple[type[InertialSensor], tuple[object, ...], _State]":
-        """Let it be pickled, compiled too; the one that is made first draws from another stream."""
+        # The constructor draws, so it gets another stream than the pickled one.
         made_of = self._noise, self._cadence.rate_hz, self._cadence.start_at, Generator(PCG64(0))
         return InertialSensor, made_of, (self._random, self._bias, self._drawn)
 
     def __setstate__(self, state: "_State") -> None:
-        """Go on as the one that was pickled."""
         self._random, self._bias, self._drawn = state
 
     def redraw(self, random: Generator) -> None:
-        """Take the white noise from another stream from now on; the biases of Section V-D stay."""
+        """Draw the white noise from another stream from now on; the biases stay."""
         self._random = random
         self._drawn.clear()
 
@@ -106,11 +101,10 @@ class InertialSensor:
 
 
 class ExactSensor:
-    """Knows the true state of the car at every instant: what Section V-C simulates with."""
+    """Measures the true state of the car at every instant, as in Section V-C."""
 
     def redraw(self, random: Generator) -> None:
-        """Nothing is random (Section V-C)."""
+        """Do nothing: the sensor is exact."""
 
-    def measure(self, body: Body, now: int) -> Body:  # noqa: ARG002 - every sensor is asked alike
-        """Give the state itself, of eqs. (1), (2) and (4)."""
+    def measure(self, body: Body, now: int) -> Body:  # noqa: ARG002
         return body

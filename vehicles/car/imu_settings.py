@@ -30,7 +30,6 @@ class ImuSettings:
 
     @property
     def noise(self) -> InertialNoise:
-        """Noise and biases."""
         return InertialNoise(
             self.speed_noise, self.yaw_rate_noise, self.speed_bias, self.yaw_rate_bias
         )

@@ -44,9 +44,9 @@ at 30 m/s, faster at lower speeds."""
 
 
 class AlongPath(NamedTuple):
-    """A quantity of eqs. (1), (2) at places `step` (m) apart, from `start` (m ahead of the car) on.
+    """A quantity at places `step` (m) apart, the first `start` (m) ahead of the car.
 
-    Of a single value, it is the same everywhere.
+    A single value holds everywhere.
     """
 
     start: float
@@ -54,7 +54,7 @@ class AlongPath(NamedTuple):
     values: Sequence[float]
 
     def at(self, distance: float) -> float:
-        """Value `distance` (m) ahead, interpolated; beyond the ends as there (eqs. (1), (2))."""
+        """Value `distance` (m) ahead, interpolated; constant beyond the ends."""
         start, step, values = self
         where, last = (distance - start) / step, len(values) - 1
         if where <= 0.0 or last == 0:
@@ -65,9 +65,9 @@ class AlongPath(NamedTuple):
         return values[index] + (where - index) * (values[index + 1] - values[index])
 
     def mean(self, distance: float, apart: float) -> float:
-        """Mean (of eqs. (1), (2)) about `distance` (m) ahead and so far `apart` (m) from it.
+        """Mean at `distance` (m) ahead and `apart` (m) before and after, weights 1/4, 1/2, 1/4.
 
-        With weights 1/4, 1/2, 1/4: what keeps to the path whose curvature is such a mean.
+        It keeps to the path whose curvature is that mean.
         """
         if len(self.values) == 1:
             return self.values[0]
@@ -76,7 +76,7 @@ class AlongPath(NamedTuple):
 
 
 class PathMotion(NamedTuple):
-    """The motion that keeps to a path, by the inverse of eqs. (1), (2), along the way.
+    """The motion that keeps to a path, by the inverse of eqs. (1), (2).
 
     Curvature κ/cos θ̃ (1/m), heading θ̃ against the path (rad), angle δ of the wheels (rad).
     """
@@ -90,10 +90,9 @@ Pair = tuple[float, float]
 
 
 class PathKeeping:
-    """How one car moves that keeps to paths: the inverse of eqs. (1), (2) with its parameters."""
+    """Motion of one car that keeps to paths: the inverse of eqs. (1), (2) with its parameters."""
 
     def __init__(self, p: VehicleParameters) -> None:
-        """`p` are the parameters assumed of the car; what depends on them alone is kept."""
         self._wheelbase, self._steer_gradient = p.wheelbase, p.steer_gradient
         self._rear = p.rear_axle_distance
         self._moment = p.mass * p.front_axle_distance
@@ -103,10 +102,7 @@ class PathKeeping:
         self._by_heading, self._by_turn = 1.0 + ratio, p.front_axle_distance - ratio * self._rear
 
     def slip(self, speed: float) -> float:
-        """Steady slip l (m) at `speed` (m/s), by eqs. (1), (2) at rest.
-
-        It is `VehicleParameters.steady_slip_per_curvature`.
-        """
+        """Steady slip l (m) at `speed` (m/s): `VehicleParameters.steady_slip_per_curvature`."""
         return self._rear - self._moment * speed * speed / self._stiffness
 
     def motion(
@@ -118,20 +114,20 @@ class PathKeeping:
         """Motion that keeps to a path at constant `speed` (m/s), by the inverse of eqs. (1), (2).
 
         `curvatures(start, step, count)` (1/m) are those at places along the path, from `start` (m)
-        ahead of the car on; the motion is told within `reach` (m ahead). Exact where the curvature
-        is linear between places.
+        ahead of the car on; the motion is returned within `reach` (m ahead). Exact where the
+        curvature is linear between places.
         """
         v = max(speed, WALKING_PACE)
         step = max(STEP * v, LEAST_STEP)
         first = math.floor(reach[0] / step)
         fading = math.ceil(max(MEMORY * v, LEAST_MEMORY * self._rear) / step)
         count = fading + math.ceil(reach[1] / step) - first + 1
-        found = curvatures((first - fading) * step, step, count)
+        looked_up = curvatures((first - fading) * step, step, count)
         slip = self.slip(v)
         gradient = self._wheelbase + self._steer_gradient * v * v
         longer = 0.5 * slip * slip  # 1/cos θ̃ = 1 + (l κ)²/2, to fourth order
-        kappa = found[0] + longer * found[0] ** 3
-        if found.count(found[0]) == count:  # an arc or a line, as far as it counts
+        kappa = looked_up[0] + longer * looked_up[0] ** 3
+        if looked_up.count(looked_up[0]) == count:  # an arc or a line
             return PathMotion(
                 AlongPath(0.0, step, (kappa,)),
                 AlongPath(0.0, step, (math.atan(-slip * kappa),)),
@@ -139,12 +135,12 @@ class PathKeeping:
             )
         (keep, gain), (loss, rest), (of_heading, of_turn) = self._off_an_arc(step, v, slip)
         by_heading, by_turn = self._by_heading, self._by_turn
-        heading = turn = 0.0  # what θ̃ and ρ are off those of an arc of the curvature there
+        heading = turn = 0.0  # θ̃ and ρ less those of an arc of the same curvature
         kappas, headings, angles = [], [], []
-        for k, flat in enumerate(found[1:], 1):
+        for k, flat in enumerate(looked_up[1:], 1):
             following = flat + longer * flat * flat * flat
             change = following - kappa
-            if change or heading:  # before the first change nothing is off
+            if change or heading:  # both are 0 before the first change
                 heading, turn = (
                     keep * heading + gain * turn + of_heading * change,
                     loss * heading + rest * turn + of_turn * change,
@@ -162,12 +158,11 @@ class PathKeeping:
         )
 
     def _off_an_arc(self, step: float, v: float, slip: float) -> tuple[Pair, Pair, Pair]:
-        """How θ̃ and ρ, less those of an arc, change over a `step` (m) of a path, by eqs. (1), (2).
+        """Change of θ̃ and ρ, less those of an arc, over a `step` (m) of a path: eqs. (1), (2).
 
-        What they were off before fades by the matrix, whose rows come first, and a curvature that
-        changes evenly by 1 adds the vector: while it changes by κ' they are off by
-        (b l - v²/ω²) κ' and -l κ' in the end, and what is short of that fades like any other
-        motion. `slip` is l.
+        Previous differences fade by the matrix, whose rows come first, and a curvature that changes
+        evenly by 1 adds the vector: while it changes by κ' the differences approach
+        (b l - v²/ω²) κ' and -l κ', and the rest of them fades like any other motion. `slip` is l.
         """
         square, b = self._square, self._rear
         (keep, gain), (loss, rest) = fading = _fading(step / v, v, square, b * square / v)

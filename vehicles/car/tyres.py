@@ -1,15 +1,15 @@
-"""Tyres: slip angles, lateral forces, and how much of the friction they use.
+"""Tyres: slip angles, lateral forces, and the share of friction in use.
 
-Two models, one per axle. The paper's (Section II): force in proportion to the slip angle, without
-end. And the brush model of Fiala (E. Fiala, "Seitenkräfte am rollenden Luftreifen", VDI-Zeitschrift
-96, 1954; H. B. Pacejka, "Tyre and Vehicle Dynamics", 3.2), which for small slip is the same and
-ends at friction times load. Longitudinal force takes its part of the friction: the lateral force
-ends where the circle of friction does (R. Y. Hindiyeh, J. C. Gerdes, "A controller framework for
-autonomous drifting", ASME Journal of Dynamic Systems, Measurement, and Control 136(5), 2014).
+Two models per axle. The paper's (Section II): force in proportion to the slip angle, without limit.
+And the brush model of Fiala (E. Fiala, "Seitenkräfte am rollenden Luftreifen", VDI-Zeitschrift 96,
+1954; H. B. Pacejka, "Tyre and Vehicle Dynamics", 3.2), which is the same for small slip and is
+limited to friction times load. With longitudinal force the limit is the friction circle (R. Y.
+Hindiyeh, J. C. Gerdes, "A controller framework for autonomous drifting", ASME Journal of Dynamic
+Systems, Measurement, and Control 136(5), 2014).
 
-Axle loads are those of the standing car: no load is transferred by braking or cornering. The force
-of the drive and of the brakes is shared between the axles as the load is, so that both have the
-same share of friction left for cornering. SI units; left is positive.
+Axle loads are those of the standing car: no load is transferred by braking or cornering. The forces
+of drive and brakes are distributed like the load, so that both axles have the same share of
+friction left for cornering. SI units; left is positive.
 """
 
 import math
@@ -21,18 +21,18 @@ GRAVITY: Final = 9.80665
 """Standard gravity (m/s²)."""
 
 WALKING_PACE: Final = 2.0
-"""Speed (m/s) below which slip angles are not taken by the speed itself, which goes to zero."""
+"""Least speed (m/s) by which slip speeds are divided."""
 
 NONLINEAR_SLIP = 0.5 * (3.0 - math.sqrt(6.6))
-"""Slip, as a share of that of full sliding, at which a brush gives a fifth less than C s: the root
-of 1 - x + x²/3 = 0.8, reached at 52 % of the friction. Beyond it the linear range is left."""
+"""End of the linear range: slip, as a share of that of full sliding, at which the force of a brush
+is a fifth less than C s. The root of 1 - x + x²/3 = 0.8, at 52 % of the friction."""
 
 SLIDING_SHARE: Final = 0.99
 """Share of the friction from which on an axle counts as sliding."""
 
 
 class LateralState(Protocol):
-    """State of the car in eqs. (1), (2) and (4): what `dynamics.Body` is."""
+    """State of the car in eqs. (1), (2) and (4), such as `dynamics.Body`."""
 
     speed: float
     lateral_speed: float
@@ -45,7 +45,7 @@ Coefficients = tuple[float, float, float, float, float, float]
 
 
 class TyreUse(NamedTuple):
-    """What the tyres of the single-track model (Section II) do at an instant.
+    """State of the tyres of the single-track model (Section II) at an instant.
 
     Lateral acceleration (m/s²) across the body; slip angles of the axles (rad), as in eqs. (1),
     (2): negative in a left turn; share of the friction that the busier axle uses (ratio), which
@@ -92,9 +92,9 @@ def brush_force(slip: float, stiffness: float, capacity: float) -> float:
 
 
 def lateral_share(acceleration: float, friction: float) -> float:
-    """Share of the friction left across the car at a longitudinal acceleration (m/s²).
+    """Share of friction left across the car at a longitudinal acceleration (m/s²).
 
-    The circle of friction: Hindiyeh and Gerdes, 2014.
+    Friction circle, Hindiyeh and Gerdes, 2014.
     """
     used = acceleration / (friction * GRAVITY)
     left = 1.0 - used * used
@@ -102,10 +102,7 @@ def lateral_share(acceleration: float, friction: float) -> float:
 
 
 def slip_angles(state: LateralState, p: VehicleParameters) -> tuple[float, float]:
-    """Slip angles (rad) of front and rear axle, as in eqs. (1), (2).
-
-    Below WALKING_PACE the slip speeds are taken against it instead of the car's own speed.
-    """
+    """Slip angles (rad) of front and rear axle, as in eqs. (1), (2), at least at WALKING_PACE."""
     speed, lateral_speed, yaw_rate = state.speed, state.lateral_speed, state.yaw_rate
     rolling = WALKING_PACE if speed < WALKING_PACE else speed
     # The wheels point at the steering angle, along which the car's own speed is no slip.
@@ -120,10 +117,10 @@ def tyre_use(
     p: VehicleParameters,
     loads: tuple[float, float] | None = None,
 ) -> TyreUse:
-    """What the tyres do in a state of eqs. (1), (2), at an acceleration asked for (m/s²).
+    """Tyre use in a state of eqs. (1), (2), at a commanded acceleration (m/s²).
 
-    By the tyre model of `p`. A car that stands is held without friction being counted. `loads` are
-    those of its axles (N), for whoever asks often.
+    By the tyre model of `p`. A standing car is held without friction. `loads` (N) of its axles may
+    be computed before.
     """
     front_slip, rear_slip = slip_angles(state, p)
     along = acceleration if state.speed > 0.0 or acceleration > 0.0 else 0.0
@@ -140,14 +137,17 @@ def tyre_use(
     across, behind = abs(front) / front_load, abs(rear) / rear_load
     across = behind if behind > across else across
     share = math.hypot(across, along / GRAVITY) / p.friction
-    front_angle, rear_angle = math.atan(front_slip), math.atan(rear_slip)  # in a spin no small ones
+    front_angle, rear_angle = (
+        math.atan(front_slip),
+        math.atan(rear_slip),
+    )  # large in a spin
     return TyreUse((front + rear) / p.mass, front_angle, rear_angle, share)
 
 
 def rolling_use(state: LateralState, p: VehicleParameters) -> TyreUse:
-    """What the tyres of a car that rolls on its wheels without slip would have to do.
+    """Tyre use of a car that rolls without slip: v_x dθ/dt of eq. (1), and the friction for it.
 
-    For motion that was recorded, not simulated: v_x dθ/dt of eq. (1), and the friction it takes.
+    For recorded motion, which has no simulated tyres.
     """
     across = state.speed * state.yaw_rate
     return TyreUse(across, 0.0, 0.0, abs(across) / (p.friction * GRAVITY))
@@ -156,8 +156,8 @@ def rolling_use(state: LateralState, p: VehicleParameters) -> TyreUse:
 def linear_range(p: VehicleParameters) -> tuple[float, float]:
     """Slip angles (rad) of front and rear axle up to which eqs. (1), (2) hold on a real road.
 
-    Where a brush (Fiala, 1954) with the friction of `p` gives a fifth less than the linear tyre,
-    without longitudinal force; the paper is silent on it.
+    There the force of a brush (Fiala, 1954) with the friction of `p` is a fifth less than that of
+    the linear tyre, without longitudinal force.
     """
     front, rear = axle_loads(p)
     reach = 3.0 * NONLINEAR_SLIP * p.friction

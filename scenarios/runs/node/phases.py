@@ -160,7 +160,7 @@ class Driving(VehiclePhase):
     @classmethod
     def restarted(cls, context: VehicleContext, now: int) -> "Driving":
         """Begin at `now` (ns) without memory."""
-        context.inbox.listen_anew(context.factory.links(context.start_at), now)
+        context.inbox.restart(context.factory.links(context.start_at), now)
         driving = cls(context, context.factory.software(now, context))
         driving.replan(now)
         return driving
@@ -190,7 +190,7 @@ class Stalled(VehiclePhase):
         self._until = until
 
     def step(self, now: int) -> Actuation:
-        self.context.inbox.pass_by(now, self.context.car.position)
+        self.context.inbox.skip(now, self.context.car.position)
         return self.context.idle(now, self.context.car.command)
 
     def at(self, now: int) -> VehiclePhase:
@@ -217,7 +217,7 @@ class Down(VehiclePhase):
     def step(self, now: int) -> Actuation:
         """Brake; messages sent by now are lost."""
         car = self.context.car
-        self.context.inbox.let_go(now, car.position)
+        self.context.inbox.discard(now, car.position)
         return self.context.idle(now, Actuation(car.command.steering, -BRAKING))
 
     def at(self, now: int) -> VehiclePhase:
@@ -244,7 +244,7 @@ class HumanDriving(VehiclePhase):
 
     def step(self, now: int) -> Actuation:
         context, car = self.context, self.context.car
-        context.inbox.let_go(now, car.position)
+        context.inbox.discard(now, car.position)
         return context.idle(now, self._human.step(now, None, car.body, ()).actuation)
 
     def replan(self, now: int) -> None:

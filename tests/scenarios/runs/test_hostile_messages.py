@@ -183,7 +183,7 @@ def test_what_belongs_to_no_run_changes_nothing_but_counters(
         asked = run.hostile[key("v1", TOPICS["gps"])] if name != "v1" else 0
         asked += run.hostile[key("v2", TOPICS["gps"])] if name == "v3" else 0
         assert node.inbox.rejected.total() == asked
-        assert node.inbox.heard == calm.nodes[name].inbox.heard
+        assert node.inbox.delivered == calm.nodes[name].inbox.delivered
     assert said(run) == said(calm)
     assert figures(run) == figures(calm)
     assert (run.conductor.phase, run.conductor.reason) == (Phase.OVER, "")
@@ -195,7 +195,7 @@ def assert_inboxes_add_up(run: Attacked) -> None:
     """What came under the keys that a vehicle listens to was judged or refused, each once."""
     for node in run.nodes.values():
         came = sum(run.honest[where] + run.hostile[where] for where in node.inbox.keys)
-        assert node.inbox.heard + node.inbox.dropped + node.inbox.rejected.total() == came
+        assert node.inbox.delivered + node.inbox.dropped + node.inbox.rejected.total() == came
         assert set(node.inbox.rejected) <= set(REASONS)
 
 

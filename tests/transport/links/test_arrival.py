@@ -162,7 +162,7 @@ def test_copies_are_counted_and_refused_by_their_number(campaign: int) -> None:
     link = inbox.links["v1"]
     assert len(verdicts) == campaign == link.delivered + link.dropped.total()
     assert [p.seq for _, p in heard] == [v.pose_seq for v in delivered]
-    assert inbox.heard == len(heard)
+    assert inbox.delivered == len(heard)
 
 
 def test_a_receiver_without_a_filter_is_told_twice() -> None:
@@ -174,7 +174,7 @@ def test_a_receiver_without_a_filter_is_told_twice() -> None:
     assert ticks == [(20, 0), (60, 0), (80, 1), (100, 1), (120, 2), (160, 2)]
     assert [v.copies for v in verdicts] == [1, 1, 1]
     assert inbox.rejected == {}
-    assert inbox.heard == 3
+    assert inbox.delivered == 3
 
 
 def test_a_copy_with_a_delay_of_its_own_never_comes_before_the_message() -> None:
@@ -347,7 +347,7 @@ def test_a_ghost_is_heard_in_turn_with_its_sender() -> None:
     assert steps[:20] == pytest.approx([1.0, -5.5] + [6.5, -5.5] * 9, abs=0.01)
     assert [v.content for v in verdicts[20:40]] == ["ghost"] * 20
     assert len(heard) == 80
-    assert inbox.heard == len(verdicts) == 60
+    assert inbox.delivered == len(verdicts) == 60
     assert inbox.rejected == {}
 
 

@@ -75,7 +75,7 @@ def test_a_message_is_heard_at_the_first_tick_from_its_visible_instant_on() -> N
     assert taken(inbox, START + 19_999_999) == []
     assert taken(inbox, START + 20_000_000) == [pose(0)]
     assert taken(inbox, START + 40 * MS) == []
-    assert (inbox.heard, inbox.dropped, inbox.late) == (1, 0, 0)
+    assert (inbox.delivered, inbox.dropped, inbox.late) == (1, 0, 0)
 
 
 def test_an_early_arrival_waits_and_a_late_one_is_heard_at_once() -> None:
@@ -379,14 +379,14 @@ def test_what_was_sent_while_nobody_listened_is_not_heard() -> None:
     feed(box, pose(0), pose(1))
     assert [one.seq for one in taken(box, START + 100 * MS)] == [0, 1]
     feed(box, pose(2), pose(3))
-    box.let_go(START + 150 * MS, NOWHERE)  # of which the fourth was sent right then
+    box.discard(START + 150 * MS, NOWHERE)  # of which the fourth was sent right then
     feed(box, pose(4), pose(6))  # and this tick is late: one was sent after it
-    box.let_go(START + 200 * MS, NOWHERE)
+    box.discard(START + 200 * MS, NOWHERE)
     links = inbox_of("follower_2", {"lead": LinkTable(latency_ms=20.0)}, start_at=START).links
-    box.listen_anew(links.values(), START + 260 * MS)
+    box.restart(links.values(), START + 260 * MS)
     feed(box, pose(5), pose(7))  # of which the first was sent before
     assert [one.seq for one in taken(box, START + 400 * MS)] == [6, 7]
-    assert box.heard == 4
+    assert box.delivered == 4
     assert [one.seq for one in box.verdicts()] == [0, 1, 2, 3]
     assert not box.rejected
     assert box.late == 0
@@ -397,7 +397,7 @@ def test_what_comes_while_control_stalls_is_heard_afterwards_and_not_late() -> N
     taken(box, START)
     for seq in range(5):
         feed(box, pose(seq))
-        box.pass_by(START + seq * 50 * MS, NOWHERE)
+        box.skip(START + seq * 50 * MS, NOWHERE)
     assert [one.seq for one in taken(box, START + 300 * MS)] == [0, 1, 2, 3, 4]
     assert box.late == 0
 
@@ -408,13 +408,13 @@ def test_an_inbox_goes_on_from_the_counts_of_another() -> None:
     taken(box, START + 100 * MS)
     other = inbox_of("follower_2", {"lead": LinkTable()}, start_at=START)
     other = Inbox("follower_2", other.links.values(), start_at=START, before=box.counts)
-    assert (other.dropped, other.heard, other.late) == (2, 0, 0)
+    assert (other.dropped, other.delivered, other.late) == (2, 0, 0)
     assert other.rejected == box.rejected == {"duplicate": 1}
     assert other.rejections() == []
     feed(other, pose(2))
     taken(other, START + 200 * MS)
     assert [one.seq for one in other.verdicts()] == [2]
-    assert other.heard == 1
+    assert other.delivered == 1
 
 
 NUMBERS = st.one_of(

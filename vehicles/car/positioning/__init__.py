@@ -1,8 +1,8 @@
 """Errors of a receiver's positions.
 
 noise         white noise
-drift         a Gauss–Markov process: the same path for whoever looks, at any rate
-error_term   what every other error has to be
+drift         a Gauss–Markov process, the same path at any rate
+error_term    interface of all other errors
 bias          a constant error
 common_drift  drift that all receivers have in common
 fix_states    states of the fix over time

@@ -1,8 +1,8 @@
-"""Errors that wander: a first-order Gauss–Markov process in two axes, the same path at any rate.
+"""Drifting errors: a first-order Gauss–Markov process in two axes, the same path at any rate.
 
-The process lives on a fixed grid of 10 ms that begins with the run, and holds its value from one
-point of the grid to the next. So its statistics do not depend on how often it is looked at, and
-receivers that look at it at the same instant, in whatever process, see the same value to the bit.
+The process has a fixed grid of 10 ms that begins with the run, and is constant between points of
+the grid. So its statistics do not depend on the rate of measurements, and receivers that measure at
+the same instant, in any process, have the same value to the bit.
 """
 
 import math
@@ -18,7 +18,7 @@ from vehicles.setting import Setting
 GRID = 10 * MILLISECOND
 """Distance (ns) between two points of the path; receivers of cars measure at 20 Hz at most."""
 BLOCK = 512
-"""Points that are worked out at once."""
+"""Number of points that are computed at once."""
 SHORTEST = 0.1
 """Least time constant (s): below it the grid is too coarse."""
 
@@ -39,15 +39,12 @@ class GaussMarkov:
     """
 
     def __init__(self, time_constant: float, start_at: int, random: Generator) -> None:
-        """`time_constant` in s; the path begins at `start_at` (ns) and is all that `random` is for.
-
-        Raises ValueError for a time constant below a tenth of a second.
-        """
+        """`time_constant` in s, at least `SHORTEST` (else ValueError); `start_at` in ns."""
         if not SHORTEST <= time_constant < math.inf:
             raise ValueError(f"the time constant must be at least {SHORTEST} s")
         rate = GRID / SECOND / time_constant
         steps = range(1, BLOCK + 1)
-        # By the standard library: NumPy's own differ in the last bit from processor to processor.
+        # Not by NumPy, whose last bit depends on the processor.
         self._kept = np.array([math.exp(-rate * k) for k in steps])
         spread = math.sqrt(-math.expm1(-2.0 * rate))
         self._scaled = np.array([spread * math.exp(rate * k) for k in steps])
@@ -57,17 +54,17 @@ class GaussMarkov:
         self._first, self._east, self._north = 0, *([one] for one in self._before.tolist())
 
     def at(self, now: int) -> tuple[float, float]:
-        """East and north of the Gauss–Markov path at `now` (ns), not before what was asked last."""
+        """East and north at `now` (ns), in order of time."""
         index = (now - self._start_at) // GRID - self._first
         while index >= len(self._east):
             index -= len(self._east)
-            self._go_on()
+            self._extend()
         if index < 0:
             raise ValueError(f"{now} ns lies before the part of the path that is kept")
         return self._east[index], self._north[index]
 
-    def _go_on(self) -> None:
-        """Work out the next block: the recursion summed up, each term grown and shrunk again."""
+    def _extend(self) -> None:
+        """Compute the next block: the recursion as a sum of scaled terms."""
         drawn = self._random.standard_normal((2, BLOCK))
         path = self._kept * (self._before[:, None] + np.cumsum(self._scaled * drawn, axis=1))
         self._first += len(self._east)
@@ -80,8 +77,8 @@ def begun(
 ) -> tuple[float, float]:
     """Value of a Gauss–Markov process that began at `jump` instead of at `first`.
 
-    `value` is that of the stationary process of the same deviation, which was `first` then, and
-    `kept` how much is left of what was: exp(-t / time constant). What it began with fades by that.
+    `value` is that of the stationary process of the same deviation, which was `first` then. The
+    initial difference fades by `kept`: exp(-t / time constant).
     """
     return (
         value[0] + kept * (jump[0] - first[0]),

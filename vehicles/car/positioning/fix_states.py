@@ -23,7 +23,7 @@ EVER: Final = 2**63 - 1
 
 @dataclass(frozen=True, slots=True)
 class Sojourn:
-    """A stay in one state of NMEA 0183, from an instant (ns) until before another one."""
+    """A stay in one state, from an instant (ns) until before another one."""
 
     state: ReceiverState
     since: int
@@ -31,31 +31,29 @@ class Sojourn:
 
 
 class FixStates(Protocol):
-    """Tells the state of NMEA 0183 that a receiver is in."""
+    """The fix states of a receiver over time."""
 
     def at(self, now: int) -> Sojourn:
-        """Stay at `now` (ns), which is not before what was asked last (NMEA 0183)."""
+        """Stay at `now` (ns), in order of time."""
         ...
 
 
 class StateSchedule:
-    """States of NMEA 0183 by a list: `entries` are seconds after the start, and the state then."""
+    """States by a list: `entries` are seconds after the start, and the state from then on."""
 
     def __init__(
         self, first: ReceiverState, entries: Sequence[tuple[float, ReceiverState]], start_at: int
     ) -> None:
-        """`first` is the state before the first entry; entries are in order of time."""
         begins = [start_at, *(start_at + nanoseconds(at) for at, _ in entries)]
         states = [first, *(state for _, state in entries)]
         ends = [*begins[1:], EVER]
-        # An entry at the start itself leaves nothing of what was before it.
+        # Without stays of no length, as before an entry at the start.
         self._stays = [
             Sojourn(*one) for one in zip(states, begins, ends, strict=True) if one[1] < one[2]
         ]
         self._place = 0
 
     def at(self, now: int) -> Sojourn:
-        """Stay at `now` (ns) by the list (NMEA 0183)."""
         while now >= self._stays[self._place].until:
             self._place += 1
         return self._stays[self._place]
@@ -75,13 +73,12 @@ class StateChain:
         start_at: int,
         random: Generator,
     ) -> None:
-        """`random` is the chain's alone: one number per transition out of each state entered."""
+        """One number of `random` is drawn per transition out of each state entered."""
         self._means = means
         self._random = random
         self._stay, self._next = self._entered(first, start_at)
 
     def at(self, now: int) -> Sojourn:
-        """Stay at `now` (ns), which is not before what was asked last (NMEA 0183)."""
         while now >= self._stay.until:
             self._stay, self._next = self._entered(self._next, self._stay.until)
         return self._stay
@@ -98,29 +95,20 @@ class StateChain:
 
 
 class ForcedStates:
-    """States of NMEA 0183 by a law of their own, but while one is forced upon the receiver.
-
-    The law goes on meanwhile, unseen.
-    """
+    """States by a law, which continues in the background while a state is forced."""
 
     def __init__(self, law: FixStates) -> None:
-        """Without force `law` decides."""
         self._law = law
         self._forced: Sojourn | None = None
 
     def force(self, state: ReceiverState | None, since: int, until: int = EVER) -> None:
-        """Let the state be this one from `since` until before `until` (ns); None ends it.
-
-        Of NMEA 0183.
-        """
+        """Force a state from `since` until before `until` (ns); None ends it."""
         self._forced = None if state is None else Sojourn(state, since, until)
 
     def is_forced(self, now: int) -> bool:
-        """Whether the state at `now` (ns) is not that of the law (NMEA 0183)."""
         return self._forced is not None and self._forced.since <= now < self._forced.until
 
     def at(self, now: int) -> Sojourn:
-        """Stay at `now` (ns), forced or by the law (NMEA 0183)."""
         own = self._law.at(now)
         return self._forced if self._forced is not None and self.is_forced(now) else own
 

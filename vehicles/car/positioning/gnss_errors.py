@@ -21,10 +21,7 @@ from vehicles.schedule import SECOND
 
 
 class PositionError(NamedTuple):
-    """Error of a position (m) but for white noise, that noise's deviation (m), and what is said.
-
-    That is the state and the accuracy (m); the drift is a Gauss–Markov process.
-    """
+    """Error of a position (m) without white noise, deviation of that noise, stated accuracy (m)."""
 
     east: float
     north: float
@@ -35,7 +32,7 @@ class PositionError(NamedTuple):
 
 @dataclass(slots=True)
 class _Entered:
-    """Since when the drift began anew, where the stationary one was then, and where it began."""
+    """Restart of the drift: instant, value of the stationary process then, initial value."""
 
     at: int
     first: tuple[float, float]
@@ -46,7 +43,6 @@ class ReceiverErrors:
     """The errors of one receiver in one run, in order of time."""
 
     def __init__(self, settings: GnssSettings, start: ReceiverStart) -> None:
-        """Draw what is random about the run."""
         self.settings = settings
         law = settings.fix_states
         self.states: FixStates = (
@@ -67,10 +63,7 @@ class ReceiverErrors:
         self._begun = False
 
     def at(self, body: Body, now: int) -> PositionError | None:
-        """Error of a fix at `now` (ns) of the car there, None without a fix.
-
-        The sum of the state's Gauss–Markov drift and the added errors.
-        """
+        """Error of a fix at `now` (ns): the state's drift and added errors; None without a fix."""
         stay = self.states.at(now)
         outages = self.settings.outages
         if stay.state == "none" or any(one.covers(body, now, self._start) for one in outages):
@@ -85,7 +78,7 @@ class ReceiverErrors:
         return PositionError(east, north, errors.position_noise, state, accuracy)
 
     def rounded(self, coordinate: float) -> float:
-        """Coordinate (m) to the nearest multiple of the quantum (IEEE 754)."""
+        """Coordinate (m) to the nearest multiple of the quantum."""
         quantum = self.settings.quantisation
         return quantum * round(coordinate / quantum) if quantum else coordinate
 
@@ -98,7 +91,7 @@ class ReceiverErrors:
         east, north = path.at(now) if path else (0.0, 0.0)
         value = deviation * east, deviation * north
         if stay != self._stay:
-            # At the start nothing is entered: the receiver has been on for long.
+            # Not at the start: the receiver has been on for long.
             self._entered = None
             if self._begun and errors.entry_jump is not None:
                 first, second = self._jumps.random(2).tolist()

@@ -1,9 +1,8 @@
-"""When a vehicle sends which of its fixes, apart from when it measures.
+"""Rules of sending fixes, independent of the rate of measuring.
 
-At an instant of sending the newest fix goes out, and none goes out twice: without a newer one than
-was sent last nothing is sent, and the instant is lost.
+At an instant of sending the newest fix is sent, none twice: without a new fix nothing is sent.
 
-rule        what every rule has to be
+rule        interface of all rules
 congestion  reactive congestion control, under any rule
 every_fix   each fix
 fixed_rate  at a rate

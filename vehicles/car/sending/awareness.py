@@ -12,12 +12,11 @@ from vehicles.schedule import MILLISECOND, SECOND, Cadence
 from vehicles.setting import Setting
 
 HEADING, POSITION, SPEED = 4.0, 4.0, 0.5
-"""A change of more than so many degrees, metres, or m/s since the last message asks for another
-(EN 302 637-2)."""
+"""Changes (degrees, m, m/s) since the last message beyond which another is due (EN 302 637-2)."""
 SHORTEST, LONGEST = 100 * MILLISECOND, 1000 * MILLISECOND
 """Least and greatest interval (ns) of cooperative awareness messages (EN 302 637-2)."""
 REPEATS = 3
-"""So many messages keep the interval after which the last change asked for one (EN 302 637-2)."""
+"""Number of messages that keep the interval of the last change (EN 302 637-2)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,8 +49,8 @@ class CooperativeAwareness:
     """The rule of EN 302 637-2, Section 6.1.3, on the newest fix at each instant of checking.
 
     A message is due if heading, position or speed have changed enough since the last one, and at
-    the latest after the interval that the last such change took; after three in a row that came by
-    time alone, each second.
+    the latest after the interval of the last such change; after three in a row by time alone, each
+    second.
     """
 
     def __init__(self, checks: Cadence) -> None:
@@ -64,7 +63,6 @@ class CooperativeAwareness:
         self._changed = False
 
     def due(self, now: int, waiting: Fix | None, opens: int) -> bool:
-        """Whether the rule asks for a message (EN 302 637-2, Section 6.1.3)."""
         if waiting is None or now < opens or not self._checks.due(now):
             return False
         elapsed = now - self._sent_at + ROUNDING
@@ -72,7 +70,6 @@ class CooperativeAwareness:
         return elapsed >= (SHORTEST if self._changed else self._interval)
 
     def sent(self, now: int, fix: Fix) -> None:
-        """Set the interval after which the next message is due (EN 302 637-2, Section 6.1.3)."""
         if self._changed:
             self._interval, self._by_time = min(now - self._sent_at, LONGEST), 0
         elif self._last is not None:
@@ -91,7 +88,7 @@ def _has_changed(last: Fix, now: Fix) -> bool:
 
 
 def awareness_interval(speed: float, check: float) -> float:
-    """Interval (s) at which EN 302 637-2 asks for messages at a constant speed (m/s), straight on.
+    """Interval (s) of messages by EN 302 637-2 at a constant speed (m/s), straight on.
 
     The first check, every `check` s, after more than 4 m; from 0.1 to 1 s.
     """

@@ -48,10 +48,10 @@ class CongestionControl:
 
 
 class ReactiveControl:
-    """Reactive congestion control of TS 102 687 V1.2.1, Annex A.1: how long to keep quiet.
+    """Reactive congestion control of TS 102 687 V1.2.1, Annex A.1: least time between messages.
 
-    The busier the channel, the higher the state; at each evaluation it goes one state at most
-    towards that of the busy ratio. It begins in the lowest.
+    The state grows with the busy ratio of the channel; each evaluation changes it by one state at
+    most. It begins in the lowest.
     """
 
     def __init__(self, busy: Sequence[tuple[float, float]], start_at: int, period: int) -> None:
@@ -66,10 +66,7 @@ class ReactiveControl:
         self._state = 0
 
     def quiet(self, now: int) -> int:
-        """Least time (ns) between two messages at `now` (ns), which does not go back (TS 102 687).
-
-        T_off of Table A.1.
-        """
+        """Least time (ns) between two messages at `now` (ns): T_off of Table A.1, TS 102 687."""
         while self._next <= now:
             ratio = self._ratios[bisect_right(self._since, self._next)]
             wanted = bisect_right(BUSY, ratio) - 1

@@ -16,18 +16,18 @@ from vehicles.setting import Problem, Setting, must_exceed
 
 
 class SendingCourse(Protocol):
-    """The instants at which a vehicle wants to send, over one run."""
+    """The instants of sending over one run."""
 
     def due(self, now: int, waiting: Fix | None, opens: int) -> bool:
         """Whether `now` (ns) is an instant of sending.
 
-        `waiting` is the newest fix that was not sent, `opens` (ns) from when on congestion control
-        allows a message.
+        `waiting` is the newest fix that was not sent; from `opens` (ns) congestion control allows a
+        message.
         """
         ...
 
     def sent(self, now: int, fix: Fix) -> None:
-        """Note what was sent at `now` (ns)."""
+        """Note a fix sent at `now` (ns)."""
         ...
 
 

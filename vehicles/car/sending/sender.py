@@ -10,13 +10,13 @@ from vehicles.car.sending.rule import SendingCourse
 LONG_AGO: Final = -(2**62)
 """An instant (ns) before every run."""
 ROUNDING: Final = 1000
-"""Instants are rounded to 1 ns: a span may be shorter than asked for by so much (ns)."""
+"""Tolerance (ns) of spans between instants, which are rounded to 1 ns."""
 
 
 class Sender:
     """Sends the newest fix at the instants of a rule (EN 302 637-2 or simpler), none twice.
 
-    `control` keeps messages apart (TS 102 687), if there is such.
+    `control` limits the rate (TS 102 687).
     """
 
     def __init__(
@@ -28,10 +28,7 @@ class Sender:
         self._sent_at = LONG_AGO
 
     def send(self, now: int, fix: Fix | None) -> Fix | None:
-        """Take the fix known since `now` (ns), if there is one; returns what is sent at `now`.
-
-        Instants must not go back (EN 302 637-2, TS 102 687).
-        """
+        """Take a new fix at `now` (ns), if any; returns the fix that is sent then, if any."""
         if fix is not None:
             self._waiting = fix
         opens = LONG_AGO

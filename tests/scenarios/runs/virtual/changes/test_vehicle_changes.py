@@ -268,7 +268,7 @@ def test_a_clock_that_is_off_by_ten_seconds_is_heard_all_the_same(offset_ms: flo
     run = driven(rest=f"[vehicle.v1.clock]\noffset_ms = {offset_ms}")
     for name in ("v2", "v3"):
         assert not run.nodes[name].inbox.rejected
-        assert run.nodes[name].inbox.heard > 100
+        assert run.nodes[name].inbox.delivered > 100
 
 
 @examples(5, 12)

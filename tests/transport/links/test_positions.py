@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from transport.links.laws.effect import NOWHERE, Position
-from transport.links.places import PLACES, PlacesPassed
+from transport.links.positions import PLACES, PositionHistory
 
 
 @given(
@@ -16,7 +16,7 @@ from transport.links.places import PLACES, PlacesPassed
 def test_a_place_is_that_of_the_last_tick_until_an_instant(
     ticks: list[tuple[int, float]], asked: int
 ) -> None:
-    passed, known, now = PlacesPassed(), list[tuple[int, Position]](), 0
+    passed, known, now = PositionHistory(), list[tuple[int, Position]](), 0
     for span, where in ticks:
         now += span
         known.append((now, Position(where, -where, 2.0 * where)))
@@ -26,7 +26,7 @@ def test_a_place_is_that_of_the_last_tick_until_an_instant(
 
 
 def test_the_places_of_a_minute_are_remembered_and_few_more() -> None:
-    passed = PlacesPassed()
+    passed = PositionHistory()
     for now in range(5 * PLACES):
         passed.add(now, Position(float(now), 0.0, 0.0))
         first = passed.at(-1).east
@@ -35,13 +35,13 @@ def test_the_places_of_a_minute_are_remembered_and_few_more() -> None:
 
 
 def test_a_place_that_nobody_tells_stays_untold() -> None:
-    passed = PlacesPassed()
+    passed = PositionHistory()
     passed.add(7, NOWHERE)
     assert all(value != value for value in passed.at(9))  # noqa: PLR0124 - not a number
 
 
 def test_memory_does_not_grow_with_the_run() -> None:
-    passed = PlacesPassed()
+    passed = PositionHistory()
     for k in range(2 * PLACES):
         passed.add(k, NOWHERE)
     tracemalloc.start()

@@ -1,4 +1,4 @@
-"""Where a receiver was at its last ticks, in little memory."""
+"""Recent positions of a receiver, in little memory."""
 
 from array import array
 from bisect import bisect_right
@@ -7,20 +7,20 @@ from typing import Final
 from transport.links.laws.effect import Position
 
 PLACES: Final = 4096
-"""Ticks of which the receiver remembers where it was, for messages that came late: a minute."""
+"""Number of ticks that are kept, for messages that come late: a minute."""
 FORGOTTEN: Final = PLACES // 8
-"""Number of them that are forgotten at once."""
+"""Number of ticks that are deleted at once."""
 
 
-class PlacesPassed:
-    """Where a receiver truly was at its last ticks: at least `PLACES` of them, if there were."""
+class PositionHistory:
+    """True positions of a receiver at its last ticks, at least `PLACES` of them."""
 
     def __init__(self) -> None:
         self._instants = array("q")
         self._places = array("d")
 
     def add(self, now: int, here: Position) -> None:
-        """Be `here` at the tick at `now` (ns), which lies after those before."""
+        """Add the position `here` at the tick at `now` (ns); ticks come in order."""
         self._instants.append(now)
         self._places.extend(here)
         if len(self._instants) >= PLACES + FORGOTTEN:
@@ -28,6 +28,6 @@ class PlacesPassed:
             del self._places[: 3 * FORGOTTEN]
 
     def at(self, instant: int) -> Position:
-        """Where it was at its last tick until `instant` (ns), or at the first it remembers."""
+        """Position at the last tick until `instant` (ns), or at the first that is kept."""
         place = 3 * max(bisect_right(self._instants, instant) - 1, 0)
         return Position(*self._places[place : place + 3])
