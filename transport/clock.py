@@ -1,6 +1,6 @@
-"""Clocks and the ticks of a run: what time it is, when a step begins and how late it is.
+"""Clocks and the ticks of a run.
 
-Instants are integer nanoseconds of Unix time, spans float seconds. A node is given scheduled
+Instants are integer nanoseconds of Unix time, spans float seconds. A node receives scheduled
 instants, never a reading of the clock.
 """
 
@@ -26,10 +26,10 @@ class Tick:
 
 
 class Clock(Protocol):
-    """What a node waits on; the same node runs on wall and on virtual time."""
+    """Wall or virtual time (ns)."""
 
     def now(self) -> int:
-        """Return the present instant in ns."""
+        """Present instant."""
 
     def wait_until(self, at: int) -> int:
         """Wait for instant `at` and return by how many ns it has passed.
@@ -39,23 +39,22 @@ class Clock(Protocol):
 
 
 class WallClock:
-    """Unix time, read once and carried on by the monotonic clock.
+    """Unix time, read once and continued by the monotonic clock.
 
-    Setting the system's clock while a run is on moves nothing.
+    So changes of the system's clock have no effect on a run.
     """
 
     def __init__(
         self, is_stopped: Callable[[], bool] = lambda: False, offset: int | None = None
     ) -> None:
-        """`is_stopped` ends a wait; `offset` (ns) leads from the monotonic clock to Unix time.
+        """`is_stopped` ends a wait; `offset` (ns) is Unix time less the monotonic clock's.
 
-        By default it is that of now; a process that continues another one keeps its clock.
+        A process that continues another one takes its offset.
         """
         self._is_stopped = is_stopped
         self.offset = time.time_ns() - time.monotonic_ns() if offset is None else offset
 
     def now(self) -> int:
-        """Return the present instant in ns."""
         return time.monotonic_ns() + self.offset
 
     def wait_until(self, at: int) -> int:
@@ -67,32 +66,30 @@ class WallClock:
 
 
 class VirtualClock:
-    """Jumps to whatever instant is waited for, so nothing is ever late."""
+    """Jumps to the instant of each wait, so no tick is late."""
 
     def __init__(self, start_at: int) -> None:
         self._now = start_at
 
     def now(self) -> int:
-        """Return the present instant in ns."""
         return self._now
 
     def wait_until(self, at: int) -> int:
-        """Jump to `at` if it lies ahead; return 0, or by how many ns it has passed already."""
+        """Jump to `at` if it lies ahead; return the lateness in ns."""
         if at > self._now:
             self._now = at
         return self._now - at
 
 
 def ticks(
-    start_at: int, end_at: int, *rates_hz: float, besides: Iterable[Iterable[int]] = ()
+    start_at: int, end_at: int, *rates_hz: float, more: Iterable[Iterable[int]] = ()
 ) -> Iterator[Tick]:
     """Yield the union of the instants of all rates; the last span reaches to `end_at`.
 
-    `besides` are instants (ns) that have no such rate, each in order, from `start_at` to before
-    `end_at`.
+    `more` are other instants (ns), each series in order, from `start_at` to before `end_at`.
     """
     each = [instants(start_at, end_at, rate_hz) for rate_hz in rates_hz]
-    each += [iter(one) for one in besides]
+    each += [iter(one) for one in more]
     following = [next(one, end_at) for one in each]
     at = min(following, default=end_at)
     while at < end_at:
@@ -105,7 +102,7 @@ def ticks(
 
 
 def late_after(control_rate_hz: float) -> int:
-    """Return the lateness in ns above which a tick counts as late (10 ms at 50 Hz)."""
+    """Lateness in ns above which a tick counts as late (10 ms at 50 Hz)."""
     return round(LATE_SHARE_OF_PERIOD * SECOND / control_rate_hz)
 
 
@@ -116,10 +113,10 @@ def poll(
     at_most_s: float = inf,
     sleep: Callable[[float], object] = time.sleep,
 ) -> bool:
-    """Look every so often whether something holds, for so long at most; says whether it does.
+    """Wait until a condition holds; returns False if it does not within `at_most_s`.
 
-    For what a signal handler or another thread changes: a handler must take no lock, and so can
-    set no event.
+    For conditions that signal handlers change: a handler must take no lock, so it cannot set an
+    event.
     """
     give_up_at = time.monotonic() + at_most_s
     while not holds():

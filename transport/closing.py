@@ -1,4 +1,4 @@
-"""What closes itself at the end of a `with`."""
+"""Base class of context managers with `close`."""
 
 from abc import ABC, abstractmethod
 from types import TracebackType

@@ -14,11 +14,11 @@ from transport.topics import TOPICS, Topic
 from vehicles.messages import FloatOrNan, Message
 
 MAX_BYTES = 16_384
-"""No message of ours is larger; larger ones are refused unread."""
+"""Largest size of a message; larger ones are refused unread."""
 
 
 class RefusedMessageError(ValueError):
-    """Bytes that are not a valid message of the topic they came on; `reason` is its word."""
+    """Bytes that are not a valid message of their topic; `reason` is a word of the table."""
 
     def __init__(self, reason: RefusalReason, detail: str) -> None:
         super().__init__(f"{reason}: {detail}")
@@ -98,9 +98,9 @@ def decode(topic: Topic, data: bytes, *, exact: bool = False) -> Message:
 
 
 def as_read(data: bytes, message: Message) -> bytes:
-    """Return the bytes of `message` as it was read from `data`, with what was escaped.
+    """Bytes of `message`, which was read from `data`, with control characters escaped.
 
-    Its vehicle is known by then, so nothing was in that name.
+    Its vehicle is a known one, so its name had none.
     """
     for name in _FORMS[type(message)].free_texts:
         if "\\" in getattr(message, name):
@@ -109,7 +109,6 @@ def as_read(data: bytes, message: Message) -> bytes:
 
 
 def _parsed(form: _Form, data: bytes, *, exact: bool) -> Any:
-    """Return the Protobuf message in `data`."""
     if len(data) > MAX_BYTES:
         raise RefusedMessageError("oversized", f"{len(data)} bytes, at most {MAX_BYTES}")
     try:
@@ -122,7 +121,7 @@ def _parsed(form: _Form, data: bytes, *, exact: bool) -> Any:
 
 
 def _values(form: _Form, parsed: Any, *, exact: bool) -> dict[str, Any]:
-    """Return the values by field: all of them are present, or have a default in a log."""
+    """Values by field; missing ones get their default in a log, else the message is refused."""
     values = {name: getattr(parsed, name) for name in form.fields}
     # Cut between two fields, or written by another program, bytes can still be valid Protobuf.
     for name in form.single:

@@ -1,4 +1,4 @@
-"""Which numbers of a sender's messages came: one memory for links, recorder and figures."""
+"""Received numbers of a sender's messages, for links, recorder and figures."""
 
 import sys
 from bisect import bisect_left

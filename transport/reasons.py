@@ -1,7 +1,7 @@
-"""Why a pose was not used, as a table: links, recorder, figures, picture and reference read it.
+"""Reasons for unused poses as a table: links, recorder, figures, picture and reference read it.
 
-A link drops a message by its verdict, which is logged. Whatever cannot be a pose of this run is
-refused at its receiver and counted; so is what came faster than it was taken.
+A link drops a message by its verdict, which is logged. Messages that cannot be poses of the run, or
+overflow the receiver's queue, are refused there and counted.
 """
 
 from collections.abc import Mapping
@@ -44,7 +44,7 @@ RefusalReason = Literal[
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """One row: what a word means, and whether such a message counts as lost or as late."""
+    """One row: a word, its meaning, and whether such a message counts as lost or as late."""
 
     word: DropReason | RefusalReason
     counts_as_loss: bool
@@ -91,15 +91,12 @@ REASONS: Mapping[str, Reason] = {row.word: row for row in _ROWS}
 
 
 def counts_as_loss(word: str) -> bool:
-    """Say whether a message dropped for this reason is lost.
-
-    A word that is not in the table, from the log of a later version, counts as lost.
-    """
+    """Whether a message dropped for this reason is lost; so are unknown ones of later logs."""
     reason = REASONS.get(word)
     return reason is None or reason.counts_as_loss
 
 
 def counts_as_late(word: str) -> bool:
-    """Say whether a message refused for this reason came too late."""
+    """Whether a message refused for this reason came too late."""
     reason = REASONS.get(word)
     return reason is not None and reason.counts_as_late

@@ -1,7 +1,7 @@
-"""What only the log and the picture need goes together: messages of several ticks as one.
+"""Batches of messages for log and picture alone, from several ticks.
 
-On the wire each message has its cost, however short it is: two hundred a second and vehicle are too
-many for forty vehicles. Inside are the bytes of each as they would have come alone.
+Each message on the wire has a constant cost: two hundred a second and vehicle are too many for
+forty vehicles. A batch holds the unchanged bytes of each message.
 """
 
 from collections.abc import Iterable, Iterator
@@ -14,9 +14,9 @@ from transport.convoy_pb2 import Records
 from transport.topics import TOPICS
 
 MAX_RECORDS_BYTES = 65_535
-"""No batch is larger; larger ones are refused unread."""
+"""Largest size of a batch; larger ones are refused unread."""
 _HEAD_BYTES = 48
-"""More than a record has besides its message's bytes."""
+"""Upper bound on the bytes of a record without its message."""
 
 _BATCHED = frozenset([topic.name for topic in TOPICS.values() if topic.batched])
 
@@ -35,7 +35,7 @@ def records_key(vehicle: str) -> str:
 
 
 def packed(records: Iterable[BatchRecord]) -> Iterator[bytes]:
-    """Yield batches with all records, in their order; no batch is larger than is allowed."""
+    """Yield batches of at most `MAX_RECORDS_BYTES` with all records, in order."""
     batch, size = Records(), 0
     for topic, at, data in records:
         if size + len(data) + _HEAD_BYTES > MAX_RECORDS_BYTES:
@@ -48,10 +48,9 @@ def packed(records: Iterable[BatchRecord]) -> Iterator[bytes]:
 
 
 def unpacked(data: bytes) -> list[BatchRecord]:
-    """Return the records of a batch, whose messages are not looked into.
+    """Records of a batch, with undecoded messages; raises RefusedMessageError for other bytes.
 
-    Raises RefusedMessageError for bytes that are no batch. A record that is none has a topic that
-    does not exist, so that it is refused alone.
+    An invalid record gets an empty topic, so that it is refused alone.
     """
     if len(data) > MAX_RECORDS_BYTES:
         raise RefusedMessageError("oversized", f"{len(data)} bytes, at most {MAX_RECORDS_BYTES}")
@@ -59,11 +58,11 @@ def unpacked(data: bytes) -> list[BatchRecord]:
         batch = Records.FromString(data)
     except DecodeError as error:
         raise RefusedMessageError("garbage", "not a batch of records") from error
-    found: list[BatchRecord] = []
+    records: list[BatchRecord] = []
     for record in batch.record:
         topic: str = record.topic
         content: bytes = record.data
         if topic not in _BATCHED or len(content) > MAX_BYTES:
             topic = ""
-        found.append(BatchRecord(topic, record.at_ns, content))
-    return found
+        records.append(BatchRecord(topic, record.at_ns, content))
+    return records

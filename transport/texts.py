@@ -1,13 +1,13 @@
-"""Texts from elsewhere, made fit for a terminal and a line of the log."""
+"""Escaping of foreign texts for terminals and lines of the log."""
 
 from unicodedata import category
 
 _CONTROL = {"Cc", "Cf", "Zl", "Zp"}
-"""Unicode categories of characters that are not text but change how it is shown."""
+"""Unicode categories of characters that control how text is displayed."""
 
 
 def printable(text: str) -> str:
-    """Escape control characters: of terminals, of the direction of writing, and line ends."""
+    """Escape control characters of terminals and writing directions, and line ends."""
     if text.isprintable():
         return text
     return "".join(

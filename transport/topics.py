@@ -23,9 +23,9 @@ from vehicles.messages import (
 class Topic:
     """One row: what is published under `convoy/<vehicle>/<name>`.
 
-    The recorder writes them all. `instant` is the message's field that says when it was valid;
-    `urgent` whether it goes ahead of other traffic on the same link; `batched` whether it may wait a
-    moment for others, since nobody but the log and the picture needs it.
+    The recorder writes them all. `instant` is the field with the instant at which the message was
+    valid. An `urgent` message precedes other traffic on the same link; `batched` messages, which
+    only log and picture need, are sent together.
     """
 
     name: str
@@ -64,21 +64,21 @@ def key(vehicle: str, topic: Topic) -> str:
 
 
 def clock_key(vehicle: str) -> str:
-    """Where the clock of a vehicle can be asked for."""
+    """Key of queries for the clock of a vehicle."""
     return f"convoy/@clock/{vehicle}"
 
 
 def control_key(vehicle: str) -> str:
-    """Where a vehicle can be asked to change something while it drives, or the run how it goes."""
+    """Key of requests to change a running vehicle, or for the status of the run."""
     return f"convoy/@control/{vehicle}"
 
 
 def alive_key(role: str, name: str, fingerprint: str, session: str) -> str:
-    """Liveliness token of a member of the run; no subscription to messages matches it."""
+    """Liveliness token of a member of the run; subscriptions to messages do not match it."""
     return f"convoy/@alive/{role}/{name}/{fingerprint}/{session}"
 
 
 def valid_at(message: Message) -> int:
-    """Return the instant at which `message` was valid, in nanoseconds."""
+    """Instant (ns) at which `message` was valid."""
     at: int = getattr(message, TOPIC_OF[type(message)].instant)
     return at

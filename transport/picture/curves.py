@@ -1,4 +1,4 @@
-"""Curves and states over time, as the table of panels lists them."""
+"""Curves and states over time, by the table of panels."""
 
 import math
 from collections.abc import Callable

@@ -1,27 +1,26 @@
-"""How much is drawn of a long convoy: all of a few vehicles, and of the others where they are.
+"""Level of detail of a long convoy: all of a few vehicles, and the places of the others.
 
-More curves nobody tells apart, and to draw all of them takes longer than the convoy drives.
+More curves cannot be distinguished, and drawing all of them takes longer than the convoy drives.
 """
 
 from collections.abc import Sequence
 
 MOST_WHOLE = 10
-"""A convoy of more vehicles is a long one."""
+"""Largest convoy of which all vehicles are drawn in detail."""
 DETAILED = 8
-"""So many vehicles of it are drawn with all that is known of them."""
+"""Number of vehicles of a longer one that are drawn in detail."""
 SHOWN_ABOUT = 5
-"""Vehicles before and behind the followed one that the view that moves along shows of more."""
+"""Vehicles of a longer one that the moving view shows before and behind the followed one."""
 
 
 class Detail:
-    """What is drawn of which vehicles.
+    """Vehicles that are drawn in detail, of those of a convoy, lead first.
 
-    `names` are those drawn with everything, lead first, evenly spread over the convoy with its
-    first and last; `followed` is the one of them that the view moves along with.
+    `names` are evenly spread over the convoy, with its first and last; `followed` is the one of
+    them that the moving view follows.
     """
 
     def __init__(self, vehicles: Sequence[str]) -> None:
-        """Take the names, lead first."""
         last = len(vehicles) - 1
         self.is_all = len(vehicles) <= MOST_WHOLE
         places = [round(k * last / (DETAILED - 1)) for k in range(DETAILED)]
@@ -32,18 +31,17 @@ class Detail:
         self._stretch = 1.0 if self.is_all else len(vehicles) / DETAILED
 
     def __contains__(self, vehicle: str) -> bool:
-        """Whether a vehicle is drawn with everything."""
         return self.is_all or vehicle in self._named
 
     @property
     def shown(self) -> int:
-        """Vehicles that the view shows which moves along."""
+        """Number of vehicles in the moving view."""
         return len(self._vehicles) if self.is_all else 2 * SHOWN_ABOUT + 1
 
     def shows(self, place: int, followed: int) -> bool:
-        """Whether that view shows the vehicle at a place beside the one that it follows."""
+        """Whether the moving view shows the vehicle at a place, with the place it follows."""
         return self.is_all or abs(place - followed) <= SHOWN_ABOUT
 
     def period(self, period_ns: int) -> int:
-        """Time (ns) between two drawings of where a vehicle is or steers; `period_ns` if few."""
+        """Time (ns) between two drawings of a vehicle; longer in a long convoy."""
         return round(period_ns * self._stretch)

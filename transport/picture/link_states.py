@@ -1,7 +1,7 @@
-"""How a directed link was over each half second, from the verdicts' own instants.
+"""State of a directed link over each half second, by the verdicts' own instants.
 
-A window is over when the receiver itself has passed its end, as its messages tell. So neither the
-recorder's clock nor a slow reader of the log can make a link look silent that lost nothing.
+A window is over when the receiver's own messages have passed its end. So neither the recorder's
+clock nor a slow reader of the log makes a link look silent.
 """
 
 from collections.abc import Iterator
@@ -15,12 +15,12 @@ from vehicles.schedule import MILLISECOND, SECOND
 
 WINDOW_NS = SECOND // 2
 MARGIN_NS = 100 * MILLISECOND
-"""A window is judged when its receiver is so far past its end: verdicts and poses of one vehicle
-come under different topics."""
+"""Time past its end after which a window is judged: verdicts and poses of one vehicle come under
+different topics."""
 
 
 def message_state(verdict: LinkVerdict) -> str:
-    """Name what happened to one message: "ok", "lost", "late", or "" if it was not carried."""
+    """State of one message: "ok", "lost", "late", or "" if it was not carried."""
     if verdict.outcome == "dropped":
         return "lost" if counts_as_loss(verdict.reason) else ""
     return LATE if verdict.late else OK
@@ -49,7 +49,7 @@ class _Counts:
 
 @dataclass(slots=True)
 class _Link:
-    """The window of a link that is judged next, and what was counted so far."""
+    """The next window of a link, and counts by window."""
 
     start: int
     counts: dict[int, _Counts] = field(default_factory=dict)
@@ -62,7 +62,7 @@ class LinkStates:
     receivers: dict[str, dict[str, _Link]] = field(default_factory=dict)
 
     def count(self, link: str, verdict: LinkVerdict) -> None:
-        """Count a verdict on a message of `link` in the window of the tick that judged it."""
+        """Count a verdict in the window of the tick that judged the message."""
         state = message_state(verdict)
         if not state:
             return
@@ -73,7 +73,7 @@ class LinkStates:
         setattr(counts, state, getattr(counts, state) + 1)
 
     def passed(self, receiver: str, now: int) -> Iterator[LinkWindow]:
-        """Give the windows that are over now that `receiver` is at its instant `now` (ns)."""
+        """Yield the windows that are over when `receiver` is at its instant `now` (ns)."""
         for link, one in self.receivers.get(receiver, {}).items():
             while one.start + WINDOW_NS + MARGIN_NS <= now:
                 counts = one.counts.pop(one.start, _Counts())

@@ -90,7 +90,7 @@ class VehicleBuilder:
         """Schedule of the vehicle from `start_at` (ns) to the end of the run."""
         end_at = start_at + self.duration_ns
         besides = instants_besides(self._scenario, self._setup, start_at, end_at)
-        return ticks(start_at, end_at, *self.rates_hz, besides=besides)
+        return ticks(start_at, end_at, *self.rates_hz, more=besides)
 
     @property
     def turn_ns(self) -> int:
