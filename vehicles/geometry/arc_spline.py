@@ -16,7 +16,7 @@ EARLY: Final = 0.046910077030668018
 EARLIER: Final = 0.23076534494715845
 LATER: Final = 0.76923465505284155
 LATE: Final = 0.95308992296933198
-"""Nodes, besides the middle, of Gauss-Legendre quadrature over (0, 1), exact up to x⁹."""
+"""Nodes, without the middle, of Gauss-Legendre quadrature over (0, 1), exact up to x⁹."""
 OUTER: Final = 0.11846344252809454
 INNER: Final = 0.23931433524968324
 MIDDLE: Final = 0.28444444444444444
@@ -211,7 +211,7 @@ class ArcSpline:
     def curvature_at(self, station: float) -> float:
         """Signed curvature (1/m) at `station` (m), beyond the ends that of the end pieces.
 
-        Piecewise constant, as the footnote of Section III-A says of arc splines, or linear.
+        Piecewise constant, as in the footnote of Section III-A on arc splines, or linear.
         """
         for piece in self.pieces[:-1]:
             if station <= piece.length:

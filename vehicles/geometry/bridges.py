@@ -34,7 +34,7 @@ CERTAIN = 3.0
 MOST_TURNED = math.radians(100.0)
 """A side that points further than this (rad) away from the other one is not joined to it."""
 
-_FILLED = 8  # a hole is filled by at least so many steps
+_FILLED = 8  # least number of steps that fill a hole
 _NORMAL = 0.6745 * math.sqrt(20.0)
 """Median size of the third difference of white noise, in its standard deviations: the difference
 has 20 times the variance, and half of all normal numbers are within 0.6745."""

@@ -142,7 +142,7 @@ class LocalPlane:
         latitude, longitude = math.radians(latitude_deg), math.radians(longitude_deg)
         cos, sin = math.cos(latitude), math.sin(latitude)
         # The size of a complex number is the C library's hypot, as NumPy's is; `math.hypot` rounds
-        # in its own way.
+        # differently.
         normal = _MAJOR_SQUARE / abs(complex(_MAJOR * cos, _MINOR * sin))
         x0, y0, z0 = self._centre
         x = (normal + altitude_m) * cos * math.cos(longitude) - x0

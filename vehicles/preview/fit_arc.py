@@ -35,7 +35,6 @@ ONE: Final = 3
 """Places of x² + y², x, y and 1 in `FitData`."""
 PAIRS = np.triu_indices(4)
 """Rows of `FitData` with different products: each one with itself and those after it."""
-Factors = tuple[float, float, float, float]
 DETERMINED: Final = 1e-9
 """Relative spread below which the samples do not determine an unknown."""
 

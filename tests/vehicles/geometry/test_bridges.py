@@ -28,8 +28,8 @@ def test_the_noise_of_points_is_found_on_arcs_whatever_their_spacing(
 
 
 def test_uneven_steps_and_jumps_are_no_noise() -> None:
-    way = np.cumsum(np.random.default_rng(3).uniform(0.2, 3.0, 400))
-    points = np.stack((way * math.cos(0.7), way * math.sin(0.7)))
+    along = np.cumsum(np.random.default_rng(3).uniform(0.2, 3.0, 400))
+    points = np.stack((along * math.cos(0.7), along * math.sin(0.7)))
     assert scatter(points) < 1e-9
     points[:, 50:400:40] += 5.0
     assert scatter(noisy(points)) == pytest.approx(0.02, rel=0.3)

@@ -27,14 +27,14 @@ def exact(
     """East, north, yaw by turning about each segment's centre: another formula than the path's."""
     east, north, yaw = start
     for segment in segments:
-        way = min(station, segment.length)
-        station -= way
+        distance = min(station, segment.length)
+        station -= distance
         if segment.curvature == 0.0:
-            east, north = east + way * math.cos(yaw), north + way * math.sin(yaw)
+            east, north = east + distance * math.cos(yaw), north + distance * math.sin(yaw)
         else:
             radius = 1.0 / segment.curvature
             centre = (east - radius * math.sin(yaw), north + radius * math.cos(yaw))
-            yaw += way * segment.curvature
+            yaw += distance * segment.curvature
             east = centre[0] + radius * math.sin(yaw)
             north = centre[1] - radius * math.cos(yaw)
     return east, north, yaw

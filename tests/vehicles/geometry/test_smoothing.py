@@ -37,14 +37,14 @@ def distance(path: Path, x: float, y: float) -> float:
 
 @pytest.mark.parametrize("yaw", [0.0, math.pi / 2, math.pi, -math.pi / 2, 0.7])
 def test_straight_stays_straight_in_every_heading(yaw: float) -> None:
-    way = np.cumsum(np.random.default_rng(2).uniform(0.3, 2.0, 60))
-    smoothed = smooth_path(way * math.cos(yaw), way * math.sin(yaw), 8.0)
+    along = np.cumsum(np.random.default_rng(2).uniform(0.3, 2.0, 60))
+    smoothed = smooth_path(along * math.cos(yaw), along * math.sin(yaw), 8.0)
     path = smoothed.path
-    assert path.length == pytest.approx(way[-1] - way[0], abs=1e-9)
+    assert path.length == pytest.approx(along[-1] - along[0], abs=1e-9)
     assert path.yaw == pytest.approx(np.full(path.yaw.shape, yaw), abs=1e-9)
     assert path.curvature == pytest.approx(np.zeros(path.yaw.shape), abs=1e-8)
     assert smoothed.deviation_max < 1e-9
-    assert smoothed.stations == pytest.approx(way - way[0], abs=1e-9)
+    assert smoothed.stations == pytest.approx(along - along[0], abs=1e-9)
     assert np.max(np.diff(path.station)) <= SAMPLING + 1e-9
 
 
@@ -118,8 +118,8 @@ def test_curvature_heading_and_position_agree(points: Points, reach: float) -> N
 
 def test_uneven_points_give_the_same_path() -> None:
     random = np.random.default_rng(8)
-    way = np.sort(random.uniform(0.0, 80.0, 160))
-    angle = way / 15.0
+    along = np.sort(random.uniform(0.0, 80.0, 160))
+    angle = along / 15.0
     smoothed = smooth_path(15.0 * np.sin(angle), 15.0 * (1.0 - np.cos(angle)), 6.0)
     inside = interior(smoothed, 10.0)
     assert smoothed.path.curvature[inside] == pytest.approx(1.0 / 15.0, abs=0.002)

@@ -23,12 +23,12 @@ ROADS = {
 }
 
 
-def told(path: Path, trace: Trace, numbers: range, *, after_hole: bool = False) -> None:
+def receive_all(path: Path, trace: Trace, numbers: range, *, after_hole: bool = False) -> None:
     for seq in numbers:
-        tell(path, trace, seq, after_hole=after_hole and seq == numbers[0])
+        receive(path, trace, seq, after_hole=after_hole and seq == numbers[0])
 
 
-def tell(path: Path, trace: Trace, seq: int, *, after_hole: bool = False) -> None:
+def receive(path: Path, trace: Trace, seq: int, *, after_hole: bool = False) -> None:
     point = path.at(seq * PERIOD * SPEED / SECOND)
     place = point.east, point.north, point.yaw
     trace.add(received(seq * PERIOD, *place, SPEED), after_hole=after_hole)
@@ -49,8 +49,8 @@ def farthest(path: Path, trace: Trace, station: float) -> float:
 def test_a_hole_is_bridged_by_a_curve(road: str, hole: int) -> None:
     """A metre per message: on one circle the bridge is the circle, else it is not far off."""
     path, trace = ROADS[road], Trace()
-    told(path, trace, range(100))
-    told(path, trace, range(100 + hole, 250), after_hole=True)
+    receive_all(path, trace, range(100))
+    receive_all(path, trace, range(100 + hole, 250), after_hole=True)
     here = 0.0
     for station in range(100 + hole):  # drive there, as the place on a trace is followed
         point = path.at(float(station))
@@ -66,11 +66,11 @@ def test_what_comes_late_into_a_hole_is_believed_more_than_the_bridge() -> None:
         [Segment(105.0, 0.0), Segment(20.0, 1 / 40), Segment(20.0, -1 / 40), Segment(200.0, 0.0)]
     )
     trace = Trace()
-    told(path, trace, range(100))
-    told(path, trace, range(150, 250), after_hole=True)
+    receive_all(path, trace, range(100))
+    receive_all(path, trace, range(150, 250), after_hole=True)
     guessed = farthest(path, trace, 99.0)
     for seq in (140, 110, 130, 120, 125, 115, 135, 105, 145):
-        tell(path, trace, seq)
+        receive(path, trace, seq)
     assert farthest(path, trace, 99.0) < 0.3 * guessed
     point = path.at(99.0)
     assert trace.known(point.east, point.north) == pytest.approx(150.0, abs=0.5)
@@ -87,8 +87,8 @@ def test_a_hole_whose_sides_turn_their_backs_is_a_straight_line() -> None:
 
 def test_without_being_told_of_a_hole_nothing_is_put_there() -> None:
     trace = Trace()
-    told(ROADS["left"], trace, range(50))
-    told(ROADS["left"], trace, range(80, 100))
+    receive_all(ROADS["left"], trace, range(50))
+    receive_all(ROADS["left"], trace, range(80, 100))
     assert len(trace) == 70
 
 
@@ -121,8 +121,8 @@ def test_in_a_hole_the_trajectory_passes_where_the_car_is(road: str, hole: int) 
 
 def test_a_window_says_whether_it_holds_what_bridges_a_hole() -> None:
     path, trace = ROADS["straight"], Trace()
-    told(path, trace, range(100))
-    told(path, trace, range(130, 250), after_hole=True)
+    receive_all(path, trace, range(100))
+    receive_all(path, trace, range(130, 250), after_hole=True)
     for station in range(240):
         point = path.at(float(station))
         seen = trace.window(point.east, point.north, 10.0, 20.0)

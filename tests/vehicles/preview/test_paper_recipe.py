@@ -102,7 +102,7 @@ def test_alpha_weighs_the_predecessor() -> None:
 
 
 def test_with_equal_weights_both_sources_are_as_one() -> None:
-    """As Section III-A.1 says of α = 0.5."""
+    """Section III-A.1 on α = 0.5."""
     path, random = course([(1 / 60, 30.0)]), np.random.default_rng(3)
     lead = shaken(window(path, np.linspace(2.0, 30.0, 15), 0.0), random)
     other = shaken(window(path, np.linspace(1.0, 16.0, 9), 0.0), random)

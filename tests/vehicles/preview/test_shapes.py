@@ -61,7 +61,7 @@ def test_exact_joins_of_two_arcs_are_recovered(
     assume(abs(after - before) > 0.3 * max(abs(before), abs(after)))
     path = course([(before, join * length), (after, (1.0 - join) * length)], (5.0, 7.0, yaw))
     found = fit(path, np.linspace(0.0, length, 40).tolist(), 0.2 * length)
-    # A curvature that hardly explains more than the noise does is not believed: hence millimetres.
+    # A curvature that hardly explains more than the noise is not fitted: hence millimetres.
     assert max(map(abs, misses(found, path, 0.2 * length)[:2])) < 5e-3
     end = path.at(length)
     assert abs(found.spline.project(end.east, end.north).lateral) < 0.02

@@ -135,7 +135,7 @@ def test_noise_on_a_straight_road_is_not_taken_for_a_bend() -> None:
 def model_spread(pieces: list[tuple[float, float]], seen: Window, ego: float) -> list[float]:
     """Standard deviations that least squares must have, of what `misses` gives.
 
-    Independent of the fit: the course is laid anew with each unknown changed a little (sideways,
+    Independent of the fit: the course is rebuilt with each unknown changed a little (sideways,
     turn, curvature, place of the join), and the changes of the samples' distances and of the
     answer are taken numerically; covariance σ² J (AᵀA)⁻¹ Jᵀ.
     """

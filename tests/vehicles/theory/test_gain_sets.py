@@ -119,7 +119,7 @@ def test_intersection_is_what_every_case_contains() -> None:
 
 
 def test_the_box_holds_the_set() -> None:
-    """The set at 30 m/s is bounded, as the paper says, and a wider search finds no more of it."""
+    """The set at 30 m/s is bounded, as in the paper, and a wider search finds no more of it."""
     box = gain_box([CAR], [30.0])
     random = np.random.default_rng(4)
     gains = random.uniform([0.0, -20.0, -2.0], [20.0, 20.0, 2.0], (100_000, 3))

@@ -168,9 +168,9 @@ def test_steady_cornering_is_the_equilibrium(
 ) -> None:
     curvature = 1.0 / 300.0
     matrix = closed_loop_at(car, NOMINAL_GAINS, speed)
-    for believed in (None, known):
-        rest = np.linalg.solve(matrix, -curvature_input(car, speed, believed) * curvature)
-        lateral, heading = steady_cornering(car, NOMINAL_GAINS, speed, curvature, believed)
+    for assumed in (None, known):
+        rest = np.linalg.solve(matrix, -curvature_input(car, speed, assumed) * curvature)
+        lateral, heading = steady_cornering(car, NOMINAL_GAINS, speed, curvature, assumed)
         assert rest[:2] == pytest.approx([lateral, heading], rel=1e-6, abs=1e-9)
         assert rest[2:4] == pytest.approx([0.0, 0.0], abs=1e-9)
 

@@ -88,8 +88,8 @@ def test_stationary_gains_are_those_of_the_filter(
             if shift:
                 break
         pose = estimator.at(at)
-        told = (aside, turned)[column]
-        assert [pose.north / told, pose.yaw / told] == pytest.approx(
+        given = (aside, turned)[column]
+        assert [pose.north / given, pose.yaw / given] == pytest.approx(
             gains[:, column].tolist(), rel=0.01
         )
 

@@ -73,12 +73,12 @@ def steering_parameters(_: Findings) -> Answer:
 )
 def feedforward(_: Findings) -> Answer:
     radius, car = 500.0, LINCOLN_MKZ
-    asked = (car.wheelbase + car.steer_gradient * BASE_SPEED**2) / radius
+    requested = (car.wheelbase + car.steer_gradient * BASE_SPEED**2) / radius
     wheels, heading = _at_rest(car, BASE_SPEED, radius)
     heavy = loaded(car, Loading(front_passengers=1, rear_passengers=3))
     needed = _at_rest(heavy, BASE_SPEED, radius)[0]
     aside = -NOMINAL_GAINS.heading * heading / NOMINAL_GAINS.lateral
-    off = asked / wheels - 1.0
+    off = requested / wheels - 1.0
     return Answer(
         ours=f"eq. (3) at rest gives the same angle, {1000 * wheels:.3f} mrad on {radius:.0f} m at "
         f"{BASE_SPEED:.0f} m/s, to {abs(off):.0e}; the car then stands at {1000 * heading:+.2f} "
