@@ -170,7 +170,10 @@ def span_option(*, required: bool = False, help_text: str) -> Callable[[Command]
 def parent_watch_option(command: Command) -> Command:
     """`--leash`, for processes that must not outlive their parent."""
     return click.option(
-        "--leash", is_flag=True, help="Stop when standard input ends (set by `convoy run`)."
+        "--leash",
+        "launched",
+        is_flag=True,
+        help="Stop when standard input ends (set by `convoy run`).",
     )(command)
 
 

@@ -137,11 +137,13 @@ COLUMNS: "Sequence[Column[Attribution]]" = (
 
 
 def _ending(found: "Blame") -> str:
+    from scenarios.studies.many.blame.losses import bursts_of
+
     if found.smallest is None:
         return f"{found.unshrunk} ({found.runs} runs, {found.seconds:.0f} s)"
     bursts = ", ".join(
         "{} at {:.2f} to {:.2f} s".format(burst.line, *burst.span_s)
-        for burst in found.smallest.bursts
+        for burst in bursts_of(found.smallest.items)
     )
     without = (
         "without any one of them it holds"
@@ -149,6 +151,6 @@ def _ending(found: "Blame") -> str:
         else "not shrunk to the end, for --runs is used up"
     )
     return (
-        f"smallest set that breaks {found.question.limit}: {len(found.smallest.messages)} messages "
+        f"smallest set that breaks {found.question.limit}: {len(found.smallest.items)} messages "
         f"({bursts}); {without} ({found.runs} runs, {found.seconds:.0f} s)"
     )

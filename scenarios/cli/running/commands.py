@@ -97,9 +97,9 @@ Examples:
 @zenoh_options
 @click.option("--until-empty", is_flag=True, help="End once all who came have left.")
 @parent_watch_option
-def router(*, until_empty: bool, leash: bool, **flags: Any) -> None:
+def router(*, until_empty: bool, launched: bool, **flags: Any) -> None:
     """Start the Zenoh router that the vehicles and the recorder meet at."""
-    stop = stop_on_request(with_launcher=leash)
+    stop = stop_on_request(with_launcher=launched)
     from scenarios.runs.processes.forking import name_process
     from scenarios.runs.processes.router import route
 
@@ -148,11 +148,11 @@ def vehicle(
     run_name: str | None,
     wait_s: float,
     quiet: bool,
-    leash: bool,
+    launched: bool,
     **flags: Any,
 ) -> None:
     """Be one vehicle of SCENARIO; starts when the recorder says so."""
-    stop = stop_on_request(with_launcher=leash)
+    stop = stop_on_request(with_launcher=launched)
     from scenarios.definition.scenario import load_scenario
     from scenarios.runs.processes.forking import name_process
     from scenarios.runs.processes.membership import checked_run_name
@@ -170,9 +170,9 @@ def vehicle(
                 name,
                 options,
                 stop,
-                say=(lambda _: None) if quiet or leash else complain,
+                say=(lambda _: None) if quiet or launched else complain,
                 complain=complain,
-                launched=leash,
+                launched=launched,
                 wait_s=wait_s,
             )
         )
@@ -212,11 +212,11 @@ def record(
     rerun: str,
     quiet: bool,
     gather_s: float,
-    leash: bool,
+    launched: bool,
     **flags: Any,
 ) -> None:
     """Gather the vehicles of SCENARIO, start them together, and write the log of their run."""
-    stop = stop_on_request(with_launcher=leash)
+    stop = stop_on_request(with_launcher=launched)
     from scenarios.cli.running.recording import record_run
     from scenarios.definition.scenario import load_scenario
     from scenarios.runs.processes.forking import name_process
@@ -234,7 +234,7 @@ def record(
                 rerun=rerun,
                 quiet=quiet,
                 gather_s=gather_s,
-                launched=leash,
+                launched=launched,
             )
         )
 

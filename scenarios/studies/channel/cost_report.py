@@ -102,7 +102,10 @@ def drawn(costs: Sequence[Cost], lane_margin_m: float) -> Figure:
         _bursts(axes[1, column], bursts, lane_margin_m)
     axes[0, 0].set_ylabel("latency, ms")
     axes[1, 0].set_ylabel("largest true error of the last car, m")
-    _explain(axes[1, 0], [one for one in costs if one.channel.burst_messages], lane_margin_m)
+    seeds = max(len(one.errors_m) for one in costs if one.channel.burst_messages)
+    left = f"of {seeds} drives so many left the lane:"
+    axes[1, 0].text(1.16, 14.0, left, color=RED, fontsize=8.0)
+    axes[1, 0].text(1.16, 1.1 * lane_margin_m, "edge of the lane", color=GREY, fontsize=7.5)
     axes[1, -1].legend(loc="upper left", bbox_to_anchor=(0.0, 0.9))
     bar = figure.colorbar(images[0], ax=list(axes[0]), extend="both", pad=0.01, aspect=22)
     bar.set_label("largest true error, m (median of seeds)")
@@ -155,10 +158,3 @@ def _bursts(axes: Axes, costs: Sequence[Cost], lane_margin_m: float) -> None:
     axes.minorticks_off()
     lost = f"{100.0 * BURST_LOSS_RATIO:g} % lost, {FLOOR_MS:g} ms"
     axes.set_xlabel(f"messages lost in a row, mean ({lost})")
-
-
-def _explain(axes: Axes, costs: Sequence[Cost], lane_margin_m: float) -> None:
-    """Label lines and numbers in one of the panels."""
-    seeds = max(len(one.errors_m) for one in costs)
-    axes.text(1.16, 14.0, f"of {seeds} drives so many left the lane:", color=RED, fontsize=8.0)
-    axes.text(1.16, 1.1 * lane_margin_m, "edge of the lane", color=GREY, fontsize=7.5)

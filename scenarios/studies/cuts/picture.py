@@ -30,7 +30,9 @@ def drawn_figure(rows: Mapping[Reaction, Sequence[CutFigures]]) -> Figure:
     errors, speeds, blind = figure.subplots(1, 3)
     for reaction, of in rows.items():
         _errors(errors, reaction, of)
-        _over_speed(speeds, reaction, of)
+        at_speed = [row.cut.speed_mps for row in of]
+        error = [max(row.error, LEAST_M) for row in of]
+        speeds.plot(at_speed, error, ".", color=COLOURS[reaction], markersize=2.0, alpha=0.5)
     _describe(errors, speeds)
     _blind(blind, rows["degrade"])
     return figure
@@ -40,12 +42,6 @@ def _errors(axes: Axes, reaction: Reaction, rows: Sequence[CutFigures]) -> None:
     values = np.sort([max(row.error, LEAST_M) for row in rows])
     shares = np.arange(1, len(values) + 1) / len(values)
     axes.step(values, shares, where="post", color=COLOURS[reaction], label=reaction)
-
-
-def _over_speed(axes: Axes, reaction: Reaction, rows: Sequence[CutFigures]) -> None:
-    speeds = [row.cut.speed_mps for row in rows]
-    errors = [max(row.error, LEAST_M) for row in rows]
-    axes.plot(speeds, errors, ".", color=COLOURS[reaction], markersize=2.0, alpha=0.5)
 
 
 def _describe(errors: Axes, speeds: Axes) -> None:

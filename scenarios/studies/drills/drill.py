@@ -177,7 +177,7 @@ def _row(run: DrillRun, one: LimitFigure) -> DrillRow:
         figure=one.figure,
         vehicle=one.vehicle,
         seed=run.seed,
-        margin_ratio=_margin(one),
+        margin_ratio=None if one.figure is None or not one.bound else -beyond(one) / one.bound,
         passed=not one.broken and not unmeasured,
         line=f"limits.{one.limit} {UNMEASURED}" if unmeasured else one.line,
         command=run.command,
@@ -189,9 +189,3 @@ def beyond(one: LimitFigure) -> float:
     if one.figure is None:
         return inf
     return one.bound - one.figure if one.limit.endswith("_min") else one.figure - one.bound
-
-
-def _margin(one: LimitFigure) -> float | None:
-    if one.figure is None or not one.bound:
-        return None
-    return -beyond(one) / one.bound

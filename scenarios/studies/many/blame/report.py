@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from scenarios.definition.scenario import Scenario
 from scenarios.studies.engine.results import write_files
-from scenarios.studies.many.blame.losses import Burst
+from scenarios.studies.many.blame.losses import Burst, bursts_of
 from scenarios.studies.many.blame.ranking import ALONE, NEGLIGIBLE_M, Attribution
 from scenarios.studies.many.blame.rerun import BlameAnswer
 from scenarios.studies.many.blame.study import Blame
@@ -33,11 +33,11 @@ def smallest_scenario(found: Blame) -> Scenario | None:
     """Return the scenario that loses only the smallest set, and fails by the limit."""
     if found.smallest is None:
         return None
-    lines = ", ".join(burst.line for burst in found.smallest.bursts)
-    count, seed = len(found.smallest.messages), found.run.scenario.seed
+    lines = ", ".join(burst.line for burst in bursts_of(found.smallest.items))
+    count, seed = len(found.smallest.items), found.run.scenario.seed
     description = f"{found.run.scenario.name}, seed {seed}: {count} messages lost, {lines}"
     return found.convoy.smallest(
-        found.smallest.messages, found.question.limit, _shortened(description)
+        found.smallest.items, found.question.limit, _shortened(description)
     )
 
 
@@ -123,9 +123,9 @@ def _smallest(found: Blame, out: Path) -> dict[str, Any] | None:
     return {
         "file": SMALLEST,
         "command": command_of(out),
-        "messages": len(found.smallest.messages),
+        "messages": len(found.smallest.items),
         "is_minimal": found.smallest.is_minimal,
-        "bursts": [_burst(burst) for burst in found.smallest.bursts],
+        "bursts": [_burst(burst) for burst in bursts_of(found.smallest.items)],
         **_answer(found.smallest_answer),
     }
 
@@ -179,11 +179,9 @@ def _bound(axes: Axes, found: Blame) -> None:
 def _bars(axes: Axes, found: Blame) -> None:
     rows = list(reversed(found.rows[:MOST_BARS]))
     axes.barh(range(len(rows)), [max(row.mended_m, 0.0) for row in rows], color=BLUE)
-    axes.set_yticks(range(len(rows)), [_label(row) for row in rows], fontsize=7.5)
+    names = []
+    for first, *others in (row.group for row in rows):
+        names.append(_shortened(first.line + (f" and {len(others)} more" if others else ""), 40))
+    axes.set_yticks(range(len(rows)), names, fontsize=7.5)
     axes.grid(visible=False, axis="y")
     axes.set(xlabel="mended when given back, m")
-
-
-def _label(row: Attribution) -> str:
-    first, *others = row.group
-    return _shortened(first.line + (f" and {len(others)} more" if others else ""), 40)

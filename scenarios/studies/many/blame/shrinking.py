@@ -12,7 +12,7 @@ from functools import partial
 from itertools import pairwise
 from typing import Generic, TypeVar
 
-from scenarios.studies.many.blame.losses import Burst, Losses, LostMessage, bursts_of
+from scenarios.studies.many.blame.losses import Burst, Losses, LostMessage
 from scenarios.studies.many.blame.ranking import Attribution, losses_of
 from scenarios.studies.many.blame.trials import Trials
 
@@ -123,19 +123,9 @@ def split(items: tuple[Item, ...], chunks: int) -> list[tuple[Item, ...]]:
     return [items[a:b] for a, b in pairwise(edges)]
 
 
-@dataclass(frozen=True, slots=True)
-class SmallestSet:
-    """Losses that break the limit; with `is_minimal` it holds without any one of them."""
-
-    messages: tuple[LostMessage, ...]
-    is_minimal: bool
-
-    @property
-    def bursts(self) -> tuple[Burst, ...]:
-        return bursts_of(self.messages)
-
-
-def shrunk(trials: Trials, bursts: Sequence[Burst], rows: Sequence[Attribution]) -> SmallestSet:
+def shrunk(
+    trials: Trials, bursts: Sequence[Burst], rows: Sequence[Attribution]
+) -> Smallest[LostMessage]:
     """Shrink `bursts`, which break the limit while no loss does not.
 
     Starts from the row with the fewest messages that breaks it alone, if there is one.
@@ -150,8 +140,7 @@ def shrunk(trials: Trials, bursts: Sequence[Burst], rows: Sequence[Attribution])
     first_of_messages = partial(_first_that_breaks, trials, frozenset)
     left = trimmed(messages, first_of_messages, lambda: trials.are_enough)
     # Without its ends most of a burst is needed, so single messages are tried at once.
-    found = ddmin(left, first_of_messages, lambda: trials.are_enough, chunks=len(left))
-    return SmallestSet(found.items, found.is_minimal)
+    return ddmin(left, first_of_messages, lambda: trials.are_enough, chunks=len(left))
 
 
 def _first_that_breaks(

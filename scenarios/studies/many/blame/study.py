@@ -10,10 +10,10 @@ from scenarios.studies.engine.engine import Engine
 from scenarios.studies.engine.fleet import cores
 from scenarios.studies.engine.stamp import stamp_of_this_process
 from scenarios.studies.many.blame.imposed import LossFree, loss_free
-from scenarios.studies.many.blame.losses import Burst, RecordedRun, bursts_of, read_run
+from scenarios.studies.many.blame.losses import Burst, LostMessage, RecordedRun, bursts_of, read_run
 from scenarios.studies.many.blame.ranking import Attribution, losses_of, ranked, try_alone
 from scenarios.studies.many.blame.rerun import BlameAnswer, BlameQuestion, FigureName, answer_of
-from scenarios.studies.many.blame.shrinking import SmallestSet, shrunk
+from scenarios.studies.many.blame.shrinking import Smallest, shrunk
 from scenarios.studies.many.blame.trials import Trials
 from transport.log.records import LogError
 from vehicles.schedule import SECOND
@@ -39,7 +39,7 @@ class Blame:
     bursts: tuple[Burst, ...]
     rows: tuple[Attribution, ...]
     mended: BlameAnswer
-    smallest: SmallestSet | None = None
+    smallest: Smallest[LostMessage] | None = None
     smallest_answer: BlameAnswer | None = None
     unshrunk: str = ""
     runs: int = 0
@@ -86,7 +86,7 @@ def blame(
     smallest = None if unshrunk else shrunk(trials, bursts, rows)
     trials.begin("for the picture")
     (mended,) = trials.answers([losses_of(bursts) - rows[0].losses], whole=True)
-    again = trials.answers([frozenset(smallest.messages)], whole=True) if smallest else [None]
+    again = trials.answers([frozenset(smallest.items)], whole=True) if smallest else [None]
     return Blame(
         run=run,
         question=trials.question,

@@ -26,7 +26,7 @@ def found_again(convoy: Convoy, case: int, folder: Path, workers: int | None) ->
     assert worst & cause.messages, f"case {case}: blames {found.rows[0]}"
     assert found.smallest is not None
     assert found.smallest.is_minimal
-    smallest = {(one.link, one.number) for one in found.smallest.messages}
+    smallest = {(one.link, one.number) for one in found.smallest.items}
     assert smallest <= cause.messages, f"case {case}: {sorted(smallest - cause.messages)} as well"
     return found
 
@@ -38,7 +38,7 @@ def test_a_burst_is_found_and_shrunk_until_no_message_can_be_spared(
     found = found_again(TINY, case, tmp_path, workers=0)
     assert found.smallest is not None
     question = BlameQuestion(figure="error", limit=LANE, until=found.smallest_answer.broken_at)  # type: ignore[union-attr,arg-type]
-    every = frozenset(found.smallest.messages)
+    every = frozenset(found.smallest.items)
     assert rerun(found.convoy.losing(every), found.question).broken_at is not None
     for one in every:
         assert rerun(found.convoy.losing(every - {one}), question).broken_at is None

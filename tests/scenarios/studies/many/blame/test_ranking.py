@@ -15,7 +15,7 @@ from scenarios.studies.many.blame.imposed import LossFree
 from scenarios.studies.many.blame.losses import Burst, Losses, LostMessage, bursts_of, moments_of
 from scenarios.studies.many.blame.ranking import Attribution, losses_of, ranked, try_alone
 from scenarios.studies.many.blame.rerun import BlameAnswer, BlameQuestion
-from scenarios.studies.many.blame.shrinking import SmallestSet, shrunk
+from scenarios.studies.many.blame.shrinking import Smallest, shrunk
 from scenarios.studies.many.blame.trials import Trials
 from tests.made.many.engines import MadeUpEngine
 
@@ -63,7 +63,7 @@ HARMLESS = [one for number in range(0, 600, 6) for one in lost("v2", number, 1)]
 
 def found(
     error_of: ErrorOf, messages: list[LostMessage], **how: int
-) -> tuple[list[Attribution], SmallestSet, Trials]:
+) -> tuple[list[Attribution], Smallest[LostMessage], Trials]:
     trials, bursts = trials_of(error_of, **how), bursts_of(messages)
     whole = error_of(losses_of(bursts))
     rows = ranked(trials, bursts, answer(whole), whole - error_of(frozenset()))
@@ -94,7 +94,7 @@ def test_of_a_hundred_bursts_the_one_that_costs_is_found_in_few_runs(first: int)
     assert rows[0].mended_m == pytest.approx(2.0)
     assert rows[0].alone is not None
     assert rows[0].alone.broken_at is not None
-    assert len(smallest.messages) == 9  # with each 0.1 m, and 0.8 m allowed
+    assert len(smallest.items) == 9  # with each 0.1 m, and 0.8 m allowed
     assert smallest.is_minimal
     assert trials.runs < 60
 
@@ -107,7 +107,7 @@ def test_two_bursts_that_cost_together_are_both_found() -> None:
     )
     costly = {row.losses for row in rows if row.mended_m > 1.0}
     assert {lead, ahead, lead | ahead} <= costly
-    assert set(smallest.messages) == lead | ahead
+    assert set(smallest.items) == lead | ahead
 
 
 def test_two_bursts_each_of_which_is_enough_are_both_looked_into() -> None:
@@ -118,7 +118,7 @@ def test_two_bursts_each_of_which_is_enough_are_both_looked_into() -> None:
     )
     alone = {row.losses for row in rows if row.alone and row.alone.broken_at is not None}
     assert {early, late} <= alone | {row.losses for row in rows}
-    assert set(smallest.messages) in (early, late)
+    assert set(smallest.items) in (early, late)
 
 
 @pytest.mark.parametrize("at_once", [2, 3, 8])
@@ -139,7 +139,7 @@ def test_when_the_runs_are_used_up_the_set_is_not_called_minimal() -> None:
     _, smallest, trials = found(
         lambda losses: 1.5 * (burst <= losses), [*HARMLESS, *burst], most_runs=30
     )
-    assert burst <= set(smallest.messages)
+    assert burst <= set(smallest.items)
     assert not smallest.is_minimal
     assert trials.runs <= 31
 
