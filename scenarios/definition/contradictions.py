@@ -7,11 +7,9 @@ import numpy as np
 
 from scenarios.definition.changing.links import link_change_problems
 from scenarios.definition.channel.rules import (
-    ANY,
-    ROLES,
+    end_problems,
     entries_about,
     requested_link,
-    specificity,
     ties,
 )
 from scenarios.definition.links import directed_links
@@ -79,24 +77,9 @@ def _vehicles(tables: ScenarioTables, names: Sequence[str]) -> Iterator[Problem]
 
 def _links(tables: ScenarioTables) -> Iterator[Problem]:
     names = vehicle_names(tables)
-    known = list(dict.fromkeys((*names, *ROLES, ANY)))
     for index, link in enumerate(tables.link):
-        unknown = [end for end in ("sender", "receiver") if getattr(link, end) not in known]
-        for end in unknown:
-            given = shown(getattr(link, end))
-            allowed = ", ".join(map(shown, known))
-            yield f"link[{index}].{end}", f"given {given}, allowed {allowed}"
-        if unknown:
-            continue
-        if all(
-            specificity(link, names, *pair) is None
-            for pair in directed_links(names, lead_waits=tables.speed.lead_waits)
-        ):
-            yield (
-                f"link[{index}]",
-                f"from {link.sender} to {link.receiver}: no vehicle listens there, followers hear "
-                f"{names[0]} and the vehicle ahead of them",
-            )
+        for key, why in end_problems(link, names, lead_waits=tables.speed.lead_waits):
+            yield f"link[{index}]{key}", why
     for first, later, key in ties(tables.link, names, lead_waits=tables.speed.lead_waits):
         yield (
             f"link[{later}].{key}",

@@ -4,9 +4,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import inf
 
-from scenarios.definition.channel.rules import ANY, ROLES, requested_link, specificity
+from scenarios.definition.channel.rules import end_problems, requested_link, specificity
 from scenarios.definition.links import directed_links
-from scenarios.definition.refusal import shown
 from scenarios.definition.road.route import vehicle_names
 from scenarios.definition.schema.changes import (
     AnyChange,
@@ -129,25 +128,13 @@ def link_change_problems(tables: ScenarioTables) -> Iterator[tuple[str, str]]:
 def refused_link_change(tables: ScenarioTables, change: LinkChange) -> Iterator[tuple[str, str]]:
     """Give what does not fit of one change of links, under its key with a dot before it."""
     names = vehicle_names(tables)
-    known = list(dict.fromkeys((*names, *ROLES, ANY)))
-    unknown = [end for end in ("sender", "receiver") if getattr(change, end) not in known]
-    for end in unknown:
-        given, allowed = shown(getattr(change, end)), ", ".join(map(shown, known))
-        yield f".{end}", f"given {given}, allowed {allowed}"
-    if unknown:
-        return
-    about = links_of(change, names, directed_links(names))
-    if not about:
-        yield (
-            "",
-            f"from {change.sender} to {change.receiver}: no vehicle listens there, followers hear "
-            f"{names[0]} and the vehicle ahead of them",
-        )
-    if not isinstance(change, LinkChangeTable):
+    problems = list(end_problems(change, names))
+    yield from problems
+    if any(key for key, _ in problems) or not isinstance(change, LinkChangeTable):
         return
     if all(getattr(change, key) is None for key in QUALITIES):
         yield "", f"changes nothing, allowed at least one of {', '.join(QUALITIES)}"
-    for sender, receiver in about:
+    for sender, receiver in links_of(change, names, directed_links(names)):
         loss = requested_link(tables, names, sender, receiver).loss
         if loss is not None and loss.replaces_others:
             again = f"the link from {sender} to {receiver} repeats an earlier run"

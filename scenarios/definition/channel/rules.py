@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from typing import Protocol
 
 from scenarios.definition.links import directed_links
+from scenarios.definition.refusal import shown
 from scenarios.definition.schema.links import LinkEntry, LinkTable
 from scenarios.definition.schema.table import overlay
 from scenarios.definition.schema.tables import ScenarioTables
@@ -48,6 +49,27 @@ def _end(given: str, vehicle: str, names: Sequence[str], receiver: str) -> int |
     ahead = bool(receiver) and place == names.index(receiver) - 1
     fits = {"lead": place == 0, "predecessor": ahead, "follower": place > 0}
     return _BY_ROLE if fits.get(given, False) else None
+
+
+def end_problems(
+    entry: Ends, names: Sequence[str], *, lead_waits: bool = False
+) -> Iterator[tuple[str, str]]:
+    """Give the ends of an entry that name no vehicle, each under ".sender" or ".receiver".
+
+    An entry that is about no link is refused as a whole, under "".
+    """
+    known = list(dict.fromkeys((*names, *ROLES, ANY)))
+    given = {".sender": entry.sender, ".receiver": entry.receiver}
+    unknown = {key: end for key, end in given.items() if end not in known}
+    for key, end in unknown.items():
+        yield key, f"given {shown(end)}, allowed {', '.join(map(shown, known))}"
+    links = directed_links(names, lead_waits=lead_waits)
+    if not unknown and all(specificity(entry, names, *pair) is None for pair in links):
+        yield (
+            "",
+            f"from {entry.sender} to {entry.receiver}: no vehicle listens there, followers hear "
+            f"{names[0]} and the vehicle ahead of them",
+        )
 
 
 def requested_link(
