@@ -156,7 +156,7 @@ class ContentStage:
 
         for one in self.false:
             if sent_at in one.span:
-                told = one.tell(pose.message, self.gate.plane, recall)
+                told = one.falsified(pose.message, self.gate.plane, recall)
                 if told is not None:
                     pose = self._checked(told, sent.message)
                     kinds.append(one.kind)
@@ -186,7 +186,7 @@ class ContentStage:
         extra = []
         for nth, one in enumerate(ghosts, GHOST):
             with suppress(RefusedMessageError):  # no vehicle is beyond the plane
-                beside = self._checked(one.beside(sent, self.gate.plane), sent)
+                beside = self._checked(one.added_message(sent, self.gate.plane), sent)
                 extra.append(ExtraPose(judged.visible_at + (one.after or 0), nth, beside))
         return extra
 

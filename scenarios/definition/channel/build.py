@@ -10,7 +10,7 @@ from scenarios.definition.road.route import Route
 from scenarios.definition.schema.links import LinkTable
 from transport.links.arrival import ContentStage
 from transport.links.gate import PoseGate
-from transport.links.laws.between import Road, VehiclesBetween, nobody
+from transport.links.laws.between import Road, VehiclesBetween, no_vehicles
 from transport.links.laws.content import ContentLaw
 from transport.links.laws.effect import Effect
 from transport.links.laws.law import LinkLaw, LinkSetting
@@ -34,7 +34,7 @@ def link_effects(
     table: LinkTable,
     source_rate_hz: float,
     setting: LinkSetting = UNSET,
-    between: Between = nobody,
+    between: Between = no_vehicles,
     besides: Sequence[Effect] = (),
 ) -> tuple[Effect, ...]:
     """Impairments that `table` requests of a link whose sender sends at `source_rate_hz`.

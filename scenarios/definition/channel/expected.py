@@ -8,7 +8,7 @@ from math import gcd, inf, prod, sqrt
 
 from scenarios.definition.channel.build import Between, link_effects, link_stages
 from scenarios.definition.schema.links import LinkTable
-from transport.links.laws.between import nobody
+from transport.links.laws.between import no_vehicles
 from transport.links.laws.effect import Effect
 from transport.links.laws.moments import Losses
 from vehicles.schedule import MILLISECOND
@@ -46,7 +46,7 @@ def expected_channel(
     table: LinkTable,
     source_rate_hz: float = FASTEST_HZ,
     distance_m: float | None = None,
-    between: Between = nobody,
+    between: Between = no_vehicles,
 ) -> ExpectedChannel:
     """Work out what follows from the laws that `table` asks for, each independent of the others.
 

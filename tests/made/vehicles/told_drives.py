@@ -97,10 +97,10 @@ def falsified(fixes: Sequence[Fix], false: FalseContent) -> list[ReceivedPose]:
     heard: list[ReceivedPose] = []
     for pose in poses:
         acts = pose.sent_at_ns in false.span
-        one = false.tell(pose, PLANE, recall) if acts else None
+        one = false.falsified(pose, PLANE, recall) if acts else None
         heard.append(_received(one or pose))
         if acts and isinstance(false, GhostVehicle):
-            heard.append(_received(false.beside(pose, PLANE)))
+            heard.append(_received(false.added_message(pose, PLANE)))
     return heard
 
 

@@ -40,9 +40,9 @@ class Road:
 class VehiclesBetween:
     """The `count` vehicles between sender and receiver, and which of them are in the way.
 
-    The receiver does not hear all of them, so it takes them to stand evenly along the road between
-    the two: each node knows the road, and both ends' true places come with the message and from
-    the receiver itself, so every clock finds the same. Where they stand follows from the stations
+    The receiver does not receive from all of them, so it places them evenly along the road between
+    the two. Each node knows the road; the true places of both ends come with the message and from
+    the receiver itself, so every clock gives the same. Their places follow from the stations
     of both ends on the `road`: that of each at its start plus the metres that it has driven.
 
     A vehicle is in the way if its circle of `radius` m (ETSI TR 103 257: 1.5 m) cuts the line of
@@ -75,6 +75,5 @@ class VehiclesBetween:
         return found
 
 
-def nobody() -> VehiclesBetween:
-    """Return that there is no vehicle between sender and receiver."""
+def no_vehicles() -> VehiclesBetween:
     return VehiclesBetween(0, Road(1.0, (0.0, 0.0), (0.0, 0.0)), 0.0, 0.0)

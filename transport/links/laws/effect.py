@@ -1,4 +1,4 @@
-"""What an effect of a link is given of a message, what it returns, and what it states of itself."""
+"""The interface of an effect of a link: its input, its verdict and its properties."""
 
 from collections.abc import Callable
 from math import nan
@@ -34,9 +34,9 @@ NOWHERE = Position()
 class TransmissionContext(NamedTuple):
     """One message on its way over a link: its number, when it was sent (ns), its size (bytes).
 
-    `sender` is where the antenna truly was when it sent, as the message says; `receiver` is where
-    the node that judges knows it was itself at that instant, at its last tick until then. So both
-    are the same on every clock.
+    `sender` is the true position of the antenna at sending, carried by the message; `receiver` is
+    the true position of the judging node at its last tick until then. So both are the same on
+    every clock.
     """
 
     seq: int

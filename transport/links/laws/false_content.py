@@ -1,4 +1,4 @@
-"""Laws of false content: what a link makes a message say that is not true.
+"""Laws of false content: a link replaces the content of messages, or adds messages.
 
 They test whether followers recognise it. The content of a message is all that its sender measured:
 place, course, motion and the accuracy that its receiver reports. Name, number and instants stay
@@ -90,14 +90,14 @@ class FalseContent(LawTable):
         """By how much (ns) the further message that it adds comes later, None if it adds none."""
         return None
 
-    def beside(self, pose: GpsPose, plane: LocalPlane) -> GpsPose:
+    def added_message(self, pose: GpsPose, plane: LocalPlane) -> GpsPose:
         """Return the further message beside `pose`.
 
         Raises RefusedMessageError for a place beyond the plane.
         """
         raise NotImplementedError
 
-    def tell(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:
+    def falsified(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:
         """Return the pose in the place of `pose`, or None if that stays as it is.
 
         Raises RefusedMessageError for a place beyond the plane.
@@ -138,7 +138,7 @@ class FalseOffset(Displaced):
     def by(self) -> Shift:
         return Shift(self.east_m, self.north_m, self.ahead_m, self.left_m)
 
-    def tell(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose:
+    def falsified(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose:
         return displaced(pose, plane, self.by)
 
 
@@ -155,7 +155,7 @@ class FalseDrift(Displaced):
     def by(self) -> Shift:
         return Shift(self.east_mps, self.north_mps, self.ahead_mps, self.left_mps)
 
-    def tell(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose:
+    def falsified(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose:
         return displaced(pose, plane, self.by, (pose.sent_at_ns - self.span.from_at) / SECOND)
 
 
@@ -169,9 +169,9 @@ class FrozenContent(FalseContent):
     def moments(self) -> tuple[int, ...]:
         return (self.span.from_at - 1,)
 
-    def tell(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:
+    def falsified(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:
         """Repeat the last message before the span; None if none of then is known."""
-        return retold(pose, recall(self.span.from_at - 1))
+        return with_content_of(pose, recall(self.span.from_at - 1))
 
 
 class ReplayedContent(FalseContent):
@@ -184,9 +184,9 @@ class ReplayedContent(FalseContent):
     def age(self) -> int:
         return round(self.age_s * SECOND)
 
-    def tell(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:
+    def falsified(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:
         """Repeat the newest message of that age or more; None if none of then is known."""
-        return retold(pose, recall(pose.sent_at_ns - self.age))
+        return with_content_of(pose, recall(pose.sent_at_ns - self.age))
 
 
 class GhostVehicle(Displaced):
@@ -209,10 +209,10 @@ class GhostVehicle(Displaced):
     def after(self) -> int:
         return round(SECOND / (2.0 * self.setting.source_rate_hz))
 
-    def tell(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:
+    def falsified(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:
         return pose
 
-    def beside(self, pose: GpsPose, plane: LocalPlane) -> GpsPose:
+    def added_message(self, pose: GpsPose, plane: LocalPlane) -> GpsPose:
         """Return the ghost's own message, beside the true `pose`.
 
         Raises RefusedMessageError for a place beyond the plane.
@@ -244,7 +244,7 @@ def put_off(pose: GpsPose, by: int) -> GpsPose:
     return replace(pose, measured_at_ns=measured_at_ns, sent_at_ns=sent_at_ns)
 
 
-def retold(pose: GpsPose, old: GpsPose | None) -> GpsPose | None:
+def with_content_of(pose: GpsPose, old: GpsPose | None) -> GpsPose | None:
     """Return the content of `old` under the number and the instants of `pose`."""
     if old is None:
         return None

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from transport.links.laws.between import VehiclesBetween, nobody
+from transport.links.laws.between import VehiclesBetween, no_vehicles
 from transport.links.laws.effect import Effect, JudgedBy
 from transport.links.laws.stage import StageLaw
 from transport.reasons import DropReason
@@ -48,7 +48,7 @@ class LinkSetting:
     receiver_station: float = nan
     plane: LocalPlane | None = None
     radio_off: "Sequence[LinkLaw]" = ()
-    between: Callable[[], VehiclesBetween] = nobody
+    between: Callable[[], VehiclesBetween] = no_vehicles
     latency: int = 0
     source_rate_hz: float = 20.0
     place: int = 0

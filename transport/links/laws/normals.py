@@ -4,8 +4,8 @@ A first-order autoregression has autocorrelation ρ^m at lag m, but its value at
 from the one before, and so from all. Here it is cut into blocks of B numbers, with ρ^B no more than
 FORGOTTEN: within a block it is the same recursion, begun at zero with the block before. What the
 start leaves out is ρ^(2B) of the variance and of each correlation, 10^-18, less than a double shows
-of 1. So the number k has one value, by the same operations in the same order, whether it is asked
-for alone, at the price of up to 2 B draws, or one after another, at the price of one.
+of 1. So the number k has one value, by the same operations in the same order, whether it is drawn
+alone, at the price of up to 2 B draws, or one after another, at the price of one.
 """
 
 from collections.abc import Callable
@@ -19,7 +19,7 @@ FORGOTTEN = 1e-9
 STRONGEST = 0.99
 """Largest correlation from one number to the next; its blocks have 2062 numbers."""
 RECENT = 64
-"""So many numbers back a message that comes after later ones costs no draw."""
+"""Up to this many numbers back, a message that comes after later ones costs no draw."""
 
 quantile: Callable[[float], float] = NormalDist().inv_cdf
 """Of the standard normal law (Wichura, Algorithm AS 241, 1988; relative error 1e-16)."""
@@ -74,7 +74,7 @@ class Normals:
         return self._recent[seq]
 
     def _begin(self, draw: Draw, seq: int) -> None:
-        """Begin anew, with the block before that of `seq`, whose own numbers are not reached."""
+        """Restart with the block before that of `seq`, whose own numbers are not reached."""
         self._draw = draw
         self._first = seq // self._block * self._block
         self._last = self._first - self._block - 1

@@ -16,8 +16,8 @@ from vehicles.schedule import SECOND
 class Queue(LinkLaw):
     """A sender that sends `bytes_per_s`, first come first served, with `depth_messages` waiting.
 
-    A message takes its size over the rate to be sent, and what comes meanwhile waits. If so many
-    wait already, the new one is dropped, or the one that has waited longest. What is being sent is
+    A message takes its size over the rate to be sent, and what comes meanwhile waits. With a full
+    queue, the new one is dropped, or the one that has waited longest. What is being sent is
     not among those that wait. A message that is lost on its way has taken its turn all the same.
     """
 
@@ -82,7 +82,7 @@ class _Sender:
         if one.reason in UNSENT:
             decided.append(one)
             return
-        # If the sender is free nobody waits: whoever could begin by now has begun.
+        # If the sender is free, no message waits: those that could begin by now have begun.
         if self.free_at > one.context.sent_at and len(self.waiting) >= self.law.depth_messages:
             out = one
             if self.law.drop == "oldest":

@@ -1,6 +1,6 @@
 """Every law that a scenario file can request of a link, by its key: a new law is a line here.
 
-Where a key has laws of several kinds, the `kind` of its table tells which.
+Where a key has laws of several kinds, the `kind` of its table selects one.
 """
 
 from collections.abc import Mapping

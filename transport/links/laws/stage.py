@@ -6,7 +6,7 @@ when bytes came. A stage is given the messages in the order of their numbers, an
 back as soon as its fate is known.
 
 That the wall clock and virtual time agree follows from the floor, the least latency of the link.
-A stage that has been told of all that was sent until an instant t decides what no later message can
+A stage that has received all that was sent until an instant t decides what no later message can
 change: a message that begins to be sent until t, or is thrown out by one sent until t. Neither can
 be visible before t + floor. So a receiver lets the stages decide, at its tick at `now`, until now −
 floor. All that was sent until then has come if the wire keeps below the floor, and all that becomes

@@ -98,7 +98,7 @@ class CircleOutage(PlacedOutage):
 
     @cached_property
     def centre(self) -> tuple[float, float]:
-        """Centre in the plane (m), which reaches it; NaN, where nobody is, without a plane."""
+        """Centre in the plane (m); NaN, within reach of no vehicle, without a plane."""
         plane = self.setting.plane
         if self.east_m is not None and self.north_m is not None:
             return self.east_m, self.north_m

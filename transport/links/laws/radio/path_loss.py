@@ -30,7 +30,7 @@ from transport.reasons import DropReason
 THERMAL_NOISE = -174.0
 """Power density of thermal noise at room temperature (dBm/Hz)."""
 NEAREST = 1.0
-"""The loss is that at so many metres at least: the laws are for the far field."""
+"""Least distance (m) of the loss: the laws are for the far field."""
 NODES = 32
 """Of the quadrature over a normal number; the curves of errors are smooth."""
 ALL_BUT_ALL = 0.99

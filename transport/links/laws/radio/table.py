@@ -27,7 +27,7 @@ class TableRadio(OverDistance):
     """The share of messages that is delivered over the true distance.
 
     `delivery_ratio` has a number for each of `distance_m`: linear between two, constant before the
-    first, 0 beyond the last. `burst` says whether each message is lost on its own, or all together
+    first, 0 beyond the last. With `burst` each message is lost on its own, or all are lost together
     that are sent with one reservation, as where another sender has chosen the same resources: for
     as many messages as the limits say, all numbers equally likely, and kept on with `keep_ratio`
     (3GPP TS 36.321: 5 to 15 at 10 Hz, 0 to 0.8). The share is the same, the bursts are not.
