@@ -1,4 +1,4 @@
-"""The figures of one directed link: what was asked, what it did, and whether that fits."""
+"""The figures of one directed link, requested and achieved."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -24,9 +24,9 @@ from vehicles.schedule import MILLISECOND
 SAFE_AGES_MS = tuple(range(100, 1001, 100))
 """Ages up to which data may count as fresh."""
 LEAST_MESSAGES = 100
-"""With fewer nothing is said of a loss that is not what was asked for ..."""
+"""Fewest messages of which the loss is compared with the requested one ..."""
 LEAST_INDEPENDENT = 50
-"""... nor with what tells no more than so many independent ones."""
+"""... and fewest independent ones, by the inflation of bursts."""
 ROUNDING_MS = 0.01
 """Delays are whole nanoseconds, and counted to 10 µs."""
 OF_VEHICLES = {"transmitter_off", "receiver_off"}

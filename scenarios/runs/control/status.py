@@ -165,21 +165,21 @@ class StatusBoard:
         )
 
     def _vehicle(self, name: str) -> VehicleFiguresNow:
-        figures, told = self._metrics.vehicles[name], self._tracking.get(name)
+        figures, tracking = self._metrics.vehicles[name], self._tracking.get(name)
         gap = self._metrics.stream.gaps.get(name)
         true = figures.cross_track_error
-        follows = told is not None and name != self._scenario.lead
+        follows = tracking is not None and name != self._scenario.lead
         return VehicleFiguresNow(
             name=name,
             mode=figures.mode,
-            hazard=told.hazard if told else False,
-            reason=told.reason if told else "",
+            hazard=tracking.hazard if tracking else False,
+            reason=tracking.reason if tracking else "",
             speed_mps=figures.speed,
             true_error_m=true.latest if true.count else None,
             true_gap_m=_number(gap.now_m) if gap else None,
-            known_m=_number(told.known_m) if told else None,
-            lead=_source(told, "lead") if told and follows else None,
-            predecessor=_source(told, "predecessor") if told and follows else None,
+            known_m=_number(tracking.known_m) if tracking else None,
+            lead=_source(tracking, "lead") if tracking and follows else None,
+            predecessor=_source(tracking, "predecessor") if tracking and follows else None,
         )
 
     def _link(self, sender: str, receiver: str) -> LinkFiguresNow:
@@ -196,12 +196,12 @@ class StatusBoard:
         )
 
 
-def _source(told: Tracking, source: str) -> SourceFigures:
+def _source(tracking: Tracking, source: str) -> SourceFigures:
     return SourceFigures(
-        status=getattr(told, f"{source}_status"),
-        age_s=_number(getattr(told, f"{source}_age_s")),
-        received_ratio=_number(getattr(told, f"{source}_received_ratio")),
-        known_m=_number(getattr(told, f"{source}_known_m")),
+        status=getattr(tracking, f"{source}_status"),
+        age_s=_number(getattr(tracking, f"{source}_age_s")),
+        received_ratio=_number(getattr(tracking, f"{source}_received_ratio")),
+        known_m=_number(getattr(tracking, f"{source}_known_m")),
     )
 
 

@@ -24,7 +24,7 @@ class ChangingLink:
     """One link with its requested settings and its changes by instant (ns), in order of time."""
 
     link: Link
-    asked: LinkTable
+    requested: LinkTable
     effects_of: EffectsOf
     changes: list[tuple[int, LinkChange]] = field(default_factory=list)
     made: Made = field(default_factory=dict)
@@ -33,7 +33,7 @@ class ChangingLink:
         """Change the link from the instant `at` (ns) on; earlier effects stay."""
         insort(self.changes, (at, change), key=itemgetter(0))
         before = [one for one in self.link.course if one.from_at < at]
-        after = course(self.changes, self.asked, self.effects_of, since=at, made=self.made)
+        after = course(self.changes, self.requested, self.effects_of, since=at, made=self.made)
         self.link.course = (*before, *after)
 
 

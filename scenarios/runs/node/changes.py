@@ -106,8 +106,8 @@ def change_receiver(agenda: Agenda, gnss: GnssReceiver, outbox: Outbox, now: int
 
 
 def describe_change(change: AnyChange) -> str:
-    said = {"kind", "at_s", "vehicle"}
-    figures = change.model_dump(exclude=said, exclude_none=True)
+    named = {"kind", "at_s", "vehicle"}
+    figures = change.model_dump(exclude=named, exclude_none=True)
     rest = ", ".join(f"{key} = {value}" for key, value in figures.items())
     words = WORDS.get(change.kind, change.kind)
     return f"{words} ({rest})" if rest else words

@@ -183,7 +183,7 @@ class Outbox:
             )
         )
 
-    def _add_pose(self, now: int, body: Body, fix: Fix, told: Announcement) -> None:
+    def _add_pose(self, now: int, body: Body, fix: Fix, announcement: Announcement) -> None:
         stamped_at = self._clock.stamped(fix.measured_at)
         if stamped_at != fix.measured_at:  # few clocks are wrong
             fix = replace(fix, measured_at=stamped_at)
@@ -195,7 +195,7 @@ class Outbox:
                 seq=self._next[messages.GpsPose],
                 sent_at=now,
                 true_place=(body.east, body.north, body.distance),
-                announced=told,
+                announced=announcement,
             )
         )
 

@@ -70,10 +70,12 @@ class Fingerprint:
             ("scenario", other.scenario, self.scenario),
             ("seed", other.seed, self.seed),
         )
-        said = [
-            f"{what} {theirs}, here it is {ours}" for what, theirs, ours in rows if theirs != ours
+        differences = [
+            f"{name} {theirs}, here it is {ours}" for name, theirs, ours in rows if theirs != ours
         ]
-        return "; ".join(said) or f"another content of scenario {self.scenario} (file or --set)"
+        return (
+            "; ".join(differences) or f"another content of scenario {self.scenario} (file or --set)"
+        )
 
 
 class Membership:

@@ -76,18 +76,21 @@ class Supervisor:
         """Start `convoy ARGUMENTS` as a child; `piped` sends its output here."""
         return self._start([(name, arguments)], piped=piped)[0]
 
-    def start_all(self, asked: Sequence[tuple[str, Sequence[str]]]) -> None:
-        self._start(asked, piped=False)
+    def start_all(self, commands: Sequence[tuple[str, Sequence[str]]]) -> None:
+        self._start(commands, piped=False)
 
-    def _start(self, asked: Sequence[tuple[str, Sequence[str]]], *, piped: bool) -> list[Child]:
+    def _start(self, commands: Sequence[tuple[str, Sequence[str]]], *, piped: bool) -> list[Child]:
         before = len(self.children)
         if (prepare_task := self._prepare_task) is not None:
-            specs = [ChildSpec(name, given, prepare_task(given), piped) for name, given in asked]
+            specs = [
+                ChildSpec(name, arguments, prepare_task(arguments), piped)
+                for name, arguments in commands
+            ]
             for spec, process in zip(specs, fork_all(specs), strict=True):
                 self.children.append(Child(spec.name, process))
         else:
-            for name, given in asked:  # appended one by one: a later one may fail
-                self.children.append(Child(name, spawn(given, piped=piped)))
+            for name, arguments in commands:  # appended one by one: a later one may fail
+                self.children.append(Child(name, spawn(arguments, piped=piped)))
         return self.children[before:]
 
     def start_router(self) -> str:

@@ -102,7 +102,7 @@ def await_own_leaving(bus: Bus, name: str) -> None:
 
 
 class RunOffError(Exception):
-    """The run does not exist any more; `announced` if the recorder said so."""
+    """The run does not exist any more; `announced` if by the recorder."""
 
     def __init__(self, text: str, *, announced: bool = False) -> None:
         super().__init__(text)

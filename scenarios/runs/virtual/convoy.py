@@ -22,7 +22,7 @@ from transport.bus.memory_bus import MemoryBus
 from transport.clock import Tick, VirtualClock
 from vehicles.schedule import SECOND
 
-if TYPE_CHECKING:  # only runs with recorded vehicles import what reads logs
+if TYPE_CHECKING:  # only runs with replayed vehicles read logs
     from scenarios.runs.virtual.replay import Replay
 
 Step = Callable[[Tick], None]

@@ -13,7 +13,7 @@ from transport.bus.bus import Bus
 from transport.topics import CONDUCTOR
 from vehicles.messages import GpsPose, Message, RunStart
 
-if TYPE_CHECKING:  # only runs with recorded vehicles import what reads logs
+if TYPE_CHECKING:  # only runs with replayed vehicles read logs
     from scenarios.runs.virtual.replay import Replay
 
 

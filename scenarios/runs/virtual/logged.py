@@ -16,7 +16,7 @@ from transport.log.records import LogError
 from vehicles.messages import Message, RunStart
 from vehicles.schedule import SECOND
 
-if TYPE_CHECKING:  # only runs with recorded vehicles import what reads logs
+if TYPE_CHECKING:  # only runs with replayed vehicles read logs
     from scenarios.runs.virtual.replay import Replay
 
 
@@ -36,7 +36,7 @@ def run_virtual(
     Args:
         scenario: What to simulate.
         folder: Where the files go.
-        stop: Ends the run early; asked to stop with a reason if the run fails.
+        stop: Ends the run early; a failed run requests a stop with its reason.
         metrics: Figures that the `observers` show; made here otherwise.
         observers: Called for every recorded message, after log and figures.
         replays: Vehicles that send what was recorded, while the others are live.

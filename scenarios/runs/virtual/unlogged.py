@@ -13,7 +13,7 @@ from scenarios.runs.limit_watch import LimitWatch
 from scenarios.runs.observer import Observer
 from scenarios.runs.virtual.drive import drive
 
-if TYPE_CHECKING:  # only runs with recorded vehicles import what reads logs
+if TYPE_CHECKING:  # only runs with replayed vehicles read logs
     from scenarios.runs.virtual.replay import Replay
 
 

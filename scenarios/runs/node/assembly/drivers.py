@@ -140,13 +140,13 @@ class DriverBuilder:
             first=car.command.steering,
         )
 
-    def _load_watch(self, *told: object) -> LoadWatch:
+    def _load_watch(self, *parts: object) -> LoadWatch:
         setup = self._setup
         if not setup.steering.estimate_slip:
             return LoadWatch()
         noise = 0.0 if setup.knows_itself else setup.imu.yaw_rate_noise
         estimator = SlipEstimator(setup.assumed_parameters, noise)
-        return LoadWatch(estimator, [one for one in told if isinstance(one, Assuming)])
+        return LoadWatch(estimator, [one for one in parts if isinstance(one, Assuming)])
 
     def _fit_settings(self) -> FitSettings:
         """The fit assumes the largest error of the receivers received from, at least that of RTK.
@@ -167,15 +167,15 @@ class DriverBuilder:
 
     def _gates(self) -> dict[str, InnovationGate]:
         """Gates of the sources; baselines of degradation have none."""
-        asked = self._setup.degradation
-        if asked.reaction != "degrade":
+        degradation = self._setup.degradation
+        if degradation.reaction != "degrade":
             return {}
         return {
             name: InnovationGate(
                 self._scenario.vehicle(name).gnss.noise,
-                gate=asked.gate,
-                heading_gate=asked.heading_gate,
-                settle=asked.probation,
+                gate=degradation.gate,
+                heading_gate=degradation.heading_gate,
+                settle=degradation.probation,
             )
             for name in self._setup.senders
         }
@@ -194,7 +194,7 @@ class DriverBuilder:
         )
 
     def _speed_guard(self, law: SpeedLaw, predecessor: str) -> SpeedGuard:
-        """Make what decides instead of `law` while messages fail.
+        """Build the guard that overrides `law` while messages fail.
 
         The car ahead is as long as this one: both bodies end half their length from their places.
         """

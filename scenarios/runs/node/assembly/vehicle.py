@@ -97,7 +97,7 @@ class VehicleBuilder:
         """By how many ns the vehicle begins its ticks after their instants, on the wall clock.
 
         Vehicles take turns over a control period, from the lead back, lest all want the same
-        processors at once. None is left less time for what it hears, since it hears only those
+        processors at once. None has less time for its messages, since it receives only from those
         that have their turn before it; where the lead waits for the others, all begin at once.
         """
         if self._scenario.tables.speed.lead_waits:
@@ -192,7 +192,7 @@ class VehicleBuilder:
         return links
 
     def redraw(self, node: Node | ReplayedNode, seed: int, numbers: Mapping[str, int]) -> None:
-        """Let what is random of `node`, made here, come from another seed from now on.
+        """Draw the random numbers of `node` from another seed from now on.
 
         `numbers` are those of the next pose of each vehicle: what is drawn for earlier ones stays.
         So do all that is drawn once for a run, the drift and the fix states of a receiver,
@@ -235,15 +235,15 @@ class VehicleBuilder:
 
     def _changing(self, one: IncomingLink, start_at: int) -> ChangingLink:
         sender = one.link.sender
-        asked = self._scenario.links[sender, self.name]
-        return ChangingLink(one.link, asked, self._effects_of(sender, start_at))
+        requested = self._scenario.links[sender, self.name]
+        return ChangingLink(one.link, requested, self._effects_of(sender, start_at))
 
     def _incoming(self, sender: str, start_at: int) -> IncomingLink:
         scenario = self._scenario
-        asked, setup = scenario.links[sender, self.name], scenario.vehicle(sender)
+        requested, setup = scenario.links[sender, self.name], scenario.vehicle(sender)
         rate_hz = setup.highest_rate_hz
-        effects = self._effects_of(sender, start_at)(asked, ())
-        link = Link(effects, scenario.seed, sender, self.name, link_stages(asked))
+        effects = self._effects_of(sender, start_at)(requested, ())
+        link = Link(effects, scenario.seed, sender, self.name, link_stages(requested))
         gate = PoseGate(
             sender=sender,
             start_at=start_at,
@@ -251,14 +251,16 @@ class VehicleBuilder:
             plane=self._plane,
             clock_error_ns=scenario.clock_error_ns(sender),
         )
-        return IncomingLink(link, gate, content_stage(asked.content, link, gate))
+        return IncomingLink(link, gate, content_stage(requested.content, link, gate))
 
     def _effects_of(self, sender: str, start_at: int) -> EffectsOf:
         """Builder of the effects of the link from `sender` for any settings."""
         rate_hz = self._scenario.vehicle(sender).highest_rate_hz
         setting = self._scenario.link_setting(sender, self.name, start_at)
         between = partial(self._between, sender)
-        return lambda asked, besides: link_effects(asked, rate_hz, setting, between, besides)
+        return lambda requested, besides: link_effects(
+            requested, rate_hz, setting, between, besides
+        )
 
     def _between(self, sender: str) -> VehiclesBetween:
         """Vehicles between `sender` and this one."""

@@ -76,7 +76,7 @@ def test_one_by_one_is_all_at_once(
     ChangedLinks(NAMES, scheduled, changed.by_hand).adopt(in_another_process)
     assert said(in_another_process) == said(links)
     for one in at_once:
-        whole = course(one.changes, one.asked, one.effects_of)
+        whole = course(one.changes, one.requested, one.effects_of)
         assert [two.from_at for two in whole] == [two.from_at for two in one.link.course]
 
 
