@@ -12,7 +12,7 @@ from vehicles.schedule import MILLISECOND, SECOND
 
 PERIOD_NS = 100 * MILLISECOND
 PATIENCE_NS = SECOND
-"""How long an error or a gap waits for the other of its instant."""
+"""How long an error or a gap waits for its counterpart."""
 
 
 class TrueDeviation(NamedTuple):

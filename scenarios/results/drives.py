@@ -1,4 +1,4 @@
-"""The drives of one run as arrays: the errors that the paper shows, and the true ones."""
+"""The drives of one run as arrays: the paper's errors and the true ones."""
 
 from collections import defaultdict
 from dataclasses import dataclass
@@ -15,7 +15,6 @@ from vehicles.schedule import SECOND
 
 Array = NDArray[np.float64]
 KINDS: frozenset[type[Message]] = frozenset((TruePose, Tracking))
-"""Kinds of message that drives are made of."""
 
 
 @dataclass(frozen=True)

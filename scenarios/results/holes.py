@@ -1,4 +1,4 @@
-"""Poses that were not recorded: holes in the numbers of the poses that a vehicle sends."""
+"""Missing poses in the log: gaps in the numbers of a vehicle's poses."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

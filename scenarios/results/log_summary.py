@@ -59,7 +59,7 @@ def summary_of(log: Path, warn: Callable[[str], None] = lambda _: None) -> RunSu
         reason="the log is damaged" if reader.damage else "the log breaks off",
         rejected={},
     )
-    if "truth" in thinned:  # what was not to be logged is no hole
+    if "truth" in thinned:  # thinned true poses are no holes
         return replace(summary, holes=tuple(one for one in summary.holes if one.kind == "pose"))
     return summary
 

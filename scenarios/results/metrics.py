@@ -1,4 +1,4 @@
-"""Figures of a run, gathered message by message: live, in virtual time, or from a log."""
+"""Gathers the figures of a run: live, in virtual time, or from a log."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from operator import attrgetter
@@ -39,7 +39,7 @@ from vehicles.messages import (
 from vehicles.schedule import nanoseconds
 
 MOST_WARNINGS = 50
-"""Lines about impossible time stamps in the summary."""
+"""Warnings about impossible time stamps in the summary."""
 
 
 class Metrics:

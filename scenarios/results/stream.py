@@ -1,4 +1,4 @@
-"""The stream of figures of a run: values derived from its messages once, for all who need them.
+"""The stream of figures of a run: values derived once from its messages, for all subscribers.
 
 The messages of each vehicle come in order; how those of different vehicles are mixed does not
 matter.

@@ -1,6 +1,6 @@
-"""The summary of a run, typed: what is printed as tables and written as `summary.json`.
+"""The typed summary of a run, printed as tables and written as `summary.json`.
 
-`to_json` and `from_json` are the only places where it is anything but these classes. Docstrings of
+Only `to_json` and `from_json` handle it as anything but these classes. Docstrings of
 the fields document them, see `documented_fields`.
 """
 

@@ -1,4 +1,4 @@
-"""The summary of a run put together from its figures, and the file of it."""
+"""Summarises the figures of a run, and writes the summary."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -16,9 +16,9 @@ from vehicles.schedule import SECOND, nanoseconds
 METADATA_NAME = "convoy"
 """Name of the log's metadata that identify the run."""
 SILENT_S = 1.0
-"""A link without loss that delivers nothing for this time does not work."""
+"""A link without loss that delivers nothing for this time is reported."""
 LATE_SHARE = 0.01
-"""With a larger share of late ticks a run is not one in real time."""
+"""Share of late ticks above which a run is not in real time."""
 
 
 def write_summary(folder: Path, summary: RunSummary) -> None:

@@ -1,4 +1,4 @@
-"""Versions of what drives a run, for its log and for those who are to drive it together."""
+"""Versions of installed packages, for the log and for the check of a run's processes."""
 
 import platform
 from collections.abc import Mapping

@@ -30,7 +30,7 @@ LEAST_INDEPENDENT = 50
 ROUNDING_MS = 0.01
 """Delays are whole nanoseconds, and counted to 10 µs."""
 OF_VEHICLES = {"transmitter_off", "receiver_off"}
-"""Reasons that are no law of the link."""
+"""Reasons of a vehicle rather than of the link."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +47,7 @@ class AlarmSummary:
 
 
 NO_ALARMS = AlarmSummary()
-"""Of a link of which nobody tells them."""
+"""For a link without reported false alarms."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -305,7 +305,7 @@ def _burst_miss(
 def _latency_miss(name: str, expected: ExpectedChannel, tally: LinkTally) -> Iterator[str]:
     mean, deviation = expected.latency_ms_mean, expected.latency_ms_deviation
     if mean is None or deviation is None or tally.heard < LEAST_MESSAGES or tally.late:
-        return  # what came late was delayed by the machine, which is counted
+        return  # the machine delayed late messages
     found = tally.latency_ns_sum / tally.heard / MILLISECOND
     sample = spread(tally.latencies, RESOLUTION_NS / MILLISECOND)
     widest = max(deviation, sample.deviation if sample else 0.0)  # of laws with long tails

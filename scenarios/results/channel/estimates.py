@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 CONFIDENCE = 0.95
-"""Of the intervals that are reported."""
+"""Confidence of reported intervals."""
 CERTAINTY = 0.9999
-"""Beyond an interval of this confidence something did not do what was asked."""
+"""Confidence beyond which a figure deviates from its request."""
 
 
 @dataclass(frozen=True, slots=True)

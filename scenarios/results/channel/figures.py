@@ -1,4 +1,4 @@
-"""The figures of all links of a run, gathered message by message."""
+"""Gathers the figures of all links of a run."""
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,7 +13,7 @@ from vehicles.messages import Change, LinkVerdict, Tracking
 Link = tuple[str, str]
 """Sender and receiver."""
 _Source = tuple[LinkTally, AlarmTally]
-"""What is kept of the link from one source of a follower."""
+"""Counts of the link from one source of a follower."""
 
 
 class LinkFigures:

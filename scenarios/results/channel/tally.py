@@ -1,4 +1,4 @@
-"""What is kept of one directed link while a run goes on."""
+"""Counts of one directed link during a run."""
 
 from collections import Counter
 from dataclasses import dataclass, field
@@ -11,15 +11,15 @@ from vehicles.messages import LinkVerdict, SourceStatus
 from vehicles.schedule import MILLISECOND, SECOND
 
 MOST_WORDS, OTHER_WORD = 50, "other"
-"""Reasons that are counted each by itself, far more than there are, and the rest."""
+"""Number of distinct reasons counted; further ones share OTHER_WORD."""
 MOST_NUMBERS = 10_000_000
-"""Messages of which the fate is kept by number, a byte each: a day at 100 Hz."""
+"""Message numbers whose fate is stored, a byte each: a day at 100 Hz."""
 OLDEST_S = 86_400.0
-"""Older data than of a day is of no run."""
+"""Largest plausible age."""
 RESOLUTION_NS = MILLISECOND // 100
-"""Delays and ages are counted so finely; the sums are exact."""
+"""Resolution of counted delays and ages; sums are exact."""
 MOST_ALARMS = 100_000
-"""Instants of alarms that are kept of a link."""
+"""Stored instants of alarms of a link."""
 _LOST, _DELIVERED, _NOT_CARRIED = 1, 2, 3
 
 

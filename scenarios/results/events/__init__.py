@@ -1,8 +1,8 @@
-"""Events on the road, found message by message.
+"""Detection of events on the road.
 
-bodies      the rectangles that cars are: overlap and distance
+bodies      cars as rectangles: overlap and distance
 encounters  gaps, near misses and collisions
 lane        departures from the lane
-watches     paths lost, slides, stops, and sources that are distrusted
+watches     lost paths, slides, stops, and distrusted sources
 run_event   events as the summary and the log list them
 """

@@ -1,4 +1,4 @@
-"""Bodies of cars as oriented rectangles: where they lie, whether they overlap, how far apart."""
+"""Bodies of cars as oriented rectangles: overlap and distance."""
 
 from dataclasses import dataclass
 from math import cos, hypot, inf, sin
@@ -8,7 +8,7 @@ from vehicles.car.parameters import VehicleParameters
 from vehicles.messages import TruePose
 
 ROUNDING_M: Final = 1e-6
-"""Far more than rounding changes a distance, far less than anyone asks about."""
+"""Margin for rounding of distances."""
 
 
 class BodySize(NamedTuple):
@@ -108,7 +108,7 @@ def overlap(one: CarBody, other: CarBody) -> bool:
     Two convex shapes are apart if and only if they are along the normal of one of their sides.
     """
     to_east, to_north = other.east - one.east, other.north - one.north
-    # Of the angle between the two: a rectangle's shadow is the sum of the shadows of its sides.
+    # A rectangle's projection is the sum of the projections of its sides.
     cosine = abs(one.along_east * other.along_east + one.along_north * other.along_north)
     sine = abs(one.along_east * other.along_north - one.along_north * other.along_east)
     for here, there in ((one, other), (other, one)):
@@ -172,7 +172,7 @@ def separation(one: CarBody, other: CarBody) -> Separation:
             to_east, to_north = there_east - corner_east, there_north - corner_north
             along = to_east * ux + to_north * uy
             aside = to_north * ux - to_east * uy
-            # What is left of the way once the half sizes of the other body are covered.
+            # Distance beyond the half sizes of the other body.
             along -= min(max(along, -length), length)
             aside -= min(max(aside, -width), width)
             distance = hypot(along, aside)

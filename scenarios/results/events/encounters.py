@@ -1,4 +1,4 @@
-"""What vehicles do to one another, by their true poses: gaps, near misses, collisions.
+"""Gaps, near misses and collisions by true poses.
 
 The poses of each vehicle come in order of time; how those of different vehicles are mixed does not
 matter, since bodies are compared at equal instants only.
@@ -25,12 +25,12 @@ EventKind = Literal[
 ]
 
 MOST_FRAMES = 3000
-"""Instants that wait for the poses of vehicles, 60 s at 50 Hz; then the oldest go."""
+"""Instants that wait for poses, 60 s at 50 Hz; then the oldest are dropped."""
 PARTED_M = 0.2
 """Two bodies that collided have parted when they are so far apart: what only grazes on is one
 collision, not many."""
 QUIET_NS = SECOND
-"""An episode is over when its condition has not held for so long, so one that flickers is one."""
+"""An episode ends when its condition has not held for this time."""
 
 
 @dataclass(slots=True)
@@ -101,7 +101,7 @@ class Encounters:
         self._sizes = sizes
         self._place = {name: place for place, name in enumerate(sizes)}
         self._near_gap, self._near_time = near_gap, near_time
-        # Centres of bodies that touch are no further apart.
+        # Largest distance of the centres of touching bodies.
         self._reach = max(hypot(size.length, size.width) for size in sizes.values())
         self._frames: dict[int, dict[str, CarBody]] = {}
         self._touching: dict[str, set[str]] = {name: set() for name in sizes}
@@ -176,7 +176,7 @@ class Encounters:
         if apart.distance == 0.0 and not touched:
             self._touching[name].add(other)
             self._touching[other].add(name)
-            # Of two that overlap in passing it is the speed along the line between their centres.
+            # For overlapping bodies the speed is that along the line of their centres.
             figures = {"closing_speed_mps": apart.closing}
             yield Episode("collision", names, at, at, figures, place=place)
         elif apart.distance > PARTED_M and touched:

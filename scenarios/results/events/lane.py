@@ -81,7 +81,7 @@ class LaneWatch:
         seen = follower.seen
         if len(feet) == 4 and not follower.known:
             one, two, three, four = feet
-            if at == one.at_ns == two.at_ns == three.at_ns == four.at_ns:  # as mostly
+            if at == one.at_ns == two.at_ns == three.at_ns == four.at_ns:  # the usual case
                 if seen:
                     _forget(seen, at)
                 sides = abs(one.lateral), abs(two.lateral), abs(three.lateral), abs(four.lateral)
@@ -97,7 +97,7 @@ class LaneWatch:
             follower = self._of_point.get(foot.vehicle)
             if follower is None:
                 continue
-            # The lead reaches the front corners' places later than those of the rear ones.
+            # The lead passes the front corners later than the rear ones.
             waiting, seen, at = follower.known, follower.seen, foot.at_ns
             if len(waiting) > MOST_WAITING:
                 del waiting[next(iter(waiting))]

@@ -1,4 +1,4 @@
-"""Events of single vehicles: paths lost, slides, stops, and sources that are distrusted."""
+"""Events of single vehicles: lost paths, slides, stops, and distrusted sources."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
@@ -45,7 +45,7 @@ class PathWatch:
             self._lost[name] = None
             if self._reported:
                 self._reported.discard(name)
-        elif name in self._lost:  # it has had one
+        elif name in self._lost:  # it had a trajectory before
             return self._losing(name, at, place, unseen=at - before > UNRECORDED_NS)
         return ()
 
@@ -123,7 +123,7 @@ class TrustWatch:
             or tracking.predecessor_status == "distrusted"
         ):
             return self._distrusting(tracking, place)
-        return ()  # as nearly always
+        return ()  # the usual case
 
     def _distrusting(self, tracking: Tracking, place: tuple[float, float]) -> Iterator[Episode]:
         name, at = tracking.vehicle, tracking.decided_at_ns

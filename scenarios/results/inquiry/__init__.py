@@ -1,4 +1,4 @@
-"""Questions put to a recorded run.
+"""Analyses of a recorded run.
 
 explain   what a vehicle knew at an instant, and why no more
 session   the scenario that repeats it, with what was changed by hand

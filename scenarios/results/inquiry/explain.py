@@ -1,4 +1,4 @@
-"""What a vehicle knew at an instant of a recorded run, and why it knew no more."""
+"""Knowledge of a vehicle at an instant of a recorded run, and why messages were missing."""
 
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
@@ -17,11 +17,11 @@ from vehicles.messages import GpsPose, LinkVerdict, RunStart, Tracking, TruePose
 from vehicles.schedule import SECOND
 
 ON_THE_WAY, NEVER_JUDGED = "on the way", "never judged"
-"""Fates of messages that a link has not decided on yet, or of which the log has no verdict."""
+"""Fates of messages without a verdict: not decided yet, or not recorded."""
 BESIDE_M = 20.0
-"""A path that lies further away is not the one that a vehicle drives on."""
+"""Largest distance of a vehicle from the path that it drives on."""
 SHOWN = 8
-"""Missing messages that are named one by one in a text."""
+"""Missing messages listed individually."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

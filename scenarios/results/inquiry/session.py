@@ -1,4 +1,4 @@
-"""The scenario that repeats a recorded run, with all that was changed by hand while it drove."""
+"""The scenario that repeats a recorded run, with the changes made by hand."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -45,7 +45,7 @@ def session_of(log: Path) -> Scenario:
     made = sorted(done.items(), key=lambda one: one[0][0])
     added = [change for _, one in made for change in _as_carried_out(one, scenario)]
     changed = scenario.tables.model_copy(update={"change": (*scenario.tables.change, *added)})
-    # Read again: so it is checked, and says what was not there before.
+    # Parsed again, which checks it.
     return scenario_from_text(Scenario(changed).text, label=f"{log} (with its changes)")
 
 

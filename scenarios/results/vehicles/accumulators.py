@@ -1,4 +1,4 @@
-"""Running extremes and means of signals, value by value."""
+"""Running extremes and means of signals."""
 
 from dataclasses import dataclass, field
 from math import sqrt

@@ -1,4 +1,4 @@
-"""The figures of one vehicle: gathered message by message, and as the summary lists them.
+"""The figures of one vehicle: gathered and summarised.
 
 A figure of vehicles is a field of `VehicleSummary`, a value that `VehicleFigures` keeps, and a line
 in its `summary`.
@@ -191,7 +191,7 @@ class VehicleFigures:
         expected = 0
         if span.start_at is not None and self.health and self.health.final:
             until = min(span.ran_ns, self.health.reported_at_ns - span.start_at)
-            if until < span.planned_ns:  # stopped: its last poses were not sent any more
+            if until < span.planned_ns:  # stopped early: its last poses were not sent
                 until -= SILENT_NS
             expected = expected_poses(until, self.rate_hz)
         return list(holes_of(self.name, self.numbers, self.rate_hz, expected))
@@ -245,7 +245,7 @@ class VehicleFigures:
             poses=self.poses,
             missing_poses=sum([hole.poses for hole in self.holes(span)]),
             silent_from_s=self._silent_from_s(span),
-            # Where nothing could be compared there is no error, rather than an error of 0.
+            # Without data an error is None rather than 0.
             lateral_error_m_max=own.largest if own.count else None,
             lateral_error_m_rms=own.rms if own.count else None,
             heading_error_rad_max=self.heading_error.largest if own.count else None,

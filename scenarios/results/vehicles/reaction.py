@@ -1,7 +1,7 @@
 """The reaction of one follower to missing messages: modes, recoveries, stops, blind distance.
 
 Lengths are summed in whole micrometres, times in nanoseconds, so that the figures are the same on
-every machine and in whatever order messages of different kinds come.
+every machine and for any order of messages of different kinds.
 """
 
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ from vehicles.schedule import SECOND
 
 MICROMETRES = 1_000_000
 MOST_BEHIND = 250
-"""Instants by which one kind of message may be behind the other: 5 s at 50 Hz."""
+"""Stored instants while one kind of message is behind the other: 5 s at 50 Hz."""
 WITHOUT_SOURCE: frozenset[Mode] = frozenset({"coast", "stop", "straight"})
 """Modes of a follower that relies on none of its sources."""
 NOT_RELIED_ON: frozenset[SourceStatus] = frozenset({"lost", "distrusted", "probation"})
@@ -45,7 +45,7 @@ class ReactionSummary:
 
 
 NO_REACTION = ReactionSummary()
-"""Of a vehicle that received all messages."""
+"""For a vehicle that received all messages."""
 
 
 def is_degraded(tracking: Tracking) -> bool:
