@@ -102,6 +102,7 @@ def assert_follows(seen: Glimpse) -> None:
     assert_equal_while_nothing_was_late(seen.wall, seen.virtual, within_m=0.02)
 
 
+@pytest.mark.spread(1)
 @pytest.mark.parametrize("scenario", ["church_lot", "highway"])
 def test_recorded_drives_are_followed(
     scenario: str, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory

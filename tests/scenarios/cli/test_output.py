@@ -37,6 +37,7 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return (folder / "run" / LOG_NAME).read_bytes()
 
 
+@pytest.mark.spread(2)
 @pytest.mark.parametrize(
     ("redirection", "code"),
     [(">&-", 0), ("2>&-", 0), ("<&- >&- 2>&-", 0), (">/dev/full", EXIT_FAILED)],

@@ -78,7 +78,7 @@ def run(file: Path, drawn: DrawnScenario, folder: Path) -> Result:
     return convoy("run", file, *drawn.settings, "--clock=virtual", "--quiet", f"--out={folder}")
 
 
-@pytest.mark.campaign(24, 300)
+@pytest.mark.campaign(12, 300)
 def test_a_drawn_scenario_is_run_and_told_truthfully(case: int, tmp_path: Path) -> None:
     drawn = drawn_scenario(Random(case))
     file = drawn.write(tmp_path)
@@ -219,7 +219,7 @@ def assert_events(scenario: Scenario, summary: Any, messages: list[Message]) -> 
         assert summary["ran_s"] == pytest.approx(scenario.duration_s)
 
 
-@pytest.mark.campaign(60, 1000)
+@pytest.mark.campaign(30, 1000)
 def test_a_broken_scenario_is_refused_in_words(case: int, tmp_path: Path) -> None:
     chance = Random(case)
     content, settings = broken(chance, drawn_scenario(chance))

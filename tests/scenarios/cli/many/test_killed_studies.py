@@ -105,7 +105,7 @@ def _killed(fn: Callable[..., Any], stamp: Any, jobs: list[Any]) -> Any:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-@pytest.mark.spread(3)
+@pytest.mark.spread(2)
 @pytest.mark.parametrize("study", STUDIES)
 def test_killed_workers_change_no_file(
     study: str, places: Path, monkeypatch: pytest.MonkeyPatch
@@ -119,7 +119,7 @@ class Killed(BaseException):
     """In place of SIGKILL: nothing more is done."""
 
 
-@pytest.mark.spread(3)
+@pytest.mark.spread(2)
 @pytest.mark.parametrize("study", [name for name in STUDIES if name != "worst"])
 def test_a_killed_driver_goes_on_where_it_was(
     study: str, places: Path, monkeypatch: pytest.MonkeyPatch

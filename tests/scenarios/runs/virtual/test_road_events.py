@@ -134,7 +134,8 @@ def test_a_log_tells_the_same_events_as_the_run_whatever_the_order(
     assert metrics.events.events() == summary.events
 
 
-@pytest.mark.parametrize("name", ["lane_change", "church_lot", "highway"])
+@pytest.mark.spread(2)
+@pytest.mark.parametrize("name", ["lane_change", "highway", "church_lot"])
 def test_shipped_scenarios_report_nothing_on_clean_links(
     tmp_path_factory: pytest.TempPathFactory, name: str
 ) -> None:
