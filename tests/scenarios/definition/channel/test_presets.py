@@ -180,6 +180,7 @@ def test_a_misspelt_preset_is_guessed_and_one_of_some_links_is_not_for_one() -> 
 RUNS = ("nlosv_etsi", "nlosv_3gpp_truck", "lte_v2x_dense", "ieee80211p_jam")
 
 
+@pytest.mark.spread(2)
 @pytest.mark.parametrize("name", RUNS)
 def test_a_run_with_a_preset_is_the_same_again_and_says_its_name(name: str, tmp_path: Path) -> None:
     overrides = [f"links.preset={name}", "duration_s=1.5", "convoy.vehicles=6"]

@@ -59,6 +59,7 @@ def heard(link: Link, way: float, messages: int) -> float:
     return outcomes.count("delivered") / messages
 
 
+@pytest.mark.spread(3)
 @pytest.mark.campaign(1_200, 100_000)
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_a_preset_delivers_what_is_published(name: str, campaign: int) -> None:

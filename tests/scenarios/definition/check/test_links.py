@@ -102,6 +102,7 @@ THREE = "convoy.vehicles=3"
 """Links past nobody, and past one car."""
 
 
+@pytest.mark.spread(9)
 @pytest.mark.parametrize("name", [*presets(), *library()])
 def test_every_law_of_what_ships_has_words_and_a_key(name: str) -> None:
     shipped = load_scenario(name) if name in library() else scenario(THREE, f"links.preset={name}")

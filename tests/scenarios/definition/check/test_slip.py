@@ -21,6 +21,7 @@ vehicles = 2
 """
 
 
+@pytest.mark.spread(2)
 @pytest.mark.parametrize("speed", [8.0, 15.0, 27.0, 30.0])
 def test_a_car_settles_where_it_is_foretold(speed: float) -> None:
     settings = [LEARNED, f"speed.set_mps={speed}", f"duration_s={600.0 / speed}"]

@@ -44,6 +44,7 @@ def test_there_are_enough_files() -> None:
     }  # fmt: skip
 
 
+@pytest.mark.spread(15)
 @pytest.mark.parametrize(("rough", "expected"), DRIVABLE.values(), ids=DRIVABLE)
 def test_the_path_is_where_the_car_was(tmp_path: Path, rough: Rough, expected: Expected) -> None:
     scenario = scenario_of(rough, tmp_path)
