@@ -135,4 +135,4 @@ class AlarmTally:
         """Count alarms up to an instant (ns) at which the sender still ran; None without status."""
         if not self._is_reported:
             return None
-        return sum(at <= until for at in self.instants)
+        return sum([at <= until for at in self.instants])
