@@ -57,7 +57,7 @@ class Panel:
     `kind` is a plot of all vehicles, one plot for each follower, or strips of states with the
     colours `states`. Values are drawn in `unit`, `factor` times those of the messages, every
     `period_ns` (0: each of them). A vehicle that is not drawn in detail has no series, except in a
-    panel of `every_vehicle`. `lead` tells whether the lead has series and whether the panel shows
+    panel of `every_vehicle`. `lead` states whether the lead has series and whether the panel shows
     them. `marked` plots show the events. The y axis reaches to `range_gaps` gaps of the convoy
     (0: fits the data). `plain_row` is the row in the layout for a plain log in Rerun (0: absent),
     `foxglove` whether Foxglove's layout has the panel.

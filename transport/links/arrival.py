@@ -156,9 +156,9 @@ class ContentStage:
 
         for one in self.false:
             if sent_at in one.span:
-                told = one.falsified(pose.message, self.gate.plane, recall)
-                if told is not None:
-                    pose = self._checked(told, sent.message)
+                altered = one.falsified(pose.message, self.gate.plane, recall)
+                if altered is not None:
+                    pose = self._checked(altered, sent.message)
                     kinds.append(one.kind)
         return pose, kinds
 

@@ -46,7 +46,7 @@ def line_style(colour: Colour, *, width: float, order: float) -> rr.LineStrips2D
 
 
 def point_style(*, width: float, order: float) -> rr.Points2D:
-    """Style of points that are logged anew each time, whatever their colours."""
+    """Style of points that are logged repeatedly, of any colours."""
     return rr.Points2D.from_fields(radii=rr.Radius.ui_points(width), draw_order=order)
 
 
