@@ -8,9 +8,6 @@ from scenarios.definition.schema.tables import CONTROLLERS
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.car.parameters import Gains, VehicleParameters
 from vehicles.theory.sampled_loop import SampledLoop, lowest_stable_rate, sampled_stability
-from vehicles.theory.varying_speed import FASTEST as CERTIFIED_TO
-from vehicles.theory.varying_speed import SLOWEST as CERTIFIED_FROM
-from vehicles.theory.varying_speed import certified_acceleration
 
 PAPER_LAWS = {CONTROLLERS["feedforward_feedback"], CONTROLLERS["slip_compensated"]}
 """On a straight they are one law; of others nothing is known."""
@@ -126,13 +123,19 @@ def certificate_warnings(scenario: Scenario) -> Iterator[str]:
 def _leaving(
     scenario: Scenario, parameters: VehicleParameters, gains: Gains, name: str
 ) -> Iterator[str]:
+    from vehicles.theory.varying_speed import (  # noqa: PLC0415 - scipy is an extra
+        FASTEST,
+        SLOWEST,
+        certified_acceleration,
+    )
+
     slow = fast = False
     worst = (1.0, 0.0, 0.0, 0.0)  # share of the bound, time, acceleration, bound
     for k in range(int(scenario.duration_s / STEP)):
         at = k * STEP
         speed, acceleration = scenario.route.profile.at(at)
-        slow, fast = slow or speed < CERTIFIED_FROM, fast or speed > CERTIFIED_TO
-        if acceleration == 0.0 or not CERTIFIED_FROM <= speed <= CERTIFIED_TO:
+        slow, fast = slow or speed < SLOWEST, fast or speed > FASTEST
+        if acceleration == 0.0 or not SLOWEST <= speed <= FASTEST:
             continue
         bounds = certified_acceleration(parameters, gains, speed)
         bound = bounds[acceleration > 0.0]
@@ -143,8 +146,8 @@ def _leaving(
         reached = " and ".join(
             text
             for text, found in (
-                (f"below {CERTIFIED_FROM:g}", slow),
-                (f"above {CERTIFIED_TO:g}", fast),
+                (f"below {SLOWEST:g}", slow),
+                (f"above {FASTEST:g}", fast),
             )
             if found
         )
