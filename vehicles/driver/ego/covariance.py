@@ -17,7 +17,10 @@ EXACT = 1.0, 0.0, 0.0
 
 @dataclass(slots=True)
 class AlongCovariance:
-    """Of the place along the body (a, m) and the speed's bias (s, m/s); a' = -s."""
+    """Covariance of the place along the body (a, m) and the speed's bias (s, m/s); a' = -s.
+
+    Source: Kalman, Journal of Basic Engineering 82, 1960.
+    """
 
     aa: float
     ss: float
@@ -51,9 +54,10 @@ class AlongCovariance:
 
 @dataclass(slots=True)
 class AcrossCovariance:
-    """Of the place across the body (c, m), heading (h, rad) and the gyroscope's bias (g, rad/s).
+    """Covariance of place across the body (c, m), heading (h, rad) and gyroscope bias (g, rad/s).
 
     c' = v h + l h', h' = -g with the speed v and the steady slip per yaw rate l.
+    Source: Kalman, Journal of Basic Engineering 82, 1960.
     """
 
     cc: float
