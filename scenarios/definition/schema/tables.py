@@ -25,9 +25,11 @@ from vehicles.car.sending.every_fix import EveryFix
 from vehicles.car.sending.registry import RULES
 from vehicles.car.sending.rule import SendingRule
 from vehicles.driver.degradation.settings import DegradationSettings
+from vehicles.driver.speed import GapLimits
 from vehicles.preview.curve_fit import FitSettings
 
 FIT = FitSettings()
+GAP_LIMITS = GapLimits()
 EPOCH, LATEST = datetime(1970, 1, 1, tzinfo=UTC), datetime(2200, 1, 1, tzinfo=UTC)
 """Between them instants fit into 64 bits of nanoseconds, of which a log's have no sign."""
 
@@ -122,8 +124,8 @@ class GapTable(Table):
 
     standstill_m: float = Field(default=8.0, gt=0, le=1000)
     headway_s: float = Field(default=0.5, ge=0, le=10)
-    acceleration_mps2_max: float = Field(default=2.0, ge=0.1, le=10)
-    braking_mps2_max: float = Field(default=6.0, ge=0.1, le=12)
+    acceleration_mps2_max: float = Field(default=GAP_LIMITS.acceleration, ge=0.1, le=10)
+    braking_mps2_max: float = Field(default=GAP_LIMITS.deceleration, ge=0.1, le=12)
 
 
 class SpeedTable(Table):
