@@ -44,7 +44,7 @@ _ROWS = (
     Topic("trajectory", CompositeTrajectory, "decided_at_ns",   False, True,    "arc spline and the samples it was fitted to"),
     Topic("tracking",   Tracking,            "decided_at_ns",   False, True,    "errors as the vehicle sees them"),
     Topic("command",    Command,             "decided_at_ns",   False, True,    "steering and acceleration asked for"),
-    Topic("verdict",    LinkVerdict,         "heard_at_ns",     False, True,    "what the link did to each message, and why"),
+    Topic("verdict",    LinkVerdict,         "received_at_ns",  False, True,    "what the link did to each message, and why"),
     Topic("health",     Health,              "reported_at_ns",  False, False,   "counters of the process, once a second"),
     Topic("log",        LogText,             "logged_at_ns",    False, False,   "text"),
     Topic("change",     Change,              "effective_at_ns", False, False,   "something done to the running convoy, by its scenario or by hand"),

@@ -81,7 +81,7 @@ class GpsPose:
     position_accuracy_m: float
     true_east_m: float
     true_north_m: float
-    true_driven_m: float
+    true_distance_m: float
     mode: Mode
     hazard: bool
     acceleration_mps2: float
@@ -215,7 +215,7 @@ class LinkVerdict:
     outcome: Outcome
     reason: str
     visible_at_ns: int
-    heard_at_ns: int
+    received_at_ns: int
     late: bool
     sent_at_ns: int
     copies: int
@@ -232,7 +232,7 @@ class Health:
     ticks: int
     late_ticks: int
     lateness_ms_max: float
-    heard: int
+    received: int
     dropped: int
     late_messages: int
     rejected_messages: int

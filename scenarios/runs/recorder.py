@@ -167,7 +167,7 @@ class Recorder:
             ticks=0,
             late_ticks=0,
             lateness_ms_max=0.0,
-            heard=self.recorded,
+            received=self.recorded,
             dropped=0,
             late_messages=0,
             rejected_messages=self.rejected.total(),

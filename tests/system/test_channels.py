@@ -100,7 +100,7 @@ def fates(run: Run) -> dict[tuple[str, str, int], Fate]:
             one.reason,
             one.sent_at_ns - run.start_at,
             one.visible_at_ns - run.start_at,
-            one.heard_at_ns - run.start_at,
+            one.received_at_ns - run.start_at,
             one.copies,
             one.content,
         )

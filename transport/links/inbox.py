@@ -233,7 +233,7 @@ class Inbox:
         if message.sent_at_ns < self._listens_from:  # while the vehicle did not receive
             return
         link.number(message.seq)
-        antenna = Position(message.true_east_m, message.true_north_m, message.true_driven_m)
+        antenna = Position(message.true_east_m, message.true_north_m, message.true_distance_m)
         here = self._positions.at(message.sent_at_ns)
         context = TransmissionContext(message.seq, message.sent_at_ns, len(data), antenna, here)
         judged = link.link.judge(context)
@@ -293,7 +293,7 @@ class Inbox:
             outcome=judged.outcome,
             reason=judged.reason,
             visible_at_ns=judged.visible_at,
-            heard_at_ns=now,
+            received_at_ns=now,
             late=one.late,
             sent_at_ns=sent.sent_at_ns,
             copies=one.copies,

@@ -145,7 +145,7 @@ class PanelSeries:
         self._links.count(link, verdict)
         state = message_state(verdict)
         if state:
-            self._states.show("messages", link, state, verdict.heard_at_ns)
+            self._states.show("messages", link, state, verdict.received_at_ns)
 
     def show_links(self, receiver: str, at: int) -> None:
         """Show the states of the links into a vehicle, up to its own instant `at` (ns)."""

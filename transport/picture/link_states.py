@@ -66,7 +66,7 @@ class LinkStates:
         state = message_state(verdict)
         if not state:
             return
-        start = verdict.heard_at_ns // WINDOW_NS * WINDOW_NS
+        start = verdict.received_at_ns // WINDOW_NS * WINDOW_NS
         links = self.receivers.setdefault(verdict.vehicle, {})
         one = links.setdefault(link, _Link(start))
         counts = one.counts.setdefault(max(start, one.start), _Counts())

@@ -210,5 +210,5 @@ def to_message(
         stops_at_ns=announced.stops_at_ns,
         true_east_m=true_place[0],
         true_north_m=true_place[1],
-        true_driven_m=true_place[2],
+        true_distance_m=true_place[2],
     )

@@ -57,7 +57,7 @@ class LinkTally:
         if verdict.content:
             self._count(self.false, verdict.content)
         self._keep(number, _DELIVERED)
-        late, heard_at, before = verdict.late, verdict.heard_at_ns, self._heard_at
+        late, heard_at, before = verdict.late, verdict.received_at_ns, self._heard_at
         self.heard += 1
         self.late += late
         self.copies += verdict.copies

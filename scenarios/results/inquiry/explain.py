@@ -192,7 +192,7 @@ def _read(reader: LogReader, record: RecordedKnowledge, senders: Sequence[str]) 
 def _known(record: RecordedKnowledge, link: tuple[str, str], now: int) -> KnownSource:
     poses, verdicts = record.poses[link[0]], record.verdicts[link[0]]
     heard = [
-        one for one in verdicts.values() if one.outcome == "delivered" and one.heard_at_ns <= now
+        one for one in verdicts.values() if one.outcome == "delivered" and one.received_at_ns <= now
     ]
     newest = max(heard, key=lambda one: one.measured_at_ns, default=None)
     sent_by_now = sorted(seq for seq, pose in poses.items() if pose.sent_at_ns <= now)
@@ -202,7 +202,7 @@ def _known(record: RecordedKnowledge, link: tuple[str, str], now: int) -> KnownS
         sender=link[0],
         number=newest.pose_seq if newest else None,
         measured_at_s=_seconds(record, newest.measured_at_ns) if newest else None,
-        heard_at_s=_seconds(record, newest.heard_at_ns) if newest else None,
+        heard_at_s=_seconds(record, newest.received_at_ns) if newest else None,
         age_s=_age(record, link[1], newest, now) if newest else None,
         path_left_m=_path_left(record, link[0], heard, now),
         received_ratio=_received(verdicts.values(), now),
@@ -231,13 +231,13 @@ def _missing(record: RecordedKnowledge, link: tuple[str, str], number: int) -> M
         sent_at_s=sent_at_s,
         fate=verdict.reason if dropped else ON_THE_WAY,
         cause=origin(record.scenario.tables, link, verdict.reason) if dropped else "",
-        due_at_s=_seconds(record, verdict.heard_at_ns),
+        due_at_s=_seconds(record, verdict.received_at_ns),
     )
 
 
 def _received(verdicts: Iterable[LinkVerdict], now: int) -> float | None:
     """Delivered share of the messages due within the last second, None without any."""
-    due = [one for one in verdicts if now - SECOND < one.heard_at_ns <= now]
+    due = [one for one in verdicts if now - SECOND < one.received_at_ns <= now]
     return sum(one.outcome == "delivered" for one in due) / len(due) if due else None
 
 

@@ -139,7 +139,7 @@ class StatusBoard:
             case LinkVerdict():
                 lost = message.outcome == "dropped" and counts_as_loss(message.reason)
                 row = self._verdicts[message.sender, message.vehicle]
-                row.append((message.heard_at_ns, lost))
+                row.append((message.received_at_ns, lost))
             case RunStart():
                 self._start_at = message.start_at_ns
 

@@ -172,7 +172,7 @@ class Outbox:
                 ticks=self._ticks,
                 late_ticks=usage.late_ticks,
                 lateness_ms_max=usage.lateness_ms_max,
-                heard=self._inbox.delivered,
+                received=self._inbox.delivered,
                 dropped=self._inbox.dropped,
                 late_messages=self._inbox.late,
                 rejected_messages=self._inbox.rejected.total(),

@@ -159,7 +159,7 @@ class CutObserver:
             case LinkVerdict() if (
                 message.outcome == "delivered" and message.sent_at_ns < self._from
             ):
-                of.received_at[message.sender] = message.heard_at_ns
+                of.received_at[message.sender] = message.received_at_ns
 
     def figures(self) -> tuple[CutFigures, ...]:
         return tuple(self._figures(name) for name in self._names[1:])

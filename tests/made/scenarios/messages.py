@@ -53,7 +53,7 @@ def gps(vehicle: str, seq: int, **more: float) -> GpsPose:
         stops_at_ns=0,
         true_east_m=0.0,
         true_north_m=0.0,
-        true_driven_m=0.0,
+        true_distance_m=0.0,
     )
     return replace(pose, **more)  # type: ignore[arg-type]
 
@@ -157,7 +157,7 @@ def verdict(
         outcome=outcome,
         reason=dropped,
         visible_at_ns=measured_at + round(latency_ms * MS),
-        heard_at_ns=measured_at + round(heard_after * MS),
+        received_at_ns=measured_at + round(heard_after * MS),
         late=late,
         sent_at_ns=measured_at,
         copies=0,
@@ -175,7 +175,7 @@ def health(
         ticks=100,
         late_ticks=0,
         lateness_ms_max=0.0,
-        heard=0,
+        received=0,
         dropped=0,
         late_messages=0,
         rejected_messages=0,

@@ -121,7 +121,7 @@ def write_log(path: Path, points: Drive) -> None:
                     stops_at_ns=0,
                     true_east_m=0.0,
                     true_north_m=0.0,
-                    true_driven_m=0.0,
+                    true_distance_m=0.0,
                 )
                 log.write(at, pose)
 

@@ -80,7 +80,7 @@ def gps(vehicle: str, seq: int, at: int) -> GpsPose:
         stops_at_ns=0,
         true_east_m=0.0,
         true_north_m=0.0,
-        true_driven_m=0.0,
+        true_distance_m=0.0,
     )
 
 
@@ -161,7 +161,7 @@ def verdict(vehicle: str, sender: str, seq: int, at: int, outcome: str = "ok") -
         outcome="dropped" if outcome in {"loss", "rate"} else "delivered",
         reason=outcome if outcome in {"loss", "rate"} else "",
         visible_at_ns=at,
-        heard_at_ns=at,
+        received_at_ns=at,
         late=outcome == "late",
         sent_at_ns=at - TICK,
         copies=0,
@@ -177,7 +177,7 @@ def health(vehicle: str, seq: int, at: int) -> Health:
         ticks=50,
         late_ticks=0,
         lateness_ms_max=0.5,
-        heard=40,
+        received=40,
         dropped=0,
         late_messages=0,
         rejected_messages=0,

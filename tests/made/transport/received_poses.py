@@ -40,7 +40,7 @@ def received(
         stops_at_ns=announced.stops_at_ns,
         true_east_m=0.0,
         true_north_m=0.0,
-        true_driven_m=0.0,
+        true_distance_m=0.0,
     )
     at = measured_at if received_at is None else received_at
     return ReceivedPose(message, at, measured_at, east, north, yaw, speed, yaw_rate, accuracy)

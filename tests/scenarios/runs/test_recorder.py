@@ -320,7 +320,7 @@ def test_the_recorder_tells_in_the_log_how_many_it_refused(recorded: Recorded) -
     recorded.recorder.report_health(at(2.0), final=True)
     own = recorded.logged()[-1][2]
     assert own == health(
-        CONDUCTOR, 0, seconds=2.0, final=True, ticks=0, heard=len(SOUND) + 1, rejected_messages=2
+        CONDUCTOR, 0, seconds=2.0, final=True, ticks=0, received=len(SOUND) + 1, rejected_messages=2
     )
 
 

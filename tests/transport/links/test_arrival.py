@@ -180,7 +180,7 @@ def test_a_receiver_without_a_filter_is_told_twice() -> None:
 def test_a_copy_with_a_delay_of_its_own_never_comes_before_the_message() -> None:
     content = {"duplicate_ratio": 1.0, "filter_duplicates": False}
     heard, verdicts = run(ear(content, jitter_ms=200.0), at_once(sent(200)), 700)
-    first = {v.pose_seq: v.heard_at_ns for v in verdicts}
+    first = {v.pose_seq: v.received_at_ns for v in verdicts}
     seen = Counter(p.seq for _, p in heard)
     assert set(seen.values()) == {2}
     later = [at - first[p.seq] for at, p in heard]

@@ -49,7 +49,7 @@ def pose(seq: int, vehicle: str = "lead") -> GpsPose:
         stops_at_ns=0,
         true_east_m=0.0,
         true_north_m=0.0,
-        true_driven_m=0.0,
+        true_distance_m=0.0,
     )
 
 
@@ -86,7 +86,7 @@ def test_an_early_arrival_waits_and_a_late_one_is_heard_at_once() -> None:
     assert taken(inbox, START + 62 * MS) == [pose(0)]
     assert taken(inbox, START + 80 * MS) == [pose(1)]
     assert inbox.late == 1
-    assert [(v.pose_seq, v.late, v.heard_at_ns) for v in inbox.verdicts()] == [
+    assert [(v.pose_seq, v.late, v.received_at_ns) for v in inbox.verdicts()] == [
         (0, True, START + 62 * MS),
         (1, False, START + 80 * MS),
     ]
@@ -135,7 +135,7 @@ def test_verdicts_say_what_became_of_each_message() -> None:
         )
         assert (v.vehicle, v.sender, v.late) == ("follower_2", "lead", False)
         # Delivered or dropped, it is told at the tick that would have handed it over.
-        assert v.visible_at_ns <= v.heard_at_ns < v.visible_at_ns + 20 * MS
+        assert v.visible_at_ns <= v.received_at_ns < v.visible_at_ns + 20 * MS
     assert inbox.links["lead"].delivered == len(heard)
     assert inbox.links["lead"].dropped == {"loss": 20 - len(heard)}
 

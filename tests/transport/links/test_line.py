@@ -56,7 +56,7 @@ def pose(seq: int) -> GpsPose:
         stops_at_ns=0,
         true_east_m=0.0,
         true_north_m=0.0,
-        true_driven_m=0.0,
+        true_distance_m=0.0,
     )
 
 
@@ -138,7 +138,7 @@ def test_verdicts_are_those_of_the_stream_of_what_was_sent(rule: str) -> None:
             wanted.outcome, wanted.reason, wanted.visible_at,
         )  # fmt: skip
         # Told at the first tick from its instant on, however late it was decided.
-        assert v.visible_at_ns <= v.heard_at_ns < v.visible_at_ns + 20 * MS
+        assert v.visible_at_ns <= v.received_at_ns < v.visible_at_ns + 20 * MS
     assert len(verdicts) > 50
     if "delay" in RULES[rule]:
         assert [one.seq for one in heard] == sorted(one.seq for one in heard)

@@ -109,7 +109,7 @@ def test_a_link_that_did_something_else_is_named(text: str, asked: LinkTable, wo
 
 def test_what_the_machine_delayed_is_not_the_link_s_fault() -> None:
     said = fates("." * 200)
-    said[7] = replace(said[7], late=True, heard_at_ns=at(900.0))
+    said[7] = replace(said[7], late=True, received_at_ns=at(900.0))
     assert list(misses(LINK, LinkTable(), tallied(*said))) == []
 
 

@@ -79,7 +79,7 @@ def check_source(
     vehicle = found.vehicle
     for source in found.sources:
         verdicts = [v for v in plain[vehicle, "verdict"] if v.sender == source.sender]
-        heard = [v for v in verdicts if v.outcome == "delivered" and v.heard_at_ns <= now]
+        heard = [v for v in verdicts if v.outcome == "delivered" and v.received_at_ns <= now]
         if not heard:
             assert source.number is None
             assert source.age_s is source.path_left_m is None
@@ -87,7 +87,7 @@ def check_source(
             best = max(heard, key=lambda v: v.measured_at_ns)
             assert source.number == best.pose_seq
             assert source.age_s == pytest.approx((now - best.measured_at_ns) / 1e9)
-            assert source.heard_at_s == pytest.approx((best.heard_at_ns - start) / 1e9)
+            assert source.heard_at_s == pytest.approx((best.received_at_ns - start) / 1e9)
             numbers = {v.pose_seq for v in heard}
             places = [
                 plane.to_plane(g.latitude_deg, g.longitude_deg, g.altitude_m)
@@ -112,8 +112,8 @@ def check_source(
                 assert missing.cause == cause(source.sender, vehicle, fate.reason)
             else:
                 assert missing.fate == ON_THE_WAY
-                assert fate.heard_at_ns > now
-        due = [v for v in verdicts if now - 10**9 < v.heard_at_ns <= now]
+                assert fate.received_at_ns > now
+        due = [v for v in verdicts if now - 10**9 < v.received_at_ns <= now]
         if due:
             share = sum(v.outcome == "delivered" for v in due) / len(due)
             assert source.received_ratio == pytest.approx(share)

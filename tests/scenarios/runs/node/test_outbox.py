@@ -262,7 +262,7 @@ def test_health_counts_ticks_and_messages() -> None:
     last = bus.of(Health)[-1]
     assert isinstance(last, Health)
     assert (last.ticks, last.late_ticks, last.lateness_ms_max) == (5, 2, 14.0)
-    assert (last.heard, last.dropped, last.rejected_messages) == (1, 1, 1)
+    assert (last.received, last.dropped, last.rejected_messages) == (1, 1, 1)
     assert (last.memory_bytes, last.cpu_ratio, last.final) == (60_000_000, 0.03, True)
     assert last.published == len(bus.published) - 1  # all before itself
 

@@ -94,7 +94,7 @@ def test_times_and_places_are_those_of_the_run() -> None:
     hit = [(v.sent_at_ns - start) / SECOND for v in plain.over("v1", "v2") if v.reason]
     assert 2.45 <= min(hit) <= 2.55
     assert 2.9 <= max(hit) <= 3.0
-    driven = [plain.poses["v1", v.pose_seq].true_driven_m for v in plain.over("v1", "v2")]
+    driven = [plain.poses["v1", v.pose_seq].true_distance_m for v in plain.over("v1", "v2")]
     there = [60.0 <= metres < 90.0 and 60.0 <= metres - 15.0 < 90.0 for metres in driven]
     found = [v.reason == "outage" for v in plain.over("v1", "v2")]
     differ = [k for k in range(len(found)) if found[k] != there[k]]

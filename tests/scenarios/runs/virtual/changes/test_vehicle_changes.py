@@ -100,7 +100,7 @@ def test_a_stall_holds_the_command_and_sends_nothing_and_then_all_is_heard(
         if one.visible_at_ns - run.start_at in range(1_520_000_000, 2_200_000_000)
     ]
     assert waited
-    assert {one.heard_at_ns - run.start_at for one in waited} == {2_200_000_000}
+    assert {one.received_at_ns - run.start_at for one in waited} == {2_200_000_000}
     assert not any(one.late for one in heard)
 
 
@@ -258,8 +258,8 @@ def test_a_clock_that_is_off_moves_stamps_and_what_is_made_of_them_and_nothing_e
     usual_seen = [one.predecessor_age_s for one in calm.of("v3", Tracking)[10:]]
     for k, (age, usual_age) in enumerate(zip(seen, usual_seen, strict=True)):
         assert age - usual_age == pytest.approx(-0.25 - 0.001 * CONTROL_S * (k + 10), abs=1e-3)
-    verdicts = [(one.pose_seq, one.heard_at_ns) for one in run.of("v3", LinkVerdict)]
-    assert verdicts == [(one.pose_seq, one.heard_at_ns) for one in calm.of("v3", LinkVerdict)]
+    verdicts = [(one.pose_seq, one.received_at_ns) for one in run.of("v3", LinkVerdict)]
+    assert verdicts == [(one.pose_seq, one.received_at_ns) for one in calm.of("v3", LinkVerdict)]
     assert not run.nodes["v3"].inbox.rejected
 
 
