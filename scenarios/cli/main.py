@@ -14,10 +14,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import click
 
-from scenarios.cli import logs, scenario, study
-from scenarios.cli.channel.commands import channel
-from scenarios.cli.control import commands as control
+from scenarios.cli import log_commands, paper_commands, scenario_commands
+from scenarios.cli.channel.channel_commands import channel
 from scenarios.cli.guide.reference import reference
+from scenarios.cli.live import live_commands
 from scenarios.cli.many import drill, worst
 from scenarios.cli.many.bisect import bisect
 from scenarios.cli.many.blame import blame
@@ -54,28 +54,28 @@ for command in (
     running.router,
     running.vehicle,
     running.record,
-    scenario.list_scenarios,
-    scenario.check,
-    study.gains,
-    scenario.new,
-    logs.review,
-    logs.report,
-    logs.explain,
+    scenario_commands.list_scenarios,
+    scenario_commands.check,
+    paper_commands.gains,
+    scenario_commands.new,
+    log_commands.review,
+    log_commands.report,
+    log_commands.explain,
     blame,
     channel,
     sweep,
-    control.link,
-    control.cut,
-    control.heal,
-    control.gnss,
-    control.stall,
-    control.kill,
-    control.speed,
-    control.status,
-    control.scenario_from,
+    live_commands.link,
+    live_commands.cut,
+    live_commands.heal,
+    live_commands.gnss,
+    live_commands.stall,
+    live_commands.kill,
+    live_commands.speed,
+    live_commands.status,
+    live_commands.scenario_from,
     drill.drill,
     worst.worst,
-    study.reproduce,
+    paper_commands.reproduce,
     bisect,
     risk,
     reference,

@@ -5,7 +5,7 @@ from time import monotonic, sleep
 
 import pytest
 
-from scenarios.cli.control.asking import ask, joined
+from scenarios.cli.live.change_requests import joined, request_change
 from scenarios.runs.control.open_runs import open_runs
 from tests.system.logs import Run, assert_equal_while_nothing_was_late
 from tests.system.processes import Process, run_to_the_end, start
@@ -55,7 +55,7 @@ def test_a_session_is_confirmed_at_once_logged_and_repeated(tmp_path: Path) -> N
         begun(convoy, "live_session")
         with joined("live_session", NO_FLAGS) as (bus, run):
             for entry in SESSION:
-                answers = ask(bus, run, entry)
+                answers = request_change(bus, run, entry)
                 assert not any(one.answer is None or one.answer.refused for one in answers)
                 took_ms += [one.took_ms for one in answers]
                 effects += [

@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarios.cli.columns import Column, print_whole, table_of
-from scenarios.cli.failure import clear_errors, require
+from scenarios.cli.common_options import FiniteRange, folder_option
+from scenarios.cli.error_lines import clear_errors, require
 from scenarios.cli.guide import completion
-from scenarios.cli.many.options import (
-    chosen_fleet,
+from scenarios.cli.many.study_options import (
     engine_options,
     limit_option,
     overrides_option,
+    selected_fleet,
     variant_of,
 )
-from scenarios.cli.options import FiniteRange, folder_option
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -76,7 +76,7 @@ def bisect(
     from scenarios.studies.many.boundary.report import PICTURE, TWIN, write_answer
 
     with clear_errors():
-        low, high = _ends(span)
+        low, high = _bounds_of(span)
         variant = variant_of(scenario, overrides)
         question = BoundaryQuestion(
             variant=variant,
@@ -89,7 +89,7 @@ def bisect(
             share=0.0 if any_seed else share,
         )
         with study_engine(
-            chosen_fleet(workers, scheduler),
+            selected_fleet(workers, scheduler),
             click.echo,
             out=out,
             files=(PICTURE, TWIN),
@@ -101,7 +101,7 @@ def bisect(
         click.echo(f"written: {out / PICTURE} and {out / TWIN}")
 
 
-def _ends(span: str) -> tuple[float, float]:
+def _bounds_of(span: str) -> tuple[float, float]:
     from scenarios.definition.errors import ScenarioError
 
     low, _, high = span.partition(":")

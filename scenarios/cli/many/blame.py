@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from scenarios.cli.columns import Column, table_of
-from scenarios.cli.failure import clear_errors, require
-from scenarios.cli.many.options import chosen_fleet, engine_options, limit_option
-from scenarios.cli.options import folder_option
+from scenarios.cli.common_options import folder_option
+from scenarios.cli.error_lines import clear_errors, require
+from scenarios.cli.many.study_options import engine_options, limit_option, selected_fleet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -78,7 +78,7 @@ def blame(
         file = log_in(log)
         limit = parsed_limit(limit_text, scenario_of(file).vehicle_names)
         with study_engine(
-            chosen_fleet(workers, scheduler),
+            selected_fleet(workers, scheduler),
             click.echo,
             out=out,
             files=(report.PICTURE, report.TWIN, report.SMALLEST),

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarios.cli.columns import Column, table_of
-from scenarios.cli.failure import clear_errors
+from scenarios.cli.error_lines import clear_errors
 from scenarios.cli.guide import completion
-from scenarios.cli.many.options import chosen_fleet, engine_options, overrides_option
+from scenarios.cli.many.study_options import engine_options, overrides_option, selected_fleet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -92,8 +92,8 @@ def drill(
             for one in drill_variants(name, overrides, chosen)
         ]
         with study_engine(
-            chosen_fleet(workers, scheduler),
-            _say,
+            selected_fleet(workers, scheduler),
+            _print_to_stderr,
             out=out,
             files=(TWIN,),
             identity=identity_of_drills(variants),
@@ -113,7 +113,7 @@ def drill(
         sys.exit(0 if all(row.passed for row in rows) else 1)
 
 
-def _say(line: str) -> None:
+def _print_to_stderr(line: str) -> None:
     click.echo(line, err=True)
 
 
@@ -135,7 +135,7 @@ def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[Dril
     runs = []
     for number, one in enumerate(variants, 1):
         folder = out / f"{Path(one.name).stem}-{one.seed}"
-        _say(f"{number} of {len(variants)}: {one.name}, seed {one.seed}, into {folder}")
+        _print_to_stderr(f"{number} of {len(variants)}: {one.name}, seed {one.seed}, into {folder}")
         began = time.perf_counter()
         exit_code = run_scenario(
             one.name,

@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from scenarios.cli.columns import Column, table_of
-from scenarios.cli.failure import clear_errors, require
+from scenarios.cli.common_options import FiniteRange, folder_option
+from scenarios.cli.error_lines import clear_errors, require
 from scenarios.cli.guide import completion
-from scenarios.cli.many.options import (
-    chosen_fleet,
+from scenarios.cli.many.study_options import (
     engine_options,
     limit_option,
     overrides_option,
+    selected_fleet,
     variant_of,
 )
-from scenarios.cli.options import FiniteRange, folder_option
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -88,7 +88,7 @@ def risk(
             **options,
         )
         with study_engine(
-            chosen_fleet(workers, scheduler),
+            selected_fleet(workers, scheduler),
             click.echo,
             out=out,
             files=(TWIN,),

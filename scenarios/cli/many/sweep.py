@@ -8,10 +8,15 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarios.cli.columns import Column, print_whole, table_of
-from scenarios.cli.failure import clear_errors, require
+from scenarios.cli.common_options import folder_option
+from scenarios.cli.error_lines import clear_errors, require
 from scenarios.cli.guide import completion
-from scenarios.cli.many.options import LIMIT_WORDS, chosen_fleet, engine_options, overrides_option
-from scenarios.cli.options import folder_option
+from scenarios.cli.many.study_options import (
+    LIMIT_WORDS,
+    engine_options,
+    overrides_option,
+    selected_fleet,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -113,7 +118,7 @@ def sweep(
         plan = planned(
             scenario, vary=vary, seeds=seeds, sets=overrides, figures=figures, limits=limits
         )
-        fleet = chosen_fleet(workers, scheduler)
+        fleet = selected_fleet(workers, scheduler)
         report = partial(click.echo, err=True)
         table, written = carry_out_sweep(
             plan, out, fleet, report, parquet=parquet, pictures=not no_pictures

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import click
 
-from scenarios.cli.failure import clear_errors
+from scenarios.cli.common_options import TimeSpan, scenario_options
+from scenarios.cli.error_lines import clear_errors
 from scenarios.cli.guide import completion
-from scenarios.cli.many.options import chosen_fleet, engine_options
-from scenarios.cli.options import TimeSpan, scenario_options
+from scenarios.cli.many.study_options import engine_options, selected_fleet
 from scenarios.definition.schema.limit_rows import WORDS
 
 FIGURES = [word for word, row in WORDS.items() if row.figure]
@@ -93,7 +93,7 @@ def worst(
         sought = burst_of(links, burst, loaded)
         span = span_of(loaded, sought, from_s=from_s, to_s=to_s, step_s=step_s, finest_s=finest_s)
         report = partial(click.echo, err=True)
-        with study_engine(chosen_fleet(workers, scheduler), report) as engine:
+        with study_engine(selected_fleet(workers, scheduler), report) as engine:
             changes = len(loaded.tables.change)
             search = WorstSearch(base, sought, figure, engine, changes=changes, seeds=seeds)
             found = search.look(span)

@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scenarios.cli.failure import clear_errors
-from scenarios.cli.guide import completion
-from scenarios.cli.options import (
+from scenarios.cli.common_options import (
     FiniteRange,
     log_options,
     parent_watch_option,
@@ -19,6 +17,8 @@ from scenarios.cli.options import (
     zenoh_from,
     zenoh_options,
 )
+from scenarios.cli.error_lines import clear_errors
+from scenarios.cli.guide import completion
 from scenarios.cli.output import unwritable_output_reported
 from scenarios.runs.stop import stop_on_request
 

@@ -3,7 +3,7 @@
 from datetime import UTC, datetime
 from pathlib import Path
 
-from scenarios.cli.failure import require
+from scenarios.cli.error_lines import require
 from scenarios.definition.scenario import Scenario
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.runs.run_folder import default_folder

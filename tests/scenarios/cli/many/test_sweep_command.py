@@ -218,7 +218,7 @@ def test_bad_input_is_one_line(given: list[str], said: str, tmp_path: Path) -> N
 def test_a_package_that_is_missing_is_one_line(
     option: list[str], package: str, extra: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("scenarios.cli.failure.find_spec", lambda name: name != package or None)
+    monkeypatch.setattr("scenarios.cli.error_lines.find_spec", lambda name: name != package or None)
     done = convoy("sweep", "lane_change", *option)
     assert done.exit_code == 2
     (line,) = done.stderr.splitlines()

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from scenarios.cli.guide.checked import print_report
+from scenarios.cli.guide.check_table import print_report
 from scenarios.cli.tables import print_summary
 from scenarios.definition.channel import presets as presets_module
 from scenarios.definition.channel.presets import presets, read_preset

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from scenarios.cli.logs import explain as explain_command
+from scenarios.cli.log_commands import explain as explain_command
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.inquiry.explain import (
     NEVER_JUDGED,

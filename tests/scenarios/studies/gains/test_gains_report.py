@@ -10,7 +10,7 @@ import pytest
 from matplotlib.image import imread
 from rich.console import Console
 
-from scenarios.cli.study import gains_table
+from scenarios.cli.paper_commands import gains_table
 from scenarios.studies.gains.report import DEFAULT_SPEEDS, gains_report, refuse_foreign_files
 from scenarios.studies.gains.results import GainsReport, as_json
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, Gains, Loading, loaded

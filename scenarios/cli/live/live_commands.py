@@ -6,13 +6,13 @@ from typing import Any
 
 import click
 
-from scenarios.cli.failure import clear_errors
-from scenarios.cli.options import (
+from scenarios.cli.common_options import (
     new_file_option,
     open_run_options,
     print_or_write,
     span_option,
 )
+from scenarios.cli.error_lines import clear_errors
 from scenarios.runs.stop import EXIT_BAD_INPUT, EXIT_FAILED
 
 REFRESH_S = 0.5
@@ -20,12 +20,12 @@ REFRESH_S = 0.5
 
 def _change(run_name: str | None, flags: dict[str, Any], kind: str, **keys: object) -> None:
     """Request a change and print the answers."""
-    from scenarios.cli.control import asking
+    from scenarios.cli.live import change_requests
 
     entry = {"kind": kind, **{key: value for key, value in keys.items() if value is not None}}
     with clear_errors():
-        with asking.joined(run_name, flags) as (bus, run):
-            answers = asking.ask(bus, run, entry)
+        with change_requests.joined(run_name, flags) as (bus, run):
+            answers = change_requests.request_change(bus, run, entry)
         refused = dict.fromkeys(
             line for one in answers if one.answer for line in one.answer.refused
         )
@@ -39,7 +39,9 @@ def _change(run_name: str | None, flags: dict[str, Any], kind: str, **keys: obje
         for line in refused:
             click.echo(line, err=True)
         for vehicle in silent:
-            click.echo(f"{vehicle}: no answer within {asking.ANSWER_S:g} s", err=True)
+            click.echo(
+                f"{vehicle}: no answer within {change_requests.ANSWER_TIMEOUT_S:g} s", err=True
+            )
         if not any(one.answer and (one.answer.does or one.answer.refused) for one in answers):
             click.echo("nothing changed: no vehicle carries this out", err=True)
             sys.exit(EXIT_FAILED)
@@ -193,15 +195,15 @@ def status(*, once: bool, as_json: bool, run_name: str | None, **flags: Any) -> 
     """Show how a convoy that drives goes: what it steers along, knows, hears, errs and keeps."""
     from rich.console import Console
 
-    from scenarios.cli.control import asking
-    from scenarios.cli.control.shown import show
+    from scenarios.cli.live import change_requests
+    from scenarios.cli.live.status_tables import show
     from scenarios.runs.stop import stop_on_signals
 
-    with clear_errors(), asking.joined(run_name, flags) as (bus, run):
+    with clear_errors(), change_requests.joined(run_name, flags) as (bus, run):
         stop = stop_on_signals()
         stop.begun = True
         found = show(
-            lambda: asking.status(bus, run),
+            lambda: change_requests.status(bus, run),
             Console(),
             stop,
             every_s=None if once else REFRESH_S,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from scenarios.cli.failure import require
+from scenarios.cli.error_lines import require
 from scenarios.cli.guide import completion
 from scenarios.definition.schema.limit_rows import words_with_examples
 
@@ -58,7 +58,7 @@ def engine_options(command: Command) -> Command:
     return workers(scheduler(command))
 
 
-def chosen_fleet(workers: int | None, scheduler: str) -> "OpenFleet":
+def selected_fleet(workers: int | None, scheduler: str) -> "OpenFleet":
     from scenarios.studies.engine.fleet import fleet_of
 
     if scheduler:

@@ -11,7 +11,7 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
-from scenarios.cli.channel.shown import bar
+from scenarios.cli.channel.comparison_tables import bar
 from scenarios.cli.main import cli
 from scenarios.definition.channel.presets import presets
 from scenarios.definition.scenario import load_scenario

@@ -10,10 +10,10 @@ import pytest
 from click.testing import CliRunner
 from rich.console import Console
 
-from scenarios.cli.control.asking import which_run
-from scenarios.cli.control.shown import show, tables
+from scenarios.cli.common_options import TimeSpan
+from scenarios.cli.live.change_requests import run_to_join
+from scenarios.cli.live.status_tables import show, tables
 from scenarios.cli.main import cli
-from scenarios.cli.options import TimeSpan
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.metrics import Metrics
 from scenarios.runs.control.open_runs import OpenRun
@@ -140,7 +140,7 @@ def test_which_run_is_meant(
     run: str,
     connect: tuple[str, ...],
 ) -> None:
-    options = which_run(run_name, {**NO_FLAGS, **flags}, runs)
+    options = run_to_join(run_name, {**NO_FLAGS, **flags}, runs)
     assert (options.run, options.connect) == (run, connect)
 
 
@@ -159,7 +159,7 @@ def test_a_run_that_is_not_clear_is_a_line(
     run_name: str | None, flags: dict[str, Any], runs: list[OpenRun], line: str
 ) -> None:
     with pytest.raises(BusError) as refused:
-        which_run(run_name, {**NO_FLAGS, **flags}, runs)
+        run_to_join(run_name, {**NO_FLAGS, **flags}, runs)
     assert str(refused.value) == line
 
 

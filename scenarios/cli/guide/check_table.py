@@ -82,13 +82,13 @@ def _followers(gap: Mapping[str, float] | None) -> str:
 def _drivers(report: CheckReport) -> Iterator[Row]:
     followers = dict(list(report.control.items())[1:])
     yield "control", f"at {report.control_rate_hz:g} Hz"
-    yield from _of_some("controller", report.control, _controller)
-    yield from _of_some("fusion", followers, _fusion)
-    yield from _of_some("GNSS", report.gnss, _receiver)
-    yield from _of_some("sending", report.sending, _sending)
-    yield from _of_some("own state", report.imu, _own_state)
-    yield from _of_some("tyres", report.tyres, _tyres)
-    yield from _of_some("mass", report.masses_kg, lambda mass: f"{mass:g} kg with the load")
+    yield from _grouped_rows("controller", report.control, _controller)
+    yield from _grouped_rows("fusion", followers, _fusion)
+    yield from _grouped_rows("GNSS", report.gnss, _receiver)
+    yield from _grouped_rows("sending", report.sending, _sending)
+    yield from _grouped_rows("own state", report.imu, _own_state)
+    yield from _grouped_rows("tyres", report.tyres, _tyres)
+    yield from _grouped_rows("mass", report.masses_kg, lambda mass: f"{mass:g} kg with the load")
 
 
 def _controller(settings: Mapping[str, Any]) -> str:
@@ -132,7 +132,7 @@ def _own_state(settings: Mapping[str, float] | None) -> str:
 
 def _links(report: CheckReport) -> Iterator[Row]:
     settings = {name: {**table, "laws": report.laws[name]} for name, table in report.links.items()}
-    yield from _of_some("links", settings, _link, all_named=True)
+    yield from _grouped_rows("links", settings, _link, all_named=True)
 
 
 def _link(settings: Mapping[str, Any]) -> str:
@@ -170,7 +170,7 @@ def _limits(settings: Mapping[str, Any]) -> Iterator[str]:
             yield f"{name} = {value}"
 
 
-def _of_some(
+def _grouped_rows(
     what: str, settings: Mapping[str, Any], words: Any, *, all_named: bool = False
 ) -> Iterator[Row]:
     """Yield a row for each distinct setting, with the names of its vehicles.

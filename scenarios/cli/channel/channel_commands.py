@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from scenarios.cli.channel.costs import cuts, figure
-from scenarios.cli.failure import clear_errors, require
+from scenarios.cli.channel.campaign_commands import cuts, figure
+from scenarios.cli.common_options import new_file_option, print_or_write, setting_options
+from scenarios.cli.error_lines import clear_errors, require
 from scenarios.cli.guide import completion
-from scenarios.cli.options import new_file_option, print_or_write, setting_options
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -84,7 +84,7 @@ def show(
 
     from rich.console import Console
 
-    from scenarios.cli.channel.shown import print_comparison
+    from scenarios.cli.channel.comparison_tables import print_comparison
     from scenarios.definition.check.sample import StraightDrive
     from scenarios.definition.errors import ScenarioError
     from scenarios.studies.channel.comparison import compare
@@ -96,7 +96,7 @@ def show(
             allowed = f"allowed {NEAREST_M:g} to {FARTHEST_M:g} m"
             raise ScenarioError([f"--distance-m: given {distance_m}, {allowed}"])
         loaded = _loaded(scenario, overrides, seed)
-        chosen = _chosen(link, loaded)
+        chosen = _selected_link(link, loaded)
         drive = StraightDrive(loaded, chosen, distance_m)
         found, sample = compare(drive, messages)
         if out is not None:
@@ -129,15 +129,15 @@ def _loaded(name: str, overrides: tuple[str, ...], seed: int | None) -> "Scenari
     return load_scenario(name, overrides, seed)
 
 
-def _chosen(given: str | None, scenario: "Scenario") -> tuple[str, str]:
+def _selected_link(given: str | None, scenario: "Scenario") -> tuple[str, str]:
     """Return the requested link; raises ScenarioError if it does not exist."""
     names, links = scenario.vehicle_names, scenario.links
     if given is None and (names[0], names[-1]) in links:
         return names[0], names[-1]
-    return _of_them(given, list(links), scenario.name)[0]
+    return _selected_links(given, list(links), scenario.name)[0]
 
 
-def _of_them(
+def _selected_links(
     given: str | None, links: "Iterable[tuple[str, str]]", where: str
 ) -> list[tuple[str, str]]:
     """Return all links, or the one given as sender:receiver; raises ScenarioError."""
@@ -174,7 +174,7 @@ def fit(log: Path, *, link: str | None, as_json: bool, out: Path | None) -> None
 
     with clear_errors():
         found = {(one.sender, one.receiver): one for one in fit_log(log_in(log))}
-        chosen = tuple(found[pair] for pair in _of_them(link, found, str(log)))
+        chosen = tuple(found[pair] for pair in _selected_links(link, found, str(log)))
         print_or_write(_as_json(chosen) if as_json else as_toml(chosen), out)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarios.cli.columns import Column, figure, table_of
-from scenarios.cli.failure import clear_errors, require
+from scenarios.cli.error_lines import clear_errors, require
 
 if TYPE_CHECKING:  # brings scipy
     from rich.table import Table

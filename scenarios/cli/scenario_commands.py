@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from scenarios.cli.failure import MissingExtraError, clear_errors, require
-from scenarios.cli.options import scenario_options
+from scenarios.cli.common_options import scenario_options
+from scenarios.cli.error_lines import MissingExtraError, clear_errors, require
 
 if TYPE_CHECKING:
     from scenarios.definition.scenario import Scenario
@@ -67,8 +67,8 @@ def check(
 
     from rich.console import Console
 
-    from scenarios.cli.channel.checked_links import print_links
-    from scenarios.cli.guide.checked import print_report
+    from scenarios.cli.channel.link_settings import print_links
+    from scenarios.cli.guide.check_table import print_report
     from scenarios.definition.check.links import asked_links
     from scenarios.definition.check.report import report_of
     from scenarios.definition.scenario import load_scenario

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from scenarios.cli.failure import clear_errors, require
+from scenarios.cli.error_lines import clear_errors, require
 from scenarios.cli.guide import completion
 
 
@@ -83,7 +83,7 @@ def explain(log: Path, *, vehicle: str, at_s: float, as_json: bool) -> None:
 
     from rich.console import Console
 
-    from scenarios.cli.channel.explained import print_explanation
+    from scenarios.cli.channel.explanation_table import print_explanation
     from scenarios.results.inquiry import explain as explaining
     from scenarios.results.log_summary import log_in
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarios.cli.columns import Column, table_of
-from scenarios.cli.failure import clear_errors, require
-from scenarios.cli.options import folder_option
+from scenarios.cli.common_options import folder_option
+from scenarios.cli.error_lines import clear_errors, require
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
-from scenarios.cli.options import zenoh_from
+from scenarios.cli.common_options import zenoh_from
 from scenarios.definition.changing.asked import Question
 from scenarios.runs.control.answering import Confirmation
 from scenarios.runs.control.open_runs import OpenRun, open_runs
@@ -18,9 +18,9 @@ from transport.bus.zenoh_bus import ZenohOptions, open_bus
 from transport.texts import printable
 from transport.topics import CONDUCTOR, control_key
 
-ANSWER_S = 1.0
+ANSWER_TIMEOUT_S = 1.0
 """Timeout of an answer, which usually takes some milliseconds."""
-MOST_AT_ONCE = 32
+PARALLEL_REQUESTS_MAX = 32
 """Vehicles that receive a request at the same time."""
 
 
@@ -33,7 +33,9 @@ class VehicleAnswer:
     took_ms: float
 
 
-def which_run(run_name: str | None, flags: dict[str, Any], runs: Sequence[OpenRun]) -> ZenohOptions:
+def run_to_join(
+    run_name: str | None, flags: dict[str, Any], runs: Sequence[OpenRun]
+) -> ZenohOptions:
     """Return how to join the requested one of the open runs; raises BusError.
 
     Zenoh's flags locate the router; without them the run does.
@@ -57,12 +59,12 @@ def which_run(run_name: str | None, flags: dict[str, Any], runs: Sequence[OpenRu
 @contextmanager
 def joined(run_name: str | None, flags: dict[str, Any]) -> Iterator[tuple[Bus, str]]:
     """Join the requested run; yields the bus and the run's name."""
-    options = replace(which_run(run_name, flags, open_runs()), connect_timeout_s=2.0)
+    options = replace(run_to_join(run_name, flags, open_runs()), connect_timeout_s=2.0)
     with open_bus(options) as bus:
         yield bus, options.run
 
 
-def ask(bus: Bus, run: str, entry: Mapping[str, Any]) -> list[VehicleAnswer]:
+def request_change(bus: Bus, run: str, entry: Mapping[str, Any]) -> list[VehicleAnswer]:
     """Request a change, given as an entry of `[[change]]` without `at_s`; raises BusError.
 
     The request goes to the vehicle that it names, or to all.
@@ -77,15 +79,21 @@ def ask(bus: Bus, run: str, entry: Mapping[str, Any]) -> list[VehicleAnswer]:
     vehicles = present if wanted is None else [wanted]
     begun = time.monotonic()
     # All change at the earliest instant that the first of them offers.
-    first = _ask_one(bus, vehicles[0], Question(), begun).answer if len(vehicles) > 1 else None
+    first = (
+        _request_of_vehicle(bus, vehicles[0], Question(), begun).answer
+        if len(vehicles) > 1
+        else None
+    )
     at_s = first.from_s if first and not first.refused else None
     question = Question(dict(entry), at_s)
-    with ThreadPoolExecutor(min(len(vehicles), MOST_AT_ONCE)) as pool:
-        return list(pool.map(lambda name: _ask_one(bus, name, question, begun), vehicles))
+    with ThreadPoolExecutor(min(len(vehicles), PARALLEL_REQUESTS_MAX)) as pool:
+        return list(
+            pool.map(lambda name: _request_of_vehicle(bus, name, question, begun), vehicles)
+        )
 
 
-def _ask_one(bus: Bus, vehicle: str, question: Question, begun: float) -> VehicleAnswer:
-    answer = bus.ask(control_key(vehicle), ANSWER_S, question.text)
+def _request_of_vehicle(bus: Bus, vehicle: str, question: Question, begun: float) -> VehicleAnswer:
+    answer = bus.ask(control_key(vehicle), ANSWER_TIMEOUT_S, question.text)
     took_ms = 1000.0 * (time.monotonic() - begun)
     try:
         confirmation = None if answer is None else Confirmation.of(answer)
@@ -96,7 +104,7 @@ def _ask_one(bus: Bus, vehicle: str, question: Question, begun: float) -> Vehicl
 
 def status(bus: Bus, run: str) -> RunStatus | None:
     """Request the status of the run, None before its start; raises BusError without an answer."""
-    answer = bus.ask(control_key(CONDUCTOR), ANSWER_S)
+    answer = bus.ask(control_key(CONDUCTOR), ANSWER_TIMEOUT_S)
     if answer is None:
         raise BusError(f"run {run}: no recorder is there")
     try:
