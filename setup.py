@@ -20,7 +20,7 @@ NEEDS = ["mypy[mypyc]==2.4.1", "numpy>=2.0"]
 MODULES = {
     "vehicles": "received_pose schedule",
     "vehicles/geometry": "arc_spline driven_path geodesy path path_point trajectory_points",
-    "vehicles/preview": "curve_fit fit_arc fit_clothoid fit_joined laying outliers polyline"
+    "vehicles/preview": "curve_fit fit_arc fit_clothoid fit_joined local_curves outliers polyline"
     " samples trace trajectory",
     "vehicles/car": "brush_motion clock_error dead_reckoning dynamics gnss imu integration"
     " path_keeping tyres",

@@ -17,7 +17,12 @@ from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Decision
 from vehicles.driver.degradation.innovation_gate import InnovationGate
 from vehicles.driver.degradation.intended_path import path_offset
-from vehicles.driver.degradation.modes import ModeMachine, Modes, ModesByReach, without_sources
+from vehicles.driver.degradation.modes import (
+    ModeMachine,
+    Modes,
+    ModesByReach,
+    steering_without_sources,
+)
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import SLOWING, Situation
 from vehicles.driver.degradation.source import Source
@@ -30,7 +35,7 @@ from vehicles.driver.speed import VehiclesAhead
 from vehicles.driver.steering import LateralController, SteeringCommand
 from vehicles.driver.tracking import PathBehind, Rejoining, TrackingErrors, track
 from vehicles.messages import Mode
-from vehicles.preview.curve_fit import TELLING, FitSettings
+from vehicles.preview.curve_fit import MIN_WEIGHT_FOR_NOISE, FitSettings
 from vehicles.preview.samples import Window
 from vehicles.preview.trajectory import Fit, Fusion, fuse
 from vehicles.received_pose import ReceivedPose
@@ -85,7 +90,7 @@ class Follower:
         self._fusion: Fusion = "composite" if lead == predecessor else fusion
         self._settings = settings
         self._stated_noise = settings.with_stated_noise()
-        self._wary, self._straight = settings.wary(), settings.straight()
+        self._cautious, self._line_only = settings.cautious(), settings.line_only()
         self._limit = limit or CommandLimit()
         self._load = load or LoadWatch()
         self._remarks: list[str] = []
@@ -105,7 +110,7 @@ class Follower:
         self._modes: Modes = ModesByReach()
         if self._reaction == "degrade":
             self._modes = ModeMachine(degradation)
-        self._along: tuple[tuple[float, Fit], ...] = ()
+        self._trajectories: tuple[tuple[float, Fit], ...] = ()
         self._driven = 0.0
         self._behind = PathBehind(), PathBehind()
         self._fitted = False
@@ -137,7 +142,9 @@ class Follower:
         else:
             self._decision = self._decide(now, self._own_state.at(now))
         if fix is not None:
-            self._decision.path_offset = path_offset(self._along[0][1], fix) if self._along else nan
+            self._decision.path_offset = (
+                path_offset(self._trajectories[0][1], fix) if self._trajectories else nan
+            )
         return self._decision
 
     def _decide(self, now: int, pose: Pose) -> Decision:
@@ -146,23 +153,28 @@ class Follower:
         if refit:
             self._fit(now, pose)
         acceleration = last.actuation.acceleration if last else 0.0
-        situation = sources.look(now, pose, acceleration, refit=refit)
+        situation = sources.assess(now, pose, acceleration, refit=refit)
         self._mode, reason = self._modes.decide(
-            now, sources, situation, pose.speed, fitted=self._fitted, has_path=bool(self._along)
+            now,
+            sources,
+            situation,
+            pose.speed,
+            fitted=self._fitted,
+            has_path=bool(self._trajectories),
         )
         sources.steer_along(self._mode, self._period)
         errors, wanted = self._steer(now, pose)
         if self._mode == "coast":
             kept = last.steering if last else wanted
-            wanted = without_sources(self._reaction, self._mode, wanted, kept)
+            wanted = steering_without_sources(self._reaction, self._mode, wanted, kept)
         steering = self._limit.limited(wanted)
         ahead = self._vehicles_ahead(now, pose, errors)
-        self._load.commanded(steering.steering)
+        self._load.record_command(steering.steering)
         situation.predecessor_weight = sources.alpha(self._alpha)
-        situation.hazard = self._mode == "stop" or self._rejoining.under_way
+        situation.hazard = self._mode == "stop" or self._rejoining.is_active
         speed = self._speed_guard.command(now, pose, ahead, situation, self._mode)
         situation.stops_at = sources.stops_at(self._mode, self._speed_guard.brakes_at)
-        self._remark_stop(situation)
+        self._log_stop(situation)
         remarks: tuple[str, ...] = ()
         if self._remarks:
             remarks = tuple(self._remarks)
@@ -173,14 +185,14 @@ class Follower:
             errors=errors,
             mode=self._mode,
             reason=reason,
-            fit=self._along[0][1] if refit and self._fitted else None,
+            fit=self._trajectories[0][1] if refit and self._fitted else None,
             target_speed=speed.target_speed,
             gap=ahead.gap,
             situation=situation,
             remarks=remarks,
         )
 
-    def _remark_stop(self, situation: Situation) -> None:
+    def _log_stop(self, situation: Situation) -> None:
         """Log when it begins to stop behind a predecessor that announced its stop."""
         before, self._stops_behind = self._stops_behind, self._speed_guard.stops_behind
         if self._stops_behind and not before:
@@ -193,7 +205,7 @@ class Follower:
         """Fit the received samples; without enough of them keep the last trajectory."""
         degrades = self._reaction == "degrade"
         slowing = degrades and self._mode in SLOWING
-        runs_out = slowing or (degrades and self._sources.run_out)
+        runs_out = slowing or (degrades and self._sources.path_runs_out)
         windows = self._sources.windows(pose, self._settings, runs_out=runs_out)
         along = fuse(
             self._fusion,
@@ -205,29 +217,29 @@ class Follower:
         if slowing and along and not self._fitted:  # received again, after driving without a path
             self._rejoining.begin()
         self._fitted = bool(along)
-        self._along = along or self._along
+        self._trajectories = along or self._trajectories
         self._gap, self._gap_at = self._measured_gap(now, pose), now
 
     def _settings_for(self, windows: Mapping[Mode, Window]) -> FitSettings:
         """Settings of the fit: fewer conclusions from samples if some only bridge holes."""
-        if not self._sources.have_guesses(windows):
+        if not self._sources.have_bridge_points(windows):
             return self._settings
-        received = self._sources.received(windows)
-        if received < TELLING:
-            return self._wary if received > JUST_BEGUN else self._straight
+        received = self._sources.sample_count(windows)
+        if received < MIN_WEIGHT_FOR_NOISE:
+            return self._cautious if received > JUST_BEGUN else self._line_only
         return self._stated_noise
 
     def _steer(self, now: int, pose: Pose) -> tuple[TrackingErrors, SteeringCommand]:
         """Errors and command along each trajectory, blended by their shares."""
-        if not self._along:
+        if not self._trajectories:
             errors = TrackingErrors(0.0, 0.0, pose.yaw_rate, 0.0)
             return errors, self._controller.steer(errors, pose.speed)
         self._driven += pose.speed / self._rate_hz
-        if len(self._along) == 1:
-            errors = self._track(self._along[0][1], pose)
+        if len(self._trajectories) == 1:
+            errors = self._track(self._trajectories[0][1], pose)
             corrected = self._rejoining.corrected(now, errors, pose.speed)
             return errors, self._controller.steer(corrected, pose.speed)
-        tracked = [(share, self._track(fit, pose)) for share, fit in self._along]
+        tracked = [(share, self._track(fit, pose)) for share, fit in self._trajectories]
         return blended([(share, e, self._controller.steer(e, pose.speed)) for share, e in tracked])
 
     def _track(self, fit: Fit, pose: Pose) -> TrackingErrors:

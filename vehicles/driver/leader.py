@@ -53,18 +53,18 @@ class ConvoyWatch:
         self._received_at = dict.fromkeys(periods, start_at)
         self._measured_at = dict.fromkeys(periods, -1)
         self._troubled: dict[str, str] = {}
-        self._wrong_at: int | None = None
+        self._trouble_at: int | None = None
         self.waits = False
         self.reason = ""
 
     def observe(self, now: int, received: Sequence[ReceivedPose]) -> None:
         for pose in received:
             self._receive(pose)
-        wrong = [why for name in self._received_at if (why := self._wrong(now, name))]
-        if wrong:
-            self._wrong_at, self.waits = now, True
-            self.reason = f"waits for {', '.join(wrong)}"
-        if self._wrong_at is None or now - self._wrong_at > self._probation * SECOND:
+        troubles = [why for name in self._received_at if (why := self._trouble_of(now, name))]
+        if troubles:
+            self._trouble_at, self.waits = now, True
+            self.reason = f"waits for {', '.join(troubles)}"
+        if self._trouble_at is None or now - self._trouble_at > self._probation * SECOND:
             self.waits, self.reason = False, ""
 
     def _receive(self, pose: ReceivedPose) -> None:
@@ -77,7 +77,7 @@ class ConvoyWatch:
         if message.hazard or message.mode in SLOWING:
             self._troubled[name] = message.mode
 
-    def _wrong(self, now: int, name: str) -> str | None:
+    def _trouble_of(self, now: int, name: str) -> str | None:
         silence = (now - self._received_at[name]) / SECOND
         if silence > self._allowed[name]:
             return f"{name}, unheard for {silence:.1f} s"
@@ -190,7 +190,7 @@ class Leader:
         pose = self._own_state.at(now)
         errors = self._track(pose)
         steering = self._limit.limited(self._controller.steer(errors, pose.speed))
-        self._load.commanded(steering.steering)
+        self._load.record_command(steering.steering)
         speed = self._speed_law.command(now, pose, VehiclesAhead())
         self._decision = Decision(
             actuation=Actuation(steering.steering, speed.acceleration),

@@ -29,7 +29,7 @@ SLOWEST_RETURN = 8.0
 """A slower car (m/s) will soon be as fast as this again."""
 
 
-class Curved(Protocol):
+class CurvedPath(Protocol):
     """The arc spline of Section III-A, or the lead's own path: curvatures (1/m) at stations (m)."""
 
     def curvature_at(self, station: float) -> float: ...
@@ -92,7 +92,7 @@ class TrackingErrors:
     heading: float
     yaw_rate: float
     curvature: float
-    path: Curved | None = field(default=None, compare=False, repr=False)
+    path: CurvedPath | None = field(default=None, compare=False, repr=False)
     station: float = field(default=0.0, compare=False, repr=False)
     behind: PathBehind | None = field(default=None, compare=False, repr=False)
 
@@ -167,7 +167,7 @@ class Rejoining:
         self._wanted = False
 
     @property
-    def under_way(self) -> bool:
+    def is_active(self) -> bool:
         return self._wanted or self._return is not None
 
     def begin(self) -> None:

@@ -8,7 +8,7 @@ curve_fit     the curves that explain the samples, and their mean
 fit_arc       least squares for a line and an arc, and the sums that all shapes share
 fit_clothoid  least squares for a curve whose curvature changes evenly
 fit_joined    least squares for two of line and arc with one tangent where they join
-laying        the mean of two curves, and a curve placed in the world
+local_curves        the mean of two curves, and a curve placed in the world
 paper_recipe  the paper's own trajectory: line test, then line or circle
 outliers      samples that have jumped
 """

@@ -20,41 +20,41 @@ from numpy.typing import NDArray
 from vehicles.geometry.arc_spline import ArcSpline
 from vehicles.preview.fit_arc import (
     ONE,
-    Centred,
     FitData,
     Graph,
+    LineRegression,
     LocalCurve,
+    average_graphs,
     best_arc,
     best_line,
-    centred,
     drift,
-    mean,
+    line_regression,
     offsets,
-    summed,
+    sum_products,
 )
 from vehicles.preview.fit_clothoid import best_clothoid
-from vehicles.preview.fit_joined import BestJoined, Search, best_joined
-from vehicles.preview.laying import between, laid
+from vehicles.preview.fit_joined import BestJoin, JoinSearch, best_join
+from vehicles.preview.local_curves import average_curves, place_in_world
 
 Floats = NDArray[np.float64]
 Trajectory = Literal["fitted", "paper", "paper_prefix"]
 """Origin of a trajectory: this module, or the paper's own rules (`paper_recipe`)."""
-STRAYING: Final = 0.5
+DRIFT_LIMIT: Final = 0.5
 """Drift from an arc or a clothoid, in units of noise times the root of the number of samples, below
 which no further shape is tried. Half of all lines and arcs stay below.
 """
 
-UNLIKE: Final = 3.0
+VARIANCE_LIMIT: Final = 3.0
 """Variance from an arc or a clothoid, in that of the noise, from which on the next shape is tried
 without the test for drift. Noise alone exceeds it once in 1e8 times with 40 samples.
 """
-TELLING: Final = 8.0
+MIN_WEIGHT_FOR_NOISE: Final = 8.0
 """Weight of the samples, each one's being one, from which on their residuals measure the noise: an
 arc then leaves five degrees of freedom.
 """
-FEW: Final = 4.0
+FEW_SAMPLES: Final = 4.0
 """Weight of samples up to which a bend must explain more: an arc leaves one degree of freedom."""
-POOR: Final = 2.0
+POOR_SCATTER: Final = 2.0
 """Scatter, in tolerances, from which on receivers count as poor. Two good ones a few decimetres
 apart scatter by less.
 """
@@ -118,7 +118,7 @@ class FitSettings:
         """
         return replace(self, noise_floor=self.position_noise)
 
-    def wary(self) -> "FitSettings":
+    def cautious(self) -> "FitSettings":
         """Settings for few samples: a bend of Section III-A must explain `few_evidence` more.
 
         A bend made by chance is followed until further samples arrive.
@@ -130,13 +130,13 @@ class FitSettings:
             join_evidence=self.join_evidence + self.few_evidence,
         )
 
-    def straight(self) -> "FitSettings":
+    def line_only(self) -> "FitSettings":
         """Settings for samples too few for a bend of Section III-A: a line."""
         stated = self.with_stated_noise()
         return replace(stated, evidence=inf, rate_evidence=inf, join_evidence=inf)
 
     @property
-    def reach(self) -> float:
+    def score_margin(self) -> float:
         """Excess of a curve's score over the best, in noise squared, up to which it counts.
 
         Its Akaike weight there is `ignored` times that of the best.
@@ -185,22 +185,22 @@ def fit_curve(columns: Floats, weight: Floats | None, settings: FitSettings) -> 
         return None
     ux, uy = ux / chord, uy / chord
     away = columns[:2] - columns[:2, middle : middle + 1]
-    data = summed(away, ux, uy, station, weight)
-    curve = _explaining(data, settings)
+    data = sum_products(away, ux, uy, station, weight)
+    curve = _averaged_curve(data, settings)
     if curve is None:
         return None
     rest = offsets(curve, data)
     weighted = rest if weight is None else weight * rest
     rms = sqrt(float(np.add.reduce(weighted * rest)) / data.total[ONE][ONE])
-    return Curve(laid(curve, data, (origin_east, origin_north, ux, uy)), rest, rms)
+    return Curve(place_in_world(curve, data, (origin_east, origin_north, ux, uy)), rest, rms)
 
 
-def _explaining(data: FitData, settings: FitSettings) -> LocalCurve | None:
+def _averaged_curve(data: FitData, settings: FitSettings) -> LocalCurve | None:
     """Mean of the curves that explain the samples, each with the weight of its evidence."""
     count = data.total[ONE][ONE]
-    if count < TELLING:
-        settings = settings.with_stated_noise() if count > FEW else settings.wary()
-    tried = _tried(data, settings)
+    if count < MIN_WEIGHT_FOR_NOISE:
+        settings = settings.with_stated_noise() if count > FEW_SAMPLES else settings.cautious()
+    tried = _candidates(data, settings)
     if tried is None:
         return None
     graphs, joined, noise = tried
@@ -211,12 +211,12 @@ def _explaining(data: FitData, settings: FitSettings) -> LocalCurve | None:
     weights = [max(exp(fade * (score - least)) - ignored, 0.0) for score in scores]
     share = 0.0 if joined is None else weights.pop()
     of_smooth = sum(weights)
-    smooth = mean(graphs, weights, of_smooth) if of_smooth > 0.0 else None
+    smooth = average_graphs(graphs, weights, of_smooth) if of_smooth > 0.0 else None
     if joined is None or share == 0.0:
         return smooth
     if smooth is None:
         return joined.curve
-    return between(smooth, joined.curve, share / (share + of_smooth), data)
+    return average_curves(smooth, joined.curve, share / (share + of_smooth), data)
 
 
 def _scores(graphs: list[Graph], noise: float, settings: FitSettings) -> list[float]:
@@ -227,15 +227,15 @@ def _scores(graphs: list[Graph], noise: float, settings: FitSettings) -> list[fl
     return scores
 
 
-def _tried(
+def _candidates(
     data: FitData, settings: FitSettings
-) -> tuple[list[Graph], BestJoined | None, float] | None:
+) -> tuple[list[Graph], BestJoin | None, float] | None:
     """Curves that may explain the samples and the variance of the noise (m²), if the best does.
 
     Line and arc; where the samples drift from the arc also the clothoid, and where they drift from
     that the best curve with a join.
     """
-    through = centred(data)
+    through = line_regression(data)
     arc = None if through is None else best_arc(data, through)
     if through is None or arc is None:
         return None
@@ -244,8 +244,8 @@ def _tried(
     stated = settings.position_noise**2
     variance = _variance(arc.distance, 3, count, stated)
     noise = _noise(variance, settings.noise_floor**2, stated)
-    unlike = UNLIKE * stated
-    if variance > unlike or drift(arc, None, data) > STRAYING * sqrt(noise * count):
+    unlike = VARIANCE_LIMIT * stated
+    if variance > unlike or drift(arc, None, data) > DRIFT_LIMIT * sqrt(noise * count):
         clothoid = best_clothoid(data, through, arc)
         if clothoid is not None:
             graphs.append(clothoid.graph)
@@ -254,16 +254,16 @@ def _tried(
         if (
             clothoid is None
             or variance > unlike
-            or drift(*clothoid, data) > STRAYING * sqrt(noise * count)
+            or drift(*clothoid, data) > DRIFT_LIMIT * sqrt(noise * count)
         ):
             least = min(_scores(graphs, noise, settings))
-            joined = _joined(data, through, settings, noise, least)
+            joined = _candidate_join(data, through, settings, noise, least)
         if joined is not None:
             variance = min(variance, _variance(joined.misfit, joined.freedom, count, stated))
             noise = _noise(variance, settings.noise_floor**2, stated)
     if variance > settings.tolerance**2:  # nothing explains the samples
         scatter = _scatter(arc, data)
-        noise = scatter if scatter > (POOR * settings.tolerance) ** 2 else noise
+        noise = scatter if scatter > (POOR_SCATTER * settings.tolerance) ** 2 else noise
     return graphs, joined, noise
 
 
@@ -274,7 +274,7 @@ def _scatter(arc: Graph, data: FitData) -> float:
     variance", Annals of Mathematical Statistics 12(4), 1941: large only if receivers are poorer
     than assumed.
     """
-    away = offsets(mean((arc,), (1.0,), 1.0), data)
+    away = offsets(average_graphs((arc,), (1.0,), 1.0), data)
     steps = away[1:] - away[:-1]
     return 0.5 * float(np.add.reduce(steps * steps)) / len(steps)
 
@@ -291,9 +291,9 @@ def _noise(variance: float, least: float, stated: float) -> float:
     return bounded if bounded < stated else stated  # noqa: FURB136 - twice as fast as min
 
 
-def _joined(
-    data: FitData, line: Centred, settings: FitSettings, noise: float, least: float
-) -> BestJoined | None:
+def _candidate_join(
+    data: FitData, line: LineRegression, settings: FitSettings, noise: float, least: float
+) -> BestJoin | None:
     """Try joins at samples, at least three samples away from both ends; one arc or two.
 
     None if it would have no weight against the curve whose score is `least` (m²).
@@ -308,10 +308,10 @@ def _joined(
         return None
     count = min(settings.joins, high - low)
     places = [low + k * (high - 1 - low) // (count - 1) for k in range(count)]
-    return best_joined(
-        Search(data, stations, line, (settings.noise_floor**2, noise), settings.arcs_evidence),
+    return best_join(
+        JoinSearch(data, stations, line, (settings.noise_floor**2, noise), settings.arcs_evidence),
         places=places,
-        within=(first, last),
-        counting=least + (settings.reach - settings.join_evidence) * noise,
+        bounds=(first, last),
+        misfit_limit=least + (settings.score_margin - settings.join_evidence) * noise,
         passes=settings.passes,
     )

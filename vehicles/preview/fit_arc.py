@@ -72,7 +72,7 @@ class FitData:
 
 
 @dataclass(slots=True)
-class Centred:
+class LineRegression:
     """Linear regression about the weighted mean: weight, means (m), xx (m²), slope, misfit (m²).
 
     Of x² + y², by which an arc (Section III-A) leaves the line: the sums with 1 and with x about
@@ -110,7 +110,9 @@ class Graph:
         self.distance = misfit / square if square > 0.0 else inf
 
 
-def summed(away: Floats, ux: float, uy: float, station: Floats, weight: Floats | None) -> FitData:
+def sum_products(
+    away: Floats, ux: float, uy: float, station: Floats, weight: Floats | None
+) -> FitData:
     """Sum the products of (x² + y², x, y, 1) along the samples, into which eq. (5) expands.
 
     `away` (m, shape (2, n)) are the samples relative to the local origin, east and north, and (ux,
@@ -128,7 +130,7 @@ def summed(away: Floats, ux: float, uy: float, station: Floats, weight: Floats |
     return FitData(rows, weighted, station, weight, total)
 
 
-def cumulated(data: FitData) -> Floats:
+def cumulative_sums(data: FitData) -> Floats:
     """Sums as in `total` over the first k + 1 samples, for every k, shape (10, n).
 
     Into these J of eq. (5) expands for the samples before a join. `PAIRS` lists the two factors of
@@ -188,7 +190,7 @@ def cubic(along: Floats, square: Floats, half: float) -> Floats:
     return departure
 
 
-def centred(data: FitData) -> Centred | None:
+def line_regression(data: FitData) -> LineRegression | None:
     """Line through the samples by linear regression of y on x; None if they determine none."""
     (square, square_x, _, square_one), (_, all_xx, all_xy, all_x), of_y, of_one = data.total
     weight = of_one[ONE]
@@ -201,7 +203,7 @@ def centred(data: FitData) -> Centred | None:
     slope = xy / xx
     square_x -= mean_x * square_one
     spread = square - square_one * square_one / weight - square_x * square_x / xx
-    return Centred(
+    return LineRegression(
         weight,
         mean_x,
         mean_y,
@@ -215,12 +217,12 @@ def centred(data: FitData) -> Centred | None:
     )
 
 
-def best_line(line: Centred) -> Graph:
+def best_line(line: LineRegression) -> Graph:
     """The line of least squares (linear regression; Section III-A joins two samples)."""
     return Graph(line.mean_y - line.slope * line.mean_x, line.slope, 0.0, 0.0, line.misfit)
 
 
-def best_arc(data: FitData, line: Centred) -> Graph | None:
+def best_arc(data: FitData, line: LineRegression) -> Graph | None:
     """Fit the arc of least squares; None unless three distinct samples determine it.
 
     Minimises J of eq. (5) with e divided by −2R, times the gradient of the graph: three linear
@@ -237,7 +239,7 @@ def best_arc(data: FitData, line: Centred) -> Graph | None:
     return arc if arc.square > 0.0 else None
 
 
-def largest(values: Floats) -> float:
+def max_abs(values: Floats) -> float:
     """Largest absolute value."""
     sizes = np.abs(values)
     size: float = sizes.item(sizes.argmax())
@@ -259,10 +261,10 @@ def drift(graph: Graph, column: Floats | None, data: FitData) -> float:
         away -= column * graph.rate
     if data.weight is not None:
         away *= data.weight
-    return largest(np.add.accumulate(away))
+    return max_abs(np.add.accumulate(away))
 
 
-def mean(graphs: Sequence[Graph], weights: Sequence[float], total: float) -> LocalCurve:
+def average_graphs(graphs: Sequence[Graph], weights: Sequence[float], total: float) -> LocalCurve:
     """Mean of graphs by weights, which add up to `total` (beyond the paper, which takes one).
 
     As a curve from the foot of the local origin (elementary algebra).

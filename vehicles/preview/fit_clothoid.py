@@ -11,10 +11,10 @@ import numpy as np
 from vehicles.preview.fit_arc import (
     DETERMINED,
     SQUARE,
-    Centred,
     FitData,
     Floats,
     Graph,
+    LineRegression,
     X,
     cubic,
 )
@@ -36,7 +36,7 @@ class Clothoid(NamedTuple):
     column: Floats
 
 
-def best_clothoid(data: FitData, line: Centred, arc: Graph) -> Clothoid | None:
+def best_clothoid(data: FitData, line: LineRegression, arc: Graph) -> Clothoid | None:
     """Fit the clothoid of least squares to samples of which the best arc is known.
 
     One more column in the linear regression of the arc (eq. (5)), its distance from the arc

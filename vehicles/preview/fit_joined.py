@@ -13,13 +13,21 @@ from dataclasses import dataclass
 from math import atan, hypot, sqrt
 from typing import Final, NamedTuple
 
-from vehicles.preview.fit_arc import DETERMINED, Centred, FitData, LocalCurve, X, Y, cumulated
+from vehicles.preview.fit_arc import (
+    DETERMINED,
+    FitData,
+    LineRegression,
+    LocalCurve,
+    X,
+    Y,
+    cumulative_sums,
+)
 
-LITTLE: Final = 0.05
+NEGLIGIBLE_GAIN: Final = 0.05
 """Predicted improvement, in noise squared, below which a join is not moved again: a join off by its
 standard error explains one less.
 """
-SURPRISE: Final = 2.0
+GAIN_MARGIN: Final = 2.0
 """Improvement, in noise squared, that a join may gain over the parabola's prediction. A join that
 would not count even then is not refined.
 """
@@ -36,7 +44,7 @@ Place = tuple[float, float, float]
 
 
 @dataclass(slots=True)
-class Joined:
+class JoinedFit:
     """Two pieces with a join between, each linear least squares for the join (Section III-A).
 
     At the `station` and the place (x, y) (m). For `AFTER`, `BEFORE` and `BOTH`: the reduction of
@@ -53,7 +61,7 @@ class Joined:
     shares: tuple[float, float, float, float]
 
 
-class BestJoined(NamedTuple):
+class BestJoin(NamedTuple):
     """Two pieces of Section III-A, their sum of squared residuals (m²) and number of unknowns.
 
     These are 4, or 5 for two arcs.
@@ -64,7 +72,7 @@ class BestJoined(NamedTuple):
     freedom: int
 
 
-class Search:
+class JoinSearch:
     """Search for the best join: a change of curvature of Section III-A, anywhere in the samples.
 
     `stations` (m) are those of `data`, `line` is that of least squares through the samples. Two
@@ -76,19 +84,19 @@ class Search:
         self,
         data: FitData,
         stations: list[float],
-        line: Centred,
+        line: LineRegression,
         noise: tuple[float, float],
         evidence: float,
     ) -> None:
         self._least, self._most = noise
         self.noise, self._evidence = self._most, evidence
-        self._data, self._line, self._sums = data, line, cumulated(data)
+        self._data, self._line, self._sums = data, line, cumulative_sums(data)
         self._total = self._sums[:, -1].tolist()
         self._stations = stations
         norms = 1.0 / sqrt(line.weight), 1.0 / sqrt(line.xx)
         self._about = line.mean_x, line.mean_y, line.slope, *norms
 
-    def climb(self, places: Sequence[int]) -> tuple[list[Joined], Joined, int]:
+    def climb(self, places: Sequence[int]) -> tuple[list[JoinedFit], JoinedFit, int]:
         """Best join of Section III-A at samples, up to three around it in order, and its side.
 
         Tries the samples `places` from the middle on to the join that explains most.
@@ -120,20 +128,20 @@ class Search:
         side = AFTER if gains[AFTER] >= gains[BEFORE] else BEFORE
         return BOTH if gains[BOTH] - self._evidence * self.noise > gains[side] else side
 
-    def left(self, gain: float, side: int) -> float:
+    def least_misfit(self, gain: float, side: int) -> float:
         """Least misfit (m², J of eq. (5)) left by a join whose predicted gain is `gain`.
 
         Two arcs are charged what they cost more than one.
         """
         extra = self._evidence * self.noise if side == BOTH else 0.0
-        return self._line.misfit - gain + extra - SURPRISE * self._most
+        return self._line.misfit - gain + extra - GAIN_MARGIN * self._most
 
-    def at_sample(self, index: int) -> Joined:
+    def at_sample(self, index: int) -> JoinedFit:
         """Fit two pieces that join at a sample: linear least squares as in Section III-A.1."""
         rows = self._data.rows
         return self._at(index + 1, self._stations[index], rows.item(X, index), rows.item(Y, index))
 
-    def at(self, station: float) -> Joined:
+    def at(self, station: float) -> JoinedFit:
         """Fit two pieces that join at `station` (m): linear least squares as in Section III-A.1.
 
         The place lies on the line from the sample before it to the one after it.
@@ -147,7 +155,7 @@ class Search:
         y += share * (rows.item(Y, split) - y)
         return self._at(split, station, x, y)
 
-    def _at(self, split: int, station: float, x: float, y: float) -> Joined:
+    def _at(self, split: int, station: float, x: float, y: float) -> JoinedFit:
         """Fit two pieces that join next to (x, y), after the first `split` samples."""
         place = -2.0 * x, -2.0 * y, x * x + y * y
         one, along, cross, square = self._column(self._sums[:, split - 1].tolist(), place)
@@ -167,7 +175,7 @@ class Search:
         rest = max(1.0 - shared * shared / (spread * later_spread), DETERMINED)
         both = (half + shared * later_half / spread) / rest
         later_both = (later_half + shared * half / later_spread) / rest
-        return Joined(
+        return JoinedFit(
             station,
             x,
             y,
@@ -193,7 +201,7 @@ class Search:
             of_square + a * of_x + b * of_y + c * of_one,
         )
 
-    def found(self, joined: Joined, side: int) -> BestJoined:
+    def to_curve(self, joined: JoinedFit, side: int) -> BestJoin:
         """Two pieces as a curve of the local frame (elementary algebra).
 
         The assumed P lies d to the left of the tangent, by the noise of a sample. Its foot is P:
@@ -218,28 +226,28 @@ class Search:
             0.0,
         )
         misfit = max(self._line.misfit - joined.gains[side], 0.0) / (norm * norm)
-        return BestJoined(curve, misfit, 5 if side == BOTH else 4)
+        return BestJoin(curve, misfit, 5 if side == BOTH else 4)
 
 
-def best_joined(
-    search: Search,
+def best_join(
+    search: JoinSearch,
     *,
     places: Sequence[int],
-    within: tuple[float, float],
-    counting: float,
+    bounds: tuple[float, float],
+    misfit_limit: float,
     passes: int,
-) -> BestJoined | None:
+) -> BestJoin | None:
     """Best line→arc or arc→line with its join at one of the samples `places`, or best two arcs.
 
     The join then moves in up to `passes` to the maximum of a parabola through the gains of the best
-    three, but stays between the stations `within`. None where its predicted misfit exceeds
-    `counting` (m²), which one arc may leave and still count. Section III-A splits off the longest
+    three, but stays between the stations `bounds`. None if its predicted misfit exceeds
+    `misfit_limit` (m²). Section III-A splits off the longest
     straight prefix instead.
     """
     three, best, side = search.climb(places)
-    top = _top(three, side, within)
+    top = _top(three, side, bounds)
     predicted = best.gains[side] if top is None else max(best.gains[side], top[1])
-    if search.left(predicted, side) > counting:
+    if search.least_misfit(predicted, side) > misfit_limit:
         return None
     for _ in range(passes):
         if top is None:
@@ -250,13 +258,13 @@ def best_joined(
         if side == BOTH:
             side = search.side(best.gains)
         three = _nearest(best.station, three, moved)
-        top = _top(three, side, within)
-        if top is not None and top[1] - best.gains[side] < LITTLE * search.noise:
+        top = _top(three, side, bounds)
+        if top is not None and top[1] - best.gains[side] < NEGLIGIBLE_GAIN * search.noise:
             break
-    return search.found(best, side)
+    return search.to_curve(best, side)
 
 
-def _nearest(station: float, three: list[Joined], moved: Joined) -> list[Joined]:
+def _nearest(station: float, three: list[JoinedFit], moved: JoinedFit) -> list[JoinedFit]:
     """Leave out the join furthest from `station` (m); the others in order of travel."""
     four, place = three.copy(), len(three)
     while place > 0 and four[place - 1].station > moved.station:
@@ -266,7 +274,9 @@ def _nearest(station: float, three: list[Joined], moved: Joined) -> list[Joined]
     return four[:3] if first_is_nearer else four[1:]
 
 
-def _top(three: list[Joined], side: int, within: tuple[float, float]) -> tuple[float, float] | None:
+def _top(
+    three: list[JoinedFit], side: int, bounds: tuple[float, float]
+) -> tuple[float, float] | None:
     """Station (m) and height of the maximum of the parabola through the gains of three joins.
 
     Between the two stations `within`. None if there is no such place, or no three.
@@ -281,5 +291,5 @@ def _top(three: list[Joined], side: int, within: tuple[float, float]) -> tuple[f
     if not (curving > 0.0 and scale > 0.0):
         return None
     rise = fall_back * on * on - fall_on * back * back
-    shift = min(max(0.5 * rise / curving, within[0] - station), within[1] - station)
+    shift = min(max(0.5 * rise / curving, bounds[0] - station), bounds[1] - station)
     return station + shift, gain + shift * (rise - shift * curving) / scale

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 _sum = np.add.reduce
 
-TELLING_SHARE: Final = 0.25
+JUMP_SHARE: Final = 0.25
 """A jump is a sample without which the squared residuals fall by at least this share."""
-JUMPS_MOST: Final = 3
+MAX_JUMPS: Final = 3
 """Number of samples that are tested one by one."""
-LEAST_LEFT: Final = 0.6
+MIN_KEPT_SHARE: Final = 0.6
 """Share of the samples that must remain."""
 FAR_RATIO: Final = 4.0
 """Ratio to the median distance beyond which a sample is far from the curve."""
@@ -34,7 +34,7 @@ def without_jumps(
     compared with the median.
     """
     keep = np.ones(len(east), dtype=np.bool_)
-    for _ in range(JUMPS_MOST):
+    for _ in range(MAX_JUMPS):
         worst = _worst(east[keep], north[keep], station[keep])
         if worst is None:
             break
@@ -44,7 +44,7 @@ def without_jumps(
     size = np.abs(offsets)
     near = size <= max(tolerance, FAR_RATIO * float(np.sort(size)[len(size) // 2]))
     left = int(np.count_nonzero(near))
-    return near if max(3.0, LEAST_LEFT * len(size)) <= left < len(size) else None
+    return near if max(3.0, MIN_KEPT_SHARE * len(size)) <= left < len(size) else None
 
 
 def _worst(east: Floats, north: Floats, station: Floats) -> int | None:
@@ -76,4 +76,4 @@ def _worst(east: Floats, north: Floats, station: Floats) -> int | None:
     leverage = 1.0 / len(x) + square / float(_sum(square)) + curved * curved / spread
     gain = rest * rest / np.maximum(1.0 - leverage, 1e-9)
     worst = int(gain.argmax())
-    return worst if float(gain[worst]) > TELLING_SHARE * float(_sum(rest * rest)) else None
+    return worst if float(gain[worst]) > JUMP_SHARE * float(_sum(rest * rest)) else None

@@ -39,8 +39,8 @@ class TraceSettings:
     reach_ratio: float = 1.5
     memory: float = 100.0
     capacity: int = 20_000
-    window_samples: int = 40
-    least_samples: int = 4
+    max_samples: int = 40
+    min_samples: int = 4
     bridge_spacing: float = 1.0
     bridge_length: float = 500.0
     hole: float = 5.0

@@ -19,9 +19,9 @@ from vehicles.received_pose import ReceivedPose
 
 BRIDGE_AT: Final = -1
 """Instant of bridge points: before any sample."""
-MOST_GUESSED: Final = 500
+MAX_BRIDGE_POINTS: Final = 500
 """Limit of the points that bridge a hole."""
-MOST_HOLES: Final = 8
+MAX_HOLES: Final = 8
 """Holes that are remembered, for late samples that belong there."""
 FORGET_CHUNK: Final = 64
 """Number of samples behind the ego that are dropped at once."""
@@ -53,8 +53,8 @@ class Trace:
         self._first_yaw = 0.0
         self._forgotten_at = BRIDGE_AT
         self._bridged_from: tuple[float, float] | None = None
-        self._here: float | None = None
-        self._located: tuple[float, float] | None = None
+        self._ego_station: float | None = None
+        self._located_at: tuple[float, float] | None = None
         self._changed = False
         self._holes: list[_Hole] = []
 
@@ -88,7 +88,7 @@ class Trace:
                 if len(line.at) > self.settings.capacity:
                     self._forget()
 
-    def pass_over(self, pose: ReceivedPose) -> None:
+    def record_position(self, pose: ReceivedPose) -> None:
         """Record the position of a source whose path is not one to follow.
 
         Preview data of Section III-A are those of a source that keeps to the path.
@@ -107,7 +107,7 @@ class Trace:
         self._forgotten_at = BRIDGE_AT
         self._bridged_from = None
         self.joined = False
-        self._here = None
+        self._ego_station = None
         self._holes.clear()
 
     def _fill(self, after: Point, speed: float) -> None:
@@ -119,7 +119,7 @@ class Trace:
         length = hypot(after[1] - before[1], after[2] - before[2])
         if length < self.settings.hole:
             return
-        spacing = max(self.settings.bridge_spacing, length / MOST_GUESSED)
+        spacing = max(self.settings.bridge_spacing, length / MAX_BRIDGE_POINTS)
         try:
             points = curve_between(before[1:4], after[1:4], spacing)
         except UnbridgedError:  # a straight line it is
@@ -132,13 +132,15 @@ class Trace:
             point = (before[0] + span * (k + 1) // (count + 1), east, north, yaw)
             last = self._line.point(-1)
             self._line.append(point, hypot(east - last[1], north - last[2]))
-        self._holes = [*self._holes[1 - MOST_HOLES :], _Hole(before, speed, after[0])]
+        self._holes = [*self._holes[1 - MAX_HOLES :], _Hole(before, speed, after[0])]
 
     def _insert_in_hole(self, hole: _Hole, point: Point, speed: float) -> None:
         """Insert a late sample into a hole and bridge both sides of it again."""
         line, before = self._line, hole.before
         first, last = bisect_right(line.at, before[0]), bisect_left(line.at, hole.end)
-        if not 0 < first < last < len(line.at) or not _fits(before, point, max(hole.speed, speed)):
+        if not 0 < first < last < len(line.at) or not _is_drivable(
+            before, point, max(hole.speed, speed)
+        ):
             return
         self._holes.remove(hole)
         station, tail = line.station[last], line.cut(last)
@@ -148,8 +150,8 @@ class Trace:
         shift = line.station[-1] - station
         for later in tail[1:]:
             line.append(later, step(line.point(-1), later))
-        if self._here is not None and self._here > station:
-            self._here += shift
+        if self._ego_station is not None and self._ego_station > station:
+            self._ego_station += shift
         self._changed = True
 
     def _append(self, point: Point, speed: float) -> None:
@@ -174,7 +176,7 @@ class Trace:
             if not 0 <= k < len(line.at) or line.at[k] == BRIDGE_AT:
                 continue
             beside = line.point(k)
-            if not _fits(beside, point, pose.speed):
+            if not _is_drivable(beside, point, pose.speed):
                 return
             steps[side] = step(point, beside) if side else step(beside, point)
             if steps[side] < self.settings.spacing:
@@ -186,8 +188,8 @@ class Trace:
             return
         before = line.station[place - 1]
         shift = line.insert(place, point, *steps)
-        if self._here is not None and self._here > before:
-            self._here += shift
+        if self._ego_station is not None and self._ego_station > before:
+            self._ego_station += shift
 
     def _begin_earlier(self, point: Point, place: int) -> None:
         """Start the trace with a late sample older than the first received one."""
@@ -196,7 +198,7 @@ class Trace:
         self._line.drop(place)
         self._line.prepend([point])
         self._first_yaw = point[3]
-        self._here = None
+        self._ego_station = None
         if start is not None:
             self.bridge(*start)
 
@@ -227,22 +229,22 @@ class Trace:
         )
         self._bridged_from = (east, north)
         self.joined = True
-        self._here = None
+        self._ego_station = None
 
-    def received(self, window: Window) -> Window:
+    def without_bridges(self, window: Window) -> Window:
         """The received samples of a window (Section III-A), without bridges over holes."""
-        if not self._holes or self._here is None:
+        if not self._holes or self._ego_station is None:
             return window
-        stations = window.station + self._here
+        stations = window.station + self._ego_station
         keep = np.ones(len(stations), dtype=np.bool_)
         for hole in self._holes:
             low, high = self._station_at(hole.before[0]), self._station_at(hole.end)
             keep &= (stations < low + 1e-6) | (stations > high - 1e-6)
         return Window(*(values[keep] for values in window))
 
-    def has_guesses(self, window: Window) -> bool:
+    def has_bridge_points(self, window: Window) -> bool:
         """Whether the window cut out last contains points of a bridge (not in Section III-A)."""
-        line, here = self._line, self._here
+        line, here = self._line, self._ego_station
         if here is None:
             return False
         if line.at[0] == BRIDGE_AT:
@@ -250,11 +252,11 @@ class Trace:
             received_from = line.station[first] if first < len(line.at) else inf
             if window.station.item(0) + here < received_from - 1e-6:
                 return True
-        return bool(self._holes) and len(self.received(window).station) < len(window.station)
+        return bool(self._holes) and len(self.without_bridges(window).station) < len(window.station)
 
     def instants(self, window: Window) -> list[int]:
         """Instants (ns) of the samples of the window cut out last (time stamps, Section III-B)."""
-        here = self._here or 0.0
+        here = self._ego_station or 0.0
         places = (bisect_left(self._line.station, here + on - 1e-6) for on in window.station)
         return [self._line.at[min(place, len(self._line.at) - 1)] for place in places]
 
@@ -279,9 +281,9 @@ class Trace:
         if behind > 0.0:
             first = min(first, max(bisect_right(line.station, here) - 1, 0))
         last = bisect_right(line.station, here + ahead)
-        if last - first < self.settings.least_samples:
+        if last - first < self.settings.min_samples:
             first, last = self._widened(here, first, last)
-        stride = 1 << (max(last - first - 1, 0) // self.settings.window_samples).bit_length()
+        stride = 1 << (max(last - first - 1, 0) // self.settings.max_samples).bit_length()
         first += -(first + line.dropped) % stride
         chosen = slice(first, last, stride)
         return Window(
@@ -293,9 +295,9 @@ class Trace:
     def _widened(self, here: float, first: int, last: int) -> tuple[int, int]:
         """Include the next samples on either side of the ego where too few lie in the window."""
         place = bisect_left(self._line.station, here)
-        half = self.settings.least_samples // 2
+        half = self.settings.min_samples // 2
         last = max(last, min(place + half, len(self._line.at)))
-        return max(min(first, last - self.settings.least_samples, place - half), 0), last
+        return max(min(first, last - self.settings.min_samples, place - half), 0), last
 
     def gap(self, east: float, north: float) -> float | None:
         """Arc length (m) from the ego at (east, north) to the source's newest place.
@@ -311,7 +313,7 @@ class Trace:
         beyond = beyond_east * cos(self.newest.yaw) + beyond_north * sin(self.newest.yaw)
         return self._line.station[-1] + beyond - here
 
-    def known(self, east: float, north: float) -> float:
+    def known_ahead(self, east: float, north: float) -> float:
         """Known path (m) ahead of the ego at (east, north): negative where it ends behind.
 
         The metres left of the preview of Section III-A; NaN before the first sample.
@@ -321,24 +323,24 @@ class Trace:
     def _locate(self, east: float, north: float) -> float:
         """Move the ego's station to the nearest place within reach of where it was."""
         line, place = self._line, (east, north)
-        if self._here is not None and place == self._located and not self._changed:
-            return self._here
-        before, self._located, self._changed = self._located, place, False
+        if self._ego_station is not None and place == self._located_at and not self._changed:
+            return self._ego_station
+        before, self._located_at, self._changed = self._located_at, place, False
         if len(line.at) < 2:
             first = place if not line.at else (line.east[0], line.north[0])
             off_east, off_north = east - first[0], north - first[1]
             return off_east * cos(self._first_yaw) + off_north * sin(self._first_yaw)
         low, high = -inf, inf
-        if self._here is not None and before is not None:
+        if self._ego_station is not None and before is not None:
             moved = hypot(east - before[0], north - before[1])
             reach = self.settings.margin + self.settings.reach_ratio * moved
-            low = self._here - self.settings.back
-            high = self._here + min(reach, self.settings.reach)
-        self._here = line.nearest(east, north, low, high)
-        stale = self._here - self.settings.memory
+            low = self._ego_station - self.settings.back
+            high = self._ego_station + min(reach, self.settings.reach)
+        self._ego_station = line.nearest(east, north, low, high)
+        stale = self._ego_station - self.settings.memory
         if len(line.at) > 2 * FORGET_CHUNK and line.station[FORGET_CHUNK] < stale:
             self._forget()
-        return self._here
+        return self._ego_station
 
     def _forget(self) -> None:
         self._forgotten_at = max(self._forgotten_at, self._line.at[FORGET_CHUNK - 1])
@@ -346,7 +348,7 @@ class Trace:
         self.joined = True
 
 
-def _fits(one: Point, other: Point, speed: float) -> bool:
+def _is_drivable(one: Point, other: Point, speed: float) -> bool:
     """Whether a late pose can lie beside a point of its line, for a car at `speed` (m/s)."""
     distance = hypot(other[1] - one[1], other[2] - one[2])
     return drivable(distance, abs(other[0] - one[0]), abs(speed))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from vehicles.geometry.arc_spline import ArcSpline
 from vehicles.preview.curve_fit import Curve, FitSettings, fit_curve
-from vehicles.preview.fit_arc import largest
+from vehicles.preview.fit_arc import max_abs
 from vehicles.preview.outliers import without_jumps
 from vehicles.preview.paper_recipe import recipe_curve
 from vehicles.preview.samples import Window
@@ -86,7 +86,7 @@ def fit_composite(
     curve = None if merged is None else _curve(merged, settings)
     if merged is None or curve is None:
         return None
-    most, outliers = largest(curve.offsets), 0
+    most, outliers = max_abs(curve.offsets), 0
     if most > settings.tolerance and settings.trajectory == "fitted":
         keep = without_jumps(*merged.places, curve.offsets, settings.tolerance)
         kept = None if keep is None or _only_ahead(merged, keep) else merged.where(keep)
@@ -94,7 +94,7 @@ def fit_composite(
         if kept is not None and again is not None:
             outliers = len(merged.source) - len(kept.source)
             merged, curve = kept, again
-            most = largest(curve.offsets)
+            most = max_abs(curve.offsets)
     return Fit(curve.spline, *merged.places, merged.source, curve.rms, most, outliers)
 
 

@@ -10,7 +10,7 @@ from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.car.sending.every_fix import EveryFix
-from vehicles.driver.degradation.source import LEAST_SAMPLES
+from vehicles.driver.degradation.source import MIN_SAMPLES
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.schedule import MILLISECOND
 
@@ -52,7 +52,7 @@ def preview_warnings(scenario: Scenario, speeds: tuple[float, float]) -> Iterato
             continue
         for speed in {max(speed, SLOWEST) for speed in speeds}:
             seen = _seen(scenario, scenario.vehicle(name), speed)
-            if seen.samples < LEAST_SAMPLES:
+            if seen.samples < MIN_SAMPLES:
                 thin.setdefault(name, seen)
             elif seen.reach < seen.behind:
                 short.setdefault(name, seen)
@@ -60,7 +60,7 @@ def preview_warnings(scenario: Scenario, speeds: tuple[float, float]) -> Iterato
         yield (
             f"{names}: at {sight.speed:g} m/s {sight.samples:.1f} poses of {sight.source} lie in "
             f"the preview, {sight.preview:.1f} m of which are known, and a trajectory takes "
-            f"{LEAST_SAMPLES}: it joins poses {sight.spacing:.3g} m apart from further away, cuts "
+            f"{MIN_SAMPLES}: it joins poses {sight.spacing:.3g} m apart from further away, cuts "
             f"the curves between them and is extrapolated; raise {sight.remedy} or widen the gap"
         )
     for names, sight in _alike(short):

@@ -58,7 +58,7 @@ def drive(
     driver: Driver,
     body: Body,
     seconds: float,
-    hear: Callable[[int], Sequence[ReceivedPose]] = lambda _: (),
+    receive_at: Callable[[int], Sequence[ReceivedPose]] = lambda _: (),
     *,
     control_hz: float = CONTROL_HZ,
     fix: Callable[[Body, int], Fix | None] = measured,
@@ -66,7 +66,7 @@ def drive(
     steps = []
     ticks = instants(seconds, control_hz)
     for now, after in pairwise(ticks):
-        decision = driver.step(now, fix(body, now), body, hear(now))
+        decision = driver.step(now, fix(body, now), body, receive_at(now))
         steps.append(Step(now, body, decision))
         body = advance(body, decision.actuation, (after - now) / SECOND, CAR)
     return steps
@@ -93,7 +93,7 @@ class Source:
     path: Path
     station: float
     speed: float
-    heard: Sequence[tuple[float, float]] = ((0.0, math.inf),)
+    delivered: Sequence[tuple[float, float]] = ((0.0, math.inf),)
     _next: int = 0
 
     def place(self, now: int) -> float:
@@ -112,12 +112,12 @@ class Source:
         """What has become visible since the last call."""
         while (at := instant(START, self._next, GNSS_HZ)) + LATENCY_NS <= now:
             seconds = (at - START) / SECOND
-            if any(since <= seconds < until for since, until in self.heard):
+            if any(since <= seconds < until for since, until in self.delivered):
                 yield self.message(self._next)
             self._next += 1
 
 
-def hearing(*sources: Source) -> Callable[[int], list[ReceivedPose]]:
+def received_from(*sources: Source) -> Callable[[int], list[ReceivedPose]]:
     return lambda now: [
         receive(message, PLANE, now) for source in sources for message in source.messages_by(now)
     ]

@@ -68,12 +68,12 @@ def follower(
     )
 
 
-def lead_of(path: Path, speed: float = 10.0, heard: Spans = ALWAYS) -> Source:
-    return Source("v1", path, 2 * GAP, speed, heard)
+def lead_of(path: Path, speed: float = 10.0, delivered: Spans = ALWAYS) -> Source:
+    return Source("v1", path, 2 * GAP, speed, delivered)
 
 
-def predecessor_of(path: Path, speed: float = 10.0, heard: Spans = ALWAYS) -> Source:
-    return Source("v2", path, GAP, speed, heard)
+def predecessor_of(path: Path, speed: float = 10.0, delivered: Spans = ALWAYS) -> Source:
+    return Source("v2", path, GAP, speed, delivered)
 
 
 def lateral(path: Path, steps: Sequence[Step]) -> list[float]:
@@ -90,7 +90,7 @@ def modes(steps: Sequence[Step]) -> list[tuple[str, float]]:
     return found
 
 
-def believed(poses: Iterable[GpsPose], now: int) -> list[ReceivedPose]:
+def admitted(poses: Iterable[GpsPose], now: int) -> list[ReceivedPose]:
     """The poses that pass the gates of the follower's inbox at `now` (ns)."""
     return [pose for one in poses if (pose := _admitted(one, now)) is not None]
 

@@ -56,7 +56,7 @@ class Road:
         self.ahead_speed = self.speed = speed
         self.ahead_acceleration = 0.0
         self.now = 0
-        self.heard: list[tuple[int, float, float, float]] = []
+        self.in_transit: list[tuple[int, float, float, float]] = []
         self.known: tuple[int, float, float, float] | None = None
         self.yaw_rate = 0.0
         self.lead: SourceStatus = "fresh"
@@ -66,13 +66,13 @@ class Road:
         self.commands: list[float] = []
         self.least = inf
 
-    def tick(self, acceleration: float, *, heard: bool, hazard: bool = False) -> SpeedCommand:
+    def tick(self, acceleration: float, *, received: bool, hazard: bool = False) -> SpeedCommand:
         """One control period: send, hear, decide, move on."""
         self.ahead_acceleration = acceleration
-        if heard and self.now % PERIOD < TICK:
-            self.heard.append((self.now, self.ahead, self.ahead_speed, acceleration))
-        while self.heard and self.heard[0][0] + LATENCY <= self.now:
-            self.known = self.heard.pop(0)
+        if received and self.now % PERIOD < TICK:
+            self.in_transit.append((self.now, self.ahead, self.ahead_speed, acceleration))
+        while self.in_transit and self.in_transit[0][0] + LATENCY <= self.now:
+            self.known = self.in_transit.pop(0)
         pose = Pose(self.place, 0.0, 0.0, self.speed, self.yaw_rate)
         vehicles, situation = self._seen(hazard=hazard)
         command = self.guard.command(self.now, pose, vehicles, situation, self.mode)
@@ -113,13 +113,13 @@ def profile(speed: float = 25.0) -> ProfileSpeed:
     return ProfileSpeed(SpeedProfile((0.0,), (speed,)), 0, TICK / SECOND)
 
 
-class Told:
+class RecordingLaw:
     """A speed law that keeps what it asked."""
 
     def __init__(self, law: SpeedLaw) -> None:
         self.law = law
-        self.asked: list[SpeedCommand] = []
+        self.commands: list[SpeedCommand] = []
 
     def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:
-        self.asked.append(self.law.command(now, pose, ahead))
-        return self.asked[-1]
+        self.commands.append(self.law.command(now, pose, ahead))
+        return self.commands[-1]

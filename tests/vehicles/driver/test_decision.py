@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.made.vehicles.told_decisions import told
+from tests.made.vehicles.decision_messages import log_messages
 from transport.codec import decode, encode
 from transport.topics import TOPIC_OF
 from vehicles.car.dynamics import Actuation
@@ -55,7 +55,7 @@ DECISION = Decision(
 
 
 def test_a_decision_tells_what_was_tracked_and_asked() -> None:
-    tracking, command, _ = told(DECISION, "v3", 17, NOW)
+    tracking, command, _ = log_messages(DECISION, "v3", 17, NOW)
     assert tracking == Tracking(
         vehicle="v3",
         seq=17,
@@ -98,7 +98,7 @@ def test_a_decision_tells_what_was_tracked_and_asked() -> None:
 
 
 def test_a_decision_tells_the_trajectory_and_the_samples_behind_it() -> None:
-    trajectory = told(DECISION, "v3", 17, NOW)[2]
+    trajectory = log_messages(DECISION, "v3", 17, NOW)[2]
     assert trajectory == CompositeTrajectory(
         vehicle="v3",
         seq=17,
@@ -120,7 +120,7 @@ def test_a_decision_tells_the_trajectory_and_the_samples_behind_it() -> None:
 
 @pytest.mark.parametrize("fit", [FIT, None])
 def test_what_is_told_survives_the_wire(fit: Fit | None) -> None:
-    messages = told(replace(DECISION, fit=fit), "v3", 0, NOW)
+    messages = log_messages(replace(DECISION, fit=fit), "v3", 0, NOW)
     assert len(messages) == (2 if fit is None else 3)
     for message in messages:
         assert decode(TOPIC_OF[type(message)], encode(message)) == message
@@ -133,7 +133,7 @@ def test_what_is_not_known_is_not_a_number() -> None:
         errors=DECISION.errors,
         mode="straight",
     )
-    tracking = told(plain, "v2", 0, NOW)[0]
+    tracking = log_messages(plain, "v2", 0, NOW)[0]
     assert isinstance(tracking, Tracking)
     for value in (tracking.gap_m, tracking.lead_age_s, tracking.predecessor_age_s):
         assert math.isnan(value)

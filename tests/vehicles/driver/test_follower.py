@@ -14,8 +14,8 @@ from tests.made.vehicles.exact_drives import (
     Source,
     Step,
     drive,
-    hearing,
     on,
+    received_from,
 )
 from tests.made.vehicles.followers import (
     BEND,
@@ -60,7 +60,7 @@ def test_a_follower_that_hears_nothing_drives_straight_on(yaw: float) -> None:
 
 def test_both_sources_make_a_composite_along_which_it_follows() -> None:
     steps = drive(
-        follower(), on(BEND, 0.0, 10.0), 12.0, hearing(lead_of(BEND), predecessor_of(BEND))
+        follower(), on(BEND, 0.0, 10.0), 12.0, received_from(lead_of(BEND), predecessor_of(BEND))
     )
     assert [mode for mode, _ in modes(steps)] == ["straight", "composite"]
     assert modes(steps)[1][1] < 0.2
@@ -81,7 +81,7 @@ def test_both_sources_make_a_composite_along_which_it_follows() -> None:
 def test_one_source_alone_is_followed_and_the_other_named(
     source: Callable[[Path], Source], mode: str, missing: str
 ) -> None:
-    steps = drive(follower(), on(BEND, 0.0, 10.0), 10.0, hearing(source(BEND)))
+    steps = drive(follower(), on(BEND, 0.0, 10.0), 10.0, received_from(source(BEND)))
     assert [mode for mode, _ in modes(steps)] == ["straight", mode]
     assert steps[-1].decision.reason == f"{missing} never heard"
     assert max(map(abs, lateral(BEND, steps))) < 0.05
@@ -90,8 +90,10 @@ def test_one_source_alone_is_followed_and_the_other_named(
 def test_sources_that_fall_silent_are_followed_as_far_as_they_were_heard() -> None:
     """At 10 m/s the last sample of a source 15 m ahead is reached 1.5 s after it was measured."""
     until, last = 4.0, 3.95
-    heard = ((0.0, until), (9.0, math.inf))
-    sources = hearing(lead_of(BEND, heard=heard), predecessor_of(BEND, heard=heard))
+    delivered = ((0.0, until), (9.0, math.inf))
+    sources = received_from(
+        lead_of(BEND, delivered=delivered), predecessor_of(BEND, delivered=delivered)
+    )
     steps = drive(follower(), on(BEND, 0.0, 10.0), 13.0, sources)
     began = modes(steps)
     assert [mode for mode, _ in began][1:4] == ["composite", "lead", "coast"]
@@ -116,7 +118,7 @@ def test_lead_or_predecessor_may_be_silent_alone() -> None:
         follower(),
         on(BEND, 0.0, 10.0),
         12.0,
-        hearing(lead_of(BEND, heard=silent), predecessor_of(BEND)),
+        received_from(lead_of(BEND, delivered=silent), predecessor_of(BEND)),
     )
     assert [mode for mode, _ in modes(steps)] == ["straight", "composite", "predecessor"]
     assert re.fullmatch(r"v1 unheard for 8\.[01] s", steps[-1].decision.reason)
@@ -136,7 +138,7 @@ def test_a_follower_left_of_the_lead_s_path_steers_right(yaw: float, aside: floa
         follower(speed=15.0),
         on(path, 0.0, 15.0, aside),
         8.0,
-        hearing(lead_of(path, 15.0), predecessor_of(path, 15.0)),
+        received_from(lead_of(path, 15.0), predecessor_of(path, 15.0)),
     )
     off = lateral(path, steps)
     assert off[0] == pytest.approx(aside)
@@ -154,7 +156,7 @@ def test_a_follower_left_of_the_lead_s_path_steers_right(yaw: float, aside: floa
 def test_bends_to_both_sides_are_followed_in_all_headings(yaw: float, sign: int) -> None:
     path = path_from_segments([Segment(60.0, 0.0), Segment(300.0, sign / 80)], 5.0, 7.0, yaw)
     steps = drive(
-        follower(), on(path, 0.0, 10.0), 9.0, hearing(lead_of(path), predecessor_of(path))
+        follower(), on(path, 0.0, 10.0), 9.0, received_from(lead_of(path), predecessor_of(path))
     )
     assert max(map(abs, lateral(path, steps))) < 0.06
     assert math.copysign(1, steps[-1].decision.actuation.steering) == sign
@@ -168,7 +170,7 @@ def test_bends_to_both_sides_are_followed_in_all_headings(yaw: float, sign: int)
 def test_the_first_follower_hears_the_lead_alone_whatever_the_fusion(fusion: Fusion) -> None:
     def drive_behind(chosen: Fusion) -> list[Step]:
         first = follower(lead="v1", predecessor="v1", fusion=chosen, alpha=0.3)
-        return drive(first, on(BEND, 0.0, 10.0), 8.0, hearing(Source("v1", BEND, GAP, 10.0)))
+        return drive(first, on(BEND, 0.0, 10.0), 8.0, received_from(Source("v1", BEND, GAP, 10.0)))
 
     steps = drive_behind(fusion)
     assert [mode for mode, _ in modes(steps)] == ["straight", "lead"]
@@ -183,7 +185,7 @@ def test_a_blend_steers_by_the_weighted_mean_of_what_each_source_asks(alpha: flo
     """Three followers are told the same; one blends what the others do with one source each."""
     path = path_from_segments([Segment(80.0, 0.0), Segment(200.0, 1 / 120)])
     other = path_from_segments([Segment(80.0, 0.0), Segment(200.0, 1 / 110)], 0.0, 0.4)
-    told = hearing(lead_of(path), predecessor_of(other))
+    told = received_from(lead_of(path), predecessor_of(other))
     blended = follower(fusion="blend", alpha=alpha)
     by_lead = follower(fusion="composite", alpha=0.0)
     by_predecessor = follower(fusion="predecessor")
@@ -195,11 +197,11 @@ def test_a_blend_steers_by_the_weighted_mean_of_what_each_source_asks(alpha: flo
             now: int,
             fix: Fix | None,
             motion: Motion | Body | None,
-            heard: Sequence[ReceivedPose],
+            received: Sequence[ReceivedPose],
         ) -> Decision:
             nonlocal compared
             decision, lead, predecessor = (
-                driver.step(now, fix, motion, heard)
+                driver.step(now, fix, motion, received)
                 for driver in (blended, by_lead, by_predecessor)
             )
             if decision.mode == "composite":
@@ -228,10 +230,13 @@ def test_predecessor_fusion_does_without_the_lead() -> None:
         follower(fusion="predecessor"),
         on(BEND, 0.0, 10.0),
         10.0,
-        hearing(lead_of(crooked), predecessor_of(BEND)),
+        received_from(lead_of(crooked), predecessor_of(BEND)),
     )
     without = drive(
-        follower(fusion="predecessor"), on(BEND, 0.0, 10.0), 10.0, hearing(predecessor_of(BEND))
+        follower(fusion="predecessor"),
+        on(BEND, 0.0, 10.0),
+        10.0,
+        received_from(predecessor_of(BEND)),
     )
     assert [step.body for step in with_lead] == [step.body for step in without]
     assert [mode for mode, _ in modes(with_lead)] == ["straight", "predecessor"]
@@ -243,7 +248,7 @@ def test_predecessor_fusion_does_without_the_lead() -> None:
 
 def test_gap_and_ages_are_those_of_the_moment() -> None:
     steps = drive(
-        follower(), on(BEND, 0.0, 10.0), 8.0, hearing(lead_of(BEND), predecessor_of(BEND))
+        follower(), on(BEND, 0.0, 10.0), 8.0, received_from(lead_of(BEND), predecessor_of(BEND))
     )
     period = SECOND // round(GNSS_HZ)
     for step in (step for step in steps if step.decision.fresh and step.seconds > 1.0):
@@ -261,7 +266,7 @@ def test_a_gap_that_opens_is_known_between_messages_too() -> None:
         follower(speed=10.0),
         on(STRAIGHT, 0.0, 10.0),
         5.0,
-        hearing(lead_of(STRAIGHT, 12.0), predecessor_of(STRAIGHT, 12.0)),
+        received_from(lead_of(STRAIGHT, 12.0), predecessor_of(STRAIGHT, 12.0)),
     )
     for step in (step for step in steps if step.decision.fresh and step.seconds > 1.0):
         gap = GAP + 12.0 * step.seconds - step.body.distance
@@ -274,7 +279,7 @@ def test_a_gap_is_closed_to_what_the_policy_asks() -> None:
         follower(law=law),
         on(BEND, 0.0, 10.0),
         20.0,
-        hearing(lead_of(BEND), predecessor_of(BEND)),
+        received_from(lead_of(BEND), predecessor_of(BEND)),
     )
     assert steps[-1].decision.gap == pytest.approx(6.0 + 0.4 * 10.0, abs=0.1)
     assert steps[-1].body.speed == pytest.approx(10.0, abs=0.02)
@@ -282,7 +287,7 @@ def test_a_gap_is_closed_to_what_the_policy_asks() -> None:
 
 
 def test_between_control_instants_the_last_decision_is_held() -> None:
-    steps = drive(follower(), on(BEND, 0.0, 10.0), 3.0, hearing(lead_of(BEND)))
+    steps = drive(follower(), on(BEND, 0.0, 10.0), 3.0, received_from(lead_of(BEND)))
     control = Cadence(START, CONTROL_HZ)
     for before, step in pairwise(steps):
         assert step.decision.fresh == control.due(step.now)

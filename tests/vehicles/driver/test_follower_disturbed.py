@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made.examples import examples
-from tests.made.vehicles import told_decisions
+from tests.made.vehicles import decision_messages
 from tests.made.vehicles.exact_drives import (
     CONTROL_HZ,
     PLANE,
@@ -17,15 +17,15 @@ from tests.made.vehicles.exact_drives import (
     Source,
     Step,
     drive,
-    hearing,
     measured,
     on,
+    received_from,
 )
 from tests.made.vehicles.followers import (
     BEND,
     FUSIONS,
     STRAIGHT,
-    believed,
+    admitted,
     follower,
     lateral,
     lead_of,
@@ -45,14 +45,16 @@ from vehicles.schedule import SECOND, instant
 
 @cache
 def usual() -> list[Step]:
-    return drive(follower(), on(BEND, 0.0, 10.0), 7.0, hearing(lead_of(BEND), predecessor_of(BEND)))
+    return drive(
+        follower(), on(BEND, 0.0, 10.0), 7.0, received_from(lead_of(BEND), predecessor_of(BEND))
+    )
 
 
 def hearing_jumps(who: str, numbers: Container[int], far: float, towards: float) -> list[Step]:
     """Drive with messages of `who` that lie `far` m off, in the world's direction `towards`."""
-    usually = hearing(lead_of(BEND), predecessor_of(BEND))
+    usually = received_from(lead_of(BEND), predecessor_of(BEND))
 
-    def hear(now: int) -> list[ReceivedPose]:
+    def receive_at(now: int) -> list[ReceivedPose]:
         return [
             displaced(pose, far * math.cos(towards), far * math.sin(towards))
             if pose.message.vehicle == who and pose.message.seq in numbers
@@ -60,7 +62,7 @@ def hearing_jumps(who: str, numbers: Container[int], far: float, towards: float)
             for pose in usually(now)
         ]
 
-    return drive(follower(), on(BEND, 0.0, 10.0), 7.0, hear)
+    return drive(follower(), on(BEND, 0.0, 10.0), 7.0, receive_at)
 
 
 def moved_by(steps: Sequence[Step]) -> float:
@@ -86,7 +88,7 @@ def test_a_heard_position_that_jumps_a_little_hardly_moves_the_car(far: float) -
 
 
 def test_sources_with_poor_receivers_are_followed_within_their_noise() -> None:
-    random, usually = Random(1), hearing(lead_of(STRAIGHT), predecessor_of(STRAIGHT))
+    random, usually = Random(1), received_from(lead_of(STRAIGHT), predecessor_of(STRAIGHT))
     steps = drive(
         follower(),
         on(STRAIGHT, 0.0, 10.0),
@@ -113,14 +115,14 @@ def test_an_own_fix_that_jumps_hardly_moves_the_car() -> None:
             return replace(fix, east=fix.east + 12.0, north=fix.north - 9.0)
         return fix
 
-    sources = hearing(lead_of(BEND), predecessor_of(BEND))
+    sources = received_from(lead_of(BEND), predecessor_of(BEND))
     steps = drive(follower(), on(BEND, 0.0, 10.0), 7.0, sources, fix=jumping)
     for step, undisturbed in zip(steps, usual(), strict=True):
         assert apart(step.body, undisturbed.body) < 0.03
 
 
 def test_repeated_messages_change_nothing() -> None:
-    usually = hearing(lead_of(BEND), predecessor_of(BEND))
+    usually = received_from(lead_of(BEND), predecessor_of(BEND))
     steps = drive(
         follower(),
         on(BEND, 0.0, 10.0),
@@ -134,7 +136,7 @@ def test_messages_out_of_order_hardly_move_the_car() -> None:
     """Pairs come swapped: 100 ms late at most, which costs nothing 15 m ahead."""
     sources = [lead_of(BEND), predecessor_of(BEND)]
 
-    def hear(now: int) -> list[ReceivedPose]:
+    def receive_at(now: int) -> list[ReceivedPose]:
         if (now - START) % (SECOND // 10):
             return []
         return [
@@ -143,7 +145,7 @@ def test_messages_out_of_order_hardly_move_the_car() -> None:
             for message in reversed(list(source.messages_by(now)))
         ]
 
-    steps = drive(follower(), on(BEND, 0.0, 10.0), 7.0, hear)
+    steps = drive(follower(), on(BEND, 0.0, 10.0), 7.0, receive_at)
     assert max(map(abs, lateral(BEND, steps))) < 0.05
     assert modes(steps)[-1][0] == "composite"
 
@@ -164,14 +166,14 @@ def test_messages_out_of_order_hardly_move_the_car() -> None:
 def test_a_pose_that_no_vehicle_of_the_convoy_can_send_is_passed_over(
     wrong: dict[str, float],
 ) -> None:
-    usually = hearing(lead_of(BEND), predecessor_of(BEND))
+    usually = received_from(lead_of(BEND), predecessor_of(BEND))
 
-    def hear(now: int) -> list[ReceivedPose]:
+    def receive_at(now: int) -> list[ReceivedPose]:
         messages = [pose.message for pose in usually(now)]
         sent = [one if one.seq % 10 else replace(one, **wrong) for one in messages]  # type: ignore[arg-type]
-        return believed(sent, now)
+        return admitted(sent, now)
 
-    steps = drive(follower(), on(BEND, 0.0, 10.0), 7.0, hear)
+    steps = drive(follower(), on(BEND, 0.0, 10.0), 7.0, receive_at)
     assert max(map(abs, lateral(BEND, steps))) < 0.05
 
 
@@ -212,19 +214,19 @@ def test_whatever_is_heard_commands_stay_finite_and_within_the_limits(
     for k, told in enumerate(ticks):
         now = instant(START, k, CONTROL_HZ)
         poses = (pose_of(true[name], seq, place, yaw, v) for name, seq, place, yaw, v in told)
-        heard = believed(poses, now)
+        received = admitted(poses, now)
         fix = measured(body, now)
         if fix is not None and fix.seq in own:
             east, north = own[fix.seq]
             fix = replace(fix, east=east, north=north)
-        decision = driver.step(now, fix, body, heard)
+        decision = driver.step(now, fix, body, received)
         assert math.isfinite(decision.actuation.steering)
         assert abs(decision.actuation.steering) <= CAR.steering_limit
         assert math.isfinite(decision.actuation.acceleration)
         assert math.isfinite(decision.errors.lateral)
         if keeps_gap:
             assert -6.0 <= decision.actuation.acceleration <= 2.0
-        told_decisions.told(decision, "v3", k, now)
+        decision_messages.log_messages(decision, "v3", k, now)
 
 
 def pose_of(

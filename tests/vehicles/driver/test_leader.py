@@ -4,7 +4,15 @@ from itertools import pairwise
 
 import pytest
 
-from tests.made.vehicles.exact_drives import CONTROL_HZ, START, Source, Step, drive, hearing, on
+from tests.made.vehicles.exact_drives import (
+    CONTROL_HZ,
+    START,
+    Source,
+    Step,
+    drive,
+    on,
+    received_from,
+)
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.ego.pose_estimator import PoseEstimator
 from vehicles.driver.leader import Leader
@@ -160,6 +168,6 @@ def test_a_lead_minds_nobody() -> None:
     other = path_from_segments([Segment(300.0, 0.0)], yaw=1.0)
     alone = drive(leader(path, 15.0), on(path, 0.0, 15.0), 3.0)
     told = drive(
-        leader(path, 15.0), on(path, 0.0, 15.0), 3.0, hearing(Source("v9", other, 5.0, 15.0))
+        leader(path, 15.0), on(path, 0.0, 15.0), 3.0, received_from(Source("v9", other, 5.0, 15.0))
     )
     assert [step.body for step in alone] == [step.body for step in told]

@@ -54,7 +54,7 @@ def test_a_hole_is_bridged_by_a_curve(road: str, hole: int) -> None:
     here = 0.0
     for station in range(100 + hole):  # drive there, as the place on a trace is followed
         point = path.at(float(station))
-        here = trace.known(point.east, point.north)
+        here = trace.known_ahead(point.east, point.north)
     assert here == pytest.approx(249.0 - (99.0 + hole), abs=0.6)
     exact = road != "into a bend"
     sagitta = hole * hole / 8.0 / 150.0
@@ -73,7 +73,7 @@ def test_what_comes_late_into_a_hole_is_believed_more_than_the_bridge() -> None:
         receive(path, trace, seq)
     assert farthest(path, trace, 99.0) < 0.3 * guessed
     point = path.at(99.0)
-    assert trace.known(point.east, point.north) == pytest.approx(150.0, abs=0.5)
+    assert trace.known_ahead(point.east, point.north) == pytest.approx(150.0, abs=0.5)
     window = trace.window(point.east, point.north, 100.0, 150.0)
     assert all(after > before for before, after in pairwise(window.station.tolist()))
 
@@ -128,19 +128,19 @@ def test_a_window_says_whether_it_holds_what_bridges_a_hole() -> None:
         seen = trace.window(point.east, point.north, 10.0, 20.0)
         # A metre per message: the hole is between 99 and 130 m, its bridge a metre less.
         guessed = any(99.5 < station + along < 129.5 for along in seen.station.tolist())
-        assert trace.has_guesses(seen) == guessed, station
+        assert trace.has_bridge_points(seen) == guessed, station
 
 
 def test_a_window_says_whether_it_holds_what_bridges_the_way_to_the_first_sample() -> None:
     trace = Trace()
-    assert not trace.has_guesses(Window(*np.zeros((3, 0))))
+    assert not trace.has_bridge_points(Window(*np.zeros((3, 0))))
     for seq in range(100):
         trace.add(received(seq * PERIOD, 30.0 + seq, 0.0, 0.0, SPEED))
     trace.bridge(0.0, 0.0)
     for station in range(100):
         seen = trace.window(float(station), 0.0, 5.0, 20.0)
-        assert trace.has_guesses(seen) == (station < 35), station
-    assert not trace.has_guesses(trace.window(80.0, 0.0, 5.0, 20.0))
+        assert trace.has_bridge_points(seen) == (station < 35), station
+    assert not trace.has_bridge_points(trace.window(80.0, 0.0, 5.0, 20.0))
 
 
 def test_noisy_samples_behind_a_smooth_bridge_make_no_bend() -> None:

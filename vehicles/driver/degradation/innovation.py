@@ -18,17 +18,17 @@ BRAKING: Final = 8.0
 """Acceleration along the road (m/s²) beyond which no car drives or brakes."""
 CORNERING: Final = 9.0
 """Acceleration across the road (m/s²) beyond which no car corners: the limit of dry tyres."""
-TURNING_UP: Final = 8.0
+MAX_YAW_ACCELERATION: Final = 8.0
 """Yaw acceleration (rad/s²) of a car with all friction used at one axle, rounded up."""
 SLIP_ARM: Final = 1.5
 """Lateral speed over yaw rate (m) at walking pace: from the rear axle to the antenna."""
 SLIP_ARM_GROWTH: Final = 0.002
 """Its growth (s²/m) with the squared speed by slipping tyres, of the steady-state model."""
-BASE: Final = SECOND
+ANCHOR_TIME: Final = SECOND
 """Time (ns) over which announced places are compared with announced speeds."""
-LEAST_DEVIATION: Final = 0.01
+MIN_DEVIATION: Final = 0.01
 """Least deviation (m) assumed of a receiver, whatever it states."""
-MOST_DEVIATION: Final = 5.0
+MAX_DEVIATION: Final = 5.0
 """Largest deviation (m) assumed: with a larger one every pose would pass."""
 
 
@@ -65,7 +65,7 @@ class Innovation(NamedTuple):
 @lru_cache(maxsize=64)  # receivers mostly state the same accuracy
 def stated_variance(accuracy: float) -> float:
     """Variance (m²) of a place per axis for a stated deviation `accuracy` (m), within reason."""
-    return min(max(accuracy, LEAST_DEVIATION), MOST_DEVIATION) ** 2
+    return min(max(accuracy, MIN_DEVIATION), MAX_DEVIATION) ** 2
 
 
 def innovation(before: ReceivedPose, pose: ReceivedPose, noise: GnssNoise) -> Innovation:
@@ -106,7 +106,7 @@ def innovation(before: ReceivedPose, pose: ReceivedPose, noise: GnssNoise) -> In
     )
 
 
-def turned(before: ReceivedPose, pose: ReceivedPose, noise: GnssNoise) -> float:
+def heading_innovation(before: ReceivedPose, pose: ReceivedPose, noise: GnssNoise) -> float:
     """Innovation of the heading of `pose` against `before`, in its deviations."""
     span = (pose.measured_at - before.measured_at) / SECOND
     size = abs(span)
@@ -117,7 +117,7 @@ def turned(before: ReceivedPose, pose: ReceivedPose, noise: GnssNoise) -> float:
     variance = (
         2.0 * noise.heading**2
         + 0.5 * (size * noise.yaw_rate) ** 2
-        + (TURNING_UP * size * size / 12.0) ** 2
+        + (MAX_YAW_ACCELERATION * size * size / 12.0) ** 2
     )
     return abs(turn) / sqrt(variance) if variance else 0.0
 
@@ -136,7 +136,7 @@ class PoseTrack:
         self._anchor_inflation = inflation
         self._east = self._north = self._spread = self._turned = 0.0
 
-    def strays(self, one: Innovation, pose: ReceivedPose, inflation: float) -> float:
+    def cumulative_deviation(self, one: Innovation, pose: ReceivedPose, inflation: float) -> float:
         """Sum of innovations up to `pose`, in deviations; the anchor keeps its own inflation."""
         along, across = one.along_variance, one.across_variance
         spread = self._spread + sqrt(across if across > along else along)
@@ -148,14 +148,14 @@ class PoseTrack:
         east, north = abs(self._east + one.east), abs(self._north + one.north)
         return (north if north > east else east) / deviation
 
-    def cornering(self, pose: ReceivedPose) -> float:
+    def lateral_acceleration(self, pose: ReceivedPose) -> float:
         """Mean acceleration across the road (m/s²) up to `pose`, 0 over less than half a second.
 
         Speed times the change of heading: over half a second the lateral speed of eq. (1), which
         dominates the yaw rate of a swerving car, averages out.
         """
         span = pose.measured_at - self._anchor.measured_at
-        if 2 * span < BASE:
+        if 2 * span < ANCHOR_TIME:
             return 0.0
         turned = self._turned + remainder(pose.yaw - self.last.yaw, tau)
         return min(self._anchor.speed, pose.speed) * abs(turned) * SECOND / span
@@ -164,7 +164,7 @@ class PoseTrack:
         """Continue with a newer pose and its innovation."""
         self._turned += remainder(pose.yaw - self.last.yaw, tau)
         self.last = pose
-        if pose.measured_at - self._anchor.measured_at >= BASE:
+        if pose.measured_at - self._anchor.measured_at >= ANCHOR_TIME:
             self._anchor, self._anchor_inflation = pose, inflation
             self._east = self._north = self._spread = self._turned = 0.0
             return

@@ -14,13 +14,13 @@ from vehicles.car.positioning.noise import GnssNoise
 from vehicles.driver.degradation.innovation import (
     BRAKING,
     CORNERING,
-    LEAST_DEVIATION,
-    MOST_DEVIATION,
+    MAX_DEVIATION,
+    MIN_DEVIATION,
     Innovation,
     PoseTrack,
+    heading_innovation,
     innovation,
     stated_variance,
-    turned,
 )
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
@@ -39,30 +39,30 @@ REFUSED: tuple[Distrust, ...] = ("frozen", "jumping", "impossible", "ghost")
 
 WINDOW: Final = 32
 """Number of poses from which over-confidence is judged."""
-MOST_SQUARE: Final = 15.0
+MAX_SQUARE: Final = 15.0
 """Bound on a squared innovation, so that two or three jumps do not look like over-confidence."""
-TELLING: Final = 95.0
+OVERCONFIDENT_SUM: Final = 95.0
 """Sum of the window that means over-confidence. An honest source's is 36.3 with a deviation of 7.8,
 nearly chi-squared (of 43 degrees of freedom after scaling), which is beyond 90 as rarely as a
 normal number beyond 5 deviations (Wilson and Hilferty, 1931)."""
-QUIETING: Final = 60.0
+CONFIDENT_SUM: Final = 60.0
 """Sum below which over-confidence ends: 3 deviations."""
 HONEST_THIRD: Final = 0.41
 """A third of an honest source's squared innovations, the smaller one of those against the two poses
 before, lie below. So do a third of two tracks', if one is honest."""
-LEAST_INFLATION: Final = 1.5
+MIN_INFLATION: Final = 1.5
 """Below this no source is over-confident."""
-MOST_INFLATION: Final = 30.0
+MAX_INFLATION: Final = 30.0
 """Beyond this it is no noise: one solver stated a twentieth of its true deviation."""
-HEADINGS: Final = 3
+HEADING_MISSES: Final = 3
 """Headings in a row beyond their gate, against each of the last two accepted ones: by chance once
 in 2e7 poses at most."""
 RESTART_POSES: Final = 3
 """Poses that agree on a new place before it is accepted, at least."""
-LATELY: Final = 12
+RECENT_POSES: Final = 12
 RETURNS: Final = 2
 """Among the last `LATELY` poses of two tracks a trusted one follows a refused one this often."""
-FORGOTTEN: Final = 3 * SECOND
+SUSPECT_LIFETIME: Final = 3 * SECOND
 """Age (ns) beyond which a refused pose no longer supports a new one."""
 
 
@@ -88,20 +88,20 @@ class InnovationGate:
         self._heading_gate = heading_gate
         self._settle = round(settle * SECOND)
         self._trusted: PoseTrack | None = None
-        self._level: deque[ReceivedPose] = deque(maxlen=2)
-        self._twisted = 0
+        self._heading_references: deque[ReceivedPose] = deque(maxlen=2)
+        self._heading_misses = 0
         self._suspect: PoseTrack | None = None
         self._suspected: Distrust = ""
         self._agreed = 0
         self._agreed_since = 0
-        self._lately: deque[bool] = deque(maxlen=LATELY)
+        self._lately: deque[bool] = deque(maxlen=RECENT_POSES)
         self._last: deque[ReceivedPose] = deque(maxlen=2)
         self._squares: deque[float] = deque(maxlen=WINDOW)
         self._counted: deque[float] = deque(maxlen=WINDOW)
         self._inflation = 1.0
         self._confidence: Distrust = ""
         self._place: ReceivedPose | None = None
-        self._claimed = (0.0, 0.0, 0.0)
+        self._predicted = (0.0, 0.0, 0.0)
         self.refused: Counter[Distrust] = Counter()
 
     def judge(self, pose: ReceivedPose) -> Distrust:
@@ -110,19 +110,19 @@ class InnovationGate:
             return self._refuse("impossible")
         last = innovation(self._last[-1], pose, self._noise) if self._last else None
         before = self._last[-1] if self._last else pose
-        frozen = self._learn(pose, last)
+        frozen = self._update_inflation(pose, last)
         if self._trusted is None:
             return self._accept(PoseTrack(pose, self._inflation))
         if last is None or before is not self._trusted.last:
             last = innovation(self._trusted.last, pose, self._noise)
-        turn = turned(self._trusted.last, pose, self._noise)
+        turn = heading_innovation(self._trusted.last, pose, self._noise)
         reason: Distrust = "frozen" if frozen else self._fault(self._trusted, last, turn, pose)
         if last.span <= 0.0:
             return self._refuse(reason) if reason else self._confidence
-        if not reason and (self._twisted or turn > self._heading_gate):
-            reason = self._twist(pose)
+        if not reason and (self._heading_misses or turn > self._heading_gate):
+            reason = self._check_heading(pose)
         elif not reason:
-            self._level.append(pose)
+            self._heading_references.append(pose)
         if not reason:
             self._trusted.push(last, pose, self._inflation)
             self._agreed = 0
@@ -133,13 +133,13 @@ class InnovationGate:
             turns = [after and not before for before, after in pairwise(self._lately)]
             if sum(turns) >= RETURNS:  # trusted and refused in turn: two tracks
                 reason = "ghost"
-        return self._doubt(pose, reason)
+        return self._handle_suspect(pose, reason)
 
     def deviation(self, pose: ReceivedPose) -> float:
         """Standard deviation (m, per axis) to assume of a pose instead of the stated one."""
         if self._inflation == 1.0:
             return pose.accuracy
-        return min(self._inflation * max(pose.accuracy, LEAST_DEVIATION), MOST_DEVIATION)
+        return min(self._inflation * max(pose.accuracy, MIN_DEVIATION), MAX_DEVIATION)
 
     def _refuse(self, reason: Distrust) -> Distrust:
         self.refused[reason] += 1
@@ -147,9 +147,9 @@ class InnovationGate:
 
     def _accept(self, track: PoseTrack) -> Distrust:
         self._trusted, self._suspect = track, None
-        self._level.clear()
-        self._level.append(track.last)
-        self._twisted = 0
+        self._heading_references.clear()
+        self._heading_references.append(track.last)
+        self._heading_misses = 0
         return self._confidence
 
     def _fault(
@@ -163,29 +163,35 @@ class InnovationGate:
         if gain > 0.0 and gain / (sqrt(2.0) * noise.speed + 1e-3) > self._gate:
             return "impossible"
         if one.span > 0.0 and (
-            track.strays(one, pose, self._inflation) > self._gate
-            or track.cornering(pose) > CORNERING + self._gate * pose.speed * noise.heading
+            track.cumulative_deviation(one, pose, self._inflation) > self._gate
+            or track.lateral_acceleration(pose)
+            > CORNERING + self._gate * pose.speed * noise.heading
         ):
             return "impossible"
         return "jumping" if turn > self._gate else ""
 
-    def _twist(self, pose: ReceivedPose) -> Distrust:
+    def _check_heading(self, pose: ReceivedPose) -> Distrust:
         """Refuse a pose once the heading was wrong several times in a row."""
-        if min(turned(before, pose, self._noise) for before in self._level) <= self._heading_gate:
-            self._level.append(pose)
-            self._twisted = 0
+        if (
+            min(
+                heading_innovation(before, pose, self._noise) for before in self._heading_references
+            )
+            <= self._heading_gate
+        ):
+            self._heading_references.append(pose)
+            self._heading_misses = 0
             return ""
-        self._twisted += 1
-        return "jumping" if self._twisted >= HEADINGS else ""
+        self._heading_misses += 1
+        return "jumping" if self._heading_misses >= HEADING_MISSES else ""
 
-    def _doubt(self, pose: ReceivedPose, reason: Distrust) -> Distrust:
+    def _handle_suspect(self, pose: ReceivedPose, reason: Distrust) -> Distrust:
         """Refuse a pose, unless it completes those of a new place."""
         track, now = self._suspect, pose.received_at
-        if track is not None and pose.measured_at - track.last.measured_at > FORGOTTEN:
+        if track is not None and pose.measured_at - track.last.measured_at > SUSPECT_LIFETIME:
             track = None
         if track is not None:
             one = innovation(track.last, pose, self._noise)
-            turn = turned(track.last, pose, self._noise)
+            turn = heading_innovation(track.last, pose, self._noise)
             if reason == "frozen" or self._fault(track, one, turn, pose):
                 track = None
             elif one.span > 0.0:
@@ -201,7 +207,7 @@ class InnovationGate:
             return self._accept(track)
         return self._refuse("ghost" if reason == "ghost" else self._suspected)
 
-    def _learn(self, pose: ReceivedPose, one: Innovation | None) -> bool:
+    def _update_inflation(self, pose: ReceivedPose, one: Innovation | None) -> bool:
         """Update the inflation by a pose and its innovation; returns whether the pose is frozen."""
         if one is None:
             self._last.append(pose)
@@ -209,35 +215,37 @@ class InnovationGate:
             return False
         if one.span <= 0.0:
             return False
-        frozen = self._stays(one, pose)
+        frozen = self._is_frozen(one, pose)
         if not frozen:
             square = one.square
             if len(self._last) > 1:
                 square = min(square, innovation(self._last[0], pose, self._noise).square)
             self._squares.append(square)
-            self._counted.append(MOST_SQUARE if square > MOST_SQUARE else square)
-            if sum(self._counted) > (TELLING if self._inflation == 1.0 else QUIETING):
+            self._counted.append(MAX_SQUARE if square > MAX_SQUARE else square)
+            if sum(self._counted) > (
+                OVERCONFIDENT_SUM if self._inflation == 1.0 else CONFIDENT_SUM
+            ):
                 third = sorted(self._squares)[len(self._squares) // 3]
-                inflation = min(sqrt(third / HONEST_THIRD), MOST_INFLATION)
-                self._inflation = inflation if inflation >= LEAST_INFLATION else 1.0
+                inflation = min(sqrt(third / HONEST_THIRD), MAX_INFLATION)
+                self._inflation = inflation if inflation >= MIN_INFLATION else 1.0
             else:
                 self._inflation = 1.0
             self._confidence = "over-confident" if self._inflation > 1.0 else ""
         self._last.append(pose)
         return frozen
 
-    def _stays(self, one: Innovation, pose: ReceivedPose) -> bool:
+    def _is_frozen(self, one: Innovation, pose: ReceivedPose) -> bool:
         """Whether the place is constant although the stated speed must have changed it."""
         place, noise = self._place or pose, self._noise
         stated = stated_variance(place.accuracy) + stated_variance(pose.accuracy)
         limit = self._gate * self._inflation * sqrt(stated)
         if hypot(pose.east - place.east, pose.north - place.north) > limit:
-            self._place, self._claimed = pose, (0.0, 0.0, 0.0)
+            self._place, self._predicted = pose, (0.0, 0.0, 0.0)
             return False
-        east, north, variance = self._claimed
+        east, north, variance = self._predicted
         if pose.speed > self._gate * noise.speed:
             along, across = one.along_variance, one.across_variance
             variance += across if across > along else along
             east, north = east + one.east_driven, north + one.north_driven
-            self._claimed = east, north, variance
+            self._predicted = east, north, variance
         return hypot(east, north) > 2.0 * limit + self._gate * sqrt(variance)

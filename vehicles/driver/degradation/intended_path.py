@@ -27,16 +27,16 @@ from vehicles.preview.trajectory import LEAD, PREDECESSOR, Fit
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
-FURTHEST: Final = 1.75
+MAX_OFFSET: Final = 1.75
 """Offsets beyond this (m), half of a lane, count as none."""
-STEEPEST: Final = 0.2
+MAX_OFFSET_SLOPE: Final = 0.2
 """Change of an offset (m) for each metre driven, at most: a car askew by 11 degrees."""
 DEVIATIONS: Final = 7.0
 """Further change, in standard deviations of a fix: 5 of the difference of two."""
 SPACING: Final = 0.2
 """A source that has moved less than this (m) adds nothing, as to its trace."""
-MOST: Final = 4096
-FORGOTTEN: Final = 1024
+CAPACITY: Final = 4096
+DROPPED_AT_ONCE: Final = 1024
 """Number of offsets that are kept at most, and that are forgotten at once."""
 
 
@@ -50,7 +50,7 @@ class IntendedPath:
         self._instants = array("q")
         self._numbers = array("d")
 
-    def note(self, pose: ReceivedPose, offset: float) -> None:
+    def add(self, pose: ReceivedPose, offset: float) -> None:
         """Note the announced `offset` (m, left positive) of a pose from the path.
 
         An unknown or impossible offset counts as 0. From one pose to the next it changes no faster
@@ -58,7 +58,7 @@ class IntendedPath:
         """
         instants, numbers = self._instants, self._numbers
         place = bisect_left(instants, pose.measured_at)
-        if not abs(offset) <= FURTHEST:  # NaN neither
+        if not abs(offset) <= MAX_OFFSET:  # NaN neither
             offset = 0.0
         if place < len(instants) and instants[place] == pose.measured_at:
             return
@@ -67,15 +67,15 @@ class IntendedPath:
             moved = hypot(pose.east - east, pose.north - north)
             if moved < SPACING:
                 return
-            most = STEEPEST * moved + DEVIATIONS * abs(pose.accuracy)
+            most = MAX_OFFSET_SLOPE * moved + DEVIATIONS * abs(pose.accuracy)
             offset = min(max(offset, before - most), before + most)
         instants.insert(place, pose.measured_at)
         numbers[4 * place : 4 * place] = array("d", (pose.east, pose.north, pose.yaw, offset))
-        if len(instants) > MOST:
-            del instants[:FORGOTTEN]
-            del numbers[: 4 * FORGOTTEN]
+        if len(instants) > CAPACITY:
+            del instants[:DROPPED_AT_ONCE]
+            del numbers[: 4 * DROPPED_AT_ONCE]
 
-    def of(self, window: Window, instants: list[int], share: float) -> Window:
+    def corrected(self, window: Window, instants: list[int], share: float) -> Window:
         """Samples (preview data, Section III-A) of these `instants` (ns), moved to the path.
 
         By the `share` of their offsets, which are interpolated between the announced ones.
@@ -104,16 +104,16 @@ class IntendedShare:
     """
 
     def __init__(self, span: float, *, wanted: bool) -> None:
-        self.now = 0.0
+        self.value = 0.0
         self._span = span
         self._wanted = wanted
 
     def advance(self, mode: Mode, span: float) -> None:
         """Steer along `mode` for `span` (s); while no source is followed the share stays."""
         if mode == "predecessor" and self._wanted:
-            self.now = min(self.now + span / self._span, 1.0)
-        elif self.now and mode in ("composite", "lead"):
-            self.now = max(self.now - span / self._span, 0.0)
+            self.value = min(self.value + span / self._span, 1.0)
+        elif self.value and mode in ("composite", "lead"):
+            self.value = max(self.value - span / self._span, 0.0)
 
 
 def path_offset(fit: Fit, fix: Fix) -> float:

@@ -16,7 +16,7 @@ from vehicles.schedule import SECOND
 
 FALLEN_BACK: Final = 5.0
 """A follower that fell back, because all poses lay behind it, follows again with this (m) ahead."""
-NOTHING_HEARD: Final = "nothing heard yet"
+NOTHING_RECEIVED: Final = "nothing heard yet"
 NO_TRAJECTORY: Final = "no trajectory through what is heard"
 
 
@@ -76,16 +76,20 @@ class ModeMachine:
         mode = self._next(pair, situation, speed, has_path=has_path, outrun=outrun, soon=soon)
         why = ""
         if len(relied) < len(pair.used):
-            why = ", ".join([_matter(one) for one in pair.used.values() if one not in relied])
+            why = ", ".join(
+                [_missing_reason(one) for one in pair.used.values() if one not in relied]
+            )
         if mode == "straight":
-            why = why if has_path else NOTHING_HEARD
+            why = why if has_path else NOTHING_RECEIVED
         elif mode in SLOWING:
-            why = "; ".join(filter(None, [why, _road_left(situation, speed)]))
+            why = "; ".join(filter(None, [why, _stopping_reason(situation, speed)]))
         if mode != self._mode:
             if mode in SLOWING or self._mode == "composite":
                 self._worse_at = now
             goes_on = self._mode in SLOWING and mode not in SLOWING
-            back = [self._again(one) for one in relied if goes_on or one not in self._relied]
+            back = [
+                self._recovery_reason(one) for one in relied if goes_on or one not in self._relied
+            ]
             why = "; ".join(filter(None, [*back, why]))
         if relied != self._relied:
             self._trusted |= {one.name for one in relied}
@@ -125,7 +129,7 @@ class ModeMachine:
             if len(relied) == 1 or (soon and self._mode in relied):
                 return self._mode if self._mode in relied else relied[0]
             return "composite"
-        if not slows and not outrun and (relied or not _given_up(pair.used.values())):
+        if not slows and not outrun and (relied or not _any_lost(pair.used.values())):
             return "straight"  # no source was received yet, or no trajectory came of it
         known = 0.0 if isnan(situation.known) else situation.known
         if outrun:  # the vehicles ahead are received: fall back, no need to stop
@@ -134,12 +138,12 @@ class ModeMachine:
             return "stop"
         return "coast"
 
-    def _again(self, source: Source) -> str:
+    def _recovery_reason(self, source: Source) -> str:
         seen = source.freshness
         how = "heard"
         if source.name in self._trusted and source not in self._relied:
             how = f"relied on again after {source.probation.length:.1f} s of probation"
-        return f"{source.name} {how}, {seen.age:.2f} s old, {_end(seen.known)}"
+        return f"{source.name} {how}, {seen.age:.2f} s old, {_path_end(seen.known)}"
 
 
 class ModesByReach:
@@ -167,13 +171,13 @@ class ModesByReach:
             for age in [one.freshness.age]
         )
         if not has_path:
-            return "straight", NOTHING_HEARD
+            return "straight", NOTHING_RECEIVED
         if not fitted:
             return "coast", why or NO_TRAJECTORY
         return ("composite" if len(reaching) > 1 else reaching[0]), why
 
 
-def without_sources(
+def steering_without_sources(
     reaction: Reaction, mode: Mode, wanted: SteeringCommand, last: SteeringCommand
 ) -> SteeringCommand:
     """Steering command while no source is followed: "hold" keeps the `last` one.
@@ -188,14 +192,14 @@ def without_sources(
     return replace(wanted, steering=0.0, feedforward=0.0, feedback=0.0)
 
 
-def _given_up(sources: Iterable[Source]) -> bool:
+def _any_lost(sources: Iterable[Source]) -> bool:
     """Whether a source was lost, or no first message of any came in time."""
     sources = list(sources)
     lost = any(one.status in LOST or one.status == "probation" for one in sources)
-    return lost or all(one.never_came for one in sources)
+    return lost or all(one.never_received for one in sources)
 
 
-def _matter(source: Source) -> str:
+def _missing_reason(source: Source) -> str:
     seen = source.freshness
     if seen.status == "unheard":
         return f"{source.name} never heard"
@@ -205,16 +209,16 @@ def _matter(source: Source) -> str:
         return f"{source.name} heard again, on probation for {source.probation.length:.1f} s"
     if seen.status == "lost":
         age = f"unheard for {seen.silence:.1f} s, {seen.age:.1f} s old"
-        return f"{source.name} {age}, {_end(seen.known)}"
+        return f"{source.name} {age}, {_path_end(seen.known)}"
     return f"{source.name} heard too little of"
 
 
-def _end(known: float) -> str:
+def _path_end(known: float) -> str:
     place = f"{known:.1f} m ahead" if known >= 0.0 else f"{-known:.1f} m behind"
     return f"its path ends {place}"
 
 
-def _road_left(situation: Situation, speed: float) -> str:
+def _stopping_reason(situation: Situation, speed: float) -> str:
     if isnan(situation.known):
         return "no path known"
     needed = needed_deceleration(speed, situation.known)

@@ -13,13 +13,13 @@ from vehicles.schedule import SECOND
 
 RECENT: Final = SECOND
 """Time (ns) over which arrivals are counted and the period is learned."""
-USUAL_TIME: Final = 10.0
+SHARE_TIME: Final = 10.0
 """Longest time (s) over which the usual share is a mean."""
 CLOSING_RATE: Final = 0.1
 """An opened gap closes again at this share of the own speed, ..."""
 CLOSING_TIME: Final = 3.0
 """... and with this time constant (s) while it is wide, as after a stop of a minute."""
-USUAL_SHARE: Final = 0.05
+AGE_WEIGHT: Final = 0.05
 """Weight of a new message in the usual age of messages at reception."""
 
 
@@ -73,7 +73,7 @@ class Reception:
         self._learn_period()
         return True
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Forget the arrivals: the time across a long silence is no period."""
         self._recent.clear()
         self._received_at.clear()
@@ -95,18 +95,18 @@ class Reception:
         came, expected = self._counts(now)
         return came + 1 >= share * self.usual_share * expected
 
-    def count_share(self, now: int, share: float) -> None:
+    def update_usual_share(self, now: int, share: float) -> None:
         """Update the usual share by the `share` of the last second."""
         span = (now - self._counted_until) / SECOND
         self._counted_until = now
         if span <= 0.0:
             return
         counted = self._counted + span
-        self._counted = USUAL_TIME if counted > USUAL_TIME else counted
+        self._counted = SHARE_TIME if counted > SHARE_TIME else counted
         before = 0.0 if self._counted == span else self.usual_share
         self.usual_share = before + (share - before) * span / self._counted
 
-    def pause_count(self, now: int) -> None:
+    def skip_usual_share(self, now: int) -> None:
         """Exclude the time until `now` from the usual share."""
         self._counted_until = now
 
@@ -193,18 +193,18 @@ class AgeWatch:
         if not isnan(source.age) and measured_at != self._measured_at:
             first = self._measured_at is None
             self._measured_at = measured_at
-            self._usual = age if first else self._usual + USUAL_SHARE * (age - self._usual)
+            self._usual = age if first else self._usual + AGE_WEIGHT * (age - self._usual)
         if source.status in LOST or age > self._usual + settings.late_periods * self._period:
             self._late_at = now
             growth = max(age - self.usual, 0.0)
             if growth >= self.growth(now):
                 self._peak, self._peak_at = growth, now
 
-    def is_longest(self, now: int) -> bool:
+    def is_new_peak(self, now: int) -> bool:
         """Whether the newest sample at `now` (ns) is late, and older than any lately."""
         return self._peak_at == now
 
-    def is_awake(self, now: int) -> bool:
+    def is_recently_late(self, now: int) -> bool:
         """Whether messages are late at `now` (ns), or were within the probation."""
         if self._late_at is None:
             return False

@@ -18,11 +18,11 @@ from vehicles.schedule import SECOND
 
 RELIED_ON = ("fresh", "late")
 """Statuses of a source that is steered along and counted on."""
-MISSED_AFTER: Final = 1.5
+OVERDUE_AFTER: Final = 1.5
 """A message is overdue after this multiple of the usual time between two that come."""
-LEAST_SHARE: Final = 0.05
+MIN_SHARE: Final = 0.05
 """Least share of its messages that a source is expected to deliver."""
-LEAST_SAMPLES: Final = 3
+MIN_SAMPLES: Final = 3
 """Fewer samples of a source than these determine no trajectory."""
 
 
@@ -53,12 +53,12 @@ class Source:
         self.usable = False
         self.reaches = False
         self.refusal = ""
-        self.may_stray = False
+        self.may_leave_path = False
         self.status: SourceStatus = "unheard"
         self.freshness = SourceFreshness()
         self.probation = Probation(settings)
         self._trust = trust or Trust(name)
-        self._strayed = self._moved = False
+        self._off_path = self._moved = False
         self._settings = settings
         self._reception = Reception(period)
         self._degrades = settings.reaction == "degrade"
@@ -69,24 +69,24 @@ class Source:
         self._due_from: int | None = None
         self._waited = 0.0
         self._known = nan
-        self._known_of_all = 0.0
+        self._known_at_full_weight = 0.0
 
     @property
-    def runs_out(self) -> bool:
+    def path_ends(self) -> bool:
         """Whether it no longer extends the known path: it is late or has left the path."""
-        return self.status == "late" or self._strayed
+        return self.status == "late" or self._off_path
 
     @property
-    def is_missed(self) -> bool:
+    def is_overdue(self) -> bool:
         """Whether a message is overdue, long before the source counts as late."""
         if self.status == "unheard":
-            return self._waited > MISSED_AFTER * self._period
+            return self._waited > OVERDUE_AFTER * self._period
         share = self._reception.usual_share
-        usual = self.freshness.period / (LEAST_SHARE if share < LEAST_SHARE else share)
-        return self.freshness.silence > MISSED_AFTER * usual
+        usual = self.freshness.period / (MIN_SHARE if share < MIN_SHARE else share)
+        return self.freshness.silence > OVERDUE_AFTER * usual
 
     @property
-    def never_came(self) -> bool:
+    def never_received(self) -> bool:
         """Whether it was never received in the time after which it would be lost."""
         after = self._settings.lost_after_silence(self._period)
         return self.status == "unheard" and self._waited > after
@@ -100,21 +100,21 @@ class Source:
         message, last = pose.message, self.trace.newest
         newer = last is None or pose.measured_at > last.measured_at
         lost = newer and self.status in LOST
-        if self.may_stray and last is not None and (message.hazard or message.mode in SLOWING):
-            self._strayed = True
+        if self.may_leave_path and last is not None and (message.hazard or message.mode in SLOWING):
+            self._off_path = True
             self._moved |= self._trust.at_new_place
-            self.trace.pass_over(pose)
+            self.trace.record_position(pose)
         else:
             # For baselines the next pose after a silence is one more sample.
-            hole = (lost and self._degrades) or (newer and self._strayed)
+            hole = (lost and self._degrades) or (newer and self._off_path)
             moved = newer and (self._moved or self._trust.at_new_place)
-            self._strayed &= not newer
+            self._off_path &= not newer
             self._moved &= not newer
             self.trace.add(pose, after_hole=hole, at_new_place=moved)
             if self.intended is not None:
-                self.intended.note(pose, message.path_offset_m)
+                self.intended.add(pose, message.path_offset_m)
         if lost:
-            self._reception.forget()
+            self._reception.reset()
         if self._reception.add(now, pose.measured_at, message.seq):
             self._announced = pose
             if self.status == "unheard":
@@ -140,7 +140,7 @@ class Source:
         measured at a `refit`, and follows from the speed otherwise.
         """
         if refit:
-            self._known = self.trace.known(pose.east, pose.north)
+            self._known = self.trace.known_ahead(pose.east, pose.north)
         else:
             self._known -= pose.speed * span
         newest, announced = self.trace.newest, self._announced
@@ -157,7 +157,7 @@ class Source:
         after = self._settings.lost_after_silence(period)
         self._update_status(now, silence, share, after)
         if self.weight == 1.0 and self.status in ("fresh", "probation"):  # the usual case
-            self._known_of_all = 0.0
+            self._known_at_full_weight = 0.0
         elif self._degrades:
             self._weigh(span)
         self.freshness = SourceFreshness(
@@ -182,22 +182,22 @@ class Source:
             if self.status not in LOST:
                 self.probation.fail(now)
             self.status = "distrusted" if refused else "lost"
-            self._reception.pause_count(now)
+            self._reception.skip_usual_share(now)
             return
         if self.status == "probation":
-            self._serve(now, share)
+            self._serve_probation(now, share)
         else:
-            self._reception.count_share(now, share)
+            self._reception.update_usual_share(now, share)
         if self.status != "probation":
             self.status = "late" if late else "fresh"
 
-    def _serve(self, now: int, share: float) -> None:
+    def _serve_probation(self, now: int, share: float) -> None:
         """End the probation if due; the usual share may have fallen, so that it always can end."""
         served = self.probation.served(now)
         if served * SECOND < RECENT:
-            self._reception.pause_count(now)
+            self._reception.skip_usual_share(now)
         else:
-            self._reception.count_share(now, share)
+            self._reception.update_usual_share(now, share)
         trusted_share = self._settings.trusted_share
         if served >= self.probation.length and self._reception.delivers(now, trusted_share):
             self.probation.end(now)
@@ -206,19 +206,19 @@ class Source:
     def _weigh(self, span: float) -> None:
         """Reduce the weight with the known path; restore it over the probation."""
         if self.status in ("fresh", "probation"):
-            self._known_of_all = 0.0
+            self._known_at_full_weight = 0.0
             self.weight = min(self.weight + span / self.probation.length, 1.0)
             return
         known = self._known
         if isnan(known) or known <= 0.0:
             self.weight = 0.0
             return
-        if not self._known_of_all and self.weight > 0.0:
-            self._known_of_all = known / self.weight
-        if self._known_of_all:
-            self.weight = min(self.weight, known / self._known_of_all)
+        if not self._known_at_full_weight and self.weight > 0.0:
+            self._known_at_full_weight = known / self.weight
+        if self._known_at_full_weight:
+            self.weight = min(self.weight, known / self._known_at_full_weight)
 
 
 def reaches_ahead(window: Window) -> bool:
     """Whether samples determine a trajectory and reach ahead of the ego (Section III-A)."""
-    return len(window.station) >= LEAST_SAMPLES and window.station.item(-1) >= 0.0
+    return len(window.station) >= MIN_SAMPLES and window.station.item(-1) >= 0.0

@@ -41,15 +41,15 @@ class SourcePair:
             self.used["lead"] = lead
         if lead is not predecessor:
             self.used["predecessor"] = predecessor
-            predecessor.may_stray = len(self.used) > 1 and settings.reaction == "degrade"
-        wanted = predecessor.may_stray and settings.predecessor_path == "meant"
+            predecessor.may_leave_path = len(self.used) > 1 and settings.reaction == "degrade"
+        wanted = predecessor.may_leave_path and settings.predecessor_path == "meant"
         if wanted:
             predecessor.intended = IntendedPath()
         self._intended = IntendedShare(settings.probation, wanted=wanted)
         self._degrades = settings.reaction == "degrade"
         self._comfortable, self._firm = settings.comfortable, settings.firm
         self._hardest = settings.hardest
-        self._looked_at = 0
+        self._assessed_at = 0
         self._alone_at = 0
 
     def receive(self, pose: ReceivedPose) -> Trace:
@@ -73,22 +73,26 @@ class SourcePair:
             window = source.window(pose.east, pose.north, behind + more, ahead)
             if window is not None:
                 windows[mode] = window
-        windows = self._without_guesses(windows, behind)
+        windows = self._without_bridges(windows, behind)
         alone, source = windows.get("predecessor"), self.predecessor
-        if alone is not None and source.intended is not None and self._intended.now > 0.0:
+        if alone is not None and source.intended is not None and self._intended.value > 0.0:
             instants = source.trace.instants(alone)
-            windows["predecessor"] = source.intended.of(alone, instants, self._intended.now)
+            windows["predecessor"] = source.intended.corrected(
+                alone, instants, self._intended.value
+            )
         return windows
 
-    def have_guesses(self, windows: Mapping[Mode, Window]) -> bool:
+    def have_bridge_points(self, windows: Mapping[Mode, Window]) -> bool:
         """Whether some of the samples only bridge a hole in the trace."""
-        return any(self.used[mode].trace.has_guesses(window) for mode, window in windows.items())
+        return any(
+            self.used[mode].trace.has_bridge_points(window) for mode, window in windows.items()
+        )
 
-    def received(self, windows: Mapping[Mode, Window]) -> int:
+    def sample_count(self, windows: Mapping[Mode, Window]) -> int:
         """Number of samples received of these sources since their traces began."""
         return sum([self.used[mode].trace.sample_count for mode in windows])
 
-    def _without_guesses(self, windows: dict[Mode, Window], behind: float) -> dict[Mode, Window]:
+    def _without_bridges(self, windows: dict[Mode, Window], behind: float) -> dict[Mode, Window]:
         """Leave out bridges of holes where a source with a weight has the path beside the car.
 
         That is up to `behind` (m) ahead and behind: within a longer hole a bridge is the better
@@ -97,7 +101,7 @@ class SourcePair:
         received: dict[Mode, Window] = {}
         bridged = False
         for mode, window in windows.items():
-            received[mode] = self.used[mode].trace.received(window)
+            received[mode] = self.used[mode].trace.without_bridges(window)
             bridged = bridged or received[mode] is not window
         if not bridged:  # the usual case
             return windows
@@ -126,10 +130,10 @@ class SourcePair:
         total = (1.0 - alpha) * lead + alpha * ahead
         return alpha * ahead / total if total > 0.0 else alpha
 
-    def look(self, now: int, pose: Pose, acceleration: float, *, refit: bool) -> Situation:
+    def assess(self, now: int, pose: Pose, acceleration: float, *, refit: bool) -> Situation:
         """Judge all sources at a control instant `now` (ns), after a command of `acceleration`."""
-        span = (now - self._looked_at) / SECOND if self._looked_at else 0.0
-        self._looked_at = now
+        span = (now - self._assessed_at) / SECOND if self._assessed_at else 0.0
+        self._assessed_at = now
         speed = pose.speed
         for source in self.all.values():
             source.judge(now, pose, span, refit=refit)
@@ -149,9 +153,9 @@ class SourcePair:
         return Situation(lead, predecessor, known, comfortable, firm, blind)
 
     @property
-    def run_out(self) -> bool:
+    def path_runs_out(self) -> bool:
         """Whether no source that is relied on extends the known path."""
-        return all(source.runs_out for source in self.relied.values())
+        return all(source.path_ends for source in self.relied.values())
 
     def stops_at(self, mode: Mode, brakes_at: int) -> int:
         """Instant (ns) from which a car that steers along `mode` stops without new data; or 0.
@@ -168,7 +172,7 @@ class SourcePair:
         lost_at, misses_all = 0, mode != "coast"
         for source in awaited:
             lost_at = max(lost_at, source.freshness.lost_at)
-            misses_all = misses_all and source.is_missed
+            misses_all = misses_all and source.is_overdue
         self._alone_at = lost_at or self._alone_at
         earliest = self._alone_at if misses_all else 0
         for at in (brakes_at, self.predecessor.freshness.stops_at):

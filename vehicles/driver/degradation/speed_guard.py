@@ -152,7 +152,7 @@ class SpeedGuard:
         warned = warned or 0 < predecessor.stops_at <= now
         blind = mode in SLOWING
         expects_stop = self._announced.is_expected(now, predecessor)
-        awake = blind or warned or self._ages.is_awake(now)
+        awake = blind or warned or self._ages.is_recently_late(now)
         self._update_following(tick, awake=awake)
         reserve, opening = self._reserve(tick), self._opening(tick)
         alone = self._headway > 0.0 or situation.lead.status in LOST
@@ -239,7 +239,7 @@ class SpeedGuard:
             return self.brakes_at  # it brakes, and has received no newer sample
         predecessor = tick.situation.predecessor
         waits = predecessor.status == "unheard"
-        if not ((self._promised or waits) and self._ages.is_longest(tick.now)):
+        if not ((self._promised or waits) and self._ages.is_new_peak(tick.now)):
             return 0
         if self._last < -self._settings.firm.deceleration:
             return tick.now

@@ -26,7 +26,7 @@ QUIET: Final = SECOND
 
 
 @dataclass(slots=True)
-class _Doubt:
+class _RefusalSpell:
     """A period in which poses of a source are refused: their number, and the reported reasons."""
 
     refused_at: int = 0
@@ -55,7 +55,7 @@ class Trust:
         self._gate = gate
         self._newest: ReceivedPose | None = None
         self._suspects: list[ReceivedPose] = []
-        self._doubt = _Doubt()
+        self._spell = _RefusalSpell()
         self._remarks = [] if remarks is None else remarks
 
     def judge(self, pose: ReceivedPose) -> Distrust:
@@ -63,7 +63,7 @@ class Trust:
         reason: Distrust = ""
         if self._gate is not None:
             reason = self._gate.judge(pose)
-            if reason or self._doubt.reported:  # rare
+            if reason or self._spell.reported:  # rare
                 self._report(pose, reason, self._gate)
             if reason in REFUSED:
                 return reason
@@ -89,16 +89,16 @@ class Trust:
         return ""
 
     def _report(self, pose: ReceivedPose, reason: Distrust, gate: InnovationGate) -> None:
-        doubt, name = self._doubt, self._name
+        spell, name = self._spell, self._name
         if reason in REFUSED:
-            doubt.refused_at = pose.received_at
-            doubt.refused += 1
-        elif not reason and pose.received_at - doubt.refused_at > QUIET:
-            count = f"; {doubt.refused} poses refused" if doubt.refused else ""
+            spell.refused_at = pose.received_at
+            spell.refused += 1
+        elif not reason and pose.received_at - spell.refused_at > QUIET:
+            count = f"; {spell.refused} poses refused" if spell.refused else ""
             self._remarks.append(f"{name} believed again{count}")
-            self._doubt = _Doubt()
-        if reason and reason not in doubt.reported:
-            doubt.reported.add(reason)
+            self._spell = _RefusalSpell()
+        if reason and reason not in spell.reported:
+            spell.reported.add(reason)
             text = f"not believed: {reason}"
             if reason not in REFUSED:
                 text = f"{reason}: accuracy taken for {gate.deviation(pose):.2f} m"

@@ -46,7 +46,7 @@ class OwnState(Protocol):
         ...
 
 
-class KnownState:
+class ExactState:
     """The true state of the car, as an exact sensor gives it (the simulations of Section V-C)."""
 
     def __init__(self) -> None:

@@ -122,7 +122,7 @@ class PoseEstimator:
             return
         if self._track is None:
             motion = self._motion or Motion(fix.speed, fix.yaw_rate)
-            self._track = _Track.begun(fix, motion, self._model)
+            self._track = _Track.from_fix(fix, motion, self._model)
         elif fix.measured_at > self._track.fixed_at and fix.measured_at >= self._track.at:
             self._take(self._track, fix)
 
@@ -200,7 +200,7 @@ class _Track:
     _yaw_rate_bias: float = 0.0
 
     @classmethod
-    def begun(cls, fix: Fix, motion: Motion, model: _Model) -> "_Track":
+    def from_fix(cls, fix: Fix, motion: Motion, model: _Model) -> "_Track":
         place = model.position(fix) ** 2
         gnss, imu = model.gnss, model.imu
         return cls(
@@ -223,7 +223,7 @@ class _Track:
 
     def restarted(self, fix: Fix) -> "_Track":
         """Begin another track at `fix`; a jump of the place changes nothing of the sensors."""
-        other = _Track.begun(fix, Motion(self._speed, self._yaw_rate), self._model)
+        other = _Track.from_fix(fix, Motion(self._speed, self._yaw_rate), self._model)
         other._speed_bias, other._yaw_rate_bias = self._speed_bias, self._yaw_rate_bias
         other.along.ss, other.across.gg = self.along.ss, self.across.gg
         other.read_at = self.read_at

@@ -38,16 +38,16 @@ LEAST_NOISE = 2e-4
 """Noise (rad/s) assumed even of exact measurements: the models are approximations."""
 DELAY = 0.01
 """Unmodelled delay (s), by which a change of the yaw rate counts as noise."""
-LINEAR_UP_TO = 4.0
+LINEAR_LIMIT = 4.0
 """Lateral acceleration (m/s²) beyond which tyres are not linear and nothing is learned."""
-LIGHTEST, HEAVIEST = 0.7, 1.6
-NEWS = 0.002
+MIN_RATIO, MAX_RATIO = 0.7, 1.6
+UPDATE_THRESHOLD = 0.002
 """Change of the ratio that is announced to controllers and filters."""
 LONGEST_STEP = 0.01
 """Longest step (s) of the models: at 20 ms the trapezoidal rule costs 5 % of load."""
-SLOWEST = 3.0
+KINEMATIC_BELOW = 3.0
 """Speed (m/s) below which the models are the kinematic one."""
-LEARNS_FROM = 8.0
+MIN_LEARNING_SPEED = 8.0
 """Speed (m/s) from which a load shows: below, K_sg v² is less than a hundredth of the wheelbase."""
 
 
@@ -57,7 +57,7 @@ def with_load(p: VehicleParameters, ratio: float) -> VehicleParameters:
     return replace(p, mass=p.mass * ratio, yaw_inertia=inertia)
 
 
-class _Answer:
+class _LinearModel:
     """Lateral speed (m/s) and yaw rate (rad/s) by eqs. (1), (2), by the trapezoidal rule."""
 
     def __init__(self, p: VehicleParameters) -> None:
@@ -89,7 +89,7 @@ class SlipEstimator:
         """`parameters` are those assumed; the noise (rad/s) is that of the measured yaw rate."""
         self._assumed = parameters
         self._noise = max(yaw_rate_noise, LEAST_NOISE)
-        self._models = (_Answer(parameters), _Answer(with_load(parameters, LADEN)))
+        self._models = (_LinearModel(parameters), _LinearModel(with_load(parameters, LADEN)))
         self._steering = self._steering_rate = 0.0
         self.ratio = 1.0
         self._bias = 0.0
@@ -118,7 +118,7 @@ class SlipEstimator:
         mean = self._steer(span, command)
         before = self._models[0].yaw_rate
         for model in self._models:
-            if speed > SLOWEST:
+            if speed > KINEMATIC_BELOW:
                 model.move(span, speed, mean)
             else:
                 model.yaw_rate = speed * mean / self._assumed.wheelbase
@@ -140,7 +140,7 @@ class SlipEstimator:
     def correct(self, yaw_rate: float, speed: float) -> None:
         """Correct by a yaw rate (rad/s) measured now at a speed (m/s)."""
         empty, laden = self._models[0].yaw_rate, self._models[1].yaw_rate
-        if speed < LEARNS_FROM or abs(yaw_rate) * speed > LINEAR_UP_TO:
+        if speed < MIN_LEARNING_SPEED or abs(yaw_rate) * speed > LINEAR_LIMIT:
             return
         gain = (laden - empty) / (LADEN - 1.0)
         late = DELAY * self._turning
@@ -149,7 +149,7 @@ class SlipEstimator:
         total = gain * with_ratio + with_bias + self._noise * self._noise + late * late
         off = yaw_rate - empty - (self.ratio - 1.0) * gain - self._bias
         to_ratio, to_bias = with_ratio / total, with_bias / total
-        self.ratio = min(max(self.ratio + to_ratio * off, LIGHTEST), HEAVIEST)
+        self.ratio = min(max(self.ratio + to_ratio * off, MIN_RATIO), MAX_RATIO)
         self._bias += to_bias * off
         self._variance = p - to_ratio * with_ratio
         self._bias_variance = q - to_bias * with_bias
@@ -157,7 +157,7 @@ class SlipEstimator:
 
 
 @runtime_checkable
-class Assuming(Protocol):
+class ParameterUser(Protocol):
     """Works with assumed parameters of the car, which may be replaced (Section V-B)."""
 
     def assume(self, parameters: VehicleParameters) -> None: ...
@@ -167,7 +167,7 @@ class LoadWatch:
     """Keeps the assumed parameters of a driver's car up to date, if it has an estimator."""
 
     def __init__(
-        self, estimator: SlipEstimator | None = None, users: Sequence[Assuming] = ()
+        self, estimator: SlipEstimator | None = None, users: Sequence[ParameterUser] = ()
     ) -> None:
         """`users` are to assume the parameters as they are estimated."""
         self._estimator = estimator
@@ -187,12 +187,12 @@ class LoadWatch:
             return
         self._speed = motion.speed
         self._estimator.correct(motion.yaw_rate, motion.speed)
-        if abs(self._estimator.ratio - self._ratio) > NEWS:
+        if abs(self._estimator.ratio - self._ratio) > UPDATE_THRESHOLD:
             self._ratio = self._estimator.ratio
             parameters = self._estimator.parameters
             for user in self._users:
                 user.assume(parameters)
 
-    def commanded(self, steering: float) -> None:
+    def record_command(self, steering: float) -> None:
         """Note the steering command (rad), δ_c of eq. (4), that holds from now on."""
         self._command = steering

@@ -10,9 +10,9 @@ from vehicles.driver.decision import Driver
 from vehicles.driver.degradation.innovation_gate import InnovationGate
 from vehicles.driver.degradation.speed_guard import GuardedCar, SpeedGuard
 from vehicles.driver.ego.late_fixes import LatePoseEstimator
-from vehicles.driver.ego.own_state import KnownState, OwnState
+from vehicles.driver.ego.own_state import ExactState, OwnState
 from vehicles.driver.ego.pose_estimator import PoseEstimator
-from vehicles.driver.ego.slip_estimator import Assuming, LoadWatch, SlipEstimator
+from vehicles.driver.ego.slip_estimator import LoadWatch, ParameterUser, SlipEstimator
 from vehicles.driver.follower import Follower
 from vehicles.driver.leader import ConvoyWatch, Leader, WaitingProfile
 from vehicles.driver.speed import GapKeeping, GapPolicy, ProfileSpeed, SpeedLaw
@@ -47,7 +47,7 @@ class DriverBuilder:
         law = self._profile(context.start_at)
         body = context.car.body
         return Leader(
-            own_state=KnownState(),
+            own_state=ExactState(),
             controller=self._controller(),
             speed_law=law,
             control=context.control,
@@ -108,7 +108,7 @@ class DriverBuilder:
         """
         setup, body = self._setup, context.car.body
         if setup.knows_itself:
-            return KnownState()
+            return ExactState()
         gnss = setup.gnss
         place = body.east, body.north, wrap_angle(body.yaw)
         start = Fix(0, now, *place, body.speed, body.yaw_rate)
@@ -146,7 +146,7 @@ class DriverBuilder:
             return LoadWatch()
         noise = 0.0 if setup.knows_itself else setup.imu.yaw_rate_noise
         estimator = SlipEstimator(setup.assumed_parameters, noise)
-        return LoadWatch(estimator, [one for one in parts if isinstance(one, Assuming)])
+        return LoadWatch(estimator, [one for one in parts if isinstance(one, ParameterUser)])
 
     def _fit_settings(self) -> FitSettings:
         """The fit assumes the largest error of the receivers received from, at least that of RTK.

@@ -10,7 +10,7 @@ from scenarios.runs.node.probe import NoProbe, Probe, Usage
 from scenarios.runs.node.sink import BusSink, Sink
 from tests.made.scenarios.messages import START, at, gps
 from tests.made.transport.links import inbox as inbox_of
-from tests.made.vehicles.told_decisions import told
+from tests.made.vehicles.decision_messages import log_messages
 from transport.bus.memory_bus import MemoryBus
 from transport.clock import ticks
 from transport.codec import decode, encode
@@ -139,7 +139,7 @@ def test_a_tick_tells_fix_truth_and_decision() -> None:
             friction_ratio=TYRES.friction_share,
         )
     ]  # fmt: skip
-    messages = told(DECISION, "v3", 0, at(0.1))
+    messages = log_messages(DECISION, "v3", 0, at(0.1))
     assert [message for message in bus.published if message in messages] == list(messages)
 
 

@@ -23,8 +23,8 @@ def situation(speed: float, acceleration: float, period: float) -> Situation:
     for seq, east in enumerate((-KNOWN, 0.0, KNOWN)):
         lead.receive(received(START + seq, east, 0.0, 0.0, speed, seq=seq))
     pose = Pose(0.0, 0.0, 0.0, speed, 0.0)
-    pair.look(START + SECOND, pose, acceleration, refit=True)
-    return pair.look(START + SECOND + nanoseconds(period), pose, acceleration, refit=True)
+    pair.assess(START + SECOND, pose, acceleration, refit=True)
+    return pair.assess(START + SECOND + nanoseconds(period), pose, acceleration, refit=True)
 
 
 def driven(speed: float, acceleration: float, period: float) -> float:

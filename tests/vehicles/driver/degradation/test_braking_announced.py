@@ -25,7 +25,7 @@ def announced(road: Road, until: int, *, heard_again: int = 10**12) -> dict[int,
     said = {}
     while road.now < until and road.speed > 0.5:
         now = road.now
-        road.tick(0.0, heard=not SILENT_AT <= now < heard_again)
+        road.tick(0.0, received=not SILENT_AT <= now < heard_again)
         said[now] = road.guard.brakes_at
     return said
 

@@ -13,14 +13,14 @@ from scipy import stats
 from tests.made.channels.false_content import drift, frozen, ghost, offset, replayed
 from tests.made.transport.received_poses import received_fix
 from tests.made.vehicles.exact_drives import START
-from tests.made.vehicles.told_drives import (
+from tests.made.vehicles.measured_drives import (
     Judged,
     falsified,
     judged,
+    measured_fixes,
     refused,
     steadily,
     thinned,
-    told,
     wildly,
 )
 from transport.links.laws.false_content import FalseContent, FalseSpell, Shift
@@ -59,7 +59,9 @@ def reasons(all_of: list[Judged]) -> set[str]:
 def test_squared_innovations_of_an_honest_drive_are_chi_squared(
     noise: float, curvature: float
 ) -> None:
-    fixes = told(steadily(15.0, curvature), seconds=100.0, speed=15.0, noise=GnssNoise(noise))
+    fixes = measured_fixes(
+        steadily(15.0, curvature), seconds=100.0, speed=15.0, noise=GnssNoise(noise)
+    )
     pairs = zip(fixes[0::2], fixes[1::2], strict=False)  # pairs without a common pose
     squares = [
         innovation(received_fix(one), received_fix(other), GnssNoise()).square
@@ -132,7 +134,7 @@ def test_no_honest_source_is_distrusted(
         position, coarser * usual.heading, coarser * usual.speed, coarser * usual.yaw_rate
     )
     wild = wildly(seed, lateral=lateral, braking=braking)
-    fixes = told(wild, seconds=15.0, speed=speed, rate_hz=rate_hz, noise=noise, seed=seed)
+    fixes = measured_fixes(wild, seconds=15.0, speed=speed, rate_hz=rate_hz, noise=noise, seed=seed)
     all_of = judged(thinned(fixes, share, seed), InnovationGate(noise))
     assert not refused(all_of)
     assert not reasons(all_of)
@@ -143,7 +145,7 @@ def test_thirty_thousand_honest_poses_pass() -> None:
     """5 deviations in two axes: one in 900 000 by chance, and twice as many for the sums."""
     count = 0
     for seed in range(12):
-        fixes = told(wildly(seed), seconds=80.0, speed=2.0 * seed, seed=seed)
+        fixes = measured_fixes(wildly(seed), seconds=80.0, speed=2.0 * seed, seed=seed)
         for every in (1, 2, 10):
             all_of = judged(fixes[::every])
             assert not reasons(all_of)
@@ -155,12 +157,14 @@ def test_a_car_with_saturating_tyres_at_their_limit_is_believed() -> None:
     brush = replace(LINCOLN_MKZ, tyres="brush")
     for seed in range(5):
         wild = wildly(seed, lateral=6.0, braking=5.0)
-        assert not reasons(judged(told(wild, seconds=40.0, speed=25.0, seed=seed, car=brush)))
+        assert not reasons(
+            judged(measured_fixes(wild, seconds=40.0, speed=25.0, seed=seed, car=brush))
+        )
 
 
 @pytest.mark.parametrize("rate_hz", [1.0, 20.0])
 def test_a_standing_car_that_repeats_its_place_is_not_frozen(rate_hz: float) -> None:
-    fixes = told(steadily(0.0), seconds=120.0, speed=0.0, rate_hz=rate_hz)
+    fixes = measured_fixes(steadily(0.0), seconds=120.0, speed=0.0, rate_hz=rate_hz)
     assert not reasons(judged(fixes))
     exact = [replace(fix, east=1.0, north=2.0, yaw=0.0, speed=0.0) for fix in fixes]
     assert not reasons(judged(exact))
@@ -168,7 +172,7 @@ def test_a_standing_car_that_repeats_its_place_is_not_frozen(rate_hz: float) -> 
 
 @pytest.mark.parametrize("silence", [0.5, 2.0, 10.0])
 def test_after_a_silence_a_source_is_believed_wherever_it_may_have_come_to(silence: float) -> None:
-    fixes = told(wildly(3, lateral=5.0), seconds=20.0)
+    fixes = measured_fixes(wildly(3, lateral=5.0), seconds=20.0)
     heard = [fix for fix in fixes if not 0 <= (fix.measured_at - START) / SECOND - 5.0 < silence]
     assert not reasons(judged(heard))
 
@@ -178,7 +182,7 @@ def test_what_comes_late_is_believed_if_it_is_true_and_changes_nothing(
     seed: int, late: int
 ) -> None:
     """Poses that overtake one another: the same ones are believed, and those behind as well."""
-    fixes = told(wildly(seed, lateral=6.0), seconds=6.0, seed=seed)
+    fixes = measured_fixes(wildly(seed, lateral=6.0), seconds=6.0, seed=seed)
     shuffled = sorted(fixes, key=lambda fix: fix.seq + (late if fix.seq % 3 == 0 else 0))
     assert not reasons(judged(shuffled))
     gate = InnovationGate()
@@ -210,7 +214,7 @@ FALSE: list[tuple[FalseContent, str, float, float]] = [
 def test_each_falsehood_is_found_named_and_over(
     false: FalseContent, name: str, found: float, back: float, seed: int
 ) -> None:
-    fixes = told(steadily(15.0), seconds=12.0, speed=15.0, seed=seed)
+    fixes = measured_fixes(steadily(15.0), seconds=12.0, speed=15.0, seed=seed)
     all_of = judged(falsified(fixes, false))
     assert 0.0 <= first_refused(all_of) <= found + 1e-9
     assert name in reasons(all_of)
@@ -218,7 +222,7 @@ def test_each_falsehood_is_found_named_and_over(
 
 
 def test_nothing_of_a_frozen_source_is_believed_and_all_of_it_after() -> None:
-    fixes = told(wildly(5, lateral=5.0, braking=4.0), seconds=12.0)
+    fixes = measured_fixes(wildly(5, lateral=5.0, braking=4.0), seconds=12.0)
     all_of = judged(falsified(fixes, frozen(SPELL)))
     assert {one.pose.message.seq for one in refused(all_of)} == set(range(80, 140))
     assert reasons(all_of) == {"frozen"}
@@ -226,7 +230,7 @@ def test_nothing_of_a_frozen_source_is_believed_and_all_of_it_after() -> None:
 
 @pytest.mark.parametrize(("rate_hz", "within"), [(20.0, 0.25), (10.0, 0.3), (2.0, 1.0)])
 def test_a_frozen_source_is_found_at_walking_pace(rate_hz: float, within: float) -> None:
-    fixes = told(steadily(1.4), seconds=12.0, speed=1.4, rate_hz=rate_hz)
+    fixes = measured_fixes(steadily(1.4), seconds=12.0, speed=1.4, rate_hz=rate_hz)
     all_of = judged(falsified(fixes, frozen(SPELL)))
     assert first_refused(all_of) <= within
     assert "frozen" in reasons(all_of)
@@ -235,7 +239,7 @@ def test_a_frozen_source_is_found_at_walking_pace(rate_hz: float, within: float)
 
 @pytest.mark.parametrize("share", [1.0, 0.4])
 def test_of_two_tracks_the_first_one_stays_the_source(share: float) -> None:
-    fixes = told(wildly(7, lateral=5.0, braking=4.0), seconds=12.0)
+    fixes = measured_fixes(wildly(7, lateral=5.0, braking=4.0), seconds=12.0)
     beside = ghost(SPELL, Shift(left=4.0), HALF_PERIOD)
     heard = thinned(falsified(fixes, beside), share, 1)
     true_at = {fix.measured_at for fix in fixes}
@@ -244,7 +248,7 @@ def test_of_two_tracks_the_first_one_stays_the_source(share: float) -> None:
 
 
 def test_a_new_place_is_believed_once_it_has_agreed_with_itself_for_the_time_asked() -> None:
-    fixes = told(steadily(15.0), seconds=12.0, speed=15.0)
+    fixes = measured_fixes(steadily(15.0), seconds=12.0, speed=15.0)
     ever = FalseSpell(SPELL.from_at)
     moved = falsified(fixes, offset(ever, Shift(east=60.0, north=80.0)))
     for settle in (0.3, 1.0, 2.0):
@@ -261,7 +265,7 @@ def test_no_source_is_locked_out_whatever_it_said_before(
     seed: int, size: float, share: float
 ) -> None:
     random = np.random.default_rng(seed)
-    fixes = told(wildly(seed, lateral=6.0, braking=5.0), seconds=8.0, seed=seed)
+    fixes = measured_fixes(wildly(seed, lateral=6.0, braking=5.0), seconds=8.0, seed=seed)
 
     def spoilt(fix: Fix) -> Fix:
         off = size * random.standard_normal(2)
@@ -288,7 +292,9 @@ def test_a_receiver_that_loses_its_fix_is_believed_or_said_to_jump(truth: float)
 
         errors = ReceiverErrors(settings, ReceiverStart(START, 0.0, stream, stream))
         all_of = judged(
-            told(steadily(20.0, 0.003), seconds=12.0, noise=GnssNoise(0.006), errors=errors)
+            measured_fixes(
+                steadily(20.0, 0.003), seconds=12.0, noise=GnssNoise(0.006), errors=errors
+            )
         )
         assert reasons(all_of) <= (set() if truth == 1.0 else {"jumping"})
         assert all(
@@ -304,7 +310,7 @@ def test_a_source_that_scatters_more_than_it_says_is_over_confident(
 ) -> None:
     for seed in range(5):
         noise = GnssNoise(position=0.3)
-        fixes = told(steadily(20.0, 0.005), seconds=15.0, noise=noise, seed=seed)
+        fixes = measured_fixes(steadily(20.0, 0.005), seconds=15.0, noise=noise, seed=seed)
         all_of = judged([replace(fix, accuracy=0.3 / factor) for fix in fixes])
         found = [one for one in all_of if one.reason == "over-confident"]
         assert found[0].seconds < within
@@ -314,8 +320,8 @@ def test_a_source_that_scatters_more_than_it_says_is_over_confident(
 
 
 def test_the_accuracy_is_believed_again_when_it_is_true_again() -> None:
-    noisy = told(steadily(20.0), seconds=6.0, noise=GnssNoise(position=0.3))
-    quiet = told(steadily(20.0), seconds=15.0)
+    noisy = measured_fixes(steadily(20.0), seconds=6.0, noise=GnssNoise(position=0.3))
+    quiet = measured_fixes(steadily(20.0), seconds=15.0)
     said = [replace(fix, accuracy=0.02) for fix in noisy] + quiet[len(noisy) :]
     all_of = judged(said)
     assert "over-confident" in reasons(all_of)
@@ -331,7 +337,7 @@ def test_the_accuracy_is_believed_again_when_it_is_true_again() -> None:
     ],
 )
 def test_what_no_car_does_is_impossible(wrong: Callable[[Fix], Fix]) -> None:
-    fixes = told(steadily(20.0), seconds=6.0)
+    fixes = measured_fixes(steadily(20.0), seconds=6.0)
     gate = InnovationGate()
     judged(fixes[:80], gate)
     assert gate.judge(received_fix(wrong(fixes[80]))) == "impossible"
@@ -355,7 +361,7 @@ def test_a_bend_that_no_tyre_carries_is_impossible() -> None:
 
 
 def test_a_heading_that_turns_without_the_car_is_refused() -> None:
-    fixes = told(steadily(20.0), seconds=6.0)
+    fixes = measured_fixes(steadily(20.0), seconds=6.0)
     gate = InnovationGate()
     judged(fixes[:80], gate)
     turned = replace(fixes[80], yaw=fixes[80].yaw + 0.3)
@@ -384,14 +390,17 @@ def test_headings_that_scatter_as_assumed_are_believed() -> None:
 
 
 def test_no_accuracy_is_too_bad_to_be_judged() -> None:
-    fixes = [replace(fix, accuracy=1e6) for fix in told(steadily(15.0), seconds=12.0, speed=15.0)]
+    fixes = [
+        replace(fix, accuracy=1e6)
+        for fix in measured_fixes(steadily(15.0), seconds=12.0, speed=15.0)
+    ]
     far = falsified(fixes, offset(SPELL, Shift(left=100.0)))
     assert first_refused(judged(far)) == 0.0
 
 
 def test_a_lead_that_brakes_fully_to_a_standstill_is_believed() -> None:
     for rate_hz in (1.0, 5.0, 20.0):
-        fixes = told(
+        fixes = measured_fixes(
             lambda seconds, body: Actuation(0.0, -8.0 if seconds > 2.0 and body.speed else 0.0),
             seconds=12.0, speed=30.0, rate_hz=rate_hz,
         )  # fmt: skip

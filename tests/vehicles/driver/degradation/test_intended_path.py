@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from tests.made.transport.received_poses import received, received_fix
 from vehicles.car.gnss import Fix
 from vehicles.driver.degradation.intended_path import (
+    CAPACITY,
     DEVIATIONS,
-    FURTHEST,
-    MOST,
-    STEEPEST,
+    MAX_OFFSET,
+    MAX_OFFSET_SLOPE,
     IntendedPath,
     IntendedShare,
     path_offset,
@@ -55,8 +55,8 @@ def window_of(fixes: Sequence[Fix]) -> Window:
 def put_back(fixes: Sequence[Fix], offsets: Sequence[float], share: float = 1.0) -> Window:
     intended = IntendedPath()
     for fix, offset in zip(fixes, offsets, strict=True):
-        intended.note(received_fix(fix), offset)
-    return intended.of(window_of(fixes), [one.measured_at for one in fixes], share)
+        intended.add(received_fix(fix), offset)
+    return intended.corrected(window_of(fixes), [one.measured_at for one in fixes], share)
 
 
 def fit_of(window: Window, *, of_lead: bool = True) -> Fit:
@@ -148,9 +148,9 @@ def test_no_vehicle_adds_to_the_error_of_the_lead_s_places(seed: int) -> None:
             fix = fix_beside(path, 1, off, spacing=driven)
             fix.measured_at = k * PERIOD
             fit = fit_of(moved(window, driven - window.station.item(0)))
-            intended.note(received_fix(fix), path_offset(fit, fix))
+            intended.add(received_fix(fix), path_offset(fit, fix))
             fixes.append(fix)
-        window = intended.of(window_of(fixes), [one.measured_at for one in fixes], 1.0)
+        window = intended.corrected(window_of(fixes), [one.measured_at for one in fixes], 1.0)
         feet = [
             path.project(e, n, 30.0, 60.0).lateral
             for e, n in zip(window.east, window.north, strict=True)
@@ -170,8 +170,8 @@ def test_whatever_is_told_the_path_stays_within_reach_of_a_car(
     fixes = [fix_beside(path, k, 0.0) for k in range(len(offsets))]
     fixes[0].accuracy = accuracy
     left = put_back(fixes, offsets).north - window_of(fixes).north
-    assert max(map(abs, left)) <= FURTHEST
-    most = STEEPEST * 1.0 + DEVIATIONS * 0.02
+    assert max(map(abs, left)) <= MAX_OFFSET
+    most = MAX_OFFSET_SLOPE * 1.0 + DEVIATIONS * 0.02
     assert max(map(abs, np.diff(left))) <= most + 1e-9
 
 
@@ -185,11 +185,11 @@ def test_who_tells_no_offset_or_an_impossible_one_is_on_the_path(untold: float) 
 
 def test_between_what_was_told_it_is_interpolated_and_beyond_it_is_held() -> None:
     path, intended = road("straight", 0.0), IntendedPath()
-    intended.note(received_fix(fix_beside(path, 4, 0.0)), 0.2)
-    intended.note(received_fix(fix_beside(path, 8, 0.0)), -0.2)
+    intended.add(received_fix(fix_beside(path, 4, 0.0)), 0.2)
+    intended.add(received_fix(fix_beside(path, 8, 0.0)), -0.2)
     fixes = [fix_beside(path, k, 0.0) for k in (0, 4, 5, 6, 8, 12)]
     instants = [-1, *(one.measured_at for one in fixes[1:])]  # a bridge has no instant
-    window = intended.of(window_of(fixes), instants, 1.0)
+    window = intended.corrected(window_of(fixes), instants, 1.0)
     assert window.north + 50.0 == pytest.approx([-0.2, -0.2, -0.1, 0.0, 0.2, 0.2])
 
 
@@ -199,9 +199,9 @@ def test_the_order_in_which_they_come_does_not_matter(order: list[int]) -> None:
     offsets = [0.1 + 0.02 * math.sin(k) for k in range(12)]
     intended = IntendedPath()
     for k in (*order, *order):  # each comes twice
-        intended.note(received_fix(fixes[k]), offsets[k])
+        intended.add(received_fix(fixes[k]), offsets[k])
     instants = [one.measured_at for one in fixes]
-    window, wanted = intended.of(window_of(fixes), instants, 1.0), put_back(fixes, offsets)
+    window, wanted = intended.corrected(window_of(fixes), instants, 1.0), put_back(fixes, offsets)
     assert np.array_equal(window.east, wanted.east)
     assert np.array_equal(window.north, wanted.north)
 
@@ -210,12 +210,12 @@ def test_a_car_that_stands_is_not_remembered_for_ever() -> None:
     path, intended = road("straight", 0.0), IntendedPath()
     driven = [fix_beside(path, k, 0.0) for k in range(3)]
     for fix in driven:
-        intended.note(received_fix(fix), 0.1)
+        intended.add(received_fix(fix), 0.1)
     for seq in range(3, 9000):
         stands = fix_beside(path, 2, 0.0)
         stands.measured_at = seq * PERIOD
-        intended.note(received_fix(stands), 0.1 + 0.01 * math.sin(seq))
-    window = intended.of(window_of(driven), [one.measured_at for one in driven], 1.0)
+        intended.add(received_fix(stands), 0.1 + 0.01 * math.sin(seq))
+    window = intended.corrected(window_of(driven), [one.measured_at for one in driven], 1.0)
     assert window.north + 50.0 == pytest.approx([-0.1] * 3)
 
 
@@ -241,14 +241,14 @@ def test_the_share_comes_and_goes_without_a_step() -> None:
     for mode, seconds in spells:
         for _ in range(round(seconds * 50)):
             share.advance(mode, 0.02)
-        seen.append(share.now)
+        seen.append(share.value)
     assert seen == pytest.approx([0.0, 0.6, 0.4, 1.0, 1.0, 1.0, 1.0, 0.0])
 
 
 def test_who_does_not_want_it_follows_the_way_that_was_driven() -> None:
     share = IntendedShare(1.0, wanted=False)
     share.advance("predecessor", 5.0)
-    assert share.now == 0.0
+    assert share.value == 0.0
 
 
 def test_what_is_remembered_takes_little_memory_however_long_the_drive() -> None:
@@ -257,9 +257,9 @@ def test_what_is_remembered_takes_little_memory_however_long_the_drive() -> None
     try:
         intended = IntendedPath()
         before, _ = tracemalloc.get_traced_memory()
-        for seq in range(3 * MOST):
-            intended.note(received(seq * PERIOD, float(seq), 0.0, 0.0, 20.0), 0.001 * (seq % 7))
+        for seq in range(3 * CAPACITY):
+            intended.add(received(seq * PERIOD, float(seq), 0.0, 0.0, 20.0), 0.001 * (seq % 7))
         after, _ = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    assert after - before < 64 * MOST
+    assert after - before < 64 * CAPACITY

@@ -15,8 +15,8 @@ from tests.made.vehicles.two_cars import (
     LIMITS,
     PERIOD,
     TICK,
+    RecordingLaw,
     Road,
-    Told,
     keeping,
     profile,
 )
@@ -35,26 +35,28 @@ from vehicles.schedule import MILLISECOND, SECOND
 
 @pytest.mark.parametrize(("law", "braking"), [(keeping(), -0.5), (profile(), -0.02)])
 def test_as_long_as_all_is_heard_the_law_decides_to_the_bit(law: SpeedLaw, braking: float) -> None:
-    told = Told(law)
-    road = Road(told)
+    recording = RecordingLaw(law)
+    road = Road(recording)
     for step in range(600):
-        command = road.tick(braking if 200 < step < 280 else 0.0, heard=True)
-        assert command is told.asked[-1]
+        command = road.tick(braking if 200 < step < 280 else 0.0, received=True)
+        assert command is recording.commands[-1]
 
 
 def test_a_common_speed_is_given_up_when_the_gap_has_become_narrower() -> None:
     road = Road(profile())
     for step in range(600):
-        road.tick(-0.5 if 200 < step < 280 else 0.0, heard=True)  # 0.8 m/s slower than the common
+        road.tick(
+            -0.5 if 200 < step < 280 else 0.0, received=True
+        )  # 0.8 m/s slower than the common
     assert road.gap > 14.0
 
 
 @pytest.mark.parametrize("reaction", ["extrapolate", "hold", "straight"])
 def test_the_baselines_drive_as_their_law_whatever_is_lost(reaction: Reaction) -> None:
-    told = Told(profile())
-    road = Road(told, reaction=reaction)
+    recording = RecordingLaw(profile())
+    road = Road(recording, reaction=reaction)
     for step in range(600):
-        assert road.tick(-6.0, heard=step < 50) is told.asked[-1]
+        assert road.tick(-6.0, received=step < 50) is recording.commands[-1]
     assert road.least < 0.0
 
 
@@ -72,7 +74,7 @@ def test_nobody_is_hit_whatever_is_lost_and_however_hard_the_one_ahead_brakes(
     road = Road(keeping(), speed=speed)
     for step in range(700):
         brakes = begins <= step * 0.02 < begins + 8.0
-        road.tick(-braking if brakes else 0.0, heard=chance.random() >= loss)
+        road.tick(-braking if brakes else 0.0, received=chance.random() >= loss)
     assert road.least > 0.5
 
 
@@ -84,7 +86,7 @@ def test_never_more_than_the_hardest_braking_or_than_friction_leaves(
     road.yaw_rate = yaw_rate
     for step in range(200):
         left = friction_left(friction, road.speed * yaw_rate)
-        asked = road.tick(0.0, heard=step < 50).acceleration
+        asked = road.tick(0.0, received=step < 50).acceleration
         assert asked >= -max(min(HARDEST.deceleration, left), 0.1) - 1e-9
 
 
@@ -93,10 +95,10 @@ def test_a_wider_gap_never_brakes_harder(gap: float, wider: float, speed: float)
     asked = []
     for apart in (gap, gap + wider):
         road = Road(keeping(), speed=speed, gap=apart)
-        road.tick(0.0, heard=True)
+        road.tick(0.0, received=True)
         road.known = (0, apart, speed, 0.0)
         road.now = 400 * MILLISECOND
-        asked.append(road.tick(0.0, heard=False).acceleration)
+        asked.append(road.tick(0.0, received=False).acceleration)
     assert asked[0] <= asked[1] + 1e-9
 
 
@@ -104,13 +106,13 @@ def test_the_gap_opens_comfortably_while_little_is_heard_and_closes_again() -> N
     road = Road(GapKeeping(GapPolicy(8.0, 1.5), LIMITS), policy=GapPolicy(8.0, 1.5))
     usual = road.gap
     for step in range(1500):  # one message in ten
-        road.tick(0.0, heard=step % 25 == 0)
+        road.tick(0.0, received=step % 25 == 0)
     comfortable = DegradationSettings().comfortable
     assert min(road.commands) >= -comfortable.deceleration - 1e-9
     opened = road.ahead - road.place - usual
     assert opened > 0.3 * road.speed
     for _ in range(3000):
-        road.tick(0.0, heard=True)
+        road.tick(0.0, received=True)
     assert road.ahead - road.place == pytest.approx(usual, abs=0.1)
     assert road.commands[-1] == pytest.approx(0.0, abs=0.01)
 
@@ -118,12 +120,12 @@ def test_the_gap_opens_comfortably_while_little_is_heard_and_closes_again() -> N
 @pytest.mark.parametrize("known", [15.0, 60.0, 120.0, 400.0])
 def test_a_car_that_hears_nobody_stops_within_the_road_it_knows(known: float) -> None:
     road = Road(profile(20.0), speed=20.0, gap=1000.0)
-    road.tick(0.0, heard=True)
+    road.tick(0.0, received=True)
     road.path = known
     road.mode = "coast" if known > 300.0 else "stop"
     hardest = 0.0
     for _ in range(4000):
-        braking = -road.tick(0.0, heard=False).acceleration
+        braking = -road.tick(0.0, received=False).acceleration
         hardest = max(hardest, braking if road.speed > 0.5 else 0.0)
     assert road.speed == 0.0
     shortest = 20.0**2 / 12.0 + 20.0 * 0.25 - 6.0 * 0.5**2 / 24.0  # 6 m/s² within half a second
@@ -138,9 +140,9 @@ def test_a_car_that_hears_nobody_stops_within_the_road_it_knows(known: float) ->
 def test_a_stopping_predecessor_that_says_so_is_answered_at_once() -> None:
     road = Road(keeping())
     for _ in range(50):
-        road.tick(0.0, heard=True)
+        road.tick(0.0, received=True)
     for _ in range(5):
-        road.tick(-6.0, heard=True, hazard=True)
+        road.tick(-6.0, received=True, hazard=True)
     assert road.commands[-1] < -5.0
 
 
@@ -148,7 +150,7 @@ def test_a_car_that_fell_behind_the_common_speed_catches_up_and_drives_it_again(
     law = profile()
     road = Road(law, gap=40.0, policy=GapPolicy(40.0))
     for step in range(4000):
-        road.tick(0.0, heard=not 100 <= step < 300)
+        road.tick(0.0, received=not 100 <= step < 300)
     assert min(road.commands) < -0.5
     assert road.ahead - road.place == pytest.approx(40.0, abs=0.6)
     assert road.speed == pytest.approx(25.0, abs=0.1)
@@ -170,7 +172,7 @@ def test_without_the_lead_a_constant_distance_becomes_a_headway_that_is_stable(
     road = Road(GapKeeping(policy, LIMITS), policy=policy, speed=20.0)
     for step in range(2000):
         road.lead = "lost" if step > 100 else "fresh"
-        road.tick(0.0, heard=True)
+        road.tick(0.0, received=True)
     kept = road.ahead - road.place
     assert kept == pytest.approx(12.0 + max(headway, 0.35) * 20.0, abs=0.1)
     assert min(road.commands) >= -1.0 - 1e-9
@@ -180,7 +182,7 @@ def test_who_stops_without_a_known_path_brakes_as_hard_as_it_can() -> None:
     road = Road(profile())
     road.mode, road.path = "stop", nan
     for _ in range(300):
-        road.tick(0.0, heard=True)
+        road.tick(0.0, received=True)
     assert min(road.commands) == pytest.approx(-HARDEST.deceleration)
     assert road.speed < 0.01
 
@@ -196,7 +198,7 @@ def test_behind_one_that_was_never_heard_it_brakes_hard_when_that_would_be_lost(
     said = {}
     for _ in range(200):
         now = road.now
-        road.tick(0.0, heard=False)
+        road.tick(0.0, received=False)
         said[now] = road.guard.brakes_at
     before = [one for k, one in enumerate(road.commands) if k * TICK <= lost_at]
     comfortable = DegradationSettings().comfortable.deceleration

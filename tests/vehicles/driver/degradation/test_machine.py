@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from tests.made.vehicles.exact_drives import Step, drive, hearing, on
+from tests.made.vehicles.exact_drives import Step, drive, on, received_from
 from tests.made.vehicles.followers import (
     BEND,
     follower,
@@ -32,7 +32,7 @@ def cut(reaction: Reaction = "degrade", speed: float = 10.0) -> list[Step]:
         follower(speed=speed, degradation=DegradationSettings(reaction=reaction)),
         on(BEND, 0.0, speed),
         18.0,
-        hearing(lead_of(BEND, speed, SILENT), predecessor_of(BEND, speed, SILENT)),
+        received_from(lead_of(BEND, speed, SILENT), predecessor_of(BEND, speed, SILENT)),
     )
 
 
@@ -116,7 +116,7 @@ def test_the_known_path_is_what_lies_between_the_car_and_where_its_source_was() 
 
 @cache
 def undisturbed() -> list[Step]:
-    sources = hearing(lead_of(BEND), predecessor_of(BEND))
+    sources = received_from(lead_of(BEND), predecessor_of(BEND))
     return drive(follower(degradation=DEGRADE), on(BEND, 0.0, 10.0), 18.0, sources)
 
 
@@ -132,7 +132,7 @@ def test_a_source_that_is_lost_leaves_the_command_without_a_step() -> None:
         follower(degradation=DEGRADE),
         on(BEND, 0.0, 10.0),
         18.0,
-        hearing(lead_of(BEND), predecessor_of(BEND, heard=SILENT)),
+        received_from(lead_of(BEND), predecessor_of(BEND, delivered=SILENT)),
     )
     assert [mode for mode, _ in modes(steps)] == ["straight", "composite", "lead", "composite"]
     weights = [step.decision.situation.predecessor_weight for step in decided(steps)]

@@ -77,7 +77,7 @@ def test_a_sender_that_begins_anew_keeps_its_period() -> None:
 def test_a_single_message_after_a_silence_does_not_stretch_the_period() -> None:
     """A transmitter that was off has counted nothing meanwhile."""
     reception = heard(range(40))
-    reception.forget()
+    reception.reset()
     later = 30 * SECOND
     assert reception.add(later, later, 40)
     assert reception.period == 0.05
@@ -90,7 +90,7 @@ def test_the_usual_share_is_the_mean_over_what_was_counted() -> None:
         now = seq * PERIOD
         if seq % 2 == 0:
             reception.add(now, now, seq)
-        reception.count_share(now, reception.share(now))
+        reception.update_usual_share(now, reception.share(now))
     assert reception.usual_share == pytest.approx(0.5, abs=0.05)
     assert reception.delivers(400 * PERIOD, 0.9)
 

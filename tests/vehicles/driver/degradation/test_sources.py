@@ -160,6 +160,6 @@ def test_a_first_message_is_waited_for_as_long_as_any_other(period: float, delay
         assert source.status == "unheard"
         assert source.freshness.lost_at == pytest.approx(START + (delay + after) * SECOND, abs=2)
         if abs(waited - after) > 1e-6:
-            assert source.never_came == (waited > after)
+            assert source.never_received == (waited > after)
         if abs(waited - 1.5 * period) > 1e-6:
-            assert source.is_missed == (waited > 1.5 * period)
+            assert source.is_overdue == (waited > 1.5 * period)

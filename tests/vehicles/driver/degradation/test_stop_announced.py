@@ -50,7 +50,7 @@ class Heard:
                 sent += PERIOD
             for source in self.sources:
                 source.usable = True
-            self.pair.look(now, Pose(0.0, 0.0, 0.0, SPEED, 0.0), 0.0, refit=True)
+            self.pair.assess(now, Pose(0.0, 0.0, 0.0, SPEED, 0.0), 0.0, refit=True)
             yield now, self.pair.stops_at(mode, self.brakes_at)
 
     def _hear(self, now: int, sent: int) -> None:

@@ -10,8 +10,8 @@ from tests.made.vehicles.two_cars import (
     HARDEST,
     LENGTH,
     TICK,
+    RecordingLaw,
     Road,
-    Told,
     keeping,
     profile,
 )
@@ -50,7 +50,7 @@ def test_it_stands_behind_the_one_that_brakes_unheard(
 ) -> None:
     road = Announced(profile(speed), speed=speed, gap=LENGTH + gap)
     while road.speed > 0.0 and road.now < 30 * SECOND:
-        road.tick(road.braking(), heard=road.now < ANNOUNCED - silence * SECOND)
+        road.tick(road.braking(), received=road.now < ANNOUNCED - silence * SECOND)
     # Both brake alike from one instant on: the follower's is the next tick, as is its margin.
     assert road.least > min(gap, 1.0) - (speed * TICK / SECOND + 0.1)
     assert min(road.commands) >= -HARDEST.deceleration
@@ -60,27 +60,27 @@ def test_without_the_announcement_it_hits_it() -> None:
     road = Announced(profile(30.0), speed=30.0, gap=LENGTH + 3.0)
     road.stops_at = 0
     for _ in range(500):
-        road.tick(road.braking(), heard=road.now < ANNOUNCED - 0.3 * SECOND)
+        road.tick(road.braking(), received=road.now < ANNOUNCED - 0.3 * SECOND)
     assert road.least < 0.0
 
 
 @pytest.mark.parametrize("law", [keeping(), profile()])
 def test_before_the_announced_instant_nothing_changes(law: SpeedLaw) -> None:
-    told = Told(law)
-    road = Announced(told)
+    recording = RecordingLaw(law)
+    road = Announced(recording)
     while road.now < ANNOUNCED:
-        assert road.tick(0.0, heard=True) is told.asked[-1]
+        assert road.tick(0.0, received=True) is recording.commands[-1]
 
 
 def test_it_stops_bracing_itself_once_the_one_ahead_is_heard_to_go_on() -> None:
     road = Announced(profile())
     while road.now < ANNOUNCED + 6 * TICK:
-        road.tick(0.0, heard=road.now < ANNOUNCED - SECOND // 3)
+        road.tick(0.0, received=road.now < ANNOUNCED - SECOND // 3)
     assert road.commands[-1] < -1.0
     assert road.guard.stops_behind
     road.stops_at = 0
     for _ in range(1500):
-        road.tick(0.0, heard=True)
+        road.tick(0.0, received=True)
     assert road.speed == pytest.approx(25.0, abs=0.1)
     assert abs(road.commands[-1]) < 0.05
     assert not road.guard.stops_behind
@@ -92,7 +92,7 @@ def test_one_that_is_heard_to_brake_more_mildly_is_braced_for_only_shortly(
 ) -> None:
     road = Announced(profile(speed), speed=speed, gap=LENGTH + 10.0)
     while road.speed > 1.0 and road.ahead_speed > 1.0:
-        road.tick(-milder if road.now >= ANNOUNCED else 0.0, heard=True, hazard=True)
+        road.tick(-milder if road.now >= ANNOUNCED else 0.0, received=True, hazard=True)
         if road.now > ANNOUNCED + 2 * SECOND:
             assert road.commands[-1] > -milder - 1.5
     assert road.least > 0.5

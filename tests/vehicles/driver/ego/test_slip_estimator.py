@@ -12,8 +12,8 @@ from vehicles.car.imu import Motion
 from vehicles.car.parameters import LINCOLN_MKZ, Loading, VehicleParameters, loaded
 from vehicles.driver.ego.slip_estimator import (
     PRIOR,
-    Assuming,
     LoadWatch,
+    ParameterUser,
     SlipEstimator,
     with_load,
 )
@@ -135,7 +135,7 @@ def test_those_who_assume_are_told_of_news_only() -> None:
     for k in range(300):
         reading = Motion(body.speed, body.yaw_rate)
         watch.observe(k * 20_000_000, reading if k % 2 == 0 else None)
-        watch.commanded(bends(k * TICK))
+        watch.record_command(bends(k * TICK))
         body = advance(body, Actuation(bends(k * TICK), 0.0), TICK, FULL)
     assert 3 < len(told.assumed) < 150
     assert told.assumed[-1].mass == pytest.approx(FULL.mass, rel=0.03)
@@ -154,4 +154,4 @@ def test_without_an_estimator_nobody_is_told() -> None:
 
 def test_the_shipped_laws_can_assume_another_car() -> None:
     for law in (SlipCompensated(LINCOLN_MKZ), FeedforwardFeedback(LINCOLN_MKZ)):
-        assert isinstance(law, Assuming)
+        assert isinstance(law, ParameterUser)

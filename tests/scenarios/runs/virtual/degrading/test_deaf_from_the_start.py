@@ -74,7 +74,7 @@ def test_if_nobody_missed_first_messages_some_would_be_hit(
 ) -> None:
     own = ("links.loss_ratio=0.95", "duration_s=5")
     assert collisions(summary(3, 15.0, *own, seed=37)) == 0
-    monkeypatch.setattr(Source, "never_came", property(lambda _: False))
+    monkeypatch.setattr(Source, "never_received", property(lambda _: False))
     guarded = SpeedGuard._guarded
 
     def before_any_is_lost(guard: SpeedGuard, tick: Any, reserve: float) -> float:

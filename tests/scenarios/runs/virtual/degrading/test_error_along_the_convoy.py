@@ -11,7 +11,7 @@ import pytest
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.virtual.convoy import VirtualConvoy
-from vehicles.driver.degradation.intended_path import FURTHEST
+from vehicles.driver.degradation.intended_path import MAX_OFFSET
 from vehicles.geometry.driven_path import CrossTrackError
 from vehicles.messages import Command, GpsPose, Message, Tracking, TruePose
 
@@ -157,5 +157,5 @@ def test_a_predecessor_that_lies_leads_nobody_further_astray_than_half_a_lane(
 ) -> None:
     run = Driven(convoy(FOR_GOOD, vehicles=3), {"v2": lie})
     assert all(map(math.isfinite, run.steering["v3"]))
-    assert run.errors()["v3"] < FURTHEST + 0.1
+    assert run.errors()["v3"] < MAX_OFFSET + 0.1
     assert run.largest_step() <= 1.18 * 0.02 + 1e-9

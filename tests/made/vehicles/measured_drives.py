@@ -54,7 +54,7 @@ def wildly(
     return command
 
 
-def told(
+def measured_fixes(
     command: Command,
     *,
     seconds: float = 10.0,
@@ -94,14 +94,14 @@ def falsified(fixes: Sequence[Fix], false: FalseContent) -> list[ReceivedPose]:
     def recall(until: int) -> GpsPose | None:
         return next((pose for pose in reversed(poses) if pose.sent_at_ns <= until), None)
 
-    heard: list[ReceivedPose] = []
+    received: list[ReceivedPose] = []
     for pose in poses:
         acts = pose.sent_at_ns in false.span
         one = false.falsified(pose, PLANE, recall) if acts else None
-        heard.append(_received(one or pose))
+        received.append(_received(one or pose))
         if acts and isinstance(false, GhostVehicle):
-            heard.append(_received(false.added_message(pose, PLANE)))
-    return heard
+            received.append(_received(false.added_message(pose, PLANE)))
+    return received
 
 
 def _received(message: GpsPose) -> ReceivedPose:

@@ -17,7 +17,7 @@ Frame = tuple[float, float, float, float]
 """Origin of the local frame (m, m) and the unit vector of its x axis, in the world."""
 
 
-def laid(curve: LocalCurve, data: FitData, frame: Frame) -> ArcSpline:
+def place_in_world(curve: LocalCurve, data: FitData, frame: Frame) -> ArcSpline:
     """Place a curve in the world, from the first sample's projection to the last one's.
 
     The arc spline of Section III-A.
@@ -42,7 +42,9 @@ def laid(curve: LocalCurve, data: FitData, frame: Frame) -> ArcSpline:
     )
 
 
-def between(smooth: LocalCurve, joined: LocalCurve, share: float, data: FitData) -> LocalCurve:
+def average_curves(
+    smooth: LocalCurve, joined: LocalCurve, share: float, data: FitData
+) -> LocalCurve:
     """Mean of a curve of one piece and one of two, `share` being that of the second.
 
     Place and direction are means at the sample nearest to the ego, curvatures all along, so the

@@ -4,7 +4,7 @@ from vehicles.driver.decision import Decision
 from vehicles.messages import Message
 
 
-def told(decision: Decision, vehicle: str, seq: int, now: int) -> tuple[Message, ...]:
+def log_messages(decision: Decision, vehicle: str, seq: int, now: int) -> tuple[Message, ...]:
     """Tracking, command, and the trajectory if there is one."""
     always = decision.tracking(vehicle, seq, now), decision.command(vehicle, seq, now)
     if decision.fit is None:
