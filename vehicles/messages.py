@@ -49,7 +49,7 @@ class Announcement(NamedTuple):
     stops_at_ns: int = 0
 
 
-NOTHING_TOLD = Announcement()
+NO_ANNOUNCEMENT = Announcement()
 
 
 @dataclass(slots=True, kw_only=True)

@@ -25,21 +25,21 @@ Problem = tuple[str, str]
 class Setting:
     """One setting: what it does, the unit of its key, and its bounds in that unit.
 
-    `least` and `most` are allowed themselves, `above` is not. `name` replaces the field's name in
-    the key, `example` stands for a value where there is no default. `kinds` are the classes of a
-    table, or of the entries of a list, by the word of their key `kind`. Bounds of a list hold for
-    its entries; with `filled` it must have one.
+    `minimum` and `maximum` are inclusive, `above` is exclusive. `name` replaces the field's name in
+    the key; `example` replaces a missing default. `kinds` maps the values of the key `kind` to the
+    classes of a table or of a list's entries. Bounds of a list apply to its entries; `nonempty`
+    requires at least one.
     """
 
     doc: str = ""
     unit: str = ""
-    least: float | None = None
-    most: float | None = None
+    minimum: float | None = None
+    maximum: float | None = None
     above: float | None = None
     name: str = ""
     kinds: Mapping[str, type] | None = None
-    filled: bool = False
-    infinite: bool = False
+    nonempty: bool = False
+    allow_infinite: bool = False
     example: object = None
 
     def key(self, field: str) -> str:

@@ -14,7 +14,7 @@ from scenarios.definition.schema.tables import (
 )
 from vehicles.car.imu_settings import ImuSettings
 from vehicles.car.parameters import LINCOLN_MKZ, Gains, VehicleParameters, loaded
-from vehicles.car.positioning.settings import GnssSettings
+from vehicles.car.positioning.gnss_settings import GnssSettings
 from vehicles.car.sending.every_fix import EveryFix
 from vehicles.car.sending.rule import SendingRule
 from vehicles.driver.degradation.settings import DegradationSettings
@@ -51,17 +51,17 @@ class VehicleSetup:
     def sends_every_instant(self) -> bool:
         """Whether a message goes out at each instant of measuring, from the first one on."""
         each = isinstance(self.sending, EveryFix) and self.sending.dcc is None
-        return each and self.gnss.is_punctual
+        return each and self.gnss.has_fix_every_instant
 
     @property
     def highest_rate_hz(self) -> float:
         """Rate that it never exceeds, counted from the start: no fix is sent twice."""
-        return self.sending.highest_rate(self.gnss.rate)
+        return self.sending.max_rate(self.gnss.rate)
 
     @property
     def even_rate_hz(self) -> float | None:
         """Rate of messages that come evenly, None where they do not."""
-        return self.highest_rate_hz if self.sending.is_even else None
+        return self.highest_rate_hz if self.sending.is_periodic else None
 
     def usual_rate_hz(self, speed: float) -> float:
         """Messages a second at a constant speed (m/s), straight on.

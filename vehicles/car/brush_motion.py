@@ -27,14 +27,14 @@ import math
 
 from vehicles.car.integration import (
     STEP_PER_RATE,
-    Four,
     Steering,
-    moved,
+    Vector4,
+    integrate_position,
 )
 from vehicles.car.parameters import VehicleParameters
 from vehicles.car.tyres import GRAVITY, WALKING_PACE, lateral_share
 
-Five = tuple[float, float, float, float, float]
+Vector5 = tuple[float, float, float, float, float]
 _Tyres = tuple[float, float, float, float, float, float, float, float, float, float]
 
 
@@ -53,14 +53,14 @@ class BrushMotion:
 
     def move(  # noqa: PLR0917 - keyword arguments are slower, and every tick calls this
         self,
-        place: Four,
-        state: Five,
+        place: Vector4,
+        state: Vector5,
         command: float,
         acceleration: float,
         span: float,
         fastest: float,
         substeps: int | None = None,
-    ) -> tuple[Four, Five]:
+    ) -> tuple[Vector4, Vector5]:
         """Move the car by `span` (s) with steering command (rad) and acceleration (m/s²) held.
 
         Section II with brushes, by the classical Runge–Kutta method. `place` is (east, north, yaw,
@@ -126,14 +126,14 @@ def _rates(v: float, y: float, r: float, s: float, tyres: _Tyres) -> tuple[float
 
 
 def _step(  # noqa: PLR0917 - as above
-    place: Four,
-    state: Five,
+    place: Vector4,
+    state: Vector5,
     command: float,
     drive: float,
     h: float,
     tyres: _Tyres,
     actuation: tuple[float, float],
-) -> tuple[Four, Five]:
+) -> tuple[Vector4, Vector5]:
     """One Runge-Kutta step; the derivative of the state at stage i is (ci, ai, bi, wi, di)."""
     square, damping = actuation
     (v1, y1, r1, s1, w1), half = state, 0.5 * h
@@ -156,7 +156,7 @@ def _step(  # noqa: PLR0917 - as above
     d4 = square * (command - s4) - damping * w4
 
     sixth = h / 6.0
-    return moved(place, (v1, v2, v3, v4), (y1, y2, y3, y4), (r1, r2, r3, r4), h), (
+    return integrate_position(place, (v1, v2, v3, v4), (y1, y2, y3, y4), (r1, r2, r3, r4), h), (
         v1 + h * drive + sixth * (c1 + 2.0 * (c2 + c3) + c4),
         y1 + sixth * (a1 + 2.0 * (a2 + a3) + a4),
         r1 + sixth * (b1 + 2.0 * (b2 + b3) + b4),

@@ -27,11 +27,11 @@ class VehicleClock:
             return self.offset
         return self.offset + round(self.drift * (now - self.start_at) / MILLION)
 
-    def stamped(self, at: int) -> int:
+    def reading(self, at: int) -> int:
         """Reading (ns) at the true instant `at` (ns)."""
         return at + self.error(at)
 
-    def judged(self, now: int, poses: Sequence[ReceivedPose]) -> Sequence[ReceivedPose]:
+    def restamped(self, now: int, poses: Sequence[ReceivedPose]) -> Sequence[ReceivedPose]:
         """Poses received at `now` (ns) with their stamps made earlier by the clock's error.
 
         That has the effect of comparing their stamps with readings of this clock.

@@ -11,7 +11,7 @@ from typing import Final
 from vehicles.car.imu import InertialNoise
 from vehicles.car.parameters import VehicleParameters
 
-QUICKEST_LAG: Final = 1e-3
+MIN_LAG: Final = 1e-3
 """Least time constant (s) of the slip, for a car that hardly moves."""
 
 UNKNOWN_LOAD: Final = 0.25
@@ -61,8 +61,8 @@ class SlipModel:
         """
         steady = self._rear - self._sag * speed * speed
         lag = self._sag * speed
-        if lag < QUICKEST_LAG:
-            lag = QUICKEST_LAG
+        if lag < MIN_LAG:
+            lag = MIN_LAG
         kept = math.exp(-span / lag)
         ramp = (self._kick - steady) * (now - before) * (lag * (1.0 - kept) / span)
         return kept * lateral_speed + steady * (now - kept * before) + ramp

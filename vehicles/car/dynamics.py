@@ -24,9 +24,9 @@ from typing import Final
 from vehicles.car.brush_motion import BrushMotion
 from vehicles.car.integration import (
     STEP_PER_RATE,
-    Four,
     Steering,
-    moved,
+    Vector4,
+    integrate_position,
 )
 from vehicles.car.parameters import VehicleParameters
 from vehicles.car.tyres import WALKING_PACE, Coefficients, lateral_coefficients
@@ -224,15 +224,15 @@ def _lateral_rates(speed: float, tyres: Coefficients, p: VehicleParameters) -> _
 
 
 def _step(
-    place: Four,
-    state: Four,
+    place: Vector4,
+    state: Vector4,
     speeds: tuple[float, float, float],
     rates: tuple[_Lateral, _Lateral, _Lateral],
     *,
     command: float,
     h: float,
     actuation: tuple[float, float],
-) -> tuple[Four, Four]:
+) -> tuple[Vector4, Vector4]:
     """One Runge-Kutta step, written out because runs spend most of their time here.
 
     `place` is (east, north, yaw, distance), `state` is (lateral speed, yaw rate, steering,
@@ -262,7 +262,7 @@ def _step(
 
     sixth = h / 6.0
     (v1, v2, v4) = speeds
-    return moved(place, (v1, v2, v2, v4), (y1, y2, y3, y4), (r1, r2, r3, r4), h), (
+    return integrate_position(place, (v1, v2, v2, v4), (y1, y2, y3, y4), (r1, r2, r3, r4), h), (
         y1 + sixth * (a1 + 2.0 * (a2 + a3) + a4),
         r1 + sixth * (b1 + 2.0 * (b2 + b3) + b4),
         s1 + sixth * (w1 + 2.0 * (w2 + w3) + w4),

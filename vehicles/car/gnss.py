@@ -13,11 +13,11 @@ from typing import Final
 from numpy.random import Generator
 
 from vehicles.car.dynamics import Body
-from vehicles.car.positioning.fix_states import EVER, ForcedStates, ReceiverState
+from vehicles.car.positioning.fix_states import NO_END, ForcedStates, ReceiverState
 from vehicles.car.positioning.gnss_errors import ReceiverErrors
 from vehicles.car.positioning.noise import GnssNoise
 from vehicles.geometry.geodesy import LocalPlane, heading_from_yaw, wrap_angle
-from vehicles.messages import NOTHING_TOLD, Announcement, FixState, GpsPose
+from vehicles.messages import NO_ANNOUNCEMENT, Announcement, FixState, GpsPose
 from vehicles.schedule import Cadence
 
 BLOCK: Final = 64
@@ -107,7 +107,7 @@ class GnssReceiver:
 
     def _take(self, errors: ReceiverErrors | None) -> None:
         self._errors = errors
-        self._plain = errors is None or errors.settings.is_plain
+        self._plain = errors is None or errors.settings.has_only_white_noise
         self._latency = errors.settings.latency if errors else 0
 
     def measure(self, body: Body, now: int) -> Fix | None:
@@ -125,7 +125,7 @@ class GnssReceiver:
             return self._coming.popleft()
         return None
 
-    def force(self, state: ReceiverState | None, since: int, until: int = EVER) -> None:
+    def force(self, state: ReceiverState | None, since: int, until: int = NO_END) -> None:
         """Force a fix state from `since` until before `until` (ns); None ends it.
 
         Outages stay. Raises ValueError for a receiver without fix states.
@@ -179,8 +179,8 @@ def to_message(
     *,
     seq: int,
     sent_at: int,
-    true_place: tuple[float, float, float],
-    announced: Announcement = NOTHING_TOLD,
+    true_position: tuple[float, float, float],
+    announcement: Announcement = NO_ANNOUNCEMENT,
 ) -> GpsPose:
     """Convert a fix to message `seq` (WGS84, compass course), sent at `sent_at` (ns).
 
@@ -203,12 +203,12 @@ def to_message(
         sent_at_ns=sent_at,
         fix=fix.state,
         position_accuracy_m=fix.accuracy,
-        mode=announced.mode,
-        hazard=announced.hazard,
-        acceleration_mps2=announced.acceleration_mps2,
-        path_offset_m=announced.path_offset_m,
-        stops_at_ns=announced.stops_at_ns,
-        true_east_m=true_place[0],
-        true_north_m=true_place[1],
-        true_distance_m=true_place[2],
+        mode=announcement.mode,
+        hazard=announcement.hazard,
+        acceleration_mps2=announcement.acceleration_mps2,
+        path_offset_m=announcement.path_offset_m,
+        stops_at_ns=announcement.stops_at_ns,
+        true_east_m=true_position[0],
+        true_north_m=true_position[1],
+        true_distance_m=true_position[2],
     )

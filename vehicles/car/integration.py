@@ -14,10 +14,12 @@ STEP_PER_RATE: Final = 0.45
 RATE_LIMITED_STEP: Final = 0.0025
 """Longest sub-step (s) where the steering may reach the limit of its rate."""
 
-Four = tuple[float, float, float, float]
+Vector4 = tuple[float, float, float, float]
 
 
-def moved(place: Four, speeds: Four, sideways: Four, turning: Four, h: float) -> Four:
+def integrate_position(
+    place: Vector4, speeds: Vector4, sideways: Vector4, turning: Vector4, h: float
+) -> Vector4:
     """Move (east, north, yaw, distance) on by one step h (s), by the classical Runge–Kutta method.
 
     From the speeds along and across the body (m/s) and the yaw rate (rad/s) of its four stages.

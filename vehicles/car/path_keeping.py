@@ -33,12 +33,12 @@ from vehicles.car.parameters import VehicleParameters
 from vehicles.car.tyres import WALKING_PACE
 
 STEP: Final = 0.025
-LEAST_STEP: Final = 0.3
+MIN_STEP: Final = 0.3
 """Time (s), or if it is more distance (m), between the places at which curvature is looked up. No
 usual control period: so a jump of the curvature is not seen late by the same part of a step always.
 """
 MEMORY: Final = 0.35
-LEAST_MEMORY: Final = 3.0
+MIN_MEMORY: Final = 3.0
 """Time (s), or if it is more distance (in units of b), after which a motion has faded: to a tenth
 at 30 m/s, faster at lower speeds."""
 
@@ -118,9 +118,9 @@ class PathKeeping:
         curvature is linear between places.
         """
         v = max(speed, WALKING_PACE)
-        step = max(STEP * v, LEAST_STEP)
+        step = max(STEP * v, MIN_STEP)
         first = math.floor(reach[0] / step)
-        fading = math.ceil(max(MEMORY * v, LEAST_MEMORY * self._rear) / step)
+        fading = math.ceil(max(MEMORY * v, MIN_MEMORY * self._rear) / step)
         count = fading + math.ceil(reach[1] / step) - first + 1
         looked_up = curvatures((first - fading) * step, step, count)
         slip = self.slip(v)

@@ -24,7 +24,7 @@ from vehicles.driver.speed import (
 from vehicles.driver.steering import LateralController
 from vehicles.driver.tracking import TrackingErrors
 from vehicles.geometry.geodesy import wrap_angle
-from vehicles.geometry.path import Path
+from vehicles.geometry.sampled_path import SampledPath
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND, Cadence
 
@@ -145,7 +145,7 @@ class Leader:
         controller: LateralController,
         speed_law: SpeedLaw,
         control: Cadence,
-        path: Path,
+        path: SampledPath,
         station: float,
         limit: CommandLimit | None = None,
         load: LoadWatch | None = None,

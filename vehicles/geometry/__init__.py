@@ -3,7 +3,7 @@
 geodesy             WGS84 against the local east-north plane, compass course against yaw
 path_point          a point of a path, and the foot of a point on a path
 arc_spline          lines, arcs and clothoids with a continuous tangent
-path                a path that a lead can drive: place, direction and curvature by arc length
+sampled_path        a path that a lead can drive: position, yaw and curvature by arc length
 local_regression    local cubics through noisy points, and the cubic through four values
 bridges             holes in recorded points, and their noise
 smoothing           a path from recorded points

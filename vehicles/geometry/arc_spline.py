@@ -8,22 +8,22 @@ from typing import Final
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.geometry.path_point import Foot, PathPoint
 
-Place = tuple[float, float, float]
+PlanePose = tuple[float, float, float]
 """A point (m, m) and a direction (rad)."""
 STRAIGHT: Final = 1e-12
 """Curvature (1/m) below which a piece counts as a line: turn over curvature loses its digits."""
-EARLY: Final = 0.046910077030668018
-EARLIER: Final = 0.23076534494715845
-LATER: Final = 0.76923465505284155
-LATE: Final = 0.95308992296933198
+NODE_1: Final = 0.046910077030668018
+NODE_2: Final = 0.23076534494715845
+NODE_4: Final = 0.76923465505284155
+NODE_5: Final = 0.95308992296933198
 """Nodes, without the middle, of Gauss-Legendre quadrature over (0, 1), exact up to x⁹."""
-OUTER: Final = 0.11846344252809454
-INNER: Final = 0.23931433524968324
-MIDDLE: Final = 0.28444444444444444
+OUTER_WEIGHT: Final = 0.11846344252809454
+INNER_WEIGHT: Final = 0.23931433524968324
+MIDDLE_WEIGHT: Final = 0.28444444444444444
 """Weights of the outer nodes, the inner nodes and the middle."""
-SETTLED: Final = 5e-3
+CONVERGED: Final = 5e-3
 """A foot on a clothoid that moves less than this (m) has converged: the error left is its cube."""
-MOST_STEPS: Final = 8
+MAX_STEPS: Final = 8
 """Limit of the steps of Newton's method; one or two are usual."""
 
 
@@ -35,18 +35,30 @@ def clothoid_chord(curvature: float, rate: float, length: float) -> tuple[float,
     for turns up to 2 rad, within 1e-5 for a half circle.
     """
     half = 0.5 * rate
-    a, b, c, d, e = EARLY * length, EARLIER * length, 0.5 * length, LATER * length, LATE * length
+    a, b, c, d, e = NODE_1 * length, NODE_2 * length, 0.5 * length, NODE_4 * length, NODE_5 * length
     a *= curvature + half * a  # the turns up to these places
     b *= curvature + half * b
     c *= curvature + half * c
     d *= curvature + half * d
     e *= curvature + half * e
-    ahead = OUTER * cos(a) + INNER * cos(b) + MIDDLE * cos(c) + INNER * cos(d) + OUTER * cos(e)
-    left = OUTER * sin(a) + INNER * sin(b) + MIDDLE * sin(c) + INNER * sin(d) + OUTER * sin(e)
+    ahead = (
+        OUTER_WEIGHT * cos(a)
+        + INNER_WEIGHT * cos(b)
+        + MIDDLE_WEIGHT * cos(c)
+        + INNER_WEIGHT * cos(d)
+        + OUTER_WEIGHT * cos(e)
+    )
+    left = (
+        OUTER_WEIGHT * sin(a)
+        + INNER_WEIGHT * sin(b)
+        + MIDDLE_WEIGHT * sin(c)
+        + INNER_WEIGHT * sin(d)
+        + OUTER_WEIGHT * sin(e)
+    )
     return length * ahead, length * left
 
 
-def on_arc(start: Place, curvature: float, station: float) -> PathPoint:
+def on_arc(start: PlanePose, curvature: float, station: float) -> PathPoint:
     """Point `station` (m) along the arc of `curvature` (1/m) that leaves `start`.
 
     By the chord of the arc in between (Section III-A has the shape, not the formula).
@@ -63,7 +75,7 @@ def on_arc(start: Place, curvature: float, station: float) -> PathPoint:
     )
 
 
-def on_clothoid(start: Place, curvature: float, rate: float, station: float) -> PathPoint:
+def on_clothoid(start: PlanePose, curvature: float, rate: float, station: float) -> PathPoint:
     """Point `station` (m) along the clothoid (or arc) that leaves `start`.
 
     Its `curvature` (1/m) at the start grows by `rate` (1/m²). By `clothoid_chord`; the paper has
@@ -82,7 +94,7 @@ def on_clothoid(start: Place, curvature: float, rate: float, station: float) -> 
     )
 
 
-def along_arc(start: Place, kappa: float, east: float, north: float) -> float:
+def along_arc(start: PlanePose, kappa: float, east: float, north: float) -> float:
     """Station (m) of `near_arc` (Section III-B), without the rest of the foot."""
     start_east, start_north, yaw = start
     forward, left = cos(yaw), sin(yaw)
@@ -94,7 +106,7 @@ def along_arc(start: Place, kappa: float, east: float, north: float) -> float:
     return atan2(kappa * xi, 1.0 - kappa * eta) / kappa
 
 
-def near_arc(start: Place, kappa: float, east: float, north: float) -> Foot:
+def near_arc(start: PlanePose, kappa: float, east: float, north: float) -> Foot:
     """Nearest point to (east, north) of the circle that leaves `start` (Section III-B).
 
     With (ξ, η) the point in the frame of the start, u = 1 − κη and w = κξ: the arc turned by
@@ -165,11 +177,11 @@ class Piece:
         # The arc from the start that turns by as much as the clothoid does up to about there.
         bend = self.curvature + 0.5 * self.rate * min(max(near, 0.0), self.length)
         station = along_arc((self.east, self.north, self.yaw), bend, east, north)
-        for _ in range(MOST_STEPS):
+        for _ in range(MAX_STEPS):
             point = self.at(station)
             foot = near_arc((point.east, point.north, point.yaw), point.curvature, east, north)
             station += foot.station
-            if abs(foot.station) < SETTLED:
+            if abs(foot.station) < CONVERGED:
                 break
         return Foot(station, foot.lateral, foot.yaw, self.curvature_at(station))
 

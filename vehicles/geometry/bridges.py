@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vehicles.geometry.arc_spline import Piece, Place
+from vehicles.geometry.arc_spline import Piece, PlanePose
 from vehicles.geometry.geodesy import wrap_angle
 
 FloatArray = NDArray[np.float64]
@@ -31,7 +31,7 @@ SIDE = 7
 CERTAIN = 3.0
 """A side is an arc if its curvature is at least this many standard deviations from zero."""
 
-MOST_TURNED = math.radians(100.0)
+MAX_TURN = math.radians(100.0)
 """A side that points further than this (rad) away from the other one is not joined to it."""
 
 _FILLED = 8  # least number of steps that fill a hole
@@ -49,7 +49,7 @@ class UnbridgedError(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Filled:
+class FilledPoints:
     """Points (2, n) with their holes filled (Hermite).
 
     `given` has the new number of each original point, `holes` the original number of the point in
@@ -70,7 +70,7 @@ class _End:
     yaw: float
 
 
-def scatter(points: FloatArray) -> float:
+def noise_deviation(points: FloatArray) -> float:
     """Standard deviation (m, per axis) of the white noise in `points` (2, n); 0 for a few points.
 
     From the median of their third difference across their course, which is insensitive to uneven
@@ -88,26 +88,26 @@ def scatter(points: FloatArray) -> float:
     return float(np.median(np.abs(across))) / _NORMAL
 
 
-def lengths(points: FloatArray) -> FloatArray:
+def step_lengths(points: FloatArray) -> FloatArray:
     """Distance (m) from each of `points` (2, n) to the next."""
     steps = np.diff(points)
     return np.asarray(np.hypot(steps[0], steps[1]))
 
 
-def holes_in(steps: FloatArray) -> NDArray[np.int64]:
+def find_holes(steps: FloatArray) -> NDArray[np.int64]:
     """Indices of those `steps` (m) from point to point that are holes."""
     long = np.flatnonzero(steps > HOLE)
     usual = [float(np.median(steps[max(0, k - NEARBY) : k + NEARBY + 1])) for k in long.tolist()]
     return np.asarray(long[steps[long] > UNUSUAL * np.array(usual)], dtype=np.int64)
 
 
-def filled(points: FloatArray, reach: float) -> Filled:
+def fill_holes(points: FloatArray, reach: float) -> FilledPoints:
     """Fill the holes in `points` (2, n) with points on cubics (Hermite) from side to side.
 
     Each side is fitted over 2 `reach` (m). Raises UnbridgedError.
     """
-    steps = lengths(points)
-    holes = holes_in(steps).tolist()
+    steps = step_lengths(points)
+    holes = find_holes(steps).tolist()
     given = np.arange(points.shape[1])
     parts, begin = [], 0
     for place, hole in enumerate(holes):
@@ -128,10 +128,10 @@ def filled(points: FloatArray, reach: float) -> Filled:
         parts += [before, bridge]
         given[hole + 1 :] += bridge.shape[1]
         begin = hole + 1
-    return Filled(np.concatenate([*parts, points[:, begin:]], axis=1), given, tuple(holes))
+    return FilledPoints(np.concatenate([*parts, points[:, begin:]], axis=1), given, tuple(holes))
 
 
-def curve_between(before: Place, after: Place, spacing: float) -> FloatArray:
+def curve_between(before: PlanePose, after: PlanePose, spacing: float) -> FloatArray:
     """Points (2, n) on a cubic (Hermite) from one place to the next, without both ends.
 
     About `spacing` (m) apart, at least seven. Raises UnbridgedError where the places point away
@@ -153,7 +153,7 @@ def _bridge(before: _End, after: _End, spacing: float) -> FloatArray:
     chord, course = math.hypot(dx, dy), math.atan2(dy, dx)
     arriving = after.yaw + math.pi
     turned = abs(wrap_angle(before.yaw - course)), abs(wrap_angle(arriving - course))
-    if max(turned) > MOST_TURNED:
+    if max(turned) > MAX_TURN:
         raise ValueError(f"whose sides point {math.degrees(max(turned)):.0f}° away from each other")
     handle = chord / math.cos(0.25 * sum(turned)) ** 2
     count = max(_FILLED, math.ceil(chord / spacing) if spacing > 0.0 else _FILLED)

@@ -16,7 +16,7 @@ It otherwise only moves forwards, so where a path crosses itself or runs next to
 stays on its branch.
 """
 
-LEAST_STEP: Final = 0.01
+MIN_STEP: Final = 0.01
 """Poses of the lead closer together than this (m) are standstills and not part of its path."""
 
 HOLE_NS: Final = SECOND // 10
@@ -27,10 +27,10 @@ A longer interval is a hole in the record: the lead's path there is unknown.
 
 FORGET_EVERY: Final = 500
 """Chords of the lead between two attempts to drop those that all followers have passed."""
-MOST_CHORDS: Final = 100_000
+MAX_CHORDS: Final = 100_000
 """Chords kept for a follower that stands still or is silent, half an hour at 50 Hz."""
 
-MOST_WAITING: Final = 3000
+MAX_WAITING: Final = 3000
 """Poses of one follower that wait for the lead, 60 s at 50 Hz; then the oldest are dropped."""
 
 
@@ -58,7 +58,7 @@ class _Chord(NamedTuple):
     along_north: float
     length: float
     station: float
-    guessed: bool
+    is_hole: bool
 
 
 _Place = tuple[str, int, float, float]
@@ -76,7 +76,7 @@ class _Follower:
     index: int = 0
     floor: int = 0
     left_behind: bool = False
-    waiting: deque[_Place] = field(default_factory=lambda: deque(maxlen=MOST_WAITING))
+    waiting: deque[_Place] = field(default_factory=lambda: deque(maxlen=MAX_WAITING))
 
 
 class CrossTrackError:
@@ -137,7 +137,7 @@ class CrossTrackError:
             follower.waiting.append(place)
             self._is_awaited = True
             return []
-        return [] if self._chords[follower.index].guessed else [foot]
+        return [] if self._chords[follower.index].is_hole else [foot]
 
     def _extend(self, pose: TruePose) -> bool:
         """Lengthen the lead's path to `pose`, unless the lead stood still."""
@@ -153,7 +153,7 @@ class CrossTrackError:
             east, north = self._end
             along_east, along_north = pose.east_m - east, pose.north_m - north
             step = hypot(along_east, along_north)
-            if not step > LEAST_STEP:
+            if not step > MIN_STEP:
                 return False
             last = self._chords[-1]
             station = last.station + last.length
@@ -172,7 +172,7 @@ class CrossTrackError:
         """Drop the chords that all have passed, and the oldest beyond MOST_CHORDS."""
         on_path = [other for other in self._followers.values() if not other.left_behind]
         passed = min((other.floor for other in on_path), default=len(self._chords) - 1)
-        count = max(passed, len(self._chords) - MOST_CHORDS)
+        count = max(passed, len(self._chords) - MAX_CHORDS)
         del self._chords[:count]
         for other in on_path:
             other.left_behind = other.floor < count
@@ -189,7 +189,7 @@ class CrossTrackError:
             if foot is None:
                 break
             follower.waiting.popleft()
-            if not self._chords[follower.index].guessed:
+            if not self._chords[follower.index].is_hole:
                 feet.append(foot)
         return feet
 

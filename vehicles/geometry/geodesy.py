@@ -18,7 +18,7 @@ REACH: Final = 100_000.0
 EXACT: Final = 1e-8
 """Geodetic coordinates are corrected until less than this (m) is left."""
 
-MOST_CORRECTIONS: Final = 20
+MAX_CORRECTIONS: Final = 20
 """Limit of the corrections; three are usual within some kilometres of the origin."""
 
 _CERTAIN: Final = 50_000.0
@@ -117,7 +117,7 @@ class LocalPlane:
         left = abs(east_left) + abs(north_left) + abs(up_left)
         shrinking = 1.0
         slowest = min((abs(east) + abs(north)) / self._east_radius, 1.0)
-        for _ in range(MOST_CORRECTIONS):
+        for _ in range(MAX_CORRECTIONS):
             latitude += math.degrees(north_left / self._north_radius)
             longitude += math.degrees(east_left / self._east_radius)
             altitude += up_left

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vehicles.geometry.bridges import UnbridgedError, filled, lengths, scatter
+from vehicles.geometry.bridges import UnbridgedError, fill_holes, noise_deviation, step_lengths
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.geometry.local_regression import cubic_weights, local_cubic
-from vehicles.geometry.path import SAMPLING, FloatArray, Path
+from vehicles.geometry.sampled_path import SAMPLING, FloatArray, SampledPath
 
 MERGE_DISTANCE = 0.25
 """Consecutive points within this distance (m) of the first of them count as one, their mean."""
@@ -26,7 +26,7 @@ MERGED_NOISE = 3.0
 """Points within this many standard deviations of their noise also count as one: closer
 points seem to run to and fro."""
 
-FEWEST_POINTS = 8
+MIN_POINTS = 8
 """Least number of distinct points of a path."""
 
 CLOSING_DISTANCE = 10.0
@@ -35,7 +35,7 @@ CLOSING_DISTANCE = 10.0
 SEAM_BLEND = 20.0
 """Distance (m) to either side of the seam over which the ends of a closed drive are joined."""
 
-SLOWEST_PROGRESS = 0.5
+MIN_PROGRESS = 0.5
 """Where the smoothed curve advances by less than this per metre of points, they double back."""
 
 
@@ -69,7 +69,7 @@ class SmoothedPath:
     closed path, of the whole record otherwise (m).
     """
 
-    path: Path
+    path: SampledPath
     deviation_rms: float
     deviation_max: float
     points_used: int
@@ -156,7 +156,7 @@ def smooth_path(
     )
 
 
-def _offsets(path: Path, points: FloatArray, stations: FloatArray) -> FloatArray:
+def _offsets(path: SampledPath, points: FloatArray, stations: FloatArray) -> FloatArray:
     """Offset (m) of each of `points` (2, n) from the path, sought near its station (m)."""
     rows = zip(*points.tolist(), stations.tolist(), strict=True)
     return np.array([path.project(x, y, near).lateral for x, y, near in rows])
@@ -196,11 +196,11 @@ def _merged(x: FloatArray, y: FloatArray, half_width: float, noise: float) -> _M
     """Merge the given points to distinct ones and fill the holes between those."""
     group: list[int] = []
     at_x, at_y = math.inf, math.inf
-    noise = max(noise, scatter(np.stack((x, y))))
+    noise = max(noise, noise_deviation(np.stack((x, y))))
     distance = max(MERGE_DISTANCE, MERGED_NOISE * noise)
     # Means of five measure the progress of noisy points, so a single outlier begins no new point.
     means = (x, y) if distance == MERGE_DISTANCE else (_of_five(x), _of_five(y))
-    moved = np.append(math.inf, lengths(np.stack((x, y)))) > 0.0
+    moved = np.append(math.inf, step_lengths(np.stack((x, y)))) > 0.0
     for px, py, left in zip(means[0].tolist(), means[1].tolist(), moved.tolist(), strict=False):
         fresh = left and not math.hypot(px - at_x, py - at_y) <= distance
         if fresh:
@@ -208,20 +208,20 @@ def _merged(x: FloatArray, y: FloatArray, half_width: float, noise: float) -> _M
         group.append((group[-1] if group else -1) + fresh)
     members = np.array(group, dtype=np.int64)
     count = np.bincount(members)
-    if count.size < FEWEST_POINTS:
+    if count.size < MIN_POINTS:
         raise ValueError(
-            f"a path needs at least {FEWEST_POINTS} points {distance:.3g} m apart, "
+            f"a path needs at least {MIN_POINTS} points {distance:.3g} m apart, "
             f"there are {count.size}"
         )
     points = np.stack((np.bincount(members, x), np.bincount(members, y))) / count
     last_of = np.cumsum(count) - 1
     try:
-        whole = filled(points, half_width)
+        whole = fill_holes(points, half_width)
     except UnbridgedError as error:
         raise NoPathError(str(error), int(last_of[error.before])) from error
-    steps = lengths(points)
+    steps = step_lengths(points)
     holes = tuple(Hole(int(last_of[k]), float(steps[k])) for k in whole.holes)
-    t = np.concatenate((np.zeros(1), np.cumsum(lengths(whole.points))))
+    t = np.concatenate((np.zeros(1), np.cumsum(step_lengths(whole.points))))
     return _MergedPoints(_Record(t, whole.points, float(t[-1])), whole.given[members], holes, noise)
 
 
@@ -308,19 +308,19 @@ def _check_progress(points: FloatArray, t: FloatArray, given: FloatArray) -> Non
 
     `given` (n,) are the places t of the given points.
     """
-    progress = lengths(points) / np.diff(t)
+    progress = step_lengths(points) / np.diff(t)
     slowest = int(np.argmin(progress))
-    if progress[slowest] < SLOWEST_PROGRESS:
+    if progress[slowest] < MIN_PROGRESS:
         x, y = points[:, slowest].tolist()
         point = min(int(np.searchsorted(given, t[slowest])), given.size - 1)
         raise NoPathError(f"the points double back near east {x:.1f} m, north {y:.1f} m", point)
 
 
-def _path(points: FloatArray) -> Path:
+def _path(points: FloatArray) -> SampledPath:
     """Join smoothed points (2, m) by arcs: a path's station, yaw and curvature."""
     x, y = points
     steps = np.diff(points)
-    chords = lengths(points)
+    chords = step_lengths(points)
     course = [math.atan2(steps[1, 0], steps[0, 0])]
     for dx, dy in zip(steps[0, 1:].tolist(), steps[1, 1:].tolist(), strict=True):
         course.append(course[-1] + wrap_angle(math.atan2(dy, dx) - course[-1]))
@@ -332,4 +332,4 @@ def _path(points: FloatArray) -> Path:
     station = np.concatenate((np.zeros(1), np.cumsum(arcs)))
     around = np.concatenate((arcs[:1], 0.5 * (arcs[1:] + arcs[:-1]), arcs[-1:]))
     yaw = np.concatenate(([course[0] - 0.5 * turns[0]], course + 0.5 * turns[1:]))
-    return Path(station, x, y, yaw, turns / around)
+    return SampledPath(station, x, y, yaw, turns / around)

@@ -5,7 +5,7 @@ from math import atan2, cos, sin
 from vehicles.geometry.arc_spline import (
     ArcSpline,
     Piece,
-    Place,
+    PlanePose,
     along_arc,
     near_arc,
     on_clothoid,
@@ -68,7 +68,7 @@ def average_curves(
     return LocalCurve(*join, before, after, rate)
 
 
-def _foot(curve: LocalCurve, x: float, y: float) -> Place:
+def _foot(curve: LocalCurve, x: float, y: float) -> PlanePose:
     """Station (m) from the curve's P, offset (m) and direction (rad) of the projection of (x, y).
 
     On a clothoid by two steps of Newton's method, each to the osculating circle.
@@ -85,6 +85,6 @@ def _foot(curve: LocalCurve, x: float, y: float) -> Place:
     return station, foot.lateral, foot.yaw
 
 
-def _on(start: Place, curvature: float, rate: float, station: float) -> Place:
+def _on(start: PlanePose, curvature: float, rate: float, station: float) -> PlanePose:
     point = on_clothoid(start, curvature, rate, station)
     return point.east, point.north, point.yaw

@@ -24,7 +24,7 @@ from vehicles.car.parameters import Gains, VehicleParameters
 from vehicles.car.positioning.noise import GnssNoise
 from vehicles.theory.linear_model import Array, open_loop, steering_input
 
-FINENESS, MOST_INSTANTS = (100, 10, 2, 1), 4000
+FINENESS, MAX_INSTANTS = (100, 10, 2, 1), 4000
 """Rates are rounded to 1/100 Hz, so that a common period exists, or to a coarser part, at last to
 whole hertz, if that period would hold too many instants.
 """
@@ -35,7 +35,7 @@ LARGE, LARGEST_LOG = 1e100, 700.0
 CHECKED_EVERY = 16
 """Steps between two size checks, which together do not multiply the matrix by 1e200."""
 
-LEAST_NOISE = 1e-6
+MIN_NOISE = 1e-6
 """Noise (m, rad) of a receiver that has none; its fixes are then followed almost exactly."""
 
 DOUBLINGS, TERMS = 24, 14
@@ -150,7 +150,7 @@ def _stationary_gains(  # noqa: PLR0917 - all that they depend on
     walk = span * np.array(
         [[across, 0.5 * distance * drift.heading], [0.5 * distance * drift.heading, drift.heading]]
     )
-    noise = np.diag([max(gnss.position, LEAST_NOISE) ** 2, max(gnss.heading, LEAST_NOISE) ** 2])
+    noise = np.diag([max(gnss.position, MIN_NOISE) ** 2, max(gnss.heading, MIN_NOISE) ** 2])
     predicted = _riccati(moved, walk, noise)
     return np.asarray(predicted @ np.linalg.inv(predicted + noise), dtype=np.float64)
 
@@ -275,7 +275,7 @@ def _rounded(rates: Sequence[float]) -> list[Fraction]:
         rounded = [
             max(Fraction(round(rate * fineness), fineness), Fraction(1, fineness)) for rate in rates
         ]
-        if sum(rounded) <= MOST_INSTANTS * _common(rounded):
+        if sum(rounded) <= MAX_INSTANTS * _common(rounded):
             break
     return rounded
 

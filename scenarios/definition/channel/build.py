@@ -17,7 +17,7 @@ from transport.links.laws.law import LinkLaw, LinkSetting
 from transport.links.laws.plain import Decimation, Jitter, Latency, Loss
 from transport.links.laws.stage import StageLaw
 from transport.links.link import Link
-from vehicles.geometry.path import Path
+from vehicles.geometry.sampled_path import SampledPath
 from vehicles.schedule import MILLISECOND
 
 UNSET = LinkSetting()
@@ -106,7 +106,7 @@ def vehicles_between(route: Route, sender: int, receiver: int) -> VehiclesBetwee
     )
 
 
-def _road(path: Path) -> Road:
+def _road(path: SampledPath) -> Road:
     """Sample a path; the last piece is on the straight that leaves it."""
     first, count = float(path.station[0]), int(path.length / ROAD_STEP) + 1
     nodes = first + ROAD_STEP * np.arange(count)

@@ -60,7 +60,7 @@ def sampled_alarms(
     if unlike or not _is_even(source):
         return None
     limit_s = longest_silence_s(source, receiver)
-    phase_s = (source.sending.first_after + source.gnss.latency) / SECOND
+    phase_s = (source.sending.first_send_delay + source.gnss.latency) / SECOND
     arrivals = [
         (number, phase_s + visible_at / SECOND) for number, visible_at in drive.arrivals(messages)
     ]

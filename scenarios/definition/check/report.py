@@ -23,7 +23,7 @@ from scenarios.definition.schema.settings import table_with
 from scenarios.definition.schema.tables import ScenarioTables, SteeringTable
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.car.parameters import VehicleParameters
-from vehicles.car.sending.registry import RULES
+from vehicles.car.sending.sending_rules import RULES
 from vehicles.car.tyres import GRAVITY
 from vehicles.geometry.smoothing import SmoothedPath
 

@@ -54,7 +54,7 @@ def _loop(scenario: Scenario, setup: VehicleSetup) -> SampledLoop:
         control_hz=scenario.control_rate_hz,
         imu_hz=None if setup.knows_itself else setup.imu_rate_hz,
         gnss_hz=setup.gnss.rate,
-        gnss=replace(setup.gnss.noise, position=setup.gnss.own_deviation),
+        gnss=replace(setup.gnss.noise, position=setup.gnss.initial_deviation),
         imu=setup.imu.noise,
     )
 

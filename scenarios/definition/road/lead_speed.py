@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vehicles.driver.speed import SpeedProfile
-from vehicles.geometry.path import FloatArray, Path
+from vehicles.geometry.sampled_path import FloatArray, SampledPath
 
 STEP = 0.05
 """Time step (s) of a speed over time that depends on the station."""
@@ -42,7 +42,7 @@ class Limits:
 
 
 def slowed(
-    wanted: SpeedProfile, path: Path, start: float, limits: Limits, until: float
+    wanted: SpeedProfile, path: SampledPath, start: float, limits: Limits, until: float
 ) -> SpeedProfile:
     """Lower `wanted` before and in curves, from station `start` (m), for `until` s or to the end.
 
@@ -67,7 +67,7 @@ def slowed(
 class _Cap:
     """Highest speed at each station from which all that follows on the path can be kept."""
 
-    def __init__(self, path: Path, limits: Limits) -> None:
+    def __init__(self, path: SampledPath, limits: Limits) -> None:
         sharp = np.maximum(np.abs(path.curvature), 1e-9)
         squares: list[float] = (limits.lateral / sharp).tolist()
         steps: list[float] = np.diff(path.station).tolist()

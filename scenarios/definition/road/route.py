@@ -12,9 +12,9 @@ from scenarios.definition.road.set_speed import SpeedPlan, with_changes
 from scenarios.definition.schema.path import PointsPath, SegmentsPath, SegmentTable
 from scenarios.definition.schema.tables import ScenarioTables, SpeedTable
 from vehicles.driver.speed import GapPolicy, SpeedProfile
-from vehicles.geometry.bridges import holes_in, lengths
+from vehicles.geometry.bridges import find_holes, step_lengths
 from vehicles.geometry.geodesy import yaw_from_heading
-from vehicles.geometry.path import Path, Segment, path_from_segments
+from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.geometry.smoothing import NoPathError, SmoothedPath, smooth_path
 
 DEFAULT_GAP = 15.0
@@ -55,7 +55,7 @@ class Route:
     `plan` is its speed before any change that is done to the running convoy, which `profile` has.
     """
 
-    path: Path
+    path: SampledPath
     start: float
     gaps: tuple[float, ...]
     profile: SpeedProfile
@@ -155,7 +155,7 @@ def _first_speed_at_most(tables: ScenarioTables) -> float:
     return speed.set_mps
 
 
-def _path(tables: ScenarioTables, lead_in: float) -> tuple[Path, float, SmoothedPath | None]:
+def _path(tables: ScenarioTables, lead_in: float) -> tuple[SampledPath, float, SmoothedPath | None]:
     """Path with a straight of at least `lead_in` m before the station at which the lead starts."""
     table = tables.path
     if isinstance(table, SegmentsPath):
@@ -175,16 +175,16 @@ def _path(tables: ScenarioTables, lead_in: float) -> tuple[Path, float, Smoothed
 
 
 @lru_cache(maxsize=4)  # many runs of a study drive one road
-def _along(segments: tuple[Segment, ...], east: float, north: float, yaw: float) -> Path:
+def _along(segments: tuple[Segment, ...], east: float, north: float, yaw: float) -> SampledPath:
     return path_from_segments(segments, east, north, yaw)
 
 
-def _straight_before(path: Path, start: float) -> Path:
+def _straight_before(path: SampledPath, start: float) -> SampledPath:
     """Let a path be the straight before station `start` (m) that it has further back anyway."""
     first = path.at(start)
     before = path.station < start - 1e-9
     way = start - path.station
-    return Path(
+    return SampledPath(
         path.station.copy(),
         np.where(before, first.east - way * math.cos(first.yaw), path.east),
         np.where(before, first.north - way * math.sin(first.yaw), path.north),
@@ -195,9 +195,9 @@ def _straight_before(path: Path, start: float) -> Path:
 
 def smoothed_points(table: PointsPath, lead_in: float) -> SmoothedPath:
     """Smooth points, with a straight of at least `lead_in` m before them; raises Refused."""
-    steps = lengths(np.array((table.east_m, table.north_m)))
+    steps = step_lengths(np.array((table.east_m, table.north_m)))
     _check_length(table, float(np.sum(steps)))
-    longest = float(np.max(np.delete(steps, holes_in(steps)), initial=0.0))
+    longest = float(np.max(np.delete(steps, find_holes(steps)), initial=0.0))
     try:
         return smooth_path(
             table.east_m,

@@ -9,7 +9,7 @@ from itertools import pairwise
 from scenarios.definition.road.lead_speed import Limits, slowed
 from scenarios.definition.schema.changes import AnyChange, SpeedChangeTable
 from vehicles.driver.speed import SpeedProfile
-from vehicles.geometry.path import Path
+from vehicles.geometry.sampled_path import SampledPath
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -20,7 +20,7 @@ class SpeedPlan:
     at station `start` (m) of the `path`. After `until` (s) nothing need be known.
     """
 
-    path: Path
+    path: SampledPath
     start: float
     limits: Limits
     until: float

@@ -6,7 +6,12 @@ from typing import Any
 from pydantic import model_validator
 
 from scenarios.definition.schema.settings import SettingsTable, keys_with
-from vehicles.car.positioning.settings import OF_STATE, PRESETS, GnssSettings, StateErrors
+from vehicles.car.positioning.gnss_settings import (
+    PRESET_OF_STATE,
+    PRESETS,
+    GnssSettings,
+    StateErrors,
+)
 
 
 class GnssTable(SettingsTable[GnssSettings]):
@@ -20,7 +25,7 @@ class GnssTable(SettingsTable[GnssSettings]):
             return given
         under = [figures for preset, figures in PRESETS.items() if preset == given.get("preset")]
         whole = _laid_over(keys_with(GnssSettings, under[0]) if under else {}, given)
-        for state, usual in OF_STATE.items():
+        for state, usual in PRESET_OF_STATE.items():
             key = f"while_{state}"
             if isinstance(whole.get(key), dict):
                 figures = {one: value for one, value in PRESETS[usual].items() if one != "fix"}

@@ -149,9 +149,9 @@ def fields_of(settings: type[Any]) -> Iterator[SettingField]:
 def _entry(one: SettingField) -> tuple[Any, Any]:
     """Annotation and description of a key for Pydantic."""
     setting = one.setting
-    given = {"ge": setting.least, "le": setting.most, "gt": setting.above}
+    given = {"ge": setting.minimum, "le": setting.maximum, "gt": setting.above}
     rules: dict[str, Any] = {word: bound for word, bound in given.items() if bound is not None}
-    if setting.infinite:
+    if setting.allow_infinite:
         rules["allow_inf_nan"] = True
     annotation = one.entry
     if setting.kinds is not None:
@@ -162,7 +162,7 @@ def _entry(one: SettingField) -> tuple[Any, Any]:
         annotation = float
     if get_origin(one.kind) is tuple:
         bounded = Annotated[annotation, Field(**rules)] if rules else annotation
-        rules = {"strict": False} | ({"min_length": 1} if setting.filled else {})
+        rules = {"strict": False} | ({"min_length": 1} if setting.nonempty else {})
         annotation = GenericAlias(tuple, (bounded, ...))
     if one.default is not MISSING:
         rules["default"] = _from_si(one, one.default)

@@ -22,8 +22,8 @@ from transport.links.laws.outages.span import ReceiverOff, TransmitterOff
 from vehicles.car.imu_settings import ImuSettings
 from vehicles.car.parameters import NOMINAL_GAINS, Loading
 from vehicles.car.sending.every_fix import EveryFix
-from vehicles.car.sending.registry import RULES
 from vehicles.car.sending.rule import SendingRule
+from vehicles.car.sending.sending_rules import RULES
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.speed import GapLimits
 from vehicles.preview.curve_fit import FitSettings

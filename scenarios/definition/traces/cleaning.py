@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scenarios.definition.traces.formats import RecordedPoint
 from scenarios.definition.traces.jumps import Jump, JumpFinder
 from scenarios.definition.traces.stands import FEWEST, Stand, stands_in
-from vehicles.geometry.bridges import scatter
+from vehicles.geometry.bridges import noise_deviation
 
 Floats = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ def cleaned(points: Floats, times: Sequence[float]) -> Cleaned:
         )
         for one in stands_in(points[:, left], track.at[left], timed=bool(times))
     ]
-    noise = max([scatter(points[:, left]), *(stand.wander for stand in stands)])
+    noise = max([noise_deviation(points[:, left]), *(stand.wander for stand in stands)])
     found = Cleaned([], points.copy(), noise, jumps, stands)
     begin = 0
     for stand in [*stands, None]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vehicles.geometry.bridges import NEARBY, lengths, scatter
+from vehicles.geometry.bridges import NEARBY, noise_deviation, step_lengths
 from vehicles.geometry.local_regression import cubic_weights
 
 LONGEST_JUMP = 10
@@ -61,8 +61,8 @@ class JumpFinder:
         self.kept = list(range(count))
         self._xy = list(zip(*points.tolist(), strict=True))
         self._t = self.at.tolist()
-        self._steps = lengths(points)
-        self._least = max(LEAST_JUMP, UNLIKELY * scatter(points))
+        self._steps = step_lengths(points)
+        self._least = max(LEAST_JUMP, UNLIKELY * noise_deviation(points))
 
     def without_jumps(self) -> list[Jump]:
         found: list[Jump] = []

@@ -12,7 +12,7 @@ from scenarios.definition.schema.path import PointsPath, TracePath
 from scenarios.definition.schema.tables import OriginTable, ScenarioTables, VehicleTable
 from scenarios.definition.traces.formats import TraceError
 from scenarios.definition.traces.recorded import DriveInPlane, is_file, read_trace
-from vehicles.geometry.bridges import lengths
+from vehicles.geometry.bridges import step_lengths
 from vehicles.geometry.geodesy import REACH, Origin
 from vehicles.geometry.smoothing import MERGED_NOISE
 
@@ -126,7 +126,7 @@ def points_of(trace: DriveInPlane, table: TracePath) -> PointsPath:
 
 def _needed_smoothing(trace: DriveInPlane) -> float:
     """Half width (m) that leaves CURVATURE_NOISE of the points' noise; see `smooth_path`."""
-    steps = lengths(np.array((trace.east_m, trace.north_m)))
+    steps = step_lengths(np.array((trace.east_m, trace.north_m)))
     moved = steps[steps > 0.0]
     spacing = max(float(np.median(moved)) if moved.size else 0.0, MERGED_NOISE * trace.noise_m)
     kept = 20.0 * trace.noise_m * math.sqrt(spacing) / CURVATURE_NOISE

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.definition.traces.jumps import UNLIKELY
-from vehicles.geometry.bridges import scatter
+from vehicles.geometry.bridges import noise_deviation
 
 FEWEST = 8
 """Fewer points than this are left as they are: they do not tell what is unusual among them."""
@@ -64,7 +64,7 @@ class Stand:
 
 def stands_in(points: Floats, at: Floats, *, timed: bool) -> list[Stand]:
     """Find the stands among `points` (2, n) at instants or numbers `at`, in their order."""
-    noise = scatter(points)
+    noise = noise_deviation(points)
     gone = np.diff(at)
     usual = float(np.median(gone[gone > 0.0])) if (gone > 0.0).any() else 1.0
     slowest = SLOWEST

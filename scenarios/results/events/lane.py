@@ -6,7 +6,7 @@ from typing import Any
 
 from scenarios.results.events.bodies import BodySize, CarBody, corners
 from scenarios.results.events.encounters import Episode
-from vehicles.geometry.driven_path import MOST_WAITING, CrossTrack, CrossTrackError
+from vehicles.geometry.driven_path import MAX_WAITING, CrossTrack, CrossTrackError
 from vehicles.messages import TruePose
 from vehicles.schedule import SECOND
 
@@ -86,7 +86,7 @@ class LaneWatch:
                     _forget(seen, at)
                 sides = abs(one.lateral), abs(two.lateral), abs(three.lateral), abs(four.lateral)
                 return self._follow(follower, at, place, max(sides) - self._half_width)
-        if len(seen) > MOST_WAITING:
+        if len(seen) > MAX_WAITING:
             del seen[next(iter(seen))]
         seen[at] = place
         return self._measure(feet) if feet else ()
@@ -99,7 +99,7 @@ class LaneWatch:
                 continue
             # The lead passes the front corners later than the rear ones.
             waiting, seen, at = follower.known, follower.seen, foot.at_ns
-            if len(waiting) > MOST_WAITING:
+            if len(waiting) > MAX_WAITING:
                 del waiting[next(iter(waiting))]
             known = waiting.setdefault(at, [])
             known.append(abs(foot.lateral))

@@ -217,7 +217,7 @@ def _seconds(record: RecordedKnowledge, at: int) -> float:
 def _age(record: RecordedKnowledge, vehicle: str, heard: LinkVerdict, now: int) -> float:
     """Age (s) of a message by the clock of the vehicle that received it."""
     clock = record.scenario.clock(vehicle, record.start_at)
-    return (clock.stamped(now) - heard.measured_at_ns) / SECOND
+    return (clock.reading(now) - heard.measured_at_ns) / SECOND
 
 
 def _missing(record: RecordedKnowledge, link: tuple[str, str], number: int) -> MissingMessage:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from math import sqrt
 
 from vehicles.car.tyres import SLIDING_SHARE
-from vehicles.geometry.driven_path import MOST_WAITING
+from vehicles.geometry.driven_path import MAX_WAITING
 from vehicles.messages import TruePose
 
 
@@ -56,7 +56,7 @@ class SelfEstimateErrors:
 
     def _keep(self, waiting: dict[int, float], at: int, error: float) -> None:
         waiting[at] = error
-        if len(waiting) > MOST_WAITING:
+        if len(waiting) > MAX_WAITING:
             del waiting[next(iter(waiting))]
 
 

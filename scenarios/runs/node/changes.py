@@ -15,7 +15,7 @@ from scenarios.runs.node.changed_links import ChangedLinks
 from scenarios.runs.node.outbox import Outbox
 from scenarios.runs.node.phases import VehiclePhase
 from vehicles.car.gnss import GnssReceiver
-from vehicles.car.positioning.fix_states import EVER
+from vehicles.car.positioning.fix_states import NO_END
 from vehicles.schedule import SECOND, nanoseconds
 
 WORDS = {
@@ -89,7 +89,7 @@ def _phase_after(due: Due, now: int, phase: VehiclePhase) -> VehiclePhase | None
 def change_fix(gnss: GnssReceiver, at: int, change: FixChangeTable) -> None:
     """Force a fix from the instant `at` (ns) on, or restore the receiver's own law."""
     state = None if change.fix == "auto" else change.fix
-    until = EVER if change.for_s is None else at + nanoseconds(change.for_s)
+    until = NO_END if change.for_s is None else at + nanoseconds(change.for_s)
     gnss.force(state, at, until)
 
 

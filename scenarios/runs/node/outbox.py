@@ -17,7 +17,7 @@ from vehicles.car.parameters import VehicleParameters
 from vehicles.car.tyres import TyreUse, axle_loads, rolling_use, tyre_use
 from vehicles.driver.decision import Decision
 from vehicles.geometry.geodesy import LocalPlane
-from vehicles.messages import NOTHING_TOLD, Announcement, Message
+from vehicles.messages import NO_ANNOUNCEMENT, Announcement, Message
 from vehicles.schedule import SECOND, Timer
 
 
@@ -126,7 +126,7 @@ class Outbox:
         """Send the measurements of a replayed vehicle; `fresh` at instants of control."""
         self._ticks += 1
         if fix is not None:
-            self._add_pose(now, body, fix, NOTHING_TOLD)
+            self._add_pose(now, body, fix, NO_ANNOUNCEMENT)
         if fresh:
             self._add_truth(now, body, rolling_use(body, self._parameters))
         if self._health.is_due(now):
@@ -184,7 +184,7 @@ class Outbox:
         )
 
     def _add_pose(self, now: int, body: Body, fix: Fix, announcement: Announcement) -> None:
-        stamped_at = self._clock.stamped(fix.measured_at)
+        stamped_at = self._clock.reading(fix.measured_at)
         if stamped_at != fix.measured_at:  # few clocks are wrong
             fix = replace(fix, measured_at=stamped_at)
         self._add(
@@ -194,8 +194,8 @@ class Outbox:
                 self._plane,
                 seq=self._next[messages.GpsPose],
                 sent_at=now,
-                true_place=(body.east, body.north, body.distance),
-                announced=announcement,
+                true_position=(body.east, body.north, body.distance),
+                announcement=announcement,
             )
         )
 

@@ -168,7 +168,7 @@ class Driving(VehiclePhase):
     def step(self, now: int) -> Actuation:
         self.has_begun = True
         context, car = self.context, self.context.car
-        received = context.clock.judged(now, context.inbox.take(now, car.position))
+        received = context.clock.restamped(now, context.inbox.take(now, car.position))
         fix, motion = car.measure(now)
         decision = self.software.driver.step(now, fix, motion, received)
         context.outbox.publish(now, car.body, self.software.sender.send(now, fix), decision)

@@ -37,7 +37,7 @@ from tests.made.channels.drawn_laws import inline
 from vehicles.car.imu_settings import ImuSettings
 from vehicles.car.parameters import LINCOLN_MKZ, Loading
 from vehicles.car.positioning.drift import Drift
-from vehicles.car.positioning.settings import StateErrors
+from vehicles.car.positioning.gnss_settings import StateErrors
 from vehicles.car.sending.intervals import CAM_SHARES
 
 Raw = dict[str, Any]

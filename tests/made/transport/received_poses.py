@@ -1,7 +1,7 @@
 """Received poses at exact places, without a link."""
 
 from vehicles.car.gnss import Fix
-from vehicles.messages import NOTHING_TOLD, Announcement, GpsPose
+from vehicles.messages import NO_ANNOUNCEMENT, Announcement, GpsPose
 from vehicles.received_pose import ReceivedPose
 
 
@@ -17,7 +17,7 @@ def received(
     seq: int = 0,
     vehicle: str = "v1",
     received_at: int | None = None,
-    announced: Announcement = NOTHING_TOLD,
+    announced: Announcement = NO_ANNOUNCEMENT,
 ) -> ReceivedPose:
     """A pose (ns, m, m, rad, m/s) that is received when it is measured, unless stated otherwise."""
     message = GpsPose(
@@ -51,7 +51,7 @@ def received_fix(
     *,
     vehicle: str = "v1",
     received_at: int | None = None,
-    announced: Announcement = NOTHING_TOLD,
+    announced: Announcement = NO_ANNOUNCEMENT,
 ) -> ReceivedPose:
     """A fix as it is received without rounding."""
     return received(

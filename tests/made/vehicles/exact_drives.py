@@ -11,8 +11,8 @@ from vehicles.car.gnss import Fix, to_message
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.decision import Decision, Driver
 from vehicles.geometry.geodesy import LocalPlane, Origin
-from vehicles.geometry.path import Path
 from vehicles.geometry.path_point import PathPoint
+from vehicles.geometry.sampled_path import SampledPath
 from vehicles.messages import GpsPose
 from vehicles.received_pose import ReceivedPose, receive
 from vehicles.schedule import SECOND, Cadence, instant
@@ -72,7 +72,7 @@ def drive(
     return steps
 
 
-def on(path: Path, station: float, speed: float, aside: float = 0.0) -> Body:
+def on(path: SampledPath, station: float, speed: float, aside: float = 0.0) -> Body:
     """A car on `path`, or `aside` (m) to its left."""
     point = path.at(station)
     return Body(*beside(point, aside), yaw=point.yaw, speed=speed)
@@ -90,7 +90,7 @@ class Source:
     """
 
     name: str
-    path: Path
+    path: SampledPath
     station: float
     speed: float
     delivered: Sequence[tuple[float, float]] = ((0.0, math.inf),)
@@ -106,7 +106,7 @@ class Source:
         turning = self.speed * point.curvature
         fix = Fix(seq, at, point.east, point.north, point.yaw, self.speed, turning)
         place = point.east, point.north, 0.0
-        return to_message(fix, self.name, PLANE, seq=seq, sent_at=at, true_place=place)
+        return to_message(fix, self.name, PLANE, seq=seq, sent_at=at, true_position=place)
 
     def messages_by(self, now: int) -> Iterator[GpsPose]:
         """What has become visible since the last call."""

@@ -14,7 +14,7 @@ from vehicles.driver.ego.pose_estimator import PoseEstimator
 from vehicles.driver.follower import Follower
 from vehicles.driver.speed import GapLimits, GapPolicy, ProfileSpeed, SpeedLaw, SpeedProfile
 from vehicles.driver.steering import SlipCompensated
-from vehicles.geometry.path import Path, Segment, path_from_segments
+from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.messages import GpsPose
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.trajectory import Fusion
@@ -68,15 +68,15 @@ def follower(
     )
 
 
-def lead_of(path: Path, speed: float = 10.0, delivered: Spans = ALWAYS) -> Source:
+def lead_of(path: SampledPath, speed: float = 10.0, delivered: Spans = ALWAYS) -> Source:
     return Source("v1", path, 2 * GAP, speed, delivered)
 
 
-def predecessor_of(path: Path, speed: float = 10.0, delivered: Spans = ALWAYS) -> Source:
+def predecessor_of(path: SampledPath, speed: float = 10.0, delivered: Spans = ALWAYS) -> Source:
     return Source("v2", path, GAP, speed, delivered)
 
 
-def lateral(path: Path, steps: Sequence[Step]) -> list[float]:
+def lateral(path: SampledPath, steps: Sequence[Step]) -> list[float]:
     """True distance (m) of the car from the path, by how far it has come."""
     return [path.project(s.body.east, s.body.north, s.body.distance).lateral for s in steps]
 

@@ -83,7 +83,7 @@ def measured_fixes(
 def pose_of(fix: Fix) -> GpsPose:
     """The message of a fix, sent when it was measured."""
     return to_message(
-        fix, "v1", PLANE, seq=fix.seq, sent_at=fix.measured_at, true_place=(0.0, 0.0, 0.0)
+        fix, "v1", PLANE, seq=fix.seq, sent_at=fix.measured_at, true_position=(0.0, 0.0, 0.0)
     )
 
 

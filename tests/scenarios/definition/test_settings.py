@@ -14,7 +14,7 @@ from vehicles.setting import Setting
 
 @dataclass(frozen=True)
 class Drift:
-    deviation: Annotated[float, Setting("per axis", "m", least=0, most=10)]
+    deviation: Annotated[float, Setting("per axis", "m", minimum=0, maximum=10)]
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Sensor:
     angle: Annotated[float, Setting("of its axis", "deg", -90, 90)] = math.radians(0.1)
     wait_max: Annotated[float, Setting("at most", "ms")] = 0.25
     late: Annotated[int, Setting("delay", "ms", 0, 5000)] = 0
-    places: Annotated[tuple[float, ...], Setting("of it", "m", most=5)] = ()
+    places: Annotated[tuple[float, ...], Setting("of it", "m", maximum=5)] = ()
     word: Annotated[Literal["a", "b"], Setting("which", name="kind_of_word")] = "a"
     drift: Annotated[Drift | None, Setting("if any")] = None
     blind: Annotated[tuple[object, ...], Setting(kinds={"circle": Circle, "drift": Drift})] = ()

@@ -18,7 +18,7 @@ def test_it_is_off_by_its_offset_and_what_has_drifted_since(
     clock = VehicleClock(START, offset, drift)
     assert clock.error(START) == offset
     assert abs(clock.error(START + since) - offset - drift * since / 1e6) <= 1
-    assert clock.stamped(START + since) == START + since + clock.error(START + since)
+    assert clock.reading(START + since) == START + since + clock.error(START + since)
 
 
 @given(errors, errors, drifts, st.integers(0, 10**12))
@@ -27,12 +27,12 @@ def test_an_age_is_the_difference_of_two_clocks(
 ) -> None:
     sender, receiver = VehicleClock(START, theirs), VehicleClock(START, mine, drift)
     measured_at, now = START + since, START + since + 70_000_000
-    pose = received(sender.stamped(measured_at), 0.0, 0.0)
-    (judged,) = receiver.judged(now, [pose])
-    assert now - judged.measured_at == receiver.stamped(now) - sender.stamped(measured_at)
-    assert judged.message == pose.message
+    pose = received(sender.reading(measured_at), 0.0, 0.0)
+    (restamped,) = receiver.restamped(now, [pose])
+    assert now - restamped.measured_at == receiver.reading(now) - sender.reading(measured_at)
+    assert restamped.message == pose.message
 
 
 def test_a_true_clock_leaves_all_as_it_is() -> None:
     poses = [received(START, 0.0, 0.0)]
-    assert VehicleClock(START).judged(START, poses) is poses
+    assert VehicleClock(START).restamped(START, poses) is poses

@@ -83,7 +83,7 @@ def test_measured_speed_is_never_negative() -> None:
 
 def as_message(fix: Fix) -> GpsPose:
     place = fix.east, fix.north, 0.0
-    return to_message(fix, "v1", PLANE, seq=fix.seq, sent_at=fix.measured_at, true_place=place)
+    return to_message(fix, "v1", PLANE, seq=fix.seq, sent_at=fix.measured_at, true_position=place)
 
 
 @given(

@@ -34,7 +34,7 @@ from vehicles.car.imu import Motion
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.decision import Decision
 from vehicles.driver.speed import GapKeeping, GapLimits, GapPolicy
-from vehicles.geometry.path import Path, Segment, path_from_segments
+from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.preview.trajectory import Fusion
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND, Cadence
@@ -79,7 +79,7 @@ def test_both_sources_make_a_composite_along_which_it_follows() -> None:
     [(lead_of, "lead", "v2"), (predecessor_of, "predecessor", "v1")],
 )
 def test_one_source_alone_is_followed_and_the_other_named(
-    source: Callable[[Path], Source], mode: str, missing: str
+    source: Callable[[SampledPath], Source], mode: str, missing: str
 ) -> None:
     steps = drive(follower(), on(BEND, 0.0, 10.0), 10.0, received_from(source(BEND)))
     assert [mode for mode, _ in modes(steps)] == ["straight", mode]
@@ -220,7 +220,7 @@ def test_a_blend_steers_by_the_weighted_mean_of_what_each_source_asks(alpha: flo
     assert 0.05 < off < lateral(path, [replace(steps[-1], body=on_other(other, steps[-1]))])[0]
 
 
-def on_other(path: Path, step: Step) -> Body:
+def on_other(path: SampledPath, step: Step) -> Body:
     return on(path, path.project(step.body.east, step.body.north, step.body.distance).station, 10.0)
 
 

@@ -18,7 +18,7 @@ from vehicles.driver.ego.pose_estimator import PoseEstimator
 from vehicles.driver.leader import Leader
 from vehicles.driver.speed import ProfileSpeed, SpeedProfile
 from vehicles.driver.steering import SlipCompensated
-from vehicles.geometry.path import Path, Segment, path_from_segments
+from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.schedule import Cadence
 
 HEADINGS = [0.0, math.pi / 2, math.pi, -math.pi / 2]
@@ -41,7 +41,7 @@ FIGURE_OF_EIGHT = [  # its straights cross at right angles
 
 
 def leader(
-    path: Path,
+    path: SampledPath,
     speed: float | SpeedProfile,
     station: float = 0.0,
     control_hz: float = CONTROL_HZ,
@@ -57,7 +57,7 @@ def leader(
     )
 
 
-def lateral(path: Path, steps: Sequence[Step]) -> list[float]:
+def lateral(path: SampledPath, steps: Sequence[Step]) -> list[float]:
     """True distance (m) of the car from the path, by how far it has come."""
     return [
         path.project(step.body.east, step.body.north, step.body.distance).lateral for step in steps

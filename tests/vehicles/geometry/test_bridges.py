@@ -10,7 +10,13 @@ from hypothesis import strategies as st
 from tests.made.examples import examples
 from tests.made.vehicles.recorded_points import Points, circle, noisy, smooth
 from vehicles.geometry import bridges, local_regression
-from vehicles.geometry.bridges import UnbridgedError, filled, holes_in, lengths, scatter
+from vehicles.geometry.bridges import (
+    UnbridgedError,
+    fill_holes,
+    find_holes,
+    noise_deviation,
+    step_lengths,
+)
 from vehicles.geometry.smoothing import NoPathError
 
 
@@ -23,25 +29,25 @@ def without(points: Points, begin: int, count: int) -> Points:
 def test_the_noise_of_points_is_found_on_arcs_whatever_their_spacing(
     spacing: float, size: float
 ) -> None:
-    found = scatter(noisy(circle(100.0, 1500.0 * spacing, spacing, yaw=1.0), size))
+    found = noise_deviation(noisy(circle(100.0, 1500.0 * spacing, spacing, yaw=1.0), size))
     assert found == pytest.approx(size, rel=0.15, abs=0.01 * spacing)
 
 
 def test_uneven_steps_and_jumps_are_no_noise() -> None:
     along = np.cumsum(np.random.default_rng(3).uniform(0.2, 3.0, 400))
     points = np.stack((along * math.cos(0.7), along * math.sin(0.7)))
-    assert scatter(points) < 1e-9
+    assert noise_deviation(points) < 1e-9
     points[:, 50:400:40] += 5.0
-    assert scatter(noisy(points)) == pytest.approx(0.02, rel=0.3)
+    assert noise_deviation(noisy(points)) == pytest.approx(0.02, rel=0.3)
 
 
 def test_a_hole_is_long_and_unusual() -> None:
     steps = np.full(60, 1.0)
     steps[[10, 20, 30]] = 4.9, 5.1, 50.0
-    assert holes_in(steps).tolist() == [20, 30]
-    assert holes_in(np.full(60, 30.0)).tolist() == []  # a receiver at 1 Hz on a motorway
+    assert find_holes(steps).tolist() == [20, 30]
+    assert find_holes(np.full(60, 30.0)).tolist() == []  # a receiver at 1 Hz on a motorway
     speeding = np.concatenate((np.full(30, 2.0), np.full(30, 9.0)))
-    assert holes_in(speeding).tolist() == []
+    assert find_holes(speeding).tolist() == []
 
 
 @examples(20, 60)
@@ -63,7 +69,7 @@ def test_an_arc_is_bridged_by_an_arc(  # noqa: PLR0917 - what is drawn
     if not left:
         exact[1], centre[1] = -exact[1], -centre[1]
     points = without(noisy(exact, seed=seed), begin, count)
-    found = filled(points, 8.0)
+    found = fill_holes(points, 8.0)
     assert found.holes == (begin - 1,)
     assert np.array_equal(found.points[:, found.given], points)
     bridge = np.delete(found.points, found.given, axis=1)
@@ -73,31 +79,31 @@ def test_an_arc_is_bridged_by_an_arc(  # noqa: PLR0917 - what is drawn
     # No overshoot: every step goes on, and turns no more than the arc and noise.
     steps = np.diff(found.points[:, begin - 1 : begin + bridge.shape[1] + 1])
     course = np.unwrap(np.arctan2(steps[1], steps[0]))[1:-1]
-    assert np.all(np.abs(np.diff(course)) < 3.0 * lengths(bridge)[1:].max() / radius + 0.05)
+    assert np.all(np.abs(np.diff(course)) < 3.0 * step_lengths(bridge)[1:].max() / radius + 0.05)
 
 
 def test_sides_that_point_apart_are_not_joined() -> None:
     points = circle(10.0, 80.0, 0.5)
     with pytest.raises(UnbridgedError, match=r"a hole of .* point 1\d\d° away"):
-        filled(without(points, 20, 95), 8.0)
+        fill_holes(without(points, 20, 95), 8.0)
 
 
 def test_a_side_of_few_points_is_a_line() -> None:
     straight = np.stack((np.arange(0.0, 100.0), np.zeros(100)))
     for kept in (2, 3, 6):
         few = np.concatenate((straight[:, :kept], straight[:, 30:]), axis=1)
-        bridge = filled(few, 8.0)
+        bridge = fill_holes(few, 8.0)
         assert np.max(np.abs(bridge.points[1])) < 1e-9
 
 
 def test_a_single_point_is_passed_in_the_direction_of_those_around_it() -> None:
     points = circle(60.0, 120.0, 0.5)
     kept = [*range(60), 100, *range(140, 200)]
-    bridged = filled(points[:, kept], 8.0).points
+    bridged = fill_holes(points[:, kept], 8.0).points
     off = np.hypot(bridged[0], bridged[1] - 60.0) - 60.0
     assert np.max(np.abs(off)) < 0.15
     for few in (points[:, [0, *range(40, 100)]], points[:, [*range(60), 100]]):
-        bridged = filled(few, 8.0).points
+        bridged = fill_holes(few, 8.0).points
         assert np.max(np.abs(np.hypot(bridged[0], bridged[1] - 60.0) - 60.0)) < 0.6
 
 

@@ -12,8 +12,8 @@ from tests.made.examples import examples
 from tests.made.interpreted import interpreted_only
 from tests.made.scenarios.messages import at, truth
 from tests.made.transport import drive
-from vehicles.geometry.driven_path import MOST_WAITING, CrossTrack, CrossTrackError
-from vehicles.geometry.path import Path, Segment, path_from_segments
+from vehicles.geometry.driven_path import MAX_WAITING, CrossTrack, CrossTrackError
+from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.messages import TruePose
 
 HEADINGS = [0.0, math.pi / 2, math.pi, -math.pi / 2]
@@ -38,7 +38,7 @@ SELF_MEETING = {
 
 
 def driven(
-    path: Path,
+    path: SampledPath,
     stations: Iterable[float],
     aside: Callable[[float], float] = lambda _: 0.0,
     vehicle: str = "v1",
@@ -71,7 +71,7 @@ def cross_track(
     return added(error, (replace(pose, vehicle="v2") for pose in own))
 
 
-def feet(path: Path, stations: Sequence[float], aside: float) -> list[CrossTrack]:
+def feet(path: SampledPath, stations: Sequence[float], aside: float) -> list[CrossTrack]:
     lead = driven(path, every(STEP, 0.0, path.length))
     return cross_track(driven(path, stations, lambda _: aside), lead)
 
@@ -267,8 +267,8 @@ def test_no_more_poses_wait_than_a_minute_s() -> None:
     error = CrossTrackError("v1")
     added(error, driven(path, every(0.01, 0.0, 40.0), vehicle="v2"))
     found = added(error, driven(path, every(1.0, 0.0, 60.0)))
-    assert len(found) == MOST_WAITING
-    assert found[0].station == pytest.approx(40.0 - 0.01 * MOST_WAITING)
+    assert len(found) == MAX_WAITING
+    assert found[0].station == pytest.approx(40.0 - 0.01 * MAX_WAITING)
     assert found[-1].station == pytest.approx(39.99)
 
 

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.made.vehicles.recorded_points import Points, circle, noisy, smooth
-from vehicles.geometry.path import SAMPLING, Path
+from vehicles.geometry.sampled_path import SAMPLING, SampledPath
 from vehicles.geometry.smoothing import SmoothedPath, smooth_path
 
 
@@ -15,7 +15,7 @@ def interior(smoothed: SmoothedPath, margin: float) -> NDArray[np.bool_]:
     return inside
 
 
-def drift(path: Path) -> tuple[float, float]:
+def drift(path: SampledPath) -> tuple[float, float]:
     """How far yaw (rad) and position (m) part when curvature alone is integrated."""
     ways = np.diff(path.station)
     turned = np.cumsum(0.5 * (path.curvature[1:] + path.curvature[:-1]) * ways)
@@ -27,7 +27,7 @@ def drift(path: Path) -> tuple[float, float]:
     return float(np.max(np.abs(yaw - path.yaw))), float(np.max(apart))
 
 
-def distance(path: Path, x: float, y: float) -> float:
+def distance(path: SampledPath, x: float, y: float) -> float:
     """Distance (m) of a point from the nearest chord of the path."""
     dx, dy = np.diff(path.east), np.diff(path.north)
     rx, ry = x - path.east[:-1], y - path.north[:-1]

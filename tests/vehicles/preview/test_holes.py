@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.made.transport.received_poses import received
-from vehicles.geometry.path import Path, Segment, path_from_segments
+from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.samples import Window
 from vehicles.preview.trace import Trace
@@ -23,18 +23,20 @@ ROADS = {
 }
 
 
-def receive_all(path: Path, trace: Trace, numbers: range, *, after_hole: bool = False) -> None:
+def receive_all(
+    path: SampledPath, trace: Trace, numbers: range, *, after_hole: bool = False
+) -> None:
     for seq in numbers:
         receive(path, trace, seq, after_hole=after_hole and seq == numbers[0])
 
 
-def receive(path: Path, trace: Trace, seq: int, *, after_hole: bool = False) -> None:
+def receive(path: SampledPath, trace: Trace, seq: int, *, after_hole: bool = False) -> None:
     point = path.at(seq * PERIOD * SPEED / SECOND)
     place = point.east, point.north, point.yaw
     trace.add(received(seq * PERIOD, *place, SPEED), after_hole=after_hole)
 
 
-def farthest(path: Path, trace: Trace, station: float) -> float:
+def farthest(path: SampledPath, trace: Trace, station: float) -> float:
     """How far (m) any held place within 80 m of `station`, where the car is, is from the path."""
     point = path.at(station)
     window = trace.window(point.east, point.north, 80.0, 80.0)

@@ -7,6 +7,6 @@ bias          a constant error
 common_drift  drift that all receivers have in common
 fix_states    states of the fix over time
 outages       times and places without a fix
-settings      all settings of a receiver: the registry of its errors
+gnss_settings settings of a receiver: the registry of its errors
 gnss_errors   the errors over a run
 """

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from vehicles.car.dynamics import Body
-from vehicles.car.positioning.error_term import ErrorCourse, ErrorTerm, ReceiverStart
+from vehicles.car.positioning.error_term import ErrorProcess, ErrorTerm, ReceiverContext
 from vehicles.setting import Setting
 
 
@@ -20,8 +20,8 @@ class Bias(ErrorTerm):
     def variance(self) -> float:
         return self.deviation**2
 
-    def begin(self, start: ReceiverStart) -> ErrorCourse:
-        east, north = start.own("bias").standard_normal(2).tolist()
+    def begin(self, context: ReceiverContext) -> ErrorProcess:
+        east, north = context.own_streams("bias").standard_normal(2).tolist()
         return Constant(self.east + self.deviation * east, self.north + self.deviation * north)
 
     def describe(self) -> str:

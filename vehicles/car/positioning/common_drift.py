@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from vehicles.car.dynamics import Body
 from vehicles.car.positioning.drift import Drift, GaussMarkov
-from vehicles.car.positioning.error_term import ErrorCourse, ErrorTerm, ReceiverStart
+from vehicles.car.positioning.error_term import ErrorProcess, ErrorTerm, ReceiverContext
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,9 +20,10 @@ class CommonDrift(Drift, ErrorTerm):
     def variance(self) -> float:
         return self.deviation**2
 
-    def begin(self, start: ReceiverStart) -> ErrorCourse:
+    def begin(self, context: ReceiverContext) -> ErrorProcess:
         return Scaled(
-            self.deviation, GaussMarkov(self.time_constant, start.at, start.shared("drift"))
+            self.deviation,
+            GaussMarkov(self.time_constant, context.start_at, context.shared_streams("drift")),
         )
 
     def describe(self) -> str:

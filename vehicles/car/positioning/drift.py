@@ -19,7 +19,7 @@ GRID = 10 * MILLISECOND
 """Distance (ns) between two points of the path; receivers of cars measure at 20 Hz at most."""
 BLOCK = 512
 """Number of points that are computed at once."""
-SHORTEST = 0.1
+MIN_TIME_CONSTANT = 0.1
 """Least time constant (s): below it the grid is too coarse."""
 
 
@@ -28,7 +28,9 @@ class Drift:
     """First-order Gauss–Markov drift: steady deviation per axis (m), and time constant (s)."""
 
     deviation: Annotated[float, Setting("steady, per axis", "m", 0, 1000, example=0.016)]
-    time_constant: Annotated[float, Setting("of its decay", "s", SHORTEST, 100_000)] = 100.0
+    time_constant: Annotated[float, Setting("of its decay", "s", MIN_TIME_CONSTANT, 100_000)] = (
+        100.0
+    )
 
 
 class GaussMarkov:
@@ -39,9 +41,9 @@ class GaussMarkov:
     """
 
     def __init__(self, time_constant: float, start_at: int, random: Generator) -> None:
-        """`time_constant` in s, at least `SHORTEST` (else ValueError); `start_at` in ns."""
-        if not SHORTEST <= time_constant < math.inf:
-            raise ValueError(f"the time constant must be at least {SHORTEST} s")
+        """`time_constant` in s, `start_at` in ns; ValueError below `MIN_TIME_CONSTANT`."""
+        if not MIN_TIME_CONSTANT <= time_constant < math.inf:
+            raise ValueError(f"the time constant must be at least {MIN_TIME_CONSTANT} s")
         rate = GRID / SECOND / time_constant
         steps = range(1, BLOCK + 1)
         # Not by NumPy, whose last bit depends on the processor.
@@ -72,7 +74,7 @@ class GaussMarkov:
         self._east, self._north = path.tolist()
 
 
-def begun(
+def restarted(
     value: tuple[float, float], first: tuple[float, float], jump: tuple[float, float], kept: float
 ) -> tuple[float, float]:
     """Value of a Gauss–Markov process that began at `jump` instead of at `first`.
@@ -86,7 +88,9 @@ def begun(
     )
 
 
-def truncated(deviation: float, most: float, draws: tuple[float, float]) -> tuple[float, float]:
+def draw_truncated(
+    deviation: float, most: float, draws: tuple[float, float]
+) -> tuple[float, float]:
     """Draw a place from the stationary law of a Gauss–Markov process, within a circle about 0.
 
     `deviation` (m) is that of each axis, `most` (m) the radius; `draws` are uniform in [0, 1). The

@@ -14,19 +14,20 @@ Streams = Callable[[str], Generator]
 
 
 @dataclass(frozen=True, slots=True)
-class ReceiverStart:
-    """Start of a receiver: instant (ns), distance behind the lead (m), and random numbers.
+class ReceiverContext:
+    """What the errors of one receiver need at the start of a run.
 
-    `own` are the streams of this receiver, `shared` those that all receivers have in common.
+    Start (ns), initial distance behind the lead (m), and random streams: those of this receiver,
+    and those that all receivers share.
     """
 
-    at: int
-    behind: float
-    own: Streams
-    shared: Streams
+    start_at: int
+    distance_behind_lead: float
+    own_streams: Streams
+    shared_streams: Streams
 
 
-class ErrorCourse(Protocol):
+class ErrorProcess(Protocol):
     """An error over one run, in order of time."""
 
     def at(self, body: Body, now: int) -> tuple[float, float]:
@@ -51,7 +52,7 @@ class ErrorTerm(ABC):
         """Variance (m²) per axis, as far as it is random."""
 
     @abstractmethod
-    def begin(self, start: ReceiverStart) -> ErrorCourse:
+    def begin(self, context: ReceiverContext) -> ErrorProcess:
         """Draw what is random about a run."""
 
     @abstractmethod

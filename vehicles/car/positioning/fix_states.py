@@ -11,18 +11,18 @@ from typing import Annotated, Final, Literal, Protocol
 
 from numpy.random import Generator
 
-from vehicles.car.positioning.error_term import ReceiverStart
+from vehicles.car.positioning.error_term import ReceiverContext
 from vehicles.schedule import nanoseconds
 from vehicles.setting import Problem, Setting, must_exceed
 
 ReceiverState = Literal["fixed", "float", "single", "none"]
 """With "none" a receiver gives no fix."""
-EVER: Final = 2**63 - 1
+NO_END: Final = 2**63 - 1
 """An instant (ns) after every run: runs may begin up to the year 2200."""
 
 
 @dataclass(frozen=True, slots=True)
-class Sojourn:
+class StateInterval:
     """A stay in one state, from an instant (ns) until before another one."""
 
     state: ReceiverState
@@ -33,7 +33,7 @@ class Sojourn:
 class FixStates(Protocol):
     """The fix states of a receiver over time."""
 
-    def at(self, now: int) -> Sojourn:
+    def at(self, now: int) -> StateInterval:
         """Stay at `now` (ns), in order of time."""
         ...
 
@@ -46,14 +46,14 @@ class StateSchedule:
     ) -> None:
         begins = [start_at, *(start_at + nanoseconds(at) for at, _ in entries)]
         states = [first, *(state for _, state in entries)]
-        ends = [*begins[1:], EVER]
+        ends = [*begins[1:], NO_END]
         # Without stays of no length, as before an entry at the start.
         self._stays = [
-            Sojourn(*one) for one in zip(states, begins, ends, strict=True) if one[1] < one[2]
+            StateInterval(*one) for one in zip(states, begins, ends, strict=True) if one[1] < one[2]
         ]
         self._place = 0
 
-    def at(self, now: int) -> Sojourn:
+    def at(self, now: int) -> StateInterval:
         while now >= self._stays[self._place].until:
             self._place += 1
         return self._stays[self._place]
@@ -78,20 +78,20 @@ class StateChain:
         self._random = random
         self._stay, self._next = self._entered(first, start_at)
 
-    def at(self, now: int) -> Sojourn:
+    def at(self, now: int) -> StateInterval:
         while now >= self._stay.until:
             self._stay, self._next = self._entered(self._next, self._stay.until)
         return self._stay
 
-    def _entered(self, state: ReceiverState, at: int) -> tuple[Sojourn, ReceiverState]:
+    def _entered(self, state: ReceiverState, at: int) -> tuple[StateInterval, ReceiverState]:
         waits = [
             (nanoseconds(mean * self._random.standard_exponential()), following)
             for following, mean in self._means.get(state, {}).items()
         ]
         if not waits:
-            return Sojourn(state, at, EVER), state
+            return StateInterval(state, at, NO_END), state
         wait, following = min(waits, key=lambda one: one[0])
-        return Sojourn(state, at, at + max(wait, 1)), following
+        return StateInterval(state, at, at + max(wait, 1)), following
 
 
 class ForcedStates:
@@ -99,16 +99,16 @@ class ForcedStates:
 
     def __init__(self, law: FixStates) -> None:
         self._law = law
-        self._forced: Sojourn | None = None
+        self._forced: StateInterval | None = None
 
-    def force(self, state: ReceiverState | None, since: int, until: int = EVER) -> None:
+    def force(self, state: ReceiverState | None, since: int, until: int = NO_END) -> None:
         """Force a state from `since` until before `until` (ns); None ends it."""
-        self._forced = None if state is None else Sojourn(state, since, until)
+        self._forced = None if state is None else StateInterval(state, since, until)
 
     def is_forced(self, now: int) -> bool:
         return self._forced is not None and self._forced.since <= now < self._forced.until
 
-    def at(self, now: int) -> Sojourn:
+    def at(self, now: int) -> StateInterval:
         own = self._law.at(now)
         return self._forced if self._forced is not None and self.is_forced(now) else own
 
@@ -119,7 +119,7 @@ class FixStateLaw(ABC):
     __slots__ = ()
 
     @abstractmethod
-    def begin(self, first: ReceiverState, start: ReceiverStart) -> FixStates:
+    def begin(self, first: ReceiverState, context: ReceiverContext) -> FixStates:
         """States of a run that starts in the state `first`."""
 
     @abstractmethod
@@ -143,10 +143,10 @@ class StateEntry:
 class ScheduledStates(FixStateLaw):
     """Fix states by a list; before its first entry that of the receiver."""
 
-    entries: Annotated[tuple[StateEntry, ...], Setting("in order of time", filled=True)]
+    entries: Annotated[tuple[StateEntry, ...], Setting("in order of time", nonempty=True)]
 
-    def begin(self, first: ReceiverState, start: ReceiverStart) -> FixStates:
-        return StateSchedule(first, [(one.at, one.state) for one in self.entries], start.at)
+    def begin(self, first: ReceiverState, context: ReceiverContext) -> FixStates:
+        return StateSchedule(first, [(one.at, one.state) for one in self.entries], context.start_at)
 
     def states(self) -> set[ReceiverState]:
         return {one.state for one in self.entries}
@@ -174,13 +174,13 @@ class Transition:
 class ChainOfStates(FixStateLaw):
     """Fix states by a Markov chain, drawn for each vehicle; it begins in that of the receiver."""
 
-    transitions: Annotated[tuple[Transition, ...], Setting("all that can occur", filled=True)]
+    transitions: Annotated[tuple[Transition, ...], Setting("all that can occur", nonempty=True)]
 
-    def begin(self, first: ReceiverState, start: ReceiverStart) -> FixStates:
+    def begin(self, first: ReceiverState, context: ReceiverContext) -> FixStates:
         means: dict[ReceiverState, dict[ReceiverState, float]] = {}
         for one in self.transitions:
             means.setdefault(one.state, {})[one.to] = one.mean
-        return StateChain(first, means, start.at, start.own("states"))
+        return StateChain(first, means, context.start_at, context.own_streams("states"))
 
     def states(self) -> set[ReceiverState]:
         return {one.to for one in self.transitions}
@@ -196,7 +196,7 @@ class ChainOfStates(FixStateLaw):
             seen.add((one.state, one.to))
 
 
-FIX_STATES: Mapping[str, type[FixStateLaw]] = {
+FIX_STATE_LAWS: Mapping[str, type[FixStateLaw]] = {
     "schedule": ScheduledStates,
     "chain": ChainOfStates,
 }

@@ -12,10 +12,15 @@ from typing import NamedTuple
 from numpy.random import Generator
 
 from vehicles.car.dynamics import Body
-from vehicles.car.positioning.drift import GaussMarkov, begun, truncated
-from vehicles.car.positioning.error_term import ErrorCourse, ReceiverStart
-from vehicles.car.positioning.fix_states import FixStates, Sojourn, StateSchedule
-from vehicles.car.positioning.settings import NO_DRIFT, WITH_A_FIX, GnssSettings, StateErrors
+from vehicles.car.positioning.drift import GaussMarkov, draw_truncated, restarted
+from vehicles.car.positioning.error_term import ErrorProcess, ReceiverContext
+from vehicles.car.positioning.fix_states import FixStates, StateInterval, StateSchedule
+from vehicles.car.positioning.gnss_settings import (
+    NO_DRIFT,
+    STATES_WITH_FIX,
+    GnssSettings,
+    StateErrors,
+)
 from vehicles.messages import FixState
 from vehicles.schedule import SECOND
 
@@ -42,23 +47,27 @@ class _Entered:
 class ReceiverErrors:
     """The errors of one receiver in one run, in order of time."""
 
-    def __init__(self, settings: GnssSettings, start: ReceiverStart) -> None:
+    def __init__(self, settings: GnssSettings, context: ReceiverContext) -> None:
         self.settings = settings
         law = settings.fix_states
         self.states: FixStates = (
-            law.begin(settings.fix, start) if law else StateSchedule(settings.fix, (), start.at)
+            law.begin(settings.fix, context)
+            if law
+            else StateSchedule(settings.fix, (), context.start_at)
         )
-        self._start = start
-        self._added: list[ErrorCourse] = [error.begin(start) for error in settings.added]
-        self._errors = {state: settings.errors_in(state) for state in WITH_A_FIX}
-        self._deviations = {state: settings.deviation(state) for state in WITH_A_FIX}
+        self._context = context
+        self._added: list[ErrorProcess] = [error.begin(context) for error in settings.error_terms]
+        self._errors = {state: settings.errors_in(state) for state in STATES_WITH_FIX}
+        self._deviations = {state: settings.deviation(state) for state in STATES_WITH_FIX}
         self._drifts = {
-            state: GaussMarkov(errors.drift.time_constant, start.at, start.own(f"drift {state}"))
+            state: GaussMarkov(
+                errors.drift.time_constant, context.start_at, context.own_streams(f"drift {state}")
+            )
             for state, errors in self._errors.items()
             if errors.drift and errors.drift.deviation > 0.0
         }
-        self._jumps: Generator = start.own("jump")
-        self._stay: Sojourn | None = None
+        self._jumps: Generator = context.own_streams("jump")
+        self._stay: StateInterval | None = None
         self._entered: _Entered | None = None
         self._begun = False
 
@@ -66,7 +75,7 @@ class ReceiverErrors:
         """Error of a fix at `now` (ns): the state's drift and added errors; None without a fix."""
         stay = self.states.at(now)
         outages = self.settings.outages
-        if stay.state == "none" or any(one.covers(body, now, self._start) for one in outages):
+        if stay.state == "none" or any(one.covers(body, now, self._context) for one in outages):
             self._stay, self._begun = None, True
             return None
         state, errors = stay.state, self._errors[stay.state]
@@ -83,7 +92,7 @@ class ReceiverErrors:
         return quantum * round(coordinate / quantum) if quantum else coordinate
 
     def _drift(
-        self, state: FixState, errors: StateErrors, stay: Sojourn, now: int
+        self, state: FixState, errors: StateErrors, stay: StateInterval, now: int
     ) -> tuple[float, float]:
         """Own drift (m) in this state; it restarts if the state was entered since."""
         drift, path = errors.drift or NO_DRIFT, self._drifts.get(state)
@@ -95,10 +104,10 @@ class ReceiverErrors:
             self._entered = None
             if self._begun and errors.entry_jump is not None:
                 first, second = self._jumps.random(2).tolist()
-                jump = truncated(deviation, errors.entry_jump, (first, second))
+                jump = draw_truncated(deviation, errors.entry_jump, (first, second))
                 self._entered = _Entered(now, value, jump)
             self._stay, self._begun = stay, True
         if self._entered is None:
             return value
         kept = exp(-(now - self._entered.at) / SECOND / drift.time_constant)
-        return begun(value, self._entered.first, self._entered.jump, kept)
+        return restarted(value, self._entered.first, self._entered.jump, kept)

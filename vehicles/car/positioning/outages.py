@@ -7,11 +7,11 @@ from math import hypot
 from typing import Annotated
 
 from vehicles.car.dynamics import Body
-from vehicles.car.positioning.error_term import ReceiverStart
+from vehicles.car.positioning.error_term import ReceiverContext
 from vehicles.schedule import SECOND
 from vehicles.setting import Problem, Setting, must_exceed
 
-ANYWHERE = 1_000_000
+MAX_COORDINATE = 1_000_000
 """Largest coordinate and distance driven (m) in scenario files."""
 
 
@@ -21,7 +21,7 @@ class FixOutage(ABC):
     __slots__ = ()
 
     @abstractmethod
-    def covers(self, body: Body, now: int, start: ReceiverStart) -> bool:
+    def covers(self, body: Body, now: int, context: ReceiverContext) -> bool:
         """Whether a receiver that started at `start` gives no fix at `now` (ns) in `body`."""
 
     def problems(self) -> Iterator[Problem]:
@@ -36,8 +36,8 @@ class TimeOutage(FixOutage):
     begin: Annotated[int, Setting("after the start", "s", 0, 86_400, name="from", example=20.0)]
     end: Annotated[int, Setting("", "s", 0, 86_400, name="to", example=25.0)]
 
-    def covers(self, body: Body, now: int, start: ReceiverStart) -> bool:  # noqa: ARG002
-        return self.begin <= now - start.at < self.end
+    def covers(self, body: Body, now: int, context: ReceiverContext) -> bool:  # noqa: ARG002
+        return self.begin <= now - context.start_at < self.end
 
     def problems(self) -> Iterator[Problem]:
         yield from must_exceed("to_s", self.end / SECOND, self.begin / SECOND)
@@ -50,31 +50,35 @@ class RoadOutage(FixOutage):
     Laps count on.
     """
 
-    begin: Annotated[float, Setting("", "m", -ANYWHERE, ANYWHERE, name="from", example=300.0)]
-    end: Annotated[float, Setting("", "m", -ANYWHERE, ANYWHERE, name="to", example=400.0)]
+    begin: Annotated[
+        float, Setting("", "m", -MAX_COORDINATE, MAX_COORDINATE, name="from", example=300.0)
+    ]
+    end: Annotated[
+        float, Setting("", "m", -MAX_COORDINATE, MAX_COORDINATE, name="to", example=400.0)
+    ]
 
-    def covers(self, body: Body, now: int, start: ReceiverStart) -> bool:  # noqa: ARG002
-        return self.begin <= body.distance - start.behind < self.end
+    def covers(self, body: Body, now: int, context: ReceiverContext) -> bool:  # noqa: ARG002
+        return self.begin <= body.distance - context.distance_behind_lead < self.end
 
     def problems(self) -> Iterator[Problem]:
         yield from must_exceed("to_m", self.end, self.begin)
 
 
 @dataclass(frozen=True, slots=True)
-class BlindCircle(FixOutage):
+class CircleOutage(FixOutage):
     """No fix within a circle of the plane (m)."""
 
-    east: Annotated[float, Setting("", "m", -ANYWHERE, ANYWHERE, example=500.0)]
-    north: Annotated[float, Setting("", "m", -ANYWHERE, ANYWHERE, example=0.0)]
-    radius: Annotated[float, Setting("", "m", above=0, most=ANYWHERE, example=40.0)]
+    east: Annotated[float, Setting("", "m", -MAX_COORDINATE, MAX_COORDINATE, example=500.0)]
+    north: Annotated[float, Setting("", "m", -MAX_COORDINATE, MAX_COORDINATE, example=0.0)]
+    radius: Annotated[float, Setting("", "m", above=0, maximum=MAX_COORDINATE, example=40.0)]
 
-    def covers(self, body: Body, now: int, start: ReceiverStart) -> bool:  # noqa: ARG002
+    def covers(self, body: Body, now: int, context: ReceiverContext) -> bool:  # noqa: ARG002
         return hypot(body.east - self.east, body.north - self.north) <= self.radius
 
 
 OUTAGES: Mapping[str, type[FixOutage]] = {
     "time": TimeOutage,
     "road": RoadOutage,
-    "circle": BlindCircle,
+    "circle": CircleOutage,
 }
 """Outages by the `kind` of their entry."""

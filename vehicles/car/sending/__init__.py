@@ -9,6 +9,6 @@ fixed_rate  at a rate
 profile     at a rate that changes
 awareness   as cooperative awareness messages
 intervals   at drawn intervals
-registry    all rules by their kind
+sending_rules  all rules by their kind
 sender      a vehicle's sender
 """

@@ -5,15 +5,15 @@ from math import degrees, hypot
 from typing import Annotated
 
 from vehicles.car.gnss import Fix
-from vehicles.car.sending.rule import PhasedRule, SendingCourse, SendingStart
-from vehicles.car.sending.sender import LONG_AGO, ROUNDING
+from vehicles.car.sending.rule import PhasedRule, SendingContext, SendingTrigger
+from vehicles.car.sending.sender import BEFORE_EVERY_RUN, ROUNDING
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.schedule import MILLISECOND, SECOND, Cadence
 from vehicles.setting import Setting
 
 HEADING, POSITION, SPEED = 4.0, 4.0, 0.5
 """Changes (degrees, m, m/s) since the last message beyond which another is due (EN 302 637-2)."""
-SHORTEST, LONGEST = 100 * MILLISECOND, 1000 * MILLISECOND
+MIN_INTERVAL, MAX_INTERVAL = 100 * MILLISECOND, 1000 * MILLISECOND
 """Least and greatest interval (ns) of cooperative awareness messages (EN 302 637-2)."""
 REPEATS = 3
 """Number of messages that keep the interval of the last change (EN 302 637-2)."""
@@ -31,21 +31,21 @@ class AwarenessMessages(PhasedRule):
     def schedule_rate(self) -> float:
         return SECOND / self.check_period
 
-    def begin(self, start: SendingStart) -> SendingCourse:
-        return CooperativeAwareness(self.cadence(start))
+    def begin(self, context: SendingContext) -> SendingTrigger:
+        return CamTrigger(self.cadence(context))
 
-    def highest_rate(self, fixes: float) -> float:
-        return min(SECOND / SHORTEST, fixes)
+    def max_rate(self, fixes: float) -> float:
+        return min(SECOND / MIN_INTERVAL, fixes)
 
-    def usual_rate(self, fixes: float, speed: float) -> float:  # noqa: ARG002
-        return 1.0 / awareness_interval(speed, self.check_period / SECOND)
+    def nominal_rate(self, fixes: float, speed: float) -> float:  # noqa: ARG002
+        return 1.0 / cam_interval(speed, self.check_period / SECOND)
 
     def describe(self) -> str:
         period = f"{self.check_period / MILLISECOND:g} ms"
         return f"CAM, checked every {period}, {self.describe_phase()}"
 
 
-class CooperativeAwareness:
+class CamTrigger:
     """The rule of EN 302 637-2, Section 6.1.3, on the newest fix at each instant of checking.
 
     A message is due if heading, position or speed have changed enough since the last one, and at
@@ -57,25 +57,25 @@ class CooperativeAwareness:
         """`checks` are at most 100 ms apart."""
         self._checks = checks
         self._last: Fix | None = None
-        self._sent_at = LONG_AGO
-        self._interval = LONGEST
+        self._sent_at = BEFORE_EVERY_RUN
+        self._interval = MAX_INTERVAL
         self._by_time = 0
         self._changed = False
 
-    def due(self, now: int, waiting: Fix | None, opens: int) -> bool:
-        if waiting is None or now < opens or not self._checks.due(now):
+    def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:
+        if unsent is None or now < allowed_from or not self._checks.due(now):
             return False
         elapsed = now - self._sent_at + ROUNDING
-        self._changed = self._last is not None and _has_changed(self._last, waiting)
-        return elapsed >= (SHORTEST if self._changed else self._interval)
+        self._changed = self._last is not None and _has_changed(self._last, unsent)
+        return elapsed >= (MIN_INTERVAL if self._changed else self._interval)
 
     def sent(self, now: int, fix: Fix) -> None:
         if self._changed:
-            self._interval, self._by_time = min(now - self._sent_at, LONGEST), 0
+            self._interval, self._by_time = min(now - self._sent_at, MAX_INTERVAL), 0
         elif self._last is not None:
             self._by_time += 1
             if self._by_time >= REPEATS:
-                self._interval = LONGEST
+                self._interval = MAX_INTERVAL
         self._last, self._sent_at = fix, now
 
 
@@ -87,16 +87,16 @@ def _has_changed(last: Fix, now: Fix) -> bool:
     )
 
 
-def awareness_interval(speed: float, check: float) -> float:
+def cam_interval(speed: float, check: float) -> float:
     """Interval (s) of messages by EN 302 637-2 at a constant speed (m/s), straight on.
 
     The first check, every `check` s, after more than 4 m; from 0.1 to 1 s.
     """
-    if speed * LONGEST / SECOND <= POSITION:
-        return LONGEST / SECOND
+    if speed * MAX_INTERVAL / SECOND <= POSITION:
+        return MAX_INTERVAL / SECOND
     checks = least = 1
     while checks * check * speed <= POSITION + 1e-9:
         checks += 1
-    while least * check < SHORTEST / SECOND - 1e-9:
+    while least * check < MIN_INTERVAL / SECOND - 1e-9:
         least += 1
-    return min(max(checks, least) * check, LONGEST / SECOND)
+    return min(max(checks, least) * check, MAX_INTERVAL / SECOND)

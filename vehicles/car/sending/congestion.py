@@ -8,14 +8,14 @@ from typing import Annotated
 from vehicles.schedule import MILLISECOND, nanoseconds
 from vehicles.setting import Setting
 
-BUSY = (0.0, 0.30, 0.40, 0.50, 0.60)
+BUSY_RATIOS = (0.0, 0.30, 0.40, 0.50, 0.60)
 """Channel busy ratios from which on the states of congestion control hold (TS 102 687)."""
-QUIET = tuple(span * MILLISECOND for span in (100, 200, 400, 500, 1000))
+MIN_INTERVALS = tuple(span * MILLISECOND for span in (100, 200, 400, 500, 1000))
 """Least time (ns) between two messages in each of them (TS 102 687)."""
 
 
 @dataclass(frozen=True, slots=True)
-class BusyEntry:
+class BusyRatioEntry:
     """The channel busy ratio from a time (s) after the start on."""
 
     at: Annotated[float, Setting("after the start", "s", 0, example=10.0)]
@@ -31,14 +31,14 @@ class CongestionControl:
     """  # noqa: D205 - one sentence
 
     busy: Annotated[
-        tuple[BusyEntry, ...], Setting("busy ratios in order of time; 0 before", filled=True)
+        tuple[BusyRatioEntry, ...], Setting("busy ratios in order of time; 0 before", nonempty=True)
     ]
     period: Annotated[
         int, Setting("between two evaluations, by one state each", "ms", 10, 10_000)
     ] = 100 * MILLISECOND
 
     @property
-    def busiest(self) -> float:
+    def max_busy_ratio(self) -> float:
         """Highest busy ratio."""
         return max(one.busy for one in self.busy)
 
@@ -65,16 +65,16 @@ class ReactiveControl:
         self._next = start_at
         self._state = 0
 
-    def quiet(self, now: int) -> int:
+    def min_interval(self, now: int) -> int:
         """Least time (ns) between two messages at `now` (ns): T_off of Table A.1, TS 102 687."""
         while self._next <= now:
             ratio = self._ratios[bisect_right(self._since, self._next)]
-            wanted = bisect_right(BUSY, ratio) - 1
+            wanted = bisect_right(BUSY_RATIOS, ratio) - 1
             self._state += (wanted > self._state) - (wanted < self._state)
             self._next += self._period
-        return QUIET[self._state]
+        return MIN_INTERVALS[self._state]
 
 
-def quiet_at(busy_ratio: float) -> int:
+def min_interval_at(busy_ratio: float) -> int:
     """Least time (ns) between two messages in the state of that busy ratio (TS 102 687)."""
-    return QUIET[bisect_right(BUSY, busy_ratio) - 1]
+    return MIN_INTERVALS[bisect_right(BUSY_RATIOS, busy_ratio) - 1]

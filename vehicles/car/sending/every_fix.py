@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from vehicles.car.gnss import Fix
-from vehicles.car.sending.rule import SendingCourse, SendingRule, SendingStart
+from vehicles.car.sending.rule import SendingContext, SendingRule, SendingTrigger
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -14,22 +14,22 @@ class EveryFix(SendingRule):
     """
 
     @property
-    def is_even(self) -> bool:
+    def is_periodic(self) -> bool:
         return self.dcc is None
 
-    def begin(self, start: SendingStart) -> SendingCourse:  # noqa: ARG002
+    def begin(self, context: SendingContext) -> SendingTrigger:  # noqa: ARG002
         return self
 
-    def due(self, now: int, waiting: Fix | None, opens: int) -> bool:
-        return waiting is not None and now >= opens
+    def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:
+        return unsent is not None and now >= allowed_from
 
     def sent(self, now: int, fix: Fix) -> None:
         pass
 
-    def highest_rate(self, fixes: float) -> float:
+    def max_rate(self, fixes: float) -> float:
         return fixes
 
-    def usual_rate(self, fixes: float, speed: float) -> float:  # noqa: ARG002
+    def nominal_rate(self, fixes: float, speed: float) -> float:  # noqa: ARG002
         return fixes
 
     def describe(self) -> str:

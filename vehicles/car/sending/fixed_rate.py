@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from vehicles.car.gnss import Fix
-from vehicles.car.sending.rule import PhasedRule, SendingCourse, SendingStart
+from vehicles.car.sending.rule import PhasedRule, SendingContext, SendingTrigger
 from vehicles.schedule import Cadence
 from vehicles.setting import Setting
 
@@ -16,20 +16,20 @@ class FixedRate(PhasedRule):
     rate: Annotated[float, Setting("rate of sending", "hz", 0.01, 100, example=10.0)]
 
     @property
-    def is_even(self) -> bool:
+    def is_periodic(self) -> bool:
         return self.dcc is None
 
     @property
     def schedule_rate(self) -> float:
         return self.rate
 
-    def begin(self, start: SendingStart) -> SendingCourse:
-        return AtInstants(self.cadence(start))
+    def begin(self, context: SendingContext) -> SendingTrigger:
+        return PeriodicTrigger(self.cadence(context))
 
-    def highest_rate(self, fixes: float) -> float:
+    def max_rate(self, fixes: float) -> float:
         return min(self.rate, fixes)
 
-    def usual_rate(self, fixes: float, speed: float) -> float:  # noqa: ARG002
+    def nominal_rate(self, fixes: float, speed: float) -> float:  # noqa: ARG002
         return self.rate
 
     def describe(self) -> str:
@@ -37,13 +37,13 @@ class FixedRate(PhasedRule):
 
 
 @dataclass(frozen=True, slots=True)
-class AtInstants:
+class PeriodicTrigger:
     """At the instants of a schedule; one that is too soon for congestion control is skipped."""
 
     cadence: Cadence
 
-    def due(self, now: int, waiting: Fix | None, opens: int) -> bool:  # noqa: ARG002
-        return now >= opens and self.cadence.due(now)
+    def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:  # noqa: ARG002
+        return now >= allowed_from and self.cadence.due(now)
 
     def sent(self, now: int, fix: Fix) -> None:
         pass

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from numpy.random import Generator
 
 from vehicles.car.gnss import Fix
-from vehicles.car.sending.rule import SendingCourse, SendingRule, SendingStart
+from vehicles.car.sending.rule import SendingContext, SendingRule, SendingTrigger
 from vehicles.schedule import MILLISECOND, SECOND
 from vehicles.setting import Problem, Setting
 
@@ -22,7 +22,7 @@ CAM_SHARES = {
 (R. Molina-Masegosa, M. Sepulcre, J. Gozalvez, F. Berens, V. Martinez, "Empirical models for the
 realistic generation of cooperative awareness messages in vehicular networks", IEEE TVT 69(5), 2020,
 arXiv 2004.06919). Rounded there, so they add up to 1 but for a thousandth."""
-FARTHEST = 3.0
+JITTER_CUTOFF = 3.0
 """Standard deviations at which the normal jitter of intervals is cut off."""
 
 
@@ -45,19 +45,21 @@ class MeasuredIntervals(SendingRule):
     ] = 3 * MILLISECOND
 
     @property
-    def distribution(self) -> "Shares":
+    def distribution(self) -> "IntervalDistribution":
         """Intervals, how often each comes, and the jitter about them."""
         if self.table is not None:
-            return Shares(CAM_INTERVALS, CAM_SHARES[self.table], self.jitter)
-        return Shares(self.intervals, self.shares, self.jitter)
+            return IntervalDistribution(CAM_INTERVALS, CAM_SHARES[self.table], self.jitter)
+        return IntervalDistribution(self.intervals, self.shares, self.jitter)
 
-    def begin(self, start: SendingStart) -> SendingCourse:
-        return DrawnIntervals(self.distribution, start.at, start.streams("intervals"))
+    def begin(self, context: SendingContext) -> SendingTrigger:
+        return DrawnIntervalTrigger(
+            self.distribution, context.start_at, context.streams("intervals")
+        )
 
-    def highest_rate(self, fixes: float) -> float:
+    def max_rate(self, fixes: float) -> float:
         return min(SECOND / self.distribution.shortest, fixes)
 
-    def usual_rate(self, fixes: float, speed: float) -> float:  # noqa: ARG002
+    def nominal_rate(self, fixes: float, speed: float) -> float:  # noqa: ARG002
         """Rate of the mean interval."""
         drawn = self.distribution
         whole = sum([i * s for i, s in zip(drawn.intervals, drawn.shares, strict=True)])
@@ -88,7 +90,7 @@ class MeasuredIntervals(SendingRule):
 
 
 @dataclass(slots=True)
-class Shares:
+class IntervalDistribution:
     """Intervals (ns) and how often each of them comes, in any unit; jitter (ns) about them.
 
     Molina-Masegosa et al. (2020) measured such a distribution; shares are taken of their sum.
@@ -106,16 +108,16 @@ class Shares:
     @property
     def shortest(self) -> float:
         """Least span (ns) between two instants drawn: the jitter is cut off."""
-        return min(self.intervals) - FARTHEST * self.jitter
+        return min(self.intervals) - JITTER_CUTOFF * self.jitter
 
     def draw(self, random: Generator) -> int:
         """Draw an interval (ns) by inversion of its distribution (Molina-Masegosa et al., 2020)."""
         place = bisect_right(self._sums, random.random() * self._sums[-1])
-        off = min(max(float(random.standard_normal()), -FARTHEST), FARTHEST)
+        off = min(max(float(random.standard_normal()), -JITTER_CUTOFF), JITTER_CUTOFF)
         return round(self.intervals[place] + off * self.jitter)
 
 
-class DrawnIntervals:
+class DrawnIntervalTrigger:
     """Intervals drawn one by one; what is due goes at the next tick of the vehicle's schedule.
 
     The instants themselves are not rounded, so the mean interval stays the distribution's
@@ -123,14 +125,14 @@ class DrawnIntervals:
     control asks for more, the interval ends when it lets something through.
     """
 
-    def __init__(self, shares: Shares, start_at: int, random: Generator) -> None:
+    def __init__(self, shares: IntervalDistribution, start_at: int, random: Generator) -> None:
         """`random` is for these intervals alone."""
         self._shares, self._random = shares, random
         self._next = start_at + round(random.random() * shares.draw(random))
 
-    def due(self, now: int, waiting: Fix | None, opens: int) -> bool:  # noqa: ARG002
+    def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:  # noqa: ARG002
         """Whether an interval is over (Molina-Masegosa et al., 2020); then the next begins."""
-        at = max(self._next, opens)
+        at = max(self._next, allowed_from)
         if now < at:
             return False
         while at <= now:

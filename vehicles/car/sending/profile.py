@@ -7,7 +7,7 @@ from itertools import takewhile
 from typing import Annotated
 
 from vehicles.car.gnss import Fix
-from vehicles.car.sending.rule import SendingCourse, SendingRule, SendingStart, ordered
+from vehicles.car.sending.rule import SendingContext, SendingRule, SendingTrigger, must_increase
 from vehicles.schedule import SECOND, nanoseconds
 from vehicles.setting import Problem, Setting
 
@@ -24,29 +24,29 @@ class RateEntry:
 class RateProfile(SendingRule):
     """At a rate that changes; before the first entry nothing is sent."""
 
-    profile: Annotated[tuple[RateEntry, ...], Setting("in order of time", filled=True)]
+    profile: Annotated[tuple[RateEntry, ...], Setting("in order of time", nonempty=True)]
 
     @property
     def _pairs(self) -> list[tuple[float, float]]:
         return [(one.at, one.rate) for one in self.profile]
 
-    def begin(self, start: SendingStart) -> SendingCourse:
-        return Profile(self._pairs, start.at)
+    def begin(self, context: SendingContext) -> SendingTrigger:
+        return ProfileTrigger(self._pairs, context.start_at)
 
-    def instants(self, start: SendingStart, end_at: int) -> Iterator[int] | None:
-        each = (start.at + at for at in profile_instants(self._pairs))
+    def instants(self, context: SendingContext, end_at: int) -> Iterator[int] | None:
+        each = (context.start_at + at for at in profile_instants(self._pairs))
         return takewhile(lambda at: at < end_at, each)
 
-    def highest_rate(self, fixes: float) -> float:
+    def max_rate(self, fixes: float) -> float:
         return min(max(one.rate for one in self.profile), fixes)
 
-    def usual_rate(self, fixes: float, speed: float) -> float:  # noqa: ARG002
+    def nominal_rate(self, fixes: float, speed: float) -> float:  # noqa: ARG002
         """Lowest rate that is not 0."""
         return min((one.rate for one in self.profile if one.rate > 0.0), default=0.0)
 
     def problems(self) -> Iterator[Problem]:
         yield from SendingRule.problems(self)
-        yield from ordered("profile", [one.at for one in self.profile])
+        yield from must_increase("profile", [one.at for one in self.profile])
 
     def describe(self) -> str:
         return ", ".join(f"{one.rate:g} Hz from {one.at:g} s" for one in self.profile)
@@ -74,7 +74,7 @@ def profile_instants(profile: Sequence[tuple[float, float]]) -> Iterator[int]:
             wanted += 1
 
 
-class Profile:
+class ProfileTrigger:
     """At a rate that changes over time; an instant too soon is passed over."""
 
     def __init__(self, profile: Sequence[tuple[float, float]], start_at: int) -> None:
@@ -87,13 +87,13 @@ class Profile:
         instant = next(self._instants, None)
         return None if instant is None else self._start_at + instant
 
-    def due(self, now: int, waiting: Fix | None, opens: int) -> bool:  # noqa: ARG002
+    def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:  # noqa: ARG002
         """Whether it is one of the instants."""
         found = False
         while self._next is not None and self._next <= now:
             found = self._next == now
             self._next = self._following()
-        return found and now >= opens
+        return found and now >= allowed_from
 
     def sent(self, now: int, fix: Fix) -> None:
         """Nothing depends on what was sent."""

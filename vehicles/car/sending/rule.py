@@ -10,15 +10,15 @@ from typing import Annotated, Protocol
 from numpy.random import Generator
 
 from vehicles.car.gnss import Fix
-from vehicles.car.sending.congestion import CongestionControl, quiet_at
+from vehicles.car.sending.congestion import CongestionControl, min_interval_at
 from vehicles.schedule import SECOND, Cadence
 from vehicles.setting import Problem, Setting, must_exceed
 
 
-class SendingCourse(Protocol):
+class SendingTrigger(Protocol):
     """The instants of sending over one run."""
 
-    def due(self, now: int, waiting: Fix | None, opens: int) -> bool:
+    def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:
         """Whether `now` (ns) is an instant of sending.
 
         `waiting` is the newest fix that was not sent; from `opens` (ns) congestion control allows a
@@ -32,10 +32,10 @@ class SendingCourse(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class SendingStart:
-    """Start of a run (ns), and its random numbers for a purpose."""
+class SendingContext:
+    """Start of a run (ns), and its random stream for each purpose."""
 
-    at: int
+    start_at: int
     streams: Callable[[str], Generator]
 
 
@@ -52,47 +52,47 @@ class SendingRule(ABC):
     ] = None
 
     @property
-    def is_even(self) -> bool:
+    def is_periodic(self) -> bool:
         """Whether messages come evenly, apart from fixes that fail."""
         return False
 
     @property
-    def first_after(self) -> int:
+    def first_send_delay(self) -> int:
         """Time (ns) from the start to the first message, where that is not drawn."""
         return 0
 
     @abstractmethod
-    def begin(self, start: SendingStart) -> SendingCourse:
+    def begin(self, context: SendingContext) -> SendingTrigger:
         """Course of a run."""
 
-    def instants(self, start: SendingStart, end_at: int) -> Iterator[int] | None:  # noqa: ARG002
+    def instants(self, context: SendingContext, end_at: int) -> Iterator[int] | None:  # noqa: ARG002
         """Instants (ns) before `end_at` for which the vehicle must be awake, apart from its own."""
         return None
 
     @abstractmethod
-    def highest_rate(self, fixes: float) -> float:
+    def max_rate(self, fixes: float) -> float:
         """Rate (Hz) that is never exceeded, counted from the start; `fixes` is that of GNSS."""
 
     @abstractmethod
-    def usual_rate(self, fixes: float, speed: float) -> float:
+    def nominal_rate(self, fixes: float, speed: float) -> float:
         """Messages a second at a constant `speed` (m/s), straight on, uncontrolled."""
 
     def controlled_rate(self, fixes: float, speed: float) -> float:
         """Usual rate (Hz), at most that of fixes and the slowest of congestion control."""
-        slowest = inf if self.dcc is None else SECOND / quiet_at(self.dcc.busiest)
-        return min(self.usual_rate(fixes, speed), fixes, slowest)
+        slowest = inf if self.dcc is None else SECOND / min_interval_at(self.dcc.max_busy_ratio)
+        return min(self.nominal_rate(fixes, speed), fixes, slowest)
 
     def problems(self) -> Iterator[Problem]:
         """Yield keys that contradict others."""
         if self.dcc is not None:
-            yield from ordered("dcc.busy", [one.at for one in self.dcc.busy])
+            yield from must_increase("dcc.busy", [one.at for one in self.dcc.busy])
 
     @abstractmethod
     def describe(self) -> str:
         """Short description for tables."""
 
 
-def ordered(key: str, times: Sequence[float]) -> Iterator[Problem]:
+def must_increase(key: str, times: Sequence[float]) -> Iterator[Problem]:
     """Report times (s) of a list that do not increase."""
     for index, (before, after) in enumerate(pairwise(times), 1):
         yield from must_exceed(f"{key}[{index}].at_s", after, before, "the entry before")
@@ -108,7 +108,7 @@ class PhasedRule(SendingRule):
     ] = False
 
     @property
-    def first_after(self) -> int:
+    def first_send_delay(self) -> int:
         return self.phase
 
     @property
@@ -116,15 +116,15 @@ class PhasedRule(SendingRule):
     def schedule_rate(self) -> float:
         """Rate (Hz) of the schedule."""
 
-    def cadence(self, start: SendingStart) -> Cadence:
+    def cadence(self, context: SendingContext) -> Cadence:
         """Schedule of a run."""
         phase = self.phase
         if self.drawn_phase:
-            phase = int(start.streams("phase").random() * SECOND / self.schedule_rate)
-        return Cadence(start.at + phase, self.schedule_rate)
+            phase = int(context.streams("phase").random() * SECOND / self.schedule_rate)
+        return Cadence(context.start_at + phase, self.schedule_rate)
 
-    def instants(self, start: SendingStart, end_at: int) -> Iterator[int] | None:
-        cadence = self.cadence(start)
+    def instants(self, context: SendingContext, end_at: int) -> Iterator[int] | None:
+        cadence = self.cadence(context)
         return cadence.until(end_at)
 
     def problems(self) -> Iterator[Problem]:

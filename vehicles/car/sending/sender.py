@@ -5,9 +5,9 @@ from typing import Final
 from vehicles.car.gnss import Fix
 from vehicles.car.sending.congestion import ReactiveControl
 from vehicles.car.sending.every_fix import EveryFix
-from vehicles.car.sending.rule import SendingCourse
+from vehicles.car.sending.rule import SendingTrigger
 
-LONG_AGO: Final = -(2**62)
+BEFORE_EVERY_RUN: Final = -(2**62)
 """An instant (ns) before every run."""
 ROUNDING: Final = 1000
 """Tolerance (ns) of spans between instants, which are rounded to 1 ns."""
@@ -20,21 +20,21 @@ class Sender:
     """
 
     def __init__(
-        self, rule: SendingCourse | None = None, control: ReactiveControl | None = None
+        self, rule: SendingTrigger | None = None, control: ReactiveControl | None = None
     ) -> None:
-        self._rule: SendingCourse = rule or EveryFix()
+        self._rule: SendingTrigger = rule or EveryFix()
         self._control = control
         self._waiting: Fix | None = None
-        self._sent_at = LONG_AGO
+        self._sent_at = BEFORE_EVERY_RUN
 
     def send(self, now: int, fix: Fix | None) -> Fix | None:
         """Take a new fix at `now` (ns), if any; returns the fix that is sent then, if any."""
         if fix is not None:
             self._waiting = fix
-        opens = LONG_AGO
+        allowed_from = BEFORE_EVERY_RUN
         if self._control is not None:
-            opens = self._sent_at + self._control.quiet(now) - ROUNDING
-        if not self._rule.due(now, self._waiting, opens) or self._waiting is None:
+            allowed_from = self._sent_at + self._control.min_interval(now) - ROUNDING
+        if not self._rule.due(now, self._waiting, allowed_from) or self._waiting is None:
             return None
         sent, self._waiting = self._waiting, None
         self._sent_at = now

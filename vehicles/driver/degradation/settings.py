@@ -67,8 +67,8 @@ class DegradationSettings:
             "share of its usual messages that a source must deliver during its probation before "
             "it is relied on again",
             unit="ratio",
-            least=0,
-            most=1,
+            minimum=0,
+            maximum=1,
         ),
     ] = 0.9
     probation: Annotated[
@@ -84,8 +84,8 @@ class DegradationSettings:
             "positions further from the expected one than this many standard deviations are "
             "rejected",
             unit="deviations",
-            least=1,
-            most=1000,
+            minimum=1,
+            maximum=1000,
         ),
     ] = 5.0
     heading_gate: Annotated[float, Setting("headings likewise", "deviations", 1, 1000)] = 3.0
@@ -107,8 +107,8 @@ class DegradationSettings:
         Setting(
             "hardest braking, for stops that would otherwise end beyond the known road",
             unit="mps2",
-            least=0.1,
-            most=12,
+            minimum=0.1,
+            maximum=12,
             name="hardest",
         ),
     ] = 6.0

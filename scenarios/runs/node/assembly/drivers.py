@@ -120,7 +120,7 @@ class DriverBuilder:
             by_accuracy=True,
             start=start,
         )
-        if gnss.is_punctual and now == context.start_at:
+        if gnss.has_fix_every_instant and now == context.start_at:
             return estimator
         estimator.correct(start)
         if not gnss.latency:

@@ -10,9 +10,9 @@ from numpy.random import Generator
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.car.gnss import GnssReceiver
-from vehicles.car.positioning.error_term import ReceiverStart, Streams
+from vehicles.car.positioning.error_term import ReceiverContext, Streams
 from vehicles.car.positioning.gnss_errors import ReceiverErrors
-from vehicles.car.sending.rule import SendingStart
+from vehicles.car.sending.rule import SendingContext
 from vehicles.car.sending.sender import Sender
 from vehicles.schedule import instants
 
@@ -29,11 +29,11 @@ def make_receiver(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Gns
     of its other errors, so that none changes another.
     """
     gnss, random = setup.gnss, white_noise(scenario.seed, setup.place)
-    start = ReceiverStart(
+    start = ReceiverContext(
         start_at,
-        behind=sum(scenario.route.gaps[: setup.place + 1]),
-        own=_streams(scenario.seed, setup.place),
-        shared=_streams(scenario.seed, EVERYBODY),
+        distance_behind_lead=sum(scenario.route.gaps[: setup.place + 1]),
+        own_streams=_streams(scenario.seed, setup.place),
+        shared_streams=_streams(scenario.seed, EVERYBODY),
     )
     return GnssReceiver(gnss.noise, gnss.rate, start_at, random, ReceiverErrors(gnss, start))
 
@@ -63,8 +63,8 @@ def instants_besides(
     return found if of_sending is None else [*found, of_sending]
 
 
-def _sending_start(scenario: Scenario, setup: VehicleSetup, start_at: int) -> SendingStart:
-    return SendingStart(start_at, _streams(scenario.seed, setup.place))
+def _sending_start(scenario: Scenario, setup: VehicleSetup, start_at: int) -> SendingContext:
+    return SendingContext(start_at, _streams(scenario.seed, setup.place))
 
 
 def _streams(seed: int, place: int) -> Streams:

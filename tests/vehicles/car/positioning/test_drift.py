@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from vehicles.car.positioning.drift import GRID, GaussMarkov, begun, truncated
+from vehicles.car.positioning.drift import GRID, GaussMarkov, draw_truncated, restarted
 from vehicles.schedule import SECOND, instants
 
 START = 1_700_000_000_123_456_789
@@ -110,22 +110,22 @@ def uniform(random: np.random.Generator, count: int) -> Iterator[tuple[float, fl
 def test_an_entry_is_within_its_circle(
     deviation: float, most: float, draws: tuple[float, float]
 ) -> None:
-    assert math.hypot(*truncated(deviation, most, draws)) <= most * (1.0 + 1e-12)
+    assert math.hypot(*draw_truncated(deviation, most, draws)) <= most * (1.0 + 1e-12)
 
 
 def test_an_entry_has_the_law_of_the_drift_where_the_circle_is_wide() -> None:
     places = np.array(
-        [truncated(0.3, 100.0, draws) for draws in uniform(np.random.default_rng(3), 8000)]
+        [draw_truncated(0.3, 100.0, draws) for draws in uniform(np.random.default_rng(3), 8000)]
     )
     assert np.max(np.abs(np.cov(places.T) / 0.09 - np.eye(2))) < 5.0 * math.sqrt(2.0 / 8000)
     narrow = np.array(
-        [truncated(0.3, 0.03, draws) for draws in uniform(np.random.default_rng(3), 8000)]
+        [draw_truncated(0.3, 0.03, draws) for draws in uniform(np.random.default_rng(3), 8000)]
     )
     # In a narrow circle the law is flat: a quarter of the square of the radius per axis.
     assert np.mean(narrow**2) == pytest.approx(0.03**2 / 4.0, rel=0.05)
 
 
 def test_what_a_drift_began_with_fades() -> None:
-    assert begun((0.3, -0.2), (0.1, 0.1), (0.5, 0.0), 1.0) == pytest.approx((0.7, -0.3))
-    assert begun((0.1, 0.1), (0.1, 0.1), (0.5, 0.0), 1.0) == pytest.approx((0.5, 0.0))
-    assert begun((0.3, -0.2), (0.1, 0.1), (0.5, 0.0), 0.0) == (0.3, -0.2)
+    assert restarted((0.3, -0.2), (0.1, 0.1), (0.5, 0.0), 1.0) == pytest.approx((0.7, -0.3))
+    assert restarted((0.1, 0.1), (0.1, 0.1), (0.5, 0.0), 1.0) == pytest.approx((0.5, 0.0))
+    assert restarted((0.3, -0.2), (0.1, 0.1), (0.5, 0.0), 0.0) == (0.3, -0.2)

@@ -5,15 +5,15 @@ import pytest
 from scipy import stats
 
 from vehicles.car.dynamics import Body
-from vehicles.car.positioning.error_term import ReceiverStart
+from vehicles.car.positioning.error_term import ReceiverContext
 from vehicles.car.positioning.fix_states import (
-    EVER,
+    NO_END,
     FixStates,
     ReceiverState,
     StateChain,
     StateSchedule,
 )
-from vehicles.car.positioning.outages import BlindCircle, RoadOutage, TimeOutage
+from vehicles.car.positioning.outages import CircleOutage, RoadOutage, TimeOutage
 from vehicles.schedule import SECOND
 
 START = 1_700_000_000_000_000_000
@@ -67,7 +67,7 @@ def test_a_chain_does_not_depend_on_when_it_is_asked() -> None:
 
 def test_a_state_that_nothing_leaves_lasts() -> None:
     chain = StateChain("single", CHAIN, START, np.random.default_rng(1))
-    assert chain.at(START + 10**6 * SECOND).until == EVER
+    assert chain.at(START + 10**6 * SECOND).until == NO_END
 
 
 def test_a_schedule_is_followed() -> None:
@@ -92,7 +92,7 @@ def test_outages_cover_what_they_say() -> None:
     def stream(_purpose: str) -> np.random.Generator:
         return np.random.default_rng(1)
 
-    start = ReceiverStart(START, 30.0, stream, stream)  # it starts 30 m behind the lead
+    start = ReceiverContext(START, 30.0, stream, stream)  # it starts 30 m behind the lead
     time = TimeOutage(0, SECOND)
     assert [time.covers(car(), START + k, start) for k in (-1, 0, SECOND - 1, SECOND)] == [
         *(False, True, True, False)
@@ -101,6 +101,6 @@ def test_outages_cover_what_they_say() -> None:
     assert [road.covers(car(way), START, start) for way in (129.0, 130.0, 229.0, 230.0)] == [
         *(False, True, True, False)
     ]
-    circle = BlindCircle(10.0, -5.0, 3.0)
+    circle = CircleOutage(10.0, -5.0, 3.0)
     assert circle.covers(car(east=12.0, north=-5.0), START, start)
     assert not circle.covers(car(east=12.5, north=-7.5), START, start)

@@ -14,12 +14,12 @@ from vehicles.car.gnss import Fix, GnssReceiver
 from vehicles.car.positioning.bias import Bias
 from vehicles.car.positioning.common_drift import CommonDrift
 from vehicles.car.positioning.drift import Drift
-from vehicles.car.positioning.error_term import ReceiverStart, Streams
+from vehicles.car.positioning.error_term import ReceiverContext, Streams
 from vehicles.car.positioning.fix_states import ReceiverState, ScheduledStates, StateEntry
 from vehicles.car.positioning.gnss_errors import ReceiverErrors
+from vehicles.car.positioning.gnss_settings import GnssSettings, StateErrors
 from vehicles.car.positioning.noise import GnssNoise
 from vehicles.car.positioning.outages import TimeOutage
-from vehicles.car.positioning.settings import GnssSettings, StateErrors
 from vehicles.schedule import MILLISECOND, SECOND, instants
 
 START = 1_700_000_000_000_000_000
@@ -52,8 +52,8 @@ def scheduled(*entries: tuple[float, ReceiverState]) -> ScheduledStates:
     return ScheduledStates(tuple(StateEntry(at, state) for at, state in entries))
 
 
-def started(place: int = 1) -> ReceiverStart:
-    return ReceiverStart(START, 0.0, streams(place), streams(EVERYBODY))
+def started(place: int = 1) -> ReceiverContext:
+    return ReceiverContext(START, 0.0, streams(place), streams(EVERYBODY))
 
 
 def errors(made: GnssSettings, place: int = 1) -> ReceiverErrors:

@@ -10,13 +10,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vehicles.car.gnss import Fix
-from vehicles.car.sending.awareness import CooperativeAwareness, awareness_interval
-from vehicles.car.sending.congestion import ReactiveControl, quiet_at
+from vehicles.car.sending.awareness import CamTrigger, cam_interval
+from vehicles.car.sending.congestion import ReactiveControl, min_interval_at
 from vehicles.car.sending.every_fix import EveryFix
-from vehicles.car.sending.fixed_rate import AtInstants
-from vehicles.car.sending.intervals import CAM_INTERVALS, CAM_SHARES, DrawnIntervals, Shares
-from vehicles.car.sending.profile import Profile, profile_instants
-from vehicles.car.sending.rule import SendingCourse
+from vehicles.car.sending.fixed_rate import PeriodicTrigger
+from vehicles.car.sending.intervals import (
+    CAM_INTERVALS,
+    CAM_SHARES,
+    DrawnIntervalTrigger,
+    IntervalDistribution,
+)
+from vehicles.car.sending.profile import ProfileTrigger, profile_instants
+from vehicles.car.sending.rule import SendingTrigger
 from vehicles.car.sending.sender import Sender
 from vehicles.schedule import MILLISECOND, SECOND, Cadence, instants
 
@@ -24,7 +29,7 @@ START = 1_700_000_000_000_000_000
 
 
 def sent(
-    rule: SendingCourse | None,
+    rule: SendingTrigger | None,
     seconds: float,
     *,
     speed: float = 20.0,
@@ -56,7 +61,7 @@ def test_every_fix_is_sent_as_it_comes() -> None:
 
 
 def test_a_rate_of_its_own_takes_the_newest_fix() -> None:
-    rule = AtInstants(Cadence(START + 30 * MILLISECOND, 8.0))
+    rule = PeriodicTrigger(Cadence(START + 30 * MILLISECOND, 8.0))
     assert sent(rule, 0.6, gnss_hz=20.0) == [
         (30, 0),
         (155, 150),
@@ -67,7 +72,7 @@ def test_a_rate_of_its_own_takes_the_newest_fix() -> None:
 
 
 def test_no_fix_is_sent_twice() -> None:
-    found = sent(AtInstants(Cadence(START, 50.0)), 3.0, gnss_hz=8.0)
+    found = sent(PeriodicTrigger(Cadence(START, 50.0)), 3.0, gnss_hz=8.0)
     measured = [at for _, at in found]
     assert len(measured) == len(set(measured)) == 24
     assert all(0.0 <= when - at < 20.0 for when, at in found)
@@ -98,7 +103,7 @@ def test_a_changing_rate_is_integrated(points: list[tuple[int, float]]) -> None:
 
 
 def test_a_profile_is_sent() -> None:
-    rule = Profile([(0.0, 10.0), (0.25, 0.0), (0.5, 20.0)], START)
+    rule = ProfileTrigger([(0.0, 10.0), (0.25, 0.0), (0.5, 20.0)], START)
     # Half a turn is left at 0.25 s, which takes 25 ms of 20 Hz.
     assert [when for when, _ in sent(rule, 0.7)] == [0, 100, 200, 525, 575, 625, 675]
     assert Fraction(1, 2) / 20 == Fraction(25, 1000)
@@ -120,28 +125,28 @@ def test_awareness_intervals_at_constant_speed(
     speed: float, check_ms: int, interval: float
 ) -> None:
     """At the first check after more than 4 m; from 0.1 to 1 s. 4 m to the bit may be either."""
-    rule = CooperativeAwareness(Cadence(START, 1000.0 / check_ms))
+    rule = CamTrigger(Cadence(START, 1000.0 / check_ms))
     found = gaps(sent(rule, 8.0, speed=speed))
     assert set(found[3:]) == {interval}
-    assert awareness_interval(speed, check_ms / 1000.0) == pytest.approx(interval / 1000.0)
+    assert cam_interval(speed, check_ms / 1000.0) == pytest.approx(interval / 1000.0)
 
 
 def test_a_standing_car_says_so_each_second() -> None:
-    rule = CooperativeAwareness(Cadence(START, 10.0))
+    rule = CamTrigger(Cadence(START, 10.0))
     assert gaps(sent(rule, 5.0, speed=0.0)) == [1000.0] * 4
 
 
 def test_turning_and_braking_ask_for_messages() -> None:
     """0.5 rad/s pass 4 deg in 140 ms, 2 m/s² pass 0.5 m/s in 250 ms."""
-    turning = CooperativeAwareness(Cadence(START, 50.0))
+    turning = CamTrigger(Cadence(START, 50.0))
     assert set(gaps(sent(turning, 4.0, speed=1.0, yaw_rate=0.5))) == {140.0}
-    braking = CooperativeAwareness(Cadence(START, 50.0))
+    braking = CamTrigger(Cadence(START, 50.0))
     assert set(gaps(sent(braking, 4.0, speed=1.0, acceleration=2.0))) == {260.0}
 
 
 def test_three_messages_keep_the_interval_of_the_last_change() -> None:
     """Then a second: the counter of the rule."""
-    rule = CooperativeAwareness(Cadence(START, 10.0))
+    rule = CamTrigger(Cadence(START, 10.0))
     sender, when = Sender(rule), []
     for k in range(60):
         now = START + k * 100 * MILLISECOND
@@ -156,13 +161,13 @@ def test_three_messages_keep_the_interval_of_the_last_change() -> None:
 
 def test_congestion_control_has_the_table_s_spans() -> None:
     spans = {0.0: 100, 0.29: 100, 0.3: 200, 0.4: 400, 0.5: 500, 0.59: 500, 0.6: 1000, 1.0: 1000}
-    assert {ratio: quiet_at(ratio) / MILLISECOND for ratio in spans} == spans
+    assert {ratio: min_interval_at(ratio) / MILLISECOND for ratio in spans} == spans
 
 
 def test_congestion_control_goes_one_state_at_a_time() -> None:
     control = ReactiveControl([(1.0, 0.9), (3.0, 0.0)], START, 100 * MILLISECOND)
     at = (0.0, 0.99, 1.0, 1.1, 1.2, 1.3, 2.9, 3.0, 3.1, 3.2, 3.3, 5.0)
-    found = [control.quiet(START + round(t * SECOND)) // MILLISECOND for t in at]
+    found = [control.min_interval(START + round(t * SECOND)) // MILLISECOND for t in at]
     assert found == [100, 100, 200, 400, 500, 1000, 1000, 500, 400, 200, 100, 100]
 
 
@@ -172,13 +177,13 @@ def test_no_interval_is_shorter_than_congestion_control_allows(
     kind: str, ratio: float, least: int
 ) -> None:
     cadence = Cadence(START, 25.0)
-    shares = Shares([60 * MILLISECOND], [1.0], 0)
-    rules: dict[str, SendingCourse] = {
+    shares = IntervalDistribution([60 * MILLISECOND], [1.0], 0)
+    rules: dict[str, SendingTrigger] = {
         "every_fix": EveryFix(),
-        "fixed": AtInstants(cadence),
-        "cam": CooperativeAwareness(cadence),
-        "drawn": DrawnIntervals(shares, START, np.random.default_rng(1)),
-        "profile": Profile([(0.0, 25.0)], START),
+        "fixed": PeriodicTrigger(cadence),
+        "cam": CamTrigger(cadence),
+        "drawn": DrawnIntervalTrigger(shares, START, np.random.default_rng(1)),
+        "profile": ProfileTrigger([(0.0, 25.0)], START),
     }
     control = ReactiveControl([(0.0, ratio)], START, 10 * MILLISECOND)
     found = sent(rules[kind], 10.0, speed=40.0, gnss_hz=25.0, control=control)
@@ -198,7 +203,7 @@ def test_no_interval_is_shorter_than_congestion_control_allows(
 def test_drawn_intervals_have_the_shares_measured(name: str, mean_ms: float, campaign: int) -> None:
     shares = CAM_SHARES[name]
     assert sum(shares) == pytest.approx(1.0, abs=0.0011)
-    table = Shares(CAM_INTERVALS, shares, 3 * MILLISECOND)
+    table = IntervalDistribution(CAM_INTERVALS, shares, 3 * MILLISECOND)
     random = np.random.default_rng(1)
     drawn = np.array([table.draw(random) for _ in range(campaign)]) / MILLISECOND
     counted = Counter(np.round(drawn / 100.0).astype(int).tolist())
@@ -215,8 +220,10 @@ def test_drawn_intervals_have_the_shares_measured(name: str, mean_ms: float, cam
 
 def test_drawn_intervals_keep_their_mean_though_ticks_are_rare() -> None:
     """What is due waits for the next tick, and the interval after it is not longer for that."""
-    shares = Shares([130 * MILLISECOND, 170 * MILLISECOND], [1.0, 1.0], 3 * MILLISECOND)
-    rule = DrawnIntervals(shares, START, np.random.default_rng(2))
+    shares = IntervalDistribution(
+        [130 * MILLISECOND, 170 * MILLISECOND], [1.0, 1.0], 3 * MILLISECOND
+    )
+    rule = DrawnIntervalTrigger(shares, START, np.random.default_rng(2))
     found = sent(rule, 300.0, gnss_hz=50.0, ticks_hz=50.0)
     assert len(found) == pytest.approx(2000, abs=5 * 2000**0.5 * 20 / 150)
     assert all(when % 20 == 0 for when, _ in found)
@@ -225,7 +232,7 @@ def test_drawn_intervals_keep_their_mean_though_ticks_are_rare() -> None:
 @given(seed=st.integers(0, 50), jitter=st.integers(0, 3))
 def test_numbers_never_run_ahead_of_the_shortest_interval(seed: int, jitter: int) -> None:
     """What the gate of receivers counts on."""
-    shares = Shares([50 * MILLISECOND], [1.0], jitter * MILLISECOND)
-    rule = DrawnIntervals(shares, START, np.random.default_rng(seed))
+    shares = IntervalDistribution([50 * MILLISECOND], [1.0], jitter * MILLISECOND)
+    rule = DrawnIntervalTrigger(shares, START, np.random.default_rng(seed))
     for seq, (when, _) in enumerate(sent(rule, 2.0)):
         assert seq * shares.shortest <= when * MILLISECOND

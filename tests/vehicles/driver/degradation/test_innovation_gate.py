@@ -28,11 +28,11 @@ from vehicles.car.dynamics import Actuation
 from vehicles.car.gnss import Fix
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.car.positioning.drift import Drift
-from vehicles.car.positioning.error_term import ReceiverStart
+from vehicles.car.positioning.error_term import ReceiverContext
 from vehicles.car.positioning.fix_states import ScheduledStates, StateEntry
 from vehicles.car.positioning.gnss_errors import ReceiverErrors
+from vehicles.car.positioning.gnss_settings import GnssSettings, StateErrors
 from vehicles.car.positioning.noise import GnssNoise
-from vehicles.car.positioning.settings import GnssSettings, StateErrors
 from vehicles.driver.degradation.innovation import CORNERING, innovation
 from vehicles.driver.degradation.innovation_gate import REFUSED, InnovationGate
 from vehicles.schedule import MILLISECOND, SECOND, nanoseconds
@@ -290,7 +290,7 @@ def test_a_receiver_that_loses_its_fix_is_believed_or_said_to_jump(truth: float)
         def stream(purpose: str, seed: int = seed) -> np.random.Generator:
             return np.random.default_rng([seed, len(purpose), ord(purpose[-1])])
 
-        errors = ReceiverErrors(settings, ReceiverStart(START, 0.0, stream, stream))
+        errors = ReceiverErrors(settings, ReceiverContext(START, 0.0, stream, stream))
         all_of = judged(
             measured_fixes(
                 steadily(20.0, 0.003), seconds=12.0, noise=GnssNoise(0.006), errors=errors

@@ -20,7 +20,7 @@ from vehicles.driver.degradation.intended_path import (
     IntendedShare,
     path_offset,
 )
-from vehicles.geometry.path import Path, Segment, path_from_segments
+from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.messages import Mode
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.samples import Window
@@ -34,12 +34,12 @@ ROADS = {"straight": 0.0, "left": 1 / 40, "right": -1 / 40}
 SETTINGS = FitSettings(position_noise=0.02)
 
 
-def road(kind: str, heading: float) -> Path:
+def road(kind: str, heading: float) -> SampledPath:
     """60 m of road from (100, -50) in the direction `heading` (rad)."""
     return path_from_segments([Segment(60.0, ROADS[kind])], east=100.0, north=-50.0, yaw=heading)
 
 
-def fix_beside(path: Path, seq: int, offset: float, spacing: float = 1.0) -> Fix:
+def fix_beside(path: SampledPath, seq: int, offset: float, spacing: float = 1.0) -> Fix:
     """Fix number `seq` of a car that drives `offset` (m) to the left of a path."""
     at = path.at(seq * spacing)
     east, north = at.east - offset * math.sin(at.yaw), at.north + offset * math.cos(at.yaw)

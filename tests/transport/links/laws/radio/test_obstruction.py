@@ -14,7 +14,7 @@ from transport.links.laws.effect import Position, TransmissionContext
 from transport.links.laws.radio.obstruction import HOPELESS, Obstruction, OnceForAll, PerVehicle
 from transport.links.laws.radio.shadowing import ShadowField
 from transport.links.link import keyed_draw
-from vehicles.geometry.path import Path
+from vehicles.geometry.sampled_path import SampledPath
 
 ALL = 10**6
 DRAW = keyed_draw(1, "v1", "v9")
@@ -85,7 +85,7 @@ def test_on_the_road_of_a_scenario_all_are_in_the_way_until_the_lead_turns() -> 
         assert count == brute_force(route.path, context(driven), between), driven
 
 
-def brute_force(path: Path, context: TransmissionContext, between: VehiclesBetween) -> int:
+def brute_force(path: SampledPath, context: TransmissionContext, between: VehiclesBetween) -> int:
     """Distance from each vehicle's place on the path itself to points along the line of sight."""
     here, there = context.receiver, context.sender
     shares = np.linspace(0.0, 1.0, 4001)

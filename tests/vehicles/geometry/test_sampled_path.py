@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made.examples import examples
-from vehicles.geometry.path import SAMPLING, Path, Segment, path_from_segments
 from vehicles.geometry.path_point import PathPoint
+from vehicles.geometry.sampled_path import SAMPLING, SampledPath, Segment, path_from_segments
 
 FIGURE_OF_EIGHT = [Segment(2 * math.pi * 15, 1 / 15), Segment(2 * math.pi * 15, -1 / 15)]
 
@@ -160,13 +160,13 @@ def test_place_beyond_the_centre_of_a_bend_gives_a_finite_projection() -> None:
 def test_impossible_paths_are_refused() -> None:
     ramp, flat = np.arange(3.0), np.zeros(3)
     with pytest.raises(ValueError, match="one length"):
-        Path(ramp, flat, flat, flat, np.zeros(2))
+        SampledPath(ramp, flat, flat, flat, np.zeros(2))
     with pytest.raises(ValueError, match="two samples"):
-        Path(np.zeros(1), np.zeros(1), np.zeros(1), np.zeros(1), np.zeros(1))
+        SampledPath(np.zeros(1), np.zeros(1), np.zeros(1), np.zeros(1), np.zeros(1))
     with pytest.raises(ValueError, match="finite"):
-        Path(ramp, flat, flat, flat, np.array([0.0, math.nan, 0.0]))
+        SampledPath(ramp, flat, flat, flat, np.array([0.0, math.nan, 0.0]))
     with pytest.raises(ValueError, match="increase"):
-        Path(flat, ramp, flat, flat, flat)
+        SampledPath(flat, ramp, flat, flat, flat)
     with pytest.raises(ValueError, match="at least one segment"):
         path_from_segments([])
     for segment in (Segment(0.0, 0.0), Segment(math.inf, 0.0), Segment(10.0, math.nan)):

@@ -12,14 +12,14 @@ from vehicles.car.positioning.bias import Bias
 from vehicles.car.positioning.common_drift import CommonDrift
 from vehicles.car.positioning.drift import Drift
 from vehicles.car.positioning.error_term import ErrorTerm
-from vehicles.car.positioning.fix_states import FIX_STATES, FixStateLaw, ReceiverState
+from vehicles.car.positioning.fix_states import FIX_STATE_LAWS, FixStateLaw, ReceiverState
 from vehicles.car.positioning.noise import GnssNoise
 from vehicles.car.positioning.outages import OUTAGES, FixOutage
 from vehicles.messages import FixState
 from vehicles.schedule import MILLISECOND
 from vehicles.setting import Problem, Setting
 
-WITH_A_FIX: tuple[FixState, ...] = get_args(FixState)
+STATES_WITH_FIX: tuple[FixState, ...] = get_args(FixState)
 NOISE = GnssNoise()
 NO_DRIFT = Drift(0.0)
 Preset = Literal["rtk_fixed", "rtk_float", "single", "none"]
@@ -50,7 +50,7 @@ RTK: a u-blox F9P on a car's roof, 75 min and 21 km, from the sample data of rtk
 17 mm rms when fixed, by 0.27 m when float, with a decorrelation (1/e) of 64 s in north and 184 s in
 east. Single: the order of magnitude of positions by code alone, not measured.
 """
-OF_STATE: Mapping[FixState, Preset] = {
+PRESET_OF_STATE: Mapping[FixState, Preset] = {
     "fixed": "rtk_fixed",
     "float": "rtk_float",
     "single": "single",
@@ -79,8 +79,8 @@ class StateErrors:
             "the drift restarts, no further than this from 0, whenever the state is entered (also "
             "after an outage); left out: it continues",
             unit="m",
-            least=0,
-            most=1000,
+            minimum=0,
+            maximum=1000,
             example=0.5,
         ),
     ] = None
@@ -91,7 +91,7 @@ class StateErrors:
             "measured of one solver",
             unit="ratio",
             above=0,
-            most=100,
+            maximum=100,
         ),
     ] = 1.0
 
@@ -150,7 +150,8 @@ class GnssSettings(StateErrors):
         int, Setting("time until a fix is known to its own car and can be sent", "ms", 0, 5000)
     ] = 0
     fix_states: Annotated[
-        FixStateLaw | None, Setting("fix states that change; it begins in `fix`", kinds=FIX_STATES)
+        FixStateLaw | None,
+        Setting("fix states that change; it begins in `fix`", kinds=FIX_STATE_LAWS),
     ] = None
     while_fixed: Annotated[
         StateErrors | None, Setting("errors while fixed, if `fix` is another state: rtk_fixed with")
@@ -173,18 +174,18 @@ class GnssSettings(StateErrors):
         )
 
     @property
-    def added(self) -> tuple[ErrorTerm, ...]:
+    def error_terms(self) -> tuple[ErrorTerm, ...]:
         """Errors added to those of the fix state, own ones before shared ones."""
         values = (getattr(self, field.name) for field in fields(self))
         found = [value for value in values if isinstance(value, ErrorTerm)]
         return tuple(sorted(found, key=lambda error: error.shared))
 
     @property
-    def is_plain(self) -> bool:
+    def has_only_white_noise(self) -> bool:
         """Whether there is nothing but white noise on every position."""
         return self.fix == "fixed" and not (
             self.drift
-            or self.added
+            or self.error_terms
             or self.quantisation
             or self.latency
             or self.fix_states
@@ -193,7 +194,7 @@ class GnssSettings(StateErrors):
         )
 
     @property
-    def is_punctual(self) -> bool:
+    def has_fix_every_instant(self) -> bool:
         """Whether there is a fix at every instant of measuring, known at once."""
         return not (self.fix == "none" or self.fix_states or self.outages or self.latency)
 
@@ -202,7 +203,9 @@ class GnssSettings(StateErrors):
         if state == self.fix:
             return self
         own: StateErrors | None = getattr(self, f"while_{state}")
-        usual = {key: value for key, value in PRESETS[OF_STATE[state]].items() if key != "fix"}
+        usual = {
+            key: value for key, value in PRESETS[PRESET_OF_STATE[state]].items() if key != "fix"
+        }
         return own or StateErrors(**usual)
 
     def deviation(self, state: FixState, *, shared: bool = True) -> float:
@@ -214,7 +217,7 @@ class GnssSettings(StateErrors):
         errors = self.errors_in(state)
         variance = errors.position_noise**2 + (errors.drift or NO_DRIFT).deviation ** 2
         common = 0.0
-        for error in self.added:
+        for error in self.error_terms:
             if error.shared:
                 common += error.variance
             else:
@@ -226,12 +229,12 @@ class GnssSettings(StateErrors):
     def states(self) -> list[FixState]:
         """States with a fix that it can be in."""
         reached = self.fix_states.states() if self.fix_states else set[ReceiverState]()
-        return [state for state in WITH_A_FIX if state in {self.fix, *reached}]
+        return [state for state in STATES_WITH_FIX if state in {self.fix, *reached}]
 
     @property
-    def own_deviation(self) -> float:
+    def initial_deviation(self) -> float:
         """Standard deviation (m) per axis in the state that it begins in."""
-        if self.is_plain or self.fix == "none":
+        if self.has_only_white_noise or self.fix == "none":
             return self.position_noise
         return self.deviation(self.fix)
 
@@ -242,7 +245,7 @@ class GnssSettings(StateErrors):
         Without what all have in common, which moves nobody against another. Errors that last are
         in it: two sources are that far apart, however smooth each of them is.
         """
-        if self.is_plain:
+        if self.has_only_white_noise:
             return self.position_noise
         found = [self.deviation(state, shared=False) for state in self.states]
         return max(found, default=self.position_noise)
@@ -254,13 +257,13 @@ class GnssSettings(StateErrors):
         Without white noise, which is averaged, and what all have in common.
         """
         drifts = [self.errors_in(state).drift or NO_DRIFT for state in self.states]
-        own = [error.variance for error in self.added if not error.shared]
+        own = [error.variance for error in self.error_terms if not error.shared]
         return hypot(max((one.deviation for one in drifts), default=0.0), sqrt(sum(own)))
 
     def problems(self) -> Iterator[Problem]:
         """Yield keys that contradict others."""
         given: dict[FixState, StateErrors] = {}
-        for state in WITH_A_FIX:
+        for state in STATES_WITH_FIX:
             key = f"while_{state}"
             own: StateErrors | None = getattr(self, key)
             if own is None:
@@ -290,14 +293,16 @@ class GnssSettings(StateErrors):
             yield f"{self.preset or 'fix'} ({self.fix})"
         if self.drift:
             yield f"drift {self.drift.deviation:g} m over {self.drift.time_constant:g} s"
-        for error in reversed(self.added):
+        for error in reversed(self.error_terms):
             yield error.describe()
         if self.quantisation:
             yield f"steps of {self.quantisation:g} m"
         if self.latency:
             yield f"{self.latency / MILLISECOND:g} ms late"
         if self.fix_states:
-            kind = next(word for word, law in FIX_STATES.items() if law is type(self.fix_states))
+            kind = next(
+                word for word, law in FIX_STATE_LAWS.items() if law is type(self.fix_states)
+            )
             yield f"fix states by {kind}"
         if self.outages:
             yield f"{len(self.outages)} outages"

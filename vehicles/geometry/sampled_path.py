@@ -42,7 +42,7 @@ class Segment:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Path:
+class SampledPath:
     """Samples of a path (Section V-C, Fig. 8), each array of shape (n,), n >= 2.
 
     station (m, strictly increasing), east and north (m), yaw (rad, unwrapped) and curvature (1/m).
@@ -173,7 +173,7 @@ def _between(rows: "array[float]", station: float) -> PathPoint:
 
 def path_from_segments(
     segments: Sequence[Segment], east: float = 0.0, north: float = 0.0, yaw: float = 0.0
-) -> Path:
+) -> SampledPath:
     """Straights and arcs one after another from (east, north), metres, in direction `yaw` (rad).
 
     An arc spline as in the footnote of Section III-A. Samples lie exactly on it. Where the
@@ -192,7 +192,7 @@ def path_from_segments(
         rows += (_along(start, segment.curvature, distance) for distance in distances)
         start = _along(start, segment.curvature, segment.length)
     rows.append(start)
-    return Path(*(np.array(column) for column in zip(*rows, strict=True)))
+    return SampledPath(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
 def _along(start: _Row, curvature: float, distance: float) -> _Row:
