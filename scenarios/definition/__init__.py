@@ -3,9 +3,9 @@
 library          scenario files as text: shipped ones and the user's
 extends          a file laid over the one that it extends
 overrides        `--set` laid over both
+renamed          old names of keys and values
 schema/          the tables of a file: keys with units, defaults and limits
 contradictions   keys that do not fit one another
-changes          what is done to a running convoy and cannot be
 refusal          what is wrong, in one line each
 errors           the exceptions that carry those lines
 links            who listens to whom

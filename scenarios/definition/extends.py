@@ -15,6 +15,7 @@ from scenarios.definition.overrides import (
     parse_override,
     parsed,
 )
+from scenarios.definition.renamed import translated
 
 EXTENDS = "extends"
 PRESET = "preset"
@@ -108,9 +109,10 @@ def _same(one: ScenarioFile, other: ScenarioFile) -> bool:
 
 def _parsed(file: ScenarioFile) -> Raw:
     try:
-        return parsed(file.text)
+        tables = parsed(file.text)
     except ValueError as error:
         raise ScenarioError([f"{file.label}: not valid TOML: {error}"]) from error
+    return translated(tables) if file.recorded else tables
 
 
 def laid_over(base: Raw, tables: Raw) -> Raw:

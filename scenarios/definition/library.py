@@ -28,13 +28,15 @@ class ScenarioFile:
     """Text of a scenario file.
 
     `label` names the file in refusals, its traces and the file that it extends are sought in
-    `folder`. `path` is None for a text that comes from no file.
+    `folder`. `path` is None for a text that comes from no file. Old keys are
+    accepted in a `recorded` scenario.
     """
 
     label: str
     folder: Path
     text: str
     path: Path | None = None
+    recorded: bool = False
 
 
 def library() -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
+from scenarios.definition.renamed import new_key, new_value
 from scenarios.definition.schema.table import NAME_PATTERN
 from scenarios.definition.schema.tables import ScenarioTables
 
@@ -76,6 +77,8 @@ def refusals(error: ValidationError) -> list[tuple[str, str]]:
 def _refusal(problem: ErrorDetails) -> tuple[str, str]:
     location = problem["loc"]
     key, kind, given = dotted(_walk(location)[0]), problem["type"], problem["input"]
+    if kind == "extra_forbidden" and (new := _renamed(location, given)):
+        return key, f"is now {new}"
     if kind == "extra_forbidden":
         return key, "unknown key" + _suggestion(location)
     if kind == "missing":
@@ -84,6 +87,16 @@ def _refusal(problem: ErrorDetails) -> tuple[str, str]:
         found = f"given {shown(given['kind'])}" if "kind" in given else "missing"
         return f"{key}.kind", f"{found}, allowed {_either(_kinds(_walk(location)[1]))}"
     return key, f"given {shown(given)}, allowed {_allowed(location, problem)}"
+
+
+def _renamed(location: Location, given: object) -> str:
+    """New name of a key, with its value if that was renamed too; empty if neither was."""
+    parts = tuple(map(str, location))
+    name = new_key(parts)
+    if name is None:
+        return ""
+    key, value = dotted((*_walk(location)[0][:-1], name)), new_value((*parts[:-1], name), given)
+    return key if value is None else f"{key} = {shown(value)}"
 
 
 def _either(words: Sequence[str]) -> str:
@@ -95,6 +108,8 @@ def _allowed(location: Location, problem: ErrorDetails) -> str:
     kind, context = problem["type"], problem.get("ctx", {})
     if kind in {"greater_than", "greater_than_equal", "less_than", "less_than_equal"}:
         return limits(_field(location))
+    if kind == "literal_error" and (new := new_value(map(str, location), problem["input"])):
+        return f"{shown(new)}, its new name"
     if kind == "literal_error":
         return str(context["expected"]).replace("'", '"')
     if kind == "string_pattern_mismatch" and context.get("pattern") == NAME_PATTERN:

@@ -12,7 +12,7 @@ import tomli_w
 from pydantic import ValidationError
 
 from scenarios.definition import contradictions
-from scenarios.definition.changes import change_problems, joins_late
+from scenarios.definition.changing.vehicle_changes import change_problems, joins_late
 from scenarios.definition.channel.expected import expected_channel
 from scenarios.definition.channel.presets import with_presets
 from scenarios.definition.channel.recorded_delays import with_recorded_delays
@@ -167,7 +167,7 @@ class Scenario:
 
     @property
     def continues_without_failed(self) -> bool:
-        return self.tables.convoy.when_a_vehicle_dies == "go_on"
+        return self.tables.convoy.on_vehicle_failure == "continue"
 
     @property
     def vehicle_names(self) -> tuple[str, ...]:
@@ -309,12 +309,15 @@ def scenario_from_text(
     folder: Path | None = None,
     overrides: Sequence[str] = (),
     seed: int | None = None,
+    recorded: bool = False,
 ) -> Scenario:
     """Read a scenario from text; `label` names it in refusals.
 
-    Traces and the file that it extends are sought in `folder`.
+    Traces and the file that it extends are sought in `folder`. A `recorded` scenario, from a log,
+    may have keys and values that were renamed since.
     """
-    return _scenario(ScenarioFile(label, folder or Path(), text), overrides, seed)
+    file = ScenarioFile(label, folder or Path(), text, recorded=recorded)
+    return _scenario(file, overrides, seed)
 
 
 def _scenario(file: ScenarioFile, overrides: Sequence[str], seed: int | None) -> Scenario:

@@ -76,4 +76,4 @@ def scenario_in(log: Path, attachments: Mapping[str, bytes]) -> Scenario:
         text = attachments[ATTACHED_AS].decode()
     except UnicodeDecodeError as error:
         raise LogError(f"{log} ({ATTACHED_AS}): is no text") from error
-    return scenario_from_text(text, label=f"{log} ({ATTACHED_AS})")
+    return scenario_from_text(text, label=f"{log} ({ATTACHED_AS})", recorded=True)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from operator import attrgetter
 from typing import Any
 
-from scenarios.definition.changes import VEHICLE_CHANGES, is_changed
+from scenarios.definition.changing.vehicle_changes import VEHICLE_CHANGES, is_changed
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable
 from scenarios.results.channel.account import LinkSummary

@@ -17,7 +17,7 @@ duration_s = 4.0
 latency_ms = 100.0          # of which the wire takes a few
 jitter_ms = 15.0
 outages = [{ kind = "window", from_s = 1.0, to_s = 1.2 },
-           { kind = "stretch", from_m = 60.0, to_m = 66.0, who = "sender" },
+           { kind = "stretch", from_m = 60.0, to_m = 66.0, vehicle = "sender" },
            { kind = "circle", east_m = 80.0, north_m = 0.0, radius_m = 5.0 },
            { kind = "random", mean_on_s = 3.0, mean_off_s = 0.1 }]
 [vehicle.v2]

@@ -140,7 +140,7 @@ def test_a_vehicle_hears_that_its_run_is_off_or_has_started_without_it(place: Pl
     assert vehicle.wait() == 1
     assert vehicle.lines()[1:] == ["v1: run lane_change is off: not present in time: v2"]
 
-    goes_on = (*TWO, "--set=duration_s=12", '--set=convoy.when_a_vehicle_dies="go_on"')
+    goes_on = (*TWO, "--set=duration_s=12", '--set=convoy.on_vehicle_failure="continue"')
     recorder, first, second = place.convoy(goes_on, "on")
     await_driving(recorder, 0.2)
     second.popen.send_signal(signal.SIGKILL)

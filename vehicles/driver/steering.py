@@ -37,7 +37,7 @@ class LateralController(Protocol):
 
     Before a run it is built and called once, on a straight at 10 m/s without errors; a controller
     that fails is refused. In a run an exception, or a command that is not finite, ends the run with
-    one line, or only its vehicle where `convoy.when_a_vehicle_dies = "go_on"`.
+    one line, or only its vehicle where `convoy.on_vehicle_failure = "continue"`.
     """
 
     def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:

@@ -144,8 +144,8 @@ def _link(settings: Mapping[str, Any]) -> str:
 
 
 def _ends(report: CheckReport) -> Iterator[Row]:
-    dies = report.when_a_vehicle_dies.replace("_", " ")
-    yield "when a vehicle dies", dies if dies != "end" else "the run ends"
+    policy = report.on_vehicle_failure.replace("_", " ")
+    yield "on vehicle failure", policy if policy != "end" else "the run ends"
     yield "clocks", f"at most {report.clock_offset_ms_max:g} ms apart"
     events = report.events
     yield "lane", f"{events['lane_width_m']:g} m wide"

@@ -7,8 +7,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from scenarios.definition.changes import change_problems
 from scenarios.definition.changing.links import LINK_CHANGES, links_of, refused_link_change
+from scenarios.definition.changing.vehicle_changes import change_problems
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.refusal import refusals
 from scenarios.definition.schema.changes import (

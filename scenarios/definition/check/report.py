@@ -73,7 +73,7 @@ class CheckReport:
     replays: dict[str, dict[str, Any]]
     links: dict[str, dict[str, Any]]
     laws: dict[str, str]
-    when_a_vehicle_dies: str
+    on_vehicle_failure: str
     clock_offset_ms_max: float
     events: dict[str, float]
     limits: dict[str, Any]
@@ -143,7 +143,7 @@ def report_of(scenario: Scenario) -> CheckReport:
         tyres={name: _tyres(car.parameters) for name, car in cars.items()},
         offsets=_offsets(tables),
         replays=_replays(scenario),
-        when_a_vehicle_dies=tables.convoy.when_a_vehicle_dies,
+        on_vehicle_failure=tables.convoy.on_vehicle_failure,
         clock_offset_ms_max=tables.convoy.clock_offset_ms_max,
         events=tables.events.model_dump(),
         limits=tables.limits.model_dump(),

@@ -161,7 +161,7 @@ def _apart(lead: PointsPath, drive: PointsPath) -> float | None:
     """
     if (lead.clock is None) != (drive.clock is None):
         return None
-    apart = drive.began_at_s - lead.began_at_s
+    apart = drive.epoch_s - lead.epoch_s
     # Times of day say nothing of the date: the nearer of two days is meant.
     return math.remainder(apart, DAY) if "day" in {lead.clock, drive.clock} else apart
 

@@ -220,9 +220,9 @@ def smoothed_points(table: PointsPath, lead_in: float) -> SmoothedPath:
 
 def place_of(table: PointsPath, point: int) -> str:
     """Say where in its file a point stands (counted from 0), and when it was recorded."""
-    number = table.place_numbers[point] if point < len(table.place_numbers) else point + 1
+    number = table.source_numbers[point] if point < len(table.source_numbers) else point + 1
     at = f" ({table.time_s[point]:.1f} s)" if table.time_s else ""
-    return f"{table.place_word} {number}{at}"
+    return f"{table.source_unit} {number}{at}"
 
 
 def _check_length(table: SegmentsPath | PointsPath, lap: float) -> None:

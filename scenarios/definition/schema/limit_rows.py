@@ -66,7 +66,7 @@ _ROWS = (
              example=1.0, word="gap_m", live="gap",
              figure="true_gap_m_min", at="true_gap_min_at_s",
              breach="was {figure:.2f} m from the vehicle ahead, {at:.2f} s after the start"),
-    LimitRow(key="believed_minus_true_error_m_max",
+    LimitRow(key="self_estimate_error_m_max",
              doc="largest error of a follower's estimate of its own error",
              example=0.3, figure="believed_minus_true_error_m_max",
              breach="was {figure:.2f} m wrong about its error"),

@@ -87,7 +87,7 @@ class LimitsTable(VehicleLimits):
     modes: Annotated[tuple[ModeLimit, ...], Field(strict=False)] = ()
     sources: Annotated[tuple[SourceLimit, ...], Field(strict=False)] = ()
     recovery: Annotated[tuple[RecoveryLimit, ...], Field(strict=False)] = ()
-    after_collision: Literal["end", "go_on"] | None = None
+    after_collision: Literal["end", "continue"] | None = None
 
     if TYPE_CHECKING:
 

@@ -53,9 +53,9 @@ class PointsPath(SmoothedPathTable):
     """Points in the plane, which a trace becomes when it is read: a log needs no other file.
 
     `time_s` and `speed_mps`, where known, have an entry for each point. Coordinates of the source
-    are those of the points plus the offset. `place_numbers` say where in the source each point
-    stands, by its `place_word` (line, point, message); `remarks` what was changed on reading it.
-    It is `geodetic` if it has latitudes. Times count from `began_at_s` on the `clock` if they are
+    are those of the points plus the offset. `source_numbers` say where in the source each point
+    stands, by its `source_unit` (line, point, message); `remarks` what was changed on reading it.
+    It is `geodetic` if it has latitudes. Times count from `epoch_s` on the `clock` if they are
     absolute, or else on that of the source. The points' noise is at least `noise_m` (standard
     deviation, per axis).
     """
@@ -66,9 +66,9 @@ class PointsPath(SmoothedPathTable):
     east_offset_m: float = 0.0
     north_offset_m: float = 0.0
     clock: Literal["unix", "day"] | None = None
-    began_at_s: float = 0.0
-    place_word: str = "point"
-    place_numbers: Counts = ()
+    epoch_s: float = 0.0
+    source_unit: str = "point"
+    source_numbers: Counts = ()
     noise_m: float = Field(default=0.0, ge=0)
     jumping_points: int = Field(default=0, ge=0)
     standing_points: int = Field(default=0, ge=0)

@@ -68,7 +68,7 @@ class ConvoyTable(Table):
     vehicles: int = Field(default=4, ge=1, le=200)
     names: Annotated[tuple[Name, ...], Field(strict=False)] = ()
     gap_m: float | None = Field(default=None, gt=0, le=1000)
-    when_a_vehicle_dies: Literal["end", "go_on"] = "end"
+    on_vehicle_failure: Literal["end", "continue"] = "end"
     clock_offset_ms_max: float = Field(default=50.0, gt=0, le=60_000)
 
     @property

@@ -134,8 +134,8 @@ def _needed_smoothing(trace: DriveInPlane) -> float:
 
 
 _KEPT = (
-    "east_m", "north_m", "time_s", "speed_mps", "clock", "began_at_s", "place_word",
-    "place_numbers", "noise_m", "jumping_points", "standing_points",
+    "east_m", "north_m", "time_s", "speed_mps", "clock", "epoch_s", "source_unit",
+    "source_numbers", "noise_m", "jumping_points", "standing_points",
 )  # fmt: skip
 """What points have in common with the drive that they are from."""
 

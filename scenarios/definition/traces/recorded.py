@@ -39,15 +39,15 @@ class DriveInPlane:
 
     east_m, north_m and, where the file has them for every point, time_s (from the first point
     on, never decreasing) and speed_mps, an entry each per point. `skipped` names the bad lines,
-    `remarks` say what was left out, and `place_numbers` where in the file the points stand. Times
-    count from `began_at_s` on the `clock`, or without one on that of the file.
+    `remarks` say what was left out, and `source_numbers` where in the file the points stand. Times
+    count from `epoch_s` on the `clock`, or without one on that of the file.
     """
 
     source: str
     clock: Clock | None = None
-    began_at_s: float = 0.0
-    place_word: str = "point"
-    place_numbers: tuple[int, ...] = ()
+    epoch_s: float = 0.0
+    source_unit: str = "point"
+    source_numbers: tuple[int, ...] = ()
     noise_m: float = 0.0
     jumping_points: int = 0
     standing_points: int = 0
@@ -190,9 +190,9 @@ def _laid_out(source: str, drive: RecordedDrive, origin: Origin | None) -> Drive
         speed_mps=tuple(_speed_at(left, speeds)) if speeds else (),
         skipped=tuple(drive.skipped),
         clock=drive.clock if timed else None,
-        began_at_s=drive.zero + first if timed else 0.0,
-        place_word=points[0].place.split()[0],
-        place_numbers=tuple(int(points[k].place.split()[1]) for k in kept),
+        epoch_s=drive.zero + first if timed else 0.0,
+        source_unit=points[0].place.split()[0],
+        source_numbers=tuple(int(points[k].place.split()[1]) for k in kept),
         noise_m=left.noise,
         jumping_points=sum(jump.last - jump.first + 1 for jump in left.jumps),
         standing_points=stood,
@@ -269,7 +269,7 @@ def _in_plane(
 
 def _check_shape(trace: DriveInPlane) -> None:
     places = list(zip(trace.east_m, trace.north_m, strict=True))
-    named = [f"{trace.place_word} {number}" for number in trace.place_numbers]
+    named = [f"{trace.source_unit} {number}" for number in trace.source_numbers]
     if len(places) == 1:
         raise TraceError(f"only one valid point, {named[0]}")
     for (before, after), name in zip(itertools.pairwise(places), named[1:], strict=True):

@@ -16,7 +16,7 @@ from scenarios.results.vehicles.figures import VehicleSummary
 def collision_ends_run(limits: LimitsTable, collisions: int) -> bool:
     """Whether the run has to end after this number of collisions."""
     after, most = limits.after_collision, limits.collisions_max
-    if after == "go_on" or (after is None and most is None):
+    if after == "continue" or (after is None and most is None):
         return False
     return collisions > (most or 0)
 

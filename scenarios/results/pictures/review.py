@@ -59,7 +59,7 @@ def _scenario_in(reader: LogReader, warn: Callable[[str], None]) -> Scenario | N
     if text is None:
         return None
     try:
-        return scenario_from_text(text.decode(), label="scenario")
+        return scenario_from_text(text.decode(), label="scenario", recorded=True)
     except (ScenarioError, UnicodeDecodeError) as error:  # damaged, or of another version
         warn(f"{reader.path}: the road is left out: {error}")
         return None

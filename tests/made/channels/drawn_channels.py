@@ -99,13 +99,18 @@ def _window(chance: Random) -> Raw:
 def _stretch(chance: Random) -> Raw:
     start, length = chance.uniform(-100.0, 50.0), chance.uniform(1.0, 100.0)
     again = {"every_m": length + chance.uniform(1.0, 50.0)} if chance.random() < 0.3 else {}
-    return {"kind": "stretch", "from_m": start, "to_m": start + length, "who": _who(chance)} | again
+    return {
+        "kind": "stretch",
+        "from_m": start,
+        "to_m": start + length,
+        "vehicle": _who(chance),
+    } | again
 
 
 def _circle(chance: Random) -> Raw:
     place = {"east_m": chance.uniform(-50.0, 50.0), "north_m": chance.uniform(-50.0, 50.0)}
     radius = chance.choice([0.01, 10.0, 1e5])
-    return {"kind": "circle", **place, "radius_m": radius, "who": _who(chance)}
+    return {"kind": "circle", **place, "radius_m": radius, "vehicle": _who(chance)}
 
 
 def _random_outage(chance: Random) -> Raw:

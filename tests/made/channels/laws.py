@@ -6,7 +6,7 @@ from transport.links.laws.effect import Effect
 from transport.links.laws.law import LinkLaw, LinkSetting
 from transport.links.laws.loss.bursts import FourState, GilbertElliott
 from transport.links.laws.loss.collisions import Collisions
-from transport.links.laws.outages.placed import CircleOutage, StretchOutage, Who
+from transport.links.laws.outages.placed import AffectedVehicle, CircleOutage, StretchOutage
 from transport.links.laws.outages.random import RandomOutage
 from transport.links.laws.outages.span import SpanOutage, WindowOutage
 from vehicles.schedule import SECOND
@@ -79,19 +79,19 @@ def window(
 
 def stretch(
     ends_m: tuple[float, float],
-    who: Who,
+    vehicle: AffectedVehicle,
     sender: float,
     receiver: float,
     every_m: float | None = None,
 ) -> StretchOutage:
     """With the stations of both ends at the start."""
-    law = StretchOutage(from_m=ends_m[0], to_m=ends_m[1], who=who, every_m=every_m)
+    law = StretchOutage(from_m=ends_m[0], to_m=ends_m[1], vehicle=vehicle, every_m=every_m)
     return on_link(law, LinkSetting(sender_station=sender, receiver_station=receiver))
 
 
-def circle(east: float, north: float, radius: float, who: Who) -> CircleOutage:
+def circle(east: float, north: float, radius: float, vehicle: AffectedVehicle) -> CircleOutage:
     """In the plane."""
-    return on_link(CircleOutage(east_m=east, north_m=north, radius_m=radius, who=who))
+    return on_link(CircleOutage(east_m=east, north_m=north, radius_m=radius, vehicle=vehicle))
 
 
 def random_outage(on: int, off: int, start_at: int, place: int = 0) -> RandomOutage:

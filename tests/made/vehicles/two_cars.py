@@ -22,7 +22,7 @@ from vehicles.schedule import MILLISECOND, SECOND
 TICK, PERIOD, LATENCY = 20 * MILLISECOND, 50 * MILLISECOND, 20 * MILLISECOND
 LENGTH, LIMITS = 4.93, GapLimits(2.0, 6.0)
 POLICY = GapPolicy(8.0, 0.5)
-HARDEST = DegradationSettings().hardest
+EMERGENCY = DegradationSettings().emergency
 
 
 class Road:

@@ -65,7 +65,7 @@ def test_a_convoy_goes_on_without_those_whose_controllers_fail(folder: Path) -> 
     """As it does when a process dies; in virtual time all the same."""
     asked = (
         *(controlled("v2", "Raising"), controlled("v3", "Dizzy")),
-        "convoy.when_a_vehicle_dies=go_on",
+        "convoy.on_vehicle_failure=continue",
     )
     wall = run_to_the_end(*arguments(*asked), folder=folder)
     virtual = run_to_the_end(*arguments(*asked, out="virtual"), "--clock=virtual", folder=folder)

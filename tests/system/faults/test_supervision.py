@@ -208,7 +208,7 @@ def test_a_vehicle_that_is_told_to_leave_ends_the_run(tmp_path: Path) -> None:
 def test_a_convoy_may_go_on_without_some(tmp_path: Path) -> None:
     """One dies, another is told to leave; the first and the last drive to the end."""
     duration_s = 2.5
-    goes_on = ("--set=convoy.vehicles=4", '--set=convoy.when_a_vehicle_dies="go_on"')
+    goes_on = ("--set=convoy.vehicles=4", '--set=convoy.on_vehicle_failure="continue"')
     with start(*three(tmp_path, duration_s=duration_s), *goes_on, folder=tmp_path) as convoy:
         convoy.drive(0.4)
         convoy.part("v2").send_signal(signal.SIGKILL)

@@ -134,10 +134,10 @@ def test_the_process_that_crashed_has_really_been_another_one_since(
     assert any("its software has started anew" in text for text in wall.texts("v3"))
 
 
-@pytest.mark.parametrize("when", ["end", "go_on"])
+@pytest.mark.parametrize("when", ["end", "continue"])
 def test_a_process_that_does_not_come_back_ends_with_its_fault(when: str, tmp_path: Path) -> None:
     (tmp_path / "death.toml").write_text(DEATH)
-    common = ("run", "death.toml", "--quiet", f'--set=convoy.when_a_vehicle_dies="{when}"')
+    common = ("run", "death.toml", "--quiet", f'--set=convoy.on_vehicle_failure="{when}"')
     said = run_to_the_end(*common, "--out=wall", folder=tmp_path)
     virtual = run_to_the_end(*common, "--clock=virtual", "--out=virtual", folder=tmp_path)
     line = "its process has crashed, as asked, 1.50 s after the start"
@@ -148,7 +148,7 @@ def test_a_process_that_does_not_come_back_ends_with_its_fault(when: str, tmp_pa
     runs = Run(tmp_path / "wall"), Run(tmp_path / "virtual")
     for run in runs:
         assert max(run.truths["v3"]) < 1.5e9
-    if when == "go_on":
+    if when == "continue":
         for run in runs:
             fatal = [m.text for m in run.messages if isinstance(m, LogText) and m.level == "fatal"]
             assert fatal == [line]

@@ -151,7 +151,7 @@ class Probation:
         settings = self._settings
         if self._trusted_at is not None:
             healthy = (now - self._trusted_at) / SECOND
-            halvings = min(int(healthy / settings.forgiven_after), 64)
+            halvings = min(int(healthy / settings.probation_halving), 64)
             self._next = max(self._next * 0.5**halvings, settings.probation)
             self._trusted_at = None
         self.length = self._next

@@ -14,10 +14,10 @@ extrapolate  continue along the last trajectory at full speed
 hold         keep the last steering command, at full speed
 straight     turn the wheels straight, at full speed, as one production system does
 """
-PredecessorPath = Literal["meant", "driven"]
+PredecessorPath = Literal["intended", "driven"]
 """Path that a follower follows while it receives its predecessor alone.
 
-meant    the lead's path, reconstructed from the offset that the predecessor reports
+intended the lead's path, reconstructed from the offset that the predecessor reports
 driven   the predecessor's own path, with its errors, which add up along the convoy
 """
 
@@ -61,7 +61,7 @@ class DegradationSettings:
         float,
         Setting("shortest silence until it is lost, if that is longer", "s", 0.01, 60, name="lost"),
     ] = 0.5
-    trusted_share: Annotated[
+    probation_delivery: Annotated[
         float,
         Setting(
             "share of its usual messages that a source must deliver during its probation before "
@@ -75,7 +75,7 @@ class DegradationSettings:
         float, Setting("length of the probation, doubled with each relapse", "s", 0.1, 60)
     ] = 1.0
     probation_max: Annotated[float, Setting("up to this length", "s", 0.1, 600)] = 16.0
-    forgiven_after: Annotated[
+    probation_halving: Annotated[
         float, Setting("time without a relapse that halves the probation", "s", 0.1, 3600)
     ] = 10.0
     gate: Annotated[
@@ -95,24 +95,24 @@ class DegradationSettings:
             "path followed while the lead is lost: the lead's, reconstructed from the offset that "
             'the predecessor reports; or the one "driven" by the predecessor'
         ),
-    ] = "meant"
+    ] = "intended"
     comfortable_deceleration: Annotated[
         float, Setting("comfortable braking", "mps2", 0.1, 12, name="comfortable")
     ] = 1.0
     comfortable_jerk: Annotated[float, Setting("and its jerk", "mps3", 0.05, 100)] = 0.3
     firm_deceleration: Annotated[float, Setting("firm braking", "mps2", 0.1, 12, name="firm")] = 2.5
     firm_jerk: Annotated[float, Setting("and its jerk", "mps3", 0.05, 100)] = 1.5
-    hardest_deceleration: Annotated[
+    emergency_deceleration: Annotated[
         float,
         Setting(
             "hardest braking, for stops that would otherwise end beyond the known road",
             unit="mps2",
             minimum=0.1,
             maximum=12,
-            name="hardest",
+            name="emergency",
         ),
     ] = 6.0
-    hardest_jerk: Annotated[float, Setting("and its jerk", "mps3", 0.05, 1000)] = 12.0
+    emergency_jerk: Annotated[float, Setting("and its jerk", "mps3", 0.05, 1000)] = 12.0
 
     @property
     def comfortable(self) -> Braking:
@@ -123,8 +123,8 @@ class DegradationSettings:
         return _braking(self.firm_deceleration, self.firm_jerk)
 
     @property
-    def hardest(self) -> Braking:
-        return _braking(self.hardest_deceleration, self.hardest_jerk)
+    def emergency(self) -> Braking:
+        return _braking(self.emergency_deceleration, self.emergency_jerk)
 
     def lost_after_silence(self, period: float) -> float:
         """Silence (s) after which a source of such a `period` (s) is lost."""

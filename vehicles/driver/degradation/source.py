@@ -198,8 +198,8 @@ class Source:
             self._reception.skip_usual_share(now)
         else:
             self._reception.update_usual_share(now, share)
-        trusted_share = self._settings.trusted_share
-        if served >= self.probation.length and self._reception.delivers(now, trusted_share):
+        probation_delivery = self._settings.probation_delivery
+        if served >= self.probation.length and self._reception.delivers(now, probation_delivery):
             self.probation.end(now)
             self.status = "fresh"
 

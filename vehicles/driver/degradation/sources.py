@@ -42,13 +42,13 @@ class SourcePair:
         if lead is not predecessor:
             self.used["predecessor"] = predecessor
             predecessor.may_leave_path = len(self.used) > 1 and settings.reaction == "degrade"
-        wanted = predecessor.may_leave_path and settings.predecessor_path == "meant"
+        wanted = predecessor.may_leave_path and settings.predecessor_path == "intended"
         if wanted:
             predecessor.intended = IntendedPath()
         self._intended = IntendedShare(settings.probation, wanted=wanted)
         self._degrades = settings.reaction == "degrade"
         self._comfortable, self._firm = settings.comfortable, settings.firm
-        self._hardest = settings.hardest
+        self._emergency = settings.emergency
         self._assessed_at = 0
         self._alone_at = 0
 
@@ -147,7 +147,7 @@ class SourcePair:
                 self.relied[mode] = source
         comfortable = _stop(speed, acceleration, self._comfortable)
         firm = _stop(speed, acceleration, self._firm)
-        blind = _stop(speed, acceleration, self._hardest, period=span) - known
+        blind = _stop(speed, acceleration, self._emergency, period=span) - known
         blind = 0.0 if blind < 0.0 else blind
         lead, predecessor = self.lead.freshness, self.predecessor.freshness
         return Situation(lead, predecessor, known, comfortable, firm, blind)
@@ -188,5 +188,5 @@ def _stop(speed: float, acceleration: float, braking: Braking, period: float = 0
     0.3 m at 30 m/s and 50 Hz.
     """
     sooner = acceleration - 0.5 * braking.jerk * period
-    hardest = -braking.deceleration
-    return stopping_distance(speed, hardest if hardest > sooner else sooner, braking)
+    emergency = -braking.deceleration
+    return stopping_distance(speed, emergency if emergency > sooner else sooner, braking)

@@ -89,7 +89,7 @@ class _Instant:
     ahead: VehiclesAhead
     situation: Situation
     wanted: SpeedCommand
-    hardest: Braking
+    emergency: Braking
     gap: float
     speed: float
     age: float
@@ -111,7 +111,7 @@ class SpeedGuard:
         self._keeps_gap = isinstance(law, GapKeeping)
         self._keeping = law if self._keeps_gap else GapKeeping(car.policy, car.limits)
         self._settings = settings
-        self._comfortable, self._hard = settings.comfortable, settings.hardest
+        self._comfortable, self._hard = settings.comfortable, settings.emergency
         self._degrades = settings.reaction == "degrade"
         self._car = car
         self._friction = car.friction * GRAVITY
@@ -144,9 +144,9 @@ class SpeedGuard:
         if not self._degrades:
             return usual
         self.stops_behind = False
-        predecessor, hardest = situation.predecessor, self._hardest(pose)
+        predecessor, emergency = situation.predecessor, self._emergency(pose)
         sample = self._sample(now, ahead, predecessor.age)
-        tick = _Instant(now, span, pose, ahead, situation, usual, hardest, *sample)
+        tick = _Instant(now, span, pose, ahead, situation, usual, emergency, *sample)
         self._ages.observe(now, tick.age, predecessor)
         warned = predecessor.hazard or predecessor.mode in SLOWING
         warned = warned or 0 < predecessor.stops_at <= now
@@ -188,13 +188,13 @@ class SpeedGuard:
         speed = ahead.predecessor_speed
         return ahead.gap - speed * age, 0.0 if speed < 0.0 else speed, age
 
-    def _hardest(self, pose: Pose) -> Braking:
+    def _emergency(self, pose: Pose) -> Braking:
         """Hardest braking beside the lateral acceleration, by the friction circle."""
-        hardest = self._hard
+        emergency = self._hard
         left = friction_left(self._car.friction, pose.speed * pose.yaw_rate)
-        if 0.1 <= hardest.deceleration <= left:
-            return hardest
-        return replace(hardest, deceleration=max(min(hardest.deceleration, left), 0.1))
+        if 0.1 <= emergency.deceleration <= left:
+            return emergency
+        return replace(emergency, deceleration=max(min(emergency.deceleration, left), 0.1))
 
     def _reserve(self, tick: _Instant) -> float:
         """Distance (m) left (RSS) if both brake hardest, the predecessor from its newest sample."""
@@ -205,7 +205,7 @@ class SpeedGuard:
         if harder > self._friction:
             harder = self._friction
         stands_at = tick.gap + tick.speed**2 / (2.0 * harder)
-        own = stopping_distance(tick.pose.speed, self._last, tick.hardest)
+        own = stopping_distance(tick.pose.speed, self._last, tick.emergency)
         return stands_at - self._car.length - GUARD_MARGIN - own
 
     def _guarded(self, tick: _Instant, reserve: float) -> float:
@@ -219,7 +219,7 @@ class SpeedGuard:
         if time >= GUARD_TIME:
             return inf
         share = 1.0 - max(time, 0.0) / GUARD_TIME
-        most, jerk = tick.hardest.deceleration, tick.hardest.jerk
+        most, jerk = tick.emergency.deceleration, tick.emergency.jerk
         if tick.pose.speed < STANDING:
             most = self._comfortable.deceleration
         elif not self._promised:
@@ -248,24 +248,24 @@ class SpeedGuard:
 
     def _stopping(self, tick: _Instant, *, firmly: bool) -> float:
         """Mildest braking (m/s²) that stops within the known road (see `needed_deceleration`)."""
-        braking, hardest = self._comfortable, tick.hardest
+        braking, emergency = self._comfortable, tick.emergency
         if tick.pose.speed < STANDING:
             return -braking.deceleration
         if firmly:
-            braking = hardest
+            braking = emergency
         known = 0.0 if isnan(tick.situation.known) else tick.situation.known
         left = known - STOPS_BEFORE
         needed = needed_deceleration(tick.pose.speed, left, self._last, braking.jerk)
-        most = min(needed, braking.deceleration, hardest.deceleration)
+        most = min(needed, braking.deceleration, emergency.deceleration)
         return max(-most, self._last - braking.jerk * tick.span)
 
     def _stopping_behind(self, tick: _Instant) -> float:
         """Mildest braking (m/s²) to stand behind a predecessor that stops as it announced."""
         distance = self._announced.distance(tick.now, tick.speed, tick.situation.predecessor)
         left = tick.gap + distance - self._car.length - GUARD_MARGIN
-        hardest = tick.hardest
-        needed = needed_deceleration(tick.pose.speed, left, self._last, hardest.jerk)
-        return max(-min(needed, hardest.deceleration), self._last - hardest.jerk * tick.span)
+        emergency = tick.emergency
+        needed = needed_deceleration(tick.pose.speed, left, self._last, emergency.jerk)
+        return max(-min(needed, emergency.deceleration), self._last - emergency.jerk * tick.span)
 
     def _opening(self, tick: _Instant) -> float:
         """Widening of the gap (m): speed times growth of age, at least the RSS distance then."""
@@ -274,7 +274,7 @@ class SpeedGuard:
             return 0.0
         speed, policy = tick.pose.speed, self._car.policy
         worst = self._hard.deceleration
-        own = stopping_distance(speed, 0.0, tick.hardest) - speed * speed / (2.0 * worst)
+        own = stopping_distance(speed, 0.0, tick.emergency) - speed * speed / (2.0 * worst)
         needed = self._car.length + GUARD_MARGIN + own + speed * (self._ages.usual + growth)
         return max(speed * growth, needed - policy.desired(speed), 0.0)
 
@@ -345,13 +345,13 @@ class SpeedGuard:
     def _released(self, tick: _Instant, wanted: float, free: float) -> SpeedCommand:
         """Release the brake, and return to the law, at a limited jerk."""
         settings, usual = self._settings, tick.wanted
-        jerk = settings.hardest.jerk if self._last < 0.0 else settings.firm.jerk
+        jerk = settings.emergency.jerk if self._last < 0.0 else settings.firm.jerk
         upper = self._last + jerk * tick.span
         held = wanted < free or free != usual.acceleration
         if (held or self._held) and wanted > upper:
             wanted, held = upper, True
         # Friction goes before the jerk, but the law may brake as it would without loss.
-        wanted = max(wanted, min(-tick.hardest.deceleration, usual.acceleration))
+        wanted = max(wanted, min(-tick.emergency.deceleration, usual.acceleration))
         self._held, self._last = held, wanted
         if wanted == usual.acceleration:
             return usual

@@ -89,8 +89,8 @@ class AnnouncedStop:
     begin to brake there one after the other, and collide.
     """
 
-    def __init__(self, hardest: Braking) -> None:
-        self._hardest = hardest
+    def __init__(self, emergency: Braking) -> None:
+        self._emergency = emergency
         self._received_at = 0
 
     def is_expected(self, now: int, predecessor: SourceFreshness) -> bool:
@@ -107,8 +107,8 @@ class AnnouncedStop:
         if predecessor.age >= since or status in LOST or status == "late":
             return True
         self._received_at = self._received_at or now
-        hardest = self._hardest
-        return now - self._received_at <= hardest.deceleration / hardest.jerk * SECOND
+        emergency = self._emergency
+        return now - self._received_at <= emergency.deceleration / emergency.jerk * SECOND
 
     def distance(self, now: int, speed: float, predecessor: SourceFreshness) -> float:
         """Stopping distance (m) from its newest sample on, at `speed` (m/s) then.
@@ -117,6 +117,6 @@ class AnnouncedStop:
         """
         free = (predecessor.stops_at - now) / SECOND + predecessor.age
         if free > 0.0:
-            return speed * free + stopping_distance(speed, 0.0, self._hardest)
-        braked = min(max(predecessor.acceleration, -self._hardest.deceleration), 0.0)
-        return stopping_distance(speed, braked, self._hardest)
+            return speed * free + stopping_distance(speed, 0.0, self._emergency)
+        braked = min(max(predecessor.acceleration, -self._emergency.deceleration), 0.0)
+        return stopping_distance(speed, braked, self._emergency)

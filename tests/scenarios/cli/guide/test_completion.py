@@ -107,7 +107,7 @@ BASH = """
 press() {{ COMP_WORDS=("$@") COMP_CWORD=$(($# - 1)) COMPREPLY=(); _convoy_completion convoy; }}
 press convoy run --set imu.yaw_rate_; echo "${{COMPREPLY[@]}}"
 press convoy run --set control.fusion = b; echo "${{COMPREPLY[@]}}"
-press convoy run --set = convoy.when; echo "${{COMPREPLY[@]}}"
+press convoy run --set = convoy.on_v; echo "${{COMPREPLY[@]}}"
 press convoy run --set = links.loss_ratio = 0.1 lo; echo "${{COMPREPLY[@]}}"
 """
 """Bash makes words of their own of what stands beside `=`, and completes the last one."""
@@ -127,7 +127,7 @@ def test_bash_completes_with_the_line_of_the_help(tmp_path: Path) -> None:
     assert done.stdout.splitlines() == [
         "imu.yaw_rate_noise_radps= imu.yaw_rate_bias_radps=",
         "blend",
-        "convoy.when_a_vehicle_dies=end convoy.when_a_vehicle_dies=go_on",
+        "convoy.on_vehicle_failure=end convoy.on_vehicle_failure=continue",
         "lossy_lane_change",
     ], done.stderr
 

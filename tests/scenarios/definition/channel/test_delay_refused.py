@@ -97,8 +97,8 @@ BROKEN = {
         f"{OUTAGE}.to_m", "given -3", "more than 30",
     ),
     "nobody's stretch": (
-        "links.outages=[{kind='stretch', from_m=3, to_m=30, who='lead'}]",
-        f"{OUTAGE}.who", '"lead"', '"either"',
+        "links.outages=[{kind='stretch', from_m=3, to_m=30, vehicle='lead'}]",
+        f"{OUTAGE}.vehicle", '"lead"', '"either"',
     ),
     "a circle nowhere": (
         "links.outages=[{kind='circle', radius_m=3}]", f"{OUTAGE}.east_m", "missing", "latitude",

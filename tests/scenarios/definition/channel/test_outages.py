@@ -28,7 +28,7 @@ def test_each_kind_is_its_outage_in_the_order_given() -> None:
         [
             "links.outages=[{kind='window', from_s=1, to_s=2.5, every_s=10},"
             " {kind='random', mean_on_s=4, mean_off_s=0.5},"
-            " {kind='stretch', from_m=100, to_m=160, who='both'},"
+            " {kind='stretch', from_m=100, to_m=160, vehicle='both'},"
             " {kind='circle', east_m=30, north_m=-4, radius_m=9}]"
         ],
     )

@@ -102,7 +102,7 @@ def test_a_broken_limit_is_named_with_its_figure_and_instant(
         ({}, None),
         ({"collisions_max": 0}, 1),
         ({"collisions_max": 2}, 3),
-        ({"collisions_max": 0, "after_collision": "go_on"}, None),
+        ({"collisions_max": 0, "after_collision": "continue"}, None),
         ({"after_collision": "end"}, 1),
         ({"collisions_max": 1, "after_collision": "end"}, 2),
     ],
@@ -127,7 +127,7 @@ FOLLOWER = row(
 )
 LEAD = row("v1", friction_ratio_max=0.8, cross_track_error_m_max=None, true_gap_m_min=None)
 FIGURES = {
-    "believed_minus_true_error_m_max": (0.4, 0.39, "v3 was 0.40 m wrong about its error"),
+    "self_estimate_error_m_max": (0.4, 0.39, "v3 was 0.40 m wrong about its error"),
     "blind_m_max": (6.0, 5.9, "v3 drove 6.00 m beyond the road that it knew"),
     "cross_track_error_m_max": (
         0.2,

@@ -81,7 +81,7 @@ def test_a_controller_that_fails_in_mid_run_fails_the_run(
 
 def test_of_a_convoy_that_goes_on_the_last_vehicle_still_fails_the_run(tmp_path: Path) -> None:
     own = f"control.controller={__name__}.Failing"
-    asked = ["duration_s=2", "convoy.vehicles=2", own, "convoy.when_a_vehicle_dies=go_on"]
+    asked = ["duration_s=2", "convoy.vehicles=2", own, "convoy.on_vehicle_failure=continue"]
     summary = run_virtual(load_scenario("lane_change", asked), tmp_path, Stop())
     assert summary.outcome == "failed"
     assert summary.reason.startswith(f"v2: controller '{__name__}.Failing': steer() raised")

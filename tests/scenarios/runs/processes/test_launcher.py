@@ -104,9 +104,9 @@ def folder(tmp_path: Path) -> Path:
 
 
 def scenario(*, goes_on: bool = False) -> Scenario:
-    policy = "go_on" if goes_on else "end"
+    policy = "continue" if goes_on else "end"
     return load_scenario(
-        "lane_change", ["convoy.vehicles=3", f'convoy.when_a_vehicle_dies="{policy}"']
+        "lane_change", ["convoy.vehicles=3", f'convoy.on_vehicle_failure="{policy}"']
     )
 
 

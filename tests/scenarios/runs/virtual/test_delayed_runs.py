@@ -24,7 +24,7 @@ ALL = (
     " order='in_order'}",
     "links.queue={bytes_per_s=1800, depth_messages=3, drop='oldest'}",
     "links.outages=[{kind='window', from_s=1, to_s=1.4},"
-    " {kind='stretch', from_m=60, to_m=75, who='both'},"
+    " {kind='stretch', from_m=60, to_m=75, vehicle='both'},"
     " {kind='random', mean_on_s=2, mean_off_s=0.2}]",
     "vehicle.v2.transmitter_off=[{from_s=2, to_s=2.3}]",
     "vehicle.v3.receiver_off=[{from_s=3, to_s=3.25}]",
@@ -89,8 +89,8 @@ def test_times_and_places_are_those_of_the_run() -> None:
             assert v.reason in {"", "queue", "outage"}
     # The lead at 30 m/s is on the stretch from 2 to 2.5 s; who is 15 m behind leaves it as the
     # lead has left it, so that both are there only for a moment.
-    plain = run(load_scenario("lane_change", ["duration_s=5", "links.outages=[{kind='stretch',"
-                                              " from_m=60, to_m=90, who='both'}]"]))  # fmt: skip
+    both = "{kind='stretch', from_m=60, to_m=90, vehicle='both'}"
+    plain = run(load_scenario("lane_change", ["duration_s=5", f"links.outages=[{both}]"]))
     hit = [(v.sent_at_ns - start) / SECOND for v in plain.over("v1", "v2") if v.reason]
     assert 2.45 <= min(hit) <= 2.55
     assert 2.9 <= max(hit) <= 3.0

@@ -86,7 +86,7 @@ class Plant:
 
 
 ERROR, GAP = "cross_track_error_m_max", "true_gap_m_min"
-BELIEF = "believed_minus_true_error_m_max"
+BELIEF = "self_estimate_error_m_max"
 
 
 def _alone(vehicle: str) -> str:

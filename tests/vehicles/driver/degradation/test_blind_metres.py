@@ -29,9 +29,9 @@ def situation(speed: float, acceleration: float, period: float) -> Situation:
 
 def driven(speed: float, acceleration: float, period: float) -> float:
     """Distance (m) to a standstill by commands that are held, each harder by the jerk at most."""
-    hardest, east = DegradationSettings().hardest, 0.0
+    emergency, east = DegradationSettings().emergency, 0.0
     while True:
-        acceleration = max(acceleration - hardest.jerk * period, -hardest.deceleration)
+        acceleration = max(acceleration - emergency.jerk * period, -emergency.deceleration)
         if speed + acceleration * period <= 0.0:
             return east - speed**2 / (2.0 * acceleration)
         east += speed * period + 0.5 * acceleration * period**2

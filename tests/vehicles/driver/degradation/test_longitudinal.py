@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made.vehicles.two_cars import (
-    HARDEST,
+    EMERGENCY,
     LENGTH,
     LIMITS,
     PERIOD,
@@ -87,7 +87,7 @@ def test_never_more_than_the_hardest_braking_or_than_friction_leaves(
     for step in range(200):
         left = friction_left(friction, road.speed * yaw_rate)
         asked = road.tick(0.0, received=step < 50).acceleration
-        assert asked >= -max(min(HARDEST.deceleration, left), 0.1) - 1e-9
+        assert asked >= -max(min(EMERGENCY.deceleration, left), 0.1) - 1e-9
 
 
 @given(st.floats(2.0, 60.0), st.floats(0.1, 30.0), st.floats(0.0, 30.0))
@@ -123,17 +123,17 @@ def test_a_car_that_hears_nobody_stops_within_the_road_it_knows(known: float) ->
     road.tick(0.0, received=True)
     road.path = known
     road.mode = "coast" if known > 300.0 else "stop"
-    hardest = 0.0
+    emergency = 0.0
     for _ in range(4000):
         braking = -road.tick(0.0, received=False).acceleration
-        hardest = max(hardest, braking if road.speed > 0.5 else 0.0)
+        emergency = max(emergency, braking if road.speed > 0.5 else 0.0)
     assert road.speed == 0.0
     shortest = 20.0**2 / 12.0 + 20.0 * 0.25 - 6.0 * 0.5**2 / 24.0  # 6 m/s² within half a second
     if known > shortest:
         assert 0.0 <= road.path < 1.0
-        assert hardest < 1.3 * 20.0**2 / (2.0 * known)
+        assert emergency < 1.3 * 20.0**2 / (2.0 * known)
     else:
-        assert hardest == pytest.approx(6.0)
+        assert emergency == pytest.approx(6.0)
         assert -road.path == pytest.approx(shortest - known, rel=0.05)
 
 
@@ -155,7 +155,7 @@ def test_a_car_that_fell_behind_the_common_speed_catches_up_and_drives_it_again(
     assert road.ahead - road.place == pytest.approx(40.0, abs=0.6)
     assert road.speed == pytest.approx(25.0, abs=0.1)
     steps = [after - before for before, after in pairwise(road.commands)]
-    jerk = HARDEST.jerk * TICK / SECOND
+    jerk = EMERGENCY.jerk * TICK / SECOND
     assert max(steps) <= jerk + 1e-9
     situation = replace(Situation(), predecessor=SourceFreshness(age=0.02))
     pose = Pose(road.place, 0.0, 0.0, road.speed, 0.0)
@@ -183,7 +183,7 @@ def test_who_stops_without_a_known_path_brakes_as_hard_as_it_can() -> None:
     road.mode, road.path = "stop", nan
     for _ in range(300):
         road.tick(0.0, received=True)
-    assert min(road.commands) == pytest.approx(-HARDEST.deceleration)
+    assert min(road.commands) == pytest.approx(-EMERGENCY.deceleration)
     assert road.speed < 0.01
 
 
@@ -204,7 +204,7 @@ def test_behind_one_that_was_never_heard_it_brakes_hard_when_that_would_be_lost(
     comfortable = DegradationSettings().comfortable.deceleration
     assert min(before) > -comfortable - 1e-9
     needed = road.commands[(lost_at + SECOND // 2) // TICK]
-    assert needed == pytest.approx(-HARDEST.deceleration)
+    assert needed == pytest.approx(-EMERGENCY.deceleration)
     told = {at for now, at in said.items() if 4 * PERIOD < now < lost_at}
     assert told
     assert min(told) >= lost_at

@@ -90,15 +90,15 @@ def test_braking_distances_and_blind_metres_are_those_of_the_closed_form(speed: 
         situation, body = step.decision.situation, step.body
         acceleration = before.decision.actuation.acceleration
         # Of the hardest stop it counts with commands that are held, half a tick of 20 ms sooner.
-        hardest, firm, comfortable = (
+        emergency, firm, comfortable = (
             stopping_distance(body.speed, max(asked, -braking.deceleration), braking)
             for asked, braking in (
-                (acceleration - 0.01 * DEGRADE.hardest.jerk, DEGRADE.hardest),
+                (acceleration - 0.01 * DEGRADE.emergency.jerk, DEGRADE.emergency),
                 (acceleration, DEGRADE.firm),
                 (acceleration, DEGRADE.comfortable),
             )
         )
-        assert situation.blind == pytest.approx(max(hardest - situation.known, 0.0), abs=0.1)
+        assert situation.blind == pytest.approx(max(emergency - situation.known, 0.0), abs=0.1)
         assert situation.comfortable_stop >= situation.firm_stop - 1e-9
         assert situation.firm_stop == pytest.approx(firm, abs=0.1)
         assert situation.comfortable_stop == pytest.approx(comfortable, abs=0.3)

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made.vehicles.two_cars import (
-    HARDEST,
+    EMERGENCY,
     LENGTH,
     TICK,
     RecordingLaw,
@@ -41,7 +41,7 @@ class Announced(Road):
     def braking(self) -> float:
         """What the one ahead does: as hard as it can from the announced instant on."""
         since = (self.now - ANNOUNCED) / SECOND
-        return -min(max(since, 0.0) * HARDEST.jerk, HARDEST.deceleration)
+        return -min(max(since, 0.0) * EMERGENCY.jerk, EMERGENCY.deceleration)
 
 
 @given(st.floats(5.0, 36.0), st.floats(1.1, 20.0), st.floats(0.1, 0.6))
@@ -53,7 +53,7 @@ def test_it_stands_behind_the_one_that_brakes_unheard(
         road.tick(road.braking(), received=road.now < ANNOUNCED - silence * SECOND)
     # Both brake alike from one instant on: the follower's is the next tick, as is its margin.
     assert road.least > min(gap, 1.0) - (speed * TICK / SECOND + 0.1)
-    assert min(road.commands) >= -HARDEST.deceleration
+    assert min(road.commands) >= -EMERGENCY.deceleration
 
 
 def test_without_the_announcement_it_hits_it() -> None:

@@ -39,12 +39,12 @@ def test_the_stopping_distance_is_what_is_driven(
 
 
 def test_stops_of_a_common_speed_are_those_worked_out_by_hand() -> None:
-    hardest = stopping_distance(15.0, 0.0, DegradationSettings().hardest)
+    emergency = stopping_distance(15.0, 0.0, DegradationSettings().emergency)
     ramp = 6.0 / 12.0
     left = 15.0 - 0.5 * 12.0 * ramp**2
-    assert hardest == pytest.approx(15.0 * ramp - 12.0 * ramp**3 / 6.0 + left**2 / 12.0)
-    assert stopping_distance(15.0, -6.0, DegradationSettings().hardest) == 225.0 / 12.0
-    assert stopping_distance(0.0, 0.0, DegradationSettings().hardest) == 0.0
+    assert emergency == pytest.approx(15.0 * ramp - 12.0 * ramp**3 / 6.0 + left**2 / 12.0)
+    assert stopping_distance(15.0, -6.0, DegradationSettings().emergency) == 225.0 / 12.0
+    assert stopping_distance(0.0, 0.0, DegradationSettings().emergency) == 0.0
 
 
 @given(SPEEDS, st.floats(0.1, 10.0), ACCELERATIONS, BRAKINGS)

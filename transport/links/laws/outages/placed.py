@@ -13,7 +13,7 @@ from transport.links.laws.outages.span import Extent, Outage
 from transport.reasons import DropReason
 from vehicles.geometry.geodesy import REACH, LocalPlane
 
-Who = Literal["sender", "receiver", "either", "both"]
+AffectedVehicle = Literal["sender", "receiver", "either", "both"]
 """Which end has to be inside."""
 Station = Annotated[float, Field(ge=-1_000_000, le=1_000_000)]
 Metres = Annotated[float, Field(ge=-200_000, le=200_000)]
@@ -24,14 +24,14 @@ class PlacedOutage(Outage):
 
     judged_by = "place"
 
-    who: Who = "either"
+    vehicle: AffectedVehicle = "either"
 
     def inside(self, sender: bool, receiver: bool) -> bool:
-        if self.who == "either":
+        if self.vehicle == "either":
             return sender or receiver
-        if self.who == "both":
+        if self.vehicle == "both":
             return sender and receiver
-        return sender if self.who == "sender" else receiver
+        return sender if self.vehicle == "sender" else receiver
 
 
 class StretchOutage(PlacedOutage):
@@ -60,7 +60,7 @@ class StretchOutage(PlacedOutage):
         return "outage" if self.inside(sender, receiver) else 0
 
     def describe(self) -> str:
-        return f"outage with {self.who} on the road {self.extent.describe('m')}"
+        return f"outage with {self.vehicle} on the road {self.extent.describe('m')}"
 
 
 class CircleOutage(PlacedOutage):
@@ -118,4 +118,4 @@ class CircleOutage(PlacedOutage):
     def describe(self) -> str:
         east, north = self.centre
         where = f"{self.radius_m:g} m of east {east:g} m, north {north:g} m"
-        return f"outage with {self.who} within {where}"
+        return f"outage with {self.vehicle} within {where}"

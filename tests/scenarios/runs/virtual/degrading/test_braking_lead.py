@@ -34,10 +34,10 @@ loss_ratio = {loss}
 def test_physics_allows_this_convoy_to_be_safe_whatever_is_lost() -> None:
     # Without any message both brake as hard as they can, the lead at once, the next car when
     # what it knew at the start no longer tells it that it need not: it has this long to notice.
-    hardest = DegradationSettings().hardest
+    emergency = DegradationSettings().emergency
     gap = 8.0 + 0.5 * FAST - LENGTH
-    lead_stands_after = FAST**2 / (2.0 * hardest.deceleration)
-    left = gap + lead_stands_after - stopping_distance(FAST, 0.0, hardest)
+    lead_stands_after = FAST**2 / (2.0 * emergency.deceleration)
+    left = gap + lead_stands_after - stopping_distance(FAST, 0.0, emergency)
     assert 0.37 < left / FAST < 0.38
 
 
@@ -71,8 +71,8 @@ def assert_nobody_drives_into_anybody(
         least = min(one.east_m - other.east_m for one, other in both) - LENGTH
         assert least > 0.5, f"{behind} within {least:.2f} m of {ahead}"
     for name in names[1:]:
-        hardest = min(one.acceleration_mps2 for one in driven.commands[name])
-        assert hardest >= -6.0 - 1e-9
+        emergency = min(one.acceleration_mps2 for one in driven.commands[name])
+        assert emergency >= -6.0 - 1e-9
 
 
 CHAIN = """

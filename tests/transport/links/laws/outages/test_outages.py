@@ -11,7 +11,7 @@ from scipy import stats
 
 from tests.made.channels.laws import circle, long_run, random_outage, stretch, window
 from transport.links.laws.effect import Effect, Position, TransmissionContext
-from transport.links.laws.outages.placed import Who
+from transport.links.laws.outages.placed import AffectedVehicle
 from transport.links.laws.outages.random import REMEMBERED, RandomOutage
 from transport.links.laws.outages.span import ReceiverOff, TransmitterOff
 from transport.links.link import keyed_draw
@@ -61,17 +61,17 @@ INSIDE = {
 }
 
 
-@pytest.mark.parametrize("who", ["sender", "receiver", "either", "both"])
+@pytest.mark.parametrize("vehicle", ["sender", "receiver", "either", "both"])
 @pytest.mark.parametrize(("sender", "receiver"), INSIDE)
-def test_who_has_to_be_there(who: Who, sender: bool, receiver: bool) -> None:
-    wanted = "outage" if who in INSIDE[sender, receiver] else 0
+def test_who_has_to_be_there(vehicle: AffectedVehicle, sender: bool, receiver: bool) -> None:
+    wanted = "outage" if vehicle in INSIDE[sender, receiver] else 0
     here, there = Position(10.0, 0.0, 60.0), Position(50.0, 0.0, 0.0)
     context = TransmissionContext(
         0, START, sender=here if sender else there, receiver=here if receiver else there
     )
-    assert answer(circle(10.0, 5.0, 6.0, who), context) == wanted
+    assert answer(circle(10.0, 5.0, 6.0, vehicle), context) == wanted
     # The sender starts 40 m ahead of the path's first point, the receiver there as well.
-    assert answer(stretch((100.0, 101.0), who, 40.0, 40.0), context) == wanted
+    assert answer(stretch((100.0, 101.0), vehicle, 40.0, 40.0), context) == wanted
 
 
 def test_a_stretch_counts_from_each_one_s_own_start() -> None:

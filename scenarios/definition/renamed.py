@@ -1,0 +1,60 @@
+"""Keys and values of scenario files that were renamed.
+
+A refusal names the new one. Scenarios inside recorded logs are translated.
+"""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+KEYS: Mapping[str, str] = {
+    "convoy.when_a_vehicle_dies": "on_vehicle_failure",
+    "control.degradation.hardest_mps2": "emergency_mps2",
+    "control.degradation.hardest_jerk_mps3": "emergency_jerk_mps3",
+    "control.degradation.trusted_share_ratio": "probation_delivery_ratio",
+    "control.degradation.forgiven_after_s": "probation_halving_s",
+    "outages.who": "vehicle",
+    "path.place_word": "source_unit",
+    "path.place_numbers": "source_numbers",
+    "path.began_at_s": "epoch_s",
+    "drive.place_word": "source_unit",
+    "drive.place_numbers": "source_numbers",
+    "drive.began_at_s": "epoch_s",
+    "limits.believed_minus_true_error_m_max": "self_estimate_error_m_max",
+}
+"""New name of each key; the tables before it may have others around and between them."""
+VALUES: Mapping[str, Mapping[str, str]] = {
+    "convoy.on_vehicle_failure": {"go_on": "continue"},
+    "limits.after_collision": {"go_on": "continue"},
+    "control.degradation.predecessor_path": {"meant": "intended"},
+}
+"""New values by key."""
+
+
+def new_key(parts: Iterable[str]) -> str | None:
+    """Return the new name of the key with these tables around it, if it was renamed."""
+    names = [part for part in parts if not part.isdecimal()]
+    return next((new for old, new in KEYS.items() if _is_at(old, names)), None)
+
+
+def new_value(parts: Iterable[str], value: object) -> str | None:
+    """Return the new word for the value of a key, if it was renamed."""
+    names = [part for part in parts if not part.isdecimal()]
+    words = next((words for key, words in VALUES.items() if _is_at(key, names)), {})
+    return words.get(value) if isinstance(value, str) else None
+
+
+def translated(value: Any, parts: tuple[str, ...] = ()) -> Any:
+    """Rename old keys and values in the tables of a recorded scenario."""
+    if isinstance(value, list):
+        return [translated(entry, parts) for entry in value]
+    if not isinstance(value, dict):
+        return new_value(parts, value) or value
+    renamed = {key: new_key((*parts, key)) or key for key in value}
+    return {new: translated(value[key], (*parts, new)) for key, new in renamed.items()}
+
+
+def _is_at(known: str, names: list[str]) -> bool:
+    """Whether `names` end in the key and contain its tables in order."""
+    *tables, key = known.split(".")
+    around = iter(names[:-1])
+    return names[-1:] == [key] and all(table in around for table in tables)
