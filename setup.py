@@ -34,12 +34,13 @@ MODULES = {
     "transport/links": "arrival gate inbox line link positions",
     "transport/log": "writer",
     "scenarios/results": "deviations metrics stream",
-    "scenarios/results/channel": "figures tally",
+    "scenarios/results/channel": "link_figures link_tally",
     "scenarios/results/events": "bodies encounters lane watches",
     "scenarios/results/vehicles": "accumulators",
     "scenarios/runs": "recorder",
-    "scenarios/runs/node": "agenda changes node outbox phases probe process_probe sink",
-    "scenarios/runs/processes": "arrivals vehicle",
+    "scenarios/runs/node": "change_executor node outbox pending_changes phases probe"
+    " process_probe sink",
+    "scenarios/runs/processes": "arrivals vehicle_process",
 }
 """Names of the compiled modules by folder."""
 

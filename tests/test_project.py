@@ -392,12 +392,12 @@ HEAVY = {"scipy", "rich", "rerun", "mcap", "matplotlib", "pandas", "pyarrow", "z
 def test_a_vehicle_s_process_loads_nothing_that_it_does_not_need() -> None:
     """Each takes megabytes, of which a process has 80."""
     drive = """
-from scenarios.runs.node.assembly.vehicle import VehicleBuilder
+from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
 from scenarios.runs.node.probe import NoProbe
 from scenarios.runs.node.sink import BusSink
 from scenarios.definition.scenario import load_scenario
 from transport.bus.memory_bus import MemoryBus
-import scenarios.cli.main, scenarios.runs.processes.vehicle
+import scenarios.cli.main, scenarios.runs.processes.vehicle_process
 for scenario in ("lane_change", "church_lot", "highway"):
     builder = VehicleBuilder(load_scenario(scenario, ["duration_s=0.2"]), "v2")
     node = builder.node(0, BusSink("v2", MemoryBus()), NoProbe())

@@ -11,7 +11,7 @@ def main() -> None:
 
         open_standard_files()
         # The launcher reports when it stops a process of its run.
-        end_on_signals(say="--leash" not in sys.argv)
+        end_on_signals(report="--leash" not in sys.argv)
     except KeyboardInterrupt:  # before the handlers are set
         os.write(2, b"stopped by SIGINT\n")
         os._exit(130)

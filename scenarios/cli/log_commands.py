@@ -52,7 +52,7 @@ def report(log: Path, *, as_json: bool) -> None:
     """Print the tables of a recorded LOG, or the one in a run's folder, also if it breaks off."""
     from rich.console import Console
 
-    from scenarios.cli.tables import print_summary
+    from scenarios.cli.summary_tables import print_summary
     from scenarios.results.log_summary import log_in, summary_of
     from scenarios.results.summary import to_json
 
@@ -84,7 +84,7 @@ def explain(log: Path, *, vehicle: str, at_s: float, as_json: bool) -> None:
     from rich.console import Console
 
     from scenarios.cli.channel.explanation_table import print_explanation
-    from scenarios.results.inquiry import explain as explaining
+    from scenarios.results.log_queries import explain as explaining
     from scenarios.results.log_summary import log_in
 
     with clear_errors():

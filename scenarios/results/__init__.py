@@ -1,19 +1,19 @@
 """Figures, events and summary of a run, live, in virtual time or from its log.
 
-stream            values derived once from the messages, for all subscribers
-metrics           gathers the figures of a run
-vehicles/         figures of single vehicles
-channel/          achieved against requested behaviour of links
-events/           collisions, near misses, lane departures, paths lost, slides, stops, distrust
-holes             missing poses in the log
-deviations        true errors and gaps for plots of the log
-limits/           results of the scenario's limits
-files             names of the files of a run
-versions          installed versions of packages
-summary           the typed summary, its JSON, and the documentation of its fields
-summing_up        figures put together as a summary, and its file
-log_summary       summary and scenario from a log alone
-drives            the drive of each vehicle as arrays
-inquiry/          explain an instant, repeat a session
-pictures/         the picture of a run and of its log
+stream        values derived once from the messages, for all subscribers
+metrics       gathers the figures of a run
+vehicles/     figures of single vehicles
+channel/      achieved against requested behaviour of links
+events/       collisions, near misses, lane departures, paths lost, slides, stops, distrust
+holes         missing poses in the log
+deviations    true errors and gaps for plots of the log
+limits/       results of the scenario's limits
+files         names of the files of a run
+versions      installed versions of packages
+summary       the typed summary, its JSON, and the documentation of its fields
+summarise     figures put together as a summary, and its file
+log_summary   summary and scenario from a log alone
+drives        the drive of each vehicle as arrays
+log_queries/  explain an instant, repeat a session
+pictures/     the picture of a run and of its log
 """

@@ -93,7 +93,7 @@ class Deviations:
         for at in [at for at in gaps.waiting if now - at > PATIENCE_NS]:
             self._ready.append(TrueDeviation(vehicle, at, nan, gaps.waiting.pop(at)))
 
-    def news(self) -> list[TrueDeviation]:
+    def take_new(self) -> list[TrueDeviation]:
         if not self._ready:
             return []
         ready, self._ready = self._ready, []

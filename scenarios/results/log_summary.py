@@ -8,8 +8,8 @@ from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.metrics import Metrics
+from scenarios.results.summarise import METADATA_NAME, summarise
 from scenarios.results.summary import RunIdentity, RunSummary, from_json
-from scenarios.results.summing_up import METADATA_NAME, summarise
 from transport.log.reader import LogReader
 from transport.log.records import LogError
 from transport.log.repair import REPAIRED
@@ -39,8 +39,8 @@ def summary_of(log: Path, warn: Callable[[str], None] = lambda _: None) -> RunSu
     scenario = scenario_in(log, attachments)
     metrics = Metrics.of(scenario)
     start_at = 0
-    for _, _, message in reader.messages(metrics.topics):
-        metrics.add(message)
+    for at, _, message in reader.messages(metrics.topics):
+        metrics.listen(at, message)
         if isinstance(message, RunStart):
             start_at = message.start_at_ns
     thinned = reader.thinned

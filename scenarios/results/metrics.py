@@ -7,14 +7,14 @@ from typing import Any
 from scenarios.definition.changing.vehicle_changes import VEHICLE_CHANGES, is_changed
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.links import LinkTable
-from scenarios.results.channel.account import LinkSummary
-from scenarios.results.channel.figures import LinkFigures
+from scenarios.results.channel.link_figures import LinkFigures
+from scenarios.results.channel.link_summary import LinkSummary
 from scenarios.results.events.bodies import BodySize
 from scenarios.results.events.run_event import EventLog
 from scenarios.results.holes import RecordHole
 from scenarios.results.limits.deadlines import Deadlines
 from scenarios.results.stream import FigureStream
-from scenarios.results.vehicles.figures import (
+from scenarios.results.vehicles.vehicle_figures import (
     USUAL_CONTROL_RATE_HZ,
     USUAL_RATE_HZ,
     RunSpan,
@@ -129,23 +129,20 @@ class Metrics:
     def topics(self) -> list[str]:
         return [TOPIC_OF[kind].name for kind in (*self._takes, LogText, RunStart)]
 
-    def listen(self, _at: int, message: Message) -> None:
-        self.add(message)
-
-    def add(self, message: Message) -> None:
+    def listen(self, at: int, message: Message) -> None:
         """Take one message; those without figures and of unknown vehicles are ignored."""
         if (found := self._takes.get(type(message))) is not None:
             figures = self.vehicles.get(message.vehicle)
             if figures is not None:
                 take, instant_of = found
-                at: int = instant_of(message)
-                if at > figures.last_at:  # noqa: PLR1730 - twice as fast as max
-                    figures.last_at = at
-                take(figures, message, at)
+                valid_at: int = instant_of(message)
+                if valid_at > figures.last_at:  # noqa: PLR1730 - twice as fast as max
+                    figures.last_at = valid_at
+                take(figures, message, valid_at)
         elif isinstance(message, LogText):
             self._add_text(message)
         elif isinstance(message, RunStart):
-            self.stream.add(message)
+            self.stream.listen(at, message)
             self.deadlines.begin(message.start_at_ns)
 
     def _add_text(self, text: LogText) -> None:
@@ -169,7 +166,7 @@ class Metrics:
             f"front and {rear:.4f} rad behind, {after_s:.2f} s after the start"
         )
 
-    def news(self) -> list[str]:
+    def take_new(self) -> list[str]:
         """Lines about tyres outside of their linear range since the last call."""
         if self._reported_linear == len(self.out_of_linear):
             return []
@@ -232,8 +229,8 @@ class Metrics:
         sent = {name: (one.poses, one.last_at) for name, one in self.vehicles.items()}
         return self._links.summaries(sent)
 
-    def link_misses(self) -> Iterator[str]:
-        return self._links.misses()
+    def request_deviations(self) -> Iterator[str]:
+        return self._links.request_deviations()
 
 
 def _steady_rate_hz(scenario: Scenario, name: str) -> float | None:

@@ -115,9 +115,6 @@ class FigureStream:
             self._gaps_of[name] = [gaps[one] for one in (name, behind) if one in gaps]
 
     def listen(self, _at: int, message: Message) -> None:
-        self.add(message)
-
-    def add(self, message: Message) -> None:
         """Take one message; those of unknown vehicles are ignored."""
         if isinstance(message, RunStart):
             self.start_at = message.start_at_ns

@@ -18,14 +18,14 @@ from typing import Any, Literal, get_args
 from pydantic import TypeAdapter, ValidationError
 
 from scenarios.definition.scenario import Scenario
-from scenarios.results.channel.account import LinkSummary
+from scenarios.results.channel.link_summary import LinkSummary
 from scenarios.results.events.run_event import RunEvent
 from scenarios.results.holes import RecordHole
-from scenarios.results.vehicles.figures import VehicleSummary
 from scenarios.results.vehicles.reaction import ReactionSummary
+from scenarios.results.vehicles.vehicle_figures import VehicleSummary
 from scenarios.results.versions import installed_versions
 
-SCHEMA = "convoy.summary/1"
+SCHEMA = "convoy.summary/2"
 ClockName = Literal["wall", "virtual"]
 
 
@@ -99,28 +99,24 @@ class RunIdentity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitFigure:
-    """Result of a limit, its key in `[limits]`: bound, figure, and how it was broken.
-
-    A limit on vehicles has one per vehicle; `what` is the action that a deadline requires, and the
-    figure is None where it did not happen.
-    """
+    """Result of one limit of `[limits]`, per vehicle for a limit on vehicles."""
 
     limit: str
     """Key in [limits] of the scenario."""
     bound: float
     """Allowed value."""
-    figure: float | None
+    value: float | None
     """Value of the run; null if the action that a deadline requires did not happen."""
     vehicle: str = ""
     """Vehicle of the figure; empty for a count of events."""
-    what: str = ""
+    action: str = ""
     """Action that a deadline requires; else empty."""
-    line: str = ""
+    message: str = ""
     """How the limit was broken; empty if it was kept."""
 
     @property
     def broken(self) -> bool:
-        return bool(self.line)
+        return bool(self.message)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,6 +180,13 @@ def field_docs(kind: type) -> dict[str, str]:
     return docs
 
 
+RENAMED: Mapping[type, Mapping[str, str]] = {
+    VehicleSummary: {"believed_minus_true_error_m_max": "self_estimate_error_m_max"},
+    LinkSummary: {"heard": "delivered"},
+    LimitFigure: {"figure": "value", "what": "action", "line": "message"},
+}
+"""Field names of `convoy.summary/1`, whose `gap_m_min` between centres of mass is dropped."""
+
 _FIGURES = TypeAdapter(RunSummary)
 
 
@@ -206,13 +209,14 @@ def _finite(value: Any) -> Any:
 
 
 def _filled(value: Any, kind: type) -> Any:
-    """Restore NaN where JSON has null, and fill in figures that earlier versions lack.
+    """Rename fields, restore NaN where JSON has null, and fill in figures that are missing.
 
     A missing figure is NaN or None, as its type allows, unless its class has a default.
     """
     if not isinstance(value, dict):
         return value
-    filled = dict(value)
+    names = RENAMED.get(kind, {})
+    filled = {names.get(name, name): entry for name, entry in value.items()}
     for one in fields(kind):
         if one.name in filled:
             if filled[one.name] is None and one.type is float:
@@ -231,7 +235,11 @@ def from_json(text: str) -> RunSummary:
     if not isinstance(values, dict):
         raise ValueError("a summary is a table")  # noqa: TRY004 - wrong content of a file
     values = _filled(values, RunSummary)
-    for name, kind in (("vehicles", VehicleSummary), ("links", LinkSummary)):
+    for name, kind in (
+        ("vehicles", VehicleSummary),
+        ("links", LinkSummary),
+        ("limits", LimitFigure),
+    ):
         if isinstance(values.get(name), list):
             values[name] = [_filled(row, kind) for row in values[name]]
     own = {one.name for one in fields(RunSummary)}

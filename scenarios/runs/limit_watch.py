@@ -1,7 +1,7 @@
 """The observer that ends a run early, when a limit requires that."""
 
 from scenarios.definition.schema.limits import LimitsTable
-from scenarios.results.limits.judged import broken_limits, collision_ends_run, why_failed
+from scenarios.results.limits.evaluation import broken_limits, collision_ends_run, failure_reason
 from scenarios.results.metrics import Metrics
 from vehicles.messages import Message, TruePose
 
@@ -23,7 +23,7 @@ class LimitWatch:
         collisions = self._metrics.events.collisions
         if collisions and not self.reason and collision_ends_run(self._limits, collisions):
             ran_ns = max(at - (self._metrics.start_at or 0), 0)
-            self.reason = why_failed("", self.broken(ran_ns))
+            self.reason = failure_reason("", self.broken(ran_ns))
 
     def broken(self, ran_ns: int) -> list[str]:
         """List the limits broken after `ran_ns`, a line each."""

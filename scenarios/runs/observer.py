@@ -47,7 +47,7 @@ def kinds_of(observers: Sequence[Observer]) -> Kinds:
     return frozenset[type[Message]]().union(*(one.kinds for one in observers))
 
 
-class Watchers:
+class ThrottledObservers:
     """Observer that passes messages to others, but only a few while the log is behind.
 
     So a slow picture loses messages; the log never does.
@@ -59,7 +59,7 @@ class Watchers:
         self.kinds = kinds_of(observers)
         """Messages that at least one observer wants."""
         self._is_behind = is_behind
-        self.left_out = 0
+        self.skipped = 0
         """Number of messages not passed on."""
 
     def listen(self, at: int, message: Message) -> None:
@@ -67,16 +67,16 @@ class Watchers:
         if not listeners:
             return
         if self._is_behind() and not isinstance(message, ALWAYS):
-            self.left_out += 1
+            self.skipped += 1
             return
         for listener in listeners:
             listener(at, message)
 
-    def account(self) -> str:
+    def skipped_line(self) -> str:
         """Report the number of skipped messages; empty without any."""
-        if not self.left_out:
+        if not self.skipped:
             return ""
         return (
-            f"the picture and the progress leave out {self.left_out} messages, which the log has: "
+            f"the picture and the progress leave out {self.skipped} messages, which the log has: "
             "there was no time for them"
         )

@@ -198,7 +198,7 @@ class Recorder:
         for listen in self._listeners[kind]:
             listen(at, message)
         if kind is TruePose:
-            for one in self._deviations.news():
+            for one in self._deviations.take_new():
                 self._writer.write_deviation(at, *one)
         if kind is TruePose or kind is Tracking:
             self.log_news(at)
@@ -206,7 +206,7 @@ class Recorder:
     def log_news(self, at: int) -> None:
         """Log new events on the road and new warnings."""
         if self._metrics.out_of_linear:
-            for line in self._metrics.news():
+            for line in self._metrics.take_new():
                 self.log(at, line, "warning")
-        for event in self._metrics.events.news():
+        for event in self._metrics.events.take_new():
             self.log(at, event.line, event.level)

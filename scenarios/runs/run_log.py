@@ -6,15 +6,15 @@ from pathlib import Path
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario
-from scenarios.results.channel.account import describe_link
+from scenarios.results.channel.link_summary import describe_link
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.holes import hole_lines
-from scenarios.results.limits.judged import why_failed
+from scenarios.results.limits.evaluation import failure_reason
 from scenarios.results.metrics import Metrics
 from scenarios.results.pictures.layouts import write_foxglove_layout
 from scenarios.results.stream import sizes_of
+from scenarios.results.summarise import METADATA_NAME, silent_links, summarise, write_summary
 from scenarios.results.summary import ClockName, RunIdentity, RunSummary, to_json
-from scenarios.results.summing_up import METADATA_NAME, silent_links, summarise, write_summary
 from scenarios.runs.limit_watch import LimitWatch
 from scenarios.runs.observer import Observer
 from scenarios.runs.recorder import Recorder
@@ -110,14 +110,14 @@ class RunLog:
                     self.recorder.log(at, describe_link(row), "debug")  # for the log only
             silent = silent_links(self.metrics, self._replayed, self._scenario.off_links)
             broken = self._limits.broken(self._ran_ns)
-            self._reason = why_failed(reason or self.must_end or silent, broken)
+            self._reason = failure_reason(reason or self.early_end_reason or silent, broken)
             return self.recorder.end(at, self._reason)
         except LogError as error:
-            self._reason = reason or self.must_end or str(error)
+            self._reason = reason or self.early_end_reason or str(error)
             return self.recorder.end(at, self._reason)
 
     @property
-    def must_end(self) -> str:
+    def early_end_reason(self) -> str:
         """The broken limit that ends the run now, or empty."""
         return self._limits.reason
 

@@ -18,7 +18,7 @@ EXIT_FAILED = 1
 EXIT_BAD_INPUT = 2
 """The input cannot be used."""
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
-REST = 0
+END_OF_WATCH = 0
 """No signal's number: it ends the watch thread."""
 
 
@@ -62,9 +62,9 @@ class _Watch:
     that call releases the interpreter's lock.
     """
 
-    def __init__(self, *, say: bool) -> None:
+    def __init__(self, *, report: bool) -> None:
         self.stop = Stop()
-        self._say = say
+        self._say = report
         self._reading, self._writing = os.pipe()
         os.set_blocking(self._writing, False)
         signal.set_wakeup_fd(self._writing, warn_on_full_buffer=False)
@@ -74,13 +74,13 @@ class _Watch:
         self._thread = Thread(target=self._wait, name="signals", daemon=True)
         self._thread.start()
 
-    def rest(self) -> None:
+    def pause(self) -> None:
         """End the thread; later signals wait for the next one."""
-        os.write(self._writing, bytes([REST]))
+        os.write(self._writing, bytes([END_OF_WATCH]))
         self._thread.join()
 
     def _wait(self) -> None:
-        while (number := os.read(self._reading, 1)[0]) != REST:
+        while (number := os.read(self._reading, 1)[0]) != END_OF_WATCH:
             if number not in STOP_SIGNALS:
                 continue
             if self._say and not self.stop.launched:
@@ -102,14 +102,14 @@ def _reason(number: int) -> str:
     return f"stopped by {signal.Signals(number).name}"
 
 
-def end_on_signals(*, say: bool) -> None:
+def end_on_signals(*, report: bool) -> None:
     """Let SIGINT and SIGTERM end this process until the command has begun.
 
     The exit codes are the shell's, 130 and 143; with `say` a line is printed. Call it once, in the
     main thread, before the command's imports.
     """
     global _watch  # noqa: PLW0603 - signals are the process's, not an object's
-    _watch = _Watch(say=say)
+    _watch = _Watch(report=report)
     _handle_signals(_watch.stop)
 
 
@@ -128,7 +128,7 @@ def without_watch() -> Iterator[None]:
     if _watch is None:
         yield
         return
-    _watch.rest()
+    _watch.pause()
     try:
         yield
     finally:

@@ -27,9 +27,9 @@ from mcap.writer import Writer
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.files import LOG_NAME
 from scenarios.runs.node.sink import BATCH_NS, BusSink
-from scenarios.runs.processes.clock_offset import answer_for_clock
+from scenarios.runs.processes.clock_offset import serve_clock
 from scenarios.runs.processes.membership import VEHICLE, Fingerprint
-from scenarios.runs.virtual.convoy import VirtualConvoy
+from scenarios.runs.virtual.virtual_convoy import VirtualConvoy
 from tests.bench.bench_run import Row, plain_loop, print_rows, timed, used_s
 from tests.system.logs import Run
 from tests.system.processes import Process, start, until
@@ -116,7 +116,7 @@ class Sender:
         bus.subscribe(key(CONDUCTOR, TOPICS["end"]), self._note_end)
         chunk = Fingerprint.of(scenario).chunk
         for vehicle in scenario.vehicle_names:
-            answer_for_clock(bus, vehicle, self._clock.now)
+            serve_clock(bus, vehicle, self._clock.now)
             bus.announce(VEHICLE, vehicle, chunk)
 
     def _note_start(self, _: str, data: bytes) -> None:

@@ -15,9 +15,9 @@ from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import scenario_from_text
 from scenarios.results.files import LOG_NAME
 from scenarios.results.log_summary import summary_of
-from scenarios.results.summing_up import METADATA_NAME
+from scenarios.results.summarise import METADATA_NAME
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged import run_virtual
+from scenarios.runs.virtual.logged_run import run_virtual
 from tests.bench.bench_run import LOOP, Row, plain_loop, print_rows, timed
 from transport.log.reader import LogReader
 from transport.log.repair import repair

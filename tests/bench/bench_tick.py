@@ -59,7 +59,7 @@ def serve() -> None:  # noqa: PLR0915 (whole, because its source text is run els
     from vehicles.driver.leader import Leader  # noqa: PLC0415
 
     try:
-        from scenarios.runs.virtual.convoy import VirtualConvoy  # noqa: PLC0415
+        from scenarios.runs.virtual.virtual_convoy import VirtualConvoy  # noqa: PLC0415
     except ImportError:  # where it stood in earlier commits
         from scenarios.runs.virtual import (  # type: ignore[attr-defined,no-redef] # noqa: PLC0415
             VirtualConvoy,

@@ -66,9 +66,11 @@ def serve() -> None:
                 return getattr(import_module(module), name)
         return None
 
-    run_virtual = found("run_virtual", "scenarios.runs.virtual.logged", "scenarios.runs.virtual")
+    run_virtual = found(
+        "run_virtual", "scenarios.runs.virtual.logged_run", "scenarios.runs.virtual"
+    )
     run_unlogged = found(
-        "run_unlogged", "scenarios.runs.virtual.unlogged", "scenarios.runs.unlogged"
+        "run_unlogged", "scenarios.runs.virtual.unlogged_run", "scenarios.runs.unlogged"
     )
     text = load_scenario("lane_change").text
     for line in sys.stdin:

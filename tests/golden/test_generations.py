@@ -21,7 +21,7 @@ from mcap.reader import make_reader
 from scenarios.cli.main import cli
 from scenarios.results.log_summary import summary_of
 from scenarios.results.summary import from_json, to_json
-from scenarios.runs.virtual.replay import read_recorded_vehicle
+from scenarios.runs.virtual.recorded_vehicle import read_recorded_vehicle
 from scenarios.studies.many.blame.losses import read_run
 from transport.codec import PROTOBUF
 from transport.log.reader import LogReader

@@ -53,7 +53,7 @@ def test_the_summary_is_what_the_log_holds(lane_change: Driven) -> None:
     assert all(row["finished"] for row in summary["vehicles"])
     assert summary["recorder_rejected_messages"] == {}
     for link in summary["links"]:
-        judged = link["heard"] + sum(link["dropped"].values())
+        judged = link["delivered"] + sum(link["dropped"].values())
         assert judged == link["judged"] <= link["sent"] == DURATION_S * 20
         assert link["loss_ratio"] == 0.0
     for row in summary["vehicles"][1:]:
@@ -97,7 +97,7 @@ def assert_follows(seen: Glimpse) -> None:
     assert len(rows) == len(CONVOY)
     for row in rows[1:]:
         assert row["cross_track_error_m_max"] < BESIDE_THE_LEAD_S_PATH_M
-        assert row["gap_m_min"] > 5.0  # a car's length
+        assert row["estimated_gap_m_min"] > 5.0  # a car's length
     assert_nothing_missing(seen.wall, GLIMPSE_S)
     assert_equal_while_nothing_was_late(seen.wall, seen.virtual, within_m=0.02)
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from rich.console import Console
 
 from scenarios.cli.columns import Column, print_whole, table_of
-from scenarios.results.inquiry.explain import (
+from scenarios.results.log_queries.explain import (
     ON_THE_WAY,
     SHOWN,
     Explanation,
@@ -17,7 +17,7 @@ COLUMNS: Sequence[Column[KnownSource]] = (
     Column("source", lambda one: one.sender, left=True),
     Column("newest\nmessage", lambda one: one.number),
     Column("measured\nat, s", lambda one: one.measured_at_s, ".2f"),
-    Column("known\nat, s", lambda one: one.heard_at_s, ".2f"),
+    Column("known\nat, s", lambda one: one.received_at_s, ".2f"),
     Column("age\ns", lambda one: one.age_s, ".3f"),
     Column("path\nleft, m", lambda one: one.path_left_m, ".1f"),
     Column("received in the\nlast second, %", lambda one: one.received_ratio, ".0f", 100.0),

@@ -9,9 +9,9 @@ from typing import Any
 
 from scenarios.cli.common_options import zenoh_from
 from scenarios.definition.changing.asked import Question
-from scenarios.runs.control.answering import Confirmation
+from scenarios.runs.control.live_control import Confirmation
 from scenarios.runs.control.open_runs import OpenRun, open_runs
-from scenarios.runs.control.status import RunStatus
+from scenarios.runs.control.run_status import RunStatus
 from scenarios.runs.processes.membership import VEHICLE, checked_run_name, shown
 from transport.bus.bus import Bus, BusError
 from transport.bus.zenoh_bus import ZenohOptions, open_bus

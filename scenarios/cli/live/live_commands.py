@@ -227,7 +227,7 @@ Examples:
 @new_file_option
 def scenario_from(log: Path, *, out: Path | None) -> None:
     """Make a scenario of a recorded LOG that repeats it, with all that was changed by hand."""
-    from scenarios.results.inquiry.session import session_of
+    from scenarios.results.log_queries.session import session_of
     from scenarios.results.log_summary import log_in
 
     with clear_errors():

@@ -7,7 +7,7 @@ from rich.console import Console, Group
 from rich.live import Live
 
 from scenarios.cli.columns import Column, table_of, worst_rows
-from scenarios.runs.control.status import LinkFiguresNow, RunStatus, VehicleFiguresNow
+from scenarios.runs.control.run_status import LinkStatus, RunStatus, VehicleStatus
 from scenarios.runs.stop import Stop
 from transport.bus.bus import BusError
 from transport.clock import poll
@@ -20,7 +20,7 @@ HAZARD_M = 1000.0
 """Rank of hazard lights, as a true error."""
 
 
-def _sources(one: VehicleFiguresNow) -> str:
+def _sources(one: VehicleStatus) -> str:
     """Hazard lights, and the status of each source that is not fresh."""
     sources = {"lead": one.lead, "ahead": one.predecessor}
     unusual = [
@@ -31,7 +31,7 @@ def _sources(one: VehicleFiguresNow) -> str:
     return ", ".join((*(["HAZARD"] if one.hazard else []), *unusual))
 
 
-VEHICLE_COLUMNS: Sequence[Column[VehicleFiguresNow]] = (
+VEHICLE_COLUMNS: Sequence[Column[VehicleStatus]] = (
     Column("vehicle", lambda one: printable(one.name), left=True),
     Column("steers\nalong", lambda one: printable(one.mode), left=True),
     Column("speed\nm/s", lambda one: one.speed_mps, ".1f"),
@@ -50,7 +50,7 @@ VEHICLE_COLUMNS: Sequence[Column[VehicleFiguresNow]] = (
     Column("sources", _sources, left=True, wraps=True),
 )
 """True error and gap, known path, age and share received of each source."""
-LINK_COLUMNS: Sequence[Column[LinkFiguresNow]] = (
+LINK_COLUMNS: Sequence[Column[LinkStatus]] = (
     Column("link", lambda link: printable(f"{link.sender} → {link.receiver}"), left=True),
     Column("lost in\n3 s, %", lambda link: link.loss_ratio, ".0f", 100),
     Column("", lambda link: "changed" if link.changed else "", left=True),
@@ -115,7 +115,7 @@ def tables(status: RunStatus | None, most: int | None = None) -> Group:
     return Group(vehicles, links)
 
 
-def _trouble(one: VehicleFiguresNow) -> float:
+def _trouble(one: VehicleStatus) -> float:
     """Rank of a vehicle: hazard lights first, then the true error."""
     return (HAZARD_M if one.hazard else 0.0) + abs(one.true_error_m or 0.0)
 

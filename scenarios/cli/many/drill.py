@@ -122,7 +122,7 @@ def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[Dril
     import time
     from dataclasses import replace
 
-    from scenarios.cli.running.commands import be_part
+    from scenarios.cli.running.commands import prepare_command
     from scenarios.cli.running.launching import run_scenario
     from scenarios.definition.errors import ScenarioError
     from scenarios.results.files import LOG_NAME
@@ -142,7 +142,7 @@ def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[Dril
             one.overrides,
             one.seed,
             clock="wall",
-            be_part=be_part,
+            prepare_command=prepare_command,
             run_name=None,
             out=folder,
             rerun="off",

@@ -78,7 +78,7 @@ def run(
                 overrides,
                 seed,
                 clock=clock,
-                be_part=be_part if start == "fork" else None,
+                prepare_command=prepare_command if start == "fork" else None,
                 run_name=run_name,
                 out=out,
                 rerun=rerun,
@@ -156,22 +156,22 @@ def vehicle(
     from scenarios.definition.scenario import load_scenario
     from scenarios.runs.processes.forking import name_process
     from scenarios.runs.processes.membership import checked_run_name
-    from scenarios.runs.processes.vehicle import run_vehicle
+    from scenarios.runs.processes.vehicle_process import run_vehicle
 
     name_process(name)
     with clear_errors():
         # A forked process inherits the scenario.
         convoy = known or load_scenario(scenario, overrides, seed)
         options = zenoh_from(flags, checked_run_name(run_name or convoy.name))
-        complain = partial(click.echo, err=True)
+        report_error = partial(click.echo, err=True)
         sys.exit(
             run_vehicle(
                 convoy,
                 name,
                 options,
                 stop,
-                say=(lambda _: None) if quiet or launched else complain,
-                complain=complain,
+                report=(lambda _: None) if quiet or launched else report_error,
+                report_error=report_error,
                 launched=launched,
                 wait_s=wait_s,
             )
@@ -217,7 +217,7 @@ def record(
 ) -> None:
     """Gather the vehicles of SCENARIO, start them together, and write the log of their run."""
     stop = stop_on_request(with_launcher=launched)
-    from scenarios.cli.running.recording import record_run
+    from scenarios.cli.running.recorder_run import record_run
     from scenarios.definition.scenario import load_scenario
     from scenarios.runs.processes.forking import name_process
     from scenarios.runs.processes.membership import checked_run_name
@@ -239,7 +239,7 @@ def record(
         )
 
 
-def be_part(scenario: "Scenario", arguments: Sequence[str]) -> "Task":
+def prepare_command(scenario: "Scenario", arguments: Sequence[str]) -> "Task":
     """Prepare `convoy ARGUMENTS` as a part of a run of `scenario`.
 
     Parsing here and not in each child saves memory; so does preparing the bus of the vehicles.

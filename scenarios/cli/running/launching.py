@@ -15,7 +15,7 @@ from scenarios.runs.run_folder import claimed
 from scenarios.runs.stop import stop_on_signals
 
 if TYPE_CHECKING:  # virtual runs need none
-    from scenarios.cli.running.processes import BePart
+    from scenarios.cli.running.wall_clock_run import PrepareCommand
 
 
 def run_scenario(
@@ -24,7 +24,7 @@ def run_scenario(
     seed: int | None,
     *,
     clock: str,
-    be_part: "BePart | None",
+    prepare_command: "PrepareCommand | None",
     run_name: str | None,
     out: Path | None,
     rerun: str,
@@ -43,17 +43,19 @@ def run_scenario(
     with claimed(folder, fresh=out is None):
         if clock == "virtual":
             stop = stop_on_signals()
-            from scenarios.cli.running.virtually import run_virtually
+            from scenarios.cli.running.virtual_run import run_virtually
 
             return run_virtually(scenario, folder, stop, rerun, quiet=quiet)
-        from scenarios.cli.running.processes import run_processes
+        from scenarios.cli.running.wall_clock_run import run_processes
         from scenarios.runs.processes.launcher import LaunchPlan
 
         recorder_flags = ["--rerun", rerun, *(["--quiet"] if quiet else [])]
-        plan = LaunchPlan(scenario, again(name, overrides, seed), folder, recorder_flags, common)
-        return run_processes(plan, be_part, quiet=quiet)
+        plan = LaunchPlan(
+            scenario, scenario_arguments(name, overrides, seed), folder, recorder_flags, common
+        )
+        return run_processes(plan, prepare_command, quiet=quiet)
 
 
-def again(name: str, overrides: Sequence[str], seed: int | None) -> list[str]:
+def scenario_arguments(name: str, overrides: Sequence[str], seed: int | None) -> list[str]:
     seeds = [] if seed is None else [f"--seed={seed}"]
     return [name, *(f"--set={text}" for text in overrides), *seeds]

@@ -12,7 +12,7 @@ from rich.table import Table
 from scenarios.cli.columns import Column, table_of, worst_rows
 from scenarios.results.metrics import Metrics
 from scenarios.results.vehicles.accumulators import Extremes
-from scenarios.results.vehicles.figures import VehicleFigures
+from scenarios.results.vehicles.vehicle_figures import VehicleFigures
 from transport.reasons import counts_as_loss
 from vehicles.messages import LogText, Message, RunStart, TruePose
 from vehicles.schedule import SECOND
@@ -30,7 +30,7 @@ class _Row(NamedTuple):
     name: str
     figures: VehicleFigures
     gap: float
-    heard: int
+    delivered: int
     lost: int
     late: int
 
@@ -52,7 +52,7 @@ COLUMNS: Sequence[Column[_Row]] = (
     Column("believed\nerror cm", lambda row: row.figures.lateral_error.latest, ".1f", 100),
     Column("steers\nalong", lambda row: row.figures.mode, left=True),
     Column("speed\nm/s", lambda row: row.figures.speed, ".1f"),
-    Column("heard", lambda row: row.heard),
+    Column("heard", lambda row: row.delivered),
     Column("lost", lambda row: row.lost),
     Column("late", lambda row: row.late),
 )
@@ -120,10 +120,12 @@ class Progress:
         worst = max(abs(one.cross_track_error.latest) for one in figures)
         largest = max(one.cross_track_error.largest for one in figures)
         gap = _metres(min(map(self._gap, self._metrics.vehicles)))
-        heard, lost, late = map(sum, zip(*map(self._messages, self._metrics.vehicles), strict=True))
+        delivered, lost, late = map(
+            sum, zip(*map(self._messages, self._metrics.vehicles), strict=True)
+        )
         return (
             f"true lateral error {worst * 100:.1f} cm, largest {largest * 100:.1f} cm"
-            f"  true gap {gap} m  heard {heard}  lost {lost}  late {late}"
+            f"  true gap {gap} m  heard {delivered}  lost {lost}  late {late}"
         )
 
     def _gap(self, name: str) -> float:
@@ -136,7 +138,7 @@ class Progress:
         links = [link for (_, receiver), link in self._metrics.links.items() if receiver == name]
         health = self._metrics.vehicles[name].health
         return (
-            sum(link.heard for link in links),
+            sum(link.delivered for link in links),
             sum(n for link in links for word, n in link.dropped.items() if counts_as_loss(word)),
             sum(link.late for link in links) + (health.late_ticks if health else 0),
         )

@@ -68,7 +68,7 @@ _ROWS = (
              breach="was {figure:.2f} m from the vehicle ahead, {at:.2f} s after the start"),
     LimitRow(key="self_estimate_error_m_max",
              doc="largest error of a follower's estimate of its own error",
-             example=0.3, figure="believed_minus_true_error_m_max",
+             example=0.3, figure="self_estimate_error_m_max",
              breach="was {figure:.2f} m wrong about its error"),
     LimitRow(key="blind_m_max", doc="distance that a follower drives beyond its known path",
              example=5.0, figure="reaction.blind_m",

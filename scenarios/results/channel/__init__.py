@@ -1,7 +1,7 @@
 """Achieved against requested behaviour of the links of a run.
 
-figures     the figures of all links, gathered message by message
-tally       counts of one link, and its false alarms
-estimates   ratios, bursts and delays with their intervals
-account     the figures of one link in the summary
+link_figures  the figures of all links, gathered message by message
+link_tally    counts of one link, and its false alarms
+estimates     ratios, bursts and delays with their intervals
+link_summary  the figures of one link in the summary
 """

@@ -76,7 +76,7 @@ class TrueGap:
     def now_m(self) -> float:
         return inf if self._last is None else separation(*self._last).distance
 
-    def see(self, ahead: CarBody, behind: CarBody, at: int) -> None:
+    def note_bodies(self, ahead: CarBody, behind: CarBody, at: int) -> None:
         self._last, self.now_at_ns = (ahead, behind), at
 
     def add(self, gap: float, at: int) -> None:
@@ -155,7 +155,7 @@ class Encounters:
         return self._look(at, (name, other), body, there, None)
 
     def _follow(self, at: int, pair: _Pair, ahead: CarBody, behind: CarBody) -> Iterable[Episode]:
-        pair.gap.see(ahead, behind, at)
+        pair.gap.note_bodies(ahead, behind, at)
         if self._is_usual(pair, ahead, behind):
             return ()
         return self._look(at, pair.names, ahead, behind, pair.gap)

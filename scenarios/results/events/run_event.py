@@ -80,7 +80,7 @@ class EventLog:
         self._found.append(episode)
         self.collisions += episode.kind == "collision"
 
-    def news(self) -> list[RunEvent]:
+    def take_new(self) -> list[RunEvent]:
         new = self._found[self._reported :]
         self._reported = len(self._found)
         return [self._event(episode) for episode in new]

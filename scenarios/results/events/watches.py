@@ -9,7 +9,7 @@ from scenarios.results.events.encounters import Episode
 from vehicles.messages import Tracking, TruePose
 from vehicles.schedule import SECOND, nanoseconds
 
-NOWHERE = (0.0, 0.0)
+ORIGIN = (0.0, 0.0)
 LOST_MODES = frozenset({"coast", "stop", "straight"})
 """Modes of a follower that has no trajectory from what it received, unless it knows the road."""
 UNRECORDED_NS = SECOND // 2
@@ -20,7 +20,7 @@ slowest control runs at 5 Hz."""
 class TrackingWatch(Protocol):
     """Finds events of followers in their tracking."""
 
-    def add(self, tracking: Tracking, place: tuple[float, float] = NOWHERE) -> Iterable[Episode]:
+    def add(self, tracking: Tracking, place: tuple[float, float] = ORIGIN) -> Iterable[Episode]:
         """Take the tracking of one instant at a place (m); yields each event as it begins."""
         ...
 
@@ -37,7 +37,7 @@ class PathWatch:
         self._last: dict[str, int] = {}
         self._reported: set[str] = set()
 
-    def add(self, tracking: Tracking, place: tuple[float, float] = NOWHERE) -> Iterable[Episode]:
+    def add(self, tracking: Tracking, place: tuple[float, float] = ORIGIN) -> Iterable[Episode]:
         """Take the tracking of one instant at a place (m); yields a loss after `after` (s)."""
         name, at = tracking.vehicle, tracking.decided_at_ns
         before, self._last[name] = self._last.get(name, at), at
@@ -46,10 +46,10 @@ class PathWatch:
             if self._reported:
                 self._reported.discard(name)
         elif name in self._lost:  # it had a trajectory before
-            return self._losing(name, at, place, unseen=at - before > UNRECORDED_NS)
+            return self._note_loss(name, at, place, unseen=at - before > UNRECORDED_NS)
         return ()
 
-    def _losing(
+    def _note_loss(
         self, name: str, at: int, place: tuple[float, float], *, unseen: bool
     ) -> Iterator[Episode]:
         episode = self._lost[name]
@@ -89,14 +89,14 @@ class StopWatch:
     def __init__(self) -> None:
         self._open: dict[str, Episode] = {}
 
-    def add(self, tracking: Tracking, place: tuple[float, float] = NOWHERE) -> Iterable[Episode]:
+    def add(self, tracking: Tracking, place: tuple[float, float] = ORIGIN) -> Iterable[Episode]:
         if tracking.mode == "stop":
-            return self._stopping(tracking, place)
+            return self._note_stop(tracking, place)
         if self._open:
             self._open.pop(tracking.vehicle, None)
         return ()
 
-    def _stopping(self, tracking: Tracking, place: tuple[float, float]) -> Iterator[Episode]:
+    def _note_stop(self, tracking: Tracking, place: tuple[float, float]) -> Iterator[Episode]:
         name, at = tracking.vehicle, tracking.decided_at_ns
         episode = self._open.get(name)
         if episode is None:
@@ -116,16 +116,16 @@ class TrustWatch:
         self._ahead = {behind: ahead for ahead, behind in pairwise(names)}
         self._open: dict[tuple[str, str], Episode] = {}
 
-    def add(self, tracking: Tracking, place: tuple[float, float] = NOWHERE) -> Iterable[Episode]:
+    def add(self, tracking: Tracking, place: tuple[float, float] = ORIGIN) -> Iterable[Episode]:
         if (
             self._open
             or tracking.lead_status == "distrusted"
             or tracking.predecessor_status == "distrusted"
         ):
-            return self._distrusting(tracking, place)
+            return self._note_distrust(tracking, place)
         return ()  # the usual case
 
-    def _distrusting(self, tracking: Tracking, place: tuple[float, float]) -> Iterator[Episode]:
+    def _note_distrust(self, tracking: Tracking, place: tuple[float, float]) -> Iterator[Episode]:
         name, at = tracking.vehicle, tracking.decided_at_ns
         ahead = self._ahead.get(name)
         if ahead is None:  # the lead has no sources

@@ -18,7 +18,7 @@ from scenarios.results.vehicles.reaction import is_degraded
 from vehicles.messages import Tracking
 from vehicles.schedule import SECOND, nanoseconds
 
-UNHEARD_NS = SECOND
+UNRECORDED_NS = SECOND
 """One that was silent for so long before the end has not recovered, however it was before."""
 
 
@@ -26,13 +26,13 @@ UNHEARD_NS = SECOND
 class DeadlineFigure:
     """How long (s) something took that had to be done `within_s`; None if it was not done.
 
-    `key` is that of its table, `vehicle` the follower, `what` it had to do. `is_over` says whether
-    the run has come to the deadline.
+    `key` is that of its table, `vehicle` the follower, `action` what it had to do.
+    `is_over`: the run has reached the deadline.
     """
 
     key: str
     vehicle: str
-    what: str
+    action: str
     within_s: float
     took_s: float | None
     is_over: bool
@@ -46,7 +46,7 @@ class DeadlineFigure:
 class DeadlineWatch(Protocol):
     """Watches one follower for one limit; instants are ns since the start of the run."""
 
-    what: str
+    action: str
 
     def add_tracking(self, at: int, tracking: Tracking) -> None: ...
 
@@ -54,7 +54,7 @@ class DeadlineWatch(Protocol):
         """Take its true distance (m) from the lead's path."""
         ...
 
-    def took(self, ran: int) -> int | None:
+    def time_taken(self, ran: int) -> int | None:
         """Time (ns) from the limit's instant until it was met, in a run of `ran` ns."""
         ...
 
@@ -64,7 +64,7 @@ class ModeWatch:
 
     def __init__(self, limit: ModeLimit) -> None:
         self._after, self._mode = nanoseconds(limit.after_s), limit.mode
-        self.what = f"in mode {limit.mode}, from {limit.after_s:g} s on"
+        self.action = f"in mode {limit.mode}, from {limit.after_s:g} s on"
         self._first: int | None = None
 
     def add_tracking(self, at: int, tracking: Tracking) -> None:
@@ -75,7 +75,7 @@ class ModeWatch:
     def add_error(self, at: int, error: float) -> None:
         """Pass over."""
 
-    def took(self, ran: int) -> int | None:  # noqa: ARG002 - of others the end matters
+    def time_taken(self, ran: int) -> int | None:  # noqa: ARG002 - of others the end matters
         return None if self._first is None else self._first - self._after
 
 
@@ -84,7 +84,7 @@ class SourceWatch:
 
     def __init__(self, limit: SourceLimit, lead: str) -> None:
         self._after, self._status = nanoseconds(limit.after_s), limit.status
-        self.what = f"{limit.source} is {limit.status} to it, from {limit.after_s:g} s on"
+        self.action = f"{limit.source} is {limit.status} to it, from {limit.after_s:g} s on"
         self._is_lead = limit.source == lead
         self._first: int | None = None
 
@@ -96,7 +96,7 @@ class SourceWatch:
     def add_error(self, at: int, error: float) -> None:
         """Pass over."""
 
-    def took(self, ran: int) -> int | None:  # noqa: ARG002 - of others the end matters
+    def time_taken(self, ran: int) -> int | None:  # noqa: ARG002 - of others the end matters
         return None if self._first is None else self._first - self._after
 
 
@@ -105,7 +105,7 @@ class RecoveryWatch:
 
     def __init__(self, limit: RecoveryLimit) -> None:
         self._after, self._error = nanoseconds(limit.after_s), limit.error_m
-        self.what = f"recovered to {limit.error_m:g} m, from {limit.after_s:g} s on"
+        self.action = f"recovered to {limit.error_m:g} m, from {limit.after_s:g} s on"
         self._seen = self._degraded = -1
         self._measured = self._off = -1
 
@@ -119,9 +119,9 @@ class RecoveryWatch:
         if at >= self._after and abs(error) > self._error:
             self._off = at
 
-    def took(self, ran: int) -> int | None:
+    def time_taken(self, ran: int) -> int | None:
         """How long (ns) it was last not recovered; None if it was not at the end, or is silent."""
-        is_silent = min(self._seen, self._measured) < max(self._after, ran - UNHEARD_NS)
+        is_silent = min(self._seen, self._measured) < max(self._after, ran - UNRECORDED_NS)
         if is_silent or self._degraded == self._seen or self._off == self._measured:
             return None
         return max(self._degraded, self._off, self._after) - self._after
@@ -172,12 +172,12 @@ class Deadlines:
         watch: DeadlineWatch,
         ran_ns: int,
     ) -> DeadlineFigure:
-        took = watch.took(ran_ns)
+        time_taken = watch.time_taken(ran_ns)
         return DeadlineFigure(
             key=key,
             vehicle=limit.vehicle,
-            what=watch.what,
+            action=watch.action,
             within_s=limit.within_s,
-            took_s=None if took is None else took / SECOND,
+            took_s=None if time_taken is None else time_taken / SECOND,
             is_over=ran_ns >= nanoseconds(limit.after_s + limit.within_s),
         )

@@ -43,7 +43,7 @@ class RunDrawing(Closing):
         if not self._view.drawn:
             return
         if self._gathers:
-            self._gathers.add(message)
+            self._gathers.listen(now, message)
         self._view.draw(now, message)
         if isinstance(message, TruePose):
             while self._feet:

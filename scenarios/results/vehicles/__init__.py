@@ -1,6 +1,6 @@
 """Figures of single vehicles.
 
-figures       a vehicle's figures, as they are gathered and as the summary lists them
-reaction      what one follower did when messages failed
-accumulators  running extremes and means of signals
+vehicle_figures  a vehicle's figures, as they are gathered and as the summary lists them
+reaction         what one follower did when messages failed
+accumulators     running extremes and means of signals
 """

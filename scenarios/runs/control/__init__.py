@@ -1,6 +1,6 @@
 """Control of a running convoy from outside.
 
-open_runs   the runs of this user on this machine, and where to join them
-answering   a vehicle that answers requests for changes
-status      the status of a run, as its recorder reports it
+open_runs     the runs of this user on this machine, and where to join them
+live_control  a vehicle that answers requests for changes
+run_status    the status of a run, as its recorder reports it
 """

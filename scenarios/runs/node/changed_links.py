@@ -15,7 +15,7 @@ from scenarios.definition.changing.links import (
     links_of,
 )
 from scenarios.definition.schema.links import LinkTable
-from scenarios.runs.node.agenda import Due
+from scenarios.runs.node.pending_changes import DueChange
 from transport.links.link import Link
 
 
@@ -46,7 +46,10 @@ class ChangedLinks:
     """
 
     def __init__(
-        self, names: Sequence[str], scheduled: Iterable[Due], by_hand: Iterable[Due] = ()
+        self,
+        names: Sequence[str],
+        scheduled: Iterable[DueChange],
+        by_hand: Iterable[DueChange] = (),
     ) -> None:
         self._names = names
         self._links: dict[tuple[str, str], ChangingLink] = {}
@@ -54,7 +57,7 @@ class ChangedLinks:
         self._by_hand = list(by_hand)
 
     @property
-    def by_hand(self) -> tuple[Due, ...]:
+    def by_hand(self) -> tuple[DueChange, ...]:
         return tuple(self._by_hand)
 
     def adopt(self, links: Iterable[ChangingLink]) -> None:
@@ -63,7 +66,7 @@ class ChangedLinks:
         for due in (*self._scheduled, *self._by_hand):
             self._change(due)
 
-    def carry_out(self, due: Due) -> str:
+    def carry_out(self, due: DueChange) -> str:
         """Carry out a change of links; returns a line for the log, empty for other changes."""
         if not isinstance(due.change, LINK_CHANGES):
             return ""
@@ -74,7 +77,7 @@ class ChangedLinks:
         links = ", ".join(f"{sender} → {receiver}" for sender, receiver in about)
         return f"{links}: {in_words(due.change)}{', by hand' if due.by_hand else ''}"
 
-    def _change(self, due: Due) -> None:
+    def _change(self, due: DueChange) -> None:
         if isinstance(due.change, LINK_CHANGES):
             for pair in links_of(due.change, self._names, self._links):
                 self._links[pair].change(due.at, due.change)

@@ -4,11 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from scenarios.definition.road.set_speed import SpeedPlan
-from scenarios.runs.node.agenda import Agenda, Due
-from scenarios.runs.node.changes import Changes, CrashedError
+from scenarios.runs.node.change_executor import ChangeExecutor, CrashedError
 from scenarios.runs.node.outbox import Outbox, OutboxState
+from scenarios.runs.node.pending_changes import DueChange, PendingChanges
 from scenarios.runs.node.phases import Car, Down, VehicleContext, VehiclePhase
-from scenarios.runs.node.replayed import ReplayedNode
+from scenarios.runs.node.replayed_node import ReplayedNode
 from transport.clock import Tick
 from transport.links.inbox import Inbox, InboxCounts
 from vehicles.car.dynamics import OutOfModelError
@@ -17,7 +17,7 @@ from vehicles.schedule import SECOND
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Handover:
+class SoftwareHandover:
     """State that outlives a crash of a vehicle's software, after the tick at `at` (ns).
 
     The software restarts at `until` (ns).
@@ -27,8 +27,8 @@ class Handover:
     until: int
     car: Car
     plan: SpeedPlan
-    pending: tuple[Due, ...]
-    changed_links: tuple[Due, ...]
+    pending: tuple[DueChange, ...]
+    changed_links: tuple[DueChange, ...]
     outbox: OutboxState
     inbox: InboxCounts
 
@@ -36,13 +36,15 @@ class Handover:
 class Node:
     """A car with sensors, driver, inbox and outbox."""
 
-    def __init__(self, context: VehicleContext, changes: Changes, phase: VehiclePhase) -> None:
+    def __init__(
+        self, context: VehicleContext, changes: ChangeExecutor, phase: VehiclePhase
+    ) -> None:
         self._context = context
         self._changes = changes
         self.phase = phase
 
     def step(self, tick: Tick) -> None:
-        self.phase = self._changes.by(tick.at, self.phase)
+        self.phase = self._changes.apply(tick.at, self.phase)
         command = self.phase.step(tick.at)
         self._context.car.advance(command, tick.span_s)
 
@@ -55,23 +57,23 @@ class Node:
         return self._context.outbox
 
     @property
-    def agenda(self) -> Agenda:
-        return self._changes.agenda
+    def pending_changes(self) -> PendingChanges:
+        return self._changes.pending_changes
 
     @property
     def car(self) -> Car:
         return self._context.car
 
-    def handover(self, now: int) -> Handover | None:
+    def handover(self, now: int) -> SoftwareHandover | None:
         """State for the restart if the software is down after the tick at `now` (ns), else None."""
         if not isinstance(self.phase, Down):
             return None
-        return Handover(
+        return SoftwareHandover(
             at=now,
             until=self.phase.until,
             car=self._context.car,
             plan=self._context.plan,
-            pending=self.agenda.pending,
+            pending=self.pending_changes.pending,
             changed_links=self._changes.links.by_hand,
             outbox=self.outbox.state,
             inbox=self.inbox.counts,
@@ -86,7 +88,9 @@ class VehicleFaultError(Exception):
         super().__init__(f"{vehicle}: {text}")
 
 
-def stepping(node: Node | ReplayedNode, vehicle: str, start_at: int) -> Callable[[Tick], None]:
+def step_with_faults(
+    node: Node | ReplayedNode, vehicle: str, start_at: int
+) -> Callable[[Tick], None]:
     """Return `node.step`, with faults of controller or car raised as VehicleFaultError."""
 
     def step(tick: Tick) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from scenarios.definition.changing.asked import entry_of
-from scenarios.runs.node.agenda import Due
+from scenarios.runs.node.pending_changes import DueChange
 from scenarios.runs.node.probe import Probe
 from scenarios.runs.node.sink import Sink
 from transport.links.inbox import Inbox
@@ -104,7 +104,7 @@ class Outbox:
             self._add_health(now, final=False)
         self._sink.flush()
 
-    def publish_change(self, now: int, due: Due, text: str) -> None:
+    def publish_change(self, now: int, due: DueChange, text: str) -> None:
         """Report a change that was carried out at the tick at `now` (ns)."""
         self._add(
             messages.Change(

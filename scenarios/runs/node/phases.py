@@ -100,7 +100,7 @@ class VehicleContext:
     outbox: Outbox
     factory: VehicleFactory
 
-    def follow_the_plan(self, now: int, law: ProfileSpeed | None, *, alone: bool) -> None:
+    def apply_speed_plan(self, now: int, law: ProfileSpeed | None, *, alone: bool) -> None:
         """Apply the planned speed to `law`; `alone`, from the position of the car."""
         if law is None:
             return
@@ -175,7 +175,7 @@ class Driving(VehiclePhase):
         return decision.actuation
 
     def replan(self, now: int) -> None:
-        self.context.follow_the_plan(now, self.software.law, alone=self.software.alone)
+        self.context.apply_speed_plan(now, self.software.law, alone=self.software.alone)
 
     def stalled(self, until: int) -> VehiclePhase:
         return Stalled(self, until)
@@ -248,7 +248,7 @@ class HumanDriving(VehiclePhase):
         return context.idle(now, self._human.step(now, None, car.body, ()).actuation)
 
     def replan(self, now: int) -> None:
-        self.context.follow_the_plan(now, self._law, alone=True)
+        self.context.apply_speed_plan(now, self._law, alone=True)
 
     def crashed(self, until: int) -> None:
         """No effect: the software does not run."""

@@ -36,7 +36,7 @@ class ClockOffset:
         )
 
 
-def answer_for_clock(bus: Bus, vehicle: str, now: Now) -> None:
+def serve_clock(bus: Bus, vehicle: str, now: Now) -> None:
     bus.answer(clock_key(vehicle), lambda _: str(now()).encode())
 
 

@@ -85,7 +85,7 @@ class Conductor:
         """Whether the router was out of reach at the last look."""
         return self._router.lost_at is not None
 
-    def presence(self, vehicle: str, *, alive: bool, at: int) -> None:
+    def note_presence(self, vehicle: str, *, alive: bool, at: int) -> None:
         if vehicle not in self._vehicles:
             return
         if alive:
@@ -140,13 +140,13 @@ class Conductor:
             return self._run(now, known_until, connected=connected)
         return []
 
-    def stop_as_asked(self, reason: str, now: int, *, connected: bool) -> list[str]:
+    def handle_stop_request(self, reason: str, now: int, *, connected: bool) -> list[str]:
         """End the run on request; it counts as completed if the router was lost at its very end.
 
         A launcher whose router has ended requests a stop at once. Returns lines as `advance` does.
         """
         self._router.look(now, connected=connected)
-        if self.phase is Phase.RUNNING and self._router.was_lost_at_last(self.end_at):
+        if self.phase is Phase.RUNNING and self._router.was_lost_near_end(self.end_at):
             self.stop("")
             return [self._when_lost()]
         self.stop(reason)
@@ -182,7 +182,7 @@ class Conductor:
         outage = self._router.look(now, connected=connected)
         if self._router.lost_at is not None:
             if self._router.is_lost_for_good(now):
-                completed = self._router.was_lost_at_last(self.end_at)
+                completed = self._router.was_lost_near_end(self.end_at)
                 self.stop("" if completed else "the router is gone")
                 lines.append(self._when_lost())
             return lines

@@ -199,5 +199,5 @@ def _detach_from_parent(spec: ChildSpec, ends: _Pipes) -> None:
     sys.argv = ["convoy", *spec.arguments]
     # A vehicle that crashes restarts by these arguments, as a new program.
     sys.orig_argv = [sys.executable, "-m", "scenarios.cli", *spec.arguments]
-    end_on_signals(say=False)
+    end_on_signals(report=False)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)

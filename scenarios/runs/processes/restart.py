@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields, is_dataclass
 from tempfile import TemporaryFile
 from typing import IO, Any, NoReturn, cast
 
-from scenarios.runs.node.node import Handover
+from scenarios.runs.node.node import SoftwareHandover
 from scenarios.runs.node.process_probe import Lateness
 
 VARIABLE = "CONVOY_HANDOVER"
@@ -29,10 +29,10 @@ class ProcessHandover:
     start_at: int
     clock_offset: int
     lateness: Lateness
-    node: Handover
+    node: SoftwareHandover
 
 
-class SoftwareLostError(Exception):
+class RestartRequestedError(Exception):
     """The process has to restart with `handover`."""
 
     def __init__(self, handover: ProcessHandover) -> None:

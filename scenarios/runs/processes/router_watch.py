@@ -28,6 +28,6 @@ class RouterWatch:
     def is_lost_for_good(self, now: int) -> bool:
         return self.lost_at is not None and now - self.lost_at > ROUTER_LOST_AFTER_NS
 
-    def was_lost_at_last(self, end_at: int) -> bool:
+    def was_lost_near_end(self, end_at: int) -> bool:
         """Whether it was lost so late that a run until `end_at` counts as completed."""
         return self.lost_at is not None and self.lost_at >= end_at - LAST_MOMENT_NS

@@ -1,8 +1,8 @@
 """All vehicles of a scenario in one process, as fast as possible.
 
-drive       the harness: a run whose messages go to observers
-convoy      the vehicles, their bus, their clock and the order of their steps
-replay      a recorded vehicle that sends its poses again
-logged      a run with log and summary
-unlogged    a run with only its summary, or its drives
+drive             the harness: a run whose messages go to observers
+virtual_convoy    the vehicles, their bus, their clock and the order of their steps
+recorded_vehicle  a recorded vehicle that sends its poses again
+logged_run        a run with log and summary
+unlogged_run      a run with only its summary, or its drives
 """

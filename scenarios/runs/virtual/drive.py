@@ -8,13 +8,13 @@ from scenarios.definition.scenario import Scenario
 from scenarios.runs.node.node import VehicleFaultError
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.observer import Listen, Observer, listeners_by_kind
-from scenarios.runs.virtual.convoy import Branch, VirtualConvoy, never
+from scenarios.runs.virtual.virtual_convoy import Branch, VirtualConvoy, never
 from transport.bus.bus import Bus
 from transport.topics import CONDUCTOR
 from vehicles.messages import GpsPose, Message, RunStart
 
 if TYPE_CHECKING:  # only runs with replayed vehicles read logs
-    from scenarios.runs.virtual.replay import Replay
+    from scenarios.runs.virtual.recorded_vehicle import Replay
 
 
 @dataclass(frozen=True, slots=True)

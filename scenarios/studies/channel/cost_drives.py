@@ -11,7 +11,7 @@ from functools import partial
 from statistics import median
 
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.runs.virtual.unlogged import drive_trial
+from scenarios.runs.virtual.unlogged_run import drive_trial
 from scenarios.studies.engine.engine import Engine
 from scenarios.studies.engine.job import Job
 

@@ -131,8 +131,8 @@ def _other_reason(summary: RunSummary) -> str:
     """Why a run failed, without the limits that it broke."""
     reason = summary.reason
     for one in summary.limits:
-        if one.line:
-            reason = reason.replace(one.line, "")
+        if one.message:
+            reason = reason.replace(one.message, "")
     return "; ".join(part for part in reason.split("; ") if part.strip())
 
 
@@ -168,24 +168,24 @@ def rows_of(runs: Sequence[DrillRun]) -> Iterator[DrillRow]:
 
 
 def _row(run: DrillRun, one: LimitFigure) -> DrillRow:
-    unmeasured = one.figure is None and not one.broken
+    unmeasured = one.value is None and not one.broken
     return DrillRow(
         drill=run.drill,
         limit=one.limit,
-        what=one.what,
+        what=one.action,
         bound=one.bound,
-        figure=one.figure,
+        figure=one.value,
         vehicle=one.vehicle,
         seed=run.seed,
-        margin_ratio=None if one.figure is None or not one.bound else -beyond(one) / one.bound,
+        margin_ratio=None if one.value is None or not one.bound else -beyond(one) / one.bound,
         passed=not one.broken and not unmeasured,
-        line=f"limits.{one.limit} {UNMEASURED}" if unmeasured else one.line,
+        line=f"limits.{one.limit} {UNMEASURED}" if unmeasured else one.message,
         command=run.command,
     )
 
 
 def beyond(one: LimitFigure) -> float:
     """Excess of a figure over its bound, in the limit's unit; negative while it is kept."""
-    if one.figure is None:
+    if one.value is None:
         return inf
-    return one.bound - one.figure if one.limit.endswith("_min") else one.figure - one.bound
+    return one.bound - one.value if one.limit.endswith("_min") else one.value - one.bound

@@ -13,7 +13,7 @@ from scenarios.definition.limits import Limit
 from scenarios.definition.refusal import shown
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.limit_rows import WORDS
-from scenarios.results.limits.judged import severity
+from scenarios.results.limits.evaluation import severity
 from scenarios.studies.engine.engine import Engine
 from scenarios.studies.engine.job import Job
 from scenarios.studies.many.variant import Variant

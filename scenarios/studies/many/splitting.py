@@ -17,7 +17,7 @@ from numpy.random import PCG64, Generator
 
 from scenarios.definition.limits import Limit
 from scenarios.definition.scenario import Scenario
-from scenarios.runs.virtual.convoy import Branch
+from scenarios.runs.virtual.virtual_convoy import Branch
 from scenarios.studies.many.variant import Variant
 from scenarios.studies.many.watched import Measure, Watched, watched, with_seed
 from vehicles.schedule import SECOND

@@ -8,7 +8,7 @@ from typing import Any
 from scenarios.definition.limits import Limit
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.summary import RunSummary
-from scenarios.runs.virtual.unlogged import run_unlogged
+from scenarios.runs.virtual.unlogged_run import run_unlogged
 from scenarios.studies.engine.stamp import stamp_of_this_process
 from scenarios.studies.many.watched import watched
 

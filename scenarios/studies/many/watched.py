@@ -12,11 +12,11 @@ from typing import Literal
 from scenarios.definition.limits import Limit
 from scenarios.definition.scenario import Scenario
 from scenarios.results.events.encounters import Episode
-from scenarios.results.limits.judged import collision_ends_run
-from scenarios.results.limits.live import LiveLimit
+from scenarios.results.limits.evaluation import collision_ends_run
+from scenarios.results.limits.live_limit import LiveLimit
 from scenarios.results.stream import FigureStream
-from scenarios.runs.virtual.convoy import Branch
 from scenarios.runs.virtual.drive import drive
+from scenarios.runs.virtual.virtual_convoy import Branch
 from vehicles.messages import Message, Tracking, TruePose
 
 Measure = Literal["limit", "silence"]
@@ -85,7 +85,7 @@ class WatchedRun:
     def listen(self, at: int, message: Message) -> None:
         if self.is_over:
             return
-        self._stream.add(message)
+        self._stream.listen(at, message)
         excess = self._live.latest_excess()
         if self._live.broken:
             self._note(at, inf)

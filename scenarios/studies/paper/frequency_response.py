@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.path import PointsPath
 from scenarios.results.drives import Trial
-from scenarios.runs.virtual.unlogged import drive_trial
+from scenarios.runs.virtual.unlogged_run import drive_trial
 from vehicles.preview.curve_fit import Trajectory
 
 Array = NDArray[np.float64]

@@ -11,8 +11,8 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.refusal import near
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.drives import Trial
-from scenarios.runs.virtual.logged import record_trial
-from scenarios.runs.virtual.unlogged import drive_trial
+from scenarios.runs.virtual.logged_run import record_trial
+from scenarios.runs.virtual.unlogged_run import drive_trial
 from scenarios.studies.engine.engine import study_engine
 from scenarios.studies.engine.fleet import fleet_of
 from scenarios.studies.engine.job import Job, Work

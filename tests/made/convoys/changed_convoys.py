@@ -6,13 +6,13 @@ from functools import partial
 from typing import Any
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.runs.node.assembly.vehicle import VehicleBuilder
-from scenarios.runs.node.node import Node, stepping
+from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
+from scenarios.runs.node.node import Node, step_with_faults
 from scenarios.runs.node.probe import NoProbe
-from scenarios.runs.node.replayed import ReplayedNode
+from scenarios.runs.node.replayed_node import ReplayedNode
 from scenarios.runs.observer import OnMessage, listeners_by_kind
-from scenarios.runs.virtual.convoy import Stepper, steps_in_order
 from scenarios.runs.virtual.drive import ObservedSink
+from scenarios.runs.virtual.virtual_convoy import Stepper, steps_in_order
 from transport.bus.memory_bus import MemoryBus
 from transport.clock import Tick
 from vehicles.messages import Message, TruePose
@@ -72,7 +72,7 @@ class ChangedConvoy:
         self.nodes[name].inbox.on_bytes(key, data)
 
     def _step(self, name: str, tick: Tick) -> None:
-        stepping(self.nodes[name], name, self.start_at)(tick)
+        step_with_faults(self.nodes[name], name, self.start_at)(tick)
 
     def steps(self) -> list[Stepper]:
         """What the vehicles do."""

@@ -10,7 +10,7 @@ from math import inf
 
 from scenarios.definition.limits import Limit
 from scenarios.definition.scenario import load_scenario
-from scenarios.runs.virtual.convoy import Branch
+from scenarios.runs.virtual.virtual_convoy import Branch
 from scenarios.studies.many.splitting import BranchedRun
 from scenarios.studies.many.variant import Variant
 from scenarios.studies.many.watched import NearRecord, Watched, watched

@@ -135,7 +135,7 @@ def test_vehicles_are_forked_before_what_a_recorder_needs_is_loaded() -> None:
     code = (
         "from scenarios.cli.running.commands import be_part\n"
         "from scenarios.cli.running.launching import load_scenario, warnings\n"
-        "from scenarios.cli.running.processes import prepare_parts\n"
+        "from scenarios.cli.running.wall_clock_run import prepare_parts\n"
         "scenario = load_scenario('lane_change')\n"
         "list(warnings(scenario))\n"
         "prepare_parts(scenario)\n"
@@ -144,14 +144,14 @@ def test_vehicles_are_forked_before_what_a_recorder_needs_is_loaded() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = {*done.stdout.split()}
-    assert {"zenoh", "scenarios.runs.processes.vehicle"} <= loaded
+    assert {"zenoh", "scenarios.runs.processes.vehicle_process"} <= loaded
     assert not {"rich", "mcap", "zstandard", "foxglove_schemas_protobuf", "scipy", "rerun"} & loaded
     assert not [name for name in loaded if name.startswith("scenarios.results.metrics")]
 
 
 def test_a_run_in_virtual_time_loads_no_bus_and_no_theory() -> None:
     code = (
-        "import scenarios.cli.running.launching, scenarios.cli.running.virtually\n"
+        "import scenarios.cli.running.launching, scenarios.cli.running.virtual_run\n"
         "import sys; print(*sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -151,7 +151,7 @@ def assert_accounted(scenario: Scenario, summary: Any, messages: list[Message]) 
         dropped = Counter(one.reason for one in verdicts.values() if one.outcome == "dropped")
         assert (row["sent"], row["judged"]) == (len(sent[pair[0]]), len(verdicts))
         assert row["dropped"] == dict(dropped)
-        assert row["heard"] == len(verdicts) - dropped.total()
+        assert row["delivered"] == len(verdicts) - dropped.total()
         due_at = latest(scenario, pair, sent[pair[0]])
         due = [seq for seq, at in due_at.items() if at < last.get(pair[1], 0)]
         refused[pair[1]] += len([seq for seq in due if seq not in verdicts])

@@ -21,7 +21,7 @@ def found(given: list[tuple[str, int, float]]) -> list[TrueDeviation]:
     deviations = Deviations(["v2"])
     for kind, at, value in given:
         (deviations.add_error if kind == "error" else deviations.add_gap)("v2", at, value)
-    return deviations.news()
+    return deviations.take_new()
 
 
 def test_error_and_gap_are_of_one_instant_ten_times_a_second() -> None:
@@ -54,5 +54,5 @@ def test_nothing_is_told_twice() -> None:
     deviations = Deviations(["v2"])
     deviations.add_error("v2", 0, 0.1)
     deviations.add_gap("v2", 0, 5.0)
-    assert deviations.news() == [TrueDeviation("v2", 0, 0.1, 5.0)]
-    assert deviations.news() == []
+    assert deviations.take_new() == [TrueDeviation("v2", 0, 0.1, 5.0)]
+    assert deviations.take_new() == []

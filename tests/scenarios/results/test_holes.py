@@ -15,8 +15,8 @@ from scenarios.results.holes import (
     hole_lines,
 )
 from scenarios.results.metrics import Metrics
-from scenarios.results.summing_up import silent_links
-from scenarios.results.vehicles.figures import VehicleSummary
+from scenarios.results.summarise import silent_links
+from scenarios.results.vehicles.vehicle_figures import VehicleSummary
 from tests.made.scenarios.messages import START, at, gps, health, start, truth
 from transport.message_numbers import MessageNumbers
 from vehicles.messages import GpsPose, Message
@@ -30,9 +30,9 @@ def test_a_schedule_has_the_instants_before_its_end(ran: int, rate_hz: float) ->
 
 def run_of(messages: Sequence[Message], ran_s: float) -> tuple[VehicleSummary, list[RecordHole]]:
     metrics = Metrics(("v1", "v2"), {("v1", "v2"): LinkTable()}, rates_hz={"v1": 20.0, "v2": 10.0})
-    metrics.add(start())
+    metrics.listen(0, start())
     for message in messages:
-        metrics.add(message)
+        metrics.listen(0, message)
     ran_ns = nanoseconds(ran_s)
     return metrics.vehicle_summaries(ran_ns)[0], list(metrics.holes(ran_ns))
 
@@ -79,7 +79,7 @@ def test_a_run_that_is_stopped_lost_nothing_by_that() -> None:
     metrics = Metrics(("v1",), {}, duration_ns=nanoseconds(10.0))
     messages: list[Message] = [start(), *poses(4.0), health("v1", seconds=4.09, final=True)]
     for message in messages:
-        metrics.add(message)
+        metrics.listen(0, message)
     assert metrics.holes(nanoseconds(4.2)) == ()
 
 
@@ -104,7 +104,7 @@ def test_beside_a_hole_in_the_lead_s_path_there_is_no_error() -> None:
     kept = [bend(seq, 0.0, "v1") for seq in range(1000) if not 300 <= seq < 550]
     metrics = Metrics(("v1", "v2"), {("v1", "v2"): LinkTable()})
     for message in (*kept, *(bend(seq, 15.0, "v2") for seq in range(40, 1000))):
-        metrics.add(message)
+        metrics.listen(0, message)
     row = metrics.vehicle_summaries()[1]
     assert row.cross_track_error_m_max == pytest.approx(0.0, abs=0.01)
     assert metrics.events.events() == ()
@@ -168,7 +168,7 @@ def unscheduled(*messages: Message) -> Metrics:
         duration_ns=nanoseconds(10.0),
     )  # fmt: skip
     for message in (start(), *messages):
-        metrics.add(message)
+        metrics.listen(0, message)
     return metrics
 
 

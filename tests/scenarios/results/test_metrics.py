@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenarios.definition.schema.links import LinkTable
-from scenarios.results.channel.account import LinkSummary
+from scenarios.results.channel.link_summary import LinkSummary
 from scenarios.results.metrics import Metrics
 from scenarios.results.vehicles.accumulators import Extremes
-from scenarios.results.vehicles.figures import VehicleSummary
+from scenarios.results.vehicles.vehicle_figures import VehicleSummary
 from tests.made.examples import examples
 from tests.made.scenarios.messages import gps, health, start, text, tracking, truth, verdict
 from vehicles.messages import Change, Message, TruePose
@@ -34,7 +34,7 @@ class Figures(NamedTuple):
 def figures_of(*messages: Message) -> Figures:
     metrics = Metrics(CONVOY, ASKED)
     for message in messages:
-        metrics.add(message)
+        metrics.listen(0, message)
     return Figures(metrics.vehicle_summaries(), metrics.link_summaries())
 
 
@@ -69,7 +69,7 @@ def test_a_run_without_messages_has_a_summary_too() -> None:
     for row in found.vehicles:
         assert (row.poses, row.missing_poses, row.ticks) == (0, 0, 0)
         assert not row.finished
-        assert row.gap_m_min is None
+        assert row.estimated_gap_m_min is None
         assert row.cross_track_error_m_max is None
         assert row.cross_track_error_m_rms is None
     for link in found.links:
@@ -99,17 +99,17 @@ def test_what_the_tyres_did_is_summed_up() -> None:
 
 def test_leaving_the_linear_range_is_told_once_with_the_first_instant() -> None:
     metrics = Metrics(CONVOY, ASKED, linear_slips=dict.fromkeys(CONVOY, (0.015, 0.012)))
-    metrics.add(start())
-    metrics.add(cornering(0, 3.0, -0.0149, -0.0119, 0.4))
-    assert metrics.news() == []
-    metrics.add(cornering(1, -5.0, 0.01, 0.0121, 0.6))
-    (line,) = metrics.news()
+    metrics.listen(0, start())
+    metrics.listen(0, cornering(0, 3.0, -0.0149, -0.0119, 0.4))
+    assert metrics.take_new() == []
+    metrics.listen(0, cornering(1, -5.0, 0.01, 0.0121, 0.6))
+    (line,) = metrics.take_new()
     assert line == (
         "v2: its tyres left their linear range, up to 0.0150 rad of slip in front and 0.0120 rad "
         "behind, 0.02 s after the start"
     )
-    metrics.add(cornering(2, -6.0, 0.05, 0.05, 0.7))
-    assert metrics.news() == []
+    metrics.listen(0, cornering(2, -6.0, 0.05, 0.05, 0.7))
+    assert metrics.take_new() == []
     assert list(metrics.out_of_linear.values()) == [line]
 
 
@@ -138,9 +138,9 @@ def test_modes_are_counted_and_the_smallest_gap_kept() -> None:
         ),
     )
     assert row.ticks_by_mode == {"composite": 1, "lead": 2, "straight": 1}
-    assert row.gap_m_min == 12.5
+    assert row.estimated_gap_m_min == 12.5
     alone = vehicle("v2", tracking("v2", 0, gap_m=math.nan))
-    assert alone.gap_m_min is None
+    assert alone.estimated_gap_m_min is None
 
 
 def lead_and_follower(aside: float) -> Sequence[Message]:
@@ -173,7 +173,7 @@ def askew(yaw: float, distance: float = 0.0, road_yaw: float | None = None) -> V
         assert isinstance(message, TruePose)
         first_of_lead = message.vehicle == "v1" and message.seq == 0
         whole = replace(message, distance_m=message.distance_m + distance)
-        metrics.add(replace(whole, yaw_rad=yaw) if first_of_lead else whole)
+        metrics.listen(0, replace(whole, yaw_rad=yaw) if first_of_lead else whole)
     return metrics.vehicle_summaries()[1]
 
 
@@ -269,7 +269,7 @@ def test_a_link_is_told_from_its_verdicts() -> None:
         verdict("v1", "v2", 4, dropped="loss"),
     )
     assert row.requested == ASKED["v2", "v3"]
-    assert (row.sent, row.judged, row.heard, row.late) == (6, 5, 3, 1)
+    assert (row.sent, row.judged, row.delivered, row.late) == (6, 5, 3, 1)
     assert row.dropped == {"loss": 2}
     assert row.loss_ratio == pytest.approx(2 / 5)
     # A late message took as long as it really took.
@@ -338,8 +338,8 @@ def test_links_that_were_changed_are_named_and_not_judged(
     change = Change(
         vehicle=vehicle, seq=0, effective_at_ns=0, kind="cut", by_hand=True, table=table
     )
-    metrics.add(change)
+    metrics.listen(0, change)
     assert {pair for pair, one in metrics.links.items() if one.changed} == changed
-    said = " ".join(metrics.link_misses())
+    said = " ".join(metrics.request_deviations())
     assert all(f"{sender} → {receiver}" in said for sender, receiver in changed)
     assert bool(said) == bool(changed)

@@ -8,13 +8,14 @@ from typing import get_args
 
 import pytest
 
-from scenarios.cli.tables import FIGURES
+from scenarios.cli.summary_tables import FIGURES
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.links import LinkTable
 from scenarios.results.events.encounters import EventKind
 from scenarios.results.files import LOG_NAME
 from scenarios.results.log_summary import scenario_in, summary_of
 from scenarios.results.metrics import Metrics
+from scenarios.results.summarise import late_lines
 from scenarios.results.summary import (
     ENTRIES,
     SCHEMA,
@@ -24,7 +25,6 @@ from scenarios.results.summary import (
     from_json,
     to_json,
 )
-from scenarios.results.summing_up import late_lines
 from scenarios.results.versions import PACKAGES
 from scenarios.runs.run_log import RunLog
 from tests.made.scenarios.messages import START, at, gps, health, text, tracking, truth, verdict
@@ -199,8 +199,8 @@ def test_each_field_is_documented() -> None:
 def test_a_run_that_did_not_keep_up_says_so(late: int, said: list[str]) -> None:
     """From more than one tick in a hundred on, of all vehicles together."""
     metrics = Metrics(("v1", "v2"), {})
-    metrics.add(health("v1", 1, ticks=500, final=True))
-    metrics.add(health("v2", 1, ticks=500, late_ticks=late, lateness_ms_max=31.4, final=True))
+    metrics.listen(0, health("v1", 1, ticks=500, final=True))
+    metrics.listen(0, health("v2", 1, ticks=500, late_ticks=late, lateness_ms_max=31.4, final=True))
     lines = list(late_lines(metrics.vehicle_summaries()))
     assert [
         line.partition(" of the ticks began late, by up to 31 ms (v2)")[0] for line in lines

@@ -11,20 +11,20 @@ from random import Random
 
 import pytest
 
-from scenarios.cli.running.watching import observers
+from scenarios.cli.running.display import observers
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunSummary, from_json, to_json
 from scenarios.runs.node.node import Node
-from scenarios.runs.node.replayed import ReplayedNode
+from scenarios.runs.node.replayed_node import ReplayedNode
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.observer import Observer, OnMessage
 from scenarios.runs.processes.clock_offset import measure
 from scenarios.runs.processes.conductor import Conductor, Phase
 from scenarios.runs.processes.membership import VEHICLE, Fingerprint, Membership
-from scenarios.runs.processes.vehicle import RunAnnouncements
+from scenarios.runs.processes.vehicle_process import RunAnnouncements
 from scenarios.runs.run_log import RunLog
-from scenarios.runs.virtual.convoy import VirtualConvoy
+from scenarios.runs.virtual.virtual_convoy import VirtualConvoy
 from tests.made.scenarios.hostile_messages import TEXTS, Put, Stranger
 from transport.bus.bus import Bus, BusError
 from transport.bus.memory_bus import MemoryBus, MemoryNetwork
@@ -99,7 +99,7 @@ def drive(
         gather_until=end_at,
     )
     for name in VEHICLES:
-        conductor.presence(name, alive=True, at=clock.now())
+        conductor.note_presence(name, alive=True, at=clock.now())
     conductor.advance(clock.now() - SECOND // 2, connected=True)
     own: Counter[str] = Counter()
     run = RunLog(

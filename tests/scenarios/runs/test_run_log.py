@@ -9,8 +9,8 @@ from scenarios.definition.scenario import Scenario, load_scenario, scenario_from
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.log_summary import summary_of
 from scenarios.results.pictures.layouts import FOXGLOVE_NAME
+from scenarios.results.summarise import METADATA_NAME
 from scenarios.results.summary import to_json
-from scenarios.results.summing_up import METADATA_NAME
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.run_log import RunLog
 from tests.made.scenarios.messages import START, at, gps, health, tracking, truth, verdict

@@ -1,6 +1,6 @@
 """Picture and progress give way while the log has to catch up."""
 
-from scenarios.runs.observer import OnMessage, Watchers
+from scenarios.runs.observer import OnMessage, ThrottledObservers
 from tests.made.scenarios.messages import START, start, text, tracking, truth
 from vehicles.messages import Message
 
@@ -8,25 +8,27 @@ from vehicles.messages import Message
 def test_while_the_log_is_behind_only_the_few_that_matter_are_shown() -> None:
     shown: list[Message] = []
     behind = [False]
-    watchers = Watchers([OnMessage(lambda _, message: shown.append(message))], lambda: behind[0])
+    watchers = ThrottledObservers(
+        [OnMessage(lambda _, message: shown.append(message))], lambda: behind[0]
+    )
     ordinary: list[Message] = [truth("v1", 0, 0.0, 0.0), tracking("v1", 0)]
     important: list[Message] = [start(), text("run", 0, "all are present")]
     for message in (*ordinary, *important):
         watchers.listen(START, message)
     assert shown == [*ordinary, *important]
-    assert watchers.account() == ""
+    assert watchers.skipped_line() == ""
     behind[0] = True
     shown.clear()
     for message in (*ordinary, *important):
         watchers.listen(START, message)
     assert shown == important
-    assert "leave out 2 messages" in watchers.account()
+    assert "leave out 2 messages" in watchers.skipped_line()
     behind[0] = False
     watchers.listen(START, ordinary[0])
     assert shown == [*important, ordinary[0]]
 
 
 def test_nothing_is_left_out_where_nobody_watches() -> None:
-    watchers = Watchers([], lambda: True)
+    watchers = ThrottledObservers([], lambda: True)
     watchers.listen(START, truth("v1", 0, 0.0, 0.0))
-    assert watchers.account() == ""
+    assert watchers.skipped_line() == ""

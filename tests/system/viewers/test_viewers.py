@@ -10,7 +10,7 @@ from rerun.experimental import ViewerClient
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.pictures.layouts import rerun_layout
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged import run_virtual
+from scenarios.runs.virtual.logged_run import run_virtual
 from tests.made.transport import drive
 from tests.system.processes import until
 from tests.system.screenshot import (

@@ -174,7 +174,7 @@ class SpeedGuard:
             wanted = min(wanted, self._stopping_behind(tick))
         self.stops_behind = expects_stop and wanted < -self._comfortable.deceleration
         if blind:
-            wanted = min(wanted, self._stopping(tick, firmly=mode == "stop"))
+            wanted = min(wanted, self._note_stop(tick, firmly=mode == "stop"))
         return self._released(tick, wanted, free)
 
     def _sample(self, now: int, ahead: VehiclesAhead, age: float) -> tuple[float, float, float]:
@@ -246,7 +246,7 @@ class SpeedGuard:
         needed = tick.now + round(max(reserve, 0.0) / max(tick.pose.speed, 0.1) * SECOND)
         return max(needed, predecessor.lost_at) if waits else needed
 
-    def _stopping(self, tick: _Instant, *, firmly: bool) -> float:
+    def _note_stop(self, tick: _Instant, *, firmly: bool) -> float:
         """Mildest braking (m/s²) that stops within the known road (see `needed_deceleration`)."""
         braking, emergency = self._comfortable, tick.emergency
         if tick.pose.speed < STANDING:

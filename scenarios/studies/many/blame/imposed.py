@@ -40,7 +40,7 @@ class LossFree:
     def losing(self, lost: Iterable[LostMessage]) -> Scenario:
         numbers = numbers_by_link(lost)
         entries = tuple(
-            _losing(entry, numbers.get((entry.sender, entry.receiver)))
+            _note_loss(entry, numbers.get((entry.sender, entry.receiver)))
             for entry in self.scenario.tables.link
         )
         return Scenario(self.scenario.tables.model_copy(update={"link": entries}))
@@ -56,7 +56,7 @@ class LossFree:
         return Scenario(tables.model_copy(update=changes))
 
 
-def _losing(entry: LinkEntry, numbers: Numbers | None) -> LinkEntry:
+def _note_loss(entry: LinkEntry, numbers: Numbers | None) -> LinkEntry:
     if numbers is None:
         return entry
     if isinstance(entry.loss, EarlierRun):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from scenarios.definition.scenario import Scenario
-from scenarios.results.inquiry.session import session_of
+from scenarios.results.log_queries.session import session_of
 from transport.links.laws.loss.numbers import Numbers
 from transport.log.reader import LogReader
 from transport.log.records import LogError

@@ -9,7 +9,7 @@ from scenarios.definition.limits import Limit
 from scenarios.definition.scenario import Scenario
 from scenarios.results.drives import KINDS
 from scenarios.results.events.encounters import TrueGap
-from scenarios.results.limits.live import LiveLimit
+from scenarios.results.limits.live_limit import LiveLimit
 from scenarios.results.stream import FigureStream
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.virtual.drive import drive
@@ -77,12 +77,12 @@ class RerunWatch:
         self.broken_at: int | None = None
         self.now = 0
 
-    def listen(self, _at: int, message: Message) -> None:
+    def listen(self, at: int, message: Message) -> None:
         """Take one message; those after the question's instant are ignored."""
         if isinstance(message, TruePose):
             self.now = message.true_at_ns - self._start_at
         if self.now <= self.question.until:
-            self._stream.add(message)
+            self._stream.listen(at, message)
             self._note_breach()
 
     def _take_error(self, foot: CrossTrack) -> None:

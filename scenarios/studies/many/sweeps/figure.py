@@ -9,10 +9,10 @@ from typing import Any, get_args
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.links import directed_links
-from scenarios.results.channel.account import SAFE_AGES_MS, LinkSummary
+from scenarios.results.channel.link_summary import SAFE_AGES_MS, LinkSummary
 from scenarios.results.events.encounters import EventKind
 from scenarios.results.summary import RunSummary
-from scenarios.results.vehicles.figures import VehicleSummary
+from scenarios.results.vehicles.vehicle_figures import VehicleSummary
 from transport.reasons import DropReason
 from vehicles.messages import Mode
 

@@ -8,7 +8,7 @@ from typing import Any
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.limits import Limit, parsed_limit
 from scenarios.definition.scenario import load_scenario
-from scenarios.results.limits.judged import broken_by
+from scenarios.results.limits.evaluation import broken_by
 from scenarios.studies.engine.job import Job
 from scenarios.studies.many.sweeps.axis import SweepAxis, cells, parsed_axes
 from scenarios.studies.many.sweeps.figure import SweepFigure, parsed_figure

@@ -16,7 +16,7 @@ from scenarios.cli.main import cli
 from scenarios.definition.channel.presets import presets
 from scenarios.definition.scenario import load_scenario
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged import run_virtual
+from scenarios.runs.virtual.logged_run import run_virtual
 
 QUICK = ("--messages", "1000")
 

@@ -17,7 +17,7 @@ from scenarios.cli.main import cli
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.metrics import Metrics
 from scenarios.runs.control.open_runs import OpenRun
-from scenarios.runs.control.status import RunStatus, StatusBoard
+from scenarios.runs.control.run_status import RunStatus, StatusBoard
 from scenarios.runs.stop import Stop
 from tests.made.transport import drive
 from transport.bus.bus import BusError
@@ -37,7 +37,7 @@ def board() -> StatusBoard:
     found = StatusBoard(scenario, "mine", metrics)
     start = RunStart(vehicle="run", seq=0, start_at_ns=drive.START, run_id="x")
     for message in (start, *(message for _, message in drive.drive(60))):
-        metrics.add(message)
+        metrics.listen(0, message)
         found.listen(drive.START, message)
     return found
 

@@ -11,11 +11,11 @@ from click.testing import CliRunner, Result
 
 from scenarios.cli.main import cli
 from scenarios.definition.scenario import drills, load_scenario
-from scenarios.results.limits.judged import limit_figures
+from scenarios.results.limits.evaluation import limit_figures
 from scenarios.results.log_summary import scenario_in, summary_of
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import to_json
-from scenarios.runs.virtual.unlogged import run_unlogged
+from scenarios.runs.virtual.unlogged_run import run_unlogged
 from transport.log.reader import LogReader
 from vehicles.schedule import SECOND
 
@@ -104,7 +104,7 @@ def test_a_run_and_its_log_say_the_same_of_limits_as_the_drill(tmp_path: Path) -
     scenario = scenario_in(log, LogReader(log).attachments())
     metrics = Metrics.of(scenario)
     for _, _, message in LogReader(log).messages(metrics.topics):
-        metrics.add(message)
+        metrics.listen(0, message)
     ran_ns = round(told.ran_s * SECOND)
     found = limit_figures(
         scenario.tables.limits,
@@ -113,7 +113,7 @@ def test_a_run_and_its_log_say_the_same_of_limits_as_the_drill(tmp_path: Path) -
         metrics.deadlines.figures(ran_ns),
     )
     assert found == told.limits
-    assert told.limits[2].figure == 0.02  # its second command
+    assert told.limits[2].value == 0.02  # its second command
 
 
 def test_the_settings_are_those_of_each_drill(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from click.testing import CliRunner
 
 from scenarios.cli.main import cli
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged import run_virtual
+from scenarios.runs.virtual.logged_run import run_virtual
 from scenarios.studies.engine import fleet
 from scenarios.studies.engine.fleet import WorkerPool
 from scenarios.studies.engine.journal import JOURNAL, Entry, RunJournal

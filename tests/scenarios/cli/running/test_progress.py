@@ -24,7 +24,7 @@ class Shown:
         self._progress = progress
 
     def listen(self, at: int, message: Message) -> None:
-        self._metrics.add(message)
+        self._metrics.listen(0, message)
         self._progress.listen(at, message)
 
 

@@ -15,9 +15,9 @@ from scenarios.definition.channel.expected import (
     expected_channel,
 )
 from scenarios.definition.schema.links import LinkTable
-from scenarios.results.channel.account import misses
 from scenarios.results.channel.estimates import bursts
-from scenarios.results.channel.tally import LinkTally
+from scenarios.results.channel.link_summary import request_deviations
+from scenarios.results.channel.link_tally import LinkTally
 from tests.made.scenarios.messages import verdict
 from transport.links.laws.effect import TransmissionContext
 from transport.links.link import Link
@@ -231,7 +231,7 @@ def told(table: LinkTable, seeds: int, count: int = 700) -> int:
             judged = link.judge(TransmissionContext(seq, 0))
             latency_ms = judged.visible_at / MILLISECOND
             tally.add(verdict("v1", "v2", seq, dropped=judged.reason, latency_ms=latency_ms))
-        named += bool(list(misses(("v1", "v2"), table, tally)))
+        named += bool(list(request_deviations(("v1", "v2"), table, tally)))
     return named
 
 
@@ -260,4 +260,4 @@ def test_a_vehicle_s_own_silence_is_not_the_link_s_loss() -> None:
     for seq in range(300):
         off = "transmitter_off" if 100 <= seq < 180 else ""
         tally.add(verdict("v1", "v2", seq, dropped=off, latency_ms=20.0))
-    assert list(misses(("v1", "v2"), LinkTable(), tally)) == []
+    assert list(request_deviations(("v1", "v2"), LinkTable(), tally)) == []

@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from scenarios.cli.guide.check_table import print_report
-from scenarios.cli.tables import print_summary
+from scenarios.cli.summary_tables import print_summary
 from scenarios.definition.channel import presets as presets_module
 from scenarios.definition.channel.presets import presets, read_preset
 from scenarios.definition.check.report import report_of
@@ -17,7 +17,7 @@ from scenarios.definition.schema.links import LinkTable
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.summary import from_json
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged import run_virtual
+from scenarios.runs.virtual.logged_run import run_virtual
 from tests.made.scenarios.messages import STRAIGHT
 from transport.links.laws.radio.obstruction import PerVehicle
 from transport.links.laws.radio.path_loss import PathLossRadio
@@ -213,7 +213,7 @@ def test_where_vehicles_in_between_hide_the_lead_the_run_has_not_failed(tmp_path
     overrides = ["links.preset=nlosv_etsi", "duration_s=3.0", "convoy.vehicles=9"]
     run_virtual(load_scenario("lane_change", overrides), tmp_path, Stop())
     summary = from_json((tmp_path / SUMMARY_NAME).read_text(encoding="utf-8"))
-    heard = {(link.sender, link.receiver): link.heard for link in summary.links}
-    assert heard["v1", "v9"] == 0
-    assert heard["v8", "v9"] > 50
+    delivered = {(link.sender, link.receiver): link.delivered for link in summary.links}
+    assert delivered["v1", "v9"] == 0
+    assert delivered["v8", "v9"] > 50
     assert summary.outcome == "completed"

@@ -49,7 +49,7 @@ def link(name: str, seed: int) -> Link:
     return Link(link_effects(asked, 20.0), seed, "v1", "v2")
 
 
-def heard(link: Link, way: float, messages: int) -> float:
+def delivered(link: Link, way: float, messages: int) -> float:
     """Share of messages delivered over a distance that stays the same."""
     sender, receiver = Position(3.0, 4.0 + way, way), Position(3.0, 4.0, 0.0)
     outcomes = [
@@ -73,7 +73,7 @@ def test_a_preset_delivers_what_is_published(name: str, campaign: int) -> None:
     assert len(found) >= 10
     independent = 3 * campaign / (2.0 * HELD.get(name, 0.5))
     for way, share in found.items():
-        achieved = sum(heard(one, way, campaign) for one in links) / 3.0
+        achieved = sum(delivered(one, way, campaign) for one in links) / 3.0
         chance = 4.5 * sqrt(share * (1.0 - share) / independent) + 1e-3
         assert abs(achieved - share) < min(chance, 0.02 if campaign >= 100_000 else 1.0), way
 

@@ -8,7 +8,7 @@ from scenarios.definition.channel.build import link_effects
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged import run_virtual
+from scenarios.runs.virtual.logged_run import run_virtual
 from tests.made.scenarios.messages import STRAIGHT
 from transport.links.laws.effect import TransmissionContext
 from transport.links.laws.loss.by_number import RecordedPattern

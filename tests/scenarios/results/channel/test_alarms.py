@@ -1,7 +1,7 @@
 """False alarms of a link: how often its receiver counted the sender as lost."""
 
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.results.channel.tally import AlarmTally
+from scenarios.results.channel.link_tally import AlarmTally
 from scenarios.results.metrics import Metrics
 from tests.made.scenarios.messages import gps, tracking, truth
 from vehicles.messages import Message, SourceStatus
@@ -25,14 +25,14 @@ def gathered(scenario: Scenario, *more: Message) -> Metrics:
     """Figures of a run in which v3 loses v1 at each second for a while, though v1 sends."""
     metrics = Metrics.of(scenario)
     for seq in range(500):
-        metrics.add(truth("v1", seq, 0.6 * seq, 0.0))
+        metrics.listen(0, truth("v1", seq, 0.6 * seq, 0.0))
         status = "lost" if 10 < seq % 50 < 40 else "fresh"
-        metrics.add(tracking("v3", seq, lead_status=status))
-        metrics.add(tracking("v2", seq, lead_status=status, predecessor_status="lost"))
+        metrics.listen(0, tracking("v3", seq, lead_status=status))
+        metrics.listen(0, tracking("v2", seq, lead_status=status, predecessor_status="lost"))
     for seq in range(200):
-        metrics.add(gps("v1", seq))
+        metrics.listen(0, gps("v1", seq))
     for message in more:
-        metrics.add(message)
+        metrics.listen(0, message)
     return metrics
 
 

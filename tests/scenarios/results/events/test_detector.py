@@ -29,11 +29,11 @@ def detected(
     stream = FigureStream(dict.fromkeys(names, SIZE), EventsTable(**table), 0.0)
     log = EventLog(stream.seconds)
     stream.on_event(log.add)
-    stream.add(start())
+    stream.listen(0, start())
     for message in messages:
-        stream.add(message)
+        stream.listen(0, message)
     stream.finish()
-    told = log.news()
+    told = log.take_new()
     assert sorted(one.line for one in told) == sorted(one.line for one in log.events())
     return log.events()
 
@@ -314,8 +314,8 @@ def test_the_smallest_gap_is_that_of_all_instants_and_the_last_is_the_last(
     apart = []
     for seq, (behind, yaw) in enumerate(places):
         ahead, follower = truth("v1", seq, 0.0, 0.0), truth("v2", seq, -behind, 0.0, yaw=yaw)
-        stream.add(ahead)
-        stream.add(follower)
+        stream.listen(0, ahead)
+        stream.listen(0, follower)
         apart.append(separation(body_of(ahead, SIZE), body_of(follower, SIZE)))
         assert latest[-1] == apart[-1].distance
     least = min(range(len(apart)), key=lambda seq: apart[seq].distance)

@@ -18,7 +18,7 @@ from scenarios.results.pictures.review import review
 from scenarios.results.summary import RunSummary
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged import run_virtual
+from scenarios.runs.virtual.logged_run import run_virtual
 from tests.made.transport import drive
 from tests.made.transport.recording import Table, columns
 from transport.convoy_pb2 import Deviation
@@ -176,7 +176,7 @@ def test_the_largest_value_drawn_is_the_table_s(drawn: Drawn) -> None:
             assert largest(values(table, "cross_track", name)) == row.cross_track_error_m_max
             assert largest(values(table, "tracking", name)) == row.lateral_error_m_max
             assert min(values(table, "true_gap", name), default=None) == row.true_gap_m_min
-            assert min(values(table, "gap", name), default=None) == row.gap_m_min
+            assert min(values(table, "gap", name), default=None) == row.estimated_gap_m_min
             assert (row.cross_track_error_m_max is None) == (name == "v1")
             assert (row.true_gap_m_min is None) == (name == "v1")
 

@@ -8,8 +8,8 @@ from scenarios.definition.changing.links import LinkChange, course
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.schema.changes import CutTable, HealTable, LinkChangeTable, StallTable
 from scenarios.definition.schema.links import LinkTable
-from scenarios.runs.node.agenda import Due
 from scenarios.runs.node.changed_links import ChangedLinks, ChangingLink
+from scenarios.runs.node.pending_changes import DueChange
 from tests.made.examples import examples
 from transport.links.laws.effect import TransmissionContext
 from transport.links.link import Link
@@ -43,8 +43,10 @@ def made(sender: str) -> ChangingLink:
     return ChangingLink(link, ASKED, lambda table, more: link_effects(table, 20.0, besides=more))
 
 
-def dues(schedule: list[tuple[int, LinkChange]], *, by_hand: bool) -> list[Due]:
-    return [Due(START + quarter * SECOND // 4, change, by_hand) for quarter, change in schedule]
+def dues(schedule: list[tuple[int, LinkChange]], *, by_hand: bool) -> list[DueChange]:
+    return [
+        DueChange(START + quarter * SECOND // 4, change, by_hand) for quarter, change in schedule
+    ]
 
 
 def said(links: list[ChangingLink]) -> list[object]:
@@ -84,20 +86,20 @@ def test_what_is_done_is_said_by_link() -> None:
     changed = ChangedLinks(NAMES, [])
     changed.adopt(made(sender) for sender, _ in PAIRS)
     cut = CutTable(kind="cut", at_s=0.0, for_s=0.5)
-    assert changed.carry_out(Due(START, cut)) == "v1 → v3, v2 → v3: cut for 0.5 s"
+    assert changed.carry_out(DueChange(START, cut)) == "v1 → v3, v2 → v3: cut for 0.5 s"
     heal = HealTable(kind="heal", at_s=0.0, sender="v2")
-    assert changed.carry_out(Due(START, heal, by_hand=True)) == (
+    assert changed.carry_out(DueChange(START, heal, by_hand=True)) == (
         "v2 → v3: as the scenario has it again, by hand"
     )
     stall = StallTable(kind="stall", at_s=0.0, vehicle="v3", for_s=1.0)
-    assert changed.carry_out(Due(START, stall)) == ""
+    assert changed.carry_out(DueChange(START, stall)) == ""
 
 
 @pytest.mark.parametrize("by_hand", [True, False])
 def test_a_scheduled_change_is_known_beforehand_and_one_by_hand_when_it_is_due(
     *, by_hand: bool
 ) -> None:
-    due = Due(START + SECOND, CutTable(kind="cut", at_s=1.0), by_hand)
+    due = DueChange(START + SECOND, CutTable(kind="cut", at_s=1.0), by_hand)
     link = made("v1")
     changed = ChangedLinks(NAMES, [] if by_hand else [due])
     changed.adopt([link])

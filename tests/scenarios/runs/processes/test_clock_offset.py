@@ -2,7 +2,7 @@
 
 import pytest
 
-from scenarios.runs.processes.clock_offset import ClockOffset, answer_for_clock, measure
+from scenarios.runs.processes.clock_offset import ClockOffset, measure, serve_clock
 from transport.bus.memory_bus import MemoryBus
 from transport.topics import clock_key
 from vehicles.schedule import MILLISECOND
@@ -23,7 +23,7 @@ def test_the_fastest_of_several_round_trips_tells_the_offset() -> None:
         now += half
         return read
 
-    answer_for_clock(bus, "v1", there)
+    serve_clock(bus, "v1", there)
     found = measure(bus, "v1", lambda: now)
     assert found == ClockOffset("v1", 7 * MS, MS // 2)
     assert str(found) == "the clock of v1 is 7.0 ms ahead of the recorder's (within 0.5 ms)"
@@ -38,7 +38,7 @@ def test_a_way_that_is_slow_in_one_direction_stays_within_the_uncertainty() -> N
         now += 8 * MS  # all of the delay on the way there
         return now
 
-    answer_for_clock(bus, "v1", there)
+    serve_clock(bus, "v1", there)
     found = measure(bus, "v1", lambda: now)
     assert found is not None
     assert abs(found.offset) <= found.uncertainty == 4 * MS

@@ -66,7 +66,7 @@ def play(*history: Event, goes_on: bool = False, until: float = 40.0) -> Told:
             when, event = waiting.pop(0)
             name, what = event.split()
             if what in {"comes", "goes"}:
-                conductor.presence(name, alive=what == "comes", at=at(when))
+                conductor.note_presence(name, alive=what == "comes", at=at(when))
             elif what == "finishes":
                 conductor.listen(now, health(name, seconds=when, final=True))
             elif what == "ends":  # as planned, by its own word
@@ -359,7 +359,7 @@ def test_a_launcher_whose_router_died_at_the_very_end_leaves_a_completed_run(
 ) -> None:
     told = play(*ALL_COME, until=ENDED - before_end_s)
     now = at(ENDED - before_end_s)
-    lines = told.conductor.stop_as_asked("router was killed", now, connected=connected)
+    lines = told.conductor.handle_stop_request("router was killed", now, connected=connected)
     assert lines == ([] if reason else ["the router was lost 0.5 s before the end"])
     assert told.conductor.phase is Phase.OVER
     assert told.reason == reason
@@ -367,7 +367,7 @@ def test_a_launcher_whose_router_died_at_the_very_end_leaves_a_completed_run(
 
 def test_before_the_start_there_is_no_last_moment() -> None:
     told = play(*ALL_COME[:2], until=5.0)
-    told.conductor.stop_as_asked("router was killed", at(5.0), connected=False)
+    told.conductor.handle_stop_request("router was killed", at(5.0), connected=False)
     assert told.reason == "router was killed"
 
 
@@ -386,7 +386,7 @@ def test_a_recorder_that_was_held_up_over_the_end_reads_what_came_meanwhile() ->
 def test_a_recorder_that_is_behind_judges_nobody_before_it_has_read_what_came() -> None:
     told = play(*ALL_COME, until=ENDED - 1.0)
     goes = ENDED + 0.2
-    told.conductor.presence("v2", alive=False, at=at(goes))  # its last words are still to read
+    told.conductor.note_presence("v2", alive=False, at=at(goes))  # its last words are still to read
     for now, read in ((ENDED + 4.0, ENDED - 1.0), (ENDED + 20.0, ENDED + 0.1)):
         assert not told.conductor.advance(at(now), connected=True, recorded_until=at(read))
         assert told.conductor.phase is Phase.RUNNING
@@ -400,7 +400,7 @@ def test_a_recorder_that_is_behind_judges_nobody_before_it_has_read_what_came() 
 def test_a_recorder_that_has_caught_up_judges_as_one_that_was_never_behind() -> None:
     told = play(*ALL_COME, until=STARTED + 7.0)
     gone, dead = at(STARTED + 7.0), at(STARTED + 7.0 + FAILED_S)
-    told.conductor.presence("v2", alive=False, at=gone)
+    told.conductor.note_presence("v2", alive=False, at=gone)
     told.conductor.advance(at(STARTED + 9.0), connected=True, recorded_until=dead - PERIOD_NS)
     assert told.conductor.phase is Phase.RUNNING
     told.conductor.advance(at(STARTED + 9.1), connected=True, recorded_until=dead)
@@ -479,10 +479,10 @@ def test_one_that_starts_anew_as_asked_is_waited_for(
 ) -> None:
     conductor = play(*ALL_COME, until=6.0).conductor
     conductor.listen(at(6.0), said)
-    conductor.presence("v2", alive=False, at=at(6.1))
+    conductor.note_presence("v2", alive=False, at=at(6.1))
     for now in range(at(6.0), at(20.0), PERIOD_NS):
         if back_s is not None and now == at(back_s):
-            conductor.presence("v2", alive=True, at=now)
+            conductor.note_presence("v2", alive=True, at=now)
         conductor.advance(now, connected=True)
     assert conductor.reason.startswith(reason)
     assert (conductor.phase is Phase.OVER) == bool(reason)
@@ -491,14 +491,14 @@ def test_one_that_starts_anew_as_asked_is_waited_for(
 def test_one_that_is_down_at_the_end_has_time_for_its_last_words() -> None:
     conductor = play(*ALL_COME, until=ENDED - 0.2).conductor
     conductor.listen(at(ENDED - 0.2), crash("v2", ENDED - 0.2, 60.0))
-    conductor.presence("v2", alive=False, at=at(ENDED - 0.1))
+    conductor.note_presence("v2", alive=False, at=at(ENDED - 0.1))
     for name in ("v1", "v3"):
         conductor.listen(at(ENDED), health(name, seconds=ENDED, final=True))
     for now in range(at(ENDED), at(ENDED + 5.0), PERIOD_NS):
         conductor.advance(now, connected=True)
     assert conductor.phase.name == "RUNNING"
     conductor.listen(at(ENDED + 5.0), health("v2", seconds=ENDED, final=True))
-    conductor.presence("v2", alive=True, at=at(ENDED + 5.0))
+    conductor.note_presence("v2", alive=True, at=at(ENDED + 5.0))
     conductor.advance(at(ENDED + 5.0), connected=True)
     assert conductor.phase is Phase.OVER
     assert conductor.reason == ""

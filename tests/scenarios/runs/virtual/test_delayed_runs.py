@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
 from scenarios.results.summary import RunSummary, from_json, to_json
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged import run_virtual
+from scenarios.runs.virtual.logged_run import run_virtual
 from tests.made.transport.links import link as link_of
 from transport.codec import encode
 from transport.links.laws.effect import Position, TransmissionContext

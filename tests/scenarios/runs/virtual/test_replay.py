@@ -12,10 +12,14 @@ from scenarios.definition.schema.links import LinkTable
 from scenarios.results.drives import Trial
 from scenarios.results.files import LOG_NAME
 from scenarios.runs.node.sink import BusSink
-from scenarios.runs.virtual.convoy import replaying
-from scenarios.runs.virtual.logged import record_trial
-from scenarios.runs.virtual.replay import RecordedVehicle, head_start, read_recorded_vehicle
-from scenarios.runs.virtual.unlogged import drive_trial
+from scenarios.runs.virtual.logged_run import record_trial
+from scenarios.runs.virtual.recorded_vehicle import (
+    RecordedVehicle,
+    head_start,
+    read_recorded_vehicle,
+)
+from scenarios.runs.virtual.unlogged_run import drive_trial
+from scenarios.runs.virtual.virtual_convoy import replaying
 from tests.made.transport.links import inbox as inbox_of
 from transport.bus.memory_bus import MemoryBus
 from transport.codec import decode, encode

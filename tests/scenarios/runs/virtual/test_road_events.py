@@ -14,7 +14,7 @@ from scenarios.results.log_summary import summary_of
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunSummary
 from scenarios.runs.stop import EXIT_FAILED, Stop
-from scenarios.runs.virtual.logged import run_virtual
+from scenarios.runs.virtual.logged_run import run_virtual
 from tests.made.scenarios.polygons import common_area
 from tests.made.scenarios.shipped import driven_to_its_end
 from transport.log.reader import LogReader
@@ -129,7 +129,7 @@ def test_a_log_tells_the_same_events_as_the_run_whatever_the_order(
     for vehicle in ("run", "v3", "v1", "v2"):
         for message in messages:
             if message.vehicle == vehicle:
-                metrics.add(message)
+                metrics.listen(0, message)
     metrics.finish()
     assert metrics.events.events() == summary.events
 
@@ -156,7 +156,7 @@ def test_a_log_whose_messages_were_lost_names_the_hole(tmp_path: Path) -> None:
     metrics = Metrics.of(scenario)
     for at, _, message in LogReader(tmp_path / LOG_NAME).messages():
         if not 5.0 <= (at - start) / 1e9 < 10.0:
-            metrics.add(message)
+            metrics.listen(0, message)
     rows = metrics.vehicle_summaries(round(12e9))
     assert [row.missing_poses for row in rows] == [100] * 4
     holes = metrics.holes(round(12e9))

@@ -15,13 +15,13 @@ import pytest
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
-from scenarios.results.channel.account import LinkSummary
+from scenarios.results.channel.link_summary import LinkSummary
 from scenarios.results.log_summary import summary_of
 from scenarios.results.summary import RunSummary
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.convoy import COLLECTED_EVERY
-from scenarios.runs.virtual.logged import run_virtual
+from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual.virtual_convoy import COLLECTED_EVERY
 from transport.log.reader import LogReader
 from transport.log.writer import LogWriter
 from vehicles.messages import (
@@ -190,21 +190,21 @@ def test_the_summary_counts_what_is_in_the_log() -> None:
     for link in summary.links:
         assert (link.sent, link.late, link.dropped) == (60, 0, {})
         verdicts = ran().verdicts(link.sender, link.receiver)
-        assert link.heard == len(verdicts)
+        assert link.delivered == len(verdicts)
         # What was sent in the last moment is not heard any more.
-        assert link.heard == sum(50 * k + 20 <= 2990 for k in range(60))
+        assert link.delivered == sum(50 * k + 20 <= 2990 for k in range(60))
         assert link.latency_ms_mean == pytest.approx(20.0)
 
 
 def test_listeners_hear_what_is_logged(tmp_path: Path) -> None:
-    heard: list[tuple[int, Message]] = []
+    delivered: list[tuple[int, Message]] = []
     run_virtual(
         load_scenario("lane_change", SHORT),
         tmp_path,
         Stop(),
-        observers=[OnMessage(lambda at, message: heard.append((at, message)))],
+        observers=[OnMessage(lambda at, message: delivered.append((at, message)))],
     )
-    assert [(at, type(m), m.vehicle, m.seq) for at, m in heard] == [
+    assert [(at, type(m), m.vehicle, m.seq) for at, m in delivered] == [
         (at, type(m), m.vehicle, m.seq) for at, m in ran().recorded
     ]
 
@@ -231,12 +231,12 @@ def test_a_run_that_is_stopped_has_a_whole_log(tmp_path: Path) -> None:
 
 def test_a_link_that_loses_everything_leaves_the_other_source() -> None:
     deaf = ran('link=[{sender="v1", receiver="v3", loss_ratio=1.0}]')
-    assert deaf.link("v1", "v3").heard == 0
+    assert deaf.link("v1", "v3").delivered == 0
     assert deaf.link("v1", "v3").loss_ratio == 1.0
     assert {verdict.reason for verdict in deaf.verdicts("v1", "v3")} == {"loss"}
     assert deaf.modes("v3") == {"straight", "predecessor"}
     assert deaf.modes("v4") == {"straight", "composite"}
-    assert deaf.link("v1", "v4").heard == ran().link("v1", "v4").heard
+    assert deaf.link("v1", "v4").delivered == ran().link("v1", "v4").delivered
     without = ran('link=[{sender="v2", receiver="v3", loss_ratio=1.0}]')
     assert without.modes("v3") == {"straight", "lead"}
     why = [message.reason for message in without.of("v3", Tracking) if message.mode == "lead"]
@@ -308,7 +308,7 @@ def test_a_sender_with_a_receiver_of_its_own_rate_is_heard_at_that_rate() -> Non
     quick = ran("vehicle.v1.gnss.rate_hz=40")
     assert len(quick.of("v1", GpsPose)) == 120
     for receiver in ("v2", "v3", "v4"):
-        assert quick.link("v1", receiver).heard >= 118
+        assert quick.link("v1", receiver).delivered >= 118
     assert [row.rejected_messages for row in quick.summary.vehicles] == [0] * 4
 
 

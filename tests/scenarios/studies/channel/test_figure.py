@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 from scenarios.cli.main import cli
 from scenarios.definition.errors import ScenarioError
-from scenarios.runs.virtual.unlogged import drive_trial
+from scenarios.runs.virtual.unlogged_run import drive_trial
 from scenarios.studies.channel import cost_drives
 from scenarios.studies.channel.cost_drives import (
     BURST_LOSS_RATIO,

@@ -17,7 +17,7 @@ from scenarios.definition.scenario import Scenario, load_scenario, scenario_from
 from scenarios.definition.schema.links import LinkTable
 from scenarios.results.channel.estimates import bursts
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged import run_virtual
+from scenarios.runs.virtual.logged_run import run_virtual
 from scenarios.studies.channel.fitting.estimate import Estimate
 from scenarios.studies.channel.fitting.fit import FittedLink, as_toml, fit_link, fit_log
 from scenarios.studies.channel.fitting.recorded import RecordedLink

@@ -24,7 +24,7 @@ from tests.made.many.engines import MadeUpEngine
 
 
 def limit(figure: float | None, name: str = "cross_track_error_m_max", **more: Any) -> LimitFigure:
-    return LimitFigure(limit=name, bound=0.5, figure=figure, vehicle="v3", **more)
+    return LimitFigure(limit=name, bound=0.5, value=figure, vehicle="v3", **more)
 
 
 def run(*limits: LimitFigure, seed: int = 1, drill: str = "one", other: str = "") -> DrillRun:
@@ -59,14 +59,14 @@ def test_of_a_least_value_the_smallest_is_the_worst() -> None:
 
 
 def test_a_broken_limit_has_no_margin_left_and_says_how() -> None:
-    row = only_row(run(limit(0.3)), run(limit(0.75, line="too far"), seed=2))
+    row = only_row(run(limit(0.3)), run(limit(0.75, message="too far"), seed=2))
     assert (row.passed, row.figure, row.line) == (False, 0.75, "too far")
     assert row.margin_ratio == pytest.approx(-0.5)
 
 
 def test_what_was_not_done_is_worse_than_what_was_done_late() -> None:
-    late = limit(0.9, "modes[0]", what="in mode stop", line="late")
-    never = limit(None, "modes[0]", what="in mode stop", line="never")
+    late = limit(0.9, "modes[0]", action="in mode stop", message="late")
+    never = limit(None, "modes[0]", action="in mode stop", message="never")
     row = only_row(run(late), run(never, seed=2))
     assert (row.line, row.figure, row.margin_ratio, row.passed) == ("never", None, None, False)
     assert row.label == "v3 in mode stop, within 0.5 s"
@@ -85,7 +85,7 @@ def test_a_run_that_failed_for_another_reason_has_a_row_of_its_own() -> None:
 
 
 def test_a_count_that_must_be_0_has_no_share_of_it_left() -> None:
-    zero = LimitFigure(limit="collisions_max", bound=0, figure=0)
+    zero = LimitFigure(limit="collisions_max", bound=0, value=0)
     row = only_row(run(zero))
     assert (row.margin_ratio, row.passed, row.label) == (None, True, "collisions_max = 0")
 
@@ -109,7 +109,7 @@ def test_a_run_says_why_it_failed_besides_its_limits() -> None:
     short = ["duration_s=0.5", "convoy.vehicles=2", "limits.true_gap_m_min=50.0"]
     (variant,) = drill_variants("lane_change", short)
     summary = variant.run()
-    (broken,) = (one.line for one in summary.limits)
+    (broken,) = (one.message for one in summary.limits)
     assert summary.reason == broken
     for other in ("", "v2 died", "v2 died; v2 refused 3 messages"):
         reason = "; ".join(filter(None, (other, broken)))
@@ -138,8 +138,8 @@ def test_all_are_driven_and_none_twice() -> None:
 
 
 RUNS = [
-    run(limit(0.3), limit(0.2, "modes[0]", what="in mode stop"), drill="good"),
-    run(limit(0.75, line="v3 was <far> & off"), drill="bad"),
+    run(limit(0.3), limit(0.2, "modes[0]", action="in mode stop"), drill="good"),
+    run(limit(0.75, message="v3 was <far> & off"), drill="bad"),
     run(drill="odd", other="v2 died"),
 ]
 

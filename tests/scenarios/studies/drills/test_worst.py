@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario, scenario_from_text
 from scenarios.results.summary import to_json
-from scenarios.runs.virtual.unlogged import run_unlogged
+from scenarios.runs.virtual.unlogged_run import run_unlogged
 from scenarios.studies.drills.worst import (
     SearchSpan,
     SoughtBurst,

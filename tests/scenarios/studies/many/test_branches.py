@@ -6,7 +6,7 @@ import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.node.sink import BusSink
-from scenarios.runs.virtual.convoy import Branch, VirtualConvoy
+from scenarios.runs.virtual.virtual_convoy import Branch, VirtualConvoy
 from tests.made.channels.laws import random_outage
 from transport.links.laws.effect import TransmissionContext
 from transport.links.laws.loss.chains import CoupledChain

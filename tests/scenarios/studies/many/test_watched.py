@@ -7,9 +7,9 @@ import pytest
 
 from scenarios.definition.limits import Limit, parsed_limit
 from scenarios.definition.scenario import load_scenario
-from scenarios.results.limits.judged import broken_by, severity
+from scenarios.results.limits.evaluation import broken_by, severity
 from scenarios.runs.virtual.drive import drive
-from scenarios.runs.virtual.unlogged import run_unlogged
+from scenarios.runs.virtual.unlogged_run import run_unlogged
 from scenarios.studies.many.watched import WatchedRun, watched, with_seed
 
 SHORT = ["duration_s=2.5", "convoy.vehicles=3"]

@@ -10,8 +10,8 @@ from scenarios.definition.scenario import load_scenario
 from scenarios.results.drives import Drive, Trial
 from scenarios.results.files import LOG_NAME
 from scenarios.results.log_summary import scenario_in
-from scenarios.runs.virtual.logged import record_trial
-from scenarios.runs.virtual.unlogged import drive_trial
+from scenarios.runs.virtual.logged_run import record_trial
+from scenarios.runs.virtual.unlogged_run import drive_trial
 from scenarios.studies.paper.experiments import (
     FIRST_CHANGE_S,
     LANE,

@@ -26,7 +26,7 @@ START = 1_700_000_000_000_000_000
 BODY = Body(120.0, -45.0, 2.5, 20.0, 0.1, 0.05, 0.01, 0.0, 300.0)
 SILENT = GnssNoise(position=0.0, heading=0.0, speed=0.0, yaw_rate=0.0)
 QUIET = StateErrors(0.0)
-EVERYBODY = 99
+SHARED_STREAM = 99
 
 
 def streams(place: int) -> Streams:
@@ -53,7 +53,7 @@ def scheduled(*entries: tuple[float, ReceiverState]) -> ScheduledStates:
 
 
 def started(place: int = 1) -> ReceiverContext:
-    return ReceiverContext(START, 0.0, streams(place), streams(EVERYBODY))
+    return ReceiverContext(START, 0.0, streams(place), streams(SHARED_STREAM))
 
 
 def errors(made: GnssSettings, place: int = 1) -> ReceiverErrors:

@@ -6,7 +6,7 @@ import pytest
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.runs.node.assembly.vehicle import VehicleBuilder
+from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.phases import Driving
 from scenarios.runs.node.probe import NoProbe
@@ -230,7 +230,7 @@ def test_followers_keep_the_profile_or_a_gap() -> None:
 @pytest.mark.parametrize("vehicles", [2, 3, 7, 40])
 def test_vehicles_take_turns_after_those_that_they_hear(vehicles: int) -> None:
     made = scenario(f"convoy.vehicles={vehicles}", "control.rate_hz=50", "convoy.gap_m=10")
-    turns = {name: VehicleBuilder(made, name).turn_ns for name in made.vehicle_names}
+    turns = {name: VehicleBuilder(made, name).stagger_ns for name in made.vehicle_names}
     assert turns["v1"] == 0
     assert max(turns.values()) < SECOND // 50
     for before, after in pairwise(turns.values()):
@@ -242,4 +242,4 @@ def test_vehicles_take_turns_after_those_that_they_hear(vehicles: int) -> None:
 def test_where_the_lead_waits_for_those_behind_all_begin_at_once() -> None:
     made = scenario("speed.lead_waits=true")
     assert made.vehicle("v1").senders
-    assert {VehicleBuilder(made, name).turn_ns for name in made.vehicle_names} == {0}
+    assert {VehicleBuilder(made, name).stagger_ns for name in made.vehicle_names} == {0}

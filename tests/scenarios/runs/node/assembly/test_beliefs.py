@@ -5,7 +5,7 @@ import pytest
 from scenarios.definition.library import library
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.files import LOG_NAME
-from scenarios.runs.node.assembly.drivers import DriverBuilder
+from scenarios.runs.node.assembly.driver_builder import DriverBuilder
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.virtual.drive import drive
 from tests.made.scenarios.shipped import driven_to_its_end

@@ -14,7 +14,7 @@ from scenarios.results.summary import RunSummary, from_json, to_json
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.drive import drive as virtual_drive
-from scenarios.runs.virtual.logged import run_virtual
+from scenarios.runs.virtual.logged_run import run_virtual
 from transport.log.reader import LogReader
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.geometry.geodesy import LocalPlane
@@ -136,7 +136,7 @@ def test_a_summary_with_false_content_is_the_same_after_a_way_through_json() -> 
     assert from_json(to_json(summary)) == summary
     assert summary.links[0].requested.content is not None
     for link in summary.links:
-        assert link.judged == link.heard + sum(link.dropped.values()) <= link.sent
+        assert link.judged == link.delivered + sum(link.dropped.values()) <= link.sent
 
 
 def test_links_that_are_asked_for_nothing_of_it_judge_as_ever() -> None:

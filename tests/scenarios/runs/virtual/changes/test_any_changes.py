@@ -17,7 +17,7 @@ from scenarios.definition.schema.changes import (
     SpeedChangeTable,
     StallTable,
 )
-from scenarios.runs.node.agenda import Due
+from scenarios.runs.node.pending_changes import DueChange
 from tests.made.convoys.changed_convoys import ChangedConvoy, changed
 from transport.codec import encode
 from vehicles.messages import Change, Command, GpsPose, LinkVerdict, LogText, TruePose
@@ -59,7 +59,7 @@ def by_hand(changes: Sequence[AnyChange], *overrides: str) -> ChangedConvoy:
         at = convoy.start_at + nanoseconds(change.at_s)
         whom = [change.vehicle] if hasattr(change, "vehicle") else list(convoy.nodes)
         for name in whom:
-            convoy.nodes[name].agenda.add(Due(at, change, by_hand=True))
+            convoy.nodes[name].pending_changes.add(DueChange(at, change, by_hand=True))
     return convoy.run()
 
 

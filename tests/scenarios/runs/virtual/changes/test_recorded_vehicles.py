@@ -7,7 +7,7 @@ import pytest
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.definition.schema.changes import LeaveTable
-from scenarios.runs.node.agenda import Due
+from scenarios.runs.node.pending_changes import DueChange
 from tests.made.convoys.changed_convoys import ChangedConvoy
 from tests.made.scenarios.rough_drives import FORMATS, SUFFIXES, SWEEP, Rough, text_of
 from vehicles.messages import Change, GpsPose, LogText, Tracking, TruePose
@@ -52,7 +52,7 @@ def test_what_needs_software_of_its_own_is_refused(tmp_path: Path) -> None:
 def test_what_needs_software_of_its_own_has_no_effect_by_hand(tmp_path: Path) -> None:
     run = ChangedConvoy(with_recorded(tmp_path, ""))
     leave = LeaveTable(kind="leave", vehicle="v2", at_s=1.0)
-    run.nodes["v2"].agenda.add(Due(run.start_at + SECOND, leave, by_hand=True))
+    run.nodes["v2"].pending_changes.add(DueChange(run.start_at + SECOND, leave, by_hand=True))
     run.run()
     assert not run.of("v2", Change)
     (line,) = [one for one in run.of("v2", LogText) if "no effect" in one.text]

@@ -14,7 +14,7 @@ from scenarios.runs.node.node import Node, VehicleFaultError
 from scenarios.runs.node.phases import BRAKING, Down
 from scenarios.runs.node.probe import NoProbe
 from scenarios.runs.processes.restart import pack
-from scenarios.runs.virtual.convoy import steps_in_order
+from scenarios.runs.virtual.virtual_convoy import steps_in_order
 from tests.made.convoys.changed_convoys import ChangedConvoy, changed
 from tests.made.examples import examples
 from transport.codec import encode

@@ -9,7 +9,7 @@ hole, the few samples behind it must not be extrapolated to where the car is.
 import pytest
 
 from scenarios.definition.scenario import load_scenario
-from scenarios.runs.virtual.unlogged import run_unlogged
+from scenarios.runs.virtual.unlogged_run import run_unlogged
 
 WORST = {1: 14.0, 13: 35.0}
 """Seeds with which a car once thought itself 3.1 and 2.1 m off its path, and how long to drive."""
@@ -22,7 +22,7 @@ def test_nobody_swerves_because_of_a_hole_in_what_it_heard(case: int) -> None:
     asked = ["links.preset=bursty", f"convoy.vehicles={vehicles}", f"duration_s={duration_s}"]
     summary = run_unlogged(load_scenario("lossy_lane_change", asked, seed))
     for row in summary.vehicles[1:]:
-        assert row.believed_minus_true_error_m_max is not None
-        assert row.believed_minus_true_error_m_max < 0.5, row.name
+        assert row.self_estimate_error_m_max is not None
+        assert row.self_estimate_error_m_max < 0.5, row.name
         assert row.sliding_s == 0.0, row.name
     assert any(row.reaction.recoveries for row in summary.vehicles)

@@ -9,7 +9,7 @@ import pytest
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.summary import RunSummary
 from scenarios.runs.observer import OnMessage
-from scenarios.runs.virtual.unlogged import run_unlogged
+from scenarios.runs.virtual.unlogged_run import run_unlogged
 from tests.made.convoys.speed_runs import Driven, drive
 from tests.made.interpreted import interpreted_only
 from vehicles.driver.degradation.source import Source
@@ -100,7 +100,7 @@ def test_who_never_hears_the_one_ahead_keeps_away_from_where_it_may_stand() -> N
     run = summary(3, 15.0, f"link=[{links}]", "duration_s=12")
     assert collisions(run) == 0
     assert (run.vehicles[2].true_gap_m_min or 0.0) > 5.0
-    assert run.vehicles[2].gap_m_min is None or isnan(run.vehicles[2].gap_m_min)
+    assert run.vehicles[2].estimated_gap_m_min is None or isnan(run.vehicles[2].estimated_gap_m_min)
 
 
 def test_who_goes_on_says_whom_it_heard() -> None:

@@ -4,7 +4,7 @@ import pytest
 
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.summary import RunSummary
-from scenarios.runs.virtual.unlogged import run_unlogged
+from scenarios.runs.virtual.unlogged_run import run_unlogged
 from tests.made.convoys.speed_runs import drive
 from tests.made.interpreted import interpreted_only
 from vehicles.driver.degradation.sources import SourcePair

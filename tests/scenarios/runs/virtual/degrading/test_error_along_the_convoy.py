@@ -10,7 +10,7 @@ import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.node.sink import BusSink
-from scenarios.runs.virtual.convoy import VirtualConvoy
+from scenarios.runs.virtual.virtual_convoy import VirtualConvoy
 from vehicles.driver.degradation.intended_path import MAX_OFFSET
 from vehicles.geometry.driven_path import CrossTrackError
 from vehicles.messages import Command, GpsPose, Message, Tracking, TruePose

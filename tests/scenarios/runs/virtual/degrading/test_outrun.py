@@ -3,7 +3,7 @@
 import pytest
 
 from scenarios.definition.scenario import load_scenario
-from scenarios.runs.virtual.unlogged import run_unlogged
+from scenarios.runs.virtual.unlogged_run import run_unlogged
 
 SETTINGS = (
     *("convoy.vehicles=3", "gnss.rate_hz=10", "duration_s=11", "links.jitter_ms=0"),

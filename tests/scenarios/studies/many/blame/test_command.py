@@ -12,10 +12,10 @@ from click.testing import CliRunner, Result
 from scenarios.cli.main import cli
 from scenarios.definition.limits import Limit
 from scenarios.definition.scenario import load_scenario, scenario_from_text
-from scenarios.results.limits.judged import broken_by
+from scenarios.results.limits.evaluation import broken_by
 from scenarios.results.log_summary import summary_of
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged import run_virtual
+from scenarios.runs.virtual.logged_run import run_virtual
 from scenarios.studies.many.blame import study
 from scenarios.studies.many.blame.losses import read_run
 from scenarios.studies.many.blame.rerun import BlameQuestion, FigureName, answer_of
@@ -86,7 +86,7 @@ def test_the_smallest_set_is_written_as_a_scenario_that_breaks_the_limit_when_ru
     assert run.exit_code == 1
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
     assert summary["reason"].startswith("limits.lane_departures_max = 0")
-    lost = sum(link["sent"] - link["heard"] for link in summary["links"])
+    lost = sum(link["sent"] - link["delivered"] for link in summary["links"])
     assert lost - 1 <= found["smallest"]["messages"] <= lost  # one may be under way at the end
 
     assert refused(convoy("blame", log, "--out", out)) == (

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged import run_virtual
+from scenarios.runs.virtual.logged_run import run_virtual
 from scenarios.studies.many.blame.rerun import BlameQuestion, rerun
 from scenarios.studies.many.blame.study import Blame, blame
 from tests.made.many.engines import engine_here

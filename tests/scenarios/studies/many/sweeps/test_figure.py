@@ -9,7 +9,7 @@ import pytest
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.summary import RunSummary, to_json
-from scenarios.runs.virtual.unlogged import run_unlogged
+from scenarios.runs.virtual.unlogged_run import run_unlogged
 from scenarios.studies.many.sweeps.figure import OF_LINK, OF_VEHICLE, parsed_figure
 
 NAMES = ("v1", "v2", "v3")
@@ -39,7 +39,7 @@ def test_figures_are_those_of_the_summary() -> None:
     assert of("v3.ticks_by_mode.composite") == v3["ticks_by_mode"].get("composite", 0)
     assert of("ran_s") == whole["ran_s"]
     links = {(row["sender"], row["receiver"]): row for row in whole["links"]}
-    assert of("v1:v3.heard") == links["v1", "v3"]["heard"]
+    assert of("v1:v3.delivered") == links["v1", "v3"]["delivered"]
     assert of("links.age_ms_max") == max(row["age_ms_max"] for row in links.values())
     assert of("v1:v2.dropped.loss") == links["v1", "v2"]["dropped"]["loss"]
     assert of("v1:v2.dropped.cut") == 0

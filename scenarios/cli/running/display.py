@@ -1,0 +1,49 @@
+"""Display of a run during recording and at its end, for both clocks."""
+
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from pathlib import Path
+
+from rich.console import Console
+
+from scenarios.cli.running.progress import Progress
+from scenarios.cli.summary_tables import print_summary
+from scenarios.definition.scenario import Scenario
+from scenarios.results.files import LOG_NAME
+from scenarios.results.metrics import Metrics
+from scenarios.results.pictures.drawing import open_drawing
+from scenarios.results.pictures.layouts import rerun_layout
+from scenarios.results.summary import RunSummary
+from scenarios.runs.observer import Observer, OnMessage
+from transport.picture.option import parse_rerun_option
+
+
+def layout(
+    folder: Path, scenario: Scenario, rerun: str, *, quiet: bool
+) -> AbstractContextManager[None]:
+    """Write Rerun's layout for the log, but not for quiet runs: it takes a while."""
+    return nullcontext() if quiet and rerun == "off" else rerun_layout(folder, scenario)
+
+
+@contextmanager
+def observers(
+    scenario: Scenario, metrics: Metrics, rerun: str, *, run_id: str, quiet: bool
+) -> Iterator[list[Observer]]:
+    """Open the viewer and the progress line, which receive each recorded message."""
+    with ExitStack() as stack:
+        option = parse_rerun_option(rerun)
+        view = stack.enter_context(open_drawing(option, scenario, run_id, metrics))
+        found: list[Observer] = [] if option.sink == "off" else [OnMessage(view.draw)]
+        if view.where and not quiet:
+            Console(stderr=True).print(
+                f"watch it: {view.where}", soft_wrap=True, highlight=False, markup=False
+            )
+        if not quiet:
+            progress = stack.enter_context(Progress(metrics, scenario.duration_s))
+            found.append(progress)
+        yield found
+
+
+def show(summary: RunSummary, folder: Path, *, quiet: bool) -> None:
+    if not quiet:
+        print_summary(summary, folder / LOG_NAME, Console())

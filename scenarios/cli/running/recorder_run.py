@@ -1,0 +1,79 @@
+"""`convoy record`, with a picture and tables."""
+
+from contextlib import nullcontext
+from pathlib import Path
+
+import click
+
+from scenarios.cli.running.destination import refuse_picture, run_folder
+from scenarios.cli.running.display import layout, observers, show
+from scenarios.definition.scenario import Scenario
+from scenarios.results.files import LOG_NAME
+from scenarios.results.log_summary import summary_of
+from scenarios.results.metrics import Metrics
+from scenarios.results.summarise import write_summary
+from scenarios.runs.processes.membership import RECORDER, Fingerprint, Membership
+from scenarios.runs.processes.recorder_process import RecorderProcess
+from scenarios.runs.run_folder import claimed
+from scenarios.runs.stop import EXIT_FAILED, Stop, ignore_signals
+from transport.bus.zenoh_bus import ZenohOptions, open_bus
+from transport.bus.zenoh_options import RECORDER_DEFAULTS
+
+
+def record_run(
+    scenario: Scenario,
+    options: ZenohOptions,
+    stop: Stop,
+    *,
+    out: Path | None,
+    rerun: str,
+    quiet: bool,
+    gather_s: float,
+    launched: bool,
+) -> int:
+    """Gather and record the vehicles of a run; returns the exit code.
+
+    `launched` by `convoy run`, which holds the folder.
+    """
+    refuse_picture(rerun, out)
+    folder = run_folder(scenario, out)
+    with (
+        nullcontext() if launched else claimed(folder, fresh=out is None),
+        open_bus(options, RECORDER_DEFAULTS) as bus,
+    ):
+        member = Membership(bus, options.run, RECORDER, "recorder", Fingerprint.of(scenario))
+        member.join()
+        metrics = Metrics.of(scenario)
+        with (
+            layout(folder, scenario, rerun, quiet=quiet),
+            observers(scenario, metrics, rerun, run_id=folder.name, quiet=quiet) as watchers,
+        ):
+            stop.begun = True
+            recorder = RecorderProcess(
+                scenario,
+                bus,
+                folder,
+                stop,
+                member,
+                metrics=metrics,
+                gather_s=gather_s,
+                observers=watchers,
+            )
+            summary = recorder.record_until_over()
+        show(summary, folder, quiet=quiet)
+        # Last of all: the vehicles wait for it, and the end of one container may stop all others.
+        # Signals are ignored from here, as the result is complete.
+        ignore_signals()
+        recorder.announce_completion()
+    if quiet and summary.reason not in {"", stop.reason}:
+        click.echo(summary.reason, err=True)
+    return (stop.exit_code or EXIT_FAILED) if summary.reason else 0
+
+
+def summarise_repaired_log(folder: Path, *, quiet: bool) -> None:
+    """Write and show the summary of a run whose recorder could not; raises LogError."""
+    summary = summary_of(folder / LOG_NAME)
+    try:
+        write_summary(folder, summary)
+    finally:
+        show(summary, folder, quiet=quiet)

@@ -1,0 +1,73 @@
+"""A run on the wall clock: prepare what its processes share, then start them.
+
+Modules of the recorder are not imported before the vehicles are forked, whose memory they would
+enlarge.
+"""
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+
+from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.runs.node.sink import BatchingSink
+from scenarios.runs.processes.forking import Task
+from scenarios.runs.processes.launcher import LaunchPlan, launch
+from scenarios.runs.processes.membership import Fingerprint
+from scenarios.runs.processes.supervisor import Supervisor
+from scenarios.runs.stop import stop_on_signals
+from scenarios.runs.virtual.virtual_convoy import VirtualConvoy
+from transport.log.records import LogError
+
+PrepareCommand = Callable[[Scenario, Sequence[str]], Task]
+"""Prepares `convoy ARGUMENTS` in a forked process, for a run of a scenario."""
+PARTS = ("scenarios.runs.processes.router", "scenarios.runs.processes.vehicle_process")
+"""Modules of the processes of a run other than the recorder."""
+
+
+def run_processes(plan: LaunchPlan, prepare_command: PrepareCommand | None, *, quiet: bool) -> int:
+    """Run on the wall clock; returns the exit code."""
+    stop = stop_on_signals()
+    prepare_task = None
+    if prepare_command is not None:
+        prepare_parts(plan.scenario)
+        prepare_task = partial(prepare_command, plan.scenario)
+    outcome = launch(plan, stop, Supervisor(prepare_task), _complete)
+    if outcome.reason and not outcome.is_reported:
+        from rich.console import Console
+        from rich.text import Text
+
+        Console(stderr=True).print(Text(outcome.reason, "bold red"), highlight=False)
+    if outcome.repaired:
+        from scenarios.cli.running.recorder_run import summarise_repaired_log
+
+        with suppress(LogError):  # killed before the first message
+            summarise_repaired_log(plan.folder, quiet=quiet)
+    return outcome.exit_code
+
+
+def _complete(log: Path) -> bool:
+    from transport.log.repair import complete
+
+    return complete(log)
+
+
+def prepare_parts(scenario: Scenario) -> None:
+    """Do once what every part of a run of `scenario` would do first."""
+    for module in PARTS:
+        import_module(module)
+    Fingerprint.of(scenario)
+    for vehicle in scenario.vehicle_names:
+        scenario.vehicle(vehicle)
+    warm_up()
+
+
+def warm_up() -> None:
+    """Drive three vehicles for a second of virtual time, so that the interpreter specializes code.
+
+    Otherwise each vehicle does so in memory of its own, and its first ticks take longer.
+    """
+    convoy = VirtualConvoy(load_scenario("lane_change", ("duration_s=1", "convoy.vehicles=3")))
+    convoy.build(lambda vehicle: BatchingSink(vehicle, convoy.bus, convoy.clock.now))
+    convoy.run()

@@ -1,0 +1,317 @@
+"""The figures of one directed link, requested and achieved."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from math import sqrt
+
+from scenarios.definition.channel.expected import ExpectedChannel, expected_channel
+from scenarios.definition.schema.links import LinkTable
+from scenarios.results.channel.estimates import (
+    CERTAINTY,
+    CONFIDENCE,
+    Interval,
+    Spread,
+    bursts,
+    inflation,
+    mean_length,
+    quantile_of_normal,
+    share,
+    spread,
+)
+from scenarios.results.channel.link_tally import RESOLUTION_NS, LinkTally
+from vehicles.schedule import MILLISECOND
+
+SAFE_AGES_MS = tuple(range(100, 1001, 100))
+"""Ages up to which data may count as fresh."""
+LEAST_MESSAGES = 100
+"""Fewest messages of which the loss is compared with the requested one ..."""
+LEAST_INDEPENDENT = 50
+"""... and fewest independent ones, by the inflation of bursts."""
+ROUNDING_MS = 0.01
+"""Delays are whole nanoseconds, and counted to 10 µs."""
+OF_VEHICLES = {"transmitter_off", "receiver_off"}
+"""Reasons of a vehicle rather than of the link."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AlarmSummary:
+    """False alarms of a link; `counted` is None where the receiver reports no status of the source.
+
+    The other fields are those of earlier summaries, which compared the count with a prediction.
+    """
+
+    predicted: float | None = None
+    counted: int | None = None
+    low: float | None = None
+    high: float | None = None
+
+
+NO_ALARMS = AlarmSummary()
+"""For a link without reported false alarms."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkSummary:
+    """Figures of one directed link, requested and achieved; None where nothing tells them.
+
+    Intervals are of 95 %; those of the loss allow for its bursts.
+    """
+
+    sender: str
+    """Vehicle that sends; each link has a direction."""
+    receiver: str
+    """Vehicle that judges the messages of the link."""
+    requested: LinkTable
+    """Requested settings, by the keys of [links] in a scenario (null: not requested)."""
+    requested_loss_ratio: float | None = None
+    """Requested loss of all laws together; null where no number is known, such as for a loss that
+    depends on the distance."""
+    requested_burst_messages: float | None = None
+    """Requested mean number of messages lost in a row."""
+    requested_latency_ms_mean: float | None = None
+    """Requested mean time from sending to reception of delivered messages."""
+    requested_latency_ms_deviation: float | None = None
+    """Standard deviation of the same."""
+    sent: int
+    """Messages of the sender in the log."""
+    judged: int
+    """Messages that came to the link."""
+    delivered: int
+    """Messages delivered."""
+    dropped: Mapping[str, int]
+    """Messages dropped, by reason."""
+    copies: int = 0
+    """Messages that the channel delivered twice."""
+    false: Mapping[str, int]
+    """Delivered messages whose content the channel changed, by kind."""
+    reordered: int = 0
+    """Messages delivered after one with a greater number."""
+    late: int
+    """Messages received after the tick that needed them."""
+    loss_ratio: float
+    """Achieved loss, of the messages that the link carries."""
+    loss_ratio_low: float = 0.0
+    """Lower end of its 95 % interval, which allows for bursts."""
+    loss_ratio_high: float = 1.0
+    """Upper end of the same."""
+    burst_messages_mean: float | None = None
+    """Mean number of messages lost in a row."""
+    burst_messages_low: float | None = None
+    """Lower end of its 95 % interval."""
+    burst_messages_high: float | None = None
+    """Upper end of the same; null where a single burst does not determine it."""
+    burst_messages_max: int = 0
+    """Largest number of messages lost in a row."""
+    latency_ms_mean: float
+    """Achieved mean latency of delivered messages."""
+    latency_ms_low: float | None = None
+    """Lower end of its 95 % interval, as if the delays were independent."""
+    latency_ms_high: float | None = None
+    """Upper end of the same."""
+    latency_ms_deviation: float | None = None
+    """Standard deviation of the achieved latency."""
+    latency_ms_p95: float | None = None
+    """95th percentile of the same."""
+    latency_ms_max: float
+    """Largest achieved latency."""
+    arrival_gap_ms_mean: float | None = None
+    """Mean time between two instants with a delivery."""
+    arrival_gap_ms_p95: float | None = None
+    """95th percentile of the same."""
+    arrival_gap_ms_max: float | None = None
+    """Largest of the same."""
+    age_ms_mean: float | None = None
+    """Mean age of the newest data of the sender at the receiver's steering commands."""
+    age_ms_p95: float | None = None
+    """95th percentile of the same."""
+    age_ms_max: float | None = None
+    """Largest of the same."""
+    false_alarms: AlarmSummary = NO_ALARMS
+    """How often the receiver counted the sender as lost although it sent: counted (null where the
+    receiver does not report it); predicted, low and high only in older summaries."""
+    safe_time_ratio: Mapping[str, float]
+    """Share of the steering commands with data of at most this age (ms)."""
+
+
+def link_summary(
+    link: tuple[str, str],
+    requested: LinkTable,
+    sent: int,
+    tally: LinkTally,
+    alarms: AlarmSummary = NO_ALARMS,
+) -> LinkSummary:
+    """Summarise a link (sender, receiver) over which `sent` recorded messages went."""
+    expected = _expected(requested, tally)
+    loss, burst, longest = _losses(tally, CONFIDENCE)
+    milliseconds = RESOLUTION_NS / MILLISECOND
+    latency = spread(tally.latencies, milliseconds)
+    mean = tally.latency_ns_sum / tally.delivered / MILLISECOND if tally.delivered else 0.0
+    half = _half_of_mean(latency, expected)
+    gap, age = spread(tally.arrival_gaps, milliseconds), spread(tally.ages, milliseconds)
+    return LinkSummary(
+        sender=link[0],
+        receiver=link[1],
+        requested=requested,
+        requested_loss_ratio=expected.loss_ratio,
+        requested_burst_messages=expected.burst_messages,
+        requested_latency_ms_mean=expected.latency_ms_mean,
+        requested_latency_ms_deviation=expected.latency_ms_deviation,
+        sent=sent,
+        judged=tally.delivered + tally.dropped.total(),
+        delivered=tally.delivered,
+        dropped=dict(sorted(tally.dropped.items())),
+        copies=tally.copies,
+        false=dict(sorted(tally.false.items())),
+        reordered=tally.reordered,
+        late=tally.late,
+        loss_ratio=loss.value,
+        loss_ratio_low=loss.low,
+        loss_ratio_high=loss.high,
+        burst_messages_mean=burst.value if burst else None,
+        burst_messages_low=burst.low if burst else None,
+        burst_messages_high=burst.high if burst else None,
+        burst_messages_max=longest,
+        latency_ms_mean=mean,
+        latency_ms_low=mean - half if latency else None,
+        latency_ms_high=mean + half if latency else None,
+        latency_ms_deviation=latency.deviation if latency else None,
+        latency_ms_p95=latency.p95 if latency else None,
+        latency_ms_max=tally.latency_ns_max / MILLISECOND,
+        arrival_gap_ms_mean=gap.mean if gap else None,
+        arrival_gap_ms_p95=gap.p95 if gap else None,
+        arrival_gap_ms_max=gap.largest if gap else None,
+        age_ms_mean=age.mean if age else None,
+        age_ms_p95=age.p95 if age else None,
+        age_ms_max=age.largest if age else None,
+        false_alarms=alarms,
+        safe_time_ratio=_safe_time(tally),
+    )
+
+
+def _expected(requested: LinkTable, tally: LinkTally) -> ExpectedChannel:
+    """Expected behaviour; no loss is expected where a vehicle's own radio was off.
+
+    Nothing is expected of a link that was changed during the run.
+    """
+    expected = expected_channel(requested)
+    if tally.changed:
+        return ExpectedChannel(
+            loss_ratio=None,
+            burst_messages=None,
+            latency_ms_mean=None,
+            latency_ms_deviation=None,
+            loss_inflation=expected.loss_inflation,
+            latency_inflation=expected.latency_inflation,
+            settles=False,
+        )
+    if OF_VEHICLES & tally.dropped.keys():
+        return replace(expected, loss_ratio=None, burst_messages=None)
+    return expected
+
+
+def describe_link(row: LinkSummary) -> str:
+    """Achieved and requested figures of a link in one line, with intervals of 95 %."""
+    asked_loss, asked_ms = row.requested_loss_ratio, row.requested_latency_ms_mean
+    parts = [
+        f"{row.sender} → {row.receiver}: lost {100 * row.loss_ratio:.1f} % "
+        f"({100 * row.loss_ratio_low:.1f} to {100 * row.loss_ratio_high:.1f}) of what it carried, "
+        f"asked {'-' if asked_loss is None else f'{100 * asked_loss:.3g} %'}"
+    ]
+    if row.burst_messages_mean is not None:
+        parts.append(f"{row.burst_messages_mean:.2f} in a row, {row.burst_messages_max} at most")
+    if row.latency_ms_low is not None and row.latency_ms_high is not None:
+        parts.append(
+            f"delayed {row.latency_ms_mean:.1f} ms ({row.latency_ms_low:.1f} to "
+            f"{row.latency_ms_high:.1f}), asked {'-' if asked_ms is None else f'{asked_ms:.4g}'}"
+        )
+    if row.age_ms_mean is not None:
+        parts.append(f"{row.age_ms_mean:.0f} ms old at commands, {row.age_ms_max:.0f} at most")
+    return "; ".join(parts)
+
+
+def _losses(tally: LinkTally, confidence: float) -> tuple[Interval, Interval | None, int]:
+    """Loss and mean burst length with their intervals, and the longest burst."""
+    lost = tally.lost
+    lengths = bursts(lost)
+    burst = mean_length(lengths, confidence)
+    count, of = int(lost.sum()), len(lost)
+    spread_by = inflation(count / of, burst.value) if burst else 1.0
+    return share(count, of, confidence, spread_by), burst, int(lengths.max(initial=0))
+
+
+def _half_of_mean(latency: Spread | None, expected: ExpectedChannel) -> float:
+    """Half the width (ms) of the interval of a mean delay with the requested correlation."""
+    if latency is None:
+        return 0.0
+    error = latency.deviation * sqrt(expected.latency_inflation / latency.count)
+    return quantile_of_normal(CONFIDENCE) * error
+
+
+def _safe_time(tally: LinkTally) -> dict[str, float]:
+    if not tally.commands:
+        return {}
+    within = {}
+    for limit_ms in SAFE_AGES_MS:
+        most = limit_ms * MILLISECOND // RESOLUTION_NS
+        within[str(limit_ms)] = sum(n for age, n in tally.ages.items() if age <= most)
+    return {limit: count / tally.commands for limit, count in within.items()}
+
+
+def request_deviations(
+    link: tuple[str, str], requested: LinkTable, tally: LinkTally
+) -> Iterator[str]:
+    """Yield a line per figure of a link that deviates beyond sampling error from its request.
+
+    The interval is that of 99.99 %: one of ten thousand sound figures lies outside.
+    """
+    expected, name = _expected(requested, tally), f"{link[0]} → {link[1]}"
+    loss, burst, _ = _losses(tally, CERTAINTY)
+    asked = expected.loss_ratio if expected.settles else None
+    count = len(tally.lost)
+    least = max(LEAST_MESSAGES, LEAST_INDEPENDENT * expected.loss_inflation)
+    if asked is not None and count >= least:
+        wide = share(loss.value * count, count, CERTAINTY, expected.loss_inflation)
+        low, high = min(loss.low, wide.low), max(loss.high, wide.high)
+        if not low - 1e-12 <= asked <= high + 1e-12:
+            yield (
+                f"{name}: lost {100 * loss.value:.2f} % of {count} messages, {100 * low:.2f} to "
+                f"{100 * high:.2f} % with certainty, asked {100 * asked:g} %"
+            )
+        if expected.burst_messages is not None and burst is not None:
+            yield from _burst_miss(name, expected, burst, tally)
+    yield from _latency_miss(name, expected, tally)
+
+
+def _burst_miss(
+    name: str, expected: ExpectedChannel, burst: Interval, tally: LinkTally
+) -> Iterator[str]:
+    """Compare mean bursts. Where losses are clustered, their count varies as well.
+
+    The mean is the number of losses over that of bursts, so it varies at least as the former does.
+    """
+    asked, loss = expected.burst_messages or 1.0, expected.loss_ratio or 1.0
+    number, count = len(bursts(tally.lost)), len(tally.lost)
+    of_lengths = max(asked * (asked - 1.0), 0.0) / number
+    of_losses = asked * asked * expected.loss_inflation * (1.0 - loss) / (loss * count)
+    clustered = expected.loss_inflation > 1.0
+    error = sqrt(max(of_lengths, of_losses) if clustered else of_lengths)
+    half = quantile_of_normal(CERTAINTY) * error
+    low, high = min(burst.low, burst.value - half), max(burst.high, burst.value + half)
+    if not low - 1e-9 <= asked <= high + 1e-9:
+        yield (
+            f"{name}: its {number} bursts of losses have {burst.value:.2f} messages on average, "
+            f"{low:.2f} to {high:.2f} with certainty, asked {asked:.2f}"
+        )
+
+
+def _latency_miss(name: str, expected: ExpectedChannel, tally: LinkTally) -> Iterator[str]:
+    mean, deviation = expected.latency_ms_mean, expected.latency_ms_deviation
+    if mean is None or deviation is None or tally.delivered < LEAST_MESSAGES or tally.late:
+        return  # the machine delayed late messages
+    found = tally.latency_ns_sum / tally.delivered / MILLISECOND
+    sample = spread(tally.latencies, RESOLUTION_NS / MILLISECOND)
+    widest = max(deviation, sample.deviation if sample else 0.0)  # of laws with long tails
+    error = widest * sqrt(expected.latency_inflation / tally.delivered)
+    half = quantile_of_normal(CERTAINTY) * error + ROUNDING_MS
+    if abs(found - mean) > half:
+        yield (f"{name}: delayed by {found:.3f} ms on average, asked {mean:.3f} ± {half:.3f} ms")

@@ -1,0 +1,138 @@
+"""Counts of one directed link during a run."""
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from transport.reasons import counts_as_loss
+from vehicles.messages import LinkVerdict, SourceStatus
+from vehicles.schedule import MILLISECOND, SECOND
+
+MOST_WORDS, OTHER_WORD = 50, "other"
+"""Number of distinct reasons counted; further ones share OTHER_WORD."""
+MOST_NUMBERS = 10_000_000
+"""Message numbers whose fate is stored, a byte each: a day at 100 Hz."""
+OLDEST_S = 86_400.0
+"""Largest plausible age."""
+RESOLUTION_NS = MILLISECOND // 100
+"""Resolution of counted delays and ages; sums are exact."""
+MOST_ALARMS = 100_000
+"""Stored instants of alarms of a link."""
+_LOST, _DELIVERED, _NOT_CARRIED = 1, 2, 3
+
+
+@dataclass(slots=True)
+class LinkTally:
+    """Fates of the messages of a link, and ages of its source at commands.
+
+    `changed`: its settings were changed during the run.
+    """
+
+    delivered: int = 0
+    late: int = 0
+    copies: int = 0
+    reordered: int = 0
+    dropped: Counter[str] = field(default_factory=Counter)
+    false: Counter[str] = field(default_factory=Counter)
+    latency_ns_sum: int = 0
+    latency_ns_max: int = 0
+    latencies: Counter[int] = field(default_factory=Counter)
+    arrival_gaps: Counter[int] = field(default_factory=Counter)
+    ages: Counter[int] = field(default_factory=Counter)
+    commands: int = 0
+    changed: bool = False
+    _fates: bytearray = field(default_factory=bytearray)
+    _newest: int = -1
+    _received_at: int | None = None
+
+    def add(self, verdict: LinkVerdict) -> None:
+        number = verdict.pose_seq
+        if verdict.outcome == "dropped":
+            self._count(self.dropped, verdict.reason)
+            lost = counts_as_loss(verdict.reason)
+            self._keep(number, _LOST if lost else _NOT_CARRIED)
+            return
+        if verdict.content:
+            self._count(self.false, verdict.content)
+        self._keep(number, _DELIVERED)
+        late, heard_at, before = verdict.late, verdict.received_at_ns, self._received_at
+        self.delivered += 1
+        self.late += late
+        self.copies += verdict.copies
+        if number < self._newest:
+            self.reordered += 1
+        else:
+            self._newest = number
+        latency = (heard_at if late else verdict.visible_at_ns) - verdict.sent_at_ns
+        self.latency_ns_sum += latency
+        self.latency_ns_max = max(self.latency_ns_max, latency)
+        self.latencies[latency // RESOLUTION_NS] += 1
+        if before is not None and heard_at > before:
+            self.arrival_gaps[(heard_at - before) // RESOLUTION_NS] += 1
+        self._received_at = heard_at
+
+    def add_age(self, age_s: float) -> None:
+        """Take the age (s) of the newest data at a command, NaN before the first.
+
+        Ages outside of 0 to OLDEST_S count as not fresh.
+        """
+        self.commands += 1
+        if 0.0 <= age_s <= OLDEST_S:
+            self.ages[int(age_s * SECOND) // RESOLUTION_NS] += 1
+
+    @property
+    def lost(self) -> NDArray[np.bool_]:
+        """Whether each carried message was lost, in the order of numbers.
+
+        Messages without a verdict and those held back by the link's rate are left out.
+        """
+        fates = np.frombuffer(bytes(self._fates), dtype=np.uint8)
+        found: NDArray[np.bool_] = fates[(fates == _LOST) | (fates == _DELIVERED)] == _LOST
+        return found
+
+    @property
+    def numbers(self) -> NDArray[np.int_]:
+        """Numbers of the messages of `lost`."""
+        fates = np.frombuffer(bytes(self._fates), dtype=np.uint8)
+        found: NDArray[np.int_] = np.flatnonzero((fates == _LOST) | (fates == _DELIVERED))
+        return found
+
+    def _keep(self, number: int, fate: int) -> None:
+        if number >= MOST_NUMBERS:
+            return
+        fates = self._fates
+        missing = number - len(fates)
+        if not missing:  # as mostly
+            fates.append(fate)
+            return
+        if missing > 0:
+            fates.extend(bytes(missing + 1))
+        fates[number] = fate
+
+    @staticmethod
+    def _count(words: Counter[str], word: str) -> None:
+        words[word if word in words or len(words) < MOST_WORDS else OTHER_WORD] += 1
+
+
+@dataclass(slots=True)
+class AlarmTally:
+    """Instants at which a follower began to count a source as lost."""
+
+    instants: list[int] = field(default_factory=list)
+    _status: SourceStatus = "unheard"
+    _is_reported: bool = False
+
+    def add(self, at: int, status: SourceStatus) -> None:
+        is_lost = status == "lost" != self._status
+        if is_lost and len(self.instants) < MOST_ALARMS:
+            self.instants.append(at)
+        self._is_reported |= status != "unheard"
+        self._status = status
+
+    def counted(self, until: int) -> int | None:
+        """Count alarms up to an instant (ns) at which the sender still ran; None without status."""
+        if not self._is_reported:
+            return None
+        return sum([at <= until for at in self.instants])

@@ -1,0 +1,146 @@
+"""Limits judged by the figures and events of a run: each with its figure and its instant."""
+
+from collections.abc import Iterator, Sequence
+from math import inf
+from operator import attrgetter
+
+from scenarios.definition.limits import Limit, limits_of
+from scenarios.definition.schema.limit_rows import LimitRow
+from scenarios.definition.schema.limits import LimitsTable
+from scenarios.results.events.run_event import RunEvent
+from scenarios.results.limits.deadlines import DeadlineFigure
+from scenarios.results.summary import LimitFigure, RunSummary
+from scenarios.results.vehicles.vehicle_figures import VehicleSummary
+
+
+def collision_ends_run(limits: LimitsTable, collisions: int) -> bool:
+    """Whether the run has to end after this number of collisions."""
+    after, most = limits.after_collision, limits.collisions_max
+    if after == "continue" or (after is None and most is None):
+        return False
+    return collisions > (most or 0)
+
+
+def limit_figures(
+    limits: LimitsTable,
+    events: Sequence[RunEvent],
+    vehicles: Sequence[VehicleSummary],
+    deadlines: Sequence[DeadlineFigure] = (),
+) -> tuple[LimitFigure, ...]:
+    """Return the figure of each limit, kept or broken; `events` are in order of time.
+
+    A limit on a figure of vehicles is there once for each of them that has that figure, or without
+    one where no vehicle has it. A limit of one vehicle replaces that of the convoy for it.
+    """
+    known = list(limits_of(limits))
+    counts = [_count(limit, events) for limit in known if limit.row.event]
+    if limits.collisions_max is None and limits.after_collision == "end":
+        counts = [_first_collision(events), *counts]
+    figures = [
+        one for limit in known if limit.row.figure for one in _figures(limit, known, vehicles)
+    ]
+    return (*counts, *figures, *map(_deadline, deadlines))
+
+
+def broken_limits(
+    limits: LimitsTable,
+    events: Sequence[RunEvent],
+    vehicles: Sequence[VehicleSummary],
+    deadlines: Sequence[DeadlineFigure] = (),
+) -> list[str]:
+    """List the broken limits, a line each; `events` are in order of time."""
+    found = limit_figures(limits, events, vehicles, deadlines)
+    return [one.message for one in found if one.broken]
+
+
+def failure_reason(reason: str, broken: Sequence[str]) -> str:
+    """Join the reason of an early end with broken limits that it does not mention."""
+    return "; ".join([*filter(None, [reason]), *(line for line in broken if line not in reason)])
+
+
+def broken_by(limit: Limit, summary: RunSummary) -> bool:
+    return severity(limit, summary) > 0.0
+
+
+def severity(limit: Limit, summary: RunSummary) -> float:
+    """How far a run is beyond the bound: 0 at it, negative while it holds.
+
+    Of a figure that no vehicle has: -inf for a smallest one, else as if it were 0.
+    """
+    if limit.row.event:
+        return float(len(_counted(limit, summary.events)) > limit.bound)
+    rows = [row for row in summary.vehicles if limit.vehicle in {"", row.name}]
+    known = [value for row in rows if (value := _figure(limit.row, row)) is not None]
+    return max(map(limit.excess, known), default=-inf if limit.row.is_least else -limit.bound)
+
+
+def _counted(limit: Limit, events: Sequence[RunEvent]) -> list[RunEvent]:
+    """Events that a limit counts; a limit of one vehicle counts those that involve it."""
+    return [
+        event
+        for event in events
+        if event.kind == limit.row.event and (not limit.vehicle or limit.vehicle in event.vehicles)
+    ]
+
+
+def _count(limit: Limit, events: Sequence[RunEvent]) -> LimitFigure:
+    found, most = _counted(limit, events), int(limit.bound)
+    line = f"limits.{limit.name} = {most}: {found[most].line}" if len(found) > most else ""
+    return LimitFigure(
+        limit=limit.name, bound=most, value=len(found), vehicle=limit.vehicle, message=line
+    )
+
+
+def _first_collision(events: Sequence[RunEvent]) -> LimitFigure:
+    """Implicit limit of a run that ends at the first collision."""
+    found = [event for event in events if event.kind == "collision"]
+    line = f'limits.after_collision = "end": {found[0].line}' if found else ""
+    return LimitFigure(limit="after_collision", bound=0, value=len(found), message=line)
+
+
+def _figures(
+    limit: Limit, limits: Sequence[Limit], vehicles: Sequence[VehicleSummary]
+) -> Iterator[LimitFigure]:
+    """Yield the figure of each vehicle that a limit applies to, or one None if none is known."""
+    own = {one.vehicle for one in limits if one.key == limit.key and one.vehicle}
+    if limit.vehicle:
+        rows = [row for row in vehicles if row.name == limit.vehicle]
+    else:
+        rows = [row for row in vehicles if row.name not in own]
+    known = [(row, value) for row in rows if (value := _figure(limit.row, row)) is not None]
+    for row, figure in known:
+        line = _breach(limit, row, figure) if limit.is_beyond(figure) else ""
+        yield LimitFigure(
+            limit=limit.name, bound=limit.bound, value=figure, vehicle=row.name, message=line
+        )
+    applies = any(row.role == "follower" or limit.row.of_lead for row in rows)
+    if not known and (applies or limit.vehicle or not own):
+        yield LimitFigure(limit=limit.name, bound=limit.bound, value=None, vehicle=limit.vehicle)
+
+
+def _figure(row: LimitRow, vehicle: VehicleSummary) -> float | None:
+    if vehicle.role == "lead" and not row.of_lead:
+        return None
+    figure: float | None = attrgetter(row.figure)(vehicle)
+    return figure
+
+
+def _breach(limit: Limit, vehicle: VehicleSummary, figure: float) -> str:
+    at = getattr(vehicle, limit.row.at) if limit.row.at else None
+    what = limit.row.breach.format(figure=figure, at=at or 0.0)
+    return f"limits.{limit.name} = {limit.bound:g}: {vehicle.name} {what}"
+
+
+def _deadline(one: DeadlineFigure) -> LimitFigure:
+    line = ""
+    if one.broken:
+        late = "not" if one.took_s is None else f"{one.took_s:.2f} s after it"
+        line = f"limits.{one.key}.within_s = {one.within_s:g}: {one.vehicle}: {one.action}: {late}"
+    return LimitFigure(
+        limit=one.key,
+        bound=one.within_s,
+        value=one.took_s,
+        vehicle=one.vehicle,
+        action=one.action,
+        message=line,
+    )

@@ -1,0 +1,292 @@
+"""Knowledge of a vehicle at an instant of a recorded run, and why messages were missing."""
+
+from bisect import bisect_right
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from math import hypot, isfinite
+from pathlib import Path
+
+from scenarios.definition.channel.origins import origin
+from scenarios.definition.links import senders_to
+from scenarios.definition.scenario import Scenario
+from scenarios.results.log_summary import scenario_in
+from transport.log.reader import LogReader
+from transport.log.records import LogError
+from vehicles.geometry.geodesy import LocalPlane
+from vehicles.messages import GpsPose, LinkVerdict, RunStart, Tracking, TruePose
+from vehicles.schedule import SECOND
+
+ON_THE_WAY, NEVER_JUDGED = "on the way", "never judged"
+"""Fates of messages without a verdict: not decided yet, or not recorded."""
+BESIDE_M = 20.0
+"""Largest distance of a vehicle from the path that it drives on."""
+SHOWN = 8
+"""Missing messages listed individually."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissingMessage:
+    """A message sent after the newest received one of its sender, and why it is missing.
+
+    `fate` is a word of the table.
+    """
+
+    number: int
+    sent_at_s: float
+    fate: str
+    cause: str
+    due_at_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KnownSource:
+    """What a vehicle knew of one sender; None before it had heard anything.
+
+    Instants are from the start. `path_left_m` is the way along the sender's places that were heard
+    from where the vehicle truly was to the newest of them, 0 if that lies behind it;
+    `received_ratio` the share of what was sent and should have been there by now, within the last
+    second, that was delivered.
+    """
+
+    sender: str
+    number: int | None
+    measured_at_s: float | None
+    received_at_s: float | None
+    age_s: float | None
+    path_left_m: float | None
+    received_ratio: float | None
+    missing: tuple[MissingMessage, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Explanation:
+    """What `vehicle` knew at its last decision until the requested instant."""
+
+    vehicle: str
+    decided_at_s: float
+    mode: str
+    reason: str
+    sources: tuple[KnownSource, ...]
+
+    @property
+    def sentence(self) -> str:
+        along = {
+            "path": "drove its own path",
+            "straight": "drove straight on, since it had heard nothing yet",
+            "coast": "extrapolated its last trajectory",
+        }.get(self.mode, f"steered along {joined_words([one.sender for one in self._used])}")
+        known = "; ".join(_of_source(one, self.decided_at_s) for one in self.sources)
+        return f"At {self.decided_at_s:.2f} s {self.vehicle} {along}" + (
+            f": {known}." if known else "."
+        )
+
+    @property
+    def _used(self) -> Sequence[KnownSource]:
+        lead, predecessor = self.sources[:1], self.sources[-1:]
+        return {"lead": lead, "predecessor": predecessor}.get(self.mode, self.sources)
+
+
+def _of_source(source: KnownSource, now_s: float) -> str:
+    if source.age_s is None:
+        text = f"of {source.sender} it had heard nothing"
+    else:
+        text = (
+            f"of {source.sender} it knew {source.path_left_m or 0.0:.1f} m of path ahead, measured "
+            f"{source.age_s:.2f} s before"
+        )
+    due = [one for one in source.missing if one.due_at_s is not None and one.due_at_s <= now_s]
+    lost = [one for one in due if one.fate != ON_THE_WAY]
+    coming = len(source.missing) - len(due)
+    causes = list(dict.fromkeys(one.cause for one in lost))
+    if lost:
+        text += f", since then {len(lost)} dropped by {joined_words(causes)}"
+    if coming:
+        text += f"{' and' if lost else ','} {coming} on the way"
+    return text
+
+
+def joined_words(words: Sequence[str]) -> str:
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+
+
+@dataclass(slots=True)
+class RecordedKnowledge:
+    """Messages in a log about a vehicle and its senders; instants in ns."""
+
+    log: Path
+    scenario: Scenario
+    vehicle: str
+    last_at: int
+    start_at: int = 0
+    decisions: list[Tracking] = field(default_factory=list)
+    places: dict[int, tuple[float, float]] = field(default_factory=dict)
+    poses: dict[str, dict[int, GpsPose]] = field(default_factory=dict)
+    verdicts: dict[str, dict[int, LinkVerdict]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, log: Path, vehicle: str) -> "RecordedKnowledge":
+        """Read a log; raises LogError for a vehicle that is not in it."""
+        reader = LogReader(log)
+        scenario = scenario_in(log, reader.attachments())
+        names = scenario.vehicle_names
+        if vehicle not in names:
+            raise LogError(f"{log}: no vehicle {vehicle!r}, allowed {', '.join(names)}")
+        found = cls(log, scenario, vehicle, reader.last_at)
+        _read(
+            reader, found, senders_to(names, vehicle, lead_waits=scenario.tables.speed.lead_waits)
+        )
+        return found
+
+    def at(self, at_s: float) -> Explanation:
+        """Explain the instant `at_s` (s) after the start; raises LogError."""
+        asked = self.start_at + round(at_s * SECOND) if isfinite(at_s) else -1
+        made = bisect_right(self.decisions, asked, key=lambda one: one.decided_at_ns)
+        if not made or asked > self.last_at:
+            first, last = self.decisions[0], self.decisions[-1]
+            raise LogError(
+                f"{self.log}: at {at_s:g} s {self.vehicle} decided nothing, allowed "
+                f"{_seconds(self, first.decided_at_ns):g} to {_seconds(self, last.decided_at_ns):g}"
+            )
+        decision = self.decisions[made - 1]
+        return Explanation(
+            vehicle=self.vehicle,
+            decided_at_s=_seconds(self, decision.decided_at_ns),
+            mode=decision.mode,
+            reason=decision.reason,
+            sources=tuple(
+                _known(self, (sender, self.vehicle), decision.decided_at_ns)
+                for sender in self.poses
+            ),
+        )
+
+
+def explain(log: Path, vehicle: str, at_s: float) -> Explanation:
+    """List what `vehicle` knew `at_s` (s) after the start of the run in `log`.
+
+    Raises LogError for an unknown vehicle or an instant outside of the run.
+    """
+    return RecordedKnowledge.of(log, vehicle).at(at_s)
+
+
+def _read(reader: LogReader, record: RecordedKnowledge, senders: Sequence[str]) -> None:
+    vehicle = record.vehicle
+    for sender in senders:
+        record.poses[sender], record.verdicts[sender] = {}, {}
+    reader.require_whole("verdict", "tracking", "truth")
+    for _, source, message in reader.messages(("gps", "verdict", "tracking", "truth", "start")):
+        match message:
+            case RunStart():
+                record.start_at = message.start_at_ns
+            case GpsPose() if source in record.poses:
+                record.poses[source][message.seq] = message
+            case LinkVerdict() if source == vehicle and message.sender in record.verdicts:
+                record.verdicts[message.sender][message.pose_seq] = message
+            case Tracking() if source == vehicle:
+                record.decisions.append(message)
+            case TruePose() if source == vehicle:
+                record.places[message.true_at_ns] = message.east_m, message.north_m
+    if not record.decisions:
+        raise LogError(f"{reader.path}: {vehicle} decided nothing in it")
+
+
+def _known(record: RecordedKnowledge, link: tuple[str, str], now: int) -> KnownSource:
+    poses, verdicts = record.poses[link[0]], record.verdicts[link[0]]
+    heard = [
+        one for one in verdicts.values() if one.outcome == "delivered" and one.received_at_ns <= now
+    ]
+    newest = max(heard, key=lambda one: one.measured_at_ns, default=None)
+    sent_by_now = sorted(seq for seq, pose in poses.items() if pose.sent_at_ns <= now)
+    since = newest.pose_seq if newest else -1
+    missing = [_missing(record, link, seq) for seq in sent_by_now if seq > since]
+    return KnownSource(
+        sender=link[0],
+        number=newest.pose_seq if newest else None,
+        measured_at_s=_seconds(record, newest.measured_at_ns) if newest else None,
+        received_at_s=_seconds(record, newest.received_at_ns) if newest else None,
+        age_s=_age(record, link[1], newest, now) if newest else None,
+        path_left_m=_path_left(record, link[0], heard, now),
+        received_ratio=_received(verdicts.values(), now),
+        missing=tuple(missing),
+    )
+
+
+def _seconds(record: RecordedKnowledge, at: int) -> float:
+    return (at - record.start_at) / SECOND
+
+
+def _age(record: RecordedKnowledge, vehicle: str, heard: LinkVerdict, now: int) -> float:
+    """Age (s) of a message by the clock of the vehicle that received it."""
+    clock = record.scenario.clock(vehicle, record.start_at)
+    return (clock.reading(now) - heard.measured_at_ns) / SECOND
+
+
+def _missing(record: RecordedKnowledge, link: tuple[str, str], number: int) -> MissingMessage:
+    sent_at_s = _seconds(record, record.poses[link[0]][number].sent_at_ns)
+    verdict = record.verdicts[link[0]].get(number)
+    if verdict is None:
+        return MissingMessage(number=number, sent_at_s=sent_at_s, fate=NEVER_JUDGED, cause="")
+    dropped = verdict.outcome == "dropped"
+    return MissingMessage(
+        number=number,
+        sent_at_s=sent_at_s,
+        fate=verdict.reason if dropped else ON_THE_WAY,
+        cause=origin(record.scenario.tables, link, verdict.reason) if dropped else "",
+        due_at_s=_seconds(record, verdict.received_at_ns),
+    )
+
+
+def _received(verdicts: Iterable[LinkVerdict], now: int) -> float | None:
+    """Delivered share of the messages due within the last second, None without any."""
+    due = [one for one in verdicts if now - SECOND < one.received_at_ns <= now]
+    return sum(one.outcome == "delivered" for one in due) / len(due) if due else None
+
+
+def _path_left(
+    record: RecordedKnowledge, sender: str, heard: Sequence[LinkVerdict], now: int
+) -> float | None:
+    """Distance (m) along the received places of `sender`, from beside the vehicle to the newest."""
+    here = record.places.get(now)
+    if here is None or not heard:
+        return None
+    plane = LocalPlane(record.scenario.origin)
+    sent, numbers = record.poses[sender], {one.pose_seq for one in heard}
+    known = [pose for number, pose in sent.items() if number in numbers]
+    poses = sorted(known, key=lambda pose: pose.measured_at_ns)
+    places = [plane.to_plane(one.latitude_deg, one.longitude_deg, one.altitude_m) for one in poses]
+    return remaining_path_length(places, here)
+
+
+def remaining_path_length(
+    places: Sequence[tuple[float, float]], here: tuple[float, float]
+) -> float:
+    """Way (m) along a polyline of `places` from the foot of `here` on it to its end.
+
+    The foot is the nearest point of the last stretch that passes by: from the end backwards, the
+    first at which the distance begins to grow again within BESIDE_M. It is 0 where the end itself
+    is nearest.
+    """
+    if not places:
+        return 0.0
+    best, best_way, way = _distance(places[-1], here), 0.0, 0.0
+    for after, before in zip(reversed(places), reversed(places[:-1]), strict=False):
+        length = _distance(before, after)
+        share = _foot(after, before, here) if length else 0.0
+        foot = tuple(a + share * (b - a) for a, b in zip(after, before, strict=True))
+        distance = hypot(foot[0] - here[0], foot[1] - here[1])
+        if distance <= best:
+            best, best_way = distance, way + share * length
+        elif best < BESIDE_M and distance > best + BESIDE_M:
+            break
+        way += length
+    return best_way
+
+
+def _distance(one: tuple[float, float], other: tuple[float, float]) -> float:
+    return hypot(one[0] - other[0], one[1] - other[1])
+
+
+def _foot(start: tuple[float, float], end: tuple[float, float], here: tuple[float, float]) -> float:
+    """Share of the segment from `start` to `end` at its point nearest to `here`."""
+    east, north = end[0] - start[0], end[1] - start[1]
+    along = (here[0] - start[0]) * east + (here[1] - start[1]) * north
+    return min(1.0, max(0.0, along / (east * east + north * north)))

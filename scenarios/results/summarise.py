@@ -1,0 +1,120 @@
+"""Summarises the figures of a run, and writes the summary."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from scenarios.definition.scenario import Scenario
+from scenarios.results.files import SUMMARY_NAME
+from scenarios.results.limits.evaluation import failure_reason, limit_figures
+from scenarios.results.metrics import Metrics
+from scenarios.results.summary import RunIdentity, RunSummary, to_json
+from scenarios.results.vehicles.vehicle_figures import VehicleSummary
+from transport.log.records import LogError
+from vehicles.schedule import SECOND, nanoseconds
+
+METADATA_NAME = "convoy"
+"""Name of the log's metadata that identify the run."""
+SILENT_LINK_S = 1.0
+"""A link without loss that delivers nothing for this time is reported."""
+LATE_SHARE = 0.01
+"""Share of late ticks above which a run is not in real time."""
+
+
+def write_summary(folder: Path, summary: RunSummary) -> None:
+    """Write `summary.json` whole or not at all; raises LogError."""
+    path = folder / SUMMARY_NAME
+    beside = path.with_name(path.name + ".part")
+    try:
+        beside.write_text(to_json(summary), encoding="utf-8")
+        beside.replace(path)
+    except OSError as error:
+        with suppress(OSError):
+            beside.unlink()
+        raise LogError(f"{path}: cannot write the summary: {error.strerror}") from error
+
+
+def summarise(
+    identity: RunIdentity,
+    scenario: Scenario,
+    metrics: Metrics,
+    *,
+    ran_ns: int,
+    reason: str,
+    rejected: Mapping[str, int],
+) -> RunSummary:
+    """Summarise the figures of a run of `ran_ns`.
+
+    `rejected` counts refused messages by reason. Broken limits follow the `reason` to end early.
+    """
+    metrics.finish()
+    ran_ns = min(ran_ns, nanoseconds(scenario.duration_s))
+    vehicles, events = metrics.vehicle_summaries(ran_ns), metrics.events.events()
+    deadlines = metrics.deadlines.figures(ran_ns)
+    limits = limit_figures(scenario.tables.limits, events, vehicles, deadlines)
+    reason = failure_reason(reason, [one.message for one in limits if one.broken])
+    return RunSummary(
+        identity=identity,
+        outcome="failed" if reason else "completed",
+        reason=reason,
+        duration_s=scenario.duration_s,
+        ran_s=ran_ns / SECOND,
+        recorder_rejected_messages=dict(sorted(rejected.items())),
+        vehicles=vehicles,
+        links=metrics.link_summaries(),
+        events=events,
+        holes=metrics.holes(ran_ns),
+        limits=limits,
+        warnings=(
+            *late_lines(vehicles),
+            *metrics.warnings,
+            *metrics.out_of_linear.values(),
+            *metrics.request_deviations(),
+        ),
+    )
+
+
+def late_lines(vehicles: Sequence[VehicleSummary]) -> Iterator[str]:
+    """Warn if the vehicles did not keep up with the wall clock."""
+    ticks, late = sum([one.ticks for one in vehicles]), sum([one.late_ticks for one in vehicles])
+    if late <= LATE_SHARE * ticks:
+        return
+    worst = max(vehicles, key=lambda one: one.lateness_ms_max)
+    yield (
+        f"{100.0 * late / ticks:.2g} % of the ticks began late, by up to "
+        f"{worst.lateness_ms_max:.0f} ms ({worst.name}), and with them messages and commands: the "
+        f"machine is too slow or too busy to drive {len(vehicles)} vehicles in real time; "
+        "--clock virtual takes the time that it needs"
+    )
+
+
+def silent_links(
+    metrics: Metrics,
+    replayed: frozenset[str] = frozenset(),
+    off: frozenset[tuple[str, str]] = frozenset(),
+) -> str:
+    """Report links that should lose nothing but delivered nothing; empty if there are none.
+
+    Only the time during which sender and receiver both ran counts, less the requested delay.
+    `replayed` vehicles receive nothing. The sender or the receiver of links that are `off` has no
+    radio for a time.
+    """
+    silent = []
+    for link in metrics.link_summaries():
+        asked = link.requested
+        common_s = min(
+            metrics.vehicles[link.sender].sent_for_s,
+            metrics.vehicles[link.receiver].recorded_for_s(metrics.start_at),
+        )
+        expected_s = common_s - (asked.latency_ms + asked.jitter_ms) / 1000.0
+        listens = link.receiver not in replayed
+        is_on = (link.sender, link.receiver) not in off
+        is_sure = asked.is_sure and not metrics.links[link.sender, link.receiver].changed
+        if listens and is_on and is_sure and not link.delivered and expected_s >= SILENT_LINK_S:
+            silent.append(f"{link.sender} → {link.receiver} delivered none of {link.sent} poses")
+    refused = [
+        f"{name} refused {figures.health.rejected_messages} messages"
+        for name, figures in metrics.vehicles.items()
+        if silent and figures.health and figures.health.rejected_messages
+    ]
+    return "; ".join((*silent, *refused))

@@ -1,0 +1,274 @@
+"""The figures of one vehicle: gathered and summarised.
+
+A figure of vehicles is a field of `VehicleSummary`, a value that `VehicleFigures` keeps, and a line
+in its `summary`.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import inf, isfinite
+from typing import Literal, NamedTuple
+
+from scenarios.results.events.encounters import TrueGap
+from scenarios.results.holes import EdgeInstants, RecordHole, expected_poses, holes_of
+from scenarios.results.vehicles.accumulators import Extremes, SelfEstimateErrors, TyreFigures
+from scenarios.results.vehicles.reaction import NO_REACTION, Reaction, ReactionSummary
+from transport.message_numbers import MOST_RANGES, MessageNumbers
+from vehicles.geometry.driven_path import CrossTrack
+from vehicles.messages import GpsPose, Health, Tracking, TruePose
+from vehicles.schedule import SECOND
+
+USUAL_RATE_HZ, USUAL_CONTROL_RATE_HZ = 20.0, 50.0
+SILENT_NS = SECOND
+"""A vehicle of which nothing was recorded for so long before the end was not there any more: what
+is on its way when a run is stopped takes less."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleSummary:
+    """Figures of one vehicle; None where there was nothing to measure."""
+
+    name: str
+    """Name of the vehicle; vehicles are in the order of the convoy."""
+    role: Literal["lead", "follower"]
+    """lead (the first vehicle) or follower."""
+    poses: int
+    """Number of GPS poses in the log."""
+    missing_poses: int
+    """Scheduled poses that are not in the log, until the end of the run or of the vehicle. For
+    vehicles that send without a schedule: gaps in the message numbers."""
+    silent_from_s: float | None = None
+    """Time after which nothing of the vehicle was recorded although the run went on; else null."""
+    lateral_error_m_max: float | None
+    """Largest lateral error relative to the trajectory that the vehicle follows (self-estimate)."""
+    lateral_error_m_rms: float | None
+    """Root mean square of the same."""
+    heading_error_rad_max: float | None
+    """Largest heading error relative to the same trajectory (self-estimate)."""
+    cross_track_error_m_max: float | None
+    """Largest true distance from the path that the lead drove, extended by the road behind its
+    start; null for the lead."""
+    cross_track_error_m_rms: float | None
+    """Root mean square of the same."""
+    cross_track_error_max_at_s: float | None = None
+    """Time of the largest cross-track error."""
+    self_estimate_error_m_max: float | None = None
+    """Largest difference between the self-estimated and the true lateral error, once the vehicle
+    has a trajectory."""
+    true_gap_m_min: float | None = None
+    """Smallest true distance between the bodies of the vehicle and its predecessor, 0 in a
+    collision."""
+    true_gap_min_at_s: float | None = None
+    """Time of the smallest true gap."""
+    estimated_gap_m_min: float | None
+    """Smallest gap to the predecessor (self-estimate), between centres of mass along the path."""
+    distance_m: float
+    """Distance driven."""
+    lateral_acceleration_mps2_max: float | None = None
+    """Largest magnitude of the acceleration across the body."""
+    front_slip_rad_max: float | None = None
+    """Largest magnitude of the slip angle of the front axle."""
+    rear_slip_rad_max: float | None = None
+    """Largest magnitude of the slip angle of the rear axle."""
+    friction_ratio_max: float | None = None
+    """Largest share of the available friction that an axle used; more than 1 is possible with
+    linear tyres only."""
+    sliding_s: float | None = None
+    """Time during which an axle used all of the available friction, or more."""
+    ticks_by_mode: Mapping[str, int]
+    """Number of steering commands by mode: composite, one source, coast, ..."""
+    reaction: ReactionSummary = NO_REACTION
+    """Reaction to missing messages, see vehicles[].reaction."""
+    ticks: int
+    """Instants of the vehicle's schedule, for control or GNSS, that it went through."""
+    late_ticks: int
+    """Ticks that began more than half a control period late."""
+    lateness_ms_max: float
+    """Largest delay of a tick."""
+    rejected_messages: int
+    """Messages that the vehicle received and refused."""
+    memory_bytes_max: int
+    """Memory of the vehicle's process; 0 in virtual time."""
+    cpu_ratio: float
+    """Mean share of one core that the vehicle's process used; 0 in virtual time."""
+    finished: bool
+    """Whether the final counters of the vehicle were received."""
+
+
+class RunSpan(NamedTuple):
+    """Start of a run (ns, None if not recorded), its duration and planned duration."""
+
+    start_at: int | None
+    ran_ns: int
+    planned_ns: int
+
+
+class VehicleFigures:
+    """Gathers the figures of one vehicle."""
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        is_lead: bool,
+        rate_hz: float | None = USUAL_RATE_HZ,
+        control_rate_hz: float = USUAL_CONTROL_RATE_HZ,
+    ) -> None:
+        """`rate_hz` is that of its GPS poses, None without a schedule of sending."""
+        self.name = name
+        self.is_lead = is_lead
+        self.rate_hz = rate_hz
+        self._control_rate_hz = control_rate_hz
+        self.numbers = MessageNumbers()
+        self.true_numbers = MessageNumbers(MOST_RANGES)
+        self.edges = EdgeInstants()
+        self._first_sent_at: int | None = None
+        self.last_at = 0
+        self.distance = self.speed = 0.0
+        self.mode = ""
+        self.modes: Counter[str] = Counter()
+        self.lateral_error, self.heading_error = Extremes(), Extremes()
+        self.cross_track_error = Extremes()
+        self.self_estimate = SelfEstimateErrors()
+        self.tyres = TyreFigures()
+        self.gap_min = inf
+        self.reaction = Reaction()
+        self.health: Health | None = None
+        self._memory_max = 0
+        self._cpu_sum, self._cpu_count = 0.0, 0
+
+    @property
+    def poses(self) -> int:
+        return self.numbers.count
+
+    def add_truth(self, pose: TruePose) -> None:
+        self.distance, self.speed = pose.distance_m, pose.speed_mps
+        self.true_numbers.add(pose.seq)
+        self.tyres.add(pose)
+        if not self.is_lead:
+            self.reaction.add_truth(pose)
+
+    def add_error(self, foot: CrossTrack) -> None:
+        self.cross_track_error.add(foot.lateral, foot.at_ns)
+        self.self_estimate.add_true(foot.at_ns, foot.lateral)
+
+    def add_tracking(self, tracking: Tracking) -> None:
+        mode, error = tracking.mode, tracking.lateral_error_m
+        if mode not in {"path", "straight"}:  # without a trajectory there is no error
+            self.self_estimate.add_estimate(tracking.decided_at_ns, error)
+        if not self.is_lead:
+            self.reaction.add_tracking(tracking)
+        self.lateral_error.add(error)
+        self.heading_error.add(tracking.heading_error_rad)
+        self.mode = mode
+        self.modes[mode] += 1
+        if -inf < tracking.gap_m < self.gap_min:  # false for NaN, which means no gap
+            self.gap_min = tracking.gap_m
+
+    def add_pose(self, pose: GpsPose) -> None:
+        self.numbers.add(pose.seq)
+        if self._first_sent_at is None:
+            self._first_sent_at = pose.sent_at_ns
+        if self.rate_hz is None:
+            self.edges.add(pose.seq, pose.sent_at_ns)
+
+    def add_health(self, health: Health) -> None:
+        self.health = health
+        self._memory_max = max(self._memory_max, health.memory_bytes)
+        if health.seq and not health.final:  # those cover a second, first and last less
+            self._cpu_sum += health.cpu_ratio
+            self._cpu_count += 1
+
+    def holes(self, span: RunSpan) -> list[RecordHole]:
+        """Holes in the record of its poses, up to its end or that of the run.
+
+        A vehicle that became silent without final counters may have failed: no hole. Without a
+        schedule of sending only gaps in the numbers are known.
+        """
+        if self.rate_hz is None:
+            return list(self.edges.holes(self.name, self.numbers, span.start_at or 0))
+        expected = 0
+        if span.start_at is not None and self.health and self.health.final:
+            until = min(span.ran_ns, self.health.reported_at_ns - span.start_at)
+            if until < span.planned_ns:  # stopped early: its last poses were not sent
+                until -= SILENT_NS
+            expected = expected_poses(until, self.rate_hz)
+        return list(holes_of(self.name, self.numbers, self.rate_hz, expected))
+
+    def true_holes(self, holes: Sequence[RecordHole]) -> Iterator[RecordHole]:
+        """Holes in the record of its true poses outside of `holes`."""
+        slack_s = 1.0 / (self.rate_hz or USUAL_RATE_HZ)
+        found = holes_of(self.name, self.true_numbers, self._control_rate_hz, 0, "true pose")
+        for hole in found:
+            if not any(known.covers(hole, slack_s) for known in holes):
+                yield hole
+
+    @property
+    def sent_for_s(self) -> float:
+        """Time (s) of sending: by the number of poses, or without a schedule from the first on."""
+        if self.rate_hz is not None:
+            return self.poses / self.rate_hz
+        return self._seconds_from(self._first_sent_at)
+
+    def recorded_for_s(self, start_at: int | None) -> float:
+        """Recorded time (s): by the number of poses, or without a schedule from the start (ns)."""
+        if self.rate_hz is not None:
+            return self.poses / self.rate_hz
+        return self._seconds_from(start_at)
+
+    def _seconds_from(self, begun: int | None) -> float:
+        return 0.0 if begun is None else max(self.last_at - begun, 0) / SECOND
+
+    def _silent_from_s(self, span: RunSpan) -> float | None:
+        """Time (s) after which nothing of it was recorded although the run went on."""
+        if span.start_at is None:
+            return None
+        until = max(self.last_at - span.start_at, 0)
+        return until / SECOND if span.ran_ns - until > SILENT_NS else None
+
+    def summary(
+        self, span: RunSpan, gap: TrueGap | None, seconds: Callable[[int], float]
+    ) -> VehicleSummary:
+        """List the figures so far.
+
+        `gap` is that to the predecessor; `seconds` converts an instant (ns) to seconds from the
+        start of the run.
+        """
+        health, true, tyres = self.health, self.cross_track_error, self.tyres
+        own, estimate = self.lateral_error, self.self_estimate.difference
+        if gap is not None and not isfinite(gap.min_m):
+            gap = None
+        return VehicleSummary(
+            name=self.name,
+            role="lead" if self.is_lead else "follower",
+            poses=self.poses,
+            missing_poses=sum([hole.poses for hole in self.holes(span)]),
+            silent_from_s=self._silent_from_s(span),
+            # Without data an error is None rather than 0.
+            lateral_error_m_max=own.largest if own.count else None,
+            lateral_error_m_rms=own.rms if own.count else None,
+            heading_error_rad_max=self.heading_error.largest if own.count else None,
+            cross_track_error_m_max=true.largest if true.count else None,
+            cross_track_error_m_rms=true.rms if true.count else None,
+            cross_track_error_max_at_s=seconds(true.largest_at) if true.count else None,
+            self_estimate_error_m_max=estimate.largest if estimate.count else None,
+            true_gap_m_min=gap.min_m if gap else None,
+            true_gap_min_at_s=seconds(gap.min_at_ns) if gap else None,
+            estimated_gap_m_min=self.gap_min if isfinite(self.gap_min) else None,
+            distance_m=self.distance,
+            lateral_acceleration_mps2_max=tyres.lateral_acceleration if tyres.poses else None,
+            front_slip_rad_max=tyres.front_slip if tyres.poses else None,
+            rear_slip_rad_max=tyres.rear_slip if tyres.poses else None,
+            friction_ratio_max=tyres.friction if tyres.poses else None,
+            sliding_s=tyres.sliding / self._control_rate_hz if tyres.poses else None,
+            ticks_by_mode=dict(sorted(self.modes.items())),
+            reaction=self.reaction.summary,
+            ticks=health.ticks if health else 0,
+            late_ticks=health.late_ticks if health else 0,
+            lateness_ms_max=health.lateness_ms_max if health else 0.0,
+            rejected_messages=health.rejected_messages if health else 0,
+            memory_bytes_max=self._memory_max,
+            cpu_ratio=self._cpu_sum / self._cpu_count if self._cpu_count else 0.0,
+            finished=bool(health and health.final),
+        )

@@ -1,0 +1,235 @@
+"""Makes who drives a vehicle: its software, or a human."""
+
+from scenarios.definition.channel.build import usual_delay_ms
+from scenarios.definition.scenario import Scenario
+from scenarios.runs.node.phases import Car, VehicleContext
+from vehicles.car.dynamics import Body
+from vehicles.car.gnss import Fix
+from vehicles.driver.command_limit import CommandLimit
+from vehicles.driver.decision import Driver
+from vehicles.driver.degradation.innovation_gate import InnovationGate
+from vehicles.driver.degradation.speed_guard import GuardedCar, SpeedGuard
+from vehicles.driver.ego.late_fixes import LatePoseEstimator
+from vehicles.driver.ego.own_state import ExactState, OwnState
+from vehicles.driver.ego.pose_estimator import PoseEstimator
+from vehicles.driver.ego.slip_estimator import LoadWatch, ParameterUser, SlipEstimator
+from vehicles.driver.follower import Follower
+from vehicles.driver.leader import ConvoyWatch, Leader, WaitingProfile
+from vehicles.driver.speed import GapKeeping, GapPolicy, ProfileSpeed, SpeedLaw
+from vehicles.driver.steering import LateralController, load_controller
+from vehicles.geometry.geodesy import wrap_angle
+from vehicles.preview.curve_fit import FitSettings
+from vehicles.schedule import MILLISECOND
+
+SEARCH_RADIUS_M = 100.0
+"""How far from where it is expected by the way driven a car is sought on the road (m)."""
+
+
+class DriverBuilder:
+    """Builds the drivers of one vehicle, which start in its car as it is."""
+
+    def __init__(self, scenario: Scenario, name: str) -> None:
+        """Raises ScenarioError if `scenario` has no vehicle called `name`."""
+        self._name = name
+        self._scenario = scenario
+        self._setup = scenario.vehicle(name)
+        self._route = scenario.route
+
+    def software(self, now: int, context: VehicleContext) -> tuple[Driver, ProfileSpeed | None]:
+        """Driver that starts at `now` (ns) without memory, and its speed profile, if any."""
+        own = self._setup.predecessor is None or self._scenario.tables.speed.followers == "same"
+        law = self._own_profile(context.start_at) if own else None
+        gap_keeping = GapKeeping(self._scenario.gap_policy, self._scenario.gap_limits)
+        return self._driver(context, now, law or gap_keeping), law
+
+    def human(self, context: VehicleContext) -> tuple[Driver, ProfileSpeed]:
+        """Human who drives the road like the lead, with the true position."""
+        law = self._profile(context.start_at)
+        body = context.car.body
+        return Leader(
+            own_state=ExactState(),
+            controller=self._controller(),
+            speed_law=law,
+            control=context.control,
+            path=self._route.path,
+            station=self.station(body),
+            limit=self._command_limit(context.car),
+        ), law
+
+    def station(self, body: Body) -> float:
+        """Station (m) on the road of a car by its distance driven."""
+        expected = self._route.start_station(self._setup.place) + body.distance
+        return self._route.path.project(body.east, body.north, expected, SEARCH_RADIUS_M).station
+
+    def _driver(self, context: VehicleContext, now: int, speed_law: SpeedLaw) -> Driver:
+        setup, control = self._setup, context.control
+        own_state = self._own_state(now, context)
+        controller = self._controller()
+        load = self._load_watch(own_state, controller)
+        if setup.predecessor is None:
+            waiting = None
+            if isinstance(speed_law, WaitingProfile):
+                waiting = self._convoy_watch(now), speed_law
+            return Leader(
+                own_state=own_state,
+                controller=controller,
+                speed_law=speed_law,
+                waiting=waiting,
+                control=control,
+                path=self._route.path,
+                station=self.station(context.car.body),
+                limit=self._command_limit(context.car),
+                load=load,
+            )
+        steering = setup.steering
+        return Follower(
+            own_state=own_state,
+            controller=controller,
+            speed_guard=self._speed_guard(speed_law, setup.predecessor),
+            control=control,
+            lead=setup.lead,
+            predecessor=setup.predecessor,
+            periods={sender: self._least_period(sender) for sender in setup.senders},
+            delays={sender: self._usual_delay(sender) for sender in setup.senders},
+            alpha=steering.alpha_ratio,
+            fusion=steering.fusion,
+            settings=self._fit_settings(),
+            degradation=setup.degradation,
+            limit=self._command_limit(context.car),
+            load=load,
+            gates=self._gates(),
+        )
+
+    def _own_state(self, now: int, context: VehicleContext) -> OwnState:
+        """What tells the car where it is, from `now` (ns) on.
+
+        Software that starts later than the run, or whose first fix may come late, is told where it
+        starts; so is any other if it has to decide before its first fix.
+        """
+        setup, body = self._setup, context.car.body
+        if setup.knows_itself:
+            return ExactState()
+        gnss = setup.gnss
+        place = body.east, body.north, wrap_angle(body.yaw)
+        start = Fix(0, now, *place, body.speed, body.yaw_rate)
+        estimator = PoseEstimator(
+            setup.assumed_parameters,
+            gnss.noise,
+            setup.imu.noise,
+            setup.imu_rate_hz,
+            by_accuracy=True,
+            start=start,
+        )
+        if gnss.has_fix_every_instant and now == context.start_at:
+            return estimator
+        estimator.correct(start)
+        if not gnss.latency:
+            return estimator
+        return LatePoseEstimator(estimator, gnss.latency)
+
+    def _controller(self) -> LateralController:
+        setup = self._setup
+        return load_controller(setup.controller, setup.assumed_parameters, setup.gains)
+
+    def _command_limit(self, car: Car) -> CommandLimit:
+        limits = self._setup.parameters
+        return CommandLimit(
+            limits.steering_rate_limit,
+            1.0 / self._scenario.control_rate_hz,
+            limits.steering_limit,
+            first=car.command.steering,
+        )
+
+    def _load_watch(self, *parts: object) -> LoadWatch:
+        setup = self._setup
+        if not setup.steering.estimate_slip:
+            return LoadWatch()
+        noise = 0.0 if setup.knows_itself else setup.imu.yaw_rate_noise
+        estimator = SlipEstimator(setup.assumed_parameters, noise)
+        return LoadWatch(estimator, [one for one in parts if isinstance(one, ParameterUser)])
+
+    def _fit_settings(self) -> FitSettings:
+        """The fit assumes the largest error of the receivers received from, at least that of RTK.
+
+        Its tolerance is the scenario's, or five times that noise if that is more (the paper's
+        10 cm are five times the 2 cm of RTK). That is the error in the worst state that a receiver
+        can be in, without what all have in common; the fit finds out itself where it is smaller.
+        """
+        steering = self._setup.steering
+        receivers = (self._scenario.vehicle(name).gnss for name in self._setup.senders)
+        noise = max(FitSettings().position_noise, *(one.assumed_deviation for one in receivers))
+        return FitSettings(
+            preview_time=steering.preview_s,
+            tolerance=max(steering.tolerance_m, 5.0 * noise),
+            position_noise=noise,
+            trajectory=steering.trajectory,
+        )
+
+    def _gates(self) -> dict[str, InnovationGate]:
+        """Gates of the sources; baselines of degradation have none."""
+        degradation = self._setup.degradation
+        if degradation.reaction != "degrade":
+            return {}
+        return {
+            name: InnovationGate(
+                self._scenario.vehicle(name).gnss.noise,
+                gate=degradation.gate,
+                heading_gate=degradation.heading_gate,
+                settle=degradation.probation,
+            )
+            for name in self._setup.senders
+        }
+
+    def _own_profile(self, start_at: int) -> ProfileSpeed:
+        """The planned speed, reduced while a lead waits for a follower."""
+        setup = self._setup
+        if setup.predecessor is not None or not setup.senders:
+            return self._profile(start_at)
+        period, braking = 1.0 / self._scenario.control_rate_hz, setup.degradation.comfortable
+        return WaitingProfile(self._route.plan.profile, start_at, period, braking)
+
+    def _profile(self, start_at: int) -> ProfileSpeed:
+        return ProfileSpeed(
+            self._route.plan.profile, start_at, 1.0 / self._scenario.control_rate_hz
+        )
+
+    def _speed_guard(self, law: SpeedLaw, predecessor: str) -> SpeedGuard:
+        """Build the guard that overrides `law` while messages fail.
+
+        The car ahead is as long as this one: both bodies end half their length from their places.
+        """
+        scenario, setup = self._scenario, self._setup
+        ahead = scenario.vehicle(predecessor)
+        initial_gap = self._route.gaps[setup.place]
+        common = scenario.tables.speed.followers == "same"
+        car = GuardedCar(
+            length=0.5 * (setup.parameters.length + ahead.parameters.length),
+            friction=setup.parameters.friction,
+            policy=GapPolicy(initial_gap) if common else scenario.gap_policy,
+            limits=scenario.gap_limits,
+            initial_gap=initial_gap,
+            period=self._usual_period(predecessor),
+        )
+        return SpeedGuard(law, setup.degradation, car)
+
+    def _convoy_watch(self, now: int) -> ConvoyWatch:
+        periods = {name: self._usual_period(name) for name in self._setup.senders}
+        return ConvoyWatch(self._setup.degradation, periods, now)
+
+    def _least_period(self, sender: str) -> float:
+        """Shortest possible time (s) between two messages of `sender`."""
+        setup, link = self._scenario.vehicle(sender), self._scenario.links[sender, self._name]
+        rate_hz = setup.highest_rate_hz
+        return 1.0 / min(rate_hz, link.rate_hz or rate_hz)
+
+    def _usual_delay(self, sender: str) -> float:
+        """Time (s) after its measurement within which most messages of `sender` arrive."""
+        link = self._scenario.links[sender, self._name]
+        latency_ms = self._scenario.vehicle(sender).gnss.latency / MILLISECOND
+        return (latency_ms + usual_delay_ms(link)) / 1000.0
+
+    def _usual_period(self, sender: str) -> float:
+        """Expected time (s) between messages of `sender`, by its sending and its link."""
+        setup, speed = self._scenario.vehicle(sender), self._route.profile.at(0.0)[0]
+        rate_hz = setup.usual_rate_hz(speed) or 1.0
+        return 1.0 / min(rate_hz, self._scenario.links[sender, self._name].rate_hz or rate_hz)

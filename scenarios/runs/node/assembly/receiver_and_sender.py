@@ -1,0 +1,76 @@
+"""What a vehicle measures of its place, and when it sends it: receiver and sender of a node."""
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+from hashlib import blake2b
+
+import numpy as np
+from numpy.random import Generator
+
+from scenarios.definition.scenario import Scenario
+from scenarios.definition.vehicle_setup import VehicleSetup
+from vehicles.car.gnss import GnssReceiver
+from vehicles.car.positioning.error_term import ReceiverContext, Streams
+from vehicles.car.positioning.gnss_errors import ReceiverErrors
+from vehicles.car.sending.rule import SendingContext
+from vehicles.car.sending.sender import Sender
+from vehicles.schedule import instants
+
+RECEIVER_STREAM = 2
+"""Tells the random streams made here from that of an inertial sensor, which is 1."""
+SHARED_STREAM = 2**32 - 1
+"""Stands for a vehicle's place in the streams that all have in common."""
+
+
+def make_receiver(scenario: Scenario, setup: VehicleSetup, start_at: int) -> GnssReceiver:
+    """Make the receiver of a vehicle in a run that starts at `start_at` (ns).
+
+    A stream for its white noise, which does not depend on the number of vehicles, and one for each
+    of its other errors, so that none changes another.
+    """
+    gnss, random = setup.gnss, white_noise(scenario.seed, setup.place)
+    start = ReceiverContext(
+        start_at,
+        distance_behind_lead=sum(scenario.route.gaps[: setup.place + 1]),
+        own_streams=_streams(scenario.seed, setup.place),
+        shared_streams=_streams(scenario.seed, SHARED_STREAM),
+    )
+    return GnssReceiver(gnss.noise, gnss.rate, start_at, random, ReceiverErrors(gnss, start))
+
+
+def white_noise(seed: int, place: int) -> Generator:
+    """Stream of a receiver's white noise by the vehicle's place in the convoy."""
+    return np.random.Generator(np.random.PCG64([seed, place]))
+
+
+def make_sender(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Sender:
+    rule = setup.sending
+    control = None if rule.dcc is None else rule.dcc.begin(start_at)
+    return Sender(rule.begin(_sending_start(scenario, setup, start_at)), control)
+
+
+def extra_instants(
+    scenario: Scenario, setup: VehicleSetup, start_at: int, end_at: int
+) -> Sequence[Iterator[int]]:
+    """Instants (ns) of sending, and of fixes that come late: a node has to be awake then.
+
+    Intervals that are drawn have none: what is due then waits for the next tick.
+    """
+    found: list[Iterator[int]] = []
+    if setup.gnss.latency:
+        found.append(instants(start_at + setup.gnss.latency, end_at, setup.gnss.rate))
+    of_sending = setup.sending.instants(_sending_start(scenario, setup, start_at), end_at)
+    return found if of_sending is None else [*found, of_sending]
+
+
+def _sending_start(scenario: Scenario, setup: VehicleSetup, start_at: int) -> SendingContext:
+    return SendingContext(start_at, _streams(scenario.seed, setup.place))
+
+
+def _streams(seed: int, place: int) -> Streams:
+    return partial(_stream, seed, place)  # no closure: a receiver can be pickled
+
+
+def _stream(seed: int, place: int, purpose: str) -> Generator:
+    word = int.from_bytes(blake2b(purpose.encode(), digest_size=4).digest(), "little")
+    return np.random.Generator(np.random.PCG64([seed, place, RECEIVER_STREAM, word]))

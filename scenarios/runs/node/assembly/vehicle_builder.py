@@ -1,0 +1,288 @@
+"""Builds one vehicle from its part of the scenario."""
+
+from collections.abc import Hashable, Iterator, Mapping
+from functools import partial
+from math import cos, sin
+
+import numpy as np
+
+from scenarios.definition.changing.links import EffectsOf, concerns
+from scenarios.definition.channel.build import (
+    content_stage,
+    link_effects,
+    link_stages,
+    vehicles_between,
+)
+from scenarios.definition.scenario import Scenario
+from scenarios.definition.schema.changes import AnyChange
+from scenarios.runs.node.assembly.driver_builder import DriverBuilder
+from scenarios.runs.node.assembly.receiver_and_sender import (
+    extra_instants,
+    make_receiver,
+    make_sender,
+    white_noise,
+)
+from scenarios.runs.node.change_executor import ChangeExecutor
+from scenarios.runs.node.changed_links import ChangedLinks, ChangingLink
+from scenarios.runs.node.node import Node, SoftwareHandover
+from scenarios.runs.node.outbox import Outbox
+from scenarios.runs.node.pending_changes import PendingChanges, scheduled_changes
+from scenarios.runs.node.phases import (
+    Car,
+    Down,
+    Driving,
+    HumanDriving,
+    Software,
+    VehicleContext,
+    VehiclePhase,
+)
+from scenarios.runs.node.probe import Probe
+from scenarios.runs.node.replayed_node import ReplayedNode
+from scenarios.runs.node.sink import Sink
+from transport.clock import Tick, ticks
+from transport.links.gate import PoseGate
+from transport.links.inbox import Inbox, IncomingLink
+from transport.links.laws.between import VehiclesBetween
+from transport.links.link import Link
+from vehicles.car.dynamics import Actuation, Body
+from vehicles.car.imu import ExactSensor, InertialSensor
+from vehicles.driver.decision import Driver
+from vehicles.driver.speed import ProfileSpeed
+from vehicles.geometry.geodesy import LocalPlane
+from vehicles.schedule import SECOND, Cadence
+
+IMU_STREAM = 1
+"""Tells the random stream of a vehicle's inertial sensor from that of its receiver."""
+
+
+class VehicleBuilder:
+    """Builds one vehicle of a scenario as a node for a start instant."""
+
+    def __init__(self, scenario: Scenario, name: str) -> None:
+        """Raises ScenarioError if `scenario` has no vehicle called `name`."""
+        self.name = name
+        self._scenario = scenario
+        self._setup = scenario.vehicle(name)
+        self._plane = LocalPlane(scenario.origin)
+        self._route = scenario.route
+        self._drivers = DriverBuilder(scenario, name)
+        self._changed = ChangedLinks(scenario.vehicle_names, ())
+        self._redrawn: list[tuple[int, Mapping[str, int]]] = []
+        self._links: list[IncomingLink] = []
+        self.duration_ns = round(scenario.duration_s * SECOND)
+        self.control_rate_hz = scenario.control_rate_hz
+        rates_hz = [scenario.control_rate_hz, self._setup.gnss.rate]
+        if not self._setup.knows_itself:
+            rates_hz.append(self._setup.imu_rate_hz)  # usually that of control
+        self.rates_hz = tuple(dict.fromkeys(rates_hz))
+
+    @property
+    def scenario(self) -> Scenario:
+        return self._scenario
+
+    @property
+    def schedule(self) -> Hashable:
+        """Key of the schedule: vehicles with equal keys have equal ticks."""
+        extra = extra_instants(self._scenario, self._setup, 0, 0)
+        return (self.rates_hz, self.name) if extra else self.rates_hz
+
+    def ticks(self, start_at: int) -> Iterator[Tick]:
+        """Schedule of the vehicle from `start_at` (ns) to the end of the run."""
+        end_at = start_at + self.duration_ns
+        extra = extra_instants(self._scenario, self._setup, start_at, end_at)
+        return ticks(start_at, end_at, *self.rates_hz, more=extra)
+
+    @property
+    def stagger_ns(self) -> int:
+        """By how many ns the vehicle begins its ticks after their instants, on the wall clock.
+
+        Vehicles take turns over a control period, from the lead back, lest all want the same
+        processors at once. None has less time for its messages, since it receives only from those
+        that have their turn before it; where the lead waits for the others, all begin at once.
+        """
+        if self._scenario.tables.speed.lead_waits:
+            return 0
+        vehicles = len(self._scenario.vehicle_names)
+        return round(self._setup.place * SECOND / (self.control_rate_hz * vehicles))
+
+    def node(
+        self, start_at: int, sink: Sink, probe: Probe, handover: SoftwareHandover | None = None
+    ) -> Node | ReplayedNode:
+        """The vehicle as a node that starts at `start_at` (ns) and sends its messages to `sink`.
+
+        With a `handover` it is one whose process ended in a crash, and goes on from there.
+        """
+        setup, drive = self._setup, self._scenario.replays.get(self.name)
+        coming = scheduled_changes(self._scenario.tables.change, start_at, self.concerns)
+        by_hand = handover.changed_links if handover else ()
+        self._changed = ChangedLinks(self._scenario.vehicle_names, coming, by_hand)
+        clock = self._scenario.clock(self.name, start_at)
+        inbox = Inbox(
+            self.name,
+            self.links(start_at),
+            start_at=start_at,
+            before=handover.inbox if handover else None,
+        )
+        outbox = Outbox(
+            vehicle=self.name,
+            sink=sink,
+            plane=self._plane,
+            parameters=setup.parameters,
+            inbox=inbox,
+            probe=probe,
+            start_at=start_at,
+            clock=clock,
+            state=handover.outbox if handover else None,
+        )
+        control = Cadence(start_at, self.control_rate_hz)
+        if drive is not None:
+            return ReplayedNode(
+                drive=drive,
+                start_at=start_at,
+                wheelbase=setup.parameters.wheelbase,
+                control=control,
+                gnss=make_receiver(self._scenario, setup, start_at),
+                sender=make_sender(self._scenario, setup, start_at),
+                inbox=inbox,
+                outbox=outbox,
+                pending_changes=PendingChanges(coming),
+            )
+        context = VehicleContext(
+            start_at=start_at,
+            car=handover.car if handover else self._car(start_at),
+            clock=clock,
+            control=control,
+            plan=handover.plan if handover else self._route.plan,
+            inbox=inbox,
+            outbox=outbox,
+            factory=self,
+        )
+        if handover is not None:
+            changes = ChangeExecutor(PendingChanges(handover.pending), self._changed)
+            return Node(context, changes, Down(context, handover.until))
+        changes = ChangeExecutor(PendingChanges(coming), self._changed)
+        return Node(context, changes, self._first_phase(context))
+
+    def _first_phase(self, context: VehicleContext) -> VehiclePhase:
+        if self._scenario.joins_late(self.name):
+            return HumanDriving(context, context.start_at)
+        start_at = context.start_at
+        return Driving(context, self._software(start_at, context, set_off=False))
+
+    def concerns(self, change: AnyChange) -> bool:
+        return concerns(change, self.name, self._scenario.tables, self._scenario.links)
+
+    def _car(self, start_at: int) -> Car:
+        return Car(
+            body=self._body(),
+            parameters=self._setup.parameters,
+            gnss=make_receiver(self._scenario, self._setup, start_at),
+            imu=self._imu(start_at),
+            command=Actuation(0.0, 0.0),
+        )
+
+    def links(self, start_at: int) -> list[IncomingLink]:
+        """Links from all its sources, in a run from `start_at` (ns)."""
+        senders = () if self.name in self._scenario.replays else self._setup.senders
+        links = [self._incoming(sender, start_at) for sender in senders]
+        self._changed.adopt(self._changing(one, start_at) for one in links)
+        self._links = links
+        for seed, numbers in self._redrawn:
+            self._redraw_links(seed, numbers)
+        return links
+
+    def redraw(self, node: Node | ReplayedNode, seed: int, numbers: Mapping[str, int]) -> None:
+        """Draw the random numbers of `node` from another seed from now on.
+
+        `numbers` are those of the next pose of each vehicle: what is drawn for earlier ones stays.
+        So do all that is drawn once for a run, the drift and the fix states of a receiver,
+        outages of links by chance, and drawn intervals of sending.
+        """
+        self._redrawn.append((seed, numbers))
+        self._redraw_links(seed, numbers)
+        gnss = node.car.gnss if isinstance(node, Node) else node.gnss
+        gnss.redraw(white_noise(seed, self._setup.place))
+        if isinstance(node, Node):
+            node.car.imu.redraw(self._inertial_noise(seed))
+
+    def _redraw_links(self, seed: int, numbers: Mapping[str, int]) -> None:
+        for one in self._links:
+            one.link.redraw(numbers[one.link.sender], seed)
+
+    def software(self, now: int, context: VehicleContext) -> Software:
+        """Software that starts at `now` (ns) without memory, but for where the car is.
+
+        The receiver context knows its place all the time. A lead that stood is late: it drives its
+        speed by where it is, not by when.
+        """
+        return self._software(now, context, set_off=self._setup.predecessor is None)
+
+    def _software(self, now: int, context: VehicleContext, *, set_off: bool) -> Software:
+        driver, law = self._drivers.software(now, context)
+        return Software(
+            driver=driver,
+            sender=make_sender(self._scenario, self._setup, context.start_at),
+            law=law,
+            alone=set_off,
+        )
+
+    def human(self, context: VehicleContext) -> tuple[Driver, ProfileSpeed]:
+        return self._drivers.human(context)
+
+    def station(self, body: Body) -> float:
+        """Station (m) on the road of a car by its distance driven."""
+        return self._drivers.station(body)
+
+    def _changing(self, one: IncomingLink, start_at: int) -> ChangingLink:
+        sender = one.link.sender
+        requested = self._scenario.links[sender, self.name]
+        return ChangingLink(one.link, requested, self._effects_of(sender, start_at))
+
+    def _incoming(self, sender: str, start_at: int) -> IncomingLink:
+        scenario = self._scenario
+        requested, setup = scenario.links[sender, self.name], scenario.vehicle(sender)
+        rate_hz = setup.highest_rate_hz
+        effects = self._effects_of(sender, start_at)(requested, ())
+        link = Link(effects, scenario.seed, sender, self.name, link_stages(requested))
+        gate = PoseGate(
+            sender=sender,
+            start_at=start_at,
+            rate_hz=rate_hz,
+            plane=self._plane,
+            clock_error_ns=scenario.clock_error_ns(sender),
+        )
+        return IncomingLink(link, gate, content_stage(requested.content, link, gate))
+
+    def _effects_of(self, sender: str, start_at: int) -> EffectsOf:
+        """Builder of the effects of the link from `sender` for any settings."""
+        rate_hz = self._scenario.vehicle(sender).highest_rate_hz
+        setting = self._scenario.link_setting(sender, self.name, start_at)
+        between = partial(self._between, sender)
+        return lambda requested, extra: link_effects(requested, rate_hz, setting, between, extra)
+
+    def _between(self, sender: str) -> VehiclesBetween:
+        """Vehicles between `sender` and this one."""
+        ahead = self._scenario.vehicle(sender).place
+        return vehicles_between(self._route, ahead, self._setup.place)
+
+    def _body(self) -> Body:
+        """The car at its start: on the path, its gap behind its predecessor, with its offsets."""
+        setup = self._setup
+        place = self._route.path.at(self._route.start_station(setup.place))
+        aside = setup.lateral_offset_m
+        return Body(
+            east=place.east - aside * sin(place.yaw),
+            north=place.north + aside * cos(place.yaw),
+            yaw=place.yaw + setup.heading_offset_rad,
+            speed=self._route.plan.profile.at(0.0)[0],
+        )
+
+    def _imu(self, start_at: int) -> InertialSensor | ExactSensor:
+        if self._setup.knows_itself:
+            return ExactSensor()
+        # A stream apart from the receiver's, whose noise is the same with and without this sensor.
+        random = self._inertial_noise(self._scenario.seed)
+        return InertialSensor(self._setup.imu.noise, self._setup.imu_rate_hz, start_at, random)
+
+    def _inertial_noise(self, seed: int) -> np.random.Generator:
+        return np.random.Generator(np.random.PCG64([seed, self._setup.place, IMU_STREAM]))

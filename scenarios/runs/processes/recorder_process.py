@@ -1,0 +1,263 @@
+"""`convoy record`: gathers the convoy, starts it, writes its log and ends it."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from scenarios.definition.scenario import Scenario
+from scenarios.results.metrics import Metrics
+from scenarios.results.summary import RunSummary
+from scenarios.runs.control.run_status import StatusBoard
+from scenarios.runs.node.sink import BATCH_NS
+from scenarios.runs.observer import Observer, ThrottledObservers
+from scenarios.runs.processes.arrivals import Arrival, Arrivals, SendingOrder
+from scenarios.runs.processes.clock_offset import measure, serve_clock
+from scenarios.runs.processes.conductor import RETURN_NS, Conductor, Phase
+from scenarios.runs.processes.membership import Membership
+from scenarios.runs.processes.router_watch import ROUTER_LOST_AFTER_NS
+from scenarios.runs.run_log import RunLog
+from scenarios.runs.stop import Stop
+from transport.bus.zenoh_bus import ZenohBus
+from transport.clock import WallClock, poll
+from transport.codec import RefusedMessageError
+from transport.log.records import LogError
+from transport.telemetry import MAX_RECORDS_BYTES, records_key
+from transport.topics import CONDUCTOR, TOPICS, key
+from vehicles.schedule import SECOND, Timer
+
+POLL_S = 0.02
+FLUSH_NS = SECOND // 5
+"""Between two flushes of the log; a kill loses at most half a second."""
+HELD_NS = BATCH_NS + SECOND // 10
+"""How long a message waits for earlier ones in a batch."""
+MOST_WAITING = 2000
+"""Waiting messages and batches up to which the picture is drawn, two thirds of a second of a
+hundred vehicles."""
+MOST_AT_ONCE = 200
+"""Messages and batches recorded between two looks at the run."""
+BEHIND_NS = SECOND
+"""A recorder further behind at the end of the run logs a warning."""
+SHOW_NS = SECOND // 5
+"""Between two updates of the status."""
+ANNOUNCE_NS = SECOND // 4
+"""Between two announcements of the start, for vehicles that subscribe late."""
+EVERYTHING = "convoy/**"
+GATHER_S = 60.0
+CANCELLED_NS = SECOND
+"""How long the recorder of a run that ends early waits for the vehicles' final counters."""
+SHORT_TIMEOUT_S = 0.2
+"""Patience with a router that brought no answer."""
+CONFIRM_NS = SECOND
+"""How long the recorder of a completed run waits for the vehicles to end."""
+
+
+class RecorderProcess:
+    """The recorder as a process: records what arrives, starts and ends the run."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        bus: ZenohBus,
+        folder: Path,
+        stop: Stop,
+        membership: Membership,
+        *,
+        metrics: Metrics | None = None,
+        gather_s: float = GATHER_S,
+        observers: Sequence[Observer] = (),
+    ) -> None:
+        self._clock = WallClock()
+        self._bus = bus
+        self._stop = stop
+        self._membership = membership
+        self._present: set[str] = set()
+        self._settled_at = 0
+        self._clock_offset_ms_max = scenario.tables.convoy.clock_offset_ms_max
+        self._conductor = Conductor(
+            scenario.vehicle_names,
+            duration_ns=round(scenario.duration_s * SECOND),
+            continues_without_failed=scenario.continues_without_failed,
+            gather_until=self._clock.now() + round(gather_s * SECOND),
+        )
+        metrics = metrics or Metrics.of(scenario)
+        self._watchers = ThrottledObservers(observers, lambda: len(self._arrivals) > MOST_WAITING)
+        self._board = StatusBoard(scenario, membership.run, metrics)
+        self._run = RunLog(
+            scenario,
+            folder,
+            clock="wall",
+            run_id=folder.name,
+            metrics=metrics,
+            observers=(self._conductor, self._board, self._watchers),
+        )
+        self._announcing, self._reporting = Timer(ANNOUNCE_NS), Timer(SECOND)
+        self._flushing, self._showing = Timer(FLUSH_NS), Timer(SHOW_NS)
+        self._own: list[tuple[str, bytes]] = []
+        batches = {
+            records_key(name): {topic.name: key(name, topic) for topic in TOPICS.values()}
+            for name in scenario.vehicle_names
+        }
+        self._arrivals = Arrivals(
+            self._run.recorder.keys, larger=dict.fromkeys(batches, MAX_RECORDS_BYTES)
+        )
+        self._in_order = SendingOrder(batches)
+        self._reported_behind = False
+        serve_clock(bus, CONDUCTOR, self._clock.now)
+        self._board.serve(bus)
+        bus.subscribe(EVERYTHING, self._arrive)
+
+    def record_until_over(self) -> RunSummary:
+        """Record until the run is over and complete the log; returns the summary."""
+        while self._conductor.phase is not Phase.OVER:
+            try:
+                self._record_arrivals()
+                self._advance()
+            except LogError as error:  # the disk is full, or the log was removed
+                self._conductor.stop(str(error))
+        with suppress(LogError):  # the run has a reason to end already
+            self._record_arrivals()
+        if skipped_line := self._watchers.skipped_line():
+            self._run.recorder.log(self._clock.now(), skipped_line, "warning")
+        end = self._run.end(self._clock.now(), self._conductor.reason)
+        self._own_message("end", end)
+        if self._conductor.reason:
+            self._announce_end()
+            self._await_final_counters()
+        self._run.recorder.rejected.update(self._arrivals.refusals())
+        return self._run.close(self._clock.now())
+
+    def announce_completion(self) -> None:
+        """Announce that the log is complete; vehicles wait for that before they end.
+
+        The announcement of a completed run is repeated until the vehicles have ended, also while
+        the router is away. That of a failed run was sent before.
+        """
+        self._announce_end()
+        if self._conductor.reason or self._conductor.router_is_lost:
+            return
+        begun = self._clock.now()
+        self._settled_at = begun
+        poll(lambda: self._stop.requested or self._all_ended(begun), every_s=POLL_S)
+
+    def _announce_end(self) -> None:
+        """Publish the end of the run.
+
+        A stopped recorder without vehicles need not wait for a router that does not read.
+        """
+        if self._membership.vehicles or not self._stop.requested:
+            self._bus.publish(*self._own[-1], urgent=True)
+
+    def _all_ended(self, begun: int) -> bool:
+        """Repeat the end; whether no vehicle waits for it any more."""
+        now = self._clock.now()
+        if self._announcing.is_due(now):
+            self._bus.publish(*self._own[-1], urgent=True)
+        if not self._bus.connected():
+            self._settled_at = now + RETURN_NS
+            return now > begun + ROUTER_LOST_AFTER_NS
+        if now < self._settled_at:  # the vehicles are still on their way back to the router
+            return False
+        return not self._membership.vehicles or now > self._settled_at + CONFIRM_NS
+
+    def _await_final_counters(self) -> None:
+        until = self._clock.now() + CANCELLED_NS
+        while self._clock.now() < until and self._conductor.awaits_final_counters():
+            with suppress(LogError):  # the run has a reason to end already
+                self._record_arrivals()
+            self._note_presences(self._clock.now())
+        if self._conductor.awaits_final_counters():  # the router may hang
+            self._bus.patience_s = SHORT_TIMEOUT_S
+
+    def _compare_clocks(self) -> None:
+        """Log the offsets of the vehicles' clocks; a large one ends the run."""
+        too_far = []
+        for vehicle in sorted(self._present):
+            found = measure(self._bus, vehicle, self._clock.now)
+            if found is None:  # it has left or hangs, which its token shows
+                continue
+            self._run.recorder.log(self._clock.now(), str(found), "debug")
+            if found.exceeds(self._clock_offset_ms_max):
+                too_far.append(str(found))
+        if too_far:
+            allowed = f"allowed are {self._clock_offset_ms_max:g} ms (convoy.clock_offset_ms_max)"
+            self._conductor.stop(f"{'; '.join(too_far)}; {allowed}")
+
+    def _note_presences(self, now: int) -> None:
+        present = self._membership.vehicles
+        for vehicle in sorted(present ^ self._present):
+            self._conductor.note_presence(vehicle, alive=vehicle in present, at=now)
+        self._present = present
+
+    def _own_message(self, topic: str, data: bytes) -> tuple[str, bytes]:
+        """Return a message of the run with its key; it is not recorded again from the bus."""
+        own = key(CONDUCTOR, TOPICS[topic]), data
+        self._own.append(own)
+        return own
+
+    def _arrive(self, key_expression: str, data: bytes) -> None:
+        self._arrivals.put(self._clock.now(), key_expression, data)
+
+    def _record_arrivals(self) -> None:
+        """Record up to MOST_AT_ONCE arrivals; wait up to `POLL_S` for that many.
+
+        The rest is left for the next call, so that a flood does not keep the run from advancing.
+        """
+        self._run.recorder.rejected.update(self._arrivals.refusals())
+        is_over = self._conductor.phase is Phase.OVER
+        most = max(1, len(self._arrivals)) if is_over else MOST_AT_ONCE
+        for arrival in self._arrivals.take(most, POLL_S):
+            if arrival[1:] not in self._own:
+                self._put_in_order(arrival)
+        sent_until = None if is_over else self._clock.now() - HELD_NS
+        for at, key_expression, data in self._in_order.until(sent_until):
+            self._run.recorder.accept(key_expression, data, at)
+
+    def _put_in_order(self, arrival: Arrival) -> None:
+        try:
+            self._in_order.put(arrival)
+        except RefusedMessageError as refusal:
+            self._run.recorder.rejected[refusal.reason] += 1
+
+    def _advance(self) -> None:
+        now = self._clock.now()
+        self._note_presences(now)
+        self._note_requests(now)
+        if self._conductor.phase is Phase.GATHERING and not self._conductor.missing():
+            self._compare_clocks()
+        recorded_until = self._arrivals.came_first_at or self._clock.now()
+        now = self._clock.now()
+        connected = self._bus.connected()
+        for line in self._conductor.advance(
+            now, connected=connected, recorded_until=recorded_until
+        ):
+            self._run.recorder.log(now, line)
+        if self._conductor.phase is Phase.RUNNING:
+            self._warn_if_behind(now, now - recorded_until)
+            if not self._own:
+                self._own_message("start", self._run.start(now, self._conductor.start_at))
+            if self._announcing.is_due(now):
+                self._bus.publish(*self._own[0], urgent=True)
+            if self._reporting.is_due(now):
+                self._run.recorder.report_health(now)
+        if self._showing.is_due(now):
+            self._board.update(now)
+        if self._flushing.is_due(now):
+            self._run.flush()
+
+    def _warn_if_behind(self, now: int, behind: int) -> None:
+        """Warn once that a run whose time is up still records."""
+        if behind > BEHIND_NS and now > self._conductor.end_at and not self._reported_behind:
+            self._reported_behind = True
+            line = f"the log is {behind / SECOND:.1f} s behind and is completed first"
+            self._run.recorder.log(now, line, "warning")
+
+    def _note_requests(self, now: int) -> None:
+        if self._stop.requested:
+            # A killed launcher takes its router with it, which does not complete a run.
+            connected = self._stop.orphaned or self._bus.connected()
+            for line in self._conductor.handle_stop_request(
+                self._stop.reason, now, connected=connected
+            ):
+                self._run.recorder.log(now, line)
+        elif reason := self._run.early_end_reason:
+            self._conductor.stop(reason)

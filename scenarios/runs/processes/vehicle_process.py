@@ -1,0 +1,378 @@
+"""`convoy vehicle`: one vehicle as a process of its own, over Zenoh, on the wall clock."""
+
+from collections.abc import Callable, Iterable, Iterator
+from itertools import dropwhile
+from math import ceil
+from time import sleep
+
+from scenarios.definition.scenario import Scenario
+from scenarios.runs.control.live_control import LiveControl
+from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
+from scenarios.runs.node.node import Node, VehicleFaultError, step_with_faults
+from scenarios.runs.node.process_probe import ProcessProbe
+from scenarios.runs.node.replayed_node import ReplayedNode
+from scenarios.runs.node.sink import BatchingSink
+from scenarios.runs.processes.clock_offset import measure, serve_clock
+from scenarios.runs.processes.membership import VEHICLE, Fingerprint, Membership, RecorderWatch
+from scenarios.runs.processes.restart import (
+    ProcessHandover,
+    RestartRequestedError,
+    received_handover,
+    restart_process,
+)
+from scenarios.runs.processes.router_watch import RouterWatch
+from scenarios.runs.stop import EXIT_FAILED, Stop
+from transport.bus.bus import Bus, Fetch
+from transport.bus.zenoh_bus import ZenohOptions, open_bus
+from transport.clock import Clock, Tick, WallClock, late_after, poll
+from transport.codec import RefusedMessageError, decode
+from transport.links.gate import GPS
+from transport.links.inbox import QUEUE, Inbox, IncomingLink
+from transport.topics import CONDUCTOR, TOPICS, Topic, key
+from vehicles.messages import Health, Message, RunEnd, RunStart
+from vehicles.schedule import SECOND, Timer
+
+POLL_S = 0.01
+LEFT_S = 3.0
+"""How long a restarted process waits until the old one has left."""
+WATCH_NS = SECOND // 4
+"""Between two checks of router and recorder, and after the end between two repetitions of the final
+counters."""
+END_NS = 8 * SECOND
+"""How long a finished vehicle waits for an announcement of the recorder, which repeats that of the
+start while it is late."""
+HELD_UP_NS = SECOND // 5
+"""Lateness of a tick from which the whole process counts as held up."""
+SETTLING_S = 0.02
+"""Time for the transport to deliver messages after a hold-up."""
+WAITING_S = 10.0
+"""Time for which poses are queued while this process does not fetch them."""
+Report = Callable[[str], None]
+
+
+def run_vehicle(
+    scenario: Scenario,
+    name: str,
+    options: ZenohOptions,
+    stop: Stop,
+    *,
+    report: Report,
+    report_error: Report,
+    launched: bool,
+    wait_s: float,
+) -> int:
+    """Drive vehicle `name` of `scenario` for one run; returns the exit code.
+
+    `say` receives news and `complain` errors, a line each. A `launched` vehicle does not repeat
+    announcements of the recorder: its launcher has them.
+    """
+    before = received_handover()
+    builder = VehicleBuilder(scenario, name)
+    try:
+        with open_bus(options) as bus:
+            stop.begun = True
+            if before is not None:
+                await_replaced_process(bus, name)
+            member = Membership(bus, options.run, VEHICLE, name, Fingerprint.of(scenario))
+            vehicle = VehicleProcess(builder, bus, member, stop, before)
+            vehicle.await_start(report, wait_s)
+            vehicle.drive(report)
+    except RestartRequestedError as lost:
+        restart_process(lost.handover)
+    except VehicleFaultError as fault:
+        if launched:  # the recorder reports it
+            return 0 if vehicle.is_cancelled else EXIT_FAILED
+        report_error(str(fault))
+        return EXIT_FAILED
+    except RunCancelledError as error:
+        if launched and error.announced:
+            return 0
+        report_error(f"{name}: {error}")
+        return EXIT_FAILED
+    return vehicle.exit_code
+
+
+def await_replaced_process(bus: Bus, name: str) -> None:
+    """Wait until the process that this one replaced is no longer a member."""
+
+    def has_left() -> bool:
+        return all((one.role, one.name) != (VEHICLE, name) for one in bus.members())
+
+    poll(has_left, every_s=POLL_S, at_most_s=LEFT_S)
+
+
+class RunCancelledError(Exception):
+    """The run does not exist any more; `announced` if by the recorder."""
+
+    def __init__(self, text: str, *, announced: bool = False) -> None:
+        super().__init__(text)
+        self.announced = announced
+
+
+class RunAnnouncements:
+    """Start and end of the run as the recorder announced them.
+
+    Bytes of other messages may decode as a start or an end. They are recognised by the vehicle that
+    they name; a start under the end's key by its instant. An end without a start cancels the run.
+    """
+
+    def __init__(self, bus: Bus, now: Callable[[], int]) -> None:
+        self.start: RunStart | None = None
+        self.end: RunEnd | None = None
+        self.last_received_at = 0
+        """Instant (ns) of the last announcement; they are repeated while the run is on."""
+        self._now = now
+        for name in ("start", "end"):
+            bus.subscribe(key(CONDUCTOR, TOPICS[name]), self._receive)
+
+    def _receive(self, key_expression: str, data: bytes) -> None:
+        try:
+            message = decode(TOPICS[key_expression.rsplit("/", 1)[-1]], data, exact=True)
+        except RefusedMessageError:
+            return
+        if message.vehicle != CONDUCTOR:
+            return
+        self.last_received_at = self._now()
+        if isinstance(message, RunStart):
+            self.start = self.start or message
+        elif isinstance(message, RunEnd) and (
+            self.start is None or message.end_at_ns != self.start.start_at_ns
+        ):
+            self.end = message
+
+
+class VehicleProcess:
+    """A vehicle from joining to the end of the run."""
+
+    def __init__(
+        self,
+        builder: VehicleBuilder,
+        bus: Bus,
+        membership: Membership,
+        stop: Stop,
+        before: ProcessHandover | None = None,
+    ) -> None:
+        """Join the run; raises BusError if it refuses this vehicle.
+
+        `before` is the handover of the process that this one continues.
+        """
+        self._builder = builder
+        self._bus = bus
+        self._membership = membership
+        self._stop = stop
+        self._before = before
+        self._clock = WallClock(lambda: stop.requested, before.clock_offset if before else None)
+        self._joined_at = self._clock.now()
+        self._announced = RunAnnouncements(bus, self._clock.now)
+        self._recorder = RecorderWatch(membership, bus)
+        self._router = RouterWatch()
+        self._watching = Timer(WATCH_NS)
+        self._final_counters: tuple[str, bytes] | None = None
+        self._fetches: list[Fetch] = []
+        self.exit_code = 0
+        serve_clock(bus, builder.name, self._clock.now)
+        self._control = LiveControl(builder.scenario, builder.name, self._clock.now)
+        self._control.listen(bus)
+        membership.join()
+
+    @property
+    def _run(self) -> str:
+        return f"run {self._membership.run}"
+
+    @property
+    def is_cancelled(self) -> bool:
+        return self._stop.requested or self._announced.end is not None
+
+    def await_start(self, report: Report, wait_s: float) -> None:
+        """Wait for the start; raises RunOffError if there will be none for this vehicle.
+
+        Returns at once after a restart.
+        """
+        if self._before is not None:
+            return
+        waits = "the start" if self._membership.recorder_is_present else "the recorder"
+        report(f"{self._builder.name}: joined, waiting for {waits} of {self._run}")
+        came = poll(
+            lambda: (
+                self._announced.start is not None
+                or self.is_cancelled
+                or self._recorder.has_left(self._clock.now())
+            ),
+            every_s=POLL_S,
+            at_most_s=wait_s,
+        )
+        start, end = self._announced.start, self._announced.end
+        if self._stop.requested:
+            return
+        if not came:
+            raise RunCancelledError(f"{self._run} did not start within {wait_s:g} s")
+        if start is not None:
+            if start.start_at_ns <= self._joined_at:
+                raise RunCancelledError(self._late_join_reason(self._joined_at - start.start_at_ns))
+        elif end is not None:
+            raise RunCancelledError(
+                f"{self._run} is off: {end.reason or 'it is over'}", announced=True
+            )
+        else:
+            raise RunCancelledError(f"{self._run} is off: its recorder has left")
+
+    def _late_join_reason(self, late_ns: int) -> str:
+        """Explain a start that lies `late_ns` before this vehicle joined."""
+        clock = measure(self._bus, CONDUCTOR, self._clock.now)
+        if clock is not None and late_ns < -clock.offset:  # by the recorder's clock it was in time
+            ahead = f"{-clock.offset / SECOND:.1f} s ahead of the recorder's"
+            return f"{self._run} is off for this vehicle: its clock is {ahead}"
+        return f"{self._run} had started before this vehicle joined"
+
+    def drive(self, report: Report) -> None:
+        """Drive to the end of the run, send the final counters, wait for the recorder's end.
+
+        Raises RunOffError when the run cannot continue, VehicleFaultError after announcing a fault
+        of the vehicle, and SoftwareLostError when the process has to restart.
+        """
+        start_at = self._start_at
+        if start_at is None:  # stopped before
+            self.exit_code = self._stop.exit_code
+            return
+        before = self._before
+        end_at = start_at + self._builder.duration_ns
+        late_after_ns = late_after(self._builder.control_rate_hz)
+        probe = ProcessProbe(late_after_ns, before.lateness if before else None)
+        sink = BatchingSink(
+            self._builder.name,
+            self._bus,
+            self._clock.now,
+            self._keep_final_counters,
+            logged_hz=self._builder.scenario.tables.log.rates_hz,
+        )
+        node = self._builder.node(start_at, sink, probe, before.node if before else None)
+        self._fetches = [
+            self._bus.collect(key(sender, GPS), node.inbox.on_bytes, queue_limit(link))
+            for sender, link in node.inbox.links.items()
+        ]
+        self._control.begin(start_at, node.pending_changes)
+        report(f"{self._builder.name}: {self._run} {'goes on' if before else 'starts'}")
+        self._drive(node, start_at, probe, sink)
+        self._clock.wait_until(0 if self._announced.end is not None else end_at)
+        finished = not self._stop.requested
+        node.outbox.publish_health(min(self._clock.now(), end_at), final=True)
+        poll(lambda: self.is_cancelled or self._has_waited_enough(end_at), every_s=POLL_S)
+        if not finished:
+            self.exit_code = self._stop.exit_code
+            return
+        reason = self._announced.end.reason if self._announced.end else ""
+        if reason:
+            raise RunCancelledError(f"{self._run} failed: {reason}", announced=True)
+        report(f"{self._builder.name}: {self._run} is over")
+
+    @property
+    def _start_at(self) -> int | None:
+        if self._before is not None:
+            return self._before.start_at
+        start = self._announced.start
+        return None if start is None else start.start_at_ns
+
+    def _drive(
+        self, node: Node | ReplayedNode, start_at: int, probe: ProcessProbe, sink: BatchingSink
+    ) -> None:
+        step = step_with_faults(node, self._builder.name, start_at)
+        before = self._before.node if self._before else None
+        ticks = self._builder.ticks(start_at)
+        back_at = start_at
+        if before is not None:
+            ticks = dropwhile(lambda tick: tick.at <= before.at, ticks)
+            back_at = before.until
+        try:
+            stagger_ns = self._builder.stagger_ns
+            for tick in paced_ticks(
+                ticks, self._clock, probe, stagger_ns=stagger_ns, back_at=back_at
+            ):
+                if self.is_cancelled:
+                    break
+                self._fetch(node.inbox)
+                step(tick)
+                if tick.at >= back_at:
+                    self._restart_if_down(node, tick.at, probe)
+                if self._watching.is_due(now := self._clock.now()):
+                    self._check_router_and_recorder(now)
+            sink.flush_all()
+        except RestartRequestedError:
+            sink.flush_all()
+            raise
+        except VehicleFaultError as fault:
+            sink.flush_all()
+            node.outbox.publish_fault(self._clock.now(), fault.text)
+            poll(lambda: self.is_cancelled, every_s=POLL_S, at_most_s=END_NS / SECOND)
+            raise
+
+    def _fetch(self, inbox: Inbox) -> None:
+        for fetch in self._fetches:
+            if fetch():
+                inbox.note_overflow()
+
+    def _restart_if_down(self, node: Node | ReplayedNode, now: int, probe: ProcessProbe) -> None:
+        handover = node.handover(now)
+        if handover is not None:
+            raise RestartRequestedError(
+                ProcessHandover(
+                    start_at=self._start_at or 0,
+                    clock_offset=self._clock.offset,
+                    lateness=probe.lateness,
+                    node=handover,
+                )
+            )
+
+    def _check_router_and_recorder(self, now: int) -> None:
+        """Raise RunOffError if router or recorder are lost."""
+        self._router.look(now, connected=self._bus.connected())
+        if self._router.is_lost_for_good(now):
+            raise RunCancelledError(f"{self._run} failed: the router is gone")
+        if self._recorder.has_left(now):
+            raise RunCancelledError(f"{self._run} failed: its recorder has left")
+
+    def _has_waited_enough(self, end_at: int) -> bool:
+        """Repeat the final counters; whether the vehicle may stop waiting for the end.
+
+        Raises RunOffError when no end will come.
+        """
+        now = self._clock.now()
+        if not self._watching.is_due(now):
+            return False
+        self._router.look(now, connected=self._bus.connected())
+        if self._router.was_lost_near_end(end_at):  # the recorder decides alike
+            return self._router.is_lost_for_good(now)
+        self._check_router_and_recorder(now)
+        if now > max(end_at, self._router.back_at, self._announced.last_received_at) + END_NS:
+            raise RunCancelledError(f"{self._run} failed: no word of its end from the recorder")
+        if self._final_counters is not None:
+            self._bus.publish(*self._final_counters)
+        return False
+
+    def _keep_final_counters(self, topic: Topic, data: bytes, message: Message) -> None:
+        if isinstance(message, Health) and message.final:
+            self._final_counters = key(message.vehicle, topic), data
+
+
+def queue_limit(link: IncomingLink) -> int:
+    return min(ceil(link.gate.rate_hz * WAITING_S), QUEUE)
+
+
+def paced_ticks(
+    ticks: Iterable[Tick], clock: Clock, probe: ProcessProbe, *, stagger_ns: int, back_at: int
+) -> Iterator[Tick]:
+    """Yield each tick `turn_ns` after its instant.
+
+    Missed ticks follow at once. None counts as late before `back_at` (ns), the end of a requested
+    absence. After a hold-up of the whole process the transport first gets SETTLING_S to deliver:
+    else missed ticks would run as if nothing had been received.
+    """
+    was_held_up = False
+    for tick in ticks:
+        lateness = clock.wait_until(tick.at + stagger_ns)
+        if tick.at >= back_at:
+            probe.tick_began(lateness)
+        is_held_up = lateness > HELD_UP_NS
+        if is_held_up and not was_held_up:
+            sleep(SETTLING_S)
+        was_held_up = is_held_up
+        yield tick

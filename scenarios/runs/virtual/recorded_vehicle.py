@@ -1,0 +1,134 @@
+"""A recorded vehicle on the bus: its poses from the log of a run, shifted in time.
+
+Live followers receive its messages over the same links as from a live vehicle. Its recorded true
+states are sent too, for the new log and its figures.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from math import cos, hypot, sin
+from pathlib import Path
+
+from transport.clock import Tick
+from transport.log.reader import LogReader
+from transport.log.records import LogError
+from vehicles.geometry.geodesy import LocalPlane
+from vehicles.messages import GpsPose, RunStart, TruePose
+from vehicles.received_pose import receive
+from vehicles.schedule import SECOND, nanoseconds
+
+SEARCHED_LENGTH_M = 150.0
+"""Length (m) of the first part of a recorded drive on which a place is searched: a later lap is
+not."""
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """Messages of one replayed vehicle, in order of time, with instants of the new run."""
+
+    vehicle: str
+    messages: tuple[GpsPose | TruePose, ...]
+
+    def ticks(self) -> Iterator[Tick]:
+        return (Tick(_acts_at(message), 0.0) for message in self.messages)
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedVehicle:
+    """Poses and true states of one vehicle in a log, and the start of its run (ns)."""
+
+    started_at: int
+    poses: tuple[GpsPose, ...]
+    truth: tuple[TruePose, ...]
+
+    def replay(self, *, start_at: int, ahead: float = 0.0, vehicle: str | None = None) -> Replay:
+        """Shift the messages to a run that starts at `start_at` (ns), under the name `vehicle`.
+
+        The vehicle starts where it was `ahead` (s) after the start of its own run; earlier messages
+        are left out, and the others are renumbered.
+        """
+        name = vehicle or self.poses[0].vehicle
+        shift = start_at - self.started_at - nanoseconds(ahead)
+        # The stamps of a clock that was behind lie before the run's own start.
+        behind = max(0, self.started_at - min(p.measured_at_ns for p in self.poses))
+        poses = [p for p in self.poses if p.measured_at_ns + shift >= start_at - behind]
+        poses = [p for p in poses if p.sent_at_ns + shift >= start_at]
+        truth = [t for t in self.truth if t.true_at_ns + shift >= start_at]
+        messages: list[GpsPose | TruePose] = [
+            replace(
+                p,
+                vehicle=name,
+                seq=seq,
+                measured_at_ns=p.measured_at_ns + shift,
+                sent_at_ns=p.sent_at_ns + shift,
+            )
+            for seq, p in enumerate(poses)
+        ]
+        messages += [
+            replace(t, vehicle=name, seq=seq, true_at_ns=t.true_at_ns + shift)
+            for seq, t in enumerate(truth)
+        ]
+        return Replay(name, tuple(sorted(messages, key=_acts_at)))
+
+
+def _acts_at(message: GpsPose | TruePose) -> int:
+    """Instant (ns) of sending, which for a pose may follow that of its measurement."""
+    return message.sent_at_ns if isinstance(message, GpsPose) else message.true_at_ns
+
+
+def read_recorded_vehicle(log: Path, vehicle: str) -> RecordedVehicle:
+    """Read the messages of `vehicle` in `log`; raises LogError if there are none."""
+    reader = LogReader(log)
+    reader.require_whole("truth")
+    poses: list[GpsPose] = []
+    truth: list[TruePose] = []
+    started_at: int | None = None
+    for _, _, message in reader.messages(topics=("gps", "truth", "start")):
+        if isinstance(message, RunStart):
+            started_at = message.start_at_ns
+        elif isinstance(message, GpsPose) and message.vehicle == vehicle:
+            poses.append(message)
+        elif isinstance(message, TruePose) and message.vehicle == vehicle:
+            truth.append(message)
+    if not poses:
+        known = ", ".join(sorted({name for name, topic in reader.counts if topic == "gps"}))
+        raise LogError(f"{log}: holds no poses of {vehicle!r}, but of {known or 'nobody'}")
+    start = poses[0].measured_at_ns if started_at is None else started_at
+    return RecordedVehicle(start, tuple(poses), tuple(truth))
+
+
+def head_start(
+    recorded: RecordedVehicle, plane: LocalPlane, place: tuple[float, float], gap: float
+) -> float:
+    """Time (s) after its start at which the recorded vehicle was `gap` (m) ahead of `place`.
+
+    `place` (east, north, m) is where the vehicle behind it will start, beside the first part of
+    the recorded drive or behind it. 0 if that begins further ahead than `gap` already.
+    """
+    fixes = [receive(pose, plane, pose.sent_at_ns) for pose in recorded.poses]
+    first = fixes[0]
+    stations = [0.0]
+    for before, after in pairwise(fixes):
+        stations.append(stations[-1] + hypot(after.east - before.east, after.north - before.north))
+    beginning = [k for k, station in enumerate(stations) if station <= SEARCHED_LENGTH_M]
+    nearest = min(
+        beginning, key=lambda k: hypot(fixes[k].east - place[0], fixes[k].north - place[1])
+    )
+    station = stations[nearest]
+    if nearest == 0:
+        ux, uy = cos(first.yaw), sin(first.yaw)
+        station = (place[0] - first.east) * ux + (place[1] - first.north) * uy
+    return max(_time_at(stations, [fix.measured_at for fix in fixes], station + gap, recorded), 0.0)
+
+
+def _time_at(
+    stations: Sequence[float], at: Sequence[int], station: float, recorded: RecordedVehicle
+) -> float:
+    """Time (s) in the recorded run at which `station` (m) was reached."""
+    for k in range(1, len(stations)):
+        if stations[k] >= station and stations[k] > stations[k - 1]:
+            share = (station - stations[k - 1]) / (stations[k] - stations[k - 1])
+            reached = at[k - 1] + share * (at[k] - at[k - 1])
+            return (reached - recorded.started_at) / SECOND
+    raise ValueError(f"the recorded drive is shorter than {station:.1f} m")

@@ -1,0 +1,230 @@
+import io
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from scenarios.cli.summary_tables import print_summary
+from scenarios.definition.schema.links import LinkTable
+from scenarios.results.channel.link_summary import AlarmSummary
+from scenarios.results.events.run_event import RunEvent
+from scenarios.results.holes import RecordHole
+from scenarios.results.metrics import Metrics
+from scenarios.results.summary import ClockName, RunIdentity, RunSummary
+from scenarios.results.vehicles.reaction import ReactionSummary
+from tests.made.scenarios.messages import gps, health, tracking, truth, verdict
+
+EVENTS = (
+    RunEvent(kind="near_miss", at_s=1.5, vehicles=("v1", "v2"), figures={"gap_m_min": 0.25}),
+    RunEvent(
+        kind="collision", at_s=3.25, vehicles=("v2", "v3"), figures={"closing_speed_mps": 6.4}
+    ),
+    RunEvent(
+        kind="lane_departure", at_s=4.0, vehicles=("v3",),
+        figures={"excess_m_max": 0.5, "duration_s": 1.25},
+    ),
+)  # fmt: skip
+
+
+def summary(reason: str = "", clock: ClockName = "wall") -> RunSummary:
+    """Figures of two followers behind a lead, of which v3 has been silent."""
+    asked, plain = LinkTable(jitter_ms=80.0, loss_ratio=0.4), LinkTable()
+    metrics = Metrics(
+        ("v1", "v2", "v3"), {("v1", "v2"): asked, ("v1", "v3"): plain, ("v2", "v3"): plain}
+    )
+    for seq in range(21):
+        metrics.listen(0, truth("v1", seq, 0.6 * seq, 0.0))
+        metrics.listen(0, truth("v2", seq, 0.6 * seq - 15.0, 0.125))
+        metrics.listen(0, tracking("v2", seq, lateral_error_m=-0.09, gap_m=14.0 + seq))
+        metrics.listen(0, gps("v1", seq))
+        metrics.listen(
+            0, verdict("v1", "v2", seq, latency_ms=42.0, dropped="" if seq % 3 else "loss")
+        )
+    metrics.listen(0, gps("v2", 2))
+    metrics.listen(0,
+        health("v2", 1, ticks=1050, late_ticks=12, rejected_messages=7, memory_bytes=64_000_000,
+               cpu_ratio=0.043)
+    )  # fmt: skip
+    return RunSummary(
+        identity=RunIdentity(scenario="trial", seed=11, clock=clock, run_id="x", versions={}),
+        outcome="failed" if reason else "completed",
+        reason=reason,
+        duration_s=5.0,
+        ran_s=1.0,
+        recorder_rejected_messages={},
+        vehicles=metrics.vehicle_summaries(),
+        links=metrics.link_summaries(),
+    )
+
+
+def printed(figures: RunSummary, log: Path | None = None, width: int = 80) -> str:
+    out = io.StringIO()
+    print_summary(figures, log, Console(file=out, width=width))
+    return out.getvalue()
+
+
+def row(text: str, begin: str, table: int = 0) -> list[str]:
+    """Words of the row that begins so, of the first or a later table that has one."""
+    lines = [line for line in text.splitlines() if line.strip(" │┃").startswith(begin)]
+    return re.sub("[│┃]", " ", lines[table]).split()
+
+
+def test_a_vehicle_s_row_tells_what_is_true_then_what_it_believed() -> None:
+    text = printed(summary())
+    assert "trial, seed 11, wall clock, 1.0 s" in text
+    assert row(text, "v2 ") == [
+        *("v2", "12.5", "/", "12.5", "10.1"),
+        *("9.0", "/", "9.0", "21.5", "14.0", "0.0", "/", "0"),
+    ]
+    headings = [re.split(r"  +", line.strip()) for line in text.splitlines()[2:5]]
+    assert headings == [
+        ["true", "true", "believed", "difference", "believed", "sideways"],
+        ["error cm", "gap m", "error cm", "of errors", "gap m", "m/s², % of"],
+        ["vehicle", "max / rms", "min", "max / rms", "cm, max", "min", "friction"],
+    ]
+
+
+def test_a_second_row_tells_poses_and_how_the_process_did() -> None:
+    assert row(printed(summary()), "v2 ", 1) == ["v2", "1", "2", "12", "7", "64", "4.3"]
+
+
+def test_who_drove_along_nothing_believes_no_error() -> None:
+    figures = summary().vehicles[2]
+    assert figures.lateral_error_m_max is None
+    assert figures.lateral_error_m_rms is None
+    assert figures.heading_error_rad_max is None
+
+
+def test_a_lead_has_no_distance_from_its_own_path() -> None:
+    text = printed(summary())
+    assert row(text, "v1 ") == ["v1", "-", "-", "-", "-", "-", "0.0", "/", "0"]
+    assert row(text, "v1 ", 1) == ["v1", "21", "0", "0", "0"]
+
+
+def test_nor_has_a_follower_that_was_never_on_the_road() -> None:
+    assert row(printed(summary()), "v3 ") == ["v3", "-", "-", "-", "-", "-", "-"]
+
+
+def test_the_title_is_the_run_s_own_and_printed_as_it_is() -> None:
+    title = 'trial, seed 11, α 0.5, loss 40 %, link=[{sender="v1"}]'
+    figures = summary()
+    named = replace(figures, identity=replace(figures.identity, title=title))
+    assert f"{title}, wall clock, 1.0 s" in printed(named, width=120)
+
+
+def test_what_followers_did_when_messages_failed_is_a_table_of_its_own() -> None:
+    figures = summary()
+    assert "when messages failed" not in printed(figures)
+    did = ReactionSummary(
+        mode_changes=7, recoveries=2, recovery_s_mean=3.25, recovery_s_max=4.0, stops=1,
+        blind_m=12.34, predicted_blind_m_max=12.5, hazards=1,
+    )  # fmt: skip
+    lead, second, third = figures.vehicles
+    text = printed(replace(figures, vehicles=(lead, replace(second, reaction=did), third)))
+    table = text[text.index("when messages failed") : text.index("links,")]
+    assert row(table, "v2 ") == ["v2", "7", "2", "3.2", "/", "4.0", "1", "1", "12.3", "/", "12.5"]
+    assert row(table, "v3 ") == ["v3", "0", "0", "-", "/", "-", "0", "0", "0.0", "/", "-"]
+    assert "v1" not in table
+
+
+def test_false_alarms_are_a_column_where_they_are_counted() -> None:
+    figures = summary()
+    one, *others = figures.links
+    alarms = AlarmSummary(counted=6)
+    text = printed(replace(figures, links=(replace(one, false_alarms=alarms), *others)))
+    assert row(text, "v1 → v2", 1)[-1] == "6"
+    assert row(text, "v2 → v3", 1)[-1] == "-"
+
+
+def test_events_are_rows_with_their_figures() -> None:
+    text = printed(replace(summary(), events=EVENTS))
+    assert "events: 1 near miss, 1 collision, 1 lane departure" in text
+    rows = [" ".join(line.split()) for line in text.splitlines()]
+    assert "1.50 near miss v1, v2 gap 0.25 m" in rows
+    assert "3.25 collision v2, v3 closing at 6.4 m/s" in rows
+    assert "4.00 lane departure v3 at most 0.50 m beyond the edge, for 1.2 s" in rows
+    assert "…" not in text
+    many = printed(replace(summary(), events=EVENTS[:1] * 50))
+    assert "10 more" in many
+    assert "events: 50 near misses" in many
+    assert "events" not in printed(summary())
+
+
+def test_of_very_many_links_those_that_lost_most_are_printed() -> None:
+    figures = summary()
+    lossy = figures.links[0]
+    many = [replace(lossy, sender=f"s{place}", loss_ratio=0.01 * place) for place in range(60)]
+    text = printed(replace(figures, links=tuple(many)), width=120)
+    shown = re.findall(r"^ *(s\d+) →", text, re.MULTILINE)
+    assert shown == [f"s{place}" for place in range(20, 60)] * 2  # links, then freshness
+    assert text.count("20 more, see summary.json") == 2
+
+
+def test_what_was_not_recorded_is_said_below() -> None:
+    hole = RecordHole(vehicle="v1", from_s=2.0, to_s=6.7, poses=95)
+    figures = summary()
+    silent = replace(figures.vehicles[2], silent_from_s=0.5)
+    text = printed(replace(figures, holes=(hole,), vehicles=(*figures.vehicles[:2], silent)))
+    assert "not recorded: 95 poses of v1, 2.00 to 6.70 s after the start\n" in text
+    assert "silent: v3 from 0.50 s after the start on; it left, died or was not heard\n" in text
+    assert "the figures are of what was recorded\n" in text
+    assert "recorded\n" not in printed(figures).split("links")[1]
+
+
+def test_a_link_s_row_puts_achieved_beside_requested() -> None:
+    text = printed(summary())
+    assert " ".join(row(text, "v1 → v2")[3:]) == "40 / 33.3 1.67 / 1 60 / 42.0 21 14 7 loss 0"
+    assert " ".join(row(text, "v1 → v3")[3:]) == "0 / 0.0 - / - 20 / 0.0 21 0 0 0"
+
+
+def test_tables_fit_a_terminal_of_eighty_columns() -> None:
+    text = printed(summary())
+    assert max(map(len, text.splitlines())) <= 80
+    assert "…" not in text
+
+
+def test_figures_that_need_more_columns_are_not_cut() -> None:
+    figures = summary()
+    far = replace(figures.vehicles[1], cross_track_error_m_max=31.08, cross_track_error_m_rms=13.52)
+    slow = replace(
+        figures.links[0], age_ms_mean=3620.0, age_ms_p95=13440.0, age_ms_max=15180.0,
+        arrival_gap_ms_mean=1000.0, arrival_gap_ms_p95=10000.0, arrival_gap_ms_max=12000.0,
+    )  # fmt: skip
+    text = printed(replace(figures, vehicles=(far,) * 3, links=(slow,)))
+    assert "…" not in text
+    assert "3108.0 / 1352.0" in text
+    assert "3620 / 13440 / 15180" in text
+
+
+def test_in_virtual_time_no_process_is_measured() -> None:
+    figures = summary(clock="virtual")
+    vehicles = tuple(replace(vehicle, memory_bytes_max=0) for vehicle in figures.vehicles)
+    figures = replace(figures, vehicles=vehicles)
+    assert row(printed(figures), "v2 ", 1) == ["v2", "1", "2", "12", "7"]
+
+
+def test_one_vehicle_alone_has_no_table_of_links() -> None:
+    assert "links" not in printed(replace(summary(), links=()))
+
+
+def test_why_it_ended_and_where_the_log_is() -> None:
+    text = printed(summary("v2 died 3.0 s after the start"), Path("runs/today/run.mcap"))
+    assert "ended early: v2 died 3.0 s after the start" in text
+    assert text.endswith("log: runs/today/run.mcap\n")
+    assert "ended early" not in printed(summary())
+    whole = replace(summary("limits.collisions_max = 0: v2"), ran_s=5.0)
+    assert "failed: limits.collisions_max = 0: v2" in printed(whole)
+
+
+@pytest.mark.parametrize("folder", ["runs[old]", "a[/b]", ":smile:", "x" * 120])
+def test_a_path_is_printed_as_it_is(folder: str) -> None:
+    text = printed(summary("stopped [/early]"), Path(folder) / "run.mcap")
+    assert f"log: {folder}/run.mcap\n" in text
+    assert "stopped [/early]" in text
+
+
+def test_what_was_warned_of_is_a_line() -> None:
+    line = "v2: 100 messages of v1 refused as future"
+    assert line in printed(replace(summary(), warnings=(line,))).splitlines()

@@ -1,0 +1,138 @@
+"""The account of a link: every message's fate once, losses by number, ages at commands."""
+
+from dataclasses import replace
+from math import nan
+from random import Random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenarios.definition.schema.links import LinkTable
+from scenarios.results.channel.link_summary import (
+    LinkSummary,
+    describe_link,
+    link_summary,
+    request_deviations,
+)
+from scenarios.results.channel.link_tally import LinkTally
+from tests.made.scenarios.messages import at, verdict
+from vehicles.messages import LinkVerdict
+
+LINK = ("v1", "v2")
+
+
+def tallied(*verdicts: LinkVerdict) -> LinkTally:
+    tally = LinkTally()
+    for one in verdicts:
+        tally.add(one)
+    return tally
+
+
+def account(asked: LinkTable, tally: LinkTally, sent: int = 0) -> LinkSummary:
+    return link_summary(LINK, asked, sent, tally)
+
+
+def fates(text: str, latency_ms: float = 20.0) -> list[LinkVerdict]:
+    """Verdicts from a text: "." delivered, "x" lost, "-" held back by the rate."""
+    words = {".": "", "x": "loss", "-": "rate"}
+    return [
+        verdict("v1", "v2", seq, dropped=words[one], latency_ms=latency_ms)
+        for seq, one in enumerate(text)
+    ]
+
+
+@given(st.text(".x-", max_size=80), st.randoms(use_true_random=False))
+def test_losses_are_counted_by_number_in_whatever_order_they_are_said(
+    text: str, order: Random
+) -> None:
+    said = fates(text)
+    order.shuffle(said)
+    found = account(LinkTable(), tallied(*said), len(text))
+    carried = text.replace("-", "")
+    assert found.judged == len(text) == found.delivered + sum(found.dropped.values())
+    if carried:
+        assert found.loss_ratio == carried.count("x") / len(carried)
+    runs = [len(run) for run in carried.split(".") if run]
+    assert found.burst_messages_max == max(runs, default=0)
+    if runs:
+        assert found.burst_messages_mean == pytest.approx(sum(runs) / len(runs))
+
+
+def test_what_overtook_is_reordered_and_what_was_copied_is_counted() -> None:
+    said = fates("....")
+    said[2] = replace(said[2], copies=1)
+    found = account(LinkTable(), tallied(said[0], said[3], said[1], said[2]))
+    assert (found.reordered, found.copies) == (2, 1)
+
+
+def test_false_content_is_counted_by_kind_of_what_is_delivered() -> None:
+    said = fates("..x")
+    said = [replace(one, content="offset") for one in said]
+    assert account(LinkTable(), tallied(*said)).false == {"offset": 2}
+
+
+def test_gaps_between_arrivals_are_those_of_the_ticks_of_delivery() -> None:
+    found = account(LinkTable(), tallied(*fates("..xx.")))  # 20 Hz: 50 ms, then 150 ms
+    assert found.arrival_gap_ms_mean == pytest.approx(100.0)
+    assert found.arrival_gap_ms_max == pytest.approx(150.0)
+
+
+def test_ages_at_commands_and_the_share_of_them_that_is_safe() -> None:
+    tally = LinkTally()
+    for age in (nan, 0.05, 0.15, 0.1, 0.35):
+        tally.add_age(age)
+    found = account(LinkTable(), tally)
+    assert found.age_ms_mean == pytest.approx(162.5)
+    assert found.age_ms_max == pytest.approx(350.0)
+    assert found.safe_time_ratio["100"] == 2 / 5
+    assert found.safe_time_ratio["300"] == 3 / 5
+    assert found.safe_time_ratio["1000"] == 4 / 5  # before the first nothing is safe
+
+
+def test_a_link_that_did_as_asked_is_not_named() -> None:
+    random = Random(4)
+    text = "".join("x" if random.random() < 0.3 else "." for _ in range(2000))
+    assert list(request_deviations(LINK, LinkTable(loss_ratio=0.3), tallied(*fates(text)))) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "asked", "word"),
+    [
+        ("." * 2000, LinkTable(loss_ratio=0.1), "lost 0.00 % of 2000 messages"),
+        ("x." * 1000, LinkTable(), "lost 50.00 % of 2000 messages"),
+        (("x" * 10 + "." * 23) * 60, LinkTable(loss_ratio=0.3), "bursts"),
+        ("." * 200, LinkTable(latency_ms=20.5), "delayed by 20.000 ms on average, asked 20.500"),
+    ],
+    ids=["none of the loss", "loss unasked", "bursts", "delay"],
+)
+def test_a_link_that_did_something_else_is_named(text: str, asked: LinkTable, word: str) -> None:
+    said = " | ".join(request_deviations(LINK, asked, tallied(*fates(text))))
+    assert word in said
+    assert said.startswith("v1 → v2: ")
+
+
+def test_what_the_machine_delayed_is_not_the_link_s_fault() -> None:
+    said = fates("." * 200)
+    said[7] = replace(said[7], late=True, received_at_ns=at(900.0))
+    assert list(request_deviations(LINK, LinkTable(), tallied(*said))) == []
+
+
+def test_a_line_says_what_was_asked_and_done() -> None:
+    tally = tallied(*fates(("x" * 2 + "." * 8) * 20))
+    tally.add_age(0.12)
+    line = describe_link(account(LinkTable(loss_ratio=0.25), tally))
+    assert line.startswith("v1 → v2: lost 20.0 % (")
+    assert ") of what it carried, asked 25 %; 2.00 in a row, 2 at most; delayed 20.0 ms" in line
+    assert line.endswith("asked 20; 120 ms old at commands, 120 at most")
+
+
+def test_a_link_that_was_changed_is_held_against_nothing_that_was_asked() -> None:
+    tally = tallied(*fates("x" * 300 + "." * 300, latency_ms=90.0))
+    assert len(list(request_deviations(LINK, LinkTable(), tally))) == 2
+    tally.changed = True
+    assert list(request_deviations(LINK, LinkTable(), tally)) == []
+    found = account(LinkTable(), tally, 600)
+    assert found.requested_loss_ratio is found.requested_latency_ms_mean is None
+    assert found.loss_ratio == 0.5
+    assert "asked -" in describe_link(found)

@@ -1,0 +1,167 @@
+"""What a vehicle answers that is asked to change something, and what it then does."""
+
+import json
+from math import ceil
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenarios.definition.changing.asked import Question, change_from, entry_of
+from scenarios.definition.scenario import load_scenario
+from scenarios.definition.schema.changes import CutTable
+from scenarios.runs.control.live_control import Confirmation, LiveControl, first_instant
+from scenarios.runs.node.pending_changes import PendingChanges
+from transport.bus.memory_bus import MemoryBus, MemoryNetwork
+from transport.topics import control_key
+from vehicles.schedule import SECOND, nanoseconds
+
+START = 1_790_000_000_123_456_789
+PERIOD = SECOND // 50
+DURATION_S = 5.0
+
+
+class Vehicle:
+    """A vehicle that can be asked, with a clock that stands still at `now` (ns)."""
+
+    def __init__(self, name: str, now: int, *overrides: str) -> None:
+        scenario = load_scenario("lane_change", [f"duration_s={DURATION_S}", *overrides])
+        self.pending_changes = PendingChanges()
+        self.control = LiveControl(scenario, name, lambda: now)
+
+    def begun(self) -> "Vehicle":
+        self.control.begin(START, self.pending_changes)
+        return self
+
+    def ask(self, at_s: float | None = None, **entry: object) -> Confirmation:
+        return self.control.answer(Question(entry, at_s).text)
+
+
+@given(st.integers(0, 10**12), st.sampled_from([5.0, 30.0, 50.0, 333.0, 500.0]))
+def test_it_takes_effect_at_the_first_tick_two_periods_ahead(since: int, rate_hz: float) -> None:
+    at = first_instant(START + since, START, rate_hz)
+    k = ceil((since / SECOND) * rate_hz)
+    near = [START + round(one * SECOND / rate_hz) for one in range(max(k - 2, 0), k + 5)]
+    assert at == min(one for one in near if one >= START + since + round(2 * SECOND / rate_hz))
+
+
+def test_a_change_is_confirmed_and_due_at_the_instant_that_is_told() -> None:
+    vehicle = Vehicle("v3", START + 7 * PERIOD + 1).begun()
+    said = vehicle.ask(kind="cut", sender="v1", for_s=0.5)
+    assert said == Confirmation("v3", 10 / 50, "cut for 0.5 s")
+    assert vehicle.pending_changes.take(START + 10 * PERIOD - 1) == []
+    (due,) = vehicle.pending_changes.take(START + 10 * PERIOD)
+    assert (due.at, due.by_hand) == (START + 10 * PERIOD, True)
+    assert due.change == CutTable(kind="cut", at_s=0.2, sender="v1", for_s=0.5)
+
+
+@pytest.mark.parametrize(
+    ("wanted_s", "from_s"),
+    [
+        (0.14, 0.18),  # less than a period ahead
+        (0.16, 0.16),
+        (0.18, 0.18),
+        (0.2, 0.2),
+        (0.21, 0.18),  # no instant of control
+        (1.0, 1.0),
+        (4.0, 0.18),  # too far ahead
+        (float("nan"), 0.18),
+    ],
+)
+def test_an_instant_may_be_asked_for(wanted_s: float, from_s: float) -> None:
+    vehicle = Vehicle("v3", START + 7 * PERIOD).begun()
+    assert vehicle.ask(at_s=wanted_s, kind="heal").from_s == from_s
+
+
+def test_without_a_change_it_says_when_one_could_be_made() -> None:
+    vehicle = Vehicle("v1", START + 7 * PERIOD).begun()
+    assert vehicle.ask() == Confirmation("v1", 0.18)
+    assert vehicle.pending_changes.take(START + SECOND) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "entry", "does"),
+    [
+        ("v1", {"kind": "cut"}, ""),  # it hears nobody
+        ("v2", {"kind": "cut"}, "cut"),
+        ("v2", {"kind": "cut", "receiver": "v3"}, ""),
+        ("v3", {"kind": "cut", "sender": "predecessor"}, "cut"),
+        ("v3", {"kind": "link", "loss_ratio": 0.5}, "loss_ratio 0.5"),
+        ("v3", {"kind": "stall", "vehicle": "v3", "for_s": 0.5}, "stall for 0.5 s"),
+        ("v2", {"kind": "stall", "vehicle": "v3", "for_s": 0.5}, ""),
+        ("v1", {"kind": "speed", "speed_mps": 10.0}, "speed speed_mps 10.0, "
+         "acceleration_mps2 1.5"),
+    ],
+)  # fmt: skip
+def test_each_does_what_is_about_it(name: str, entry: dict[str, object], does: str) -> None:
+    vehicle = Vehicle(name, START).begun()
+    assert vehicle.control.answer(Question(entry).text).does == does
+    assert len(vehicle.pending_changes.take(START + SECOND)) == bool(does)
+
+
+REFUSED = [
+    (b"", "no JSON: Expecting value: line 1 column 1 (char 0)"),
+    (b"\xff\xfe", None),
+    (b"[" * 100_000, "given 100000 bytes, allowed 4096"),
+    (b"[" * 4000, None),
+    (b"[1]", "allowed one entry of [[change]], as JSON"),
+    (b'{"kind": "sever"}', 'kind: given "sever", allowed "link", "cut", "heal", "gnss", "stall", '
+     '"crash", "leave", "join" or "speed"'),
+    (b'{"kind": "cut", "sender": "v9"}', 'sender: given "v9", allowed "v1", "v2", "v3", "v4", '
+     '"lead", "predecessor", "follower", "*"'),
+    (b'{"kind": "cut", "sender": "v4", "receiver": "v1"}', "from v4 to v1: no vehicle listens "
+     "there, followers hear v1 and the vehicle ahead of them"),
+    (b'{"kind": "link", "loss_ratio": NaN}', "loss_ratio: given nan, allowed a finite number"),
+    (b'{"kind": "link"}', "changes nothing, allowed at least one of loss_ratio, latency_ms, "
+     "jitter_ms"),
+    (b'{"kind": "stall", "vehicle": "v3"}', "for_s: missing"),
+    (b'{"kind": "stall", "vehicle": "v7", "for_s": 1}', 'vehicle: given "v7", allowed v1, v2, v3, '
+     "v4"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("question", "line"), REFUSED)
+def test_what_is_wrong_is_refused_in_a_line_and_nothing_is_done(
+    question: bytes, line: str | None
+) -> None:
+    vehicle = Vehicle("v3", START).begun()
+    said = vehicle.control.answer(question)
+    assert len(said.refused) == 1
+    assert said.does == ""
+    assert line is None or said.refused == (line,)
+    assert vehicle.pending_changes.take(START + 10 * SECOND) == []
+    assert Confirmation.of(said.text) == said
+
+
+@pytest.mark.parametrize(
+    ("after_s", "line"),
+    [(DURATION_S - 0.03, "the run is over"), (DURATION_S + 9.0, "the run is over")],
+)
+def test_before_and_after_the_run_nothing_is_changed(after_s: float, line: str) -> None:
+    vehicle = Vehicle("v3", START + nanoseconds(after_s))
+    assert vehicle.ask(kind="cut").refused == ("v3 has not started yet",)
+    assert vehicle.begun().ask(kind="cut").refused == (line,)
+    assert vehicle.pending_changes.take(START + 100 * SECOND) == []
+
+
+def test_it_answers_over_the_bus() -> None:
+    network = MemoryNetwork()
+    vehicle = Vehicle("v3", START).begun()
+    vehicle.control.listen(MemoryBus(network))
+    answer = MemoryBus(network).ask(control_key("v3"), 1.0, Question({"kind": "heal"}).text)
+    assert answer is not None
+    assert Confirmation.of(answer).does == "as the scenario has it again"
+
+
+@pytest.mark.parametrize("answer", [b"", b"{}", b"[]", b'{"vehicle": 1}', b"[" * 9000, b"\xff"])
+def test_an_answer_that_is_none_is_told_apart(answer: bytes) -> None:
+    with pytest.raises(ValueError, match=r"answer|JSON|Expecting|decode"):
+        Confirmation.of(answer)
+
+
+@given(st.integers(0, 86_400 * SECOND))
+def test_an_instant_survives_its_way_through_a_scenario(since: int) -> None:
+    """Seconds as a number with 53 bits are exact to the nanosecond for as long as a run may be."""
+    change = change_from(entry_of(CutTable(kind="cut", at_s=since / SECOND)))
+    assert START + nanoseconds(change.at_s) == START + since
+    assert nanoseconds(json.loads(json.dumps(since / SECOND))) == since

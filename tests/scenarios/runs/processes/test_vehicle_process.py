@@ -1,0 +1,123 @@
+"""What a vehicle makes of what the recorder announces, and of its silence."""
+
+import time
+from dataclasses import replace
+from threading import Event, Thread
+
+import pytest
+
+from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
+from scenarios.runs.node.process_probe import Lateness, ProcessProbe
+from scenarios.runs.processes import vehicle_process as process
+from scenarios.runs.processes.clock_offset import serve_clock
+from scenarios.runs.processes.membership import RECORDER, VEHICLE, Fingerprint, Membership
+from scenarios.runs.processes.vehicle_process import RunCancelledError, VehicleProcess, paced_ticks
+from scenarios.runs.stop import Stop
+from tests.made.interpreted import interpreted_only
+from transport.bus.memory_bus import MemoryBus, MemoryNetwork
+from transport.clock import VirtualClock, late_after, ticks
+from transport.codec import encode
+from transport.links.inbox import QUEUE
+from transport.topics import CONDUCTOR, TOPICS, key
+from vehicles.messages import RunEnd, RunStart
+from vehicles.schedule import MILLISECOND, SECOND
+
+
+@pytest.fixture(scope="module")
+def scenario() -> Scenario:
+    return load_scenario("lane_change", ["duration_s=5"])
+
+
+@pytest.mark.parametrize(
+    ("ahead_s", "started_s", "why"),
+    [
+        (0.0, -3.0, "run mine had started before this vehicle joined"),
+        (
+            10.0,
+            0.5,
+            "run mine is off for this vehicle: its clock is 10.0 s ahead of the recorder's",
+        ),
+        (10.0, -3.0, "run mine had started before this vehicle joined"),
+    ],
+    ids=["late", "ahead", "late and ahead"],
+)
+def test_a_start_that_lies_behind_is_told_apart_from_a_clock_ahead(
+    scenario: Scenario, ahead_s: float, started_s: float, why: str
+) -> None:
+    network, stop = MemoryNetwork(), Stop()
+    recorder, bus = MemoryBus(network), MemoryBus(network)
+
+    def recorders_now() -> int:
+        return time.time_ns() - round(ahead_s * SECOND)
+
+    serve_clock(recorder, CONDUCTOR, recorders_now)
+    membership = Membership(bus, "mine", VEHICLE, "v2", Fingerprint.of(scenario))
+    vehicle = VehicleProcess(VehicleBuilder(scenario, "v2"), bus, membership, stop)
+    start_at = recorders_now() + round(started_s * SECOND)
+    start = RunStart(vehicle=CONDUCTOR, seq=0, start_at_ns=start_at, run_id="x")
+    recorder.publish(key(CONDUCTOR, TOPICS["start"]), encode(start))
+    with pytest.raises(RunCancelledError, match=f"^{why}$"):
+        vehicle.await_start(lambda _: None, 1.0)
+
+
+@interpreted_only
+@pytest.mark.parametrize("says_the_run_is_on", [True, False])
+def test_a_recorder_that_catches_up_is_waited_for_as_long_as_it_gives_signs(
+    monkeypatch: pytest.MonkeyPatch, *, says_the_run_is_on: bool
+) -> None:
+    patience_s, needed_s, over = 0.4, 1.6, Event()
+    monkeypatch.setattr(process, "END_NS", round(patience_s * SECOND))
+    monkeypatch.setattr(process, "WATCH_NS", SECOND // 50)
+    network = MemoryNetwork()
+    recorder, bus = MemoryBus(network), MemoryBus(network)
+    scenario = load_scenario("lane_change", ["duration_s=0.2"])
+    fingerprint = Fingerprint.of(scenario)
+    Membership(recorder, "mine", RECORDER, "recorder", fingerprint).join()
+    membership = Membership(bus, "mine", VEHICLE, "v1", fingerprint)
+    vehicle = VehicleProcess(VehicleBuilder(scenario, "v1"), bus, membership, Stop())
+    start_at = time.time_ns() + SECOND // 5
+    start = encode(RunStart(vehicle=CONDUCTOR, seq=0, start_at_ns=start_at, run_id="x"))
+    ended_at = start_at + round((0.2 + needed_s) * SECOND)
+    end = encode(RunEnd(vehicle=CONDUCTOR, seq=0, end_at_ns=ended_at, reason=""))
+    recorder.publish(key(CONDUCTOR, TOPICS["start"]), start)
+
+    def catch_up() -> None:
+        while not over.wait(0.1) and time.time_ns() < ended_at:
+            if says_the_run_is_on:
+                recorder.publish(key(CONDUCTOR, TOPICS["start"]), start)
+        recorder.publish(key(CONDUCTOR, TOPICS["end"]), end)
+
+    announcer = Thread(target=catch_up)
+    announcer.start()
+    try:
+        vehicle.await_start(lambda _: None, 1.0)
+        if says_the_run_is_on:
+            vehicle.drive(lambda _: None)
+            assert vehicle.exit_code == 0
+        else:
+            with pytest.raises(RunCancelledError, match="no word of its end from the recorder"):
+                vehicle.drive(lambda _: None)
+    finally:
+        over.set()
+        announcer.join()
+
+
+def test_a_tick_begins_at_the_vehicle_s_turn_and_is_late_from_then_on() -> None:
+    start_at = 1_790_000_000 * SECOND
+    clock, probe = VirtualClock(start_at), ProcessProbe(late_after(50.0))
+    schedule = ticks(start_at, start_at + SECOND // 10, 50.0)
+    begun_ms = []
+    for tick in paced_ticks(schedule, clock, probe, stagger_ns=15 * MILLISECOND, back_at=start_at):
+        begun_ms.append((clock.now() - tick.at) // MILLISECOND)
+        if len(begun_ms) == 3:
+            clock.wait_until(clock.now() + 32 * MILLISECOND)  # what it does takes so long
+    assert begun_ms == [15, 15, 15, 27, 15]
+    assert probe.lateness == Lateness(1, 12 * MILLISECOND)
+
+
+@pytest.mark.parametrize(("rate_hz", "most"), [(20.0, 200), (7.5, 75), (0.01, 1), (1e6, QUEUE)])
+def test_there_is_room_for_what_comes_of_a_sender_in_ten_seconds(rate_hz: float, most: int) -> None:
+    (link,) = VehicleBuilder(load_scenario("lane_change"), "v2").links(0)
+    link.gate = replace(link.gate, rate_hz=rate_hz)
+    assert process.queue_limit(link) == most
