@@ -1,46 +1,39 @@
-"""The messages a vehicle sends: poses on the wire, and what it reports about itself to the log.
+"""Messages of a vehicle: poses broadcast to the convoy, and reports for the log.
 
-These dataclasses are a boundary, so every field carries its unit. Frames: "east/north" is the
-local tangent plane at the scenario's origin (WGS84), yaw is counter-clockwise from east, left is
-positive for lateral error, curvature and steering. `heading_deg` is a compass course (clockwise
-from north). Instants are integer nanoseconds of Unix time, on the run's schedule. A field that was
-added later has a default, for logs that lack it; the rule is in transport/convoy.proto.
+Every field carries its unit. Frames: "east/north" is the local tangent plane at the scenario's
+origin (WGS84); yaw is counter-clockwise from east; left is positive for lateral error, curvature
+and steering. `heading_deg` is a compass course (clockwise from north). Instants are integer
+nanoseconds of Unix time, on the run's schedule. Fields added later have defaults, for logs that
+lack them; the rule is in transport/convoy.proto.
 
 Treat messages as immutable. They are not frozen because frozen dataclasses take three times as long
-to construct, and a run makes a thousand a second for each vehicle.
+to construct.
 """
 
 from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple
 
 Mode = Literal["path", "composite", "lead", "predecessor", "coast", "stop", "straight"]
-"""What a vehicle steers along: its own path (the lead), the composite of both sources, one source
-only, what it still knows of the road without hearing anybody, or only of road behind it (slowing
-down in "coast", braking to a standstill in "stop"), or straight ahead (nothing heard yet)."""
+"""Reference of the steering: the own path (the lead), the composite trajectory, the poses of one
+source, the known path without fresh poses ("coast" slows down, "stop" brakes to a standstill), or
+straight ahead until the first poses arrive."""
 
 SourceStatus = Literal["unheard", "fresh", "late", "lost", "distrusted", "probation"]
-"""What a follower makes of a source: never heard; heard as expected; some messages overdue; silent
-for too long; heard, but not believed; heard again, and not relied on yet."""
+"""Status of a source at its follower: no message yet; messages as expected; messages overdue; none
+for too long; poses rejected as implausible; poses accepted again, but not used yet."""
 
 FloatOrNan = Annotated[float, "NaN where there is nothing to measure"]
-"""A number that may be missing; every other number of a message is finite."""
+"""A number that may be missing. All other numbers of messages are finite."""
 FixState = Literal["fixed", "float", "single"]
-"""How a receiver knows its place: carrier phases fixed (RTK), not yet fixed, or by code alone.
-
-Without a fix nothing is measured, and nothing sent."""
+"""Kind of a position fix: carrier-phase ambiguities fixed (RTK), not yet fixed, or code only."""
 Outcome = Literal["delivered", "dropped"]
 Level = Literal["debug", "info", "warning", "error", "alert", "fatal"]
-"""Severity of a line in the log. "alert" puts the figures of the run in doubt, such as clocks that
-disagree; "fatal" ends its vehicle."""
+"""Severity of a log line. "alert" casts doubt on the run's results, as when clocks disagree;
+"fatal" ends its vehicle."""
 
 
 class Announcement(NamedTuple):
-    """What a vehicle tells those behind beside its pose, as a CAM tells of lights and acceleration.
-
-    `acceleration_mps2` is what it asked of its drive, `path_offset_m` how far the place it tells
-    lies to the left of the lead's path, as it knows that path, `stops_at_ns` when it begins to
-    stop.
-    """
+    """Intentions that a vehicle broadcasts with its pose; see `GpsPose` for the fields."""
 
     mode: Mode = "path"
     hazard: bool = False
@@ -54,17 +47,15 @@ NO_ANNOUNCEMENT = Announcement()
 
 @dataclass(slots=True, kw_only=True)
 class GpsPose:
-    """One measurement of a GNSS receiver, as broadcast to the convoy.
+    """One GNSS fix, as broadcast to the convoy.
 
-    `seq` counts what was sent. `position_accuracy_m` is what the receiver says of the standard
-    deviation of its position, per axis, which may be wrong. `mode`, `hazard` and
-    `acceleration_mps2` tell those behind what the vehicle is about to do: what it steers along,
-    whether it warns of itself, and the acceleration that it has asked of its drive. `path_offset_m`
-    is how far the place that it tells lies to the left of the lead's path, as a follower knows that
-    path: NaN from whoever has none to know, the lead itself among them. `stops_at_ns` is the
-    instant from which on it brakes hard to stop, or will unless it hears more; 0 if it does not
-    mean to. The true place of the antenna, and the metres driven since the start, are for the
-    emulated channel alone, whose losses depend on them: no vehicle uses them.
+    `seq` counts sent messages. `position_accuracy_m` is the receiver's reported standard deviation
+    per axis, which may be wrong. `mode`, `hazard` and `acceleration_mps2` (commanded) announce what
+    the vehicle is about to do. `path_offset_m` is the offset of the reported position to the left
+    of the lead's path, as estimated by a follower; NaN from the lead and without an estimate.
+    `stops_at_ns` is the instant from which the vehicle brakes to a stop unless it receives more
+    poses; 0 if no stop is planned. The true position of the antenna and the true distance driven
+    are for the emulated channel only; vehicles do not use them.
     """
 
     vehicle: str
@@ -91,11 +82,10 @@ class GpsPose:
 
 @dataclass(slots=True, kw_only=True)
 class TruePose:
-    """The state of the simulated car, which only the log and the viewer may see.
+    """True state of the simulated car, for the log and the viewer only.
 
-    What its tyres do follows from the state and the acceleration asked for: slip angles of the
-    axles, negative in a left turn, and the share of the friction that the busier axle uses, which
-    only linear tyres carry beyond 1.
+    Slip angles of the axles are negative in a left turn. `friction_ratio` is the share of friction
+    used by the more heavily used axle; it exceeds 1 only with linear tyres.
     """
 
     vehicle: str
@@ -117,11 +107,11 @@ class TruePose:
 
 @dataclass(slots=True, kw_only=True)
 class CompositeTrajectory:
-    """The arc spline a vehicle steers along and the received samples it was fitted to.
+    """Arc spline that a vehicle steers along, and the received samples that it was fitted to.
 
-    Piece i starts at (piece_east_m[i], piece_north_m[i]) with piece_yaw_rad[i] and bends with
-    piece_curvature_per_m[i], which grows by piece_curvature_rate_per_m2[i] along it, over
-    piece_length_m[i]. `sample_source[j]` names where sample j came from: 0 lead, 1 predecessor.
+    Piece i starts at (piece_east_m[i], piece_north_m[i]) in direction piece_yaw_rad[i]. Its
+    curvature starts at piece_curvature_per_m[i] and grows by piece_curvature_rate_per_m2[i] over
+    piece_length_m[i]. `sample_source[j]` is the source of sample j: 0 lead, 1 predecessor.
     """
 
     vehicle: str
@@ -143,16 +133,15 @@ class CompositeTrajectory:
 
 @dataclass(slots=True, kw_only=True)
 class Tracking:
-    """What a vehicle knows at a command: its errors, and how fresh what it follows is.
+    """A vehicle's estimate of its errors and of the state of its sources, at a command.
 
-    Errors are against the trajectory it steers along, as it estimates them. Of each source: the age
-    of the newest sample, the period at which its messages are expected, the share of them that was
-    received in the last second, how far ahead of the car its path is known (negative: it ends
-    behind), and what is made of it. `known_m` is the path known of all of them; the braking
-    distances are those from the present speed, comfortably and firmly; `blind_m` is how far the
-    car would drive beyond the known path if it had to stop now as hard as it may.
-    `predecessor_weight_ratio` is the weight of the predecessor in the trajectory. `hazard` says
-    whether the vehicle warns those behind.
+    Errors are estimates, relative to the trajectory that the vehicle steers along. For each source:
+    age of the newest sample, expected period of its messages, share of them received in the last
+    second, length of its known path ahead of the car (negative if it ends behind), and status.
+    `known_m` is the known path from all sources. The stop distances are those from the present
+    speed with comfortable and with firm braking. `blind_m` is the distance the car would drive
+    beyond the known path if it stopped now as hard as it may. `predecessor_weight_ratio` is the
+    predecessor's weight in the trajectory. `hazard`: the vehicle warns its followers.
     """
 
     vehicle: str
@@ -185,7 +174,7 @@ class Tracking:
 
 @dataclass(slots=True, kw_only=True)
 class Command:
-    """What a vehicle asks of its steering and drive."""
+    """Command to steering and drive."""
 
     vehicle: str
     seq: int
@@ -199,12 +188,12 @@ class Command:
 
 @dataclass(slots=True, kw_only=True)
 class LinkVerdict:
-    """What the directed link sender → vehicle did to message `pose_seq`, and why.
+    """Outcome of message `pose_seq` on the link sender → vehicle, and its reason.
 
-    `late` means that the message physically came after the tick that should have heard it,
-    `copies` how many copies the channel made of it besides. `content` says what of it the channel
-    made false (nothing: empty), kinds joined by "+", or of what was dropped as corrupted, by which
-    reason the receiver's gate refused it (by its frame check: empty).
+    `late`: the message physically arrived after the tick at which it became visible. `copies` is
+    the number of duplicates made by the channel. `content` lists how the channel altered a
+    delivered message, kinds joined by "+"; empty if unaltered. For a message dropped as corrupted,
+    it is the reason of the receiver's gate, or empty if the frame check failed.
     """
 
     vehicle: str
@@ -224,7 +213,7 @@ class LinkVerdict:
 
 @dataclass(slots=True, kw_only=True)
 class Health:
-    """How a vehicle's process is doing; counters run from the start. The last one says `final`."""
+    """State of a vehicle's process. Counters run from the start; the last message has `final`."""
 
     vehicle: str
     seq: int
@@ -254,22 +243,21 @@ class LogText:
 
     @property
     def ends_vehicle(self) -> bool:
-        """Whether the vehicle cannot drive on and leaves the run."""
         return self.level == "fatal"
 
     @property
     def doubts_figures(self) -> bool:
-        """Whether the line belongs to the warnings of the run's summary."""
+        """Whether the run's summary lists the line as a warning."""
         return self.level == "alert"
 
 
 @dataclass(slots=True, kw_only=True)
 class Change:
-    """Something done to a running convoy at an instant: by its scenario, or by hand.
+    """A change to a running convoy, from its scenario or by hand.
 
-    `vehicle` is the one that carried it out: of a link the receiver. It takes effect at
-    `effective_at_ns`: of a link on what is sent from then on, of a vehicle at its first tick from
-    then on. `table` is the change as an entry of `[[change]]` in a scenario, in JSON.
+    `vehicle` carries it out; for a link that is the receiver. From `effective_at_ns` on, a change
+    of a link applies to messages sent, and a change of a vehicle applies at its next tick. `table`
+    is the change as an entry of `[[change]]` in a scenario, in JSON.
     """
 
     vehicle: str
@@ -282,7 +270,7 @@ class Change:
 
 @dataclass(slots=True, kw_only=True)
 class RunStart:
-    """The one instant at which every vehicle of a run starts its schedule."""
+    """Common start of all vehicles' schedules."""
 
     vehicle: str
     seq: int
@@ -292,7 +280,7 @@ class RunStart:
 
 @dataclass(slots=True, kw_only=True)
 class RunEnd:
-    """The run is over and its log is complete; an empty reason means as planned."""
+    """End of the run, sent when its log is complete; `reason` is empty after a planned end."""
 
     vehicle: str
     seq: int

@@ -1,7 +1,7 @@
-"""Description of a setting beside its field: documentation, unit of its key, and allowed range.
+"""Annotation of a settings field: documentation, unit of its key, and allowed range.
 
-A settings class is a frozen dataclass whose fields are annotated with a `Setting`. Inside, values
-are in SI units; in a scenario file the key has the unit's suffix.
+A settings class is a frozen dataclass whose fields are annotated with a `Setting`. Its values are
+in SI units; in a scenario file the key has the unit's suffix.
 """
 
 from collections.abc import Iterator, Mapping
@@ -11,19 +11,19 @@ from math import degrees, radians
 from vehicles.schedule import MILLISECOND, SECOND
 
 QUALIFIERS = ("_max", "_min")
-"""Endings of a name that follow the unit in its key: `probation_max` is `probation_s_max`."""
+"""Suffixes of a name that follow the unit in its key: `probation_max` is `probation_s_max`."""
 PER_SI = {"ms": 1000.0}
-"""Units of keys that are not SI but proportional to it: how many of them make one."""
+"""Key units that are proportional to the SI unit, with the factor from SI."""
 NANOSECONDS = {"s": SECOND, "ms": MILLISECOND}
-"""Nanoseconds in a unit of time; whole-number fields with such a unit count nanoseconds."""
+"""Nanoseconds per unit of time. Integer fields with such a unit are in nanoseconds."""
 
 Problem = tuple[str, str]
-"""A key that contradicts others, and why: what was given, what is allowed."""
+"""A key that contradicts others, and the reason: the given value and the allowed ones."""
 
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """One setting: what it does, the unit of its key, and its bounds in that unit.
+    """One setting: documentation, unit of its key, and bounds in that unit.
 
     `minimum` and `maximum` are inclusive, `above` is exclusive. `name` replaces the field's name in
     the key; `example` replaces a missing default. `kinds` maps the values of the key `kind` to the
@@ -47,11 +47,11 @@ class Setting:
         name = self.name or field
         if not self.unit:
             return name
-        ending = next((one for one in QUALIFIERS if name.endswith(one)), "")
-        return f"{name.removesuffix(ending)}_{self.unit}{ending}"
+        suffix = next((suffix for suffix in QUALIFIERS if name.endswith(suffix)), "")
+        return f"{name.removesuffix(suffix)}_{self.unit}{suffix}"
 
     def to_si(self, value: float, *, whole: bool = False) -> float:
-        """SI value, or nanoseconds for `whole` fields, of a number in the key's unit."""
+        """Convert from the key's unit to SI, or to nanoseconds for `whole` fields."""
         if whole and self.unit in NANOSECONDS:
             return round(value * NANOSECONDS[self.unit])
         if self.unit == "deg":
@@ -67,7 +67,8 @@ class Setting:
         return float(f"{value * PER_SI[self.unit]:.12g}") if self.unit in PER_SI else value
 
 
-def must_exceed(key: str, value: float, before: float, what: str = "") -> Iterator[Problem]:
-    """Report a value that is not larger than another one; `what` describes that one."""
-    if value <= before:
-        yield key, f"given {value:g}, allowed more than {before:g}{what and f', {what}'}"
+def must_exceed(key: str, value: float, bound: float, bound_name: str = "") -> Iterator[Problem]:
+    """Report a value that does not exceed `bound`, which `bound_name` describes."""
+    if value <= bound:
+        suffix = f", {bound_name}" if bound_name else ""
+        yield key, f"given {value:g}, allowed more than {bound:g}{suffix}"

@@ -69,7 +69,7 @@ class BrushMotion:
         """
         limit, wheels = self._limit, self._steering
         given = -limit if acceleration < -limit else limit if acceleration > limit else acceleration
-        near_limit = wheels.steps(span, command - state[3], state[4])
+        near_limit = wheels.substeps(span, command - state[3], state[4])
         needed = math.ceil(span * fastest / STEP_PER_RATE)
         count = substeps or (near_limit if near_limit > needed else needed)
         h = span / count
@@ -82,7 +82,7 @@ class BrushMotion:
             place, state = _step(place, state, command, drive, h, tyres, actuation)
             speed, lateral, yaw_rate, steering, rate = state
             if abs(steering) > wheels.limit or abs(rate) > wheels.rate_limit:
-                steering, rate = wheels.stopped(steering, rate)
+                steering, rate = wheels.clamped(steering, rate)
                 state = (speed, lateral, yaw_rate, steering, rate)
             if speed <= 0.0:  # nothing rolls backwards, and brakes that hold need no friction
                 state = (0.0, lateral, yaw_rate, steering, rate)

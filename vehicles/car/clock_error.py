@@ -1,4 +1,4 @@
-"""A vehicle's own clock, with an offset at the start and a drift."""
+"""A vehicle's own clock, with an initial offset and a drift."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,10 +11,10 @@ MILLION: Final = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class VehicleClock:
-    """Reads true + offset + drift · t (not in the paper, whose vehicles share one time).
+    """A clock that reads true time + offset + drift · t (the paper's vehicles share one time).
 
-    `offset` (ns) holds at the start of the run, `start_at` (ns); `drift` is in millionths. Over a
-    control period the drift is negligible, so the schedule of a vehicle is the true one.
+    `offset` (ns) applies at the start of the run, `start_at` (ns); `drift` is in parts per million.
+    Drift over a control period is negligible, so a vehicle keeps the true schedule.
     """
 
     start_at: int = 0
@@ -22,7 +22,7 @@ class VehicleClock:
     drift: float = 0.0
 
     def error(self, now: int) -> int:
-        """Error (ns, ahead positive) at the true instant `now` (ns)."""
+        """Error (ns, positive if the clock is ahead) at the true instant `now` (ns)."""
         if not self.drift:
             return self.offset
         return self.offset + round(self.drift * (now - self.start_at) / MILLION)
@@ -32,9 +32,9 @@ class VehicleClock:
         return at + self.error(at)
 
     def restamped(self, now: int, poses: Sequence[ReceivedPose]) -> Sequence[ReceivedPose]:
-        """Poses received at `now` (ns) with their stamps made earlier by the clock's error.
+        """Subtract the clock's error at `now` (ns) from the time stamps of received poses.
 
-        That has the effect of comparing their stamps with readings of this clock.
+        The age of such a pose in true time equals its age by this clock.
         """
         error = self.error(now)
         if not error:

@@ -173,7 +173,7 @@ class CarMotion:
         if span <= 0.0:
             return body
         p, tyres, wheels = self._parameters, self._tyres, self._steering
-        near_limit = wheels.steps(span, command - body.steering, body.steering_rate)
+        near_limit = wheels.substeps(span, command - body.steering, body.steering_rate)
         fastest = self.fastest_rate(max(min(body.speed, final_speed), WALKING_PACE))
         count = substeps or max(math.ceil(span * fastest / STEP_PER_RATE), near_limit)
         place = (body.east, body.north, body.yaw, body.distance)
@@ -192,7 +192,7 @@ class CarMotion:
                 actuation=(0.0, 0.0) if held else wheels.free,
             )  # fmt: skip
             if abs(state[2]) > wheels.limit or abs(state[3]) > wheels.rate_limit:
-                state = (state[0], state[1], *wheels.stopped(state[2], state[3]))
+                state = (state[0], state[1], *wheels.clamped(state[2], state[3]))
             speed, before = faster, after
         if not abs(state[0]) < FASTEST_SLIDE:
             raise OutOfModelError(f"the car spins: it is unstable at {final_speed:.1f} m/s")

@@ -1,4 +1,4 @@
-"""What the motions on both kinds of tyres share: place, and length of the steps.
+"""Integration shared by both tyre models: position, steering limits, and step length.
 
 World frame: east-north, yaw counter-clockwise from east. SI units.
 """
@@ -9,23 +9,24 @@ from typing import Final
 from vehicles.car.parameters import VehicleParameters
 
 STEP_PER_RATE: Final = 0.45
-"""Longest sub-step in units of the fastest time constant."""
+"""Longest sub-step, in units of the shortest time constant."""
 
 RATE_LIMITED_STEP: Final = 0.0025
-"""Longest sub-step (s) where the steering may reach the limit of its rate."""
+"""Longest sub-step (s) where the steering may reach its rate limit."""
 
 Vector4 = tuple[float, float, float, float]
 
 
 def integrate_position(
-    place: Vector4, speeds: Vector4, sideways: Vector4, turning: Vector4, h: float
+    place: Vector4, speeds: Vector4, lateral_speeds: Vector4, yaw_rates: Vector4, h: float
 ) -> Vector4:
-    """Move (east, north, yaw, distance) on by one step h (s), by the classical Runge–Kutta method.
+    """Integrate (east, north, yaw, distance) over h (s), by the classical Runge–Kutta method.
 
-    From the speeds along and across the body (m/s) and the yaw rate (rad/s) of its four stages.
+    The other arguments hold the values at its four stages: speeds along and across the body (m/s)
+    and yaw rate (rad/s).
     """
     east, north, yaw, distance = place
-    (v1, v2, v3, v4), (y1, y2, y3, y4), (r1, r2, r3, r4) = speeds, sideways, turning
+    (v1, v2, v3, v4), (y1, y2, y3, y4), (r1, r2, r3, r4) = speeds, lateral_speeds, yaw_rates
     cos, sin, sqrt, half = math.cos, math.sin, math.sqrt, 0.5 * h
     q2, q3, q4 = yaw + half * r1, yaw + half * r2, yaw + h * r3
     k1, k2, k3, k4 = cos(yaw), cos(q2), cos(q3), cos(q4)
@@ -52,19 +53,19 @@ def actuator(p: VehicleParameters) -> tuple[float, float]:
 
 
 class Steering:
-    """Steering of one car by eq. (4), and where it ends: what depends on its parameters is kept."""
+    """Steering of one car by eq. (4), with limits of angle and rate."""
 
     def __init__(self, p: VehicleParameters) -> None:
-        """`free` are the coefficients of eq. (4); `limit` is in rad, `rate_limit` in rad/s."""
+        """Set `free` (coefficients of eq. (4)), `limit` (rad) and `rate_limit` (rad/s)."""
         self.free = actuator(p)
         self.limit = p.steering_limit
         self.rate_limit = p.steering_rate_limit
 
-    def steps(self, span: float, off: float, rate: float) -> int:
-        """Count the sub-steps of a span (s) that the limit of the rate asks for, or 0.
+    def substeps(self, span: float, off: float, rate: float) -> int:
+        """Count the sub-steps of a span (s) in which the rate limit may be reached; 0 if it is not.
 
-        `off` is the distance (rad) from the command, at `rate` (rad/s): by eq. (4) the rate changes
-        over the span by no more than is assumed here.
+        `off` is the command minus the angle (rad), `rate` in rad/s. Uses an upper bound of the rate
+        by eq. (4).
         """
         square, damping = self.free
         fast = abs(rate)
@@ -73,7 +74,7 @@ class Steering:
         return math.ceil(span / RATE_LIMITED_STEP)
 
     def is_at_rate_limit(self, off: float, rate: float) -> bool:
-        """Whether the steering turns as fast as it can while eq. (4) asks for more still.
+        """Whether the steering is at its rate limit and eq. (4) would accelerate it further.
 
         `off` is the command minus the angle (rad), `rate` in rad/s.
         """
@@ -82,8 +83,8 @@ class Steering:
         square, damping = self.free
         return (square * off - damping * rate) * rate > 0.0
 
-    def stopped(self, angle: float, rate: float) -> tuple[float, float]:
-        """Angle (rad) and rate (rad/s) of the steering, eq. (4), within what the rack can do."""
+    def clamped(self, angle: float, rate: float) -> tuple[float, float]:
+        """Clamp angle (rad) and rate (rad/s) of eq. (4) to the limits of the steering rack."""
         if abs(angle) > self.limit:  # the rack's end stop
             return math.copysign(self.limit, angle), 0.0
         if abs(rate) > self.rate_limit:

@@ -1,7 +1,7 @@
-"""Parameters of a car (the paper's Table I), and what its load changes.
+"""Parameters of a car (the paper's Table I), and the effect of its load.
 
-SI units throughout: kg, m, s, rad, N. The single-track ("bicycle") model joins the two wheels of
-an axle into one, so a cornering stiffness is that of a whole axle.
+SI units: kg, m, s, rad, N. The single-track ("bicycle") model joins the two wheels of an axle into
+one, so a cornering stiffness is that of a whole axle.
 """
 
 import math
@@ -11,19 +11,19 @@ from typing import Annotated, Literal, NamedTuple, get_args
 from vehicles.setting import Setting
 
 TyreModel = Literal["linear", "brush"]
-"""The paper's linear tyres, or such as saturate; see `tyres`."""
+"""The paper's linear tyres, or saturating ones; see `tyres`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleParameters:
-    """A car with front steering, as the single-track model sees it (Section II, Table I).
+    """Parameters of the single-track model of a car with front steering (Section II, Table I).
 
     mass (kg) and yaw_inertia (kg m²) of the whole car; cornering stiffnesses (N/rad) per axle;
     axle distances (m) from the centre of mass; steering_frequency (rad/s) and steering_damping
-    (ratio) of the second-order actuation, paper eq. (4); steering_limit (rad) at the road wheels;
-    length and width (m) of the body, for gaps and pictures only; steering_rate_limit (rad/s) at the
-    road wheels, which may be infinite; the tyre model and the friction coefficient (ratio) between
-    tyres and road, which the linear model does without.
+    (ratio) of the second-order actuation, paper eq. (4); steering_limit (rad) and
+    steering_rate_limit (rad/s, may be infinite) at the road wheels; length and width (m) of the
+    body, for gaps and pictures only; tyre model; friction coefficient (ratio) between tyres and
+    road, unused by linear tyres.
     """
 
     mass: float
@@ -61,7 +61,7 @@ class VehicleParameters:
     def steer_gradient(self) -> float:
         """K_sg of eq. (6), delta = L/R + K_sg v²/R (s² rad/m); positive for an understeering car.
 
-        Follows from eqs. (1), (2) at rest in lateral speed and yaw rate: K_sg = m (b C_r - a C_f)
+        From eqs. (1), (2) with constant lateral speed and yaw rate: K_sg = m (b C_r - a C_f)
         / (L C_f C_r).
         """
         front, rear = self.front_cornering_stiffness, self.rear_cornering_stiffness
@@ -72,8 +72,8 @@ class VehicleParameters:
         """Lateral speed over yaw rate in steady cornering at `speed` (m/s), in metres.
 
         From eqs. (1), (2): v_y / r = b - m a v² / (L C_r). The course of the centre of mass
-        differs from the body's yaw by this times the curvature, to the left in a left turn at
-        walking pace and to the right at speed (the nominal car changes over at 26.8 m/s).
+        differs from the body's yaw by this times the curvature. In a left turn the course points
+        left of the body at low speed and right of it above 26.8 m/s (nominal car).
         """
         sag = self.mass * self.front_axle_distance * speed * speed
         return self.rear_axle_distance - sag / (self.wheelbase * self.rear_cornering_stiffness)
@@ -92,9 +92,9 @@ LINCOLN_MKZ = VehicleParameters(
     length=4.93,
     width=1.86,
 )
-"""The paper's Table I, with its linear tyres and no limit of the steering rate. The steering limit
-(8 rad at the wheel over a ratio of 14.8) and the body's size are not in the paper: they are those
-of the production car."""
+"""The paper's Table I, with linear tyres and no limit of the steering rate. The steering limit
+(8 rad at the steering wheel over a ratio of 14.8) and the size of the body are those of the
+production car; the paper does not give them."""
 
 
 class Gains(NamedTuple):
@@ -111,16 +111,18 @@ NOMINAL_GAINS = Gains(0.06, 0.96, 0.08)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loading:
-    """Passengers besides the driver, each with luggage in the boot (paper, Section V-B).
+    """Passengers in addition to the driver, each with luggage in the boot (paper, Section V-B).
 
-    Masses in kg per passenger; luggage_offset is the paper's c, from the rear axle back (m).
+    Masses in kg per passenger; luggage_offset (m) is the paper's c, behind the rear axle.
     """
 
-    front_passengers: Annotated[int, Setting("besides the driver", "", 0, 8)] = 0
+    front_passengers: Annotated[int, Setting("in addition to the driver", "", 0, 8)] = 0
     rear_passengers: Annotated[int, Setting("", "", 0, 60)] = 0
-    passenger_mass: Annotated[float, Setting("of each passenger", "kg", 0, 500)] = 70.0
-    luggage_mass: Annotated[float, Setting("of each passenger, in the boot", "kg", 0, 1000)] = 50.0
-    luggage_offset: Annotated[float, Setting("of the boot behind the rear axle", "m", 0, 10)] = 0.5
+    passenger_mass: Annotated[float, Setting("per passenger", "kg", 0, 500)] = 70.0
+    luggage_mass: Annotated[float, Setting("per passenger, in the boot", "kg", 0, 1000)] = 50.0
+    luggage_offset: Annotated[
+        float, Setting("distance of the boot behind the rear axle", "m", 0, 10)
+    ] = 0.5
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -130,10 +132,10 @@ class Loading:
 
 
 def loaded(parameters: VehicleParameters, loading: Loading) -> VehicleParameters:
-    """Load the car: its mass and yaw inertia grow (I_update of Section V-B).
+    """Add a load to mass and yaw inertia (I_update of Section V-B).
 
-    I = I_nominal + m_p n_f a² + m_p n_r b² + m_l (n_f + n_r) (b + c)². Like the paper this leaves
-    the centre of mass, and so a and b, where they are.
+    I = I_nominal + m_p n_f a² + m_p n_r b² + m_l (n_f + n_r) (b + c)². As in the paper, the centre
+    of mass, and so a and b, do not move.
     """
     passengers = loading.front_passengers + loading.rear_passengers
     boot = parameters.rear_axle_distance + loading.luggage_offset
@@ -148,7 +150,7 @@ def loaded(parameters: VehicleParameters, loading: Loading) -> VehicleParameters
 
 
 def all_loadings(front: int = 1, rear: int = 3) -> tuple[Loading, ...]:
-    """List the cases of Section V-B: up to `front` and `rear` passengers, driver not counted."""
+    """List the cases of Section V-B: up to `front` and `rear` passengers, without the driver."""
     return tuple(
         Loading(front_passengers=in_front, rear_passengers=behind)
         for in_front in range(front + 1)
@@ -157,10 +159,10 @@ def all_loadings(front: int = 1, rear: int = 3) -> tuple[Loading, ...]:
 
 
 def loaded_with_moved_centre(parameters: VehicleParameters, loading: Loading) -> VehicleParameters:
-    """Like `loaded`, but the centre of mass moves with the load, as it does in a real car.
+    """Like `loaded`, but the centre of mass moves with the load, unlike in Section V-B.
 
-    Section V-B keeps a and b. Same masses at the same places (front axle, rear axle, c behind it);
-    axle distances from the new centre, yaw inertia about it (Steiner's theorem). Tyres unchanged.
+    The masses are at the same positions (front axle, rear axle, c behind it). Axle distances are
+    from the new centre, the yaw inertia is about it (Steiner's theorem). Tyres are unchanged.
     """
     fixed = loaded(parameters, loading)
     passengers = loading.front_passengers + loading.rear_passengers

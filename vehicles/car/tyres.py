@@ -1,15 +1,15 @@
 """Tyres: slip angles, lateral forces, and the share of friction in use.
 
-Two models per axle. The paper's (Section II): force in proportion to the slip angle, without limit.
-And the brush model of Fiala (E. Fiala, "Seitenkräfte am rollenden Luftreifen", VDI-Zeitschrift 96,
-1954; H. B. Pacejka, "Tyre and Vehicle Dynamics", 3.2), which is the same for small slip and is
-limited to friction times load. With longitudinal force the limit is the friction circle (R. Y.
-Hindiyeh, J. C. Gerdes, "A controller framework for autonomous drifting", ASME Journal of Dynamic
-Systems, Measurement, and Control 136(5), 2014).
+There are two models of an axle. In the paper's (Section II) the force is proportional to the slip
+angle, without limit. In the brush model it is the same for small slip, and limited to friction
+times load (E. Fiala, "Seitenkräfte am rollenden Luftreifen", VDI-Zeitschrift 96, 1954; H. B.
+Pacejka, "Tyre and Vehicle Dynamics", 3.2). With longitudinal force the limit is the friction circle
+(R. Y. Hindiyeh, J. C. Gerdes, "A controller framework for autonomous drifting", ASME Journal of
+Dynamic Systems, Measurement, and Control 136(5), 2014).
 
-Axle loads are those of the standing car: no load is transferred by braking or cornering. The forces
-of drive and brakes are distributed like the load, so that both axles have the same share of
-friction left for cornering. SI units; left is positive.
+Axle loads are those of the standing car: braking and cornering transfer no load. Drive and brake
+forces are distributed like the load, so both axles have the same share of friction left for
+cornering. SI units; left is positive.
 """
 
 import math
@@ -21,14 +21,14 @@ GRAVITY: Final = 9.80665
 """Standard gravity (m/s²)."""
 
 WALKING_PACE: Final = 2.0
-"""Least speed (m/s) by which slip speeds are divided."""
+"""Lower bound (m/s) of the speed that divides slip speeds."""
 
 NONLINEAR_SLIP = 0.5 * (3.0 - math.sqrt(6.6))
-"""End of the linear range: slip, as a share of that of full sliding, at which the force of a brush
-is a fifth less than C s. The root of 1 - x + x²/3 = 0.8, at 52 % of the friction."""
+"""End of the linear range: slip, as a share of that of full sliding, at which the force of the
+brush model is 20 % below C s. The root of 1 - x + x²/3 = 0.8, at 52 % of the friction."""
 
 SLIDING_SHARE: Final = 0.99
-"""Share of the friction from which on an axle counts as sliding."""
+"""Share of friction in use above which an axle counts as sliding."""
 
 
 class LateralState(Protocol):
@@ -48,8 +48,8 @@ class TyreUse(NamedTuple):
     """State of the tyres of the single-track model (Section II) at an instant.
 
     Lateral acceleration (m/s²) across the body; slip angles of the axles (rad), as in eqs. (1),
-    (2): negative in a left turn; share of the friction that the busier axle uses (ratio), which
-    only linear tyres carry beyond 1.
+    (2): negative in a left turn; share of friction in use at the more heavily used axle (ratio),
+    above 1 only with linear tyres.
     """
 
     lateral_acceleration: float
@@ -79,10 +79,10 @@ def axle_loads(p: VehicleParameters) -> tuple[float, float]:
 
 
 def brush_force(slip: float, stiffness: float, capacity: float) -> float:
-    """Lateral force (N) of an axle of brushes at a slip angle (rad): Fiala, 1954.
+    """Lateral force (N) of an axle at a slip angle (rad), by the brush model: Fiala, 1954.
 
-    F = -C s (1 - x + x²/3) with x = C |s| / (3 capacity), and -capacity sgn(s) from x = 1 on;
-    `stiffness` C in N/rad, `capacity` in N, the force at which it slides.
+    F = -C s (1 - x + x²/3) with x = C |s| / (3 capacity), and -capacity sgn(s) for x >= 1;
+    `stiffness` C in N/rad, `capacity` in N, the force of full sliding.
     """
     share = stiffness * abs(slip)
     if share >= 3.0 * capacity:
@@ -92,7 +92,7 @@ def brush_force(slip: float, stiffness: float, capacity: float) -> float:
 
 
 def lateral_share(acceleration: float, friction: float) -> float:
-    """Share of friction left across the car at a longitudinal acceleration (m/s²).
+    """Share of friction left for lateral force at a longitudinal acceleration (m/s²).
 
     Friction circle, Hindiyeh and Gerdes, 2014.
     """
@@ -102,10 +102,10 @@ def lateral_share(acceleration: float, friction: float) -> float:
 
 
 def slip_angles(state: LateralState, p: VehicleParameters) -> tuple[float, float]:
-    """Slip angles (rad) of front and rear axle, as in eqs. (1), (2), at least at WALKING_PACE."""
+    """Slip angles (rad) of both axles, eqs. (1), (2); the divisor is at least WALKING_PACE."""
     speed, lateral_speed, yaw_rate = state.speed, state.lateral_speed, state.yaw_rate
     rolling = WALKING_PACE if speed < WALKING_PACE else speed
-    # The wheels point at the steering angle, along which the car's own speed is no slip.
+    # Speed along the steered wheels is not slip.
     swing = p.front_axle_distance * yaw_rate - speed * state.steering
     behind = lateral_speed - p.rear_axle_distance * yaw_rate
     return (lateral_speed + swing) / rolling, behind / rolling
@@ -119,8 +119,8 @@ def tyre_use(
 ) -> TyreUse:
     """Tyre use in a state of eqs. (1), (2), at a commanded acceleration (m/s²).
 
-    By the tyre model of `p`. A standing car is held without friction. `loads` (N) of its axles may
-    be computed before.
+    Uses the tyre model of `p`. A standing car uses no friction for braking. `loads` (N) of the
+    axles may be passed in if they are known.
     """
     front_slip, rear_slip = slip_angles(state, p)
     along = acceleration if state.speed > 0.0 or acceleration > 0.0 else 0.0
@@ -145,9 +145,9 @@ def tyre_use(
 
 
 def rolling_use(state: LateralState, p: VehicleParameters) -> TyreUse:
-    """Tyre use of a car that rolls without slip: v_x dθ/dt of eq. (1), and the friction for it.
+    """Tyre use of a car that rolls without slip, for recorded motion, which has no simulated tyres.
 
-    For recorded motion, which has no simulated tyres.
+    Lateral acceleration v_x dθ/dt of eq. (1), and the share of friction that it needs.
     """
     across = state.speed * state.yaw_rate
     return TyreUse(across, 0.0, 0.0, abs(across) / (p.friction * GRAVITY))
@@ -156,7 +156,7 @@ def rolling_use(state: LateralState, p: VehicleParameters) -> TyreUse:
 def linear_range(p: VehicleParameters) -> tuple[float, float]:
     """Slip angles (rad) of front and rear axle up to which eqs. (1), (2) hold on a real road.
 
-    There the force of a brush (Fiala, 1954) with the friction of `p` is a fifth less than that of
+    At these angles the brush model (Fiala, 1954) with the friction of `p` has 20 % less force than
     the linear tyre, without longitudinal force.
     """
     front, rear = axle_loads(p)

@@ -465,7 +465,7 @@ def test_nobody_who_stays_behind_keeps_the_whole_path_known(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("vehicles.geometry.driven_path.FORGET_EVERY", 50)
-    monkeypatch.setattr("vehicles.geometry.driven_path.MOST_CHORDS", 200)
+    monkeypatch.setattr("vehicles.geometry.driven_path.MAX_CHORDS", 200)
     path = path_from_segments([Segment(1000.0, 0.0)])
     lead = driven(path, every(1.0, 0.0, 1000.0))
     follower = driven(path, every(1.0, 0.0, 1000.0), lambda _: 0.3, "v2")
