@@ -20,9 +20,9 @@ OK, LATE, SILENT = "ok", "late", "silent"
 LOSSES = tuple(f"{tenth}0 % lost" for tenth in range(1, 11))
 """States of a link over half a second by the share lost: to the nearest tenth, 100 % only if all
 messages were lost."""
-CALM, WAITING, HALTED = (0x2E, 0x4A, 0x44), (0x3F, 0x44, 0x7E), (0x4F, 0x25, 0x66)
-LEAST_LOSS, ALL_LOST = (0x5C, 0x4A, 0x36), (0xB0, 0x10, 0x3C)
-DOUBTFUL, ALONE = (0x8A, 0x5A, 0x10), (0x2A, 0x4C, 0x66)
+STATE_GREEN, STATE_BLUE, STATE_PURPLE = (0x2E, 0x4A, 0x44), (0x3F, 0x44, 0x7E), (0x4F, 0x25, 0x66)
+STATE_BROWN, STATE_RED = (0x5C, 0x4A, 0x36), (0xB0, 0x10, 0x3C)
+STATE_AMBER, STATE_TEAL = (0x8A, 0x5A, 0x10), (0x2A, 0x4C, 0x66)
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class Series:
     the values of series without a field and of topics that the bus does not carry. `name`
     distinguishes the series of a vehicle; `label`, `colour` and `width` are those of its curve, by
     default the vehicle's. A state becomes "<state>, <flag>" while the Boolean field `flag` is true.
-    `of_first` is False for series that the first follower has not, as its predecessor is the lead.
+    `first_follower` is False for series that the first follower lacks: its predecessor is the lead.
     """
 
     topic: str = ""
@@ -43,7 +43,7 @@ class Series:
     colour: Colour | None = None
     width: float = 1.5
     flag: str = ""
-    of_first: bool = True
+    first_follower: bool = True
 
     def label_of(self, vehicle: str) -> str:
         """Label of the series of `vehicle` in a legend."""
@@ -89,7 +89,7 @@ class Panel:
         title = self.title.format(vehicle=vehicle)
         return f"{title} ({self.unit})" if self.unit else title
 
-    def suits(self, vehicles: Sequence[str]) -> bool:
+    def applies_to(self, vehicles: Sequence[str]) -> bool:
         """Whether there is something to show of a convoy."""
         return self.kind != "plot_of_one" or len(vehicles) > 1
 
@@ -117,19 +117,19 @@ def _loss_colour(share: float) -> Colour:
     """Shade a share lost from brown to crimson."""
     red, green, blue = (
         round(least + share * (most - least))
-        for least, most in zip(LEAST_LOSS, ALL_LOST, strict=True)
+        for least, most in zip(STATE_BROWN, STATE_RED, strict=True)
     )
     return red, green, blue
 
 
 _MODES = {
     "path": (0x4A, 0x4A, 0x4A),
-    "composite": CALM,
-    "lead": ALONE,
-    "predecessor": LEAST_LOSS,
-    "coast": DOUBTFUL,
-    "stop": ALL_LOST,
-    "straight": HALTED,
+    "composite": STATE_GREEN,
+    "lead": STATE_TEAL,
+    "predecessor": STATE_BROWN,
+    "coast": STATE_AMBER,
+    "stop": STATE_RED,
+    "straight": STATE_PURPLE,
 }
 
 # Colours of states are dark, and so differ from the colours of the cars.
@@ -197,15 +197,15 @@ ROWS = (
             kind="states",
             series=(
                 Series("tracking", "lead_status", name="lead"),
-                Series("tracking", "predecessor_status", name="predecessor", of_first=False),
+                Series("tracking", "predecessor_status", name="predecessor", first_follower=False),
             ),
             states={
-                "unheard": HALTED,
-                "fresh": CALM,
-                "late": WAITING,
-                "probation": ALONE,
-                "distrusted": DOUBTFUL,
-                "lost": ALL_LOST,
+                "unheard": STATE_PURPLE,
+                "fresh": STATE_GREEN,
+                "late": STATE_BLUE,
+                "probation": STATE_TEAL,
+                "distrusted": STATE_AMBER,
+                "lost": STATE_RED,
             },
         ),
     )),
@@ -239,10 +239,10 @@ ROWS = (
             name="links", title="Links, each half second",
             kind="states",
             states={
-                OK: CALM,
-                LATE: WAITING,
+                OK: STATE_GREEN,
+                LATE: STATE_BLUE,
                 **{state: _loss_colour(k / 9.0) for k, state in enumerate(LOSSES)},
-                SILENT: HALTED,
+                SILENT: STATE_PURPLE,
             },
         ),
         Panel(
@@ -251,7 +251,7 @@ ROWS = (
         ),
         Panel(
             name="messages", title="Messages (zoom in)",
-            kind="states", states={OK: CALM, LATE: WAITING, "lost": ALL_LOST},
+            kind="states", states={OK: STATE_GREEN, LATE: STATE_BLUE, "lost": STATE_RED},
         ),
     )),
 )

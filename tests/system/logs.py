@@ -12,7 +12,7 @@ from typing import Any
 from mcap.reader import make_reader
 
 from transport.log.reader import LogReader
-from transport.picture.viewer_process import program, quiet_environment
+from transport.picture.viewer_process import quiet_environment, viewer_binary
 from vehicles.messages import (
     CompositeTrajectory,
     GpsPose,
@@ -162,7 +162,7 @@ def assert_sound(log: Path) -> None:
     assert summary.statistics is not None
     assert count == summary.statistics.message_count > 0
     checked = subprocess.run(
-        [str(program()), "mcap", "check", "--full", str(log)],
+        [str(viewer_binary()), "mcap", "check", "--full", str(log)],
         env=quiet_environment(),
         capture_output=True,
         text=True,

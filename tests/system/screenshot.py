@@ -48,7 +48,7 @@ def headless_viewer(
     flags = ["--headless", "--bind", "127.0.0.1", "--port", str(port), "--window-size", size]
     sources = [source] if layout is None else [source, "-"]
     viewer = subprocess.Popen(
-        [str(viewer_process.program()), *flags, *sources],
+        [str(viewer_process.viewer_binary()), *flags, *sources],
         env=viewer_process.quiet_environment(),
         stdin=subprocess.DEVNULL if layout is None else layout.open("rb"),
         stdout=subprocess.DEVNULL,

@@ -27,4 +27,4 @@ def test_layouts_of_a_plain_log_show_one_follower_where_each_has_its_own_plot() 
     convoy = ["v1", "v2", "v3", "v4"]
     assert dict(PANELS["closing"].followers(convoy)) == {2: "v3"}
     assert dict(PANELS["true_gap"].followers(convoy)) == {1: "v2", 2: "v3", 3: "v4"}
-    assert not PANELS["closing"].suits(["v1"])
+    assert not PANELS["closing"].applies_to(["v1"])

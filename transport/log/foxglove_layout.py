@@ -12,7 +12,7 @@ KINDS = {"plot": "Plot", "states": "StateTransitions", "plot_of_one": "Plot"}
 
 def foxglove_layout(vehicles: Sequence[str]) -> str:
     """Layout for the log of a run of `vehicles`, lead first, to be imported in Foxglove."""
-    panels = [panel for panel in PANELS.values() if panel.foxglove and panel.suits(vehicles)]
+    panels = [panel for panel in PANELS.values() if panel.foxglove and panel.applies_to(vehicles)]
     panels.sort(key=lambda panel: list(KINDS).index(panel.kind))
     shown = {f"{KINDS[panel.kind]}!{panel.name}": _panel(panel, vehicles) for panel in panels}
     left = {"first": "3D!scene", "second": "RosOut!text", "direction": "column"}

@@ -1,14 +1,14 @@
 """The picture of a run in Rerun, live or from its log.
 
-option           the value of `--rerun`: the destination of the picture
-view             opens and closes the picture there
-picture          turns messages into entities of the recording
-shapes           cars, road, name tags
-detail           level of detail of a long convoy
-curves           curves and states over time, by the table of panels
-marks            marks of events in plans and plots
-link_states      states of each link over half seconds
-blueprint        layout and colours
-log_layout       layout for a log that Rerun opens without this project
-viewer_process   Rerun's own programs as processes
+option            the value of `--rerun`: the destination of the picture
+view              opens and closes the picture there
+recording_writer  turns messages into entities of the recording
+shapes            cars, road, name tags
+detail            level of detail of a long convoy
+curves            curves and states over time, by the table of panels
+marks             marks of events in plans and plots
+link_states       states of each link over half seconds
+blueprint         layout and colours
+log_layout        layout for a log that Rerun opens without this project
+viewer_process    Rerun's own programs as processes
 """

@@ -35,13 +35,13 @@ Road = tuple[Sequence[float], Sequence[float]]
 TIMELINE = "run_time"
 """Time since the start of the run; the timeline `time` has Unix time."""
 
-EDGE_M = 4.0
+MARGIN_M = 4.0
 """Margin of the view that moves along, about the centre of a car."""
-LEGEND_HOLDS = 4
+MAX_LEGEND = 4
 """A legend of more vehicles would hide the curves; the name tags have the same colours."""
 ROAD = (0x6A, 0x6A, 0x6A)
 
-EDGE = (0x45, 0x45, 0x45)
+LANE_EDGE = (0x45, 0x45, 0x45)
 WORST = (0x00, 0xE5, 0xFF)
 
 EVENTS: dict[str, tuple[Colour, Shape, float]] = {
@@ -57,7 +57,7 @@ EVENTS: dict[str, tuple[Colour, Shape, float]] = {
 worst comes last and so above the others."""
 MARKS = {"change": ((0xFF, 0xFF, 0xFF), "Circle", 5.0), **EVENTS}
 """The same of all marks: changes to the convoy, and events."""
-LEAST_RANGE_M = 40.0
+MIN_RANGE_M = 40.0
 
 
 def blueprint(vehicles: Sequence[str], *, gap_m: float, road: Road | None) -> rrb.Blueprint:
@@ -100,10 +100,12 @@ class Reach(NamedTuple):
         aside = 8.0 if flat else min(max(8.0, 0.5 * (ahead + behind)), 25.0)
         return cls(behind + 8.0, ahead + 25.0, aside)
 
-    def need(self, ahead: float, left: float) -> float:
+    def zoom_for(self, ahead: float, left: float) -> float:
         """Factor by which it has to grow to show a place (m), at least 1."""
-        along = ahead / (self.ahead - EDGE_M) if ahead > 0.0 else -ahead / (self.behind - EDGE_M)
-        return max(along, abs(left) / (self.aside - EDGE_M), 1.0)
+        along = (
+            ahead / (self.ahead - MARGIN_M) if ahead > 0.0 else -ahead / (self.behind - MARGIN_M)
+        )
+        return max(along, abs(left) / (self.aside - MARGIN_M), 1.0)
 
 
 def _convoy_view(vehicles: Sequence[str], reach: Reach) -> rrb.Spatial2DView:
@@ -201,12 +203,12 @@ def _tabs(row: Row, vehicles: Sequence[str], detail: Detail, gap_m: float) -> rr
     for panel in row.panels:
         match panel.kind:
             case "plot":
-                tabs.append(_plot(panel, legend=len(vehicles) <= LEGEND_HOLDS))
+                tabs.append(_plot(panel, legend=len(vehicles) <= MAX_LEGEND))
             case "states":
                 tabs.append(_states(panel, lead=vehicles[0]))
             case "plot_of_one":
                 active = len(tabs) + middle(len(detail.names)) - 1
-                most = max(panel.range_gaps * (detail.shown - 1) * gap_m, LEAST_RANGE_M)
+                most = max(panel.range_gaps * (detail.shown - 1) * gap_m, MIN_RANGE_M)
                 tabs += [_plot_of_one(panel, name, most) for name in detail.names[1:]]
     return rrb.Tabs(*tabs, active_tab=active) if tabs else None
 

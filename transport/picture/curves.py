@@ -118,7 +118,7 @@ class PanelSeries:
             if panel.period_ns and not self._is_due(panel, vehicle, at):
                 continue
             for series in panel.series:
-                if series.of_first or place > 1:
+                if series.first_follower or place > 1:
                     self._add(panel, series, message, at)
 
     def _is_due(self, panel: Panel, vehicle: str, at: int) -> bool:

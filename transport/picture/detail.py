@@ -5,7 +5,7 @@ More curves cannot be distinguished, and drawing all of them takes longer than t
 
 from collections.abc import Sequence
 
-MOST_WHOLE = 10
+MAX_ALL_DETAILED = 10
 """Largest convoy of which all vehicles are drawn in detail."""
 DETAILED = 8
 """Number of vehicles of a longer one that are drawn in detail."""
@@ -22,13 +22,13 @@ class Detail:
 
     def __init__(self, vehicles: Sequence[str]) -> None:
         last = len(vehicles) - 1
-        self.is_all = len(vehicles) <= MOST_WHOLE
+        self.is_all = len(vehicles) <= MAX_ALL_DETAILED
         places = [round(k * last / (DETAILED - 1)) for k in range(DETAILED)]
         self.names = tuple(vehicles) if self.is_all else tuple(vehicles[one] for one in places)
         self.followed = self.names[len(self.names) // 2]
         self._vehicles = tuple(vehicles)
         self._named = frozenset(self.names)
-        self._stretch = 1.0 if self.is_all else len(vehicles) / DETAILED
+        self._period_factor = 1.0 if self.is_all else len(vehicles) / DETAILED
 
     def __contains__(self, vehicle: str) -> bool:
         return self.is_all or vehicle in self._named
@@ -44,4 +44,4 @@ class Detail:
 
     def period(self, period_ns: int) -> int:
         """Time (ns) between two drawings of a vehicle; longer in a long convoy."""
-        return round(period_ns * self._stretch)
+        return round(period_ns * self._period_factor)

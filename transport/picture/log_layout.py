@@ -34,7 +34,7 @@ TIMELINE = "message_publish_time"
 HEIGHT_M = 1.5
 EYE_M = (-25.0, -12.0, 22.0)
 """Position of the camera relative to the convoy."""
-LEAST_REACH_M = 40.0
+MIN_REACH_M = 40.0
 
 
 def save_log_layout(
@@ -73,7 +73,7 @@ def _scene(cars: Mapping[str, tuple[float, float, float]], gap_m: float) -> rrb.
     for place, (name, (length, width, forward)) in enumerate(cars.items()):
         colour = colour_of(place)
         # The viewer keeps the distance that shows the whole entity that it tracks.
-        reach = max(LEAST_REACH_M, 0.5 * gap_m * len(cars))
+        reach = max(MIN_REACH_M, 0.5 * gap_m * len(cars))
         room = [[-reach, 0.0, 0.0], [reach, 0.0, 0.0]] if name == tracked else []
         body = rr.Boxes3D(
             centers=[[forward, 0.0, 0.5 * HEIGHT_M], *room],
@@ -105,7 +105,7 @@ def _dots(colour: Colour, half_size: tuple[float, float, float]) -> list[Any]:
 
 
 def _rows(names: Sequence[str]) -> Iterator[rrb.View | rrb.Tabs]:
-    panels = [panel for panel in PANELS.values() if panel.plain_row and panel.suits(names)]
+    panels = [panel for panel in PANELS.values() if panel.plain_row and panel.applies_to(names)]
     for _, row in groupby(sorted(panels, key=_plain_row), _plain_row):
         tabs = [_plot(panel, names) for panel in row]
         yield tabs[0] if len(tabs) == 1 else rrb.Tabs(*tabs)

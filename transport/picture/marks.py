@@ -21,11 +21,11 @@ class Mark:
     at_ns: int
     place: tuple[float, float]
     vehicles: tuple[str, ...]
-    words: str = ""
+    text: str = ""
 
     @property
     def label(self) -> str:
-        what = self.words or self.kind.replace("_", " ")
+        what = self.text or self.kind.replace("_", " ")
         return f"{what} {' '.join(reversed(self.vehicles))}"
 
     @property

@@ -8,7 +8,7 @@ import numpy as np
 import rerun as rr
 
 from transport.colours import Colour
-from transport.picture.blueprint import EDGE, ROAD, WORST
+from transport.picture.blueprint import LANE_EDGE, ROAD, WORST
 from vehicles.geometry.lanes import lane_edges as beside
 
 MARK_SPACING_M = 50.0
@@ -100,7 +100,7 @@ def lane_edges(east: Sequence[float], north: Sequence[float], width: float) -> r
     """Draw both edges of a lane of `width` (m) along a path (m)."""
     return rr.LineStrips2D(
         beside(np.column_stack([east, north]), width),
-        colors=[EDGE],
+        colors=[LANE_EDGE],
         radii=rr.Radius.ui_points(0.7),
         draw_order=0,
     )

@@ -35,8 +35,8 @@ class RerunView(Closing):
     `vehicles` are in order, the lead first; `gap_m` is their usual distance; `cars` are their
     lengths and widths (m), and the distances of their middles ahead of their poses; `path` is the
     lead's, as east and north in metres; `lane_m` is the width of its lane; `title` is the name of
-    the recording. Raises ViewerError if the picture cannot be shown. `where` is the destination
-    for the user; `drawn` is False without one.
+    the recording. Raises ViewerError if the picture cannot be shown. `destination` describes it
+    for the user; `enabled` is False without one.
     """
 
     def __init__(
@@ -51,16 +51,16 @@ class RerunView(Closing):
         lane_m: float | None = None,
         title: str = "",
     ) -> None:
-        self.where = ""
-        self.drawn = option.sink != "off"
+        self.destination = ""
+        self.enabled = option.sink != "off"
         self._page: Any = None
         self._recording: Any = None
-        self._picture: Any = None
+        self._writer: Any = None
         if option.sink == "off":
             return
         import rerun as rr  # noqa: PLC0415 - see above
 
-        from transport.picture.picture import Picture  # noqa: PLC0415
+        from transport.picture.recording_writer import RecordingWriter  # noqa: PLC0415
         from transport.picture.shapes import CarShape  # noqa: PLC0415
 
         self._recording = rr.RecordingStream(
@@ -71,7 +71,7 @@ class RerunView(Closing):
         self._open(rr, option)
         if title:
             self._recording.send_recording_name(title)
-        self._picture = Picture(
+        self._writer = RecordingWriter(
             self._recording,
             vehicles,
             gap_m=gap_m,
@@ -80,51 +80,51 @@ class RerunView(Closing):
             lane_m=lane_m,
         )
 
-    def details(self, vehicle: str) -> bool:
+    def has_curves(self, vehicle: str) -> bool:
         """Whether all curves of a vehicle are drawn, and not only its place."""
-        return self._picture is not None and vehicle in self._picture.detail
+        return self._writer is not None and vehicle in self._writer.detail
 
     def draw(self, now: int, message: Message) -> None:
-        if self._picture is not None:
-            self._picture.draw(now, message)
+        if self._writer is not None:
+            self._writer.draw(now, message)
 
     def error(self, vehicle: str, at: int, error: float) -> None:
-        if self._picture is not None:
-            self._picture.error(vehicle, at, error)
+        if self._writer is not None:
+            self._writer.error(vehicle, at, error)
 
     def gap(self, vehicle: str, at: int, gap: float) -> None:
-        if self._picture is not None:
-            self._picture.gap(vehicle, at, gap)
+        if self._writer is not None:
+            self._writer.gap(vehicle, at, gap)
 
     def mark(
         self, kind: str, at: int, place: tuple[float, float], vehicles: tuple[str, ...]
     ) -> None:
         """Mark an event of a `kind` of `MARKS` at instant `at` (ns) and place (east, north, m)."""
-        if self._picture is not None:
+        if self._writer is not None:
             from transport.picture.marks import Mark  # noqa: PLC0415
 
-            self._picture.mark(Mark(kind, at, place, vehicles))
+            self._writer.mark(Mark(kind, at, place, vehicles))
 
     def _open(self, rr: Any, option: RerunOption) -> None:
         match option.sink:
             case "save":
-                self.where = option.target
+                self.destination = option.target
                 refuse_foreign_file(option)
                 self._recording.set_sinks(_save(rr, option.target))
             case "connect":
-                self.where = option.target
+                self.destination = option.target
                 self._recording.set_sinks(_connect(rr, option.target))
             case "spawn":
                 port = viewer_process.free_port(LOOPBACK, DATA_PORT)
                 viewer_process.start_native_viewer(port)
-                self.where = "Rerun's viewer"
+                self.destination = "Rerun's viewer"
                 self._recording.set_sinks(rr.GrpcSink(f"rerun+http://{LOOPBACK}:{port}/proxy"))
             case _:
                 self._serve(rr, option)
 
     def _serve(self, rr: Any, option: RerunOption) -> None:
         address = option.address
-        host = viewer_process.reachable(address)
+        host = viewer_process.local_address(address)
 
         def serve_data(port: int) -> bool:
             self._recording.set_sinks(
@@ -142,13 +142,13 @@ class RerunView(Closing):
             return self._page is not None
 
         page_port = viewer_process.listen(address, option.page_port, PAGE_PORT, serve_page)
-        self.where = f"http://{host}:{page_port}/?url={quote(data_url, safe='')}"
+        self.destination = f"http://{host}:{page_port}/?url={quote(data_url, safe='')}"
 
     def close(self) -> None:
         """Send all data and end the programs started for the picture."""
         if self._recording is not None:
             recording, self._recording = self._recording, None
-            picture, self._picture = self._picture, None
+            picture, self._writer = self._writer, None
             with suppress(RuntimeError):  # the run continues without a viewer
                 picture.finish()
                 recording.flush(timeout_sec=FLUSH_S)

@@ -19,7 +19,7 @@ START_S = 20.0
 """Time (s) after which a program that does not listen has failed."""
 STOP_S = 2.0
 POLL_S = 0.05
-TRIES = 5
+PORT_TRIES = 5
 """Number of free ports that are tried, in case other programs take them meanwhile."""
 LAYOUT_NICENESS = 10
 _END_WITH_PARENT = """
@@ -40,7 +40,7 @@ class ViewerError(Exception):
     """A viewer that cannot be shown, in one line: the reason and an alternative."""
 
 
-def program() -> Path:
+def viewer_binary() -> Path:
     """Path of Rerun's binary; the `rerun` command is a wrapper whose child outlives it."""
     found = importlib.util.find_spec("rerun_cli")
     for folder in (found.submodule_search_locations or []) if found else []:
@@ -57,7 +57,7 @@ def start_web_page(*, address: str, port: int, data_url: str) -> "subprocess.Pop
     None if another program listens on the port.
     """
     flags = ["--serve-web", "--bind", address, "--web-viewer-port", str(port), data_url]
-    page = _start([*_ending_with_us(), str(program()), *flags])
+    page = _start([*_ends_with_parent(), str(viewer_binary()), *flags])
     if await_listening(page.pid, address, port):
         return page
     stop(page)
@@ -80,7 +80,7 @@ def start_log_layout(
     """
     arguments = {"path": str(path), "log": log, "cars": cars, "gap_m": gap_m}
     command = [sys.executable, "-m", "transport.picture.log_layout", json.dumps(arguments)]
-    return _start([*_ending_with_us(nice=LAYOUT_NICENESS), *command])
+    return _start([*_ends_with_parent(nice=LAYOUT_NICENESS), *command])
 
 
 def require_display() -> None:
@@ -98,7 +98,7 @@ def start_native_viewer(port: int) -> "subprocess.Popen[bytes]":
     """Open the native viewer, which receives data on `port` of 127.0.0.1 and outlives this one."""
     require_display()
     flags = ["--port", str(port), "--bind", "127.0.0.1", "--expect-data-soon"]
-    viewer = _start([str(program()), *flags])
+    viewer = _start([str(viewer_binary()), *flags])
     if await_listening(viewer.pid, "127.0.0.1", port):
         return viewer
     stop(viewer)
@@ -130,7 +130,7 @@ def listen(address: str, given: int, usual: int, serve: Callable[[int], bool]) -
     `serve` returns whether it does: another program can take a free port meanwhile, so others are
     tried. Returns the port; raises ViewerError without one.
     """
-    for _ in range(1 if given else TRIES):
+    for _ in range(1 if given else PORT_TRIES):
         try:
             port = _bound(address, given) if given else free_port(address, usual)
         except OSError as error:
@@ -154,7 +154,7 @@ def quiet_environment() -> dict[str, str]:
     return {**os.environ, "CI": "1"}
 
 
-def _ending_with_us(nice: int = 0) -> list[str]:
+def _ends_with_parent(nice: int = 0) -> list[str]:
     """Prefix of a command that ends when this process does, with a nice value."""
     return [sys.executable, "-I", "-S", "-c", _END_WITH_PARENT, str(os.getpid()), str(nice)]
 
@@ -211,12 +211,12 @@ def _did_not_start(viewer: "subprocess.Popen[bytes]") -> ViewerError:
 
 def is_listening(address: str, port: int) -> bool:
     try:
-        with socket.create_connection((reachable(address), port), timeout=1.0):
+        with socket.create_connection((local_address(address), port), timeout=1.0):
             return True
     except OSError:
         return False
 
 
-def reachable(address: str) -> str:
+def local_address(address: str) -> str:
     """Address under which this machine itself reaches a server bound to `address`."""
     return "127.0.0.1" if address == "0.0.0.0" else address  # noqa: S104 - compared, not bound

@@ -11,8 +11,8 @@ from scenarios.cli.summary_tables import print_summary
 from scenarios.definition.scenario import Scenario
 from scenarios.results.files import LOG_NAME
 from scenarios.results.metrics import Metrics
-from scenarios.results.pictures.drawing import open_drawing
 from scenarios.results.pictures.layouts import rerun_layout
+from scenarios.results.pictures.run_drawing import open_drawing
 from scenarios.results.summary import RunSummary
 from scenarios.runs.observer import Observer, OnMessage
 from transport.picture.option import parse_rerun_option
@@ -34,9 +34,9 @@ def observers(
         option = parse_rerun_option(rerun)
         view = stack.enter_context(open_drawing(option, scenario, run_id, metrics))
         found: list[Observer] = [] if option.sink == "off" else [OnMessage(view.draw)]
-        if view.where and not quiet:
+        if view.destination and not quiet:
             Console(stderr=True).print(
-                f"watch it: {view.where}", soft_wrap=True, highlight=False, markup=False
+                f"watch it: {view.destination}", soft_wrap=True, highlight=False, markup=False
             )
         if not quiet:
             progress = stack.enter_context(Progress(metrics, scenario.duration_s))

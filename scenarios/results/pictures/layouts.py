@@ -7,7 +7,7 @@ from subprocess import TimeoutExpired
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.files import LOG_NAME
-from scenarios.results.pictures.drawing import widest_gap
+from scenarios.results.pictures.run_drawing import widest_gap
 from scenarios.results.stream import sizes_of
 from transport.log.foxglove_layout import foxglove_layout
 from transport.picture.viewer_process import start_log_layout

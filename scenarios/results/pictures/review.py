@@ -11,8 +11,8 @@ from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.metrics import Metrics
-from scenarios.results.pictures.drawing import RunDrawing, open_drawing
 from scenarios.results.pictures.layouts import rerun_layout
+from scenarios.results.pictures.run_drawing import RunDrawing, open_drawing
 from transport.log.reader import LogReader
 from transport.log.records import LogError
 from transport.picture.option import RerunOption
@@ -50,7 +50,7 @@ def review(
             view.draw(now, message)
             count += 1
         if option.sink == "serve":
-            wait(view.where)
+            wait(view.destination)
     return count
 
 

@@ -40,6 +40,6 @@ def rows(path: Path) -> list[Any]:
 
 
 def rerun_accepts(path: Path) -> bool:
-    check = [str(viewer_process.program()), "mcap", "check", str(path)]
+    check = [str(viewer_process.viewer_binary()), "mcap", "check", str(path)]
     done = subprocess.run(check, env={**os.environ, "CI": "1"}, capture_output=True, check=False)
     return done.returncode == 0

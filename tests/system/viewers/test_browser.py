@@ -42,7 +42,7 @@ def told(page: Browser, process: Process) -> str:
     return f"{colours=}\n{process.exit_code=}\n{process.out}\n{process.err}"
 
 
-def where(process: Process) -> str:
+def destination(process: Process) -> str:
     """Return the address that a command says, as soon as it does."""
 
     def said() -> list[str]:
@@ -60,7 +60,7 @@ def test_the_page_shows_the_convoy_live_afterwards_and_reviewed(tmp_path: Path) 
         page.open("data:text/html,nothing here yet")
         assert not shows_cars(page)
         with start("run", "long.toml", "--rerun=serve", "--out=run", folder=tmp_path) as run:
-            address = where(run)
+            address = destination(run)
             run.await_start()
             page.open(address)
             assert until(lambda: shows_cars(page), PATIENCE_S), told(page, run)
@@ -71,7 +71,7 @@ def test_the_page_shows_the_convoy_live_afterwards_and_reviewed(tmp_path: Path) 
         page.open("data:text/html,nothing here any more")
         assert until(lambda: not shows_cars(page), PATIENCE_S)
         with start("review", "run", "--rerun=serve", folder=tmp_path) as reviewing:
-            page.open(where(reviewing))
+            page.open(destination(reviewing))
             assert until(lambda: shows_cars(page), PATIENCE_S), told(page, reviewing)
             reviewing.popen.send_signal(signal.SIGINT)
             assert reviewing.wait() == 130

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tests.made.scenarios.messages import START, at, start, truth
 from tests.made.transport import drive
 from tests.made.transport.recording import columns
-from transport.picture.detail import MOST_WHOLE, Detail
+from transport.picture.detail import MAX_ALL_DETAILED, Detail
 from transport.picture.option import parse_rerun_option
 from transport.picture.view import RerunView
 
@@ -20,7 +20,7 @@ def names(count: int) -> list[str]:
     return [f"v{place}" for place in range(1, count + 1)]
 
 
-@pytest.mark.parametrize("count", range(1, MOST_WHOLE + 1))
+@pytest.mark.parametrize("count", range(1, MAX_ALL_DETAILED + 1))
 def test_of_a_short_convoy_everything_is_drawn(count: int) -> None:
     detail = Detail(names(count))
     assert list(detail.names) == names(count)
@@ -30,7 +30,7 @@ def test_of_a_short_convoy_everything_is_drawn(count: int) -> None:
     assert all(detail.shows(one, 0) for one in range(count))
 
 
-@given(st.integers(min_value=MOST_WHOLE + 1, max_value=200))
+@given(st.integers(min_value=MAX_ALL_DETAILED + 1, max_value=200))
 def test_of_a_long_one_evenly_spread_vehicles_with_first_and_last(count: int) -> None:
     vehicles = names(count)
     detail = Detail(vehicles)
@@ -57,7 +57,7 @@ def test_the_picture_of_forty_has_all_cars_and_the_curves_of_some(tmp_path: Path
                 view.draw(pose.true_at_ns, pose)
                 view.error(name, pose.true_at_ns, off)
                 view.draw(pose.true_at_ns, replace(ahead, vehicle=name))
-        assert [name for name in vehicles if view.details(name)] == list(Detail(vehicles).names)
+        assert [name for name in vehicles if view.has_curves(name)] == list(Detail(vehicles).names)
     drawn = columns(path)
     detailed = set(Detail(vehicles).names)
     for name in vehicles:

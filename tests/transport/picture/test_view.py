@@ -63,7 +63,7 @@ from transport.picture.option import parse_rerun_option
 from transport.picture.view import RerunView
 with RerunView(parse_rerun_option("off"), run_id="x", vehicles=("v1",)) as view:
     view.draw(0, None)
-assert view.where == ""
+assert view.destination == ""
 assert not {"rerun", "rerun_bindings", "pyarrow"} & set(sys.modules)
 """
     subprocess.run([sys.executable, "-c", program], check=True)
@@ -380,7 +380,7 @@ from transport.picture.view import RerunView
 view = RerunView(parse_rerun_option("serve"), run_id="x", vehicles=drive.VEHICLES)
 for now, message in drive.drive(20):
     view.draw(now, message)
-print(view.where, flush=True)
+print(view.destination, flush=True)
 time.sleep(60)
 """
 
@@ -417,8 +417,10 @@ def test_a_port_that_is_taken_after_it_was_found_free(
     monkeypatch.setattr(viewer_process, "free_port", outrun)
     with RerunView(parse_rerun_option("serve"), run_id="x", vehicles=drive.VEHICLES) as view:
         assert asked == {PAGE_PORT: 2, DATA_PORT: 2}
-        assert str(taken_port) not in view.where
-        page, data = (int(port) for port in re.findall(r"127\.0\.0\.1(?::|%3A)(\d+)", view.where))
+        assert str(taken_port) not in view.destination
+        page, data = (
+            int(port) for port in re.findall(r"127\.0\.0\.1(?::|%3A)(\d+)", view.destination)
+        )
         listening = {c.laddr.port for c in psutil.Process().net_connections("tcp") if not c.raddr}
         assert data in listening
         assert urlopen(f"http://127.0.0.1:{page}", timeout=5.0).status == 200

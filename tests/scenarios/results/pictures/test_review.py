@@ -13,8 +13,8 @@ from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.events.bodies import BodySize
 from scenarios.results.events.encounters import EventKind
 from scenarios.results.metrics import Metrics
-from scenarios.results.pictures.drawing import open_drawing, widest_gap
 from scenarios.results.pictures.review import review
+from scenarios.results.pictures.run_drawing import open_drawing, widest_gap
 from scenarios.results.summary import RunSummary
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.stop import Stop

@@ -47,14 +47,14 @@ TRAJECTORY_NS = 100 * MILLISECOND
 DRIVEN_NS = 200 * MILLISECOND
 BATCH_NS = 500 * MILLISECOND
 """Period of sending the curves, at a tenth of the cost of single values."""
-AWAY_NS = SECOND
+SILENT_NS = SECOND
 """Silence after which the view follows another vehicle."""
 SPACING_M = 1.0
-FAR_OFF_M = 0.2
+WORST_FROM_M = 0.2
 """Least error at which the vehicle furthest off the lead's path is marked."""
-USUAL_CAR = CarShape(4.93, 1.86, -0.1568)
+DEFAULT_CAR = CarShape(4.93, 1.86, -0.1568)
 """A Lincoln MKZ, for vehicles of unknown size."""
-MOST_ZOOM = 4.0
+MAX_ZOOM = 4.0
 """Largest factor by which the view that moves along grows to show a vehicle other than the lead."""
 _LEVELS = {
     "debug": "DEBUG",
@@ -66,7 +66,7 @@ _LEVELS = {
 }
 
 
-class Picture:
+class RecordingWriter:
     """Turns messages into entities of a recording, at the rates that a viewer needs.
 
     Of the cross-track error, the tracking error and the gaps every value is drawn, so that the
@@ -93,26 +93,26 @@ class Picture:
         self._places: dict[str, int] = {}
         self._timers: dict[tuple[str, str], Timer] = {}
         self._curves = Curves(recording)
-        states = States(recording, self._at)
+        states = States(recording, self._set_time)
         self._series = PanelSeries(self._curves, states, self.detail)
         self._driven: defaultdict[str, list[tuple[float, float]]] = defaultdict(list)
         self._errors: dict[str, float] = {}
-        self._where: dict[str, tuple[float, float]] = {}
+        self._positions: dict[str, tuple[float, float]] = {}
         self._yaw: dict[str, float] = {}
-        self._seen: dict[str, int] = {}
+        self._last_pose_at: dict[str, int] = {}
         self._followed = self.detail.followed
         self._batch = Timer(BATCH_NS)
         self._car_ns, self._driven_ns = map(self.detail.period, (CAR_NS, DRIVEN_NS))
         self._trajectory_ns = self.detail.period(TRAJECTORY_NS)
-        self._drawn_at: int | None = None
+        self._time_at: int | None = None
         self._worst = ""
         self._draw: dict[type[Message], Callable[[Any], None]] = {
-            TruePose: self._truth,
+            TruePose: self._true_pose,
             CompositeTrajectory: self._trajectory,
-            Tracking: self._values,
-            Command: self._values,
+            Tracking: self._draw_series,
+            Command: self._draw_series,
             LinkVerdict: self._verdict,
-            LogText: self._text,
+            LogText: self._log_line,
             Change: self._change,
         }
         recording.send_blueprint(blueprint(vehicles, gap_m=gap_m, road=path))
@@ -150,7 +150,7 @@ class Picture:
         self._curves.add("true_gap", vehicle, at, gap)
 
     def mark(self, mark: Mark) -> None:
-        self._at(mark.at_ns)
+        self._set_time(mark.at_ns)
         self._marks.draw(mark, self._yaw.get(mark.vehicles[-1], 0.0))
 
     def finish(self) -> None:
@@ -166,14 +166,14 @@ class Picture:
                 self.draw(then, early)
             self._waiting.clear()
 
-    def _truth(self, truth: TruePose) -> None:
+    def _true_pose(self, truth: TruePose) -> None:
         vehicle, at = truth.vehicle, truth.true_at_ns
-        self._seen[vehicle] = at
-        self._values(truth)
+        self._last_pose_at[vehicle] = at
+        self._draw_series(truth)
         if not self._is_due(vehicle, "car", at, self._car_ns):
             return
-        self._at(at)
-        self._where[vehicle] = (truth.east_m, truth.north_m)
+        self._set_time(at)
+        self._positions[vehicle] = (truth.east_m, truth.north_m)
         self._yaw[vehicle] = truth.yaw_rad
         here = turn_about(truth.east_m, truth.north_m, truth.yaw_rad, flip=False)
         self._recording.log(f"world/cars/{vehicle}", here)
@@ -193,14 +193,14 @@ class Picture:
         c, s = math.cos(truth.yaw_rad), math.sin(truth.yaw_rad)
         unit = 1.0
         place = self._place(truth.vehicle)
-        for name, (east, north) in self._where.items():
-            if truth.true_at_ns - self._seen[name] > AWAY_NS:
+        for name, (east, north) in self._positions.items():
+            if truth.true_at_ns - self._last_pose_at[name] > SILENT_NS:
                 continue
             if not self.detail.shows(self._place(name), place):
                 continue
             to_east, to_north = east - truth.east_m, north - truth.north_m
-            need = self._reach.need(to_east * c + to_north * s, to_north * c - to_east * s)
-            unit = max(unit, need if name == self._lead else min(need, MOST_ZOOM))
+            zoom = self._reach.zoom_for(to_east * c + to_north * s, to_north * c - to_east * s)
+            unit = max(unit, zoom if name == self._lead else min(zoom, MAX_ZOOM))
         eye = turn_about(truth.east_m, truth.north_m, truth.yaw_rad, unit=unit)
         self._recording.log("world/convoy", eye)
 
@@ -210,7 +210,7 @@ class Picture:
             return
         if not self._is_due(vehicle, "trajectory", at, self._trajectory_ns):
             return
-        self._at(at)
+        self._set_time(at)
         points = [(east, north) for east, north, _ in points_along(trajectory, SPACING_M)]
         ahead = rr.LineStrips2D.from_fields(strips=[points])
         self._recording.log(f"world/trajectory/{vehicle}", ahead)
@@ -221,7 +221,7 @@ class Picture:
         )
         self._recording.log(f"world/samples/{vehicle}", samples)
 
-    def _values(self, message: Tracking | Command | TruePose) -> None:
+    def _draw_series(self, message: Tracking | Command | TruePose) -> None:
         self._series.draw(message, self._place(message.vehicle))
 
     def _verdict(self, verdict: LinkVerdict) -> None:
@@ -231,10 +231,10 @@ class Picture:
     def _show_worst(self, now: int) -> None:
         """Ring the vehicle furthest off the lead's path, from `FAR_OFF_M` on."""
         name = max(self._errors, key=lambda one: abs(self._errors[one]), default="")
-        if not name or abs(self._errors[name]) <= FAR_OFF_M:
+        if not name or abs(self._errors[name]) <= WORST_FROM_M:
             name = ""
-        newest = max(self._seen.values(), default=now)
-        self._at(newest)
+        newest = max(self._last_pose_at.values(), default=now)
+        self._set_time(newest)
         if self._worst not in {name, ""}:
             self._ring(self._worst, "")
         if name:
@@ -251,17 +251,17 @@ class Picture:
         self._recording.log(f"world/cars/{vehicle}/worst", ring(shown=bool(label)))
         self._recording.log(f"world/cars/{vehicle}/worst/name", ring_label(label))
 
-    def _text(self, line: LogText) -> None:
-        self._at(line.logged_at_ns)
+    def _log_line(self, line: LogText) -> None:
+        self._set_time(line.logged_at_ns)
         text = rr.TextLog(f"{line.vehicle}: {line.text}", level=_LEVELS.get(line.level, "INFO"))
         self._recording.log(f"log/{line.vehicle}", text)
 
     def _change(self, change: Change) -> None:
         """Mark a change to a vehicle or its links, and log it as text."""
         vehicle, at = change.vehicle, change.effective_at_ns
-        place = self._where.get(vehicle)
+        place = self._positions.get(vehicle)
         by = " by hand" if change.by_hand else ""
-        self._at(at)
+        self._set_time(at)
         text = rr.TextLog(f"{vehicle}: change{by}: {change.table}", level="INFO")
         self._recording.log(f"log/{vehicle}", text)
         if place is not None:
@@ -277,10 +277,10 @@ class Picture:
         place = self._places.get(vehicle)
         if place is None:
             place = self._places[vehicle] = len(self._places)
-            self._introduce(vehicle, colour_of(place))
+            self._add_vehicle(vehicle, colour_of(place))
         return place
 
-    def _introduce(self, vehicle: str, colour: Colour) -> None:
+    def _add_vehicle(self, vehicle: str, colour: Colour) -> None:
         self._curves.colours[vehicle] = colour
         dot = rr.Points2D(
             [[0.0, 0.0]], colors=[colour], radii=rr.Radius.ui_points(5.0), draw_order=21
@@ -288,7 +288,7 @@ class Picture:
         is_lead = self._places[vehicle] == 0 and vehicle != "lead"
         tag = f"{vehicle} (lead)" if is_lead else vehicle
         shapes = {
-            f"cars/{vehicle}/body": car(self._cars.get(vehicle, USUAL_CAR), colour),
+            f"cars/{vehicle}/body": car(self._cars.get(vehicle, DEFAULT_CAR), colour),
             f"cars/{vehicle}/dot": dot,
             f"cars/{vehicle}/name": name_tag(tag, colour),
             f"driven/{vehicle}": line_style(colour, width=1.0, order=5),
@@ -300,8 +300,8 @@ class Picture:
 
     def _vehicle_to_follow(self, at: int) -> str:
         """Vehicle that the view follows: the middle one of those that send."""
-        if at - self._seen.get(self._followed, self._start or 0) > AWAY_NS:
-            there = [name for name, seen in self._seen.items() if at - seen <= AWAY_NS]
+        if at - self._last_pose_at.get(self._followed, self._start or 0) > SILENT_NS:
+            there = [name for name, seen in self._last_pose_at.items() if at - seen <= SILENT_NS]
             there.sort(key=self._place)
             self._followed = there[middle(len(there))]
         return self._followed
@@ -312,11 +312,11 @@ class Picture:
             timer = self._timers[vehicle, what] = Timer(period_ns)
         return timer.is_due(at)
 
-    def _at(self, at: int) -> None:
+    def _set_time(self, at: int) -> None:
         """Set the recording's time."""
-        if at == self._drawn_at:
+        if at == self._time_at:
             return
-        self._drawn_at = at
+        self._time_at = at
         since_start = np.timedelta64(at - (self._start or 0), "ns")
         self._recording.set_time(TIMELINE, duration=since_start)
         self._recording.set_time("time", timestamp=np.datetime64(at, "ns"))

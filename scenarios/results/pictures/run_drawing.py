@@ -12,8 +12,8 @@ from transport.picture.view import RerunView
 from vehicles.geometry.driven_path import CrossTrack
 from vehicles.messages import Message, TruePose
 
-USUAL_GAP_M = 15.0
-MOST_FEET = 10_000
+DEFAULT_GAP_M = 15.0
+MAX_PENDING_ERRORS = 10_000
 """True errors kept for the picture while it is behind."""
 
 
@@ -25,31 +25,31 @@ class RunDrawing(Closing):
 
     def __init__(self, view: RerunView, metrics: Metrics, *, gathered: bool) -> None:
         """Draw into `view`; `draw` gathers the `metrics` unless the recorder does."""
-        self.where = view.where
+        self.destination = view.destination
         self._view = view
         self._events = metrics.events
-        self._gathers = None if gathered else metrics
+        self._own_metrics = None if gathered else metrics
         self._marked = 0
         names = list(metrics.vehicles)
-        self._behind = dict(pairwise(names))
-        self._feet: deque[CrossTrack] = deque(maxlen=MOST_FEET)
+        self._follower_of = dict(pairwise(names))
+        self._pending_errors: deque[CrossTrack] = deque(maxlen=MAX_PENDING_ERRORS)
         self._gaps = metrics.stream.gaps
         self._stream = metrics.stream
-        if view.drawn:
-            self._stream.on_error(self._feet.append)
-        self._drawn_at = {name: 0 for name in names if view.details(name)}
+        if view.enabled:
+            self._stream.on_error(self._pending_errors.append)
+        self._drawn_at = {name: 0 for name in names if view.has_curves(name)}
 
     def draw(self, now: int, message: Message) -> None:
-        if not self._view.drawn:
+        if not self._view.enabled:
             return
-        if self._gathers:
-            self._gathers.listen(now, message)
+        if self._own_metrics:
+            self._own_metrics.listen(now, message)
         self._view.draw(now, message)
         if isinstance(message, TruePose):
-            while self._feet:
-                foot = self._feet.popleft()
+            while self._pending_errors:
+                foot = self._pending_errors.popleft()
                 self._view.error(foot.vehicle, foot.at_ns, foot.lateral)
-            for name in (message.vehicle, self._behind.get(message.vehicle, "")):
+            for name in (message.vehicle, self._follower_of.get(message.vehicle, "")):
                 if name in self._drawn_at:
                     self._draw_gap(name)
             self._draw_marks()
@@ -67,7 +67,7 @@ class RunDrawing(Closing):
 
     def close(self) -> None:
         """Draw events that are still open, and end the picture."""
-        if self._view.drawn:
+        if self._view.enabled:
             self._stream.finish()
             self._draw_marks()
         self._view.close()
@@ -101,4 +101,4 @@ def widest_gap(scenario: Scenario) -> float:
         profile = scenario.route.profile
         top = max(profile.at(float(second))[0] for second in range(int(scenario.duration_s) + 2))
         gaps.append(scenario.gap_policy.desired(top))
-    return max(gaps) or USUAL_GAP_M
+    return max(gaps) or DEFAULT_GAP_M
