@@ -69,15 +69,15 @@ def check(
 
     from scenarios.cli.channel.link_settings import print_links
     from scenarios.cli.guide.check_table import print_report
-    from scenarios.definition.check.links import asked_links
-    from scenarios.definition.check.report import report_of
+    from scenarios.definition.check.findings import report_of
+    from scenarios.definition.check.link_forecast import link_forecasts
     from scenarios.definition.scenario import load_scenario
 
     with clear_errors():
         loaded = load_scenario(scenario, overrides, seed)
         report = report_of(loaded)
         warnings = (*report.warnings, *_certificate_warnings(loaded))
-        links, deaf = asked_links(loaded) if explain else ((), ())
+        links, deaf = link_forecasts(loaded) if explain else ((), ())
         if as_json:
             figures = asdict(report) | {"warnings": warnings}
             if explain:
@@ -99,7 +99,7 @@ def _certificate_warnings(scenario: "Scenario") -> tuple[str, ...]:
         require("certificate of the gains", "studies", "scipy")
     except MissingExtraError as error:
         return (str(error),)
-    from scenarios.definition.check.steering import certificate_warnings
+    from scenarios.definition.check.steering_loop import certificate_warnings
 
     return tuple(certificate_warnings(scenario))
 

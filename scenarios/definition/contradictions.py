@@ -5,19 +5,19 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from scenarios.definition.changing.links import link_change_problems
+from scenarios.definition.changing.link_changes import link_change_problems
 from scenarios.definition.channel.rules import (
     end_problems,
     entries_about,
     requested_link,
     ties,
 )
-from scenarios.definition.links import directed_links
-from scenarios.definition.refusal import shown
+from scenarios.definition.error_messages import toml_repr
 from scenarios.definition.road.route import LONGEST, Route, longest_run, vehicle_names
-from scenarios.definition.schema.links import LinkTable
-from scenarios.definition.schema.path import SegmentTable
-from scenarios.definition.schema.tables import CONTROLLERS, OriginTable, ScenarioTables
+from scenarios.definition.schema.link_tables import LinkTable
+from scenarios.definition.schema.path_tables import SegmentTable
+from scenarios.definition.schema.scenario_tables import CONTROLLERS, OriginTable, ScenarioTables
+from scenarios.definition.topology import directed_links
 from scenarios.definition.vehicle_setup import vehicle_setup
 from transport.links.laws.law import LinkLaw
 from transport.topics import CONDUCTOR
@@ -56,9 +56,15 @@ def _names(tables: ScenarioTables) -> Iterator[Problem]:
     for index, name in enumerate(names):
         if name in names[:index]:
             first = names.index(name)
-            yield f"convoy.names[{index}]", f"given {shown(name)}, already convoy.names[{first}]"
+            yield (
+                f"convoy.names[{index}]",
+                f"given {toml_repr(name)}, already convoy.names[{first}]",
+            )
         elif name == CONDUCTOR:
-            yield f"convoy.names[{index}]", f"given {shown(name)}, which is the launcher's own name"
+            yield (
+                f"convoy.names[{index}]",
+                f"given {toml_repr(name)}, which is the launcher's own name",
+            )
     yield from _vehicles(tables, names)
 
 
@@ -96,8 +102,12 @@ def _laws(tables: ScenarioTables, names: Sequence[str]) -> Iterator[Problem]:
         merged = {"loss": asked.loss, "collisions": asked.collisions, "radio": asked.radio}
         for key, why in _problems_of(merged, _problems):
             table = key.split(".")[0]
-            giver = next((one for one in reversed(about) if table in one.model_fields_set), None)
-            index = next((place for place, one in enumerate(tables.link) if one is giver), None)
+            source_key = next(
+                (one for one in reversed(about) if table in one.model_fields_set), None
+            )
+            index = next(
+                (place for place, one in enumerate(tables.link) if one is source_key), None
+            )
             yield (f"links.{key}" if index is None else f"link[{index}].{key}"), why
 
 
@@ -222,7 +232,7 @@ def controllers(tables: ScenarioTables) -> Iterator[Problem]:
         try:
             try_out(load_controller(setup.controller, setup.assumed_parameters, setup.gains))
         except ControllerError as error:
-            allowed = ", ".join(map(shown, CONTROLLERS))
+            allowed = ", ".join(map(toml_repr, CONTROLLERS))
             refused[f"{table}.controller"] = f"{error}, allowed {allowed} or a class of your own"
     yield from refused.items()
 

@@ -1,4 +1,4 @@
-"""What is wrong with a scenario, as exceptions; `scenarios.definition.refusal` words them."""
+"""Exceptions for invalid scenarios; `error_messages` writes their lines."""
 
 from collections.abc import Iterable
 
@@ -16,13 +16,13 @@ class ScenarioError(ValueError):
         return type(self), (self.lines,)
 
 
-class Refused(ValueError):  # noqa: N818 - one problem on its way to a ScenarioError
-    """A problem that only a look at several keys shows: its key and the rest of the line."""
+class SettingError(ValueError):
+    """An invalid setting on its way to a ScenarioError: its key, and the reason."""
 
     def __init__(self, key: str, why: str) -> None:
         self.key, self.why = key, why
         super().__init__(f"{key}: {why}")
 
-    def __reduce__(self) -> tuple[type["Refused"], tuple[str, str]]:
+    def __reduce__(self) -> tuple[type["SettingError"], tuple[str, str]]:
         """Let it cross from a worker process."""
         return type(self), (self.key, self.why)

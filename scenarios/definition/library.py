@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
+from scenarios.definition.error_messages import did_you_mean, toml_repr
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.refusal import near, shown
 
 LIBRARY = Path(str(files("scenarios"))) / "library"
 TRACES = LIBRARY / "traces"
@@ -70,7 +70,7 @@ def read_file(name_or_path: str | Path) -> ScenarioFile:
 
 def read_base(extending: ScenarioFile, given: object) -> ScenarioFile:
     """Read the file that `extending` names as its base; raises ScenarioError."""
-    problem = f"{extending.label}: extends: given {shown(given)}"
+    problem = f"{extending.label}: extends: given {toml_repr(given)}"
     allowed = f"allowed a path relative to this file, or {', '.join(library())}"
     if not isinstance(given, str) or not given:
         raise ScenarioError([f"{problem}, {allowed}"])
@@ -102,4 +102,4 @@ def _text(path: Path) -> str:
 def _hint(path: Path) -> str:
     """Question that offers a file beside `path` or a shipped scenario of a similar name."""
     beside = [entry.name for entry in path.parent.glob("*.toml")] if path.parent.is_dir() else []
-    return near(path.name, beside) or near(path.stem, (*library(), *drills()))
+    return did_you_mean(path.name, beside) or did_you_mean(path.stem, (*library(), *drills()))

@@ -12,19 +12,17 @@ import tomli_w
 from pydantic import ValidationError
 
 from scenarios.definition import contradictions
-from scenarios.definition.changing.vehicle_changes import change_problems, joins_late
+from scenarios.definition.changing.vehicle_changes import joins_late, vehicle_change_problems
 from scenarios.definition.channel.expected import expected_channel
 from scenarios.definition.channel.presets import with_presets
 from scenarios.definition.channel.recorded_delays import with_recorded_delays
 from scenarios.definition.channel.recordings import with_recordings
 from scenarios.definition.channel.rules import requested_link
-from scenarios.definition.errors import Refused, ScenarioError
+from scenarios.definition.error_messages import error_lines, toml_repr
+from scenarios.definition.errors import ScenarioError, SettingError
 from scenarios.definition.extends import MergedScenario, merged
 from scenarios.definition.library import ScenarioFile, drills, library, read_file
-from scenarios.definition.limits import limit_problems
-from scenarios.definition.links import directed_links
-from scenarios.definition.refusal import refusals, shown
-from scenarios.definition.road.replayed import (
+from scenarios.definition.road.replayed_drive import (
     ReplayedDrive,
     plan_replay,
     replay_problems,
@@ -36,9 +34,11 @@ from scenarios.definition.road.route import (
     plan_route,
     vehicle_names,
 )
-from scenarios.definition.schema.links import LinkTable
-from scenarios.definition.schema.tables import ClockTable, OriginTable, ScenarioTables
-from scenarios.definition.traces.placed import with_points, with_replays
+from scenarios.definition.run_limits import limit_problems
+from scenarios.definition.schema.link_tables import LinkTable
+from scenarios.definition.schema.scenario_tables import ClockTable, OriginTable, ScenarioTables
+from scenarios.definition.topology import directed_links
+from scenarios.definition.traces.scenario_drives import with_points, with_replays
 from scenarios.definition.vehicle_setup import VehicleSetup, vehicle_setup
 from transport.links.laws.law import LinkSetting
 from vehicles.car.clock_error import VehicleClock
@@ -213,7 +213,7 @@ class Scenario:
         """All about the vehicle called `name`; raises ScenarioError if there is none."""
         if name not in self.vehicle_names:
             known = ", ".join(self.vehicle_names)
-            raise ScenarioError([f"{self.name}: no vehicle {shown(name)}, allowed {known}"])
+            raise ScenarioError([f"{self.name}: no vehicle {toml_repr(name)}, allowed {known}"])
         if name not in self._setups:
             self._setups[name] = vehicle_setup(self.tables, name)
         return self._setups[name]
@@ -327,9 +327,9 @@ def _scenario(file: ScenarioFile, overrides: Sequence[str], seed: int | None) ->
         problems = list(contradictions.on_the_road(tables, scenario.route))
         for name, drive in () if problems else scenario.replays.items():
             problems += replay_problems(tables, name, drive, scenario.duration_s)
-        problems = problems or list(change_problems(tables, scenario.duration_s))
+        problems = problems or list(vehicle_change_problems(tables, scenario.duration_s))
         problems = problems or list(limit_problems(tables, scenario.duration_s))
-    except Refused as error:
+    except SettingError as error:
         raise _refuse(given, [(error.key, error.why)]) from error
     if problems:
         raise _refuse(given, problems)
@@ -352,10 +352,10 @@ def _read(
         given.raw["overrides"] = [*(before or []), *overrides]
     try:
         tables = ScenarioTables.model_validate(with_presets(given.raw))
-    except Refused as error:
+    except SettingError as error:
         raise _refuse(given, [(error.key, error.why)]) from error
     except ValidationError as error:
-        raise _refuse(given, refusals(error)) from error
+        raise _refuse(given, error_lines(error)) from error
     problems = list(contradictions.between_keys(tables)) or list(contradictions.controllers(tables))
     if problems:
         raise _refuse(given, problems)
@@ -364,7 +364,7 @@ def _read(
         placed = with_recordings(placed, given.folder)
         placed = with_recorded_delays(placed, given.folder)
         return given, with_replays(placed, given.folder)
-    except Refused as error:
+    except SettingError as error:
         raise _refuse(given, [(error.key, error.why)]) from error
 
 

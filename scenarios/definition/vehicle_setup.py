@@ -3,15 +3,15 @@
 import math
 from dataclasses import dataclass, replace
 
-from scenarios.definition.links import senders_to
 from scenarios.definition.road.route import vehicle_names
-from scenarios.definition.schema.table import overlay
-from scenarios.definition.schema.tables import (
+from scenarios.definition.schema.base_table import overlay
+from scenarios.definition.schema.scenario_tables import (
     CONTROLLERS,
     ParametersTable,
     ScenarioTables,
     SteeringTable,
 )
+from scenarios.definition.topology import senders_to
 from vehicles.car.imu_settings import ImuSettings
 from vehicles.car.parameters import LINCOLN_MKZ, Gains, VehicleParameters, loaded
 from vehicles.car.positioning.gnss_settings import GnssSettings
@@ -72,7 +72,7 @@ class VehicleSetup:
         return self.sending.controlled_rate(self.gnss.rate, speed)
 
     @property
-    def knows_itself(self) -> bool:
+    def has_exact_state(self) -> bool:
         return self.steering.own_state == "exact"
 
     @property

@@ -6,7 +6,7 @@ from typing import Any
 
 from scenarios.definition.changing.vehicle_changes import VEHICLE_CHANGES, is_changed
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.channel.link_figures import LinkFigures
 from scenarios.results.channel.link_summary import LinkSummary
 from scenarios.results.events.bodies import BodySize

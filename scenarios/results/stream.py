@@ -9,7 +9,7 @@ from itertools import zip_longest
 from typing import get_args
 
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.schema.tables import EventsTable
+from scenarios.definition.schema.scenario_tables import EventsTable
 from scenarios.results.events.bodies import BodySize, body_of
 from scenarios.results.events.encounters import Encounters, Episode, EventKind, TrueGap
 from scenarios.results.events.lane import LaneWatch, TakeExcess

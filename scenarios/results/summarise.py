@@ -109,8 +109,8 @@ def silent_links(
         expected_s = common_s - (asked.latency_ms + asked.jitter_ms) / 1000.0
         listens = link.receiver not in replayed
         is_on = (link.sender, link.receiver) not in off
-        is_sure = asked.is_sure and not metrics.links[link.sender, link.receiver].changed
-        if listens and is_on and is_sure and not link.delivered and expected_s >= SILENT_LINK_S:
+        is_lossless = asked.is_lossless and not metrics.links[link.sender, link.receiver].changed
+        if listens and is_on and is_lossless and not link.delivered and expected_s >= SILENT_LINK_S:
             silent.append(f"{link.sender} → {link.receiver} delivered none of {link.sent} poses")
     refused = [
         f"{name} refused {figures.health.rejected_messages} messages"

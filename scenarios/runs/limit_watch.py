@@ -1,6 +1,6 @@
 """The observer that ends a run early, when a limit requires that."""
 
-from scenarios.definition.schema.limits import LimitsTable
+from scenarios.definition.schema.limit_tables import LimitsTable
 from scenarios.results.limits.evaluation import broken_limits, collision_ends_run, failure_reason
 from scenarios.results.metrics import Metrics
 from vehicles.messages import Message, TruePose

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from time import process_time
 
 from scenarios.definition.channel.build import link_effects
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.link_tables import LinkTable
 from transport.links.laws.effect import Position, TransmissionContext
 from transport.links.link import Link
 

@@ -85,7 +85,7 @@ def show(
     from rich.console import Console
 
     from scenarios.cli.channel.comparison_tables import print_comparison
-    from scenarios.definition.check.sample import StraightDrive
+    from scenarios.definition.check.link_sample import StraightDrive
     from scenarios.definition.errors import ScenarioError
     from scenarios.studies.channel.comparison import compare
 
@@ -114,17 +114,17 @@ def show(
 def _loaded(name: str, overrides: tuple[str, ...], seed: int | None) -> "Scenario":
     """Load a scenario, or a shipped channel in the default one; raises ScenarioError."""
     from scenarios.definition.channel.presets import presets
+    from scenarios.definition.error_messages import did_you_mean, toml_repr
     from scenarios.definition.errors import ScenarioError
-    from scenarios.definition.refusal import near, shown
     from scenarios.definition.scenario import library, load_scenario
 
     if name in presets():
         return load_scenario(completion.DEFAULT, [f"links.preset={name}", *overrides], seed)
     if name not in library() and not Path(name).exists():
-        close = near(name, (*presets(), *library()))
+        close = did_you_mean(name, (*presets(), *library()))
         channels, scenarios = ", ".join(presets()), ", ".join(library())
         raise ScenarioError(
-            [f"no channel or scenario {shown(name)}{close}, allowed {channels}, {scenarios}"]
+            [f"no channel or scenario {toml_repr(name)}{close}, allowed {channels}, {scenarios}"]
         )
     return load_scenario(name, overrides, seed)
 
@@ -141,8 +141,8 @@ def _selected_links(
     given: str | None, links: "Iterable[tuple[str, str]]", where: str
 ) -> list[tuple[str, str]]:
     """Return all links, or the one given as sender:receiver; raises ScenarioError."""
+    from scenarios.definition.error_messages import toml_repr
     from scenarios.definition.errors import ScenarioError
-    from scenarios.definition.refusal import shown
 
     known = {f"{sender}:{receiver}": (sender, receiver) for sender, receiver in links}
     if not known:
@@ -150,7 +150,7 @@ def _selected_links(
     if given is None:
         return [*known.values()]
     if given not in known:
-        raise ScenarioError([f"--link: given {shown(given)}, allowed {', '.join(known)}"])
+        raise ScenarioError([f"--link: given {toml_repr(given)}, allowed {', '.join(known)}"])
     return [known[given]]
 
 

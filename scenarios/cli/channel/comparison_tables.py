@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from rich.console import Console
 
 from scenarios.cli.columns import Column, figure, table_of
-from scenarios.definition.check.links import asked_link
+from scenarios.definition.check.link_forecast import link_forecast
 from scenarios.definition.scenario import Scenario
 from scenarios.studies.channel.comparison import Compared, Comparison
 
@@ -16,7 +16,7 @@ EIGHTHS = " ▏▎▍▌▋▊▉"
 
 def print_comparison(name: str, scenario: Scenario, found: Comparison, console: Console) -> None:
     """Print the laws and their figures next to those of the sample."""
-    link = asked_link(scenario, (found.sender, found.receiver))
+    link = link_forecast(scenario, (found.sender, found.receiver))
     about = f"{name}, {found.sender} → {found.receiver}"
     console.print(about, style="bold", highlight=False, markup=False)
     for line in _about(link.preset_source, [law.words for law in link.laws], found):

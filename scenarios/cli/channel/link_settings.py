@@ -7,21 +7,21 @@ from rich.console import Console
 from rich.markup import escape
 
 from scenarios.cli.columns import grid_of
-from scenarios.definition.check.alarms import SAMPLED
-from scenarios.definition.check.links import AskedLink, AskedReceiver
+from scenarios.definition.check.false_alarms import SAMPLED
+from scenarios.definition.check.link_forecast import LinkForecast, ReceiverForecast
 
 UNKNOWN = "no number says it beforehand"
 Row = tuple[str, str]
 
 
 def print_links(
-    name: str, links: Sequence[AskedLink], deaf: Sequence[AskedReceiver], console: Console
+    name: str, links: Sequence[LinkForecast], deaf: Sequence[ReceiverForecast], console: Console
 ) -> None:
     """Print a block for each group of equal links, and how often receivers lose all sources."""
     console.print(f"[bold]{escape(name)}, its links[/]", highlight=False)
     if not links:
         console.print("none: nobody receives")
-    alike: dict[AskedLink, list[AskedLink]] = {}
+    alike: dict[LinkForecast, list[LinkForecast]] = {}
     for one in links:
         alike.setdefault(replace(one, sender="", receiver=""), []).append(one)
     for link, some in alike.items():
@@ -32,7 +32,7 @@ def print_links(
         console.print("\n[bold]all sources lost, although all send[/]", highlight=False)
     together: dict[str, list[str]] = {}
     for receiver in deaf:
-        together.setdefault(_often(receiver.deaf_per_h), []).append(receiver.receiver)
+        together.setdefault(_often(receiver.all_lost_per_h), []).append(receiver.receiver)
     for often, names in together.items():
         console.print(f"  {', '.join(names)}: {often}", highlight=False, markup=False)
 
@@ -45,7 +45,7 @@ def _often(per_h: float | None) -> str:
     return f"{per_h:.0f} times an hour" if per_h >= 100.0 else f"{per_h:.2g} times an hour"
 
 
-def _rows(link: AskedLink) -> Iterator[Row]:
+def _rows(link: LinkForecast) -> Iterator[Row]:
     first, *further = link.rules
     yield "rule", first + (f", over {', '.join(further)}" if further else "")
     if link.preset is not None:
@@ -68,7 +68,7 @@ def _rows(link: AskedLink) -> Iterator[Row]:
     yield "silent", f"{silence}: {_often(link.false_alarms_per_h)}"
 
 
-def _burst(link: AskedLink) -> str:
+def _burst(link: LinkForecast) -> str:
     if link.loss_ratio in {0.0, 1.0}:
         return ""
     if link.burst_messages_mean is None:

@@ -8,9 +8,9 @@ from rich.console import Console
 from rich.text import Text
 
 from scenarios.cli.columns import grid_of
-from scenarios.definition.check.report import CheckReport
-from scenarios.definition.schema.gnss import GnssTable
-from scenarios.definition.schema.tables import SendingTable
+from scenarios.definition.check.findings import CheckReport
+from scenarios.definition.schema.gnss_table import GnssTable
+from scenarios.definition.schema.scenario_tables import SendingTable
 
 Row = tuple[str, str]
 """What, and how much of it."""

@@ -81,7 +81,7 @@ def _names_or_files(shipped: Iterable[str], begun: str) -> list[CompletionItem]:
 
 
 def links(context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
-    from scenarios.definition.links import directed_links
+    from scenarios.definition.topology import directed_links
 
     pairs = directed_links(_vehicles(context))
     return _matching([f"{sender}:{receiver}" for sender, receiver in pairs], begun)
@@ -126,7 +126,7 @@ def _vehicles(context: Context) -> tuple[str, ...]:
     from scenarios.definition.errors import ScenarioError
     from scenarios.definition.extends import merged
     from scenarios.definition.library import read_file
-    from scenarios.definition.schema.tables import ConvoyTable
+    from scenarios.definition.schema.scenario_tables import ConvoyTable
 
     # Click leaves the arguments in place after an option without its value, as here.
     file = next(iter(context.args), context.params.get("scenario") or DEFAULT)
@@ -139,7 +139,7 @@ def _vehicles(context: Context) -> tuple[str, ...]:
 
 
 def _keys(vehicles: Sequence[str]) -> dict[str, list[str]]:
-    from scenarios.definition.schema.tables import ScenarioTables
+    from scenarios.definition.schema.scenario_tables import ScenarioTables
 
     found: dict[str, list[str]] = {}
     for key, values in _keys_of(ScenarioTables, "", vehicles):  # some are in tables of many kinds
@@ -150,7 +150,7 @@ def _keys(vehicles: Sequence[str]) -> dict[str, list[str]]:
 def _keys_of(
     table: "type[BaseModel]", inside: str, vehicles: Sequence[str]
 ) -> Iterator[tuple[str, list[str]]]:
-    from scenarios.definition.refusal import models_by_name, models_of
+    from scenarios.definition.error_messages import models_by_name, models_of
 
     for inner in models_by_name(table):
         for vehicle in vehicles:
@@ -170,7 +170,7 @@ def _keys_of(
 
 
 def _values(name: str, field: "FieldInfo") -> list[str]:
-    from scenarios.definition.schema.tables import CONTROLLERS
+    from scenarios.definition.schema.scenario_tables import CONTROLLERS
 
     parts = (field.annotation, *get_args(field.annotation))
     words = [word for part in parts for word in get_args(part) if isinstance(word, str)]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from scenarios.cli.common_options import zenoh_from
-from scenarios.definition.changing.asked import Question
+from scenarios.definition.changing.live_change import ChangeRequest
 from scenarios.runs.control.live_control import Confirmation
 from scenarios.runs.control.open_runs import OpenRun, open_runs
 from scenarios.runs.control.run_status import RunStatus
@@ -80,19 +80,21 @@ def request_change(bus: Bus, run: str, entry: Mapping[str, Any]) -> list[Vehicle
     begun = time.monotonic()
     # All change at the earliest instant that the first of them offers.
     first = (
-        _request_of_vehicle(bus, vehicles[0], Question(), begun).answer
+        _request_of_vehicle(bus, vehicles[0], ChangeRequest(), begun).answer
         if len(vehicles) > 1
         else None
     )
     at_s = first.from_s if first and not first.refused else None
-    question = Question(dict(entry), at_s)
+    question = ChangeRequest(dict(entry), at_s)
     with ThreadPoolExecutor(min(len(vehicles), PARALLEL_REQUESTS_MAX)) as pool:
         return list(
             pool.map(lambda name: _request_of_vehicle(bus, name, question, begun), vehicles)
         )
 
 
-def _request_of_vehicle(bus: Bus, vehicle: str, question: Question, begun: float) -> VehicleAnswer:
+def _request_of_vehicle(
+    bus: Bus, vehicle: str, question: ChangeRequest, begun: float
+) -> VehicleAnswer:
     answer = bus.ask(control_key(vehicle), ANSWER_TIMEOUT_S, question.text)
     took_ms = 1000.0 * (time.monotonic() - begun)
     try:

@@ -70,7 +70,7 @@ def bisect(
         require("bisect", "studies", "matplotlib", "scipy")
     from rich.console import Console
 
-    from scenarios.definition.limits import parsed_limit
+    from scenarios.definition.run_limits import parsed_limit
     from scenarios.studies.engine.engine import study_engine
     from scenarios.studies.many.boundary.answer import BoundaryQuestion, boundary_of
     from scenarios.studies.many.boundary.report import PICTURE, TWIN, write_answer

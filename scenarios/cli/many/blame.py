@@ -69,7 +69,7 @@ def blame(
         require("blame", "studies", "matplotlib")
     from rich.console import Console
 
-    from scenarios.definition.limits import parsed_limit
+    from scenarios.definition.run_limits import parsed_limit
     from scenarios.results.log_summary import log_in, scenario_of
     from scenarios.studies.engine.engine import study_engine
     from scenarios.studies.many.blame import report, study

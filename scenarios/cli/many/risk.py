@@ -75,7 +75,7 @@ def risk(
         require("risk", "studies", "scipy")
     from rich.console import Console
 
-    from scenarios.definition.limits import parsed_limit
+    from scenarios.definition.run_limits import parsed_limit
     from scenarios.studies.engine.engine import study_engine
     from scenarios.studies.many.risk import TWIN, RiskQuestion, risk_of, write_risk
 

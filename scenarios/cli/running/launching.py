@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarios.cli.running.destination import refuse_picture, run_folder
-from scenarios.definition.check.report import warnings
+from scenarios.definition.check.findings import warnings
 from scenarios.definition.scenario import load_scenario
 from scenarios.runs.processes.membership import checked_run_name
 from scenarios.runs.run_folder import claimed

@@ -3,9 +3,9 @@
 from collections.abc import Iterable, Iterator, Sequence
 from math import inf
 
-from scenarios.definition.refusal import shown
+from scenarios.definition.error_messages import toml_repr
 from scenarios.definition.road.route import vehicle_names
-from scenarios.definition.schema.changes import (
+from scenarios.definition.schema.change_tables import (
     AnyChange,
     CrashTable,
     FixChangeTable,
@@ -14,7 +14,7 @@ from scenarios.definition.schema.changes import (
     StallTable,
     VehicleChangeTable,
 )
-from scenarios.definition.schema.tables import ScenarioTables
+from scenarios.definition.schema.scenario_tables import ScenarioTables
 
 CLOCK_MS_MAX = 10_000.0
 """By more a vehicle's clock may not be off at any time: its stamps would be refused."""
@@ -34,7 +34,7 @@ def is_changed(changes: Iterable[AnyChange], name: str) -> bool:
     return bool(_of(changes, name))
 
 
-def change_problems(tables: ScenarioTables, duration_s: float) -> Iterator[Problem]:
+def vehicle_change_problems(tables: ScenarioTables, duration_s: float) -> Iterator[Problem]:
     """Give every change that cannot be carried out, and clocks that are off too far."""
     names = vehicle_names(tables)
     for index, change in enumerate(tables.change):
@@ -60,7 +60,7 @@ def _about_one(
 ) -> Iterator[Problem]:
     name = change.vehicle
     if name not in names:
-        yield f"{key}.vehicle", f"given {shown(name)}, allowed {', '.join(names)}"
+        yield f"{key}.vehicle", f"given {toml_repr(name)}, allowed {', '.join(names)}"
         return
     own = tables.vehicle.get(name)
     if name == names[0] and isinstance(change, JoinTable | LeaveTable):
@@ -71,7 +71,7 @@ def _about_one(
     elif own and own.replay is not None and not isinstance(change, FixChangeTable):
         yield (
             f"{key}.vehicle",
-            f'given {shown(name)}, which moves as it was recorded: allowed only kind = "gnss"',
+            f'given {toml_repr(name)}, which moves as it was recorded: allowed only kind = "gnss"',
         )
 
 

@@ -7,7 +7,7 @@ from fractions import Fraction
 import numpy as np
 
 from scenarios.definition.road.route import Route
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.link_tables import LinkTable
 from transport.links.arrival import ContentStage
 from transport.links.gate import PoseGate
 from transport.links.laws.between import Road, VehiclesBetween, no_vehicles

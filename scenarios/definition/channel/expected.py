@@ -7,7 +7,7 @@ from functools import reduce
 from math import gcd, inf, prod, sqrt
 
 from scenarios.definition.channel.build import Between, link_effects, link_stages
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.link_tables import LinkTable
 from transport.links.laws.between import no_vehicles
 from transport.links.laws.effect import Effect
 from transport.links.laws.moments import Losses

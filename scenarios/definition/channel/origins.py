@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 from scenarios.definition.channel.rules import entries_about
 from scenarios.definition.road.route import vehicle_names
-from scenarios.definition.schema.links import LinkEntry
-from scenarios.definition.schema.tables import ScenarioTables
+from scenarios.definition.schema.link_tables import LinkEntry
+from scenarios.definition.schema.scenario_tables import ScenarioTables
 from transport.links.laws.registry import KEY_OF_REASON
 
 OF_VEHICLES = {"transmitter_off": 0, "receiver_off": 1}
@@ -21,10 +21,10 @@ def origin(tables: ScenarioTables, link: tuple[str, str], reason: str) -> str:
     if reason in OF_VEHICLES:
         return f"vehicle.{link[OF_VEHICLES[reason]]}.{reason}"
     key = KEY_OF_REASON.get(reason)
-    return reason if key is None else giver(tables, link, key)
+    return reason if key is None else source_key(tables, link, key)
 
 
-def giver(tables: ScenarioTables, link: tuple[str, str], key: str) -> str:
+def source_key(tables: ScenarioTables, link: tuple[str, str], key: str) -> str:
     """Name the rule that gives `key` of a link, with its value where that is one number or word."""
     for entry in _entries(tables, link):
         if key in entry.model_fields_set or entry.preset:

@@ -10,11 +10,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from scenarios.definition.errors import Refused
+from scenarios.definition.error_messages import did_you_mean, toml_repr
+from scenarios.definition.errors import SettingError
 from scenarios.definition.extends import PRESET, laid_over
 from scenarios.definition.library import PRESETS
 from scenarios.definition.overrides import Raw
-from scenarios.definition.refusal import near, shown
 
 INLINED = "preset_source"
 """The key that says that a preset's keys are in the table already."""
@@ -78,12 +78,12 @@ def _preset(key: str, table: object, *, alone: bool = False) -> ChannelPreset | 
         return None
     name = table[PRESET]
     if not isinstance(name, str) or name not in presets():
-        close = near(name, presets()) if isinstance(name, str) else ""
+        close = did_you_mean(name, presets()) if isinstance(name, str) else ""
         allowed = ", ".join(presets())
-        raise Refused(f"{key}.{PRESET}", f"given {shown(name)}, allowed {allowed}{close}")
+        raise SettingError(f"{key}.{PRESET}", f"given {toml_repr(name)}, allowed {allowed}{close}")
     preset = read_preset(name)
     if alone and preset.entries:
-        raise Refused(f"{key}.{PRESET}", f"given {shown(name)}, allowed in [links] only")
+        raise SettingError(f"{key}.{PRESET}", f"given {toml_repr(name)}, allowed in [links] only")
     return preset
 
 

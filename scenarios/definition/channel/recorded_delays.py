@@ -6,9 +6,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from scenarios.definition.errors import Refused
-from scenarios.definition.schema.links import LinkTable
-from scenarios.definition.schema.tables import ScenarioTables
+from scenarios.definition.errors import SettingError
+from scenarios.definition.schema.link_tables import LinkTable
+from scenarios.definition.schema.scenario_tables import ScenarioTables
 from transport.links.laws.delay.kinds import MOST_RECORDED, EmpiricalDelay
 
 COLUMN = "delay_ms"
@@ -46,11 +46,13 @@ def _recorded(path: Path, key: str, given: str) -> tuple[float, ...]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, ValueError) as error:
-        raise Refused(key, f"given {given}, no such file, or it is not a text") from error
+        raise SettingError(key, f"given {given}, no such file, or it is not a text") from error
     rows = list(csv.reader(text.splitlines()))
     names = [cell.strip() for cell in rows[0]] if rows else []
     if COLUMN not in names:
-        raise Refused(key, f"{given}: line 1 has no column {COLUMN}, allowed a CSV file with it")
+        raise SettingError(
+            key, f"{given}: line 1 has no column {COLUMN}, allowed a CSV file with it"
+        )
     place, found = names.index(COLUMN), []
     for number, row in enumerate(rows[1:], 2):
         cell = row[place].strip() if place < len(row) else ""
@@ -58,7 +60,7 @@ def _recorded(path: Path, key: str, given: str) -> tuple[float, ...]:
             continue
         found.append(_delay(cell, f"{given}: line {number}: {COLUMN} is {cell[:20]!r}", key))
     if not found:
-        raise Refused(key, f"{given}: no delays, allowed one or more")
+        raise SettingError(key, f"{given}: no delays, allowed one or more")
     kept = min(len(found), MOST_RECORDED)
     found.sort()
     return tuple(found[(2 * k + 1) * len(found) // (2 * kept)] for k in range(kept))
@@ -70,5 +72,5 @@ def _delay(cell: str, problem: str, key: str) -> float:
     except ValueError:
         value = math.nan
     if not 0.0 <= value <= LONGEST_MS:
-        raise Refused(key, f"{problem}, allowed 0 to {LONGEST_MS:g}")
+        raise SettingError(key, f"{problem}, allowed 0 to {LONGEST_MS:g}")
     return value

@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import TypeVar, cast
 
 from scenarios.definition.channel.rules import entries_about, requested_link
-from scenarios.definition.errors import Refused
-from scenarios.definition.links import directed_links
-from scenarios.definition.refusal import shown
+from scenarios.definition.error_messages import toml_repr
+from scenarios.definition.errors import SettingError
 from scenarios.definition.road.route import vehicle_names
-from scenarios.definition.schema.links import LinkEntry, LinkTable
-from scenarios.definition.schema.table import overlay
-from scenarios.definition.schema.tables import ScenarioTables
-from scenarios.definition.traces.recorded import is_file
+from scenarios.definition.schema.base_table import overlay
+from scenarios.definition.schema.link_tables import LinkEntry, LinkTable
+from scenarios.definition.schema.scenario_tables import ScenarioTables
+from scenarios.definition.topology import directed_links
+from scenarios.definition.traces.reading import is_file
 from transport.links.laws.loss.by_number import RecordedPattern
 from transport.links.laws.loss.earlier_run import EarlierRun
 from transport.links.laws.loss.numbers import Numbers
@@ -83,9 +83,9 @@ def _pattern(table: RecordedPattern, file: str, key: str, folder_of: FolderOf) -
         text = _sought(folder_of, key, file).read_text(encoding="utf-8-sig")
         received = list(_received(text))
     except OSError as error:
-        raise Refused(key, f"{file}: {(error.strerror or str(error)).lower()}") from error
+        raise SettingError(key, f"{file}: {(error.strerror or str(error)).lower()}") from error
     except (ValueError, csv.Error) as error:
-        raise Refused(key, f"{file}: {error}") from error
+        raise SettingError(key, f"{file}: {error}") from error
     lost = Numbers.of((place, place) for place, one in enumerate(received) if not one)
     changes = {"file": None, "source": file, "length_messages": len(received)}
     return table.model_copy(update={**changes, "lost_numbers": str(lost)})
@@ -95,7 +95,9 @@ def _received(text: str) -> Iterator[bool]:
     rows = csv.reader(text.splitlines())
     header = [cell.strip() for cell in next(rows, [])]
     if header != COLUMNS:
-        raise ValueError(f"header {shown(','.join(header))}, allowed {shown(','.join(COLUMNS))}")
+        raise ValueError(
+            f"header {toml_repr(','.join(header))}, allowed {toml_repr(','.join(COLUMNS))}"
+        )
     expected: int | None = None
     for cells in rows:
         if not cells:
@@ -105,11 +107,11 @@ def _received(text: str) -> Iterator[bool]:
             raise ValueError(f"{line}: {len(cells)} cells, allowed {len(COLUMNS)}")
         number, received = (cell.strip() for cell in cells)
         if not (number.isascii() and number.isdigit() and len(number) <= 18):  # fits 64 bits
-            raise ValueError(f"{line}: number {shown(number)}, allowed a whole number from 0")
+            raise ValueError(f"{line}: number {toml_repr(number)}, allowed a whole number from 0")
         if expected is not None and int(number) != expected:
             raise ValueError(f"{line}: number {number}, allowed {expected}, the next one")
         if received.lower() not in RECEIVED:
-            raise ValueError(f"{line}: received {shown(received)}, allowed 0 or 1")
+            raise ValueError(f"{line}: received {toml_repr(received)}, allowed 0 or 1")
         if rows.line_num > MOST_LINES:
             raise ValueError(f"{line}: allowed at most {MOST_LINES} lines")
         expected = int(number) + 1
@@ -138,9 +140,9 @@ def _with_earlier_runs(tables: ScenarioTables, folder_of: FolderOf) -> ScenarioT
                 records[pair] = _record(loss, read(_sought(folder_of, key, loss.file)), pair)
             except OSError as error:
                 why = (error.strerror or str(error)).lower()
-                raise Refused(key, f"{loss.file}: {why}") from error
+                raise SettingError(key, f"{loss.file}: {why}") from error
             except ValueError as error:
-                raise Refused(key, f"{loss.file}: {error}") from error
+                raise SettingError(key, f"{loss.file}: {error}") from error
     for key, table in _places(tables):
         if isinstance(table.loss, EarlierRun) and table.loss.file is not None:
             tables = _with_loss(tables, key, None)

@@ -3,11 +3,11 @@
 from collections.abc import Iterator, Sequence
 from typing import Protocol
 
-from scenarios.definition.links import directed_links
-from scenarios.definition.refusal import shown
-from scenarios.definition.schema.links import LinkEntry, LinkTable
-from scenarios.definition.schema.table import overlay
-from scenarios.definition.schema.tables import ScenarioTables
+from scenarios.definition.error_messages import toml_repr
+from scenarios.definition.schema.base_table import overlay
+from scenarios.definition.schema.link_tables import LinkEntry, LinkTable
+from scenarios.definition.schema.scenario_tables import ScenarioTables
+from scenarios.definition.topology import directed_links
 
 ANY = "*"
 """Stands for every vehicle in a link's `sender` or `receiver`."""
@@ -62,7 +62,7 @@ def end_problems(
     given = {".sender": entry.sender, ".receiver": entry.receiver}
     unknown = {key: end for key, end in given.items() if end not in known}
     for key, end in unknown.items():
-        yield key, f"given {shown(end)}, allowed {', '.join(map(shown, known))}"
+        yield key, f"given {toml_repr(end)}, allowed {', '.join(map(toml_repr, known))}"
     links = directed_links(names, lead_waits=lead_waits)
     if not unknown and all(specificity(entry, names, *pair) is None for pair in links):
         yield (

@@ -1,10 +1,10 @@
-"""What a scenario asks for before it is run, and what deserves a warning.
+"""Figures and warnings of a scenario before it runs.
 
-report        figures of the lead's planned run, and warnings
-preview       whether followers receive enough of the path ahead of them
-receivers     whether receivers are good enough to follow another car's path by
-links         what is asked of each link: rule, laws in words, what follows
-alarms        how often a source counts as lost although its sender sends
-sample        messages of one link, drawn by the effects of a run
-steering      stability of the sampled loop, slip in bends, certificate for changes of speed
+findings        figures of the lead's planned run, and all warnings
+preview         whether followers receive enough poses of the path ahead
+receivers       whether receivers are accurate enough to follow another car's path
+link_forecast   laws and expected figures of each link
+false_alarms    how often a source counts as lost although it sends
+link_sample     sampled messages of one link
+steering_loop   stability of the sampled loop, slip in bends, certificate for changes of speed
 """

@@ -7,7 +7,7 @@ from functools import partial
 from scenarios.definition.channel.build import usual_delay_ms, vehicles_between
 from scenarios.definition.channel.expected import expected_channel
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.car.sending.every_fix import EveryFix
 from vehicles.driver.degradation.source import MIN_SAMPLES

@@ -38,7 +38,7 @@ def receiver_warnings(scenario: Scenario) -> Iterator[str]:
         if name in scenario.replays:
             continue
         setup = setups[name]
-        own = _Lasting() if setup.knows_itself else errors[name]
+        own = _Lasting() if setup.has_exact_state else errors[name]
         apart = max(own.from_another(errors[sender]) for sender in setup.senders)
         room = 0.5 * max(scenario.tables.events.lane_width_m - setup.parameters.width, 0.0)
         if apart > room:

@@ -1,7 +1,7 @@
-"""What the convoy drives.
+"""The lead's path and speed, and recorded motions of followers.
 
-route        the lead's path, the gaps at the start, and the lead's speed
-replayed     the motion of a vehicle that is replayed
-lead_speed   that speed: lowered before curves, or as recorded
-set_speed    that speed when it is changed, and that of a car that sets off
+route            the lead's path, the gaps at the start, and the lead's speed
+replayed_drive   the motion of a replayed vehicle
+lead_speed       the lead's speed: lowered before curves, or as recorded
+set_speed        the lead's speed after a change, and the speed of a car that sets off
 """

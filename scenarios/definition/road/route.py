@@ -6,11 +6,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from scenarios.definition.errors import Refused
+from scenarios.definition.errors import SettingError
 from scenarios.definition.road.lead_speed import Limits, recorded, slowed
 from scenarios.definition.road.set_speed import SpeedPlan, with_changes
-from scenarios.definition.schema.path import PointsPath, SegmentsPath, SegmentTable
-from scenarios.definition.schema.tables import ScenarioTables, SpeedTable
+from scenarios.definition.schema.path_tables import PointsPath, SegmentsPath, SegmentTable
+from scenarios.definition.schema.scenario_tables import ScenarioTables, SpeedTable
 from vehicles.driver.speed import GapPolicy, SpeedProfile
 from vehicles.geometry.bridges import find_holes, step_lengths
 from vehicles.geometry.geodesy import yaw_from_heading
@@ -143,7 +143,7 @@ def check_span(key: str, table: PointsPath) -> None:
     """Raise Refused for a drive over more time than a run has, before that much is laid out."""
     span = max(table.time_s, default=0.0) - min(table.time_s, default=0.0)
     if not span <= LONGEST:
-        raise Refused(key, f"recorded times span {span:.6g} s, allowed at most {LONGEST:g}")
+        raise SettingError(key, f"recorded times span {span:.6g} s, allowed at most {LONGEST:g}")
 
 
 def _first_speed_at_most(tables: ScenarioTables) -> float:
@@ -165,7 +165,7 @@ def _path(tables: ScenarioTables, lead_in: float) -> tuple[SampledPath, float, S
         east, north = -lead_in * math.cos(yaw), -lead_in * math.sin(yaw)
         return _along((Segment(lead_in, 0.0), *laps), east, north, yaw), lead_in, None
     if not isinstance(table, PointsPath):
-        raise Refused("path.file", "has not been read")
+        raise SettingError("path.file", "has not been read")
     smoothed = smoothed_points(table, lead_in)
     # The smoothing curves the end of the straight. The lead starts before that: so all start
     # straight ahead and without errors, and the run-in is part of what the lead has driven.
@@ -213,9 +213,11 @@ def smoothed_points(table: PointsPath, lead_in: float) -> SmoothedPath:
             f"{place_of(table, error.point)}: {error}: end the drive before that place, or begin "
             "it behind it, or lower path.smoothing_m if a car can drive it"
         )
-        raise Refused(f"path ({table.source})" if table.source else "path", why) from error
+        raise SettingError(f"path ({table.source})" if table.source else "path", why) from error
     except ValueError as error:
-        raise Refused(f"path ({table.source})" if table.source else "path", str(error)) from error
+        raise SettingError(
+            f"path ({table.source})" if table.source else "path", str(error)
+        ) from error
 
 
 def place_of(table: PointsPath, point: int) -> str:
@@ -230,7 +232,7 @@ def _check_length(table: SegmentsPath | PointsPath, lap: float) -> None:
     if lap * table.laps > LONGEST_PATH:
         key = "path.laps" if table.laps > 1 else "path"
         whole_km, most_km = lap * table.laps / 1000.0, LONGEST_PATH / 1000.0
-        raise Refused(key, f"{whole_km:.6g} km of road, allowed at most {most_km:g} km")
+        raise SettingError(key, f"{whole_km:.6g} km of road, allowed at most {most_km:g} km")
 
 
 def curvature(segment: SegmentTable) -> float:
@@ -262,13 +264,13 @@ def _recorded(
     """Speed from the start on, the start's station (m), and the ratio by which it was scaled."""
     table = tables.path
     if not isinstance(table, PointsPath) or smoothed is None or not table.time_s:
-        raise Refused("speed.lead", 'given "recorded", allowed only for a trace with times')
+        raise SettingError("speed.lead", 'given "recorded", allowed only for a trace with times')
     if table.closed:
-        raise Refused("speed.lead", 'given "recorded", allowed only with path.closed = false')
+        raise SettingError("speed.lead", 'given "recorded", allowed only with path.closed = false')
     profile, ratio = recorded(table.time_s, smoothed.stations.tolist(), table.speed_mps)
     if not SPEED_RATIOS[0] <= ratio <= SPEED_RATIOS[1]:
         times = f"{1.0 / ratio:.2f} times" if ratio > 0.0 else "not"
-        raise Refused(
+        raise SettingError(
             f"path ({table.source})", f"recorded speeds are {times} what its points need: m/s?"
         )
     first, run_in = profile.speeds[0], smoothed.start - start

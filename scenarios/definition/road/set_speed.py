@@ -7,7 +7,7 @@ from functools import lru_cache
 from itertools import pairwise
 
 from scenarios.definition.road.lead_speed import Limits, slowed
-from scenarios.definition.schema.changes import AnyChange, SpeedChangeTable
+from scenarios.definition.schema.change_tables import AnyChange, SpeedChangeTable
 from vehicles.driver.speed import SpeedProfile
 from vehicles.geometry.sampled_path import SampledPath
 

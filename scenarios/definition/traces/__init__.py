@@ -1,9 +1,9 @@
-"""Recorded drives, which a scenario names: the lead's trace, a follower's replay.
+"""Recorded drives: the lead's trace and replayed followers.
 
-formats    CSV, GPX, NMEA 0183 and logs: points as the file holds them, and its bad lines
-jumps      of a receiver
-stands     of a car, while its receiver wanders
-cleaning   a drive without either, and without leaps of its clock
-recorded   read, checked, laid into the plane
-placed     put into the scenario
+formats          CSV, GPX, NMEA 0183 and logs
+jumps            outliers of a receiver
+stands           standstills with a drifting receiver
+cleaning         remove both, and leaps of the clock
+reading          read a drive, check it, project it into the plane
+scenario_drives  put drives into a scenario
 """

@@ -20,8 +20,6 @@ from scenarios.definition.library import ATTACHED_AS
 from vehicles.messages import GpsPose
 from vehicles.schedule import SECOND
 
-"""Name under which a log holds the scenario of its run."""
-
 PLANE_COLUMNS = ("x_m", "y_m")
 WGS84_COLUMNS = ("latitude_deg", "longitude_deg")
 
@@ -85,8 +83,8 @@ def read_csv(text: str) -> RecordedDrive:
     columns = next((c for c in (WGS84_COLUMNS, PLANE_COLUMNS) if set(c) <= set(names)), None)
     if columns is None:
         needed = " or ".join(", ".join(pair) for pair in (PLANE_COLUMNS, WGS84_COLUMNS))
-        shown = ", ".join(names)[:60].encode("unicode_escape").decode()
-        raise TraceError(f"no usable columns: given {shown or 'none'}, allowed {needed}")
+        given = ", ".join(names)[:60].encode("unicode_escape").decode()
+        raise TraceError(f"no usable columns: given {given or 'none'}, allowed {needed}")
     drive = RecordedDrive(geodetic=columns is WGS84_COLUMNS)
     used = (*columns, *(c for c in ("altitude_m", "t_s", "speed_mps") if c in names))
     for number, line in rows[1:]:

@@ -4,8 +4,8 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 
-from scenarios.definition.changing.asked import changed_links
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.changing.live_change import changed_links
+from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.channel.link_summary import (
     AlarmSummary,
     LinkSummary,

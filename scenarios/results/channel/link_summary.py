@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from math import sqrt
 
 from scenarios.definition.channel.expected import ExpectedChannel, expected_channel
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.channel.estimates import (
     CERTAINTY,
     CONFIDENCE,

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from scenarios.definition.schema.limits import (
+from scenarios.definition.schema.limit_tables import (
     LimitsTable,
     ModeLimit,
     RecoveryLimit,

@@ -4,9 +4,9 @@ from collections.abc import Iterator, Sequence
 from math import inf
 from operator import attrgetter
 
-from scenarios.definition.limits import Limit, limits_of
+from scenarios.definition.run_limits import Limit, limits_of
 from scenarios.definition.schema.limit_rows import LimitRow
-from scenarios.definition.schema.limits import LimitsTable
+from scenarios.definition.schema.limit_tables import LimitsTable
 from scenarios.results.events.run_event import RunEvent
 from scenarios.results.limits.deadlines import DeadlineFigure
 from scenarios.results.summary import LimitFigure, RunSummary

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from math import inf
 
-from scenarios.definition.limits import Limit
+from scenarios.definition.run_limits import Limit
 from scenarios.results.events.encounters import Episode, TrueGap
 from scenarios.results.stream import ALL_EVENTS, FigureStream
 from vehicles.geometry.driven_path import CrossTrack

@@ -7,8 +7,8 @@ from math import hypot, isfinite
 from pathlib import Path
 
 from scenarios.definition.channel.origins import origin
-from scenarios.definition.links import senders_to
 from scenarios.definition.scenario import Scenario
+from scenarios.definition.topology import senders_to
 from scenarios.results.log_summary import scenario_in
 from transport.log.reader import LogReader
 from transport.log.records import LogError

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from scenarios.definition.changing.asked import change_from
-from scenarios.definition.changing.links import LINK_CHANGES, links_of
+from scenarios.definition.changing.link_changes import LINK_CHANGES, links_of
+from scenarios.definition.changing.live_change import change_from_json
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.definition.schema.changes import AnyChange
+from scenarios.definition.schema.change_tables import AnyChange
 from scenarios.results.log_summary import scenario_in
 from transport.log.reader import LogReader
 from transport.log.records import LogError
@@ -39,7 +39,7 @@ def session_of(log: Path) -> Scenario:
             if start_at is None:
                 raise LogError(f"{log}: a change before the start of the run")
             at = message.effective_at_ns, message.table
-            change = change_from(message.table)
+            change = change_from_json(message.table)
             exact = change.model_copy(update={"at_s": (at[0] - start_at) / SECOND})
             done.setdefault(at, _Done(exact)).by.append(message.vehicle)
     made = sorted(done.items(), key=lambda one: one[0][0])

@@ -5,11 +5,11 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from math import ceil
 
-from scenarios.definition.changing.asked import Question, in_words, read_change
-from scenarios.definition.changing.links import concerns
+from scenarios.definition.changing.link_changes import concerns
+from scenarios.definition.changing.live_change import ChangeRequest, describe_change, read_change
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.schema.changes import AnyChange
+from scenarios.definition.schema.change_tables import AnyChange
 from scenarios.runs.node.pending_changes import DueChange, PendingChanges
 from transport.bus.bus import Bus
 from transport.topics import control_key
@@ -74,11 +74,11 @@ class LiveControl:
     def answer(self, text: bytes) -> Confirmation:
         """Take one change or refuse it; a question without one asks for the first instant."""
         try:
-            return self._taken(Question.of(text))
+            return self._taken(ChangeRequest.of(text))
         except ScenarioError as error:
             return Confirmation(self._vehicle, refused=tuple(str(error).splitlines()))
 
-    def _taken(self, question: Question) -> Confirmation:
+    def _taken(self, question: ChangeRequest) -> Confirmation:
         if self._under_way is None:
             raise ScenarioError([f"{self._vehicle} has not started yet"])
         (start_at, pending_changes), scenario = self._under_way, self._scenario
@@ -96,7 +96,7 @@ class LiveControl:
             return Confirmation(self._vehicle)
         self._made.append(change)
         pending_changes.add(DueChange(at, change, by_hand=True))
-        return Confirmation(self._vehicle, from_s, in_words(change))
+        return Confirmation(self._vehicle, from_s, describe_change(change))
 
     def _effective_at(self, start_at: int, wanted_s: float | None) -> int:
         """Return the requested instant (ns) if it is still possible, else the first safe one."""

@@ -1,7 +1,7 @@
 """Carries out and reports changes of one vehicle while it runs."""
 
-from scenarios.definition.changing.links import LINK_CHANGES
-from scenarios.definition.schema.changes import (
+from scenarios.definition.changing.link_changes import LINK_CHANGES
+from scenarios.definition.schema.change_tables import (
     AnyChange,
     CrashTable,
     FixChangeTable,

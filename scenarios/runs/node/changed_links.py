@@ -5,8 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from operator import itemgetter
 
-from scenarios.definition.changing.asked import in_words
-from scenarios.definition.changing.links import (
+from scenarios.definition.changing.link_changes import (
     LINK_CHANGES,
     EffectsOf,
     LinkChange,
@@ -14,7 +13,8 @@ from scenarios.definition.changing.links import (
     course,
     links_of,
 )
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.changing.live_change import describe_change
+from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.runs.node.pending_changes import DueChange
 from transport.links.link import Link
 
@@ -75,7 +75,7 @@ class ChangedLinks:
             self._change(due)
         about = links_of(due.change, self._names, self._links)
         links = ", ".join(f"{sender} → {receiver}" for sender, receiver in about)
-        return f"{links}: {in_words(due.change)}{', by hand' if due.by_hand else ''}"
+        return f"{links}: {describe_change(due.change)}{', by hand' if due.by_hand else ''}"
 
     def _change(self, due: DueChange) -> None:
         if isinstance(due.change, LINK_CHANGES):

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from scenarios.definition.changing.asked import entry_of
+from scenarios.definition.changing.live_change import change_json
 from scenarios.runs.node.pending_changes import DueChange
 from scenarios.runs.node.probe import Probe
 from scenarios.runs.node.sink import Sink
@@ -113,7 +113,7 @@ class Outbox:
                 effective_at_ns=due.at,
                 kind=due.change.kind,
                 by_hand=due.by_hand,
-                table=entry_of(due.change),
+                table=change_json(due.change),
             )
         )
         self._add_text(now, text)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from operator import attrgetter
 from threading import Lock
 
-from scenarios.definition.schema.changes import AnyChange
+from scenarios.definition.schema.change_tables import AnyChange
 from vehicles.schedule import nanoseconds
 
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from math import atan
 
-from scenarios.definition.road.replayed import ReplayedDrive
+from scenarios.definition.road.replayed_drive import ReplayedDrive
 from scenarios.runs.node.change_executor import change_receiver
 from scenarios.runs.node.outbox import Outbox
 from scenarios.runs.node.pending_changes import PendingChanges

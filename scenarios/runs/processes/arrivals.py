@@ -98,7 +98,7 @@ class Arrivals:
                 self._total -= size
         return taken
 
-    def refusals(self) -> Counter[RefusalReason]:
+    def error_lines(self) -> Counter[RefusalReason]:
         """Return and reset the refusals by reason."""
         with self._lock:
             refused, self._refused = self._refused, Counter()

@@ -6,7 +6,7 @@ from enum import Enum, auto
 
 from pydantic import ValidationError
 
-from scenarios.definition.schema.changes import CrashTable
+from scenarios.definition.schema.change_tables import CrashTable
 from scenarios.runs.processes.router_watch import RouterWatch
 from vehicles.messages import Change, Health, LogText, Message
 from vehicles.schedule import SECOND, nanoseconds

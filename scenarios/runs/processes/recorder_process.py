@@ -123,7 +123,7 @@ class RecorderProcess:
         if self._conductor.reason:
             self._announce_end()
             self._await_final_counters()
-        self._run.recorder.rejected.update(self._arrivals.refusals())
+        self._run.recorder.rejected.update(self._arrivals.error_lines())
         return self._run.close(self._clock.now())
 
     def announce_completion(self) -> None:
@@ -202,7 +202,7 @@ class RecorderProcess:
 
         The rest is left for the next call, so that a flood does not keep the run from advancing.
         """
-        self._run.recorder.rejected.update(self._arrivals.refusals())
+        self._run.recorder.rejected.update(self._arrivals.error_lines())
         is_over = self._conductor.phase is Phase.OVER
         most = max(1, len(self._arrivals)) if is_over else MOST_AT_ONCE
         for arrival in self._arrivals.take(most, POLL_S):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.definition.channel.expected import expected_channel
-from scenarios.definition.check.sample import SampledChannel, StraightDrive
+from scenarios.definition.check.link_sample import SampledChannel, StraightDrive
 from scenarios.results.channel.estimates import CONFIDENCE, bursts, inflation, mean_length, share
 from scenarios.studies.channel.law import burst_shares, delay_quantiles, distances_m
 

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from scenarios.definition.check.sample import SampledChannel
+from scenarios.definition.check.link_sample import SampledChannel
 from scenarios.studies.channel.comparison import QUANTILES, Compared, Comparison
 from scenarios.studies.picture_style import BLUE, ORANGE, STYLE
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 from scenarios.definition.channel.rules import ANY, ROLES
+from scenarios.definition.error_messages import toml_repr
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.limits import Limit
-from scenarios.definition.refusal import shown
+from scenarios.definition.run_limits import Limit
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.limit_rows import WORDS
 from scenarios.results.limits.evaluation import severity
@@ -54,7 +54,7 @@ def burst_of(texts: Sequence[str], for_s: float, scenario: Scenario) -> SoughtBu
         if not colon or sender not in known or receiver not in known:
             ends = ", ".join(known)
             raise ScenarioError(
-                [f"--link: given {shown(text)}, allowed SENDER:RECEIVER, each of {ends}"]
+                [f"--link: given {toml_repr(text)}, allowed SENDER:RECEIVER, each of {ends}"]
             )
         links.append((sender, receiver))
     return SoughtBurst(for_s=for_s, links=tuple(links))

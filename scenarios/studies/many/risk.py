@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.limits import Limit
+from scenarios.definition.run_limits import Limit
 from scenarios.studies.engine.engine import Engine
 from scenarios.studies.engine.job import Job
 from scenarios.studies.engine.results import write_files

@@ -15,7 +15,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from numpy.random import PCG64, Generator
 
-from scenarios.definition.limits import Limit
+from scenarios.definition.run_limits import Limit
 from scenarios.definition.scenario import Scenario
 from scenarios.runs.virtual.virtual_convoy import Branch
 from scenarios.studies.many.variant import Variant

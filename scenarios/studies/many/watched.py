@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from math import inf, isnan
 from typing import Literal
 
-from scenarios.definition.limits import Limit
+from scenarios.definition.run_limits import Limit
 from scenarios.definition.scenario import Scenario
 from scenarios.results.events.encounters import Episode
 from scenarios.results.limits.evaluation import collision_ends_run

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.definition.schema.path import PointsPath
+from scenarios.definition.schema.path_tables import PointsPath
 from scenarios.results.drives import Trial
 from scenarios.runs.virtual.unlogged_run import drive_trial
 from vehicles.preview.curve_fit import Trajectory

@@ -7,8 +7,8 @@ from pathlib import Path
 from shutil import rmtree
 from typing import Any
 
+from scenarios.definition.error_messages import did_you_mean
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.refusal import near
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.drives import Trial
 from scenarios.runs.virtual.logged_run import record_trial
@@ -101,7 +101,7 @@ def chosen_cases(cases: Sequence[str]) -> list[str]:
     if unknown:
         allowed = ", ".join(RUNS_OF_CASE)
         raise ScenarioError(
-            f"--case {name}: no such case{near(name, list(RUNS_OF_CASE))}, allowed {allowed}"
+            f"--case {name}: no such case{did_you_mean(name, RUNS_OF_CASE)}, allowed {allowed}"
             for name in unknown
         )
     return [case for case in RUNS_OF_CASE if case in cases or not cases]

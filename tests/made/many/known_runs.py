@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from itertools import product
 from math import inf
 
-from scenarios.definition.limits import Limit
+from scenarios.definition.run_limits import Limit
 from scenarios.definition.scenario import load_scenario
 from scenarios.runs.virtual.virtual_convoy import Branch
 from scenarios.studies.many.splitting import BranchedRun

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import tomli_w
 
-from scenarios.definition.limits import Limit
+from scenarios.definition.run_limits import Limit
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.studies.many.blame.rerun import BlameQuestion, rerun
 from vehicles.schedule import SECOND

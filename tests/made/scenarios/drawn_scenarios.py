@@ -15,12 +15,11 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import tomli_w
 
-from scenarios.definition.schema.gnss import GnssTable
-from scenarios.definition.schema.limits import LimitsTable
-from scenarios.definition.schema.links import LinkEntry, LinkTable
-from scenarios.definition.schema.settings import SettingsTable
-from scenarios.definition.schema.table import Table
-from scenarios.definition.schema.tables import (
+from scenarios.definition.schema.base_table import Table
+from scenarios.definition.schema.gnss_table import GnssTable
+from scenarios.definition.schema.limit_tables import LimitsTable
+from scenarios.definition.schema.link_tables import LinkEntry, LinkTable
+from scenarios.definition.schema.scenario_tables import (
     CONTROLLERS,
     EPOCH,
     LATEST,
@@ -32,6 +31,7 @@ from scenarios.definition.schema.tables import (
     SpeedTable,
     SteeringTable,
 )
+from scenarios.definition.schema.settings_table import SettingsTable
 from tests.made.channels.drawn_channels import LAWS, drawn_channel, drawn_spans
 from tests.made.channels.drawn_laws import inline
 from vehicles.car.imu_settings import ImuSettings

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from scenarios.definition.channel.build import UNSET, content_stage, link_effects, link_stages
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.link_tables import LinkTable
 from transport.links.gate import PoseGate
 from transport.links.inbox import Inbox, IncomingLink
 from transport.links.laws.effect import NOWHERE, Position

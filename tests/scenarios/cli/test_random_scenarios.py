@@ -16,7 +16,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from scenarios.cli.main import cli
-from scenarios.definition.check import steering
+from scenarios.definition.check import steering_loop
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario
 from tests.made.scenarios.drawn_scenarios import DrawnScenario, drawn_scenario
@@ -49,9 +49,9 @@ def remedies_are_sought_at_one_rate(request: pytest.FixtureRequest) -> Iterator[
         return most if sampled_stability(loop_at(most), speed).stable else None
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(steering, "_remedy", cache(steering._remedy))
+        patch.setattr(steering_loop, "_remedy", cache(steering_loop._remedy))
         if not request.config.getoption("--campaign"):
-            patch.setattr(steering, "lowest_stable_rate", at_the_highest)
+            patch.setattr(steering_loop, "lowest_stable_rate", at_the_highest)
         yield
 
 

@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from scenarios.cli.summary_tables import print_summary
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.channel.link_summary import AlarmSummary
 from scenarios.results.events.run_event import RunEvent
 from scenarios.results.holes import RecordHole

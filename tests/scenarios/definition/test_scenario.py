@@ -10,7 +10,7 @@ import tomli_w
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.definition.check.report import warnings
+from scenarios.definition.check.findings import warnings
 from scenarios.definition.scenario import load_scenario, scenario_from_text
 from tests.made.examples import examples
 from tests.made.scenarios.messages import STRAIGHT

@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from scenarios.definition.schema.settings import SettingsTable, one_of, table_with
-from scenarios.definition.schema.table import overlay
+from scenarios.definition.schema.base_table import overlay
+from scenarios.definition.schema.settings_table import SettingsTable, one_of, table_with
 from vehicles.setting import Setting
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.channel.link_summary import LinkSummary
 from scenarios.results.metrics import Metrics
 from scenarios.results.vehicles.accumulators import Extremes

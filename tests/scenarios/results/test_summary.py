@@ -10,7 +10,7 @@ import pytest
 
 from scenarios.cli.summary_tables import FIGURES
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.events.encounters import EventKind
 from scenarios.results.files import LOG_NAME
 from scenarios.results.log_summary import scenario_in, summary_of

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.metrics import Metrics
 from scenarios.results.vehicles.vehicle_figures import VehicleSummary
 from scenarios.runs.observer import OnMessage, kinds_of

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.link_tables import LinkTable
 from tests.made.examples import examples
 from tests.made.scenarios.messages import MS, START, gps
 from tests.made.transport.links import inbox as inbox_of

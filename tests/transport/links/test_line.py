@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.link_tables import LinkTable
 from tests.made.transport.links import inbox as inbox_of
 from tests.made.transport.links import link as link_of
 from tests.made.transport.links import taken

@@ -107,7 +107,7 @@ class DriverBuilder:
         starts; so is any other if it has to decide before its first fix.
         """
         setup, body = self._setup, context.car.body
-        if setup.knows_itself:
+        if setup.has_exact_state:
             return ExactState()
         gnss = setup.gnss
         place = body.east, body.north, wrap_angle(body.yaw)
@@ -144,7 +144,7 @@ class DriverBuilder:
         setup = self._setup
         if not setup.steering.estimate_slip:
             return LoadWatch()
-        noise = 0.0 if setup.knows_itself else setup.imu.yaw_rate_noise
+        noise = 0.0 if setup.has_exact_state else setup.imu.yaw_rate_noise
         estimator = SlipEstimator(setup.assumed_parameters, noise)
         return LoadWatch(estimator, [one for one in parts if isinstance(one, ParameterUser)])
 

@@ -6,7 +6,7 @@ from math import cos, sin
 
 import numpy as np
 
-from scenarios.definition.changing.links import EffectsOf, concerns
+from scenarios.definition.changing.link_changes import EffectsOf, concerns
 from scenarios.definition.channel.build import (
     content_stage,
     link_effects,
@@ -14,7 +14,7 @@ from scenarios.definition.channel.build import (
     vehicles_between,
 )
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.schema.changes import AnyChange
+from scenarios.definition.schema.change_tables import AnyChange
 from scenarios.runs.node.assembly.driver_builder import DriverBuilder
 from scenarios.runs.node.assembly.receiver_and_sender import (
     extra_instants,
@@ -72,7 +72,7 @@ class VehicleBuilder:
         self.duration_ns = round(scenario.duration_s * SECOND)
         self.control_rate_hz = scenario.control_rate_hz
         rates_hz = [scenario.control_rate_hz, self._setup.gnss.rate]
-        if not self._setup.knows_itself:
+        if not self._setup.has_exact_state:
             rates_hz.append(self._setup.imu_rate_hz)  # usually that of control
         self.rates_hz = tuple(dict.fromkeys(rates_hz))
 
@@ -278,7 +278,7 @@ class VehicleBuilder:
         )
 
     def _imu(self, start_at: int) -> InertialSensor | ExactSensor:
-        if self._setup.knows_itself:
+        if self._setup.has_exact_state:
             return ExactSensor()
         # A stream apart from the receiver's, whose noise is the same with and without this sensor.
         random = self._inertial_noise(self._scenario.seed)

@@ -8,11 +8,11 @@ laws.
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from scenarios.definition.changing.links import LINK_CHANGES, links_of
+from scenarios.definition.changing.link_changes import LINK_CHANGES, links_of
 from scenarios.definition.channel.recordings import run_lengths
-from scenarios.definition.limits import Limit
+from scenarios.definition.run_limits import Limit
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.schema.links import LinkEntry, LinkTable
+from scenarios.definition.schema.link_tables import LinkEntry, LinkTable
 from scenarios.studies.many.blame.losses import (
     LinkEnds,
     LostMessage,

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from scenarios.definition.limits import Limit
+from scenarios.definition.run_limits import Limit
 from scenarios.studies.engine.engine import Engine
 from scenarios.studies.engine.fleet import cores
 from scenarios.studies.engine.stamp import stamp_of_this_process

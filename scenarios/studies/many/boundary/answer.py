@@ -8,7 +8,7 @@ from math import ceil, isfinite
 from typing import Any
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.limits import Limit
+from scenarios.definition.run_limits import Limit
 from scenarios.studies.engine.engine import Engine
 from scenarios.studies.engine.job import Job
 from scenarios.studies.many.boundary.curve import (

@@ -8,7 +8,7 @@ from types import NoneType
 from typing import Any, get_args
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.links import directed_links
+from scenarios.definition.topology import directed_links
 from scenarios.results.channel.link_summary import SAFE_AGES_MS, LinkSummary
 from scenarios.results.events.encounters import EventKind
 from scenarios.results.summary import RunSummary

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from scenarios.definition.limits import Limit
+from scenarios.definition.run_limits import Limit
 from scenarios.studies.many.sweeps.axis import SweepAxis
 from scenarios.studies.many.sweeps.table import SweepTable, SweptCell
 from scenarios.studies.picture_style import BLUE, GREY, ORANGE, RED, SEQUENCE, STYLE

@@ -6,7 +6,7 @@ from functools import partial
 from typing import Any
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.limits import Limit, parsed_limit
+from scenarios.definition.run_limits import Limit, parsed_limit
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.limits.evaluation import broken_by
 from scenarios.studies.engine.job import Job

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from scenarios.definition.limits import Limit
+from scenarios.definition.run_limits import Limit
 from scenarios.studies.engine.results import Row
 from scenarios.studies.many.statistics import wilson
 from scenarios.studies.many.sweeps.figure import SweepFigure

@@ -6,7 +6,7 @@ import pytest
 
 from scenarios.cli.running import progress
 from scenarios.cli.running.progress import PLAIN_EVERY_S, REDRAW_S, Progress
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.events.bodies import BodySize
 from scenarios.results.metrics import Metrics
 from scenarios.results.stream import FigureStream

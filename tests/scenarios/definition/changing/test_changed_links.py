@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.definition.changing.links import LinkChange, course, links_of
+from scenarios.definition.changing.link_changes import LinkChange, course, links_of
 from scenarios.definition.channel.build import link_effects, link_stages
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.links import directed_links
 from scenarios.definition.scenario import scenario_from_text
-from scenarios.definition.schema.changes import CutTable, HealTable, LinkChangeTable
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.change_tables import CutTable, HealTable, LinkChangeTable
+from scenarios.definition.schema.link_tables import LinkTable
+from scenarios.definition.topology import directed_links
 from tests.made.examples import examples
 from transport.links.laws.effect import TransmissionContext
 from transport.links.line import Line, judge_stream

@@ -10,7 +10,7 @@ from scipy.stats import gamma, truncnorm
 
 from scenarios.definition.channel.build import link_effects, link_stages, usual_delay_ms
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.link_tables import LinkTable
 from tests.made.scenarios.messages import STRAIGHT
 from tests.made.transport.links import link
 from transport.links.laws.delay.drawn import DrawnDelay

@@ -134,7 +134,7 @@ BROKEN = {
 }  # fmt: skip
 
 
-def refusals(change: str, folder: Path | None = None) -> list[str]:
+def error_lines(change: str, folder: Path | None = None) -> list[str]:
     with pytest.raises(ScenarioError) as caught:
         scenario_from_text(STRAIGHT, label="a.toml", overrides=[change], folder=folder)
     return list(caught.value.lines)
@@ -144,7 +144,7 @@ def refusals(change: str, folder: Path | None = None) -> list[str]:
 def test_a_broken_value_is_refused_in_one_line(
     change: str, key: str, given: str, allowed: str
 ) -> None:
-    (line,) = refusals(change)
+    (line,) = error_lines(change)
     assert line.startswith("--set: ")
     assert f" {key}: " in line
     assert given in line
@@ -167,14 +167,14 @@ def test_a_broken_value_is_refused_in_one_line(
 )
 def test_a_file_of_delays_is_refused_with_its_line(tmp_path: Path, text: str, why: str) -> None:
     (tmp_path / "a.csv").write_text(text, encoding="utf-8")
-    (line,) = refusals("links.delay={kind='empirical', file='a.csv'}", tmp_path)
+    (line,) = error_lines("links.delay={kind='empirical', file='a.csv'}", tmp_path)
     assert "links.delay.file: a.csv: " in line
     assert why in line
 
 
 def test_bytes_that_are_no_text_are_refused(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_bytes(b"delay_ms\n\xff\xfe\n")
-    (line,) = refusals("links.delay={kind='empirical', file='a.csv'}", tmp_path)
+    (line,) = error_lines("links.delay={kind='empirical', file='a.csv'}", tmp_path)
     assert "not a text" in line
 
 

@@ -14,7 +14,7 @@ from scenarios.definition.channel.expected import (
     expected_age_ms,
     expected_channel,
 )
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.channel.estimates import bursts
 from scenarios.results.channel.link_summary import request_deviations
 from scenarios.results.channel.link_tally import LinkTally

@@ -10,10 +10,10 @@ from scenarios.cli.guide.check_table import print_report
 from scenarios.cli.summary_tables import print_summary
 from scenarios.definition.channel import presets as presets_module
 from scenarios.definition.channel.presets import presets, read_preset
-from scenarios.definition.check.report import report_of
+from scenarios.definition.check.findings import report_of
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, library, load_scenario, scenario_from_text
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.summary import from_json
 from scenarios.runs.stop import Stop
@@ -71,10 +71,10 @@ def test_one_word_is_a_whole_channel(name: str) -> None:
     assert whole == expected.model_dump(exclude={"preset", "preset_source"})
     if name == "lead_lost":  # as seen by links of the lead and by others
         lead, other = scenario.links["v1", "v3"], scenario.links["v2", "v3"]
-        assert not lead.is_sure
-        assert other.is_sure
+        assert not lead.is_lossless
+        assert other.is_lossless
     else:
-        assert asked.is_sure == (name == "clear")
+        assert asked.is_lossless == (name == "clear")
 
 
 @pytest.mark.parametrize("name", KNOWN)

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from scenarios.definition.channel.rules import ANY, ROLES, specificity
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.links import directed_links
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.definition.schema.links import LinkEntry
+from scenarios.definition.schema.link_tables import LinkEntry
+from scenarios.definition.topology import directed_links
 
 NAMES = ("v1", "v2", "v3", "v4")
 

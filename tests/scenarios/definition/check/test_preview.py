@@ -2,7 +2,7 @@
 
 import pytest
 
-from scenarios.definition.check.report import check
+from scenarios.definition.check.findings import check
 
 SLOW_POSES = ("gnss.rate_hz=2.0",)
 LATE = ("links.latency_ms=180.0",)

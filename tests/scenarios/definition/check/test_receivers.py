@@ -4,7 +4,7 @@ from math import hypot
 
 import pytest
 
-from scenarios.definition.check.report import check
+from scenarios.definition.check.findings import check
 from scenarios.definition.scenario import library, load_scenario
 from scenarios.studies.many.variant import Variant
 

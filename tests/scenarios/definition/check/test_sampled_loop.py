@@ -2,7 +2,7 @@
 
 import pytest
 
-from scenarios.definition.check.report import check
+from scenarios.definition.check.findings import check
 from scenarios.definition.scenario import library
 
 SWERVE = "speed.lateral_acceleration_mps2_max=15"

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from scenarios.definition.check.report import check, report_of
+from scenarios.definition.check.findings import check, report_of
 from scenarios.definition.scenario import scenario_from_text
 from scenarios.runs.virtual.unlogged_run import drive_trial
 

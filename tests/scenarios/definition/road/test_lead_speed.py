@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from scenarios.definition.check.report import report_of
+from scenarios.definition.check.findings import report_of
 from scenarios.definition.scenario import scenario_from_text
 from tests.made.scenarios.messages import STRAIGHT
 

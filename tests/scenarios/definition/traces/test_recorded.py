@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenarios.definition.check.report import warnings
+from scenarios.definition.check.findings import warnings
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.road.lead_speed import recorded
 from scenarios.definition.traces.formats import TraceError, read_log
-from scenarios.definition.traces.recorded import read_trace
+from scenarios.definition.traces.reading import read_trace
 from tests.made.scenarios.recorded_drives import (
     CSV,
     ORIGIN,

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenarios.definition.check.report import report_of
+from scenarios.definition.check.findings import report_of
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.road.lead_speed import recorded
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.definition.schema.path import PointsPath
+from scenarios.definition.schema.path_tables import PointsPath
 from tests.made.scenarios.rough_drives import (
     CASES,
     STRAIGHT,

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenarios.definition.schema.tables import EventsTable
+from scenarios.definition.schema.scenario_tables import EventsTable
 from scenarios.results.events.bodies import BodySize, body_of, separation
 from scenarios.results.events.encounters import PARTED_M, QUIET_NS
 from scenarios.results.events.run_event import EventLog, RunEvent

@@ -5,7 +5,7 @@ from random import Random
 
 import pytest
 
-from scenarios.definition.schema.limits import (
+from scenarios.definition.schema.limit_tables import (
     LimitsTable,
     ModeLimit,
     RecoveryLimit,

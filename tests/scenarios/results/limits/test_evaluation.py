@@ -4,8 +4,8 @@ from typing import Any, get_args
 import pytest
 
 from scenarios.definition.schema.limit_rows import LIMITS
-from scenarios.definition.schema.limits import LimitsTable
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.limit_tables import LimitsTable
+from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.events.encounters import EventKind
 from scenarios.results.events.run_event import RunEvent
 from scenarios.results.limits.deadlines import DeadlineFigure

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.definition.changing.asked import Question, change_from, entry_of
+from scenarios.definition.changing.live_change import ChangeRequest, change_from_json, change_json
 from scenarios.definition.scenario import load_scenario
-from scenarios.definition.schema.changes import CutTable
+from scenarios.definition.schema.change_tables import CutTable
 from scenarios.runs.control.live_control import Confirmation, LiveControl, first_instant
 from scenarios.runs.node.pending_changes import PendingChanges
 from transport.bus.memory_bus import MemoryBus, MemoryNetwork
@@ -34,7 +34,7 @@ class Vehicle:
         return self
 
     def ask(self, at_s: float | None = None, **entry: object) -> Confirmation:
-        return self.control.answer(Question(entry, at_s).text)
+        return self.control.answer(ChangeRequest(entry, at_s).text)
 
 
 @given(st.integers(0, 10**12), st.sampled_from([5.0, 30.0, 50.0, 333.0, 500.0]))
@@ -95,7 +95,7 @@ def test_without_a_change_it_says_when_one_could_be_made() -> None:
 )  # fmt: skip
 def test_each_does_what_is_about_it(name: str, entry: dict[str, object], does: str) -> None:
     vehicle = Vehicle(name, START).begun()
-    assert vehicle.control.answer(Question(entry).text).does == does
+    assert vehicle.control.answer(ChangeRequest(entry).text).does == does
     assert len(vehicle.pending_changes.take(START + SECOND)) == bool(does)
 
 
@@ -148,7 +148,7 @@ def test_it_answers_over_the_bus() -> None:
     network = MemoryNetwork()
     vehicle = Vehicle("v3", START).begun()
     vehicle.control.listen(MemoryBus(network))
-    answer = MemoryBus(network).ask(control_key("v3"), 1.0, Question({"kind": "heal"}).text)
+    answer = MemoryBus(network).ask(control_key("v3"), 1.0, ChangeRequest({"kind": "heal"}).text)
     assert answer is not None
     assert Confirmation.of(answer).does == "as the scenario has it again"
 
@@ -162,6 +162,6 @@ def test_an_answer_that_is_none_is_told_apart(answer: bytes) -> None:
 @given(st.integers(0, 86_400 * SECOND))
 def test_an_instant_survives_its_way_through_a_scenario(since: int) -> None:
     """Seconds as a number with 53 bits are exact to the nanosecond for as long as a run may be."""
-    change = change_from(entry_of(CutTable(kind="cut", at_s=since / SECOND)))
+    change = change_from_json(change_json(CutTable(kind="cut", at_s=since / SECOND)))
     assert START + nanoseconds(change.at_s) == START + since
     assert nanoseconds(json.loads(json.dumps(since / SECOND))) == since

@@ -4,10 +4,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.definition.changing.links import LinkChange, course
+from scenarios.definition.changing.link_changes import LinkChange, course
 from scenarios.definition.channel.build import link_effects
-from scenarios.definition.schema.changes import CutTable, HealTable, LinkChangeTable, StallTable
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.change_tables import (
+    CutTable,
+    HealTable,
+    LinkChangeTable,
+    StallTable,
+)
+from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.runs.node.changed_links import ChangedLinks, ChangingLink
 from scenarios.runs.node.pending_changes import DueChange
 from tests.made.examples import examples

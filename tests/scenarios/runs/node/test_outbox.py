@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.runs.node.outbox import Outbox
 from scenarios.runs.node.probe import NoProbe, Probe, Usage
 from scenarios.runs.node.sink import BusSink, Sink

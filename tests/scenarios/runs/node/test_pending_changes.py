@@ -5,7 +5,7 @@ from threading import Thread
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.definition.schema.changes import LeaveTable, StallTable
+from scenarios.definition.schema.change_tables import LeaveTable, StallTable
 from scenarios.runs.node.pending_changes import DueChange, PendingChanges, scheduled_changes
 from vehicles.schedule import SECOND
 

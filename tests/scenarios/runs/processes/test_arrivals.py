@@ -32,7 +32,7 @@ def test_what_came_is_taken_in_turn() -> None:
     for at, name in enumerate(KEYS):
         arrivals.put(at, name, name.encode())
     assert drained(arrivals) == [(at, name, name.encode()) for at, name in enumerate(KEYS)]
-    assert not arrivals.refusals()
+    assert not arrivals.error_lines()
 
 
 def test_a_recorder_of_twenty_that_is_held_up_for_five_seconds_loses_nothing() -> None:
@@ -42,7 +42,7 @@ def test_a_recorder_of_twenty_that_is_held_up_for_five_seconds_loses_nothing() -
         for name in KEYS[::2]:  # five topics of each at 50 Hz, of 200 bytes
             arrivals.put(tick, name, bytes(200))
             count += 1
-    assert not arrivals.refusals()
+    assert not arrivals.error_lines()
     assert len(drained(arrivals)) == count
 
 
@@ -52,15 +52,15 @@ def test_a_flood_is_refused_and_pushes_out_nothing_of_others() -> None:
     size = 240 + OVERHEAD_BYTES
     for at in range(10_000):
         arrivals.put(at, forged, bytes(240))
-    assert arrivals.refusals() == {"overflow": 10_000 - 1_000_000 // size}
+    assert arrivals.error_lines() == {"overflow": 10_000 - 1_000_000 // size}
     for at in range(12):
         for name in honest:
             arrivals.put(at, name, bytes(240))
-    assert not arrivals.refusals()
+    assert not arrivals.error_lines()
     counts = Counter(name for _, name, _ in drained(arrivals))
     assert all(counts[name] == 12 for name in honest)
     arrivals.put(0, forged, bytes(240))  # there is room again
-    assert not arrivals.refusals()
+    assert not arrivals.error_lines()
     assert len(arrivals) == 1
 
 
@@ -79,8 +79,8 @@ def test_what_no_recorder_takes_does_not_wait() -> None:
         arrivals.put(0, "convoy/ghost/a", b"boo")
         arrivals.put(0, KEYS[0], bytes(MAX_BYTES + 1))
     arrivals.put(0, KEYS[0], bytes(MAX_BYTES))
-    assert arrivals.refusals() == {"unknown": 3, "oversized": 3}
-    assert not arrivals.refusals()
+    assert arrivals.error_lines() == {"unknown": 3, "oversized": 3}
+    assert not arrivals.error_lines()
     assert len(arrivals) == 1
 
 
@@ -104,7 +104,7 @@ def test_only_some_keys_may_have_larger_messages() -> None:
         arrivals.put(0, key, bytes(MAX_BYTES + 1))
     arrivals.put(0, "large", bytes(50_001))
     assert [key for _, key, _ in drained(arrivals)] == ["large"]
-    assert arrivals.refusals() == {"oversized": 2}
+    assert arrivals.error_lines() == {"oversized": 2}
 
 
 def test_little_is_waited_for_and_much_is_given_at_once() -> None:

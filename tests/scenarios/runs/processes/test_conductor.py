@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.definition.schema.changes import CrashTable
+from scenarios.definition.schema.change_tables import CrashTable
 from scenarios.runs.processes.conductor import (
     FAILED_AFTER_NS,
     FINAL_COUNTERS_NS,

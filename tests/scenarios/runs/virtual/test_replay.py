@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.drives import Trial
 from scenarios.results.files import LOG_NAME
 from scenarios.runs.node.sink import BusSink

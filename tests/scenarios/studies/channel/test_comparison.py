@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.channel.expected import expected_channel
 from scenarios.definition.channel.presets import presets
-from scenarios.definition.check.sample import StraightDrive
+from scenarios.definition.check.link_sample import StraightDrive
 from scenarios.definition.scenario import load_scenario
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.studies.channel.comparison import Comparison, compare
 from scenarios.studies.channel.law import burst_shares, delay_quantiles
 from transport.links.link import Link

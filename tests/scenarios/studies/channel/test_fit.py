@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from scenarios.definition.schema.links import LinkEntry
+from scenarios.definition.schema.link_tables import LinkEntry
 from scenarios.studies.channel.fitting.estimate import Estimate
 from scenarios.studies.channel.fitting.fit import FittedLink, as_toml, fit_link
 from scenarios.studies.channel.fitting.recorded import RecordedLink

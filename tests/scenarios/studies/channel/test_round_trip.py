@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from scenarios.definition.channel.presets import presets
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.channel.estimates import bursts
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual

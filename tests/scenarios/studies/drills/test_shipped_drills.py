@@ -4,7 +4,7 @@ import tomllib
 
 import pytest
 
-from scenarios.definition.check.report import check
+from scenarios.definition.check.findings import check
 from scenarios.definition.library import DRILLS
 from scenarios.definition.scenario import drills, library, load_scenario, scenario_from_text
 from scenarios.studies.drills.drill import carry_out_drill, drill_variants, rows_of

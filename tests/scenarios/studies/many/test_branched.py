@@ -8,7 +8,7 @@ from random import Random
 import numpy as np
 import pytest
 
-from scenarios.definition.limits import Limit
+from scenarios.definition.run_limits import Limit
 from scenarios.studies.many.risk import RiskQuestion, risk_of
 from scenarios.studies.many.splitting import Splitting, gone_on, repeated, split
 from scenarios.studies.many.statistics import Mean, mean_of

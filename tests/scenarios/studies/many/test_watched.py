@@ -5,7 +5,7 @@ from math import inf
 
 import pytest
 
-from scenarios.definition.limits import Limit, parsed_limit
+from scenarios.definition.run_limits import Limit, parsed_limit
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.limits.evaluation import broken_by, severity
 from scenarios.runs.virtual.drive import drive

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.link_tables import LinkTable
 from tests.made.transport.links import link
 from transport.links.laws.effect import TransmissionContext
 from transport.links.laws.queue import Queue

@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from scenarios.cli.main import cli
-from scenarios.definition.check.report import report_of
+from scenarios.definition.check.findings import report_of
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.runs.virtual.logged_run import record_trial

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.definition.check.report import warnings
+from scenarios.definition.check.findings import warnings
 from scenarios.definition.scenario import load_scenario
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual

@@ -8,7 +8,7 @@ from math import isfinite
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenarios.definition.schema.changes import (
+from scenarios.definition.schema.change_tables import (
     AnyChange,
     CrashTable,
     FixChangeTable,

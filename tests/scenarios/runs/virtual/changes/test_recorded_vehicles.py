@@ -6,7 +6,7 @@ import pytest
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.definition.schema.changes import LeaveTable
+from scenarios.definition.schema.change_tables import LeaveTable
 from scenarios.runs.node.pending_changes import DueChange
 from tests.made.convoys.changed_convoys import ChangedConvoy
 from tests.made.scenarios.rough_drives import FORMATS, SUFFIXES, SWEEP, Rough, text_of

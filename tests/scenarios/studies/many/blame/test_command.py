@@ -10,7 +10,7 @@ import tomli_w
 from click.testing import CliRunner, Result
 
 from scenarios.cli.main import cli
-from scenarios.definition.limits import Limit
+from scenarios.definition.run_limits import Limit
 from scenarios.definition.scenario import load_scenario, scenario_from_text
 from scenarios.results.limits.evaluation import broken_by
 from scenarios.results.log_summary import summary_of

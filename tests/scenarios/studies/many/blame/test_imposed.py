@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.definition.limits import Limit
+from scenarios.definition.run_limits import Limit
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.virtual.drive import drive as virtual_drive

@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import pytest
 
-from scenarios.definition.limits import Limit
+from scenarios.definition.run_limits import Limit
 from scenarios.studies.engine.job import Job
 from scenarios.studies.many.blame.imposed import LossFree
 from scenarios.studies.many.blame.losses import Burst, Losses, LostMessage, bursts_of, moments_of

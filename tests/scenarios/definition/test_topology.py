@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.links import directed_links, senders_to
 from scenarios.definition.scenario import load_scenario
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.link_tables import LinkTable
+from scenarios.definition.topology import directed_links, senders_to
 from transport.links.laws.plain import Decimation, Jitter, Latency, Loss
 
 RATE_HZ = 20.0

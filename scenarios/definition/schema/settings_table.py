@@ -20,7 +20,7 @@ from typing import (
 
 from pydantic import Field, create_model
 
-from scenarios.definition.schema.table import Table
+from scenarios.definition.schema.base_table import Table
 from vehicles.setting import Setting
 
 S = TypeVar("S")

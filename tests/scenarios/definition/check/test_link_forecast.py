@@ -3,7 +3,12 @@
 import pytest
 
 from scenarios.definition.channel.presets import presets, read_preset
-from scenarios.definition.check.links import AskedLink, asked_link, asked_links, laws_in_brief
+from scenarios.definition.check.link_forecast import (
+    LinkForecast,
+    laws_in_brief,
+    link_forecast,
+    link_forecasts,
+)
 from scenarios.definition.scenario import Scenario, library, load_scenario
 
 
@@ -11,11 +16,11 @@ def scenario(*settings: str) -> Scenario:
     return load_scenario("lane_change", settings)
 
 
-def link(sender: str, receiver: str, *settings: str) -> AskedLink:
-    return asked_link(scenario(*settings), (sender, receiver))
+def link(sender: str, receiver: str, *settings: str) -> LinkForecast:
+    return link_forecast(scenario(*settings), (sender, receiver))
 
 
-def words(asked: AskedLink) -> dict[str, str]:
+def words(asked: LinkForecast) -> dict[str, str]:
     return {law.words: law.key for law in asked.laws}
 
 
@@ -106,7 +111,7 @@ THREE = "convoy.vehicles=3"
 @pytest.mark.parametrize("name", [*presets(), *library()])
 def test_every_law_of_what_ships_has_words_and_a_key(name: str) -> None:
     shipped = load_scenario(name) if name in library() else scenario(THREE, f"links.preset={name}")
-    for asked in asked_links(shipped)[0]:
+    for asked in link_forecasts(shipped)[0]:
         assert asked.rules
         assert asked.laws
         for law in asked.laws:

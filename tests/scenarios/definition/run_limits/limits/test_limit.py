@@ -3,10 +3,10 @@
 import pytest
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.limits import Limit, limits_of, parsed_limit
+from scenarios.definition.run_limits import Limit, limits_of, parsed_limit
 from scenarios.definition.scenario import load_scenario
 from scenarios.definition.schema.limit_rows import LIMITS, WORDS
-from scenarios.definition.schema.limits import LimitsTable
+from scenarios.definition.schema.limit_tables import LimitsTable
 
 CONVOY = ("v1", "v2", "v3")
 

@@ -11,8 +11,8 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from scenarios.definition.renamed import new_key, new_value
-from scenarios.definition.schema.table import NAME_PATTERN
-from scenarios.definition.schema.tables import ScenarioTables
+from scenarios.definition.schema.base_table import NAME_PATTERN
+from scenarios.definition.schema.scenario_tables import ScenarioTables
 
 MAX_SHOWN = 60
 """Characters of a refused text or list that are shown; a number is shown whole."""
@@ -39,7 +39,7 @@ _ALLOWED = {
 }
 
 
-def shown(value: object) -> str:
+def toml_repr(value: object) -> str:
     """`value` about as a file would write it, cut to a readable length."""
     if isinstance(value, Mapping):
         return "a table"
@@ -51,7 +51,7 @@ def shown(value: object) -> str:
     return text if len(text) <= MAX_SHOWN else text[: MAX_SHOWN - 3] + "..."
 
 
-def dotted(location: Sequence[str | int]) -> str:
+def dotted_key(location: Sequence[str | int]) -> str:
     """Key of a problem, such as `path.segments[2].length_m`."""
     key = ""
     for part in location:
@@ -59,13 +59,13 @@ def dotted(location: Sequence[str | int]) -> str:
     return key
 
 
-def near(word: str, known: Iterable[str]) -> str:
+def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return a question that offers the known word next to `word`, or nothing."""
     close = get_close_matches(word, list(known), n=1, cutoff=0.6)
     return f", did you mean {close[0]}?" if close else ""
 
 
-def refusals(error: ValidationError) -> list[tuple[str, str]]:
+def error_lines(error: ValidationError) -> list[tuple[str, str]]:
     """Key and text of every problem that the validation found."""
     problems = error.errors(include_url=False)
     # A list without the entries that are refused can be too short: that is said by those.
@@ -76,7 +76,7 @@ def refusals(error: ValidationError) -> list[tuple[str, str]]:
 
 def _refusal(problem: ErrorDetails) -> tuple[str, str]:
     location = problem["loc"]
-    key, kind, given = dotted(_walk(location)[0]), problem["type"], problem["input"]
+    key, kind, given = dotted_key(_walk(location)[0]), problem["type"], problem["input"]
     if kind == "extra_forbidden" and (new := _renamed(location, given)):
         return key, f"is now {new}"
     if kind == "extra_forbidden":
@@ -84,9 +84,9 @@ def _refusal(problem: ErrorDetails) -> tuple[str, str]:
     if kind == "missing":
         return key, "missing"
     if kind.startswith("union_tag"):
-        found = f"given {shown(given['kind'])}" if "kind" in given else "missing"
+        found = f"given {toml_repr(given['kind'])}" if "kind" in given else "missing"
         return f"{key}.kind", f"{found}, allowed {_either(_kinds(_walk(location)[1]))}"
-    return key, f"given {shown(given)}, allowed {_allowed(location, problem)}"
+    return key, f"given {toml_repr(given)}, allowed {_allowed(location, problem)}"
 
 
 def _renamed(location: Location, given: object) -> str:
@@ -95,12 +95,12 @@ def _renamed(location: Location, given: object) -> str:
     name = new_key(parts)
     if name is None:
         return ""
-    key, value = dotted((*_walk(location)[0][:-1], name)), new_value((*parts[:-1], name), given)
-    return key if value is None else f"{key} = {shown(value)}"
+    key, value = dotted_key((*_walk(location)[0][:-1], name)), new_value((*parts[:-1], name), given)
+    return key if value is None else f"{key} = {toml_repr(value)}"
 
 
 def _either(words: Sequence[str]) -> str:
-    *others, last = map(shown, words)
+    *others, last = map(toml_repr, words)
     return f"{', '.join(others)} or {last}"
 
 
@@ -109,7 +109,7 @@ def _allowed(location: Location, problem: ErrorDetails) -> str:
     if kind in {"greater_than", "greater_than_equal", "less_than", "less_than_equal"}:
         return limits(_field(location))
     if kind == "literal_error" and (new := new_value(map(str, location), problem["input"])):
-        return f"{shown(new)}, its new name"
+        return f"{toml_repr(new)}, its new name"
     if kind == "literal_error":
         return str(context["expected"]).replace("'", '"')
     if kind == "string_pattern_mismatch" and context.get("pattern") == NAME_PATTERN:
@@ -202,7 +202,7 @@ def _suggestion(location: Location) -> str:
     same_stem = [key for key in here if key.split("_")[0] == stem]
     near_here = get_close_matches(word, same_stem or here, n=1, cutoff=0.4 if same_stem else 0.7)
     if near_here:
-        return f", did you mean {dotted((*_walk(table)[0], near_here[0]))}?"
+        return f", did you mean {dotted_key((*_walk(table)[0], near_here[0]))}?"
     elsewhere = [
         f"{name}.{word}" for name in ScenarioTables.model_fields if word in _fields((name,))
     ]

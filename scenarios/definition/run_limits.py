@@ -5,12 +5,17 @@ from dataclasses import dataclass
 from math import isfinite, nan
 from typing import Any
 
+from scenarios.definition.error_messages import did_you_mean, toml_repr
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.refusal import near, shown
 from scenarios.definition.road.route import vehicle_names
 from scenarios.definition.schema.limit_rows import LIMITS, WORDS, LimitRow, words_with_examples
-from scenarios.definition.schema.limits import DeadlineTable, LimitsTable, ModeLimit, SourceLimit
-from scenarios.definition.schema.tables import ScenarioTables
+from scenarios.definition.schema.limit_tables import (
+    DeadlineTable,
+    LimitsTable,
+    ModeLimit,
+    SourceLimit,
+)
+from scenarios.definition.schema.scenario_tables import ScenarioTables
 
 SLACK_S = 1e-9
 OF_TWO = {"composite", "predecessor"}
@@ -93,7 +98,7 @@ def problem_of(row: LimitRow, vehicle: str, vehicles: Sequence[str]) -> str:
 
 
 def no_vehicle(name: str, vehicles: Sequence[str]) -> str:
-    return "no such vehicle" + (near(name, vehicles) or f", allowed {', '.join(vehicles)}")
+    return "no such vehicle" + (did_you_mean(name, vehicles) or f", allowed {', '.join(vehicles)}")
 
 
 def _number(text: str) -> float:
@@ -129,18 +134,18 @@ def _about(tables: ScenarioTables, key: str, limit: DeadlineTable) -> Iterator[P
     names = vehicle_names(tables)
     if limit.vehicle not in names[1:]:
         allowed = f"allowed a follower: {', '.join(names[1:]) or 'there is none'}"
-        yield f"{key}.vehicle", f"given {shown(limit.vehicle)}, {allowed}"
+        yield f"{key}.vehicle", f"given {toml_repr(limit.vehicle)}, {allowed}"
         return
     own = tables.vehicle.get(limit.vehicle)
     if own is not None and own.replay is not None:
         yield (
             f"{key}.vehicle",
-            f"given {shown(limit.vehicle)}, which moves as it was recorded and listens to nobody",
+            f"given {toml_repr(limit.vehicle)}, which replays a drive and receives nothing",
         )
     if isinstance(limit, ModeLimit) and limit.vehicle == names[1] and limit.mode in OF_TWO:
         yield (
             f"{key}.mode",
-            f"given {shown(limit.mode)}, but {limit.vehicle} hears the lead alone: allowed "
+            f"given {toml_repr(limit.mode)}, but {limit.vehicle} hears the lead alone: allowed "
             '"lead", "coast", "stop" or "straight"',
         )
     if isinstance(limit, SourceLimit):
@@ -152,6 +157,6 @@ def _source(names: Sequence[str], key: str, limit: SourceLimit) -> Iterator[Prob
     if limit.source not in heard:
         yield (
             f"{key}.source",
-            f"given {shown(limit.source)}, whom {limit.vehicle} does not hear: allowed "
+            f"given {toml_repr(limit.source)}, whom {limit.vehicle} does not hear: allowed "
             f"{' or '.join(heard)}",
         )

@@ -5,17 +5,17 @@ from dataclasses import dataclass
 from math import inf
 
 from scenarios.definition.channel.rules import end_problems, requested_link, specificity
-from scenarios.definition.links import directed_links
 from scenarios.definition.road.route import vehicle_names
-from scenarios.definition.schema.changes import (
+from scenarios.definition.schema.change_tables import (
     AnyChange,
     CutTable,
     HealTable,
     LinkChangeTable,
     SpeedChangeTable,
 )
-from scenarios.definition.schema.links import LinkTable
-from scenarios.definition.schema.tables import ScenarioTables
+from scenarios.definition.schema.link_tables import LinkTable
+from scenarios.definition.schema.scenario_tables import ScenarioTables
+from scenarios.definition.topology import directed_links
 from transport.links.laws.effect import Effect
 from transport.links.laws.plain import Cut
 from transport.links.link import ChangedEffects
@@ -121,11 +121,11 @@ def link_change_problems(tables: ScenarioTables) -> Iterator[tuple[str, str]]:
     """Give every key of a change of links that does not fit, and what is wrong with it."""
     for index, change in enumerate(tables.change):
         if isinstance(change, LINK_CHANGES):
-            for key, why in refused_link_change(tables, change):
+            for key, why in link_change_errors(tables, change):
                 yield f"change[{index}]{key}", why
 
 
-def refused_link_change(tables: ScenarioTables, change: LinkChange) -> Iterator[tuple[str, str]]:
+def link_change_errors(tables: ScenarioTables, change: LinkChange) -> Iterator[tuple[str, str]]:
     """Give what does not fit of one change of links, under its key with a dot before it."""
     names = vehicle_names(tables)
     problems = list(end_problems(change, names))

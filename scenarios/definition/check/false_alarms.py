@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scenarios.definition.check.link_sample import StraightDrive
 from scenarios.definition.check.preview import gap_to
-from scenarios.definition.check.sample import StraightDrive
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.schedule import SECOND

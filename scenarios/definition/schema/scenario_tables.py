@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import AwareDatetime, Field, StringConstraints
 
-from scenarios.definition.schema.changes import Changes
-from scenarios.definition.schema.gnss import GnssTable
-from scenarios.definition.schema.limits import LimitsTable
-from scenarios.definition.schema.links import LinkEntry, LinkTable
-from scenarios.definition.schema.log import LogTable
-from scenarios.definition.schema.path import PathTable, PointsPath
-from scenarios.definition.schema.settings import SettingsTable, one_of, table_with
-from scenarios.definition.schema.table import Name, NotNegative, Ratio, Speed, Table
+from scenarios.definition.schema.base_table import Name, NotNegative, Ratio, Speed, Table
+from scenarios.definition.schema.change_tables import Changes
+from scenarios.definition.schema.gnss_table import GnssTable
+from scenarios.definition.schema.limit_tables import LimitsTable
+from scenarios.definition.schema.link_tables import LinkEntry, LinkTable
+from scenarios.definition.schema.log_table import LogTable
+from scenarios.definition.schema.path_tables import PathTable, PointsPath
+from scenarios.definition.schema.settings_table import SettingsTable, one_of, table_with
 from transport.links.laws.outages.span import ReceiverOff, TransmitterOff
 from vehicles.car.imu_settings import ImuSettings
 from vehicles.car.parameters import NOMINAL_GAINS, Loading

@@ -4,7 +4,7 @@ from multiprocessing import get_context
 
 import pytest
 
-from scenarios.definition.errors import Refused, ScenarioError
+from scenarios.definition.errors import ScenarioError, SettingError
 from scenarios.definition.scenario import load_scenario
 
 
@@ -15,7 +15,7 @@ def test_a_refusal_is_the_same_after_pickling(lines: list[str]) -> None:
     assert type(again) is ScenarioError
     assert again.lines == error.lines == tuple(lines)
     assert str(again) == str(error) == "\n".join(lines)
-    one = pickle.loads(pickle.dumps(Refused("path.file", "has not been read")))
+    one = pickle.loads(pickle.dumps(SettingError("path.file", "has not been read")))
     assert (one.key, one.why) == ("path.file", "has not been read")
     assert str(one) == "path.file: has not been read"
 

@@ -2,14 +2,14 @@
 
 import pytest
 
-from scenarios.definition.check.alarms import (
+from scenarios.definition.check.false_alarms import (
     Alarms,
     all_lost_per_h,
     longest_silence_s,
     sampled_alarms,
     times_beyond_limit,
 )
-from scenarios.definition.check.links import asked_links
+from scenarios.definition.check.link_forecast import link_forecasts
 from scenarios.definition.scenario import load_scenario
 
 BURSTS = "links.loss={kind='gilbert_elliott',loss_ratio=0.4,burst_messages_mean=4}"
@@ -55,12 +55,14 @@ def test_bursts_of_four_have_the_alarms_that_follow_from_their_law() -> None:
 
 
 def test_laws_of_time_or_place_are_not_sampled() -> None:
-    links, deaf = asked_links(load_scenario("lane_change", ["links.collisions={loss_ratio=0.3}"]))
+    links, deaf = link_forecasts(
+        load_scenario("lane_change", ["links.collisions={loss_ratio=0.3}"])
+    )
     assert all(one.false_alarms_per_h for one in links)
-    assert all(one.deaf_per_h is not None for one in deaf)
-    links, deaf = asked_links(load_scenario("lane_change", ["links.preset=tunnel"]))
+    assert all(one.all_lost_per_h is not None for one in deaf)
+    links, deaf = link_forecasts(load_scenario("lane_change", ["links.preset=tunnel"]))
     assert {one.false_alarms_per_h for one in links} == {None}
-    assert {one.deaf_per_h for one in deaf} == {None}
+    assert {one.all_lost_per_h for one in deaf} == {None}
 
 
 @pytest.mark.parametrize(

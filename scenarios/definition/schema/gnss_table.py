@@ -5,7 +5,7 @@ from typing import Any
 
 from pydantic import model_validator
 
-from scenarios.definition.schema.settings import SettingsTable, keys_with
+from scenarios.definition.schema.settings_table import SettingsTable, keys_with
 from vehicles.car.positioning.gnss_settings import (
     PRESET_OF_STATE,
     PRESETS,

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from scenarios.definition.errors import Refused
+from scenarios.definition.errors import SettingError
 from scenarios.definition.library import TRACES
-from scenarios.definition.schema.path import PointsPath, TracePath
-from scenarios.definition.schema.tables import OriginTable, ScenarioTables, VehicleTable
+from scenarios.definition.schema.path_tables import PointsPath, TracePath
+from scenarios.definition.schema.scenario_tables import OriginTable, ScenarioTables, VehicleTable
 from scenarios.definition.traces.formats import TraceError
-from scenarios.definition.traces.recorded import DriveInPlane, is_file, read_trace
+from scenarios.definition.traces.reading import DriveInPlane, is_file, read_trace
 from vehicles.geometry.bridges import step_lengths
 from vehicles.geometry.geodesy import REACH, Origin
 from vehicles.geometry.smoothing import MERGED_NOISE
@@ -41,7 +41,7 @@ def with_points(tables: ScenarioTables, folder: Path) -> ScenarioTables:
         try:
             trace = read_trace(_file(table.file, folder), origin=given, vehicle=table.vehicle)
         except TraceError as error:
-            raise Refused("path.file", str(error)) from error
+            raise SettingError("path.file", str(error)) from error
         given = trace.origin or given
         table = points_of(trace, table)
     if isinstance(table, PointsPath):
@@ -73,13 +73,13 @@ def _second(
             _file(table.file, folder_of(key)), origin=origin, vehicle=own.replay_vehicle
         )
     except TraceError as error:
-        raise Refused(key, str(error)) from error
+        raise SettingError(key, str(error)) from error
     points = points_of(trace, table)
     if not isinstance(lead, PointsPath):
         return points
     if lead.source and lead.geodetic != (trace.origin is not None):
         kinds = "latitudes" if lead.geodetic else "plane coordinates"
-        raise Refused(
+        raise SettingError(
             key, f"{table.file}: given in another plane, allowed {kinds} as {lead.source} has"
         )
     if trace.origin is None:
@@ -89,7 +89,7 @@ def _second(
         math.hypot(x - east, y - north) for x, y in zip(points.east_m, points.north_m, strict=True)
     )
     if away > ELSEWHERE:
-        raise Refused(
+        raise SettingError(
             key,
             f"{table.file}: comes no nearer than {away / 1000.0:.1f} km to the start of the lead's "
             f"path, allowed at most {ELSEWHERE / 1000.0:g} km: is it of the same road?",

@@ -6,8 +6,8 @@ from functools import partial
 
 from scenarios.definition.channel.build import link_effects, link_stages, vehicles_between
 from scenarios.definition.channel.expected import expected_age_ms, expected_channel
-from scenarios.definition.channel.origins import OF_VEHICLES, giver, rules_of
-from scenarios.definition.check.alarms import (
+from scenarios.definition.channel.origins import OF_VEHICLES, rules_of, source_key
+from scenarios.definition.check.false_alarms import (
     Alarms,
     all_lost_per_h,
     longest_silence_s,
@@ -21,7 +21,7 @@ PLAIN = {"rate_hz", "loss_ratio", "latency_ms", "jitter_ms"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AskedLaw:
+class LawDescription:
     """The description of a law, and the key of the scenario that requests it."""
 
     words: str
@@ -29,7 +29,7 @@ class AskedLaw:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AskedLink:
+class LinkForecast:
     """What is requested of one directed link, and what follows in the long run.
 
     `rules` are those about the link, the most specific first. Figures are None where they depend on
@@ -45,7 +45,7 @@ class AskedLink:
     rules: tuple[str, ...]
     preset: str | None
     preset_source: str | None
-    laws: tuple[AskedLaw, ...]
+    laws: tuple[LawDescription, ...]
     rate_hz: float
     distance_m: float | None
     loss_ratio: float | None
@@ -58,22 +58,24 @@ class AskedLink:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AskedReceiver:
+class ReceiverForecast:
     """How often per hour a follower counts all its sources as lost, although they send.
 
     That is if each link is silent on its own; None where no sample shows it.
     """
 
     receiver: str
-    deaf_per_h: float | None
+    all_lost_per_h: float | None
 
 
-def asked_links(scenario: Scenario) -> tuple[tuple[AskedLink, ...], tuple[AskedReceiver, ...]]:
-    links: list[AskedLink] = []
+def link_forecasts(
+    scenario: Scenario,
+) -> tuple[tuple[LinkForecast, ...], tuple[ReceiverForecast, ...]]:
+    links: list[LinkForecast] = []
     of_receiver: dict[str, list[Alarms | None]] = {}
-    samples: dict[AskedLink, Alarms | None] = {}
+    samples: dict[LinkForecast, Alarms | None] = {}
     for link in scenario.links:
-        asked = asked_link(scenario, link)
+        asked = link_forecast(scenario, link)
         alike = replace(asked, sender="", receiver="")
         if alike not in samples:
             samples[alike] = sampled_alarms(scenario, link)
@@ -82,12 +84,12 @@ def asked_links(scenario: Scenario) -> tuple[tuple[AskedLink, ...], tuple[AskedR
         if link[1] != scenario.vehicle_names[0]:  # the lead does not need what it receives
             of_receiver.setdefault(link[1], []).append(found)
     return tuple(links), tuple(
-        AskedReceiver(receiver=name, deaf_per_h=all_lost_per_h(found))
+        ReceiverForecast(receiver=name, all_lost_per_h=all_lost_per_h(found))
         for name, found in of_receiver.items()
     )
 
 
-def asked_link(scenario: Scenario, link: tuple[str, str]) -> AskedLink:
+def link_forecast(scenario: Scenario, link: tuple[str, str]) -> LinkForecast:
     sender, receiver = link
     table, source, setup = (
         scenario.links[link],
@@ -105,14 +107,16 @@ def asked_link(scenario: Scenario, link: tuple[str, str]) -> AskedLink:
     age_ms = None
     if source.even_rate_hz is not None:
         age_ms = expected_age_ms(expected, rate_hz, scenario.control_rate_hz)
-    return AskedLink(
+    return LinkForecast(
         sender=sender,
         receiver=receiver,
         rules=tuple(rules_of(scenario.tables, link)),
         preset=table.preset,
         preset_source=table.preset_source,
         laws=tuple(
-            AskedLaw(words=words, key=key if "." in key else giver(scenario.tables, link, key))
+            LawDescription(
+                words=words, key=key if "." in key else source_key(scenario.tables, link, key)
+            )
             for key, words in _laws(scenario, link)
         ),
         rate_hz=rate_hz,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scenarios.definition.channel.build import link_effects, link_stages
 from scenarios.definition.channel.expected import USUAL_MESSAGE_BYTES
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.schema.links import LinkTable
+from scenarios.definition.schema.link_tables import LinkTable
 from transport.links.laws.between import Road, VehiclesBetween
 from transport.links.laws.effect import Effect, Position, TransmissionContext
 from transport.links.line import judge_stream

@@ -7,19 +7,19 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from scenarios.definition.changing.links import LINK_CHANGES, links_of, refused_link_change
-from scenarios.definition.changing.vehicle_changes import change_problems
+from scenarios.definition.changing.link_changes import LINK_CHANGES, link_change_errors, links_of
+from scenarios.definition.changing.vehicle_changes import vehicle_change_problems
+from scenarios.definition.error_messages import error_lines
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.refusal import refusals
-from scenarios.definition.schema.changes import (
+from scenarios.definition.schema.base_table import Table
+from scenarios.definition.schema.change_tables import (
     LATEST_S,
     AnyChange,
     Changes,
     HealTable,
     LinkChangeTable,
 )
-from scenarios.definition.schema.table import Table
-from scenarios.definition.schema.tables import ScenarioTables
+from scenarios.definition.schema.scenario_tables import ScenarioTables
 
 MOST_BYTES = 4096
 """Of a question."""
@@ -33,11 +33,11 @@ class _Asked(Table):
     change: Changes
 
 
-def entry_of(change: AnyChange) -> str:
+def change_json(change: AnyChange) -> str:
     return json.dumps(change.model_dump(exclude_unset=True, exclude_none=True))
 
 
-def in_words(change: AnyChange) -> str:
+def describe_change(change: AnyChange) -> str:
     if isinstance(change, HealTable):
         return "as the scenario has it again"
     told = change.model_dump(exclude_none=True, exclude=_NOT_TOLD)
@@ -49,7 +49,7 @@ def in_words(change: AnyChange) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Question:
+class ChangeRequest:
     """What is asked of a vehicle: a change as an entry without `at_s`, or nothing but when.
 
     `at_s` is when it is wanted, so that several vehicles do it at one instant; each is free to do
@@ -65,7 +65,7 @@ class Question:
         return json.dumps({**self.entry, **wanted}).encode()
 
     @classmethod
-    def of(cls, text: bytes) -> "Question":
+    def of(cls, text: bytes) -> "ChangeRequest":
         if len(text) > MOST_BYTES:
             raise ScenarioError([f"given {len(text)} bytes, allowed {MOST_BYTES}"])
         try:
@@ -88,12 +88,12 @@ def read_change(
     that is wrong.
     """
     change = _validated({**entry, "at_s": at_s})
-    if problems := list(refused_change(tables, change, duration_s)):
+    if problems := list(change_errors(tables, change, duration_s)):
         raise ScenarioError(_line(key, why) for key, why in problems)
     return change
 
 
-def change_from(entry: str) -> AnyChange:
+def change_from_json(entry: str) -> AnyChange:
     try:
         return _validated(json.loads(entry))
     except (ValueError, RecursionError) as error:
@@ -104,7 +104,7 @@ def changed_links(
     entry: str, names: Sequence[str], links: Iterable[tuple[str, str]]
 ) -> list[tuple[str, str]]:
     try:
-        change = change_from(entry)
+        change = change_from_json(entry)
     except ScenarioError:  # of a later version
         return []
     return links_of(change, names, links) if isinstance(change, LINK_CHANGES) else []
@@ -114,19 +114,19 @@ def _validated(entry: object) -> AnyChange:
     try:
         return _Asked.model_validate({"change": [entry]}).change[0]
     except ValidationError as error:
-        raise ScenarioError(_line(key, why) for key, why in refusals(error)) from error
+        raise ScenarioError(_line(key, why) for key, why in error_lines(error)) from error
 
 
-def refused_change(
+def change_errors(
     tables: ScenarioTables, change: AnyChange, duration_s: float
 ) -> Iterator[tuple[str, str]]:
     """Give what does not fit of one more change, under its key in a list of its own."""
     if isinstance(change, LINK_CHANGES):
-        for key, why in refused_link_change(tables, change):
+        for key, why in link_change_errors(tables, change):
             yield f"{_HERE}{key}", why
         return
     changed = tables.model_copy(update={"change": (change, *tables.change)})
-    yield from change_problems(changed, duration_s)
+    yield from vehicle_change_problems(changed, duration_s)
 
 
 def _line(key: str, why: str) -> str:

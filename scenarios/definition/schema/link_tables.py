@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from scenarios.definition.schema.table import Ratio, Table
+from scenarios.definition.schema.base_table import Ratio, Table
 from transport.links.laws.content import ContentLaw
 from transport.links.laws.loss.collisions import Collisions
 from transport.links.laws.queue import Queue
@@ -45,7 +45,7 @@ class LinkTable(Table):
     radio: RadioLaw | None = None
 
     @property
-    def is_sure(self) -> bool:
+    def is_lossless(self) -> bool:
         """Whether it carries every message, by nothing but latency and jitter."""
         asked = {key for key, value in self if value != LinkTable.model_fields[key].default}
         return asked <= {"latency_ms", "jitter_ms", "preset", "preset_source"}

@@ -1,6 +1,6 @@
 """What `convoy check` warns of."""
 
-from scenarios.definition.check.report import check, report_of
+from scenarios.definition.check.findings import check, report_of
 from scenarios.definition.scenario import scenario_from_text
 from tests.made.scenarios.messages import STRAIGHT
 

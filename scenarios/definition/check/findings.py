@@ -9,18 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from scenarios.definition.check.links import laws_in_brief
+from scenarios.definition.check.link_forecast import laws_in_brief
 from scenarios.definition.check.preview import preview_warnings
 from scenarios.definition.check.receivers import receiver_warnings
-from scenarios.definition.check.steering import sampled_loop_warnings, slip_warnings
-from scenarios.definition.road.replayed import replay_warnings
+from scenarios.definition.check.steering_loop import sampled_loop_warnings, slip_warnings
+from scenarios.definition.road.replayed_drive import replay_warnings
 from scenarios.definition.road.route import place_of
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.definition.schema.changes import SpeedChangeTable
-from scenarios.definition.schema.links import LinkTable
-from scenarios.definition.schema.path import PointsPath
-from scenarios.definition.schema.settings import table_with
-from scenarios.definition.schema.tables import ScenarioTables, SteeringTable
+from scenarios.definition.schema.change_tables import SpeedChangeTable
+from scenarios.definition.schema.link_tables import LinkTable
+from scenarios.definition.schema.path_tables import PointsPath
+from scenarios.definition.schema.scenario_tables import ScenarioTables, SteeringTable
+from scenarios.definition.schema.settings_table import table_with
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.car.parameters import VehicleParameters
 from vehicles.car.sending.sending_rules import RULES
@@ -181,7 +181,7 @@ def _steering(table: SteeringTable) -> dict[str, Any]:
 def _imu(setup: VehicleSetup) -> dict[str, float] | None:
     return (
         None
-        if setup.knows_itself
+        if setup.has_exact_state
         else table_with(setup.imu).model_dump() | {"rate_hz": setup.imu_rate_hz}
     )
 

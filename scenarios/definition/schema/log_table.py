@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from scenarios.definition.schema.table import Table
+from scenarios.definition.schema.base_table import Table
 
 LoggedRate = Annotated[float, Field(ge=0, le=1000)]
 

@@ -8,10 +8,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from scenarios.definition.errors import Refused
+from scenarios.definition.errors import SettingError
 from scenarios.definition.road.route import Route, check_span, longest_run, smoothed_points
-from scenarios.definition.schema.path import PointsPath
-from scenarios.definition.schema.tables import ScenarioTables, VehicleTable
+from scenarios.definition.schema.path_tables import PointsPath
+from scenarios.definition.schema.scenario_tables import ScenarioTables, VehicleTable
 from vehicles.geometry.local_regression import NEIGHBOURS, local_cubic
 from vehicles.geometry.path_point import PathPoint
 from vehicles.geometry.smoothing import SmoothedPath
@@ -99,17 +99,17 @@ def plan_replay(tables: ScenarioTables, name: str, route: Route) -> ReplayedDriv
     own = tables.vehicle[name]
     drive, key = own.drive, f"vehicle.{name}.replay"
     if drive is None:
-        raise Refused(key, "has not been read")
+        raise SettingError(key, "has not been read")
     if not drive.time_s:
-        raise Refused(key, f"{drive.source}: given without times, allowed only with them")
+        raise SettingError(key, f"{drive.source}: given without times, allowed only with them")
     check_span(f"{key} ({drive.source})", drive)
     try:
         road = smoothed_points(drive, RUN_IN)
-    except Refused as error:
-        raise Refused(key, f"{drive.source}: {error.why}") from error
+    except SettingError as error:
+        raise SettingError(key, f"{drive.source}: {error.why}") from error
     knots = _knots(drive, road)
     if knots is None:
-        raise Refused(
+        raise SettingError(
             key, f"{drive.source}: fewer than {NEIGHBOURS} points with times of their own"
         )
     begun, common = _begun(tables, own, drive, route)

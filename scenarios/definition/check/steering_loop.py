@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.schema.tables import CONTROLLERS
+from scenarios.definition.schema.scenario_tables import CONTROLLERS
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.car.parameters import Gains, VehicleParameters
 from vehicles.theory.sampled_loop import SampledLoop, lowest_stable_rate, sampled_stability
@@ -52,7 +52,7 @@ def _loop(scenario: Scenario, setup: VehicleSetup) -> SampledLoop:
         assumed=setup.assumed_parameters,
         gains=setup.gains,
         control_hz=scenario.control_rate_hz,
-        imu_hz=None if setup.knows_itself else setup.imu_rate_hz,
+        imu_hz=None if setup.has_exact_state else setup.imu_rate_hz,
         gnss_hz=setup.gnss.rate,
         gnss=replace(setup.gnss.noise, position=setup.gnss.initial_deviation),
         imu=setup.imu.noise,
