@@ -31,7 +31,7 @@ MODULES = {
     " situation source sources speed_guard stopping trust",
     "vehicles/driver/ego": "covariance late_fixes own_state pose_estimator",
     "transport": "clock codec message_numbers telemetry thinning",
-    "transport/links": "arrival gate inbox line link positions",
+    "transport/links": "content_stage gate inbox link positions staged_messages",
     "transport/log": "writer",
     "scenarios/results": "deviations metrics stream",
     "scenarios/results/channel": "link_figures link_tally",

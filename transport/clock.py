@@ -101,7 +101,7 @@ def ticks(
         at = after
 
 
-def late_after(control_rate_hz: float) -> int:
+def late_threshold(control_rate_hz: float) -> int:
     """Lateness in ns above which a tick counts as late (10 ms at 50 Hz)."""
     return round(LATE_SHARE_OF_PERIOD * SECOND / control_rate_hz)
 

@@ -97,7 +97,7 @@ def decode(topic: Topic, data: bytes, *, exact: bool = False) -> Message:
     return message
 
 
-def as_read(data: bytes, message: Message) -> bytes:
+def escaped_bytes(data: bytes, message: Message) -> bytes:
     """Bytes of `message`, which was read from `data`, with control characters escaped.
 
     Its vehicle is a known one, so its name had none.

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Final
 
-MOST_RANGES: Final = 1000
+MAX_RANGES: Final = 1000
 """Bound on the ranges of a topic in the record, so that forged numbers take no memory. Beyond it a
 message that comes twice may be recorded twice; none is refused wrongly."""
 

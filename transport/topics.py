@@ -54,7 +54,7 @@ _ROWS = (
 # fmt: on
 TOPICS: Mapping[str, Topic] = {row.name: row for row in _ROWS}
 TOPIC_OF: Mapping[type[Message], Topic] = {row.message: row for row in _ROWS}
-CONDUCTOR = "run"
+RUN_SENDER = "run"
 """Publishes the start instant under `convoy/run/start`; no vehicle may have this name."""
 
 

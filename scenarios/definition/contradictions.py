@@ -19,8 +19,8 @@ from scenarios.definition.schema.path_tables import SegmentTable
 from scenarios.definition.schema.scenario_tables import CONTROLLERS, OriginTable, ScenarioTables
 from scenarios.definition.topology import directed_links
 from scenarios.definition.vehicle_setup import vehicle_setup
-from transport.links.laws.law import LinkLaw
-from transport.topics import CONDUCTOR
+from transport.links.laws.link_law import LinkLaw
+from transport.topics import RUN_SENDER
 from vehicles.car.dynamics import fastest_rate
 from vehicles.driver.steering import ControllerError, load_controller, try_out
 from vehicles.geometry.geodesy import REACH, LocalPlane, Origin
@@ -60,7 +60,7 @@ def _names(tables: ScenarioTables) -> Iterator[Problem]:
                 f"convoy.names[{index}]",
                 f"given {toml_repr(name)}, already convoy.names[{first}]",
             )
-        elif name == CONDUCTOR:
+        elif name == RUN_SENDER:
             yield (
                 f"convoy.names[{index}]",
                 f"given {toml_repr(name)}, which is the launcher's own name",
@@ -271,7 +271,7 @@ def on_the_road(tables: ScenarioTables, route: Route) -> Iterator[Problem]:
     plane = LocalPlane(Origin(origin.latitude_deg, origin.longitude_deg, origin.altitude_m))
     for key, link in _link_tables(tables).items():
         outages = _listed(f"{key}.outages", link.outages)
-        yield from _problems_of(outages, lambda law: law.problems_in(plane))
+        yield from _problems_of(outages, lambda law: law.plane_problems(plane))
 
 
 def _out_of_reach(tables: ScenarioTables, route: Route) -> Iterator[Problem]:

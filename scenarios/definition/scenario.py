@@ -40,7 +40,7 @@ from scenarios.definition.schema.scenario_tables import ClockTable, OriginTable,
 from scenarios.definition.topology import directed_links
 from scenarios.definition.traces.scenario_drives import with_points, with_replays
 from scenarios.definition.vehicle_setup import VehicleSetup, vehicle_setup
-from transport.links.laws.law import LinkSetting
+from transport.links.laws.link_law import LinkSetting
 from vehicles.car.clock_error import VehicleClock
 from vehicles.driver.speed import GapLimits, GapPolicy
 from vehicles.geometry.geodesy import LocalPlane, Origin

@@ -7,11 +7,11 @@ from typing import cast
 from scenarios.results.deviations import Deviations
 from scenarios.results.metrics import Metrics
 from scenarios.runs.observer import Observer, listeners_by_kind
-from transport.codec import RefusedMessageError, as_read, decode, encode
-from transport.links.gate import HORIZON_NS, MisdatedCount, PoseGate
+from transport.codec import RefusedMessageError, decode, encode, escaped_bytes
+from transport.links.gate import HORIZON_NS, PoseGate, TimestampRefusals
 from transport.log.writer import LogWriter
-from transport.message_numbers import MOST_RANGES, MessageNumbers
-from transport.topics import CONDUCTOR, TOPICS, Topic, key, valid_at
+from transport.message_numbers import MAX_RANGES, MessageNumbers
+from transport.topics import RUN_SENDER, TOPICS, Topic, key, valid_at
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import (
     GpsPose,
@@ -55,7 +55,7 @@ class Recorder:
         """
         self._topics: dict[str, tuple[str, Topic]] = {
             key(vehicle, topic): (vehicle, topic)
-            for vehicle in (*vehicles, CONDUCTOR)
+            for vehicle in (*vehicles, RUN_SENDER)
             for topic in TOPICS.values()
         }
         self._rates_hz = vehicles
@@ -66,11 +66,11 @@ class Recorder:
         self._deviations = Deviations.of(metrics.stream)
         self._listeners = listeners_by_kind([metrics, *observers])
         self._seen: defaultdict[str, MessageNumbers] = defaultdict(
-            lambda: MessageNumbers(MOST_RANGES)
+            lambda: MessageNumbers(MAX_RANGES)
         )
         self._next: Counter[type[Message]] = Counter()
         self._start_at: int | None = None
-        self._misdated = MisdatedCount()
+        self._misdated = TimestampRefusals()
         self._last_health: dict[str, bytes] = {}
         self._gates: dict[str, PoseGate] = {}
         self.recorded = 0
@@ -119,7 +119,7 @@ class Recorder:
         seen.add(message.seq)
         if isinstance(message, Health):
             self._last_health[key_expression] = data
-        self.record(at, message, as_read(data, message))
+        self.record(at, message, escaped_bytes(data, message))
         return True
 
     def _note_misdated(self, key_expression: str, reason: str, at: int) -> None:
@@ -139,7 +139,7 @@ class Recorder:
         message = decode(topic, data, exact=True)
         if message.vehicle != vehicle:
             raise RefusedMessageError("foreign", f"{message.vehicle!r} under {key_expression}")
-        if vehicle == CONDUCTOR:
+        if vehicle == RUN_SENDER:
             raise RefusedMessageError("reserved", "only the recorder itself has this name")
         if self._start_at is None:
             raise RefusedMessageError("early", "the run has not begun")
@@ -180,7 +180,7 @@ class Recorder:
     def _put(self, kind: type[Message], at: int, **fields: object) -> bytes:
         """Log a message of the run itself; returns its bytes for publishing."""
         make = cast("Callable[..., Message]", kind)
-        message = make(vehicle=CONDUCTOR, seq=self._next[kind], **fields)
+        message = make(vehicle=RUN_SENDER, seq=self._next[kind], **fields)
         self._next[kind] += 1
         data = encode(message)
         self.record(at, message, data)

@@ -38,7 +38,7 @@ from transport.clock import WallClock
 from transport.codec import PROTOBUF, decode
 from transport.log.reader import LogReader
 from transport.telemetry import BatchRecord, packed, records_key
-from transport.topics import CONDUCTOR, TOPICS, Topic, key
+from transport.topics import RUN_SENDER, TOPICS, Topic, key
 from vehicles.messages import Health, Message, RunStart
 from vehicles.schedule import SECOND
 
@@ -112,8 +112,8 @@ class Sender:
         self._sent = sent
         self._start_at = 0
         self._is_over = False
-        bus.subscribe(key(CONDUCTOR, TOPICS["start"]), self._note_start)
-        bus.subscribe(key(CONDUCTOR, TOPICS["end"]), self._note_end)
+        bus.subscribe(key(RUN_SENDER, TOPICS["start"]), self._note_start)
+        bus.subscribe(key(RUN_SENDER, TOPICS["end"]), self._note_end)
         chunk = Fingerprint.of(scenario).chunk
         for vehicle in scenario.vehicle_names:
             serve_clock(bus, vehicle, self._clock.now)

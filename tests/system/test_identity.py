@@ -12,7 +12,7 @@ import pytest
 
 from tests.system.logs import Run, assert_equal_while_nothing_was_late, assert_nothing_missing
 from tests.system.processes import Process, run_to_the_end, start, until
-from transport.topics import CONDUCTOR
+from transport.topics import RUN_SENDER
 
 DURATION_S = 3.0
 NAMES = ("v1", "v2")
@@ -231,7 +231,7 @@ def test_a_vehicle_whose_clock_is_off_is_not_driven_with(
     for name, vehicle in zip(NAMES, vehicles, strict=True):
         assert vehicle.wait() == 1
         assert vehicle.lines()[1:] == [f"{name}: run lane_change is off: {line}"]
-    said = [text for text in Run(tmp_path / "run").texts(CONDUCTOR) if "clock of" in text]
+    said = [text for text in Run(tmp_path / "run").texts(RUN_SENDER) if "clock of" in text]
     assert [text.split()[3] for text in said] == ["v1", "v2"]
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from transport.clock import Tick, VirtualClock, WallClock, late_after, poll, ticks
+from transport.clock import Tick, VirtualClock, WallClock, late_threshold, poll, ticks
 from vehicles.schedule import SECOND, instant, instants
 
 START = 1_790_000_000 * SECOND + 123_456_789
@@ -104,7 +104,7 @@ def test_wall_clock_wakes_after_the_instant_and_soon() -> None:
     start = clock.now()
     lateness = [clock.wait_until(tick.at) for tick in ticks(start, start + 400 * MS, 50.0)]
     assert min(lateness) >= 0
-    assert sorted(lateness)[len(lateness) // 2] < late_after(50.0)
+    assert sorted(lateness)[len(lateness) // 2] < late_threshold(50.0)
 
 
 def test_wall_clock_does_not_drift() -> None:
@@ -131,7 +131,7 @@ def test_waiting_ends_when_asked_to_stop() -> None:
 
 
 def test_half_a_control_period_is_late() -> None:
-    assert late_after(50.0) == 10 * MS
+    assert late_threshold(50.0) == 10 * MS
 
 
 def test_polling_ends_as_soon_as_it_holds_and_says_so() -> None:

@@ -17,9 +17,9 @@ from transport.codec import (
     MAX_BYTES,
     PROTOBUF,
     RefusedMessageError,
-    as_read,
     decode,
     encode,
+    escaped_bytes,
 )
 from transport.topics import TOPIC_OF, TOPICS, Topic
 from vehicles.messages import CompositeTrajectory, FloatOrNan, LogText, Message, RunEnd, RunStart
@@ -235,6 +235,6 @@ def test_control_characters_in_texts_are_escaped() -> None:
     read = decode(TOPICS["log"], data, exact=True)
     assert isinstance(read, LogText)
     assert read.text == r"\x1b[31mred\r\n\u202egpj Grüße — ψ"
-    assert decode(TOPICS["log"], as_read(data, read)) == read
+    assert decode(TOPICS["log"], escaped_bytes(data, read)) == read
     plain = replace(line, text="plain")
-    assert as_read(encode(plain), plain) == encode(plain)
+    assert escaped_bytes(encode(plain), plain) == encode(plain)

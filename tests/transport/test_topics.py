@@ -6,7 +6,7 @@ from typing import get_args
 import pytest
 import zenoh
 
-from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, alive_key, key, valid_at
+from transport.topics import RUN_SENDER, TOPIC_OF, TOPICS, Topic, alive_key, key, valid_at
 from vehicles.messages import GpsPose, Message, RunStart
 
 
@@ -34,7 +34,7 @@ def test_keys_are_canonical_in_zenoh(topic: Topic) -> None:
 
 def test_subscribing_to_everything_passes_liveliness_by() -> None:
     everything = zenoh.KeyExpr("convoy/**")
-    assert everything.includes(zenoh.KeyExpr(key(CONDUCTOR, TOPICS["start"])))
+    assert everything.includes(zenoh.KeyExpr(key(RUN_SENDER, TOPICS["start"])))
     assert not everything.intersects(zenoh.KeyExpr(alive_key("vehicle", "lead", "print", "1")))
 
 

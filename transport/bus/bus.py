@@ -63,7 +63,7 @@ class Bus(Protocol):
     def answer(self, key: str, answer: Answer) -> None:
         """Answer each query for `key`, until this bus closes."""
 
-    def ask(self, key: str, timeout_s: float, question: bytes = b"") -> bytes | None:
+    def query(self, key: str, timeout_s: float, payload: bytes = b"") -> bytes | None:
         """Answer to a query for `key`; None without an answer in time."""
 
     def announce(self, role: str, name: str, fingerprint: str) -> None:

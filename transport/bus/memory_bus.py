@@ -58,8 +58,8 @@ class MemoryNetwork:
     def answer(self, bus: object, key: str, answer: Answer) -> None:
         self._answers[key] = bus, answer
 
-    def ask(self, key: str, question: bytes) -> bytes | None:
-        return self._answers[key][1](question) if key in self._answers else None
+    def query(self, key: str, payload: bytes) -> bytes | None:
+        return self._answers[key][1](payload) if key in self._answers else None
 
     def announce(self, bus: object, member: Member) -> None:
         if member not in self._alive:
@@ -117,8 +117,8 @@ class MemoryBus(Closing):
     def answer(self, key: str, answer: Answer) -> None:
         self._network.answer(self, key, answer)
 
-    def ask(self, key: str, timeout_s: float, question: bytes = b"") -> bytes | None:  # noqa: ARG002
-        return self._network.ask(key, question)
+    def query(self, key: str, timeout_s: float, payload: bytes = b"") -> bytes | None:  # noqa: ARG002
+        return self._network.query(key, payload)
 
     def announce(self, role: str, name: str, fingerprint: str) -> None:
         self._network.announce(self, Member(role, name, fingerprint, self.zid))

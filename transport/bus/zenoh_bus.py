@@ -34,7 +34,7 @@ __all__ = [
 FLUSH_S = 1.0
 """Longest wait at closing until the router has received all publications."""
 
-EVERYONE = alive_key("*", "*", "*", "*")
+ALL_MEMBERS = alive_key("*", "*", "*", "*")
 """Matches the tokens of all members."""
 MEMBERS_S = 2.0
 """Time limit (s) of the query for members."""
@@ -72,7 +72,7 @@ class ZenohBus(Closing):
         self._declared: list[object] = []  # a subscriber or token ends when it is deleted
         self._announced: set[str] = set()
         self._published = False
-        self.patience_s = FLUSH_S
+        self.close_timeout_s = FLUSH_S
         self.zid = str(session.zid())  # as Zenoh's own tools print it
 
     def connected(self) -> bool:
@@ -120,19 +120,19 @@ class ZenohBus(Closing):
         """Answer each query for `key`, on a thread of its own."""
 
         def reply(query: zenoh.Query) -> None:
-            question = b"" if query.payload is None else query.payload.to_bytes()
+            payload = b"" if query.payload is None else query.payload.to_bytes()
             try:
-                query.reply(key, answer(question))
+                query.reply(key, answer(payload))
             except Exception:  # an error must not end the answers
                 logger.exception("answer for %s failed", key)
 
         with _as_bus_error(f"cannot answer for {key}"):
             self._declared.append(self._session.declare_queryable(key, reply))
 
-    def ask(self, key: str, timeout_s: float, question: bytes = b"") -> bytes | None:
+    def query(self, key: str, timeout_s: float, payload: bytes = b"") -> bytes | None:
         with _as_bus_error(f"cannot ask for {key}"):
             replies = self._session.get(
-                key, timeout=timeout_s, priority=_URGENT, payload=question or None
+                key, timeout=timeout_s, priority=_URGENT, payload=payload or None
             )
             for reply in replies:
                 if reply.ok is not None:
@@ -170,7 +170,7 @@ class ZenohBus(Closing):
 
         with _as_bus_error("cannot watch liveliness"):
             self._declared.append(
-                self._session.liveliness().declare_subscriber(EVERYONE, receive, history=True)
+                self._session.liveliness().declare_subscriber(ALL_MEMBERS, receive, history=True)
             )
 
     def members(self) -> set[Member]:
@@ -180,7 +180,7 @@ class ZenohBus(Closing):
         (measured; without a watch 800 of 800 answers were right).
         """
         with _as_bus_error("cannot ask who is alive"):
-            replies = self._session.liveliness().get(EVERYONE, timeout=MEMBERS_S)
+            replies = self._session.liveliness().get(ALL_MEMBERS, timeout=MEMBERS_S)
             return {_member(reply.ok.key_expr) for reply in replies if reply.ok is not None}
 
     def close(self) -> None:
@@ -198,7 +198,9 @@ class ZenohBus(Closing):
         unanswered = f"convoy/@flush/{self.zid}"
         try:
             list(
-                self._session.get(unanswered, priority=zenoh.Priority.DATA, timeout=self.patience_s)
+                self._session.get(
+                    unanswered, priority=zenoh.Priority.DATA, timeout=self.close_timeout_s
+                )
             )
         except zenoh.ZError:
             logger.debug("nothing to flush to")
@@ -226,7 +228,7 @@ class Router(Closing):
         self.endpoints = endpoints
         self.zid = str(session.zid())
 
-    def occupied(self) -> bool:
+    def has_clients(self) -> bool:
         """Whether a process is linked to this router."""
         return bool(self._session.info.transports())
 

@@ -22,15 +22,15 @@ from vehicles.schedule import SECOND
 GPS = TOPICS["gps"]
 LONGEST_POSE_BYTES: Final = 512
 """Enough for a pose with a name of 400 letters."""
-READ_LAST: Final = 64
+CACHED_POSES: Final = 64
 """Number of cached poses: in virtual time all receivers of a pose are in one process."""
 HORIZON_NS: Final = 60 * SECOND
 """Poses measured longer ago, or further ahead, than this are refused. Ahead there must be room:
 a vehicle whose process was suspended receives, when it resumes, what was sent meanwhile."""
 
-MISDATED = ("past", "future")
+TIMESTAMP_REASONS = ("past", "future")
 """Reasons that, when frequent, point to the clock of the sender or of the receiver."""
-MANY: Final = 100
+FIRST_REPORT: Final = 100
 """Number that is reported first; then ten times that, and so on."""
 
 _ROUNDING: Final = 0.001
@@ -47,7 +47,7 @@ _LIMITS = {
 _numbers = attrgetter(*_LIMITS)
 
 
-@lru_cache(maxsize=READ_LAST)
+@lru_cache(maxsize=CACHED_POSES)
 def _read(data: bytes) -> tuple[GpsPose, str]:
     """Message of these bytes, and its number out of range, if there is one."""
     pose = cast("GpsPose", decode(GPS, data, exact=True))
@@ -120,7 +120,7 @@ class PoseGate:
 
 
 @dataclass(slots=True)
-class MisdatedCount:
+class TimestampRefusals:
     """Messages that one receiver refused for their stamps, by sender and reason."""
 
     counts: Counter[tuple[str, str]] = field(default_factory=Counter)
@@ -128,11 +128,11 @@ class MisdatedCount:
 
     def count(self, sender: str, reason: str) -> str | None:
         """Count a message refused for its stamps; returns a line at 100, 1000, and so on."""
-        if reason not in MISDATED:
+        if reason not in TIMESTAMP_REASONS:
             return None
         key = sender, reason
         self.counts[key] += 1
-        if self.counts[key] < (10 * self.reported[key] or MANY):
+        if self.counts[key] < (10 * self.reported[key] or FIRST_REPORT):
             return None
         self.reported[key] = count = self.counts[key]
         meaning = REASONS[reason].meaning

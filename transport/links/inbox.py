@@ -8,12 +8,12 @@ from threading import Lock
 from typing import Final
 
 from transport.codec import RefusedMessageError, decode
-from transport.links.arrival import COPY, ContentStage, Transmission
-from transport.links.gate import GPS, LONGEST_POSE_BYTES, MisdatedCount, PoseGate
-from transport.links.laws.effect import NOWHERE, Position, TransmissionContext
-from transport.links.line import Line
+from transport.links.content_stage import COPY, ContentStage, Transmission
+from transport.links.gate import GPS, LONGEST_POSE_BYTES, PoseGate, TimestampRefusals
+from transport.links.laws.effect import UNKNOWN_POSITION, Position, TransmissionContext
 from transport.links.link import Link
 from transport.links.positions import PositionHistory
+from transport.links.staged_messages import StagedMessages
 from transport.message_numbers import MessageNumbers
 from transport.reasons import counts_as_late
 from transport.topics import key
@@ -42,12 +42,12 @@ class IncomingLink:
     delivered: int = 0
     dropped: Counter[str] = field(default_factory=Counter)
     late: int = 0
-    line: Line | None = field(init=False)
+    line: StagedMessages | None = field(init=False)
     held: dict[int, Transmission] = field(default_factory=dict)
     numbers: MessageNumbers = field(default_factory=lambda: MessageNumbers(window=WINDOW))
 
     def __post_init__(self) -> None:
-        self.line = Line(self.link) if self.link.stages else None
+        self.line = StagedMessages(self.link) if self.link.stages else None
 
     def number(self, seq: int) -> None:
         """Note the number `seq`; raises RefusedMessageError if it is repeated or far behind."""
@@ -100,7 +100,7 @@ class Inbox:
         self._verdicts: list[LinkVerdict] = []
         self._verdict_seq = self._before.verdicts
         self._reported: Counter[str] = Counter(self._before.rejected)
-        self._misdated = MisdatedCount()
+        self._misdated = TimestampRefusals()
         self._complaints: list[str] = []
         self._listen(links, start_at)
         self._senders = {key(sender, GPS): sender for sender in self.links}
@@ -174,12 +174,12 @@ class Inbox:
             # One byte beyond the limit suffices for the refusal.
             self._arrived.append((sender_key, data[: LONGEST_POSE_BYTES + 1]))
 
-    def note_overflow(self) -> None:
+    def count_overflow(self) -> None:
         """Count an overflow of the bus's own queue."""
         with self._lock:
             self._overflow += 1
 
-    def take(self, now: int, here: Position = NOWHERE) -> list[ReceivedPose]:
+    def take(self, now: int, here: Position = UNKNOWN_POSITION) -> list[ReceivedPose]:
         """Return the poses that have become visible by the tick at `now` (ns).
 
         They come in the order (visible_at, sender, seq). Instants must not decrease. A verdict is
@@ -199,7 +199,7 @@ class Inbox:
                     if sender and (line := self._misdated.count(sender, refusal.reason)):
                         self._complaints.append(line)
         for name, link in self._lined:
-            for context, judged in link.line.settle(now) if link.line else ():
+            for context, judged in link.line.resolve(now) if link.line else ():
                 one = link.held.pop(context.seq)
                 one.verdict = judged
                 heappush(self._waiting, (judged.visible_at, name, context.seq, 0, one))
@@ -211,7 +211,7 @@ class Inbox:
         out, self._verdicts = self._verdicts, []
         return out
 
-    def complaints(self) -> list[str]:
+    def clock_warnings(self) -> list[str]:
         """Warnings about impossible stamps since the last call."""
         lines, self._complaints = self._complaints, []
         return lines
@@ -238,12 +238,12 @@ class Inbox:
         context = TransmissionContext(message.seq, message.sent_at_ns, len(data), antenna, here)
         judged = link.link.judge(context)
         if link.content is not None:
-            link.content.memory.note(message)
+            link.content.history.note(message)
         late = judged.visible_at <= self._taken_until
         one = Transmission(pose, context, judged, late, pose)
         if link.line is not None:
-            one.late = late or link.line.is_missed(context, self._taken_until)
-            if not link.line.has_passed(context):
+            one.late = late or link.line.is_late(context, self._taken_until)
+            if not link.line.is_overtaken(context):
                 link.line.join(context, judged)
                 link.held[message.seq] = one
                 return

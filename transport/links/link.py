@@ -12,8 +12,8 @@ from hashlib import blake2b
 from operator import attrgetter
 from typing import Literal, NamedTuple
 
-from transport.links.laws.effect import BY_CELL, Draw, Effect, TransmissionContext
-from transport.links.laws.plain import Latency
+from transport.links.laws.basic import Latency
+from transport.links.laws.effect import CELL_PURPOSE, Draw, Effect, TransmissionContext
 from transport.links.laws.stage import StageLaw
 from transport.reasons import DropReason
 from vehicles.messages import Outcome
@@ -45,7 +45,7 @@ def keyed_draw(seed: int, sender: str, receiver: str) -> Draw:
     return draw
 
 
-def redrawn(before: Draw, after: Draw, from_seq: int) -> Draw:
+def switch_draw(before: Draw, after: Draw, from_seq: int) -> Draw:
     """Draw as `before` for messages before number `from_seq`, else as `after`.
 
     So chains with memory keep their state. Draws for a cell of time, instead of a message, do not
@@ -53,17 +53,17 @@ def redrawn(before: Draw, after: Draw, from_seq: int) -> Draw:
     """
 
     def draw(purpose: str, seq: int) -> float:
-        past = seq < from_seq or purpose.startswith(BY_CELL)
+        past = seq < from_seq or purpose.startswith(CELL_PURPOSE)
         return (before if past else after)(purpose, seq)
 
     return draw
 
 
-def combine(chain: Iterable[Effect], draw: Draw, context: TransmissionContext) -> Verdict:
+def combine(effects: Iterable[Effect], draw: Draw, context: TransmissionContext) -> Verdict:
     """Let each effect judge a message: delays add up, the first that drops names the reason."""
     delay = 0
     reason: DropReason | Literal[""] = ""
-    for effect in chain:
+    for effect in effects:
         judged = effect.judge(draw, context)
         if isinstance(judged, str):
             reason = reason or judged
@@ -99,43 +99,43 @@ class Link:
     `course` are its changes in order of time.
     """
 
-    chain: tuple[Effect, ...]
+    effects: tuple[Effect, ...]
     seed: int
     sender: str
     receiver: str
     stages: tuple[StageLaw, ...] = ()
-    course: Sequence[ChangedEffects] = ()
+    changes: Sequence[ChangedEffects] = ()
     draw: Draw = field(init=False, repr=False, compare=False)
     _unchanged: ChangedEffects = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         self.draw = keyed_draw(self.seed, self.sender, self.receiver)
-        self._unchanged = ChangedEffects(_EVER_SINCE, self.chain)
+        self._unchanged = ChangedEffects(_EVER_SINCE, self.effects)
 
     def redraw(self, from_seq: int, seed: int) -> None:
         """Use another seed for messages from number `from_seq` on."""
         after = keyed_draw(seed, self.sender, self.receiver)
-        self.draw = redrawn(self.draw, after, from_seq)
+        self.draw = switch_draw(self.draw, after, from_seq)
 
     def effects_at(self, sent_at: int) -> tuple[Effect, ...]:
         """The effects on a message sent at an instant (ns)."""
-        if not self.course:  # the usual case
-            return self.chain
-        place = bisect_right(self.course, sent_at, key=_from_at)
-        return self.course[place - 1].effects if place else self.chain
+        if not self.changes:  # the usual case
+            return self.effects
+        place = bisect_right(self.changes, sent_at, key=_from_at)
+        return self.changes[place - 1].effects if place else self.effects
 
     def judge(self, context: TransmissionContext) -> Verdict:
         return combine(self.effects_at(context.sent_at), self.draw, context)
 
-    def visible_until(self, now: int) -> int:
+    def latest_sent_at(self, now: int) -> int:
         """Last instant (ns) at which a message visible by `now` can have been sent.
 
         Where the least delay has become shorter, messages sent shortly before may be overtaken.
         """
-        if not self.course:
+        if not self.changes:
             return now - self._unchanged.floor
-        spells = [self._unchanged, *self.course]
-        ends = [*(one.from_at for one in self.course), _FOR_EVER]
+        spells = [self._unchanged, *self.changes]
+        ends = [*(one.from_at for one in self.changes), _FOR_EVER]
         found = (
             min(end - 1, now - spell.floor)
             for spell, end in zip(spells, ends, strict=True)

@@ -6,9 +6,9 @@ from typing import Final
 
 from transport.links.laws.effect import Position
 
-PLACES: Final = 4096
+MAX_POSITIONS: Final = 4096
 """Number of ticks that are kept, for messages that come late: a minute."""
-FORGOTTEN: Final = PLACES // 8
+DELETED_AT_ONCE: Final = MAX_POSITIONS // 8
 """Number of ticks that are deleted at once."""
 
 
@@ -23,9 +23,9 @@ class PositionHistory:
         """Add the position `here` at the tick at `now` (ns); ticks come in order."""
         self._instants.append(now)
         self._places.extend(here)
-        if len(self._instants) >= PLACES + FORGOTTEN:
-            del self._instants[:FORGOTTEN]
-            del self._places[: 3 * FORGOTTEN]
+        if len(self._instants) >= MAX_POSITIONS + DELETED_AT_ONCE:
+            del self._instants[:DELETED_AT_ONCE]
+            del self._places[: 3 * DELETED_AT_ONCE]
 
     def at(self, instant: int) -> Position:
         """Position at the last tick until `instant` (ns), or at the first that is kept."""

@@ -52,7 +52,7 @@ _LEVELS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Twin:
+class StandardMessage:
     """A standard message next to one of ours, at most one per vehicle and `period_ns`."""
 
     name: str
@@ -166,20 +166,24 @@ def _make_text(line: LogText) -> bytes:
     return data
 
 
-def twins(scene: Scene | None = None) -> Mapping[type[Message], tuple[Twin, ...]]:
+def standard_messages(
+    scene: Scene | None = None,
+) -> Mapping[type[Message], tuple[StandardMessage, ...]]:
     """Standard messages next to each of ours; each call creates its own makers."""
     scene = scene or Scene()
     return {
-        GpsPose: (Twin("location", LocationFix, _location_maker()),),
+        GpsPose: (StandardMessage("location", LocationFix, _location_maker()),),
         TruePose: (
-            Twin("pose", PoseInFrame, _pose_maker(), POSE_PERIOD_NS),
-            Twin("transform", FrameTransform, _transform_maker(), POSE_PERIOD_NS),
-            Twin("box", SceneUpdate, scene.box_maker(), ONCE_NS),
+            StandardMessage("pose", PoseInFrame, _pose_maker(), POSE_PERIOD_NS),
+            StandardMessage("transform", FrameTransform, _transform_maker(), POSE_PERIOD_NS),
+            StandardMessage("box", SceneUpdate, scene.box_maker(), ONCE_NS),
         ),
-        CompositeTrajectory: (Twin("preview", PosesInFrame, _make_preview, PREVIEW_PERIOD_NS),),
-        LogText: (Twin("text", Log, _make_text),),
+        CompositeTrajectory: (
+            StandardMessage("preview", PosesInFrame, _make_preview, PREVIEW_PERIOD_NS),
+        ),
+        LogText: (StandardMessage("text", Log, _make_text),),
         RunStart: (
-            Twin("road", SceneUpdate, scene.make_road, ONCE_NS),
-            Twin("path", PosesInFrame, scene.make_path, ONCE_NS),
+            StandardMessage("road", SceneUpdate, scene.make_road, ONCE_NS),
+            StandardMessage("path", PosesInFrame, scene.make_path, ONCE_NS),
         ),
     }

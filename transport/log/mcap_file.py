@@ -36,7 +36,7 @@ from transport.log.records import (
 SECOND = 1_000_000_000
 LARGEST_CHUNK = 2**30
 """Largest size of an unpacked chunk (bytes); a larger stated size is damage."""
-MOST_NAMED = 3
+MAX_LISTED = 3
 """Number of places of damage that are listed."""
 
 
@@ -94,9 +94,9 @@ class McapFile:
 
     def _describe_damage(self) -> str:
         lost = sum(span.end - span.start for span in self._damaged)
-        named = [self._place(span) for span in self._damaged[:MOST_NAMED]]
-        if len(self._damaged) > MOST_NAMED:
-            named.append(f"and {len(self._damaged) - MOST_NAMED} more")
+        named = [self._place(span) for span in self._damaged[:MAX_LISTED]]
+        if len(self._damaged) > MAX_LISTED:
+            named.append(f"and {len(self._damaged) - MAX_LISTED} more")
         return f"{self.path}: damaged, {lost} bytes cannot be read: {'; '.join(named)}"
 
     def _place(self, span: Span) -> str:

@@ -74,7 +74,7 @@ class LogReader:
         """Highest rates (Hz) of the topics that the log was configured to thin."""
         return self.metadata().get(THINNED_NAME, {})
 
-    def require_whole(self, *topics: str) -> None:
+    def require_all(self, *topics: str) -> None:
         """Raise LogError if the log was configured to thin one of these topics."""
         for topic, rate in self.thinned.items():
             if topic in topics:

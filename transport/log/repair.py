@@ -61,7 +61,7 @@ class _Kept:
     described: bytes = b""
 
 
-def complete(log: Path) -> bool:
+def repair_if_truncated(log: Path) -> bool:
     """Repair a log if it exists and breaks off; returns whether it was repaired."""
     with suppress(LogError):  # its writer was killed before the first record
         return log.exists() and repair(log)

@@ -19,7 +19,7 @@ from mcap.writer import Writer
 from transport.closing import Closing
 from transport.codec import PROTOBUF, encode
 from transport.convoy_pb2 import Deviation
-from transport.log.foxglove import Twin, descriptor_set, twins
+from transport.log.foxglove import StandardMessage, descriptor_set, standard_messages
 from transport.log.records import THINNED_NAME, LogError, lock
 from transport.log.scene import Scene
 from transport.thinning import Thinning
@@ -42,11 +42,13 @@ def library_name() -> str:
 class _Channel:
     """The channels of one topic of one vehicle: its own and those of its twins."""
 
-    __slots__ = ("identifier", "twins")
+    __slots__ = ("identifier", "standard_messages")
 
-    def __init__(self, identifier: int, twins: tuple[tuple[Twin, int, Timer], ...]) -> None:
+    def __init__(
+        self, identifier: int, standard_messages: tuple[tuple[StandardMessage, int, Timer], ...]
+    ) -> None:
         self.identifier = identifier
-        self.twins = twins
+        self.standard_messages = standard_messages
 
 
 class LogWriter(Closing):
@@ -83,7 +85,7 @@ class LogWriter(Closing):
         self._writer = Writer(self._file)
         self._writer.start(profile="", library=library or library_name())
         self._file.flush()  # even a log without a message is recognised as one
-        self._twins = twins(scene)
+        self._twins = standard_messages(scene)
         self._deviations: dict[str, tuple[_Channel, Iterator[int]]] = {}
         self._channels: dict[tuple[str, str], _Channel] = {}
         self._schemas: dict[str, int] = {}
@@ -109,7 +111,7 @@ class LogWriter(Closing):
         channel = self._channels.get((vehicle, topic.name)) or self._open(topic, vehicle)
         content = encode(message) if data is None else data
         self._add(channel.identifier, log_time, content, valid_at, message.seq)
-        for twin, identifier, timer in channel.twins:
+        for twin, identifier, timer in channel.standard_messages:
             if not twin.period_ns or timer.is_due(valid_at):
                 self._add(identifier, log_time, twin.make(message), valid_at, message.seq)
 
@@ -147,7 +149,7 @@ class LogWriter(Closing):
     def _open(self, topic: Topic, vehicle: str) -> _Channel:
         origin = key(vehicle, topic)
         own = self._register(f"/{origin}", PROTOBUF[topic.message], {"zenoh_key": origin})
-        twins = tuple(
+        standard_messages = tuple(
             (
                 twin,
                 self._register(f"/convoy/{vehicle}/{twin.name}", twin.schema, {"of": origin}),
@@ -155,7 +157,7 @@ class LogWriter(Closing):
             )
             for twin in self._twins.get(topic.message, ())
         )
-        channel = self._channels[vehicle, topic.name] = _Channel(own, twins)
+        channel = self._channels[vehicle, topic.name] = _Channel(own, standard_messages)
         return channel
 
     def _register(self, topic: str, message_class: Any, metadata: dict[str, str]) -> int:

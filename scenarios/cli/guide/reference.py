@@ -55,7 +55,7 @@ def _fields() -> None:
 
 def _topics() -> None:
     from transport.convoy_pb2 import Deviation
-    from transport.log.foxglove import twins
+    from transport.log.foxglove import standard_messages
     from transport.topics import TOPICS
 
     _say(
@@ -78,7 +78,7 @@ def _topics() -> None:
     beside = [
         (twin.name, f"foxglove.{twin.schema.DESCRIPTOR.name}", f"as {topic.name}")
         for topic in TOPICS.values()
-        for twin in twins().get(topic.message, ())
+        for twin in standard_messages().get(topic.message, ())
     ]
     _print("beside them", beside)
     for topic in TOPICS.values():

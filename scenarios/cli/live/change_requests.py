@@ -16,7 +16,7 @@ from scenarios.runs.processes.membership import VEHICLE, checked_run_name, shown
 from transport.bus.bus import Bus, BusError
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
 from transport.texts import printable
-from transport.topics import CONDUCTOR, control_key
+from transport.topics import RUN_SENDER, control_key
 
 ANSWER_TIMEOUT_S = 1.0
 """Timeout of an answer, which usually takes some milliseconds."""
@@ -95,7 +95,7 @@ def request_change(bus: Bus, run: str, entry: Mapping[str, Any]) -> list[Vehicle
 def _request_of_vehicle(
     bus: Bus, vehicle: str, question: ChangeRequest, begun: float
 ) -> VehicleAnswer:
-    answer = bus.ask(control_key(vehicle), ANSWER_TIMEOUT_S, question.text)
+    answer = bus.query(control_key(vehicle), ANSWER_TIMEOUT_S, question.text)
     took_ms = 1000.0 * (time.monotonic() - begun)
     try:
         confirmation = None if answer is None else Confirmation.of(answer)
@@ -106,7 +106,7 @@ def _request_of_vehicle(
 
 def status(bus: Bus, run: str) -> RunStatus | None:
     """Request the status of the run, None before its start; raises BusError without an answer."""
-    answer = bus.ask(control_key(CONDUCTOR), ANSWER_TIMEOUT_S)
+    answer = bus.query(control_key(RUN_SENDER), ANSWER_TIMEOUT_S)
     if answer is None:
         raise BusError(f"run {run}: no recorder is there")
     try:

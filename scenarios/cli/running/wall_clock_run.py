@@ -48,9 +48,9 @@ def run_processes(plan: LaunchPlan, prepare_command: PrepareCommand | None, *, q
 
 
 def _complete(log: Path) -> bool:
-    from transport.log.repair import complete
+    from transport.log.repair import repair_if_truncated
 
-    return complete(log)
+    return repair_if_truncated(log)
 
 
 def prepare_parts(scenario: Scenario) -> None:

@@ -16,8 +16,8 @@ from scenarios.definition.schema.change_tables import (
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.definition.schema.scenario_tables import ScenarioTables
 from scenarios.definition.topology import directed_links
+from transport.links.laws.basic import Cut
 from transport.links.laws.effect import Effect
-from transport.links.laws.plain import Cut
 from transport.links.link import ChangedEffects
 from vehicles.schedule import nanoseconds
 

@@ -8,14 +8,14 @@ import numpy as np
 
 from scenarios.definition.road.route import Route
 from scenarios.definition.schema.link_tables import LinkTable
-from transport.links.arrival import ContentStage
+from transport.links.content_stage import ContentStage
 from transport.links.gate import PoseGate
-from transport.links.laws.between import Road, VehiclesBetween, no_vehicles
+from transport.links.laws.basic import Decimation, Jitter, Latency, Loss
 from transport.links.laws.content import ContentLaw
 from transport.links.laws.effect import Effect
-from transport.links.laws.law import LinkLaw, LinkSetting
-from transport.links.laws.plain import Decimation, Jitter, Latency, Loss
+from transport.links.laws.link_law import LinkLaw, LinkSetting
 from transport.links.laws.stage import StageLaw
+from transport.links.laws.vehicles_between import Road, VehiclesBetween, no_vehicles
 from transport.links.link import Link
 from vehicles.geometry.sampled_path import SampledPath
 from vehicles.schedule import MILLISECOND
@@ -77,7 +77,7 @@ def link_stages(table: LinkTable) -> tuple[StageLaw, ...]:
 
 
 def content_stage(law: ContentLaw | None, link: Link, gate: PoseGate) -> ContentStage | None:
-    if law is None or not law.acts_on_arrival:
+    if law is None or not law.alters_messages:
         return None
     setting = LinkSetting(start_at=gate.start_at, source_rate_hz=gate.rate_hz)
     return ContentStage(
@@ -86,13 +86,13 @@ def content_stage(law: ContentLaw | None, link: Link, gate: PoseGate) -> Content
         duplication=law.duplication,
         filters=law.filter_duplicates,
         bit_errors=law.bit_errors,
-        false=tuple(one.on_link(setting) for one in law.false),
+        false=tuple(one.for_link(setting) for one in law.false),
     )
 
 
 def usual_delay_ms(table: LinkTable) -> float:
     """What most messages of a link take at most: the jitter at its largest, a law at mean + 2 σ."""
-    beyond = 0.0 if table.delay is None else table.delay.usual_ns / MILLISECOND
+    beyond = 0.0 if table.delay is None else table.delay.typical_max_ns / MILLISECOND
     return table.latency_ms + table.jitter_ms + beyond
 
 

@@ -8,9 +8,9 @@ from math import gcd, inf, prod, sqrt
 
 from scenarios.definition.channel.build import Between, link_effects, link_stages
 from scenarios.definition.schema.link_tables import LinkTable
-from transport.links.laws.between import no_vehicles
 from transport.links.laws.effect import Effect
 from transport.links.laws.moments import Losses
+from transport.links.laws.vehicles_between import no_vehicles
 from vehicles.schedule import MILLISECOND
 
 USUAL_MESSAGE_BYTES = 124
@@ -100,7 +100,7 @@ def _burst(laws: Sequence[Losses], loss: float) -> float | None:
     pass), and both probabilities are products over the laws.
     """
     lossy = [one for one in laws if one.loss]
-    together = [one.both_pass for one in lossy]
+    together = [one.both_delivered for one in lossy]
     if not lossy or None in together:
         return None
     if len(lossy) == 1:

@@ -9,7 +9,7 @@ from typing import TypeVar
 from scenarios.definition.errors import SettingError
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.definition.schema.scenario_tables import ScenarioTables
-from transport.links.laws.delay.kinds import MOST_RECORDED, EmpiricalDelay
+from transport.links.laws.delay.distributions import MAX_RECORDED, EmpiricalDelay
 
 COLUMN = "delay_ms"
 LONGEST_MS = 60_000.0
@@ -61,7 +61,7 @@ def _recorded(path: Path, key: str, given: str) -> tuple[float, ...]:
         found.append(_delay(cell, f"{given}: line {number}: {COLUMN} is {cell[:20]!r}", key))
     if not found:
         raise SettingError(key, f"{given}: no delays, allowed one or more")
-    kept = min(len(found), MOST_RECORDED)
+    kept = min(len(found), MAX_RECORDED)
     found.sort()
     return tuple(found[(2 * k + 1) * len(found) // (2 * kept)] for k in range(kept))
 

@@ -21,7 +21,7 @@ from scenarios.definition.topology import directed_links
 from scenarios.definition.traces.reading import is_file
 from transport.links.laws.loss.by_number import RecordedPattern
 from transport.links.laws.loss.earlier_run import EarlierRun
-from transport.links.laws.loss.numbers import Numbers
+from transport.links.laws.loss.number_sets import NumberSet
 from vehicles.messages import LinkVerdict
 
 COLUMNS = ["number", "received"]
@@ -86,7 +86,7 @@ def _pattern(table: RecordedPattern, file: str, key: str, folder_of: FolderOf) -
         raise SettingError(key, f"{file}: {(error.strerror or str(error)).lower()}") from error
     except (ValueError, csv.Error) as error:
         raise SettingError(key, f"{file}: {error}") from error
-    lost = Numbers.of((place, place) for place, one in enumerate(received) if not one)
+    lost = NumberSet.of((place, place) for place, one in enumerate(received) if not one)
     changes = {"file": None, "source": file, "length_messages": len(received)}
     return table.model_copy(update={**changes, "lost_numbers": str(lost)})
 
@@ -165,7 +165,7 @@ def _links_of(path: Path) -> dict[tuple[str, str], dict[int, LinkVerdict]]:
     found: dict[tuple[str, str], dict[int, LinkVerdict]] = {}
     try:
         reader = LogReader(path)
-        reader.require_whole("verdict")
+        reader.require_all("verdict")
         for _, receiver, message in reader.messages(("verdict",)):
             verdict = cast("LinkVerdict", message)
             found.setdefault((verdict.sender, receiver), {})[verdict.pose_seq] = verdict
@@ -207,7 +207,7 @@ def _record(
             "source": loss.file,
             "delays_ns": run_lengths(delays),
             "dropped_numbers": {
-                word: str(Numbers.of((one, one) for one in numbers))
+                word: str(NumberSet.of((one, one) for one in numbers))
                 for word, numbers in sorted(dropped.items())
             },
         }

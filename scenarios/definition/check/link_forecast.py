@@ -148,4 +148,4 @@ def _laws(scenario: Scenario, link: tuple[str, str]) -> Iterator[tuple[str, str]
     for stage in link_stages(table):
         yield stage.key, stage.describe()
     if table.content is not None:
-        yield from ((table.content.key, words) for words in table.content.describe_arrival())
+        yield from ((table.content.key, words) for words in table.content.describe_content())

@@ -15,10 +15,10 @@ from scenarios.definition.channel.build import link_effects, link_stages
 from scenarios.definition.channel.expected import USUAL_MESSAGE_BYTES
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.link_tables import LinkTable
-from transport.links.laws.between import Road, VehiclesBetween
 from transport.links.laws.effect import Effect, Position, TransmissionContext
-from transport.links.line import judge_stream
+from transport.links.laws.vehicles_between import Road, VehiclesBetween
 from transport.links.link import Link
+from transport.links.staged_messages import judge_stream
 from transport.reasons import counts_as_loss
 from vehicles.schedule import MILLISECOND, SECOND
 

@@ -18,7 +18,7 @@ from scenarios.definition.schema.link_tables import LinkEntry, LinkTable
 from scenarios.definition.schema.log_table import LogTable
 from scenarios.definition.schema.path_tables import PathTable, PointsPath
 from scenarios.definition.schema.settings_table import SettingsTable, one_of, table_with
-from transport.links.laws.outages.span import ReceiverOff, TransmitterOff
+from transport.links.laws.outages.by_time import ReceiverOff, TransmitterOff
 from vehicles.car.imu_settings import ImuSettings
 from vehicles.car.parameters import NOMINAL_GAINS, Loading
 from vehicles.car.sending.every_fix import EveryFix

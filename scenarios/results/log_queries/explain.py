@@ -172,7 +172,7 @@ def _read(reader: LogReader, record: RecordedKnowledge, senders: Sequence[str]) 
     vehicle = record.vehicle
     for sender in senders:
         record.poses[sender], record.verdicts[sender] = {}, {}
-    reader.require_whole("verdict", "tracking", "truth")
+    reader.require_all("verdict", "tracking", "truth")
     for _, source, message in reader.messages(("gps", "verdict", "tracking", "truth", "start")):
         match message:
             case RunStart():

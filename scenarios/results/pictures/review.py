@@ -17,7 +17,7 @@ from transport.log.reader import LogReader
 from transport.log.records import LogError
 from transport.picture.option import RerunOption
 from transport.picture.view import RerunView
-from transport.topics import CONDUCTOR
+from transport.topics import RUN_SENDER
 from vehicles.messages import RunStart
 
 
@@ -83,7 +83,7 @@ def _open(reader: LogReader, option: RerunOption, scenario: Scenario | None) -> 
 
 def _in_order(reader: LogReader) -> list[str]:
     """Names of the vehicles; the lead, which receives from no other, comes first."""
-    vehicles = [name for name in reader.vehicles if name != CONDUCTOR]
+    vehicles = [name for name in reader.vehicles if name != RUN_SENDER]
     if not vehicles:
         raise LogError(f"{reader.path}: holds no vehicle's messages")
     return sorted(vehicles, key=lambda name: (reader.counts.get((name, "verdict"), 0) > 0, name))

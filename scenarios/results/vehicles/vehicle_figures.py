@@ -14,7 +14,7 @@ from scenarios.results.events.encounters import TrueGap
 from scenarios.results.holes import EdgeInstants, RecordHole, expected_poses, holes_of
 from scenarios.results.vehicles.accumulators import Extremes, SelfEstimateErrors, TyreFigures
 from scenarios.results.vehicles.reaction import NO_REACTION, Reaction, ReactionSummary
-from transport.message_numbers import MOST_RANGES, MessageNumbers
+from transport.message_numbers import MAX_RANGES, MessageNumbers
 from vehicles.geometry.driven_path import CrossTrack
 from vehicles.messages import GpsPose, Health, Tracking, TruePose
 from vehicles.schedule import SECOND
@@ -121,7 +121,7 @@ class VehicleFigures:
         self.rate_hz = rate_hz
         self._control_rate_hz = control_rate_hz
         self.numbers = MessageNumbers()
-        self.true_numbers = MessageNumbers(MOST_RANGES)
+        self.true_numbers = MessageNumbers(MAX_RANGES)
         self.edges = EdgeInstants()
         self._first_sent_at: int | None = None
         self.last_at = 0

@@ -10,7 +10,7 @@ from scenarios.definition.scenario import Scenario
 from scenarios.results.metrics import Metrics
 from transport.bus.bus import Bus
 from transport.reasons import counts_as_loss
-from transport.topics import CONDUCTOR, control_key
+from transport.topics import RUN_SENDER, control_key
 from vehicles.messages import LinkVerdict, Message, RunStart, SourceStatus, Tracking, TruePose
 from vehicles.schedule import SECOND, Timer
 
@@ -128,7 +128,7 @@ class StatusBoard:
             self._requests += 1
             return self._answer
 
-        bus.answer(control_key(CONDUCTOR), answer)
+        bus.answer(control_key(RUN_SENDER), answer)
 
     def listen(self, _at: int, message: Message) -> None:
         match message:

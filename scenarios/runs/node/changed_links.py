@@ -32,9 +32,9 @@ class ChangingLink:
     def change(self, at: int, change: LinkChange) -> None:
         """Change the link from the instant `at` (ns) on; earlier effects stay."""
         insort(self.changes, (at, change), key=itemgetter(0))
-        before = [one for one in self.link.course if one.from_at < at]
+        before = [one for one in self.link.changes if one.from_at < at]
         after = course(self.changes, self.requested, self.effects_of, since=at, made=self.made)
-        self.link.course = (*before, *after)
+        self.link.changes = (*before, *after)
 
 
 class ChangedLinks:

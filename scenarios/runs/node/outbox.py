@@ -88,7 +88,7 @@ class Outbox:
         if decision.fresh:
             self._add_truth(now, body, self._use(body, decision.actuation))
             self._add_decision(now, decision)
-        for line in self._inbox.complaints():
+        for line in self._inbox.clock_warnings():
             self._add_text(now, line, "alert")
         if self._health.is_due(now):
             self._add_health(now, final=False)

@@ -45,7 +45,7 @@ def measure(bus: Bus, vehicle: str, now: Now) -> ClockOffset | None:
     found: list[ClockOffset] = []
     for _ in range(ROUNDS):
         asked_at = now()
-        answer = bus.ask(clock_key(vehicle), TIMEOUT_S)
+        answer = bus.query(clock_key(vehicle), TIMEOUT_S)
         trip = now() - asked_at
         if answer is None or not answer.isdigit() or len(answer) > LONGEST_ANSWER:
             return None

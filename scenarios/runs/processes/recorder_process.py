@@ -22,7 +22,7 @@ from transport.clock import WallClock, poll
 from transport.codec import RefusedMessageError
 from transport.log.records import LogError
 from transport.telemetry import MAX_RECORDS_BYTES, records_key
-from transport.topics import CONDUCTOR, TOPICS, key
+from transport.topics import RUN_SENDER, TOPICS, key
 from vehicles.schedule import SECOND, Timer
 
 POLL_S = 0.02
@@ -102,7 +102,7 @@ class RecorderProcess:
         )
         self._in_order = SendingOrder(batches)
         self._reported_behind = False
-        serve_clock(bus, CONDUCTOR, self._clock.now)
+        serve_clock(bus, RUN_SENDER, self._clock.now)
         self._board.serve(bus)
         bus.subscribe(EVERYTHING, self._arrive)
 
@@ -166,7 +166,7 @@ class RecorderProcess:
                 self._record_arrivals()
             self._note_presences(self._clock.now())
         if self._conductor.awaits_final_counters():  # the router may hang
-            self._bus.patience_s = SHORT_TIMEOUT_S
+            self._bus.close_timeout_s = SHORT_TIMEOUT_S
 
     def _compare_clocks(self) -> None:
         """Log the offsets of the vehicles' clocks; a large one ends the run."""
@@ -190,7 +190,7 @@ class RecorderProcess:
 
     def _own_message(self, topic: str, data: bytes) -> tuple[str, bytes]:
         """Return a message of the run with its key; it is not recorded again from the bus."""
-        own = key(CONDUCTOR, TOPICS[topic]), data
+        own = key(RUN_SENDER, TOPICS[topic]), data
         self._own.append(own)
         return own
 

@@ -31,11 +31,11 @@ def route(options: ZenohOptions, stop: Stop, *, until_empty: bool) -> int:
     ) as router:
         stop.begun = True
         click.echo(f"{LISTENING}{', '.join(router.endpoints)}")
-        poll(lambda: stop.requested or (until_empty and router.occupied()), every_s=POLL_S)
+        poll(lambda: stop.requested or (until_empty and router.has_clients()), every_s=POLL_S)
         while not stop.requested:
-            poll(lambda: stop.requested or not router.occupied(), every_s=POLL_S)
+            poll(lambda: stop.requested or not router.has_clients(), every_s=POLL_S)
             someone_came_back = poll(
-                lambda: stop.requested or router.occupied(), every_s=POLL_S, at_most_s=EMPTY_S
+                lambda: stop.requested or router.has_clients(), every_s=POLL_S, at_most_s=EMPTY_S
             )
             if not someone_came_back:
                 return 0

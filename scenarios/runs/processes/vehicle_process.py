@@ -24,11 +24,11 @@ from scenarios.runs.processes.router_watch import RouterWatch
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from transport.bus.bus import Bus, Fetch
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
-from transport.clock import Clock, Tick, WallClock, late_after, poll
+from transport.clock import Clock, Tick, WallClock, late_threshold, poll
 from transport.codec import RefusedMessageError, decode
 from transport.links.gate import GPS
 from transport.links.inbox import QUEUE, Inbox, IncomingLink
-from transport.topics import CONDUCTOR, TOPICS, Topic, key
+from transport.topics import RUN_SENDER, TOPICS, Topic, key
 from vehicles.messages import Health, Message, RunEnd, RunStart
 from vehicles.schedule import SECOND, Timer
 
@@ -123,14 +123,14 @@ class RunAnnouncements:
         """Instant (ns) of the last announcement; they are repeated while the run is on."""
         self._now = now
         for name in ("start", "end"):
-            bus.subscribe(key(CONDUCTOR, TOPICS[name]), self._receive)
+            bus.subscribe(key(RUN_SENDER, TOPICS[name]), self._receive)
 
     def _receive(self, key_expression: str, data: bytes) -> None:
         try:
             message = decode(TOPICS[key_expression.rsplit("/", 1)[-1]], data, exact=True)
         except RefusedMessageError:
             return
-        if message.vehicle != CONDUCTOR:
+        if message.vehicle != RUN_SENDER:
             return
         self.last_received_at = self._now()
         if isinstance(message, RunStart):
@@ -218,7 +218,7 @@ class VehicleProcess:
 
     def _late_join_reason(self, late_ns: int) -> str:
         """Explain a start that lies `late_ns` before this vehicle joined."""
-        clock = measure(self._bus, CONDUCTOR, self._clock.now)
+        clock = measure(self._bus, RUN_SENDER, self._clock.now)
         if clock is not None and late_ns < -clock.offset:  # by the recorder's clock it was in time
             ahead = f"{-clock.offset / SECOND:.1f} s ahead of the recorder's"
             return f"{self._run} is off for this vehicle: its clock is {ahead}"
@@ -236,7 +236,7 @@ class VehicleProcess:
             return
         before = self._before
         end_at = start_at + self._builder.duration_ns
-        late_after_ns = late_after(self._builder.control_rate_hz)
+        late_after_ns = late_threshold(self._builder.control_rate_hz)
         probe = ProcessProbe(late_after_ns, before.lateness if before else None)
         sink = BatchingSink(
             self._builder.name,
@@ -308,7 +308,7 @@ class VehicleProcess:
     def _fetch(self, inbox: Inbox) -> None:
         for fetch in self._fetches:
             if fetch():
-                inbox.note_overflow()
+                inbox.count_overflow()
 
     def _restart_if_down(self, node: Node | ReplayedNode, now: int, probe: ProcessProbe) -> None:
         handover = node.handover(now)

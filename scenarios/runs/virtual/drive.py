@@ -10,7 +10,7 @@ from scenarios.runs.node.sink import BusSink
 from scenarios.runs.observer import Listen, Observer, listeners_by_kind
 from scenarios.runs.virtual.virtual_convoy import Branch, VirtualConvoy, never
 from transport.bus.bus import Bus
-from transport.topics import CONDUCTOR
+from transport.topics import RUN_SENDER
 from vehicles.messages import GpsPose, Message, RunStart
 
 if TYPE_CHECKING:  # only runs with replayed vehicles read logs
@@ -87,7 +87,7 @@ def drive(
     listeners = listeners_by_kind(observers)
     convoy = VirtualConvoy(scenario, branches, on_left)
     bus, now = convoy.bus, convoy.clock.now
-    start = RunStart(vehicle=CONDUCTOR, seq=0, start_at_ns=now(), run_id=scenario.virtual_run_id)
+    start = RunStart(vehicle=RUN_SENDER, seq=0, start_at_ns=now(), run_id=scenario.virtual_run_id)
     for listen in listeners[RunStart]:
         listen(now(), start)
     nodes = convoy.build(lambda vehicle: ObservedSink(vehicle, bus, now, listeners), replays)

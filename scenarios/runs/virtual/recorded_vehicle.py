@@ -80,7 +80,7 @@ def _acts_at(message: GpsPose | TruePose) -> int:
 def read_recorded_vehicle(log: Path, vehicle: str) -> RecordedVehicle:
     """Read the messages of `vehicle` in `log`; raises LogError if there are none."""
     reader = LogReader(log)
-    reader.require_whole("truth")
+    reader.require_all("truth")
     poses: list[GpsPose] = []
     truth: list[TruePose] = []
     started_at: int | None = None

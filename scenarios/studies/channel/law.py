@@ -37,15 +37,15 @@ def burst_shares(expected: ExpectedChannel, effects: Sequence[Effect]) -> Floats
 
 def _of_chain(law: LossStates, loss: float) -> Floats:
     """The same of a chain beside independent losses that make the whole `loss`."""
-    own = float(np.clip(law.shares @ law.loses, 0.0, 1.0))
+    own = float(np.clip(law.shares @ law.loss_by_state, 0.0, 1.0))
     beside = 1.0 - (1.0 - loss) / (1.0 - own)
-    loses = 1.0 - (1.0 - law.loses) * (1.0 - beside)
-    state = (law.shares * (1.0 - loses)) @ law.rows * loses
+    loss_by_state = 1.0 - (1.0 - law.loss_by_state) * (1.0 - beside)
+    state = (law.shares * (1.0 - loss_by_state)) @ law.rows * loss_by_state
     begun = state.sum()
     longer = np.empty(LONGEST + 1)
     for length in range(LONGEST + 1):
         longer[length] = state.sum() / begun
-        state = state @ law.rows * loses
+        state = state @ law.rows * loss_by_state
     return longer[:-1] - longer[1:]
 
 
@@ -68,6 +68,6 @@ def delay_quantiles(
 
 def distances_m(effects: Sequence[Effect]) -> list[float]:
     """Ten distances over the reach of a link's radio; none without one."""
-    for far in filter(None, (one.farthest_m for one in effects)):
+    for far in filter(None, (one.range_m for one in effects)):
         return [far * (place + 0.5) / DISTANCES for place in range(DISTANCES)]
     return []

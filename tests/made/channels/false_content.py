@@ -8,48 +8,48 @@ from tests.made.scenarios.messages import START
 from transport.links.laws.false_content import (
     FalseContent,
     FalseDrift,
+    FalseInterval,
     FalseOffset,
-    FalseSpell,
     FrozenContent,
     GhostVehicle,
     ReplayedContent,
     Shift,
 )
-from transport.links.laws.law import LinkSetting
+from transport.links.laws.link_law import LinkSetting
 from vehicles.schedule import SECOND
 
 Some = TypeVar("Some", bound=FalseContent)
 
 
-def _in(spell: FalseSpell, law: type[Some], rate_hz: float = 20.0, **keys: float) -> Some:
+def _in(spell: FalseInterval, law: type[Some], rate_hz: float = 20.0, **keys: float) -> Some:
     start_at = START if spell.from_at >= START else 0
     to_s = None if spell.to_at == inf else (spell.to_at - start_at) / SECOND
     keys |= {"from_s": max((spell.from_at - start_at) / SECOND, 1e-9)}
     made = law.model_validate({**keys, "to_s": to_s})
-    return made.on_link(LinkSetting(start_at=start_at, source_rate_hz=rate_hz))
+    return made.for_link(LinkSetting(start_at=start_at, source_rate_hz=rate_hz))
 
 
-def offset(spell: FalseSpell, by: Shift) -> FalseOffset:
+def offset(spell: FalseInterval, by: Shift) -> FalseOffset:
     """Displaced by metres."""
     return _in(spell, FalseOffset, **{f"{key}_m": value for key, value in asdict(by).items()})
 
 
-def drift(spell: FalseSpell, rate: Shift) -> FalseDrift:
+def drift(spell: FalseInterval, rate: Shift) -> FalseDrift:
     """Moving by metres a second."""
     return _in(spell, FalseDrift, **{f"{key}_mps": value for key, value in asdict(rate).items()})
 
 
-def frozen(spell: FalseSpell) -> FrozenContent:
+def frozen(spell: FalseInterval) -> FrozenContent:
     """Repeating the last message before the spell."""
     return _in(spell, FrozenContent)
 
 
-def replayed(spell: FalseSpell, age: int) -> ReplayedContent:
+def replayed(spell: FalseInterval, age: int) -> ReplayedContent:
     """Repeating what is `age` ns old."""
     return _in(spell, ReplayedContent, age_s=age / SECOND)
 
 
-def ghost(spell: FalseSpell, at: Shift, after: int = SECOND // 40) -> GhostVehicle:
+def ghost(spell: FalseInterval, at: Shift, after: int = SECOND // 40) -> GhostVehicle:
     """Beside the sender, `after` ns later."""
     rate_hz = SECOND / (2.0 * after)
     return _in(spell, GhostVehicle, rate_hz, ahead_m=at.ahead, left_m=at.left)

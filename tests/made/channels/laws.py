@@ -3,18 +3,18 @@
 from typing import TypeVar
 
 from transport.links.laws.effect import Effect
-from transport.links.laws.law import LinkLaw, LinkSetting
+from transport.links.laws.link_law import LinkLaw, LinkSetting
 from transport.links.laws.loss.bursts import FourState, GilbertElliott
 from transport.links.laws.loss.collisions import Collisions
-from transport.links.laws.outages.placed import AffectedVehicle, CircleOutage, StretchOutage
-from transport.links.laws.outages.random import RandomOutage
-from transport.links.laws.outages.span import SpanOutage, WindowOutage
+from transport.links.laws.outages.by_place import AffectedVehicle, CircleOutage, StretchOutage
+from transport.links.laws.outages.by_time import SpanOutage, WindowOutage
+from transport.links.laws.outages.random_outage import RandomOutage
 from vehicles.schedule import SECOND
 
 SomeLaw = TypeVar("SomeLaw", bound=LinkLaw)
 
 
-def on_link(law: SomeLaw, setting: LinkSetting | None = None) -> SomeLaw:
+def for_link(law: SomeLaw, setting: LinkSetting | None = None) -> SomeLaw:
     """The law's first effect on a link; raises ValueError if its keys do not fit."""
     law.check()
     effect = law.effects(setting or LinkSetting())[0]
@@ -30,7 +30,7 @@ def long_run(effect: Effect) -> tuple[float | None, float | None]:
 
 def gilbert_elliott(p: float, r: float, h: float = 0.0, k: float = 1.0) -> GilbertElliott:
     """By its chances."""
-    return on_link(
+    return for_link(
         GilbertElliott(
             good_to_bad_ratio=p, bad_to_good_ratio=r, bad_delivered_ratio=h, good_delivered_ratio=k
         )
@@ -39,14 +39,14 @@ def gilbert_elliott(p: float, r: float, h: float = 0.0, k: float = 1.0) -> Gilbe
 
 def gilbert(loss: float, burst: float) -> GilbertElliott:
     """By mean loss and mean burst."""
-    return on_link(GilbertElliott(loss_ratio=loss, burst_messages_mean=burst))
+    return for_link(GilbertElliott(loss_ratio=loss, burst_messages_mean=burst))
 
 
 def four_state(
     p13: float, p31: float, p32: float = 0.0, p23: float = 1.0, p14: float = 0.0
 ) -> FourState:
     """By netem's chances."""
-    return on_link(
+    return for_link(
         FourState(
             gap_to_burst_ratio=p13,
             burst_to_gap_ratio=p31,
@@ -59,7 +59,7 @@ def four_state(
 
 def collisions(loss: float, keep: float = 0.0, least: int = 5, most: int = 15) -> Collisions:
     """By loss, chance to keep a resource, and limits of a reservation."""
-    return on_link(
+    return for_link(
         Collisions(
             loss_ratio=loss,
             keep_ratio=keep,
@@ -74,7 +74,7 @@ def window(
 ) -> SpanOutage:
     """From `start` to `end` ns after `start_at`, again each `every`."""
     law = kind(from_s=start / SECOND, to_s=end / SECOND, every_s=every / SECOND if every else None)
-    return on_link(law, LinkSetting(start_at=start_at))
+    return for_link(law, LinkSetting(start_at=start_at))
 
 
 def stretch(
@@ -86,15 +86,15 @@ def stretch(
 ) -> StretchOutage:
     """With the stations of both ends at the start."""
     law = StretchOutage(from_m=ends_m[0], to_m=ends_m[1], vehicle=vehicle, every_m=every_m)
-    return on_link(law, LinkSetting(sender_station=sender, receiver_station=receiver))
+    return for_link(law, LinkSetting(sender_station=sender, receiver_station=receiver))
 
 
 def circle(east: float, north: float, radius: float, vehicle: AffectedVehicle) -> CircleOutage:
     """In the plane."""
-    return on_link(CircleOutage(east_m=east, north_m=north, radius_m=radius, vehicle=vehicle))
+    return for_link(CircleOutage(east_m=east, north_m=north, radius_m=radius, vehicle=vehicle))
 
 
 def random_outage(on: int, off: int, start_at: int, place: int = 0) -> RandomOutage:
     """By the mean times on and off (ns)."""
     law = RandomOutage(mean_on_s=on / SECOND, mean_off_s=off / SECOND)
-    return on_link(law, LinkSetting(start_at=start_at, place=place))
+    return for_link(law, LinkSetting(start_at=start_at, place=place))

@@ -14,7 +14,7 @@ from scenarios.runs.virtual.virtual_convoy import Branch
 from scenarios.studies.many.splitting import BranchedRun
 from scenarios.studies.many.variant import Variant
 from scenarios.studies.many.watched import NearRecord, Watched, watched
-from transport.links.link import keyed_draw, redrawn
+from transport.links.link import keyed_draw, switch_draw
 
 MESSAGES, PERIOD_NS = 10, 200_000_000
 SETTINGS = (
@@ -68,7 +68,7 @@ class KnownRuns:
         draw = keyed_draw(seed, *self.link)
         for branch in branches:
             sent = (branch.at - self.scenario.start_at_ns) // PERIOD_NS + 1
-            draw = redrawn(draw, keyed_draw(branch.seed, *self.link), sent)
+            draw = switch_draw(draw, keyed_draw(branch.seed, *self.link), sent)
         return tuple(number for number in range(MESSAGES) if draw("loss", number) < self.ratio)
 
     def watched(self, lost: Lost) -> Watched:

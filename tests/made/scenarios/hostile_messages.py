@@ -10,7 +10,7 @@ from random import Random
 from typing import Any, get_args, get_origin
 
 from transport.codec import MAX_BYTES, decode, encode
-from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, key, valid_at
+from transport.topics import RUN_SENDER, TOPIC_OF, TOPICS, key, valid_at
 from vehicles.messages import FloatOrNan, LogText, Message
 from vehicles.schedule import SECOND
 
@@ -86,7 +86,7 @@ class Stranger:
     def _of_another(self, where: str, data: bytes) -> Put:
         message = read(where, data)
         others = [name for name in self._vehicles if name != message.vehicle]
-        names = [*others, "ghost", CONDUCTOR, "", f"{message.vehicle}\0", "\x1b[31m", "v" * 300]
+        names = [*others, "ghost", RUN_SENDER, "", f"{message.vehicle}\0", "\x1b[31m", "v" * 300]
         return where, encode(replace(message, vehicle=self._chance.choice(names)))
 
     def _no_number(self, where: str, data: bytes) -> Put:
@@ -125,7 +125,7 @@ class Stranger:
 
     def _conducting(self, _where: str, data: bytes) -> Put:
         topic = TOPICS[self._chance.choice(list(TOPICS))]
-        return key(CONDUCTOR, topic), data
+        return key(RUN_SENDER, topic), data
 
     def _odd_word(self, where: str, data: bytes) -> Put:
         message = read(where, data)

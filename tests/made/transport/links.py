@@ -6,8 +6,8 @@ from scenarios.definition.channel.build import UNSET, content_stage, link_effect
 from scenarios.definition.schema.link_tables import LinkTable
 from transport.links.gate import PoseGate
 from transport.links.inbox import Inbox, IncomingLink
-from transport.links.laws.effect import NOWHERE, Position
-from transport.links.laws.law import LinkSetting
+from transport.links.laws.effect import UNKNOWN_POSITION, Position
+from transport.links.laws.link_law import LinkSetting
 from transport.links.link import Link
 from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.messages import GpsPose
@@ -47,6 +47,6 @@ def inbox(
     return Inbox(receiver, links, start_at=start_at)
 
 
-def taken(inbox: Inbox, now: int, here: Position = NOWHERE) -> list[GpsPose]:
+def taken(inbox: Inbox, now: int, here: Position = UNKNOWN_POSITION) -> list[GpsPose]:
     """The messages that an inbox hands over at the tick at `now` (ns)."""
     return [pose.message for pose in inbox.take(now, here)]

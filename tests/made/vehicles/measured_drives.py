@@ -87,7 +87,7 @@ def pose_of(fix: Fix) -> GpsPose:
     )
 
 
-def falsified(fixes: Sequence[Fix], false: FalseContent) -> list[ReceivedPose]:
+def falsify(fixes: Sequence[Fix], false: FalseContent) -> list[ReceivedPose]:
     """What is received of honest fixes over a link with one kind of false content."""
     poses = [pose_of(fix) for fix in fixes]
 
@@ -97,10 +97,10 @@ def falsified(fixes: Sequence[Fix], false: FalseContent) -> list[ReceivedPose]:
     received: list[ReceivedPose] = []
     for pose in poses:
         acts = pose.sent_at_ns in false.span
-        one = false.falsified(pose, PLANE, recall) if acts else None
+        one = false.falsify(pose, PLANE, recall) if acts else None
         received.append(_received(one or pose))
         if acts and isinstance(false, GhostVehicle):
-            received.append(_received(false.added_message(pose, PLANE)))
+            received.append(_received(false.extra_message(pose, PLANE)))
     return received
 
 

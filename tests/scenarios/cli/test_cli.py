@@ -22,7 +22,7 @@ from scenarios.definition.template import template
 from scenarios.runs.run_log import RunLog
 from transport.codec import encode
 from transport.log.reader import LogReader
-from transport.topics import CONDUCTOR, TOPIC_OF, key
+from transport.topics import RUN_SENDER, TOPIC_OF, key
 from vehicles.schedule import SECOND
 
 COMMANDS = sorted(cli.commands)
@@ -517,7 +517,7 @@ def test_a_log_that_breaks_off_is_reported_as_far_as_it_goes(
     run = RunLog(scenario, tmp_path, clock="wall", run_id="killed")
     run.start(scenario.start_at_ns, scenario.start_at_ns)
     for at, vehicle, message in LogReader(finished / "run.mcap").messages():
-        if vehicle != CONDUCTOR and at < scenario.start_at_ns + SECOND:
+        if vehicle != RUN_SENDER and at < scenario.start_at_ns + SECOND:
             run.recorder.accept(key(vehicle, TOPIC_OF[type(message)]), encode(message), at)
     run.flush()
     log = tmp_path / "run.mcap"

@@ -11,7 +11,7 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.definition.topology import directed_links, senders_to
-from transport.links.laws.plain import Decimation, Jitter, Latency, Loss
+from transport.links.laws.basic import Decimation, Jitter, Latency, Loss
 
 RATE_HZ = 20.0
 

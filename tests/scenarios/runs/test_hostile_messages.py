@@ -31,7 +31,7 @@ from transport.bus.memory_bus import MemoryBus, MemoryNetwork
 from transport.codec import encode
 from transport.log.reader import LogReader
 from transport.reasons import REASONS
-from transport.topics import CONDUCTOR, TOPICS, clock_key, key
+from transport.topics import RUN_SENDER, TOPICS, clock_key, key
 from vehicles.messages import Health, LogText, Message
 from vehicles.schedule import SECOND, nanoseconds
 
@@ -115,7 +115,7 @@ def drive(
         ),
     )
     announced = RunAnnouncements(bus, clock.now)
-    bus.publish(key(CONDUCTOR, TOPICS["start"]), run.start(clock.now(), clock.now()))
+    bus.publish(key(RUN_SENDER, TOPICS["start"]), run.start(clock.now(), clock.now()))
     own.clear()
     before = run.recorder.recorded
     honest: Counter[str] = Counter()
@@ -156,7 +156,7 @@ def drive(
         node.inbox.take(clock.now() + 120 * SECOND)  # so that nothing is waiting any more
     conductor.advance(clock.now(), connected=True)
     # Without what the recorder itself said of the stranger.
-    recorded = run.recorder.recorded - before - own[CONDUCTOR]
+    recorded = run.recorder.recorded - before - own[RUN_SENDER]
     run.end(clock.now(), "")
     summary = run.close(clock.now())
     return Attacked(folder, summary, nodes, honest, hostile, recorded, announced, conductor)

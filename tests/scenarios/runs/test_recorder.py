@@ -30,7 +30,7 @@ from tests.made.transport.logs import rows
 from transport.codec import MAX_BYTES, encode
 from transport.log.reader import LogReader
 from transport.log.writer import LogWriter
-from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, key
+from transport.topics import RUN_SENDER, TOPIC_OF, TOPICS, key
 from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.messages import GpsPose, LogText, Message, RunEnd, RunStart, TruePose
 from vehicles.schedule import instant
@@ -213,7 +213,7 @@ def test_the_run_s_own_messages_are_numbered_and_returned_for_the_bus(tmp_path: 
     recorded.writer.close()
     logged = list(LogReader(recorded.path).messages())
     assert [(now, vehicle) for now, vehicle, _ in logged] == [
-        (at(second), CONDUCTOR) for second in range(4)
+        (at(second), RUN_SENDER) for second in range(4)
     ]
     begin, first, second, end = (message for _, _, message in logged)
     assert begin == RunStart(vehicle="run", seq=0, start_at_ns=at(0.5), run_id="trial")
@@ -237,7 +237,7 @@ def test_the_run_s_own_messages_are_not_taken_again_from_the_bus(tmp_path: Path)
 
 
 def test_nobody_else_speaks_for_the_run(recorded: Recorded) -> None:
-    data = encode(RunEnd(vehicle=CONDUCTOR, seq=0, end_at_ns=at(1.0), reason="enough"))
+    data = encode(RunEnd(vehicle=RUN_SENDER, seq=0, end_at_ns=at(1.0), reason="enough"))
     recorded.recorder.accept("convoy/run/end", data, at(1.0))
     assert recorded.recorded == 0
     assert recorded.recorder.rejected == {"reserved": 1}
@@ -320,7 +320,13 @@ def test_the_recorder_tells_in_the_log_how_many_it_refused(recorded: Recorded) -
     recorded.recorder.report_health(at(2.0), final=True)
     own = recorded.logged()[-1][2]
     assert own == health(
-        CONDUCTOR, 0, seconds=2.0, final=True, ticks=0, received=len(SOUND) + 1, rejected_messages=2
+        RUN_SENDER,
+        0,
+        seconds=2.0,
+        final=True,
+        ticks=0,
+        received=len(SOUND) + 1,
+        rejected_messages=2,
     )
 
 

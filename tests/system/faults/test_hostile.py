@@ -24,7 +24,7 @@ from transport.bus.bus import Bus
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
 from transport.codec import RefusedMessageError, encode
 from transport.telemetry import BatchRecord, packed, records_key, unpacked
-from transport.topics import CONDUCTOR, TOPIC_OF, TOPICS, Topic, key, valid_at
+from transport.topics import RUN_SENDER, TOPIC_OF, TOPICS, Topic, key, valid_at
 from vehicles.messages import GpsPose, LogText, Message, RunEnd, RunStart, Tracking
 
 BURST, BREATH_S = 20, 0.01
@@ -124,11 +124,11 @@ def conducting(others: dict[Topic, Message]) -> Iterator[Put]:
         RunEnd(vehicle="v1", seq=0, end_at_ns=at, reason="enough"),
         RunEnd(vehicle="ghost", seq=0, end_at_ns=at, reason="enough"),
         text,
-        replace(text, vehicle=CONDUCTOR),
+        replace(text, vehicle=RUN_SENDER),
         *others.values(),
     ]
     for name in ("start", "end"):
-        here = key(CONDUCTOR, TOPICS[name])
+        here = key(RUN_SENDER, TOPICS[name])
         for data in spoilt(encode(impostors[0])):
             yield here, data
         for impostor in impostors:
@@ -178,7 +178,7 @@ def one_by_one(heard: Sequence[Put]) -> Iterator[Put]:
 
 def drawn(stranger: Stranger, heard: Sequence[Put]) -> Iterator[Put]:
     """Give what a stranger draws from what it heard."""
-    honest = [put for put in one_by_one(heard) if CONDUCTOR not in put[0].split("/")]
+    honest = [put for put in one_by_one(heard) if RUN_SENDER not in put[0].split("/")]
     for _ in range(DRAWN if honest else 0):
         where, data = stranger.refusable(honest)
         # Zenoh itself refuses such a key, and of a flood drops what is honest, too.
@@ -217,7 +217,7 @@ def attack(
 
 def repeated(heard: list[Put]) -> Iterator[Put]:
     """Give again what was heard of the vehicles, and the start as if it were the end."""
-    start_key, end_key = (key(CONDUCTOR, TOPICS[name]) for name in ("start", "end"))
+    start_key, end_key = (key(RUN_SENDER, TOPICS[name]) for name in ("start", "end"))
     for where, data in heard:
         yield (end_key if where == start_key else where), data
 
@@ -257,7 +257,7 @@ def assert_same_kinds_of_text(run: Run, virtual: Run) -> None:
         ]
         if not run.late_messages_at:
             assert modes[0] == modes[1]
-    assert {m.vehicle for m in run.messages} == {"v1", "v2", "v3", CONDUCTOR}
+    assert {m.vehicle for m in run.messages} == {"v1", "v2", "v3", RUN_SENDER}
     assert len([m for m in run.messages if isinstance(m, RunStart | RunEnd)]) == 2
 
 

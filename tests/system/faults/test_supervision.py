@@ -20,7 +20,7 @@ from tests.system.logs import (
     assert_summary_is_in_the_log,
 )
 from tests.system.processes import Process, run_to_the_end, start, until
-from transport.topics import CONDUCTOR
+from transport.topics import RUN_SENDER
 
 LONG_S = 35.0
 """No run of these tests comes to such an end by itself."""
@@ -95,7 +95,7 @@ def test_a_router_that_is_killed_in_the_last_second_leaves_a_completed_run(tmp_p
     assert_sound(run.log)
     assert_summary_is_in_the_log(run)
     assert run.summary["outcome"] == "completed"
-    lost = any("the router was lost" in text for text in run.texts(CONDUCTOR))
+    lost = any("the router was lost" in text for text in run.texts(RUN_SENDER))
     assert lost or all(row["finished"] for row in run.summary["vehicles"])  # a machine too slow
 
 

@@ -138,22 +138,22 @@ def test_two_of_one_name_are_told_apart(join: Join) -> None:
 def test_a_question_is_answered_as_long_as_someone_does(join: Join) -> None:
     one, other = join(), join()
     answer = b"1"
-    assert other.ask("convoy/@clock/v1", 0.2) is None
+    assert other.query("convoy/@clock/v1", 0.2) is None
     one.answer("convoy/@clock/v1", lambda _: answer)
-    assert until(lambda: other.ask("convoy/@clock/v1", 0.5) == b"1")
+    assert until(lambda: other.query("convoy/@clock/v1", 0.5) == b"1")
     answer = b"2"
-    assert other.ask("convoy/@clock/v1", 0.5) == b"2"
-    assert other.ask("convoy/@clock/v2", 0.2) is None
+    assert other.query("convoy/@clock/v1", 0.5) == b"2"
+    assert other.query("convoy/@clock/v2", 0.2) is None
     one.close()
-    assert until(lambda: other.ask("convoy/@clock/v1", 0.2) is None)
+    assert until(lambda: other.query("convoy/@clock/v1", 0.2) is None)
 
 
 def test_an_answer_is_to_what_was_asked(join: Join) -> None:
     one, other = join(), join()
     one.answer("convoy/@control/v1", lambda question: question[::-1])
-    assert until(lambda: other.ask("convoy/@control/v1", 0.5, b"ab") == b"ba")
+    assert until(lambda: other.query("convoy/@control/v1", 0.5, b"ab") == b"ba")
     for question in (bytes(range(256)), b"x" * 100_000, b""):
-        assert other.ask("convoy/@control/v1", 2.0, question) == question[::-1]
+        assert other.query("convoy/@control/v1", 2.0, question) == question[::-1]
 
 
 def test_a_question_that_cannot_be_answered_is_not_the_last_one() -> None:
@@ -162,9 +162,9 @@ def test_a_question_that_cannot_be_answered_is_not_the_last_one() -> None:
         options = ZenohOptions(connect=router.endpoints)
         one, other = (stack.enter_context(open_bus(options)) for _ in range(2))
         one.answer("convoy/@control/v1", lambda question: str(1 // len(question)).encode())
-        assert until(lambda: other.ask("convoy/@control/v1", 0.5, b"?") == b"1")
-        assert other.ask("convoy/@control/v1", 0.5) is None
-        assert other.ask("convoy/@control/v1", 0.5, b"?") == b"1"
+        assert until(lambda: other.query("convoy/@control/v1", 0.5, b"?") == b"1")
+        assert other.query("convoy/@control/v1", 0.5) is None
+        assert other.query("convoy/@control/v1", 0.5, b"?") == b"1"
 
 
 def test_liveliness_is_not_a_message(join: Join) -> None:

@@ -102,9 +102,9 @@ def assert_one_clear_line(error: BusError) -> None:
 
 def test_a_router_on_a_port_of_its_own_says_which(router: Router) -> None:
     assert re.fullmatch(r"tcp/127\.0\.0\.1:[1-9]\d*", router.endpoints[0])
-    assert not router.occupied()
+    assert not router.has_clients()
     with join(router):
-        assert until(router.occupied)
+        assert until(router.has_clients)
 
 
 def test_a_port_that_is_taken(router: Router) -> None:

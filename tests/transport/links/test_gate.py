@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tests.made.examples import examples
 from tests.made.scenarios.messages import START, at, gps
 from transport.codec import RefusedMessageError, encode
-from transport.links.gate import HORIZON_NS, LONGEST_POSE_BYTES, MisdatedCount, PoseGate
+from transport.links.gate import HORIZON_NS, LONGEST_POSE_BYTES, PoseGate, TimestampRefusals
 from transport.reasons import REASONS
 from vehicles.geometry.geodesy import REACH, LocalPlane, Origin
 from vehicles.messages import GpsPose
@@ -115,7 +115,7 @@ def test_too_many_bytes_are_refused_unread() -> None:
 
 
 def test_many_refused_for_their_stamps_are_said_once_and_then_at_ten_times_as_many() -> None:
-    counted = MisdatedCount()
+    counted = TimestampRefusals()
     said = [line for _ in range(12_000) if (line := counted.count("v1", "future"))]
     assert [line.split()[0] for line in said] == ["100", "1000", "10000"]
     assert said[0] == (
@@ -129,5 +129,5 @@ def test_many_refused_for_their_stamps_are_said_once_and_then_at_ten_times_as_ma
 
 @pytest.mark.parametrize("reason", ["garbage", "early", "duplicate", "overflow"])
 def test_other_reasons_do_not_blame_the_clocks(reason: str) -> None:
-    counted = MisdatedCount()
+    counted = TimestampRefusals()
     assert not any(counted.count("v1", reason) for _ in range(1000))

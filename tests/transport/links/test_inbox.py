@@ -17,7 +17,7 @@ from transport.clock import ticks
 from transport.codec import RefusedMessageError, encode
 from transport.links.gate import HORIZON_NS, LONGEST_POSE_BYTES
 from transport.links.inbox import QUEUE, WINDOW, Inbox, IncomingLink
-from transport.links.laws.effect import NOWHERE, TransmissionContext
+from transport.links.laws.effect import UNKNOWN_POSITION, TransmissionContext
 from transport.topics import TOPICS, key
 from vehicles.messages import GpsPose, LinkVerdict, LogText
 from vehicles.schedule import SECOND, instant
@@ -379,9 +379,9 @@ def test_what_was_sent_while_nobody_listened_is_not_heard() -> None:
     feed(box, pose(0), pose(1))
     assert [one.seq for one in taken(box, START + 100 * MS)] == [0, 1]
     feed(box, pose(2), pose(3))
-    box.discard(START + 150 * MS, NOWHERE)  # of which the fourth was sent right then
+    box.discard(START + 150 * MS, UNKNOWN_POSITION)  # of which the fourth was sent right then
     feed(box, pose(4), pose(6))  # and this tick is late: one was sent after it
-    box.discard(START + 200 * MS, NOWHERE)
+    box.discard(START + 200 * MS, UNKNOWN_POSITION)
     links = inbox_of("follower_2", {"lead": LinkTable(latency_ms=20.0)}, start_at=START).links
     box.restart(links.values(), START + 260 * MS)
     feed(box, pose(5), pose(7))  # of which the first was sent before
@@ -397,7 +397,7 @@ def test_what_comes_while_control_stalls_is_heard_afterwards_and_not_late() -> N
     taken(box, START)
     for seq in range(5):
         feed(box, pose(seq))
-        box.skip(START + seq * 50 * MS, NOWHERE)
+        box.skip(START + seq * 50 * MS, UNKNOWN_POSITION)
     assert [one.seq for one in taken(box, START + 300 * MS)] == [0, 1, 2, 3, 4]
     assert box.late == 0
 

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from scenarios.definition.schema.link_tables import LinkTable
 from tests.made.transport.links import link
+from transport.links.laws.basic import Decimation, Latency
 from transport.links.laws.effect import Draw, Effect, TransmissionContext
-from transport.links.laws.plain import Decimation, Latency
 from transport.links.link import ChangedEffects, Link, Verdict, combine, keyed_draw
 from transport.reasons import DropReason
 
@@ -251,13 +251,13 @@ def test_what_may_be_visible_is_known_though_the_least_delay_changes(
 ) -> None:
     starts = sorted({at for at, _ in later})
     course = [ChangedEffects(at, (Latency(dict(later)[at]),)) for at in starts]
-    one = Link((Latency(floor),), 1, "lead", "follower_1", course=course)
+    one = Link((Latency(floor),), 1, "lead", "follower_1", changes=course)
 
     def least(sent_at: int) -> int:
         floors = [change.floor for change in course if change.from_at <= sent_at]
         return floors[-1] if floors else floor
 
     visible = [at for at in range(-100, 100) if at + least(at) <= now]
-    assert one.visible_until(now) == max(visible)
+    assert one.latest_sent_at(now) == max(visible)
     for sent_at in range(-5, 60):
         assert one.judge(TransmissionContext(0, sent_at)).visible_at == sent_at + least(sent_at)

@@ -5,8 +5,8 @@ import tracemalloc
 from hypothesis import given
 from hypothesis import strategies as st
 
-from transport.links.laws.effect import NOWHERE, Position
-from transport.links.positions import PLACES, PositionHistory
+from transport.links.laws.effect import UNKNOWN_POSITION, Position
+from transport.links.positions import MAX_POSITIONS, PositionHistory
 
 
 @given(
@@ -27,26 +27,26 @@ def test_a_place_is_that_of_the_last_tick_until_an_instant(
 
 def test_the_places_of_a_minute_are_remembered_and_few_more() -> None:
     passed = PositionHistory()
-    for now in range(5 * PLACES):
+    for now in range(5 * MAX_POSITIONS):
         passed.add(now, Position(float(now), 0.0, 0.0))
         first = passed.at(-1).east
-        assert now - 1.2 * PLACES < first <= max(now - PLACES + 1, 0)
+        assert now - 1.2 * MAX_POSITIONS < first <= max(now - MAX_POSITIONS + 1, 0)
         assert passed.at(now).east == now
 
 
 def test_a_place_that_nobody_tells_stays_untold() -> None:
     passed = PositionHistory()
-    passed.add(7, NOWHERE)
+    passed.add(7, UNKNOWN_POSITION)
     assert all(value != value for value in passed.at(9))  # noqa: PLR0124 - not a number
 
 
 def test_memory_does_not_grow_with_the_run() -> None:
     passed = PositionHistory()
-    for k in range(2 * PLACES):
-        passed.add(k, NOWHERE)
+    for k in range(2 * MAX_POSITIONS):
+        passed.add(k, UNKNOWN_POSITION)
     tracemalloc.start()
-    for k in range(2 * PLACES, 5 * PLACES):
-        passed.add(k, NOWHERE)
+    for k in range(2 * MAX_POSITIONS, 5 * MAX_POSITIONS):
+        passed.add(k, UNKNOWN_POSITION)
     grown, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert grown < 60 * PLACES  # 32 bytes for each, and for an eighth more
+    assert grown < 60 * MAX_POSITIONS  # 32 bytes for each, and for an eighth more

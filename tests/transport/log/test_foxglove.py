@@ -16,7 +16,7 @@ from tests.made.scenarios.messages import gps, truth
 from tests.made.transport import drive
 from tests.made.transport.logs import rows, write
 from transport.colours import colour_of
-from transport.log.foxglove import twins
+from transport.log.foxglove import standard_messages
 from transport.log.foxglove_layout import foxglove_layout
 from transport.log.scene import Scene
 
@@ -59,7 +59,7 @@ def test_a_stranger_decodes_the_log_by_the_schemas_in_it(tmp_path: Path) -> None
 
 def test_what_is_made_often_takes_no_memory() -> None:
     """In Protobuf each text that is set stays until its message goes: 23 MB an hour of forty."""
-    of_kind = twins()
+    of_kind = standard_messages()
     process = psutil.Process()
     for message in (gps("v1", 0), truth("v1", 0, 1.0, 2.0)):
         for twin in of_kind[type(message)]:

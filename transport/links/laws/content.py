@@ -19,7 +19,7 @@ from transport.links.laws.false_content import (
     GhostVehicle,
     ReplayedContent,
 )
-from transport.links.laws.law import LinkLaw, LinkSetting, Problem, Ratio
+from transport.links.laws.link_law import LinkLaw, LinkSetting, Problem, Ratio
 from transport.links.laws.moments import Delays, Losses
 from transport.reasons import DropReason
 from vehicles.schedule import MILLISECOND
@@ -73,7 +73,7 @@ class ContentLaw(LinkLaw):
         return (Reordering(self.reorder_ratio, round(self.reorder_delay_ms * MILLISECOND)),)
 
     @property
-    def acts_on_arrival(self) -> bool:
+    def alters_messages(self) -> bool:
         return bool(self.duplicate_ratio or self.bit_error_ratio or self.false)
 
     @property
@@ -95,7 +95,7 @@ class ContentLaw(LinkLaw):
             return Losses(0.0, None, 0.0)
         return Losses.independent(errors.corrupted_share(size)) if self.frame_check else None
 
-    def describe_arrival(self) -> Iterator[str]:
+    def describe_content(self) -> Iterator[str]:
         if self.duplicate_ratio:
             late = self.duplicate_delay_ms
             after = "after a delay of its own" if late is None else f"{late:g} ms later"
@@ -147,7 +147,7 @@ class Duplication:
         return int(draw("duplicate", seq) < self.ratio)
 
 
-def draw_of_copy(draw: Draw) -> Draw:
+def copy_draw(draw: Draw) -> Draw:
     """Return the draws of a message's copy, apart from the message's own."""
     return lambda purpose, seq: draw(f"copy {purpose}", seq)
 
@@ -182,12 +182,12 @@ class BitErrors:
             count += 1
         return count
 
-    def is_noticed(self, sent: bytes, came: bytes) -> bool:
+    def is_detected(self, sent: bytes, came: bytes) -> bool:
         """Whether the receiver's frame check refuses `came`, which was `sent`."""
         return self.frame_check and crc32(came) != crc32(sent)
 
 
-def flip_places(draw: Draw, seq: int, count: int, bits: int) -> list[int]:
+def choose_bits(draw: Draw, seq: int, count: int, bits: int) -> list[int]:
     """Which `count` different ones of a frame's `bits` are flipped, all equally likely.
 
     The first steps of a Fisher-Yates shuffle, of which only what was moved is written down.
@@ -201,7 +201,7 @@ def flip_places(draw: Draw, seq: int, count: int, bits: int) -> list[int]:
     return places
 
 
-def flipped(frame: bytes, places: Iterable[int]) -> bytes:
+def flip_bits(frame: bytes, places: Iterable[int]) -> bytes:
     changed = bytearray(frame)
     for place in places:
         changed[place // 8] ^= 1 << place % 8

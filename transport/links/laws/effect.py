@@ -14,7 +14,7 @@ The same purpose and number give the same draw, whatever was drawn before.
 """
 
 
-BY_CELL = "outage"
+CELL_PURPOSE = "outage"
 """Begins the purposes of draws whose number is that of a cell of time, not of a message."""
 
 JudgedBy = Literal["chance", "number", "time", "place"]
@@ -25,10 +25,10 @@ class Position(NamedTuple):
 
     east: float = nan
     north: float = nan
-    driven: float = nan
+    travelled: float = nan
 
 
-NOWHERE = Position()
+UNKNOWN_POSITION = Position()
 
 
 class TransmissionContext(NamedTuple):
@@ -42,8 +42,8 @@ class TransmissionContext(NamedTuple):
     seq: int
     sent_at: int
     size: int = 0
-    sender: Position = NOWHERE
-    receiver: Position = NOWHERE
+    sender: Position = UNKNOWN_POSITION
+    receiver: Position = UNKNOWN_POSITION
 
 
 class Effect:
@@ -92,6 +92,6 @@ class Effect:
         return None
 
     @property
-    def farthest_m(self) -> float | None:
+    def range_m(self) -> float | None:
         """Distance (m) beyond which little or nothing is received; None without a radio."""
         return None

@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from transport.codec import RefusedMessageError
-from transport.links.laws.law import LawTable, Problem
+from transport.links.laws.link_law import LawTable, Problem
 from vehicles.geometry.geodesy import REACH, LocalPlane, yaw_from_heading
 from vehicles.messages import GpsPose
 from vehicles.schedule import SECOND
@@ -34,7 +34,7 @@ Known is what physically came, lost on the emulated link or not.
 
 
 @dataclass(frozen=True, slots=True)
-class FalseSpell:
+class FalseInterval:
     """From when (ns, inclusive) until when (ns, exclusive) content is false, by when it is sent."""
 
     from_at: int = 0
@@ -70,10 +70,10 @@ class FalseContent(LawTable):
             yield "to_s", f"given {self.to_s}, allowed more than from_s, {self.from_s}"
 
     @cached_property
-    def span(self) -> FalseSpell:
+    def span(self) -> FalseInterval:
         start_at = self.setting.start_at
         to_at = inf if self.to_s is None else start_at + round(self.to_s * SECOND)
-        return FalseSpell(start_at + round(self.from_s * SECOND), to_at)
+        return FalseInterval(start_at + round(self.from_s * SECOND), to_at)
 
     @property
     def moments(self) -> tuple[int, ...]:
@@ -90,14 +90,14 @@ class FalseContent(LawTable):
         """By how much (ns) the further message that it adds comes later, None if it adds none."""
         return None
 
-    def added_message(self, pose: GpsPose, plane: LocalPlane) -> GpsPose:
+    def extra_message(self, pose: GpsPose, plane: LocalPlane) -> GpsPose:
         """Return the further message beside `pose`.
 
         Raises RefusedMessageError for a place beyond the plane.
         """
         raise NotImplementedError
 
-    def falsified(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:
+    def falsify(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:
         """Return the pose in the place of `pose`, or None if that stays as it is.
 
         Raises RefusedMessageError for a place beyond the plane.
@@ -138,8 +138,8 @@ class FalseOffset(Displaced):
     def by(self) -> Shift:
         return Shift(self.east_m, self.north_m, self.ahead_m, self.left_m)
 
-    def falsified(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose:
-        return displaced(pose, plane, self.by)
+    def falsify(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose:
+        return displace(pose, plane, self.by)
 
 
 class FalseDrift(Displaced):
@@ -155,8 +155,8 @@ class FalseDrift(Displaced):
     def by(self) -> Shift:
         return Shift(self.east_mps, self.north_mps, self.ahead_mps, self.left_mps)
 
-    def falsified(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose:
-        return displaced(pose, plane, self.by, (pose.sent_at_ns - self.span.from_at) / SECOND)
+    def falsify(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose:
+        return displace(pose, plane, self.by, (pose.sent_at_ns - self.span.from_at) / SECOND)
 
 
 class FrozenContent(FalseContent):
@@ -169,9 +169,9 @@ class FrozenContent(FalseContent):
     def moments(self) -> tuple[int, ...]:
         return (self.span.from_at - 1,)
 
-    def falsified(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:
+    def falsify(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:
         """Repeat the last message before the span; None if none of then is known."""
-        return with_content_of(pose, recall(self.span.from_at - 1))
+        return replace_content(pose, recall(self.span.from_at - 1))
 
 
 class ReplayedContent(FalseContent):
@@ -184,9 +184,9 @@ class ReplayedContent(FalseContent):
     def age(self) -> int:
         return round(self.age_s * SECOND)
 
-    def falsified(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:
+    def falsify(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:
         """Repeat the newest message of that age or more; None if none of then is known."""
-        return with_content_of(pose, recall(pose.sent_at_ns - self.age))
+        return replace_content(pose, recall(pose.sent_at_ns - self.age))
 
 
 class GhostVehicle(Displaced):
@@ -209,20 +209,20 @@ class GhostVehicle(Displaced):
     def after(self) -> int:
         return round(SECOND / (2.0 * self.setting.source_rate_hz))
 
-    def falsified(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:
+    def falsify(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:
         return pose
 
-    def added_message(self, pose: GpsPose, plane: LocalPlane) -> GpsPose:
+    def extra_message(self, pose: GpsPose, plane: LocalPlane) -> GpsPose:
         """Return the ghost's own message, beside the true `pose`.
 
         Raises RefusedMessageError for a place beyond the plane.
         """
         on = pose.speed_mps * self.after / SECOND
-        there = displaced(pose, plane, replace(self.by, ahead=self.ahead_m + on))
-        return put_off(there, self.after)
+        there = displace(pose, plane, replace(self.by, ahead=self.ahead_m + on))
+        return shift_times(there, self.after)
 
 
-def displaced(pose: GpsPose, plane: LocalPlane, by: Shift, times: float = 1.0) -> GpsPose:
+def displace(pose: GpsPose, plane: LocalPlane, by: Shift, times: float = 1.0) -> GpsPose:
     """Return `pose` at another place, `times` the shift away.
 
     Raises RefusedMessageError if that lies beyond the plane.
@@ -239,12 +239,12 @@ def displaced(pose: GpsPose, plane: LocalPlane, by: Shift, times: float = 1.0) -
     )
 
 
-def put_off(pose: GpsPose, by: int) -> GpsPose:
+def shift_times(pose: GpsPose, by: int) -> GpsPose:
     measured_at_ns, sent_at_ns = pose.measured_at_ns + by, pose.sent_at_ns + by
     return replace(pose, measured_at_ns=measured_at_ns, sent_at_ns=sent_at_ns)
 
 
-def with_content_of(pose: GpsPose, old: GpsPose | None) -> GpsPose | None:
+def replace_content(pose: GpsPose, old: GpsPose | None) -> GpsPose | None:
     """Return the content of `old` under the number and the instants of `pose`."""
     if old is None:
         return None

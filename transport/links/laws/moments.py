@@ -18,7 +18,7 @@ class LossStates(NamedTuple):
 
     rows: NDArray[np.float64]
     shares: NDArray[np.float64]
-    loses: NDArray[np.float64]
+    loss_by_state: NDArray[np.float64]
 
     @property
     def covariances(self) -> float:
@@ -29,7 +29,7 @@ class LossStates(NamedTuple):
         one = np.eye(len(self.shares))
         rank_one = np.outer(np.ones(len(self.shares)), self.shares)
         fundamental = np.linalg.inv(one - self.rows + rank_one)
-        return float((self.shares * self.loses) @ (fundamental - one) @ self.loses)
+        return float((self.shares * self.loss_by_state) @ (fundamental - one) @ self.loss_by_state)
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ class Losses:
         return abs(self.covariances) > _ROUNDING
 
     @property
-    def both_pass(self) -> float | None:
+    def both_delivered(self) -> float | None:
         """Chance that a message and the next one pass: bursts end as often as they begin."""
         if self.burst is None:
             return None

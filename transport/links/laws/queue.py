@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from transport.links.laws.effect import Effect
-from transport.links.laws.law import LinkLaw, LinkSetting
+from transport.links.laws.link_law import LinkLaw, LinkSetting
 from transport.links.laws.stage import UNSENT, Stage, StagedMessage, StageLaw
 from vehicles.schedule import SECOND
 

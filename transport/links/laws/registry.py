@@ -8,8 +8,9 @@ from typing import Annotated, Any, get_args
 
 from pydantic import Field
 
+from transport.links.laws.basic import Decimation, Loss
 from transport.links.laws.content import ContentLaw
-from transport.links.laws.delay.kinds import (
+from transport.links.laws.delay.distributions import (
     ConstantDelay,
     EmpiricalDelay,
     GammaDelay,
@@ -22,13 +23,12 @@ from transport.links.laws.loss.bursts import FourState, GilbertElliott
 from transport.links.laws.loss.by_number import EveryNth, Listed, NoLoss, RecordedPattern
 from transport.links.laws.loss.collisions import Collisions
 from transport.links.laws.loss.earlier_run import EarlierRun
-from transport.links.laws.outages.placed import CircleOutage, StretchOutage
-from transport.links.laws.outages.random import RandomOutage
-from transport.links.laws.outages.span import ReceiverOff, TransmitterOff, WindowOutage
-from transport.links.laws.plain import Decimation, Loss
+from transport.links.laws.outages.by_place import CircleOutage, StretchOutage
+from transport.links.laws.outages.by_time import ReceiverOff, TransmitterOff, WindowOutage
+from transport.links.laws.outages.random_outage import RandomOutage
 from transport.links.laws.queue import Queue
 from transport.links.laws.radio.path_loss import PathLossRadio
-from transport.links.laws.radio.table import TableRadio
+from transport.links.laws.radio.table_radio import TableRadio
 
 # fmt: off
 LossLaw = Annotated[

@@ -42,7 +42,7 @@ from scenarios.runs.node.sink import Sink
 from transport.clock import Tick, ticks
 from transport.links.gate import PoseGate
 from transport.links.inbox import Inbox, IncomingLink
-from transport.links.laws.between import VehiclesBetween
+from transport.links.laws.vehicles_between import VehiclesBetween
 from transport.links.link import Link
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.imu import ExactSensor, InertialSensor

@@ -52,7 +52,7 @@ def recorded_links(log: Path) -> tuple[RecordedLink, ...]:
     Links on which nothing was decided are left out.
     """
     reader = LogReader(log)
-    reader.require_whole("verdict", "truth")
+    reader.require_all("verdict", "truth")
     scenario = scenario_in(log, reader.attachments())
     start_at = 0
     verdicts: defaultdict[tuple[str, str], dict[int, LinkVerdict]] = defaultdict(dict)

@@ -21,7 +21,7 @@ from scenarios.studies.many.blame.losses import (
 )
 from transport.links.laws.loss.by_number import Listed
 from transport.links.laws.loss.earlier_run import EarlierRun
-from transport.links.laws.loss.numbers import Numbers
+from transport.links.laws.loss.number_sets import NumberSet
 from vehicles.schedule import SECOND
 
 LOSES = {"loss", "loss_ratio", "collisions", "outages", "radio", "preset", "preset_source"}
@@ -56,7 +56,7 @@ class LossFree:
         return Scenario(tables.model_copy(update=changes))
 
 
-def _note_loss(entry: LinkEntry, numbers: Numbers | None) -> LinkEntry:
+def _note_loss(entry: LinkEntry, numbers: NumberSet | None) -> LinkEntry:
     if numbers is None:
         return entry
     if isinstance(entry.loss, EarlierRun):
@@ -112,7 +112,7 @@ def _recorded(run: RecordedRun, pair: LinkEnds, table: LinkTable) -> LinkEntry:
         else max(ends_at + SECOND - sent.get(number, ends_at), 0)
         for number in range(max([*fates, *sent, 0]) + 1)
     ]
-    by_rate = Numbers.of((k, k) for k, fate in fates.items() if fate.reason and not fate.is_lost)
+    by_rate = NumberSet.of((k, k) for k, fate in fates.items() if fate.reason and not fate.is_lost)
     loss = EarlierRun(
         kind="log",
         source=run.log.name,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.log_queries.session import session_of
-from transport.links.laws.loss.numbers import Numbers
+from transport.links.laws.loss.number_sets import NumberSet
 from transport.log.reader import LogReader
 from transport.log.records import LogError
 from transport.reasons import counts_as_loss
@@ -111,7 +111,7 @@ def read_run(log: Path) -> RecordedRun:
     reader = LogReader(log)
     if reader.damage:
         raise LogError(reader.damage)
-    reader.require_whole("verdict", "tracking", "truth")
+    reader.require_all("verdict", "tracking", "truth")
     if reader.truncated:
         raise LogError(f"{log}: breaks off; blame needs the log of a run that was ended")
     run = RecordedRun(log, session_of(log))
@@ -194,8 +194,8 @@ def moments_of(bursts: Sequence[Burst]) -> tuple[tuple[Burst, ...], ...]:
     return tuple(map(tuple, moments))
 
 
-def numbers_by_link(lost: Iterable[LostMessage]) -> Mapping[LinkEnds, Numbers]:
+def numbers_by_link(lost: Iterable[LostMessage]) -> Mapping[LinkEnds, NumberSet]:
     found: defaultdict[LinkEnds, list[int]] = defaultdict(list)
     for one in lost:
         found[one.link].append(one.number)
-    return {link: Numbers.of((k, k) for k in numbers) for link, numbers in found.items()}
+    return {link: NumberSet.of((k, k) for k in numbers) for link, numbers in found.items()}

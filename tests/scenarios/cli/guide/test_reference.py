@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 from scenarios.cli.main import cli
 from scenarios.results.summary import documented_fields
-from transport.log.foxglove import twins
+from transport.log.foxglove import standard_messages
 from transport.reasons import REASONS
 from transport.topics import TOPICS
 from vehicles.car.parameters import VehicleParameters
@@ -52,7 +52,7 @@ def test_topics_are_those_of_the_log_with_what_stands_beside_them() -> None:
     beside = [
         [twin.name, f"foxglove.{twin.schema.DESCRIPTOR.name}", f"as {topic.name}"]
         for topic in TOPICS.values()
-        for twin in twins().get(topic.message, ())
+        for twin in standard_messages().get(topic.message, ())
     ]
     assert table("topics", "beside them") == beside
     assert "true_gap_m" in told("topics")

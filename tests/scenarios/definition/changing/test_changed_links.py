@@ -15,8 +15,8 @@ from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.definition.topology import directed_links
 from tests.made.examples import examples
 from transport.links.laws.effect import TransmissionContext
-from transport.links.line import Line, judge_stream
 from transport.links.link import Link, Verdict
+from transport.links.staged_messages import StagedMessages, judge_stream
 from vehicles.schedule import SECOND
 
 NAMES = ("v1", "v2", "v3", "v4")
@@ -168,15 +168,15 @@ def test_a_queue_behind_a_changed_link_does_not_depend_on_when_bytes_came(
     contexts = [context(seq) for seq in range(100)]
     at_once = judge_stream(link(done, asked), contexts)
     one = link(done, asked)
-    line, settled = Line(one), dict[int, tuple[Verdict, int]]()
+    line, settled = StagedMessages(one), dict[int, tuple[Verdict, int]]()
     tick_ns = data.draw(st.sampled_from([SECOND // 50, SECOND // 7, SECOND]))
     coming = iter(contexts)
     following = next(coming, None)
     for tick in range(START, START + 60 * SECOND, tick_ns):
-        while following is not None and following.sent_at <= one.visible_until(tick):
+        while following is not None and following.sent_at <= one.latest_sent_at(tick):
             line.join(following, one.judge(following))
             following = next(coming, None)
-        for judged, verdict in line.settle(tick):
+        for judged, verdict in line.resolve(tick):
             settled[judged.seq] = verdict, tick
     assert [settled[seq][0] for seq in range(100)] == at_once
 

@@ -13,8 +13,8 @@ from scenarios.definition.scenario import Scenario, load_scenario, scenario_from
 from scenarios.definition.schema.link_tables import LinkTable
 from tests.made.scenarios.messages import STRAIGHT
 from tests.made.transport.links import link
-from transport.links.laws.delay.drawn import DrawnDelay
-from transport.links.laws.delay.kinds import (
+from transport.links.laws.delay.base import RandomDelay
+from transport.links.laws.delay.distributions import (
     ConstantDelay,
     EmpiricalDelay,
     GammaDelay,
@@ -50,7 +50,7 @@ def last_effect(delay: dict[str, object]) -> Effect:
     ],
 )
 def test_each_kind_is_its_law(
-    given: dict[str, object], law: type[DrawnDelay], median_ms: float
+    given: dict[str, object], law: type[RandomDelay], median_ms: float
 ) -> None:
     effect = last_effect(given | {"correlation_ratio": 0.25})
     assert isinstance(effect, law)

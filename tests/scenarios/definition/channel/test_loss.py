@@ -12,13 +12,13 @@ from scenarios.definition.scenario import scenario_from_text
 from scenarios.definition.template import template
 from tests.made.channels.laws import collisions, four_state, gilbert, gilbert_elliott, long_run
 from tests.made.scenarios.messages import STRAIGHT
+from transport.links.laws.basic import Decimation, Jitter, Latency, Loss
 from transport.links.laws.effect import Effect, TransmissionContext
 from transport.links.laws.loss.bursts import GilbertElliott
 from transport.links.laws.loss.by_number import EveryNth, Listed, RecordedPattern
 from transport.links.laws.loss.collisions import Collisions
 from transport.links.laws.loss.earlier_run import EarlierRun
-from transport.links.laws.loss.numbers import Numbers
-from transport.links.laws.plain import Decimation, Jitter, Latency, Loss
+from transport.links.laws.loss.number_sets import NumberSet
 from transport.links.laws.registry import LossLaw
 from transport.links.link import Link, Verdict
 
@@ -78,7 +78,7 @@ def test_each_kind_is_its_law_and_described(asked: str, law: Effect) -> None:
 def test_mean_values_come_out_as_asked() -> None:
     law, _ = effects("links.loss={kind='gilbert_elliott', loss_ratio=0.35, burst_messages_mean=7}")
     assert isinstance(law, GilbertElliott)
-    assert law.chances == pytest.approx((0.35 / 0.65 / 7.0, 1.0 / 7.0, 0.0, 1.0))
+    assert law.probabilities == pytest.approx((0.35 / 0.65 / 7.0, 1.0 / 7.0, 0.0, 1.0))
     assert long_run(law)[0] == pytest.approx(0.35)
     assert long_run(law)[1] == pytest.approx(7.0)
 
@@ -120,7 +120,7 @@ def test_an_earlier_run_takes_the_place_of_all_else() -> None:
     record = "{kind='log', delays_ns='5x2, 7', dropped_numbers={loss='1', wormhole='2'}}"
     law, delay = effects(f"links={{loss_ratio=0.5, jitter_ms=3.0, latency_ms=9.0, loss={record}}}")
     assert isinstance(law, EarlierRun)
-    assert law.dropped == (("loss", Numbers(((1, 1),))), ("pattern", Numbers(((2, 2),))))
+    assert law.dropped == (("loss", NumberSet(((1, 1),))), ("pattern", NumberSet(((2, 2),))))
     assert (law.delays_in_order, law.length) == (((5, 2), (7, 1)), 3)
     assert delay == law.recorded_delay(9_000_000)
 

@@ -19,9 +19,9 @@ from scenarios.results.summary import from_json
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
 from tests.made.scenarios.messages import STRAIGHT
-from transport.links.laws.radio.obstruction import PerVehicle
+from transport.links.laws.radio.obstruction import LossPerVehicle
 from transport.links.laws.radio.path_loss import PathLossRadio
-from transport.links.laws.radio.table import TableRadio
+from transport.links.laws.radio.table_radio import TableRadio
 
 SHIPPED = {
     "clear", "lossy", "bursty", "tunnel", "lead_lost", "congested",
@@ -96,7 +96,7 @@ def test_what_stands_beside_a_preset_overrides_it_key_by_key() -> None:
         "[links.radio]\npower_dbm = 10.0\n[links.radio.obstruction]\nloss_db = 3.0\n"
     ).tables.links
     assert isinstance(asked.radio, PathLossRadio)
-    assert isinstance(asked.radio.obstruction, PerVehicle)
+    assert isinstance(asked.radio.obstruction, LossPerVehicle)
     assert (asked.latency_ms, asked.radio.power_dbm, asked.radio.noise_figure_db) == (50, 10, 9)
     assert (asked.radio.obstruction.loss_db, asked.radio.obstruction.radius_m) == (3.0, 1.5)
     assert asked.radio.shadowing is not None

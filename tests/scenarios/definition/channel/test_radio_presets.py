@@ -9,7 +9,7 @@ from scenarios.definition.channel.build import link_effects
 from scenarios.definition.channel.presets import read_preset
 from scenarios.definition.scenario import load_scenario
 from transport.links.laws.effect import Position, TransmissionContext
-from transport.links.laws.radio.table import TableRadio
+from transport.links.laws.radio.table_radio import TableRadio
 from transport.links.link import Link
 
 METRES_80211P = (0, 25, 50, 75, 100, 125, 150, 175, 200, 250, 300, 350, 400)
@@ -80,7 +80,7 @@ def test_a_preset_delivers_what_is_published(name: str, campaign: int) -> None:
 
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_its_law_is_the_published_table_exactly(name: str) -> None:
-    law = next(one for one in link(name, 1).chain if isinstance(one, TableRadio))
+    law = next(one for one in link(name, 1).effects if isinstance(one, TableRadio))
     for way, share in points(name).items():
         assert law.ratio(way) == pytest.approx(share, abs=1e-12)
     held = law.reservations

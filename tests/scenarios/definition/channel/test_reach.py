@@ -7,9 +7,9 @@ import pytest
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.channel.presets import presets
 from scenarios.definition.scenario import load_scenario
-from transport.links.laws.between import Road, VehiclesBetween
+from transport.links.laws.basic import Loss
 from transport.links.laws.effect import Position, TransmissionContext
-from transport.links.laws.plain import Loss
+from transport.links.laws.vehicles_between import Road, VehiclesBetween
 from transport.links.link import Link
 
 FAR_APART_M = 1000.0
@@ -48,12 +48,12 @@ def test_beyond_its_reach_little_is_received() -> None:
     for name in presets():
         asked = load_scenario("lane_change", [f"links.preset={name}"]).links["v1", "v2"]
         for radio in (one for one in link_effects(asked, 20.0) if one.key == "radio"):
-            assert radio.farthest_m is not None
-            losses = radio.losses(radio.farthest_m + 1.0)
+            assert radio.range_m is not None
+            losses = radio.losses(radio.range_m + 1.0)
             assert losses is not None
             assert losses.loss > 0.99
 
 
 def test_only_radios_have_a_reach() -> None:
-    assert Loss(0.1).farthest_m is None
+    assert Loss(0.1).range_m is None
     assert Loss(0.1).losses(10.0) == Loss(0.1).losses(None)

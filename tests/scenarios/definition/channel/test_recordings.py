@@ -147,7 +147,7 @@ def test_a_record_is_put_into_the_scenario(earlier: Path) -> None:
     recorded = verdicts(earlier / "run" / "run.mcap")
     for pair, table in again.links.items():
         link = Link(link_effects(table, 20.0), 5, *pair)
-        law = link.chain[0]
+        law = link.effects[0]
         assert isinstance(law, EarlierRun)
         assert law.length == max(recorded[pair]) + 1
         for number, (_, reason, delay) in recorded[pair].items():

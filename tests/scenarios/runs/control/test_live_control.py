@@ -148,7 +148,7 @@ def test_it_answers_over_the_bus() -> None:
     network = MemoryNetwork()
     vehicle = Vehicle("v3", START).begun()
     vehicle.control.listen(MemoryBus(network))
-    answer = MemoryBus(network).ask(control_key("v3"), 1.0, ChangeRequest({"kind": "heal"}).text)
+    answer = MemoryBus(network).query(control_key("v3"), 1.0, ChangeRequest({"kind": "heal"}).text)
     assert answer is not None
     assert Confirmation.of(answer).does == "as the scenario has it again"
 

@@ -8,7 +8,7 @@ from scenarios.runs.control import run_status
 from scenarios.runs.control.run_status import OFTEN_NS, RunStatus, StatusBoard
 from tests.made.scenarios.messages import START, start, truth
 from transport.bus.memory_bus import MemoryBus
-from transport.topics import CONDUCTOR, control_key
+from transport.topics import RUN_SENDER, control_key
 from vehicles.schedule import SECOND
 
 STEP_NS = SECOND // 5
@@ -38,7 +38,7 @@ class Asked:
             self.board.update(self.now)
 
     def ask(self) -> bytes | None:
-        return self.bus.ask(control_key(CONDUCTOR), 1.0)
+        return self.bus.query(control_key(RUN_SENDER), 1.0)
 
 
 def test_it_is_drawn_once_a_second_and_often_while_somebody_asks(
@@ -72,5 +72,5 @@ def test_what_is_answered_is_of_the_last_drawing() -> None:
         metrics.listen(0, message)
         board.listen(START, message)
     board.update(START + SECOND)
-    found = RunStatus.of(bus.ask(control_key(CONDUCTOR), 1.0) or b"")
+    found = RunStatus.of(bus.query(control_key(RUN_SENDER), 1.0) or b"")
     assert (found.at_s, found.vehicles[0].speed_mps) == (1.0, 20.0)

@@ -84,7 +84,7 @@ def test_one_by_one_is_all_at_once(
     assert said(in_another_process) == said(links)
     for one in at_once:
         whole = course(one.changes, one.requested, one.effects_of)
-        assert [two.from_at for two in whole] == [two.from_at for two in one.link.course]
+        assert [two.from_at for two in whole] == [two.from_at for two in one.link.changes]
 
 
 def test_what_is_done_is_said_by_link() -> None:

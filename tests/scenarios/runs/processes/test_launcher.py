@@ -24,7 +24,7 @@ from scenarios.runs.stop import Stop
 from tests.made.scenarios.messages import START
 from transport.bus.bus import BusError
 from transport.log.reader import LogReader
-from transport.log.repair import complete
+from transport.log.repair import repair_if_truncated
 
 ENDPOINT = "tcp/127.0.0.1:4711"
 SEGMENTATION_FAULT = -signal.SIGSEGV
@@ -135,7 +135,7 @@ def play(
     plan = LaunchPlan(
         scenario(goes_on=goes_on), ["my.toml", "--seed=3"], folder, ["--quiet"], "mine"
     )
-    outcome = launch(plan, stop, cast("Supervisor", supervisor), complete, sleep=sleep)
+    outcome = launch(plan, stop, cast("Supervisor", supervisor), repair_if_truncated, sleep=sleep)
     assert supervisor.children == []  # whatever happened, no process is left behind
     return Launched(outcome, supervisor, now)
 
@@ -155,7 +155,9 @@ def test_every_process_is_told_the_scenario_and_the_endpoint_of_the_router(folde
 def test_without_its_router_a_run_fails_and_nothing_else_is_started(folder: Path) -> None:
     supervisor = FakeSupervisor(router_starts=False)
     plan = LaunchPlan(scenario(), ["lane_change"], folder, [], "mine")
-    outcome = launch(plan, Stop(), cast("Supervisor", supervisor), complete, sleep=lambda _: None)
+    outcome = launch(
+        plan, Stop(), cast("Supervisor", supervisor), repair_if_truncated, sleep=lambda _: None
+    )
     assert (outcome.exit_code, outcome.reason) == (1, "the router did not start; the run ends")
     assert supervisor.started == []
 

@@ -16,10 +16,10 @@ from scenarios.runs.processes.vehicle_process import RunCancelledError, VehicleP
 from scenarios.runs.stop import Stop
 from tests.made.interpreted import interpreted_only
 from transport.bus.memory_bus import MemoryBus, MemoryNetwork
-from transport.clock import VirtualClock, late_after, ticks
+from transport.clock import VirtualClock, late_threshold, ticks
 from transport.codec import encode
 from transport.links.inbox import QUEUE
-from transport.topics import CONDUCTOR, TOPICS, key
+from transport.topics import RUN_SENDER, TOPICS, key
 from vehicles.messages import RunEnd, RunStart
 from vehicles.schedule import MILLISECOND, SECOND
 
@@ -51,12 +51,12 @@ def test_a_start_that_lies_behind_is_told_apart_from_a_clock_ahead(
     def recorders_now() -> int:
         return time.time_ns() - round(ahead_s * SECOND)
 
-    serve_clock(recorder, CONDUCTOR, recorders_now)
+    serve_clock(recorder, RUN_SENDER, recorders_now)
     membership = Membership(bus, "mine", VEHICLE, "v2", Fingerprint.of(scenario))
     vehicle = VehicleProcess(VehicleBuilder(scenario, "v2"), bus, membership, stop)
     start_at = recorders_now() + round(started_s * SECOND)
-    start = RunStart(vehicle=CONDUCTOR, seq=0, start_at_ns=start_at, run_id="x")
-    recorder.publish(key(CONDUCTOR, TOPICS["start"]), encode(start))
+    start = RunStart(vehicle=RUN_SENDER, seq=0, start_at_ns=start_at, run_id="x")
+    recorder.publish(key(RUN_SENDER, TOPICS["start"]), encode(start))
     with pytest.raises(RunCancelledError, match=f"^{why}$"):
         vehicle.await_start(lambda _: None, 1.0)
 
@@ -77,16 +77,16 @@ def test_a_recorder_that_catches_up_is_waited_for_as_long_as_it_gives_signs(
     membership = Membership(bus, "mine", VEHICLE, "v1", fingerprint)
     vehicle = VehicleProcess(VehicleBuilder(scenario, "v1"), bus, membership, Stop())
     start_at = time.time_ns() + SECOND // 5
-    start = encode(RunStart(vehicle=CONDUCTOR, seq=0, start_at_ns=start_at, run_id="x"))
+    start = encode(RunStart(vehicle=RUN_SENDER, seq=0, start_at_ns=start_at, run_id="x"))
     ended_at = start_at + round((0.2 + needed_s) * SECOND)
-    end = encode(RunEnd(vehicle=CONDUCTOR, seq=0, end_at_ns=ended_at, reason=""))
-    recorder.publish(key(CONDUCTOR, TOPICS["start"]), start)
+    end = encode(RunEnd(vehicle=RUN_SENDER, seq=0, end_at_ns=ended_at, reason=""))
+    recorder.publish(key(RUN_SENDER, TOPICS["start"]), start)
 
     def catch_up() -> None:
         while not over.wait(0.1) and time.time_ns() < ended_at:
             if says_the_run_is_on:
-                recorder.publish(key(CONDUCTOR, TOPICS["start"]), start)
-        recorder.publish(key(CONDUCTOR, TOPICS["end"]), end)
+                recorder.publish(key(RUN_SENDER, TOPICS["start"]), start)
+        recorder.publish(key(RUN_SENDER, TOPICS["end"]), end)
 
     announcer = Thread(target=catch_up)
     announcer.start()
@@ -105,7 +105,7 @@ def test_a_recorder_that_catches_up_is_waited_for_as_long_as_it_gives_signs(
 
 def test_a_tick_begins_at_the_vehicle_s_turn_and_is_late_from_then_on() -> None:
     start_at = 1_790_000_000 * SECOND
-    clock, probe = VirtualClock(start_at), ProcessProbe(late_after(50.0))
+    clock, probe = VirtualClock(start_at), ProcessProbe(late_threshold(50.0))
     schedule = ticks(start_at, start_at + SECOND // 10, 50.0)
     begun_ms = []
     for tick in paced_ticks(schedule, clock, probe, stagger_ns=15 * MILLISECOND, back_at=start_at):

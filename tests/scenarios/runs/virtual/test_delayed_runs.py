@@ -13,7 +13,7 @@ from scenarios.runs.virtual.logged_run import run_virtual
 from tests.made.transport.links import link as link_of
 from transport.codec import encode
 from transport.links.laws.effect import Position, TransmissionContext
-from transport.links.line import judge_stream
+from transport.links.staged_messages import judge_stream
 from transport.log.reader import LogReader
 from vehicles.messages import GpsPose, LinkVerdict
 from vehicles.schedule import SECOND

@@ -22,9 +22,9 @@ from scenarios.studies.channel.fitting.estimate import Estimate
 from scenarios.studies.channel.fitting.fit import FittedLink, as_toml, fit_link, fit_log
 from scenarios.studies.channel.fitting.recorded import RecordedLink
 from tests.scenarios.studies.channel.recorded_channels import long_drive, recorded_links_of
-from transport.links.laws.delay.kinds import GammaDelay
+from transport.links.laws.delay.distributions import GammaDelay
 from transport.links.laws.loss.bursts import GilbertElliott
-from transport.links.laws.radio.obstruction import OnceForAll, PerVehicle
+from transport.links.laws.radio.obstruction import LossPerVehicle, SingleLoss
 from transport.links.laws.radio.path_loss import PathLossRadio, highway_loss
 from transport.links.laws.radio.reservations import Reservations
 
@@ -111,9 +111,9 @@ def path_loss_values(radio: PathLossRadio, between: int) -> dict[str, float]:
             radio.shadowing.obstructed_deviation_db,
             radio.errors.obstructed_snr_db[0],
         )
-        if isinstance(radio.obstruction, PerVehicle):
+        if isinstance(radio.obstruction, LossPerVehicle):
             cost = between * radio.obstruction.loss_db
-        elif isinstance(radio.obstruction, OnceForAll):
+        elif isinstance(radio.obstruction, SingleLoss):
             cost = radio.obstruction.mean_db
             wavering = hypot(wavering, radio.obstruction.deviation_db)
     usual = PathLossRadio().reference_loss_db

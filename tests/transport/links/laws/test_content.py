@@ -9,16 +9,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from transport.links.laws.basic import Jitter
 from transport.links.laws.content import (
     BitErrors,
     Duplication,
     Reordering,
-    draw_of_copy,
-    flip_places,
-    flipped,
+    choose_bits,
+    copy_draw,
+    flip_bits,
 )
 from transport.links.laws.effect import Draw, TransmissionContext
-from transport.links.laws.plain import Jitter
 from transport.links.link import combine, keyed_draw
 
 DRAW = keyed_draw(1, "v1", "v2")
@@ -108,18 +108,18 @@ def test_as_many_bits_differ_as_were_flipped_and_no_others(
     frame: bytes, count: int, seq: int
 ) -> None:
     bits = 8 * len(frame)
-    places = flip_places(DRAW, seq, count, bits)
+    places = choose_bits(DRAW, seq, count, bits)
     assert len(set(places)) == len(places) == min(count, bits)
     assert all(0 <= place < bits for place in places)
-    came = flipped(frame, places)
+    came = flip_bits(frame, places)
     differ = int.from_bytes(frame, "little") ^ int.from_bytes(came, "little")
     assert differ == sum(1 << place for place in places)
-    assert flipped(came, places) == frame
+    assert flip_bits(came, places) == frame
 
 
 def test_every_bit_is_hit_as_often_as_any_other() -> None:
     bits, count, n = 40, 4, 5000
-    seen = Counter(place for k in range(n) for place in flip_places(DRAW, k, count, bits))
+    seen = Counter(place for k in range(n) for place in choose_bits(DRAW, k, count, bits))
     expected = n * count / bits
     # Places of one frame are drawn without replacement, so this is below a chi-squared's mean, 39.
     assert sum((seen[place] - expected) ** 2 / expected for place in range(bits)) < 72.0
@@ -129,20 +129,20 @@ def test_every_bit_is_hit_as_often_as_any_other() -> None:
 def test_the_frame_check_sees_up_to_three_wrong_bits(frame: bytes, places: set[int]) -> None:
     """Its Hamming distance is 4 and more up to 91 607 bits (Koopman 2002, for IEEE 802.3)."""
     inside = {place % (8 * len(frame)) for place in places}
-    came = flipped(frame, inside)
-    assert BitErrors(0.1).is_noticed(frame, came)
-    assert not BitErrors(0.1, frame_check=False).is_noticed(frame, came)
-    assert not BitErrors(0.1).is_noticed(frame, frame)
+    came = flip_bits(frame, inside)
+    assert BitErrors(0.1).is_detected(frame, came)
+    assert not BitErrors(0.1, frame_check=False).is_detected(frame, came)
+    assert not BitErrors(0.1).is_detected(frame, frame)
 
 
 def test_what_the_checksum_does_not_see_passes_the_frame_check() -> None:
     # CRC-32 is affine: the generator polynomial as an error leaves it as it was.
     sent = bytes(range(40))
     polynomial = [32 - k for k in (32, 26, 23, 22, 16, 12, 11, 10, 8, 7, 5, 4, 2, 1, 0)]
-    came = flipped(sent, polynomial)
+    came = flip_bits(sent, polynomial)
     assert crc32(came) == crc32(sent)
-    assert not BitErrors(0.1).is_noticed(sent, came)
-    assert BitErrors(0.1).is_noticed(sent, flipped(sent, polynomial[1:]))
+    assert not BitErrors(0.1).is_detected(sent, came)
+    assert BitErrors(0.1).is_detected(sent, flip_bits(sent, polynomial[1:]))
 
 
 @given(order=st.randoms(use_true_random=False), seed=st.integers(0, 2**31))
@@ -152,8 +152,8 @@ def test_any_of_it_alone_is_as_in_the_stream(order: Random, seed: int) -> None:
         return (
             Duplication(0.4).copies(draw, seq),
             Reordering(0.4, 5).judge(draw, TransmissionContext(seq, 0)),
-            flip_places(draw, seq, count, 1200),
-            combine((Jitter(50 * MS),), draw_of_copy(draw), TransmissionContext(seq, 0)),
+            choose_bits(draw, seq, count, 1200),
+            combine((Jitter(50 * MS),), copy_draw(draw), TransmissionContext(seq, 0)),
         )
 
     stream = [drawn(keyed_draw(seed, "v1", "v2"), seq) for seq in range(20)]
@@ -171,8 +171,7 @@ def test_a_copy_s_delay_is_drawn_apart_from_the_message_s() -> None:
         for k in range(n)
     ]
     copy = [
-        combine((Jitter(spread),), draw_of_copy(DRAW), TransmissionContext(k, 0)).visible_at
-        / spread
+        combine((Jitter(spread),), copy_draw(DRAW), TransmissionContext(k, 0)).visible_at / spread
         for k in range(n)
     ]
     assert abs(sum(copy) / n - 0.5) < LIMIT / sqrt(12 * n)

@@ -13,17 +13,17 @@ from tests.made.scenarios.messages import START, gps
 from transport.codec import RefusedMessageError
 from transport.links.laws.false_content import (
     FalseContent,
-    FalseSpell,
+    FalseInterval,
     Recall,
     Shift,
-    displaced,
+    displace,
 )
 from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.messages import GpsPose
 from vehicles.schedule import SECOND
 
 PLANE = LocalPlane(Origin(30.638, -96.481, 80.0))
-ALWAYS = FalseSpell()
+ALWAYS = FalseInterval()
 EARTH = Geod(ellps="WGS84")
 ELSEWHERE = {"latitude_deg", "longitude_deg", "altitude_m"}
 metres = st.floats(-200.0, 200.0)
@@ -52,7 +52,7 @@ def test_ahead_and_left_are_those_of_the_sender_s_own_course(
 ) -> None:
     """Against the geodesic, whose azimuths and courses are compass courses."""
     pose = gps("v1", 0, heading_deg=heading)
-    told = offset(ALWAYS, Shift(ahead=ahead, left=left)).falsified(pose, PLANE, nothing)
+    told = offset(ALWAYS, Shift(ahead=ahead, left=left)).falsify(pose, PLANE, nothing)
     assert differing(pose, told) <= ELSEWHERE
     azimuth, _, far = EARTH.inv(
         pose.longitude_deg, pose.latitude_deg, told.longitude_deg, told.latitude_deg
@@ -64,15 +64,15 @@ def test_ahead_and_left_are_those_of_the_sender_s_own_course(
 
 @given(east=metres, north=metres)
 def test_east_and_north_are_those_of_the_plane(east: float, north: float) -> None:
-    told = offset(ALWAYS, Shift(east, north)).falsified(gps("v1", 0), PLANE, nothing)
+    told = offset(ALWAYS, Shift(east, north)).falsify(gps("v1", 0), PLANE, nothing)
     place = PLANE.to_plane(told.latitude_deg, told.longitude_deg, told.altitude_m)
     assert place == pytest.approx((east, north), abs=1e-6)
 
 
 def test_a_drift_starts_at_the_true_place_and_grows_with_time() -> None:
-    law = drift(FalseSpell(START + SECOND), Shift(east=0.5, north=-0.25))
+    law = drift(FalseInterval(START + SECOND), Shift(east=0.5, north=-0.25))
     for seq in (20, 21, 60):
-        told = law.falsified(gps("v1", seq), PLANE, nothing)
+        told = law.falsify(gps("v1", seq), PLANE, nothing)
         seconds = seq / 20 - 1.0
         place = PLANE.to_plane(told.latitude_deg, told.longitude_deg, told.altitude_m)
         assert place == pytest.approx((0.5 * seconds, -0.25 * seconds), abs=1e-6)
@@ -81,20 +81,20 @@ def test_a_drift_starts_at_the_true_place_and_grows_with_time() -> None:
 def test_a_place_beyond_the_plane_is_refused_and_nothing_else_happens() -> None:
     week = replace(gps("v1", 0), sent_at_ns=START + 604_800 * SECOND)
     with pytest.raises(RefusedMessageError, match="far"):
-        drift(FalseSpell(START), Shift(east=100.0)).falsified(week, PLANE, nothing)
+        drift(FalseInterval(START), Shift(east=100.0)).falsify(week, PLANE, nothing)
     for strange in (1e300, inf, nan):
         with pytest.raises(RefusedMessageError, match="far"):
-            displaced(week, PLANE, Shift(east=strange))
+            displace(week, PLANE, Shift(east=strange))
     fast = gps("v1", 0, speed_mps=1e9)
     with pytest.raises(RefusedMessageError, match="far"):
-        ghost(ALWAYS, Shift(ahead=1.0)).added_message(fast, PLANE)
+        ghost(ALWAYS, Shift(ahead=1.0)).extra_message(fast, PLANE)
 
 
 def test_frozen_is_what_the_last_message_before_it_said() -> None:
     sent = [gps("v1", k, latitude_deg=30.638 + k * 1e-5, speed_mps=float(k)) for k in range(40)]
-    law = frozen(FalseSpell(START + SECOND, START + 2 * SECOND))
+    law = frozen(FalseInterval(START + SECOND, START + 2 * SECOND))
     for pose in sent[20:]:
-        told = law.falsified(pose, PLANE, recall(*sent))
+        told = law.falsify(pose, PLANE, recall(*sent))
         assert told is not None
         assert told == replace(
             sent[19],
@@ -102,26 +102,26 @@ def test_frozen_is_what_the_last_message_before_it_said() -> None:
             measured_at_ns=pose.measured_at_ns,
             sent_at_ns=pose.sent_at_ns,
         )
-    assert law.falsified(sent[20], PLANE, recall(*sent[20:])) is None
+    assert law.falsify(sent[20], PLANE, recall(*sent[20:])) is None
 
 
 def test_replayed_is_what_was_said_so_long_ago_or_just_before() -> None:
     sent = [gps("v1", k, speed_mps=float(k)) for k in range(40)]
     law = replayed(ALWAYS, SECOND // 2)
-    told = law.falsified(sent[30], PLANE, recall(*sent))
-    holed = law.falsified(sent[30], PLANE, recall(*sent[:18]))
+    told = law.falsify(sent[30], PLANE, recall(*sent))
+    holed = law.falsify(sent[30], PLANE, recall(*sent[:18]))
     assert told is not None
     assert holed is not None
     assert (told.speed_mps, told.seq, told.sent_at_ns) == (20.0, 30, sent[30].sent_at_ns)
     assert holed.speed_mps == 17.0
-    assert law.falsified(sent[9], PLANE, recall(*sent)) is None
+    assert law.falsify(sent[9], PLANE, recall(*sent)) is None
 
 
 def test_a_ghost_drives_beside_the_sender_half_an_interval_later() -> None:
     pose = gps("v1", 7, heading_deg=90.0, speed_mps=20.0)
     law = ghost(ALWAYS, Shift(ahead=-3.0, left=0.5), 25_000_000)
-    assert law.falsified(pose, PLANE, nothing) == pose
-    beside = law.added_message(pose, PLANE)
+    assert law.falsify(pose, PLANE, nothing) == pose
+    beside = law.extra_message(pose, PLANE)
     assert differing(pose, beside) <= ELSEWHERE | {"measured_at_ns", "sent_at_ns"}
     assert beside.measured_at_ns - pose.measured_at_ns == 25_000_000
     place = PLANE.to_plane(beside.latitude_deg, beside.longitude_deg, beside.altitude_m)
@@ -132,15 +132,15 @@ def test_nobody_changes_a_message_in_place() -> None:
     pose, old = gps("v1", 30), gps("v1", 10, speed_mps=3.0)
     before = replace(pose), replace(old)
     shift = Shift(1.0, 2.0, 3.0, 4.0)
-    moving = drift(FalseSpell(START), shift)
+    moving = drift(FalseInterval(START), shift)
     kinds: list[FalseContent] = [offset(ALWAYS, shift), moving, frozen(ALWAYS)]
     for kind in [*kinds, replayed(ALWAYS, SECOND), ghost(ALWAYS, shift, 1)]:
-        kind.falsified(pose, PLANE, lambda _until: old)
-    ghost(ALWAYS, shift, 1).added_message(pose, PLANE)
+        kind.falsify(pose, PLANE, lambda _until: old)
+    ghost(ALWAYS, shift, 1).extra_message(pose, PLANE)
     assert (pose, old) == before
 
 
 def test_a_spell_begins_with_its_first_instant_and_ends_before_its_last() -> None:
-    spell = FalseSpell(5, 7)
+    spell = FalseInterval(5, 7)
     assert [at in spell for at in (4, 5, 6, 7)] == [False, True, True, False]
-    assert 2**62 in FalseSpell(5)
+    assert 2**62 in FalseInterval(5)

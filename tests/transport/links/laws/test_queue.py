@@ -14,7 +14,7 @@ from tests.made.transport.links import link
 from transport.links.laws.effect import TransmissionContext
 from transport.links.laws.queue import Queue
 from transport.links.laws.stage import InOrder, StagedMessage, StageLaw
-from transport.links.line import judge_stream
+from transport.links.staged_messages import judge_stream
 from vehicles.schedule import SECOND
 
 MS = SECOND // 1000

@@ -15,7 +15,7 @@ from tests.made.transport.received_poses import received_fix
 from tests.made.vehicles.exact_drives import START
 from tests.made.vehicles.measured_drives import (
     Judged,
-    falsified,
+    falsify,
     judged,
     measured_fixes,
     refused,
@@ -23,7 +23,7 @@ from tests.made.vehicles.measured_drives import (
     thinned,
     wildly,
 )
-from transport.links.laws.false_content import FalseContent, FalseSpell, Shift
+from transport.links.laws.false_content import FalseContent, FalseInterval, Shift
 from vehicles.car.dynamics import Actuation
 from vehicles.car.gnss import Fix
 from vehicles.car.parameters import LINCOLN_MKZ
@@ -38,7 +38,7 @@ from vehicles.driver.degradation.innovation_gate import REFUSED, InnovationGate
 from vehicles.schedule import MILLISECOND, SECOND, nanoseconds
 
 BEGIN, END = 4.0, 7.0
-SPELL = FalseSpell(START + nanoseconds(BEGIN), START + nanoseconds(END))
+SPELL = FalseInterval(START + nanoseconds(BEGIN), START + nanoseconds(END))
 HALF_PERIOD = 25 * MILLISECOND
 
 
@@ -215,7 +215,7 @@ def test_each_falsehood_is_found_named_and_over(
     false: FalseContent, name: str, found: float, back: float, seed: int
 ) -> None:
     fixes = measured_fixes(steadily(15.0), seconds=12.0, speed=15.0, seed=seed)
-    all_of = judged(falsified(fixes, false))
+    all_of = judged(falsify(fixes, false))
     assert 0.0 <= first_refused(all_of) <= found + 1e-9
     assert name in reasons(all_of)
     assert all(not one.refused for one in all_of if one.seconds >= END + back)
@@ -223,7 +223,7 @@ def test_each_falsehood_is_found_named_and_over(
 
 def test_nothing_of_a_frozen_source_is_believed_and_all_of_it_after() -> None:
     fixes = measured_fixes(wildly(5, lateral=5.0, braking=4.0), seconds=12.0)
-    all_of = judged(falsified(fixes, frozen(SPELL)))
+    all_of = judged(falsify(fixes, frozen(SPELL)))
     assert {one.pose.message.seq for one in refused(all_of)} == set(range(80, 140))
     assert reasons(all_of) == {"frozen"}
 
@@ -231,7 +231,7 @@ def test_nothing_of_a_frozen_source_is_believed_and_all_of_it_after() -> None:
 @pytest.mark.parametrize(("rate_hz", "within"), [(20.0, 0.25), (10.0, 0.3), (2.0, 1.0)])
 def test_a_frozen_source_is_found_at_walking_pace(rate_hz: float, within: float) -> None:
     fixes = measured_fixes(steadily(1.4), seconds=12.0, speed=1.4, rate_hz=rate_hz)
-    all_of = judged(falsified(fixes, frozen(SPELL)))
+    all_of = judged(falsify(fixes, frozen(SPELL)))
     assert first_refused(all_of) <= within
     assert "frozen" in reasons(all_of)
     assert all(not one.refused for one in all_of if one.seconds >= END)
@@ -241,7 +241,7 @@ def test_a_frozen_source_is_found_at_walking_pace(rate_hz: float, within: float)
 def test_of_two_tracks_the_first_one_stays_the_source(share: float) -> None:
     fixes = measured_fixes(wildly(7, lateral=5.0, braking=4.0), seconds=12.0)
     beside = ghost(SPELL, Shift(left=4.0), HALF_PERIOD)
-    heard = thinned(falsified(fixes, beside), share, 1)
+    heard = thinned(falsify(fixes, beside), share, 1)
     true_at = {fix.measured_at for fix in fixes}
     for one in judged(heard):
         assert one.refused != (one.pose.measured_at in true_at)
@@ -249,8 +249,8 @@ def test_of_two_tracks_the_first_one_stays_the_source(share: float) -> None:
 
 def test_a_new_place_is_believed_once_it_has_agreed_with_itself_for_the_time_asked() -> None:
     fixes = measured_fixes(steadily(15.0), seconds=12.0, speed=15.0)
-    ever = FalseSpell(SPELL.from_at)
-    moved = falsified(fixes, offset(ever, Shift(east=60.0, north=80.0)))
+    ever = FalseInterval(SPELL.from_at)
+    moved = falsify(fixes, offset(ever, Shift(east=60.0, north=80.0)))
     for settle in (0.3, 1.0, 2.0):
         all_of = judged(moved, InnovationGate(settle=settle))
         spell = [one.seconds for one in refused(all_of)]
@@ -394,7 +394,7 @@ def test_no_accuracy_is_too_bad_to_be_judged() -> None:
         replace(fix, accuracy=1e6)
         for fix in measured_fixes(steadily(15.0), seconds=12.0, speed=15.0)
     ]
-    far = falsified(fixes, offset(SPELL, Shift(left=100.0)))
+    far = falsify(fixes, offset(SPELL, Shift(left=100.0)))
     assert first_refused(judged(far)) == 0.0
 
 

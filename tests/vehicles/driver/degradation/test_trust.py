@@ -8,14 +8,14 @@ import pytest
 from tests.made.channels.false_content import frozen
 from tests.made.transport.received_poses import received
 from tests.made.vehicles.exact_drives import START
-from tests.made.vehicles.measured_drives import falsified, measured_fixes, steadily
-from transport.links.laws.false_content import FalseSpell
+from tests.made.vehicles.measured_drives import falsify, measured_fixes, steadily
+from transport.links.laws.false_content import FalseInterval
 from vehicles.driver.degradation.innovation_gate import InnovationGate
 from vehicles.driver.degradation.trust import Trust
 from vehicles.schedule import MILLISECOND, SECOND, nanoseconds
 
 BEGIN, END = 4.0, 7.0
-SPELL = FalseSpell(START + nanoseconds(BEGIN), START + nanoseconds(END))
+SPELL = FalseInterval(START + nanoseconds(BEGIN), START + nanoseconds(END))
 PERIOD = 50 * MILLISECOND
 
 
@@ -23,7 +23,7 @@ def test_lines_report_once_what_is_refused_and_when_it_ends() -> None:
     remarks: list[str] = []
     trust = Trust("v1", InnovationGate(), remarks)
     fixes = measured_fixes(steadily(15.0), seconds=12.0, speed=15.0)
-    for pose in falsified(fixes, frozen(SPELL)):
+    for pose in falsify(fixes, frozen(SPELL)):
         is_false = BEGIN <= (pose.measured_at - START) / SECOND < END
         assert trust.judge(pose) == ("frozen" if is_false else "")
     assert remarks == ["v1 not believed: frozen", "v1 believed again; 60 poses refused"]
@@ -32,7 +32,7 @@ def test_lines_report_once_what_is_refused_and_when_it_ends() -> None:
 def test_without_a_gate_all_but_jumps_are_used() -> None:
     remarks: list[str] = []
     trust = Trust("v1", None, remarks)
-    for pose in falsified(measured_fixes(steadily(15.0), seconds=7.0), frozen(SPELL)):
+    for pose in falsify(measured_fixes(steadily(15.0), seconds=7.0), frozen(SPELL)):
         assert trust.judge(pose) == ""  # frozen ones too
     assert remarks == []
 

@@ -10,7 +10,7 @@ from functools import lru_cache
 from math import erfc, exp, lgamma, log, pi, sqrt
 
 KNOTS_PER_UNIT = 32
-FURTHEST = 8.5
+MAX_NORMAL = 8.5
 """Knots of the normal number reach so far to both sides; draws have 52 bits, which reach 8.3."""
 _TINY = 1e-300
 _EXACT = 1e-16
@@ -22,7 +22,7 @@ _LOG_ROOT_TWO_PI = 0.5 * log(2.0 * pi)
 @lru_cache(maxsize=16)
 def log_quantiles(shape: float) -> tuple[tuple[float, float], ...]:
     """Logarithm of the quantile (scale 1), and its slope, at each knot of the normal number."""
-    last = round(FURTHEST * KNOTS_PER_UNIT)
+    last = round(MAX_NORMAL * KNOTS_PER_UNIT)
     # Wilson and Hilferty's approximation of the median is a good start (PNAS 17, 1931).
     middle = start = log(shape) + 3.0 * log(max(1.0 - 1.0 / (9.0 * shape), 0.1))
     found = {}
@@ -40,7 +40,7 @@ def log_quantiles(shape: float) -> tuple[tuple[float, float], ...]:
 
 def log_quantile(table: tuple[tuple[float, float], ...], z: float) -> float:
     """Logarithm of the quantile that belongs to the standard normal number `z`."""
-    place = (min(max(z, -FURTHEST), FURTHEST) + FURTHEST) * KNOTS_PER_UNIT
+    place = (min(max(z, -MAX_NORMAL), MAX_NORMAL) + MAX_NORMAL) * KNOTS_PER_UNIT
     k = min(int(place), len(table) - 2)
     u = place - k
     (before, slope), (after, slope_after) = table[k], table[k + 1]

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from transport.links.laws.effect import Draw, TransmissionContext
-from transport.links.laws.law import LinkLaw, Ratio, Unfit
+from transport.links.laws.link_law import InvalidKeyError, LinkLaw, Ratio
 from transport.links.laws.loss.chains import ROUNDING, CoupledChain
 from transport.links.laws.moments import Losses, LossStates
 from transport.reasons import DropReason
@@ -29,21 +29,21 @@ class ChainLoss(LinkLaw):
         raise NotImplementedError
 
     @cached_property
-    def loses(self) -> tuple[float, ...]:
+    def loss_by_state(self) -> tuple[float, ...]:
         raise NotImplementedError
 
     def check(self) -> None:
         _ = self.chain
 
     def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
-        loss = self.loses[self.chain.state_at(draw, context.seq)]
+        loss = self.loss_by_state[self.chain.state_at(draw, context.seq)]
         if loss in {0.0, 1.0}:
             return "burst" if loss else 0
         return "burst" if draw(_FATE, context.seq) < loss else 0
 
     @property
     def states(self) -> LossStates:
-        return LossStates(self.chain.rows, self.chain.shares, np.array(self.loses))
+        return LossStates(self.chain.rows, self.chain.shares, np.array(self.loss_by_state))
 
     def losses(self, distance_m: float | None) -> Losses:
         """Loss of each state by the time spent in it, over the states that are reached.
@@ -51,10 +51,10 @@ class ChainLoss(LinkLaw):
         The mean burst is the share lost over the share lost just before one that is not.
         """
         reached = list(self.chain.states)
-        rows, shares, loses = self.states
-        within = LossStates(rows[np.ix_(reached, reached)], shares[reached], loses[reached])
-        lost = float(np.clip(shares @ loses, 0.0, 1.0))
-        last = float((shares * loses) @ rows @ (1.0 - loses))
+        rows, shares, loss_by_state = self.states
+        within = LossStates(rows[np.ix_(reached, reached)], shares[reached], loss_by_state[reached])
+        lost = float(np.clip(shares @ loss_by_state, 0.0, 1.0))
+        last = float((shares * loss_by_state) @ rows @ (1.0 - loss_by_state))
         burst = (lost / last if last > ROUNDING else inf) if lost else None
         return Losses(lost, burst, within.covariances)
 
@@ -64,15 +64,15 @@ class ChainLoss(LinkLaw):
         return f"loss {losses.loss:.4g}{in_a_row}"
 
 
-def forgetting(
-    key: str, chances: Sequence[float], chain: Callable[[], CoupledChain]
+def build_chain(
+    key: str, probabilities: Sequence[float], chain: Callable[[], CoupledChain]
 ) -> CoupledChain:
     """Build a chain, or raise Unfit at `key` if it has no stationary state that can be found."""
     try:
         return chain()
     except ValueError as error:
-        value = ", ".join(f"{one:g}" for one in chances)
-        raise Unfit(
+        value = ", ".join(f"{one:g}" for one in probabilities)
+        raise InvalidKeyError(
             key,
             f"given {value}, {error}; allowed a chain that does within 10000 messages on average, "
             "and does not go round in a circle",
@@ -106,22 +106,24 @@ class GilbertElliott(ChainLoss):
     burst_messages_mean: Annotated[float, Field(ge=1, le=10_000)] | None = None
 
     @cached_property
-    def chances(self) -> tuple[float, float, float, float]:
+    def probabilities(self) -> tuple[float, float, float, float]:
         """The numbers p, r, h and k; raises Unfit."""
         by_burst = {"loss_ratio", "burst_messages_mean"}
         every = set(type(self).model_fields) - {"kind"}
         given = {key for key in every if getattr(self, key) is not None}
         if given & by_burst and given - by_burst:
             key, other = min(given - by_burst), min(given & by_burst)
-            raise Unfit(key, f"given together with {other}, allowed chances or mean values")
+            raise InvalidKeyError(
+                key, f"given together with {other}, allowed chances or mean values"
+            )
         if given & by_burst:
-            loss, burst = self.needed("loss_ratio"), self.needed("burst_messages_mean")
+            loss, burst = self.required("loss_ratio"), self.required("burst_messages_mean")
             if loss == 1.0 or burst < loss / (1.0 - loss):
                 least = f"at least {loss / (1.0 - loss):g}" if loss < 1.0 else "a loss below 1"
                 why = f"given {burst:g} with a loss of {loss:g}, allowed {least}"
-                raise Unfit("burst_messages_mean", why)
+                raise InvalidKeyError("burst_messages_mean", why)
             return loss / ((1.0 - loss) * burst), 1.0 / burst, 0.0, 1.0
-        p, r = self.needed("good_to_bad_ratio"), self.needed("bad_to_good_ratio")
+        p, r = self.required("good_to_bad_ratio"), self.required("bad_to_good_ratio")
         h = 0.0 if self.bad_delivered_ratio is None else self.bad_delivered_ratio
         k = 1.0 if self.good_delivered_ratio is None else self.good_delivered_ratio
         return p, r, h, k
@@ -129,20 +131,20 @@ class GilbertElliott(ChainLoss):
     @cached_property
     def chain(self) -> CoupledChain:
         """The chain, the bad state first: a draw below both chances of it forgets."""
-        p, r, *delivered = self.chances
+        p, r, *delivered = self.probabilities
         rows = ((1.0 - r, r), (p, 1.0 - p))
         by_burst = self.burst_messages_mean is not None
         key = "burst_messages_mean" if by_burst else "bad_to_good_ratio"
         given = (self.loss_ratio or 0.0, 1.0 / r) if by_burst else (p, r, *delivered)
-        return forgetting(key, given, lambda: CoupledChain(rows, start=1))
+        return build_chain(key, given, lambda: CoupledChain(rows, start=1))
 
     @cached_property
-    def loses(self) -> tuple[float, ...]:
-        _, _, h, k = self.chances
+    def loss_by_state(self) -> tuple[float, ...]:
+        _, _, h, k = self.probabilities
         return 1.0 - h, 1.0 - k
 
     def describe(self) -> str:
-        p, r, h, k = self.chances
+        p, r, h, k = self.probabilities
         numbers = f"p {p:.4g}, r {r:.4g}, h {h:.4g}, k {k:.4g}"
         return f"Gilbert–Elliott: {self._loss_and_burst()} ({numbers})"
 
@@ -170,35 +172,35 @@ class FourState(ChainLoss):
     isolated_loss_ratio: Ratio = 0.0
 
     @cached_property
-    def chances(self) -> dict[str, float]:
+    def probabilities(self) -> dict[str, float]:
         """The five numbers by netem's names; raises Unfit."""
-        p13, p31 = self.needed("gap_to_burst_ratio"), self.needed("burst_to_gap_ratio")
+        p13, p31 = self.required("gap_to_burst_ratio"), self.required("burst_to_gap_ratio")
         p32, p23, p14 = self.lost_to_sent_ratio, self.sent_to_lost_ratio, self.isolated_loss_ratio
         if p13 + p14 > 1.0:
             allowed = f"at most {1.0 - p13:g}, for gap_to_burst_ratio is {p13:g}"
-            raise Unfit("isolated_loss_ratio", f"given {p14:g}, allowed {allowed}")
+            raise InvalidKeyError("isolated_loss_ratio", f"given {p14:g}, allowed {allowed}")
         if p31 + p32 > 1.0:
             allowed = f"at most {1.0 - p31:g}, for burst_to_gap_ratio is {p31:g}"
-            raise Unfit("lost_to_sent_ratio", f"given {p32:g}, allowed {allowed}")
+            raise InvalidKeyError("lost_to_sent_ratio", f"given {p32:g}, allowed {allowed}")
         return {"p13": p13, "p31": p31, "p32": p32, "p23": p23, "p14": p14}
 
     @cached_property
     def chain(self) -> CoupledChain:
         """The chain in the order 3, 4, 2, 1: a small draw loses, a large one delivers."""
-        p13, p31, p32, p23, p14 = self.chances.values()
+        p13, p31, p32, p23, p14 = self.probabilities.values()
         rows = (
             (1.0 - p31 - p32, 0.0, p32, p31),
             (0.0, 0.0, 0.0, 1.0),
             (p23, 0.0, 1.0 - p23, 0.0),
             (p13, p14, 0.0, 1.0 - p13 - p14),
         )
-        given = tuple(self.chances.values())
-        return forgetting("burst_to_gap_ratio", given, lambda: CoupledChain(rows, start=3))
+        given = tuple(self.probabilities.values())
+        return build_chain("burst_to_gap_ratio", given, lambda: CoupledChain(rows, start=3))
 
     @cached_property
-    def loses(self) -> tuple[float, ...]:
+    def loss_by_state(self) -> tuple[float, ...]:
         return 1.0, 1.0, 0.0, 0.0
 
     def describe(self) -> str:
-        numbers = ", ".join(f"{name} {value:.4g}" for name, value in self.chances.items())
+        numbers = ", ".join(f"{name} {value:.4g}" for name, value in self.probabilities.items())
         return f"four states as in netem: {self._loss_and_burst()} ({numbers})"

@@ -5,14 +5,14 @@ from math import inf
 from typing import ClassVar, Literal
 
 from transport.links.laws.effect import Draw, Effect, JudgedBy, TransmissionContext
-from transport.links.laws.law import LinkLaw, LinkSetting, Unfit
-from transport.links.laws.loss.numbers import (
+from transport.links.laws.link_law import InvalidKeyError, LinkLaw, LinkSetting
+from transport.links.laws.loss.number_sets import (
     AfterEnd,
     FileName,
     MessageCount,
     MessageNumber,
-    Numbers,
-    numbers_of,
+    NumberSet,
+    parse_numbers,
 )
 from transport.links.laws.moments import Losses
 from transport.reasons import DropReason
@@ -44,11 +44,11 @@ class EveryNth(LossByNumber):
 
     @cached_property
     def _period(self) -> int:
-        period: int = self.needed("every_messages")
+        period: int = self.required("every_messages")
         return period
 
     def check(self) -> None:
-        self.needed("every_messages")
+        self.required("every_messages")
 
     def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         after = context.seq - self.first_number
@@ -68,8 +68,8 @@ class Listed(LossByNumber):
     lost_numbers: str | None = None
 
     @cached_property
-    def lost(self) -> Numbers:
-        return numbers_of("lost_numbers", self.needed("lost_numbers"))
+    def lost(self) -> NumberSet:
+        return parse_numbers("lost_numbers", self.required("lost_numbers"))
 
     def check(self) -> None:
         _ = self.lost
@@ -101,8 +101,8 @@ class RecordedPattern(LossByNumber):
     lost_numbers: str | None = None
 
     @cached_property
-    def lost(self) -> Numbers:
-        return numbers_of("lost_numbers", self.lost_numbers or "")
+    def lost(self) -> NumberSet:
+        return parse_numbers("lost_numbers", self.lost_numbers or "")
 
     @cached_property
     def length(self) -> int:
@@ -111,13 +111,15 @@ class RecordedPattern(LossByNumber):
     def check(self) -> None:
         if self.file is not None and self.length_messages is not None:
             why = "given together with length_messages, allowed a file or its contents"
-            raise Unfit("file", why)
+            raise InvalidKeyError("file", why)
         if self.file is not None:
             return
-        length = self.needed("length_messages", ", needed without file")
+        length = self.required("length_messages", ", needed without file")
         if self.lost.ranges and self.lost.ranges[-1][1] >= length:
             allowed = f"numbers below length_messages, {length}"
-            raise Unfit("lost_numbers", f"given {self.lost.ranges[-1][1]}, allowed {allowed}")
+            raise InvalidKeyError(
+                "lost_numbers", f"given {self.lost.ranges[-1][1]}, allowed {allowed}"
+            )
 
     def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         number = context.seq % self.length if self.after_end == "repeat" else context.seq

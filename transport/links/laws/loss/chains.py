@@ -29,7 +29,7 @@ Map = tuple[int, ...]
 """The next state of each state, under one draw."""
 
 
-def _nobody(purpose: str, seq: int) -> float:
+def _no_draw(purpose: str, seq: int) -> float:
     raise AssertionError(f"no link draws {purpose} of {seq} so")
 
 
@@ -53,7 +53,7 @@ class CoupledChain:
         self.mean_look_back = self._mean_look_back()
         if not 0.0 <= self.mean_look_back <= LONGEST_LOOK_BACK:
             raise ValueError("its states never or hardly ever forget what was before")
-        self._known: tuple[Draw, int, int] = (_nobody, 0, 0)
+        self._known: tuple[Draw, int, int] = (_no_draw, 0, 0)
 
     def state_at(self, draw: Draw, seq: int) -> int:
         drawn, number, state = self._known

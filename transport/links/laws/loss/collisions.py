@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from transport.links.laws.effect import Draw, TransmissionContext
-from transport.links.laws.law import LinkLaw, Ratio, Unfit
+from transport.links.laws.link_law import InvalidKeyError, LinkLaw, Ratio
 from transport.links.laws.moments import Losses
 from transport.links.laws.radio.reservations import Reservations
 from transport.reasons import DropReason
@@ -40,7 +40,7 @@ class Collisions(LinkLaw):
 
     @cached_property
     def _loss(self) -> float:
-        loss: float = self.needed("loss_ratio")
+        loss: float = self.required("loss_ratio")
         return loss
 
     @cached_property
@@ -49,11 +49,11 @@ class Collisions(LinkLaw):
         return Reservations(least, most, self.keep_ratio, "collision")
 
     def check(self) -> None:
-        self.needed("loss_ratio")
+        self.required("loss_ratio")
         least, most = self.reselection_messages_min, self.reselection_messages_max
         if most < least:
             allowed = f"at least reselection_messages_min, {least}"
-            raise Unfit("reselection_messages_max", f"given {most}, allowed {allowed}")
+            raise InvalidKeyError("reselection_messages_max", f"given {most}, allowed {allowed}")
 
     def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         selected = self._held.selected_at(draw, context.seq)

@@ -11,14 +11,14 @@ from typing import Literal, cast, get_args
 from pydantic import Field
 
 from transport.links.laws.effect import Draw, Effect, TransmissionContext
-from transport.links.laws.law import LinkLaw, LinkSetting, Unfit
-from transport.links.laws.loss.numbers import AfterEnd, FileName, Numbers, numbers_of
+from transport.links.laws.link_law import InvalidKeyError, LinkLaw, LinkSetting
+from transport.links.laws.loss.number_sets import AfterEnd, FileName, NumberSet, parse_numbers
 from transport.reasons import DropReason, counts_as_loss
 from vehicles.schedule import MILLISECOND
 
 LARGEST_DELAY_DIGITS = 15
 """Of a recorded delay in ns: eleven days."""
-MOST_SHOWN = 60
+MAX_SHOWN = 60
 """Characters of a refused value."""
 
 
@@ -45,10 +45,10 @@ class EarlierRun(LinkLaw):
     dropped_numbers: dict[str, str] = Field(default_factory=dict)
 
     @cached_property
-    def dropped(self) -> tuple[tuple[DropReason, Numbers], ...]:
+    def dropped(self) -> tuple[tuple[DropReason, NumberSet], ...]:
         """The numbers dropped, by reason; raises Unfit."""
         return tuple(
-            (known_reason(word), numbers_of(f"dropped_numbers.{word}", numbers))
+            (known_reason(word), parse_numbers(f"dropped_numbers.{word}", numbers))
             for word, numbers in self.dropped_numbers.items()
         )
 
@@ -58,19 +58,21 @@ class EarlierRun(LinkLaw):
         if self.file is not None:
             return ((0, 1),)  # not read yet
         found = []
-        for part in self.needed("delays_ns", ", needed without file").split(","):
+        for part in self.required("delays_ns", ", needed without file").split(","):
             pair = re.fullmatch(
                 rf"\s*(\d{{1,{LARGEST_DELAY_DIGITS}}})(?:x([1-9]\d{{0,8}}))?\s*", part, re.ASCII
             )
             if pair is None:
                 allowed = 'delays and how many messages had them, such as "20000000x700, 23000000"'
-                raise Unfit("delays_ns", f"given {_shown(part)}, allowed {allowed}")
+                raise InvalidKeyError("delays_ns", f"given {_shown(part)}, allowed {allowed}")
             found.append((int(pair[1]), int(pair[2] or 1)))
         return tuple(found)
 
     def check(self) -> None:
         if self.file is not None and self.delays_ns is not None:
-            raise Unfit("file", "given together with delays_ns, allowed a log or its contents")
+            raise InvalidKeyError(
+                "file", "given together with delays_ns, allowed a log or its contents"
+            )
         if self.file is None:
             _ = self.delays_in_order, self.dropped
 
@@ -99,8 +101,8 @@ class EarlierRun(LinkLaw):
         return RecordedDelay(delays, ends, self.after_end, latency)
 
     @property
-    def lost(self) -> Numbers:
-        return Numbers.of(
+    def lost(self) -> NumberSet:
+        return NumberSet.of(
             pair for reason, some in self.dropped if counts_as_loss(reason) for pair in some.ranges
         )
 
@@ -148,4 +150,4 @@ def known_reason(word: str) -> DropReason:
 
 def _shown(text: str) -> str:
     quoted = json.dumps(text)
-    return quoted if len(quoted) <= MOST_SHOWN else f"{quoted[: MOST_SHOWN - 3]}..."
+    return quoted if len(quoted) <= MAX_SHOWN else f"{quoted[: MAX_SHOWN - 3]}..."

@@ -7,15 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from transport.links.laws.between import VehiclesBetween
 from transport.links.laws.effect import Draw, TransmissionContext
-from transport.links.laws.law import LawTable
+from transport.links.laws.link_law import LawTable
 from transport.links.laws.radio.shadowing import Deviation, ShadowField
+from transport.links.laws.vehicles_between import VehiclesBetween
 
 Floats = NDArray[np.float64]
 Radius = Annotated[float, Field(ge=0, le=10)]
 
-HOPELESS = 150.0
+MAX_LOSS = 150.0
 """Loss (dB) behind which nothing is received, whatever the radio: further vehicles do not count."""
 
 
@@ -25,12 +25,12 @@ class Obstruction(LawTable):
     Those in the way have a circle of `radius_m` that cuts the line of sight.
     """
 
-    wavers: ClassVar[bool] = False
+    varies: ClassVar[bool] = False
 
     def loss(
         self,
         between: VehiclesBetween,
-        wavering: ShadowField,
+        variation: ShadowField,
         draw: Draw,
         context: TransmissionContext,
         distance: float,
@@ -52,7 +52,7 @@ class Obstruction(LawTable):
         raise NotImplementedError
 
 
-class PerVehicle(Obstruction):
+class LossPerVehicle(Obstruction):
     """Each vehicle in between whose circle cuts the line of sight costs the same (TR 103 257)."""
 
     kind: Literal["etsi"] = "etsi"
@@ -62,12 +62,12 @@ class PerVehicle(Obstruction):
     def loss(
         self,
         between: VehiclesBetween,
-        wavering: ShadowField,
+        variation: ShadowField,
         draw: Draw,
         context: TransmissionContext,
         distance: float,
     ) -> tuple[float, bool]:
-        found = between.in_the_way(context, ceil(HOPELESS / self.loss_db))
+        found = between.count_obstructing(context, ceil(MAX_LOSS / self.loss_db))
         return self.loss_db * found, found > 0
 
     def losses(
@@ -77,14 +77,14 @@ class PerVehicle(Obstruction):
         normals: Floats,
         weights: Floats,
     ) -> tuple[Floats, Floats]:
-        most = ceil(HOPELESS / self.loss_db)
+        most = ceil(MAX_LOSS / self.loss_db)
         return np.array([self.loss_db * min(count, most)]), np.ones(1)
 
     def describe(self, count: int) -> str:
         return f"{self.loss_db:g} dB for each of up to {count} vehicles in between"
 
 
-class OnceForAll(Obstruction):
+class SingleLoss(Obstruction):
     """Vehicles in between cost max(0, N(mean, deviation)) once, however many (3GPP TR 37.885).
 
     The mean grows by max(0, 15 log₁₀ d − 41) dB over d metres. 9 and 4.5 dB are for lorries, higher
@@ -92,7 +92,7 @@ class OnceForAll(Obstruction):
     drive; here it wavers like the shadowing.
     """
 
-    wavers = True
+    varies = True
 
     kind: Literal["3gpp"] = "3gpp"
     mean_db: Annotated[float, Field(ge=-300, le=300)] = 9.0
@@ -102,14 +102,14 @@ class OnceForAll(Obstruction):
     def loss(
         self,
         between: VehiclesBetween,
-        wavering: ShadowField,
+        variation: ShadowField,
         draw: Draw,
         context: TransmissionContext,
         distance: float,
     ) -> tuple[float, bool]:
-        if not between.in_the_way(context, 1):
+        if not between.count_obstructing(context, 1):
             return 0.0, False
-        normal = wavering.at(draw, context.receiver.driven)
+        normal = variation.at(draw, context.receiver.travelled)
         return max(0.0, self._mean(distance) + self.deviation_db * normal), True
 
     def losses(
@@ -129,4 +129,4 @@ class OnceForAll(Obstruction):
         return f"{law} for up to {count} vehicles in between"
 
 
-ObstructionLaw = Annotated[PerVehicle | OnceForAll, Field(discriminator="kind")]
+ObstructionLaw = Annotated[LossPerVehicle | SingleLoss, Field(discriminator="kind")]

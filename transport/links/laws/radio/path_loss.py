@@ -13,29 +13,29 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from transport.links.laws.between import VehiclesBetween
 from transport.links.laws.effect import Draw, TransmissionContext
-from transport.links.laws.law import LawTable, Problem
+from transport.links.laws.link_law import LawTable, Problem
 from transport.links.laws.moments import Losses
 from transport.links.laws.radio.obstruction import ObstructionLaw
-from transport.links.laws.radio.over_distance import (
+from transport.links.laws.radio.radio_law import (
     PURPOSE,
-    OverDistance,
+    Radio,
     curve_problems,
     distance_of,
 )
 from transport.links.laws.radio.shadowing import ShadowField, Shadowing
+from transport.links.laws.vehicles_between import VehiclesBetween
 from transport.reasons import DropReason
 
 THERMAL_NOISE = -174.0
 """Power density of thermal noise at room temperature (dBm/Hz)."""
-NEAREST = 1.0
+MIN_DISTANCE = 1.0
 """Least distance (m) of the loss: the laws are for the far field."""
 NODES = 32
 """Of the quadrature over a normal number; the curves of errors are smooth."""
-ALL_BUT_ALL = 0.99
+OUT_OF_RANGE_LOSS = 0.99
 """Loss from which on a radio is out of reach."""
-MOST_M, STEP_M = 20_000.0, 50.0
+MAX_DISTANCE_M, STEP_M = 20_000.0, 50.0
 
 Decibels = Annotated[float, Field(ge=-300, le=300)]
 Curve = Annotated[tuple[Decibels, ...], Field(strict=False, min_length=2)]
@@ -97,7 +97,7 @@ class ErrorCurve:
         return 0.5 * erfc(-score / sqrt(2.0))
 
 
-class PathLossRadio(OverDistance):
+class PathLossRadio(Radio):
     """The ratio of signal to noise over the true distance, and the packet errors that follow.
 
     `propagation` is that of 3GPP TR 37.885 for highways, 32.4 + 20 log₁₀ d + 20 log₁₀ f (f in
@@ -147,7 +147,7 @@ class PathLossRadio(OverDistance):
         return ShadowField(self._shadow.decorrelation_m)
 
     @cached_property
-    def _wavering(self) -> ShadowField:
+    def _variation(self) -> ShadowField:
         """The loss behind vehicles wavers like the shadowing, on its own."""
         return ShadowField(self._shadow.decorrelation_m, "obstruction")
 
@@ -161,17 +161,17 @@ class PathLossRadio(OverDistance):
 
     def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         distance = distance_of(context)
-        if not isfinite(distance + context.sender.driven):
+        if not isfinite(distance + context.sender.travelled):
             return "range"
         is_obstructed, lost = False, 0.0
-        distance = max(distance, NEAREST)
+        distance = max(distance, MIN_DISTANCE)
         if self.obstruction is not None and self.between is not None:
             lost, is_obstructed = self.obstruction.loss(
-                self.between, self._wavering, draw, context, distance
+                self.between, self._variation, draw, context, distance
             )
         if self.shadowing is not None:
             deviation = self.shadowing.deviation(is_obstructed)
-            lost += deviation * self._field.at(draw, context.receiver.driven)
+            lost += deviation * self._field.at(draw, context.receiver.travelled)
         received = self._curves[is_obstructed].received(self.ratio(distance) - lost)
         return 0 if draw(PURPOSE, context.seq) < received else "range"
 
@@ -185,17 +185,17 @@ class PathLossRadio(OverDistance):
         """Loss over a distance, with all vehicles in between in the way; no burst if it wavers."""
         if distance_m is None:
             return None
-        loss = 1.0 - self._delivered(max(distance_m, NEAREST))
+        loss = 1.0 - self._delivered(max(distance_m, MIN_DISTANCE))
         obstructed = self.obstruction is not None and self.between is not None
-        wavers = obstructed and self.obstruction is not None and self.obstruction.wavers
-        if loss and (wavers or self.shadowing is not None):
+        varies = obstructed and self.obstruction is not None and self.obstruction.varies
+        if loss and (varies or self.shadowing is not None):
             return Losses(loss, None, 0.0)
         return Losses.of_bursts(loss, 1.0 / (1.0 - loss) if loss < 1.0 else inf)
 
     @property
-    def farthest_m(self) -> float:
+    def range_m(self) -> float:
         far = STEP_M
-        while far < MOST_M and 1.0 - self._delivered(far) < ALL_BUT_ALL:
+        while far < MAX_DISTANCE_M and 1.0 - self._delivered(far) < OUT_OF_RANGE_LOSS:
             far += STEP_M
         return far
 

@@ -5,7 +5,7 @@ from heapq import heapreplace
 
 from transport.links.laws.effect import Draw
 
-MOST_KNOWN = 64
+CACHE_SIZE = 64
 """Links whose last reservation is kept; what is not kept is worked out again."""
 LOOK_BACK = 8
 """Longest reservations that are looked back over at first; then twice as many, and so on."""
@@ -52,7 +52,7 @@ class Reservations:
             begin, end = end, end + self._length(draw, end)
             if not self._is_kept(draw, begin):
                 selected = begin
-        if len(self._known) >= MOST_KNOWN:
+        if len(self._known) >= CACHE_SIZE:
             self._known.clear()
         self._known[draw] = selected, begin, end
         return selected

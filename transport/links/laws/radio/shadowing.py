@@ -6,9 +6,9 @@ from typing import Annotated
 
 from pydantic import Field
 
+from transport.links.laws.correlated_normals import CorrelatedNormals
 from transport.links.laws.effect import Draw
-from transport.links.laws.law import LawTable
-from transport.links.laws.normals import Normals
+from transport.links.laws.link_law import LawTable
 
 STEPS = 20
 """Nodes over one decorrelation distance."""
@@ -54,13 +54,13 @@ class ShadowField:
 
     decorrelation: float
     purpose: str = "shadowing"
-    _nodes: Normals = field(init=False, repr=False, compare=False)
+    _nodes: CorrelatedNormals = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_nodes", Normals(self.purpose, _RHO))
+        object.__setattr__(self, "_nodes", CorrelatedNormals(self.purpose, _RHO))
 
-    def at(self, draw: Draw, driven: float) -> float:
-        place = driven * STEPS / self.decorrelation
+    def at(self, draw: Draw, travelled: float) -> float:
+        place = travelled * STEPS / self.decorrelation
         node = floor(place)
         share = place - node
         rest = 1.0 - share

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from tests.made.channels.laws import long_run
-from transport.links.laws.delay.drawn import DrawnDelay
-from transport.links.laws.delay.gamma_quantiles import log_quantile, log_quantiles
-from transport.links.laws.delay.kinds import (
+from transport.links.laws.correlated_normals import MAX_CORRELATION, RECENT, CorrelatedNormals
+from transport.links.laws.delay.base import RandomDelay
+from transport.links.laws.delay.distributions import (
     ConstantDelay,
     EmpiricalDelay,
     GammaDelay,
@@ -23,8 +23,8 @@ from transport.links.laws.delay.kinds import (
     NormalDelay,
     UniformDelay,
 )
+from transport.links.laws.delay.gamma_quantiles import log_quantile, log_quantiles
 from transport.links.laws.effect import TransmissionContext
-from transport.links.laws.normals import RECENT, STRONGEST, Normals
 from transport.links.link import keyed_draw
 
 MS = 1e6
@@ -33,7 +33,7 @@ KS_LIMIT = 1.9495
 ENTIRE = 100_000
 BATCHES = 50
 
-LAWS: dict[str, DrawnDelay] = {
+LAWS: dict[str, RandomDelay] = {
     "uniform": UniformDelay(delay_ms_min=5.0, delay_ms_max=45.0),
     "normal": NormalDelay(mean_ms=30.0, deviation_ms=5.0),
     "truncated": NormalDelay(mean_ms=10.0, deviation_ms=12.0, delay_ms_max=30.0),
@@ -50,11 +50,11 @@ SCIPY = {
 }
 
 
-def correlated(law: DrawnDelay, correlation: float) -> DrawnDelay:
+def correlated(law: RandomDelay, correlation: float) -> RandomDelay:
     return law.model_copy(update={"correlation_ratio": correlation})
 
 
-def delays(law: DrawnDelay, correlation: float, seed: int, count: int) -> np.ndarray:
+def delays(law: RandomDelay, correlation: float, seed: int, count: int) -> np.ndarray:
     effect, draw = correlated(law, correlation), keyed_draw(seed, "a", "b")
     return np.array(
         [effect.judge(draw, TransmissionContext(seq, 0)) for seq in range(count)], dtype=float
@@ -62,7 +62,7 @@ def delays(law: DrawnDelay, correlation: float, seed: int, count: int) -> np.nda
 
 
 @cache
-def hermite_weights(law: DrawnDelay) -> np.ndarray:
+def hermite_weights(law: RandomDelay) -> np.ndarray:
     """Squares of the law's coefficients in the normalised Hermite polynomials, by quadrature.
 
     With normal numbers of correlation r two delays have the covariance Σ weight[n] r^n (Mehler).
@@ -76,7 +76,7 @@ def hermite_weights(law: DrawnDelay) -> np.ndarray:
     return np.array(weights)
 
 
-def correlation_of_delays(law: DrawnDelay, r: float) -> float:
+def correlation_of_delays(law: RandomDelay, r: float) -> float:
     """Autocorrelation of the delays where that of the normal numbers is `r`."""
     if law is LAWS["uniform"]:
         return 6.0 / pi * asin(r / 2.0)
@@ -86,7 +86,7 @@ def correlation_of_delays(law: DrawnDelay, r: float) -> float:
     return float(weights @ r ** np.arange(1, 201)) / law.deviation_ns**2
 
 
-def scores(law: DrawnDelay, correlation: float, sample: np.ndarray) -> list[float]:
+def scores(law: RandomDelay, correlation: float, sample: np.ndarray) -> list[float]:
     """Mean, variance and lags 1, 2, 5 in standard errors from theirs, by means of batches."""
     off = (sample - law.mean_ns) / law.deviation_ns
     found = [(off, 0.0), (off**2, 1.0)]
@@ -164,8 +164,8 @@ def test_the_table_of_gamma_quantiles_is_exact_enough(shape: float) -> None:
 def test_correlated_numbers_keep_law_and_correlation_across_blocks() -> None:
     """Of the same draws, the recursion from far back is what each number has to be."""
     for correlation in (0.05, 0.5, 0.95):
-        normals, draw = Normals("delay", correlation), keyed_draw(3, "a", "b")
-        plain = Normals("delay")
+        normals, draw = CorrelatedNormals("delay", correlation), keyed_draw(3, "a", "b")
+        plain = CorrelatedNormals("delay")
         value, wanted = 0.0, []
         for seq in range(-3000, 900):
             value = correlation * value + sqrt(1 - correlation**2) * plain.at(draw, seq)
@@ -194,11 +194,11 @@ def test_a_delay_alone_is_the_one_in_the_stream(
 
 def test_the_strongest_correlation_is_as_well_found_alone_and_on_another_link() -> None:
     draw, other = keyed_draw(1, "a", "b"), keyed_draw(1, "a", "c")
-    normals = Normals("delay", STRONGEST)
+    normals = CorrelatedNormals("delay", MAX_CORRELATION)
     stream = [normals.at(draw, seq) for seq in range(4200)]
     for seq in (0, 2061, 2062, 4123, 4124, 4199):
-        assert Normals("delay", STRONGEST).at(draw, seq) == stream[seq]
-    there = Normals("delay", STRONGEST).at(other, 4150)
+        assert CorrelatedNormals("delay", MAX_CORRELATION).at(draw, seq) == stream[seq]
+    there = CorrelatedNormals("delay", MAX_CORRELATION).at(other, 4150)
     assert normals.at(other, 4150) == there != stream[4150]
     assert normals.at(draw, 4150) == stream[4150]
 
@@ -213,7 +213,7 @@ def counted(draw: Callable[[str, int], float], calls: list[int]) -> Callable[[st
 
 def test_a_stream_costs_one_draw_each_and_little_memory() -> None:
     calls: list[int] = []
-    draw, normals = counted(keyed_draw(1, "a", "b"), calls), Normals("delay", 0.9)
+    draw, normals = counted(keyed_draw(1, "a", "b"), calls), CorrelatedNormals("delay", 0.9)
     for seq in range(1000):
         normals.at(draw, seq)
     calls.clear()
@@ -250,4 +250,4 @@ def test_laws_say_themselves_in_words() -> None:
 def test_a_correlation_that_never_forgets_is_refused() -> None:
     for wrong in (-0.1, 0.995, 1.0):
         with pytest.raises(ValueError, match="correlation"):
-            Normals("delay", wrong)
+            CorrelatedNormals("delay", wrong)

@@ -48,7 +48,7 @@ class HiddenChain:
         return np.asarray(one / one.sum())
 
     @cached_property
-    def memory(self) -> int:
+    def history(self) -> int:
         """Messages after which next to nothing is left of the past."""
         second = sorted(np.abs(np.linalg.eigvals(self.steps)))[-2] if len(self.loss) > 1 else 0.0
         return 1 + int(np.log(1e-8) / np.log(second)) if second > 1e-6 else 2
@@ -78,7 +78,7 @@ class HiddenChain:
         """
         square, total = float(left.sum()) ** 2, near[0]
         row = left
-        for lag in range(1, len(near) + self.memory):
+        for lag in range(1, len(near) + self.history):
             if lag < len(near):
                 covariance = near[lag]
             else:

@@ -180,10 +180,12 @@ def test_gilbert_elliott_is_netem_s_once_its_start_is_forgotten(
 
 
 def netem_four_state(
-    chances: tuple[float, float, float, float, float], drawn: Callable[[int, int], float], n: int
+    probabilities: tuple[float, float, float, float, float],
+    drawn: Callable[[int, int], float],
+    n: int,
 ) -> list[bool]:
     """loss_4state(): starts sent in a gap (1); the new state is the packet's fate."""
-    p13, p31, p32, p23, p14 = chances
+    p13, p31, p32, p23, p14 = probabilities
     state, fates = 1, list[bool]()
     for number in range(n):
         u = drawn(number, state)
@@ -210,10 +212,10 @@ def netem_four_state(
     ],
 )
 def test_four_states_are_netem_s_once_its_start_is_forgotten(
-    chances: tuple[float, float, float, float, float],
+    probabilities: tuple[float, float, float, float, float],
 ) -> None:
     """Driven by the same draws: those of a state are cut and laid in netem's order."""
-    p13, p31, p32, _, p14 = chances
+    p13, p31, p32, _, p14 = probabilities
     n, draw = 20_000, keyed_draw(1, "a", "b")
 
     def in_netem_s_order(number: int, state: int) -> float:
@@ -225,8 +227,8 @@ def test_four_states_are_netem_s_once_its_start_is_forgotten(
             return u + p31 + p32 if u < stays else u - stays
         return u
 
-    netem = netem_four_state(chances, in_netem_s_order, n)
-    law = four_state(*chances)
+    netem = netem_four_state(probabilities, in_netem_s_order, n)
+    law = four_state(*probabilities)
     ours = [judged(law, draw, seq) == "burst" for seq in range(n)]
     parted = [seq for seq in range(n) if ours[seq] != netem[seq]]
     assert max(parted, default=0) < 200
@@ -236,13 +238,13 @@ def test_four_states_are_netem_s_once_its_start_is_forgotten(
 @pytest.mark.parametrize("seed", [1, 2])
 def test_four_states_lose_like_netem_with_its_own_draws(seed: int) -> None:
     """Nothing in common but the five numbers: losses and bursts agree as two samples do."""
-    chances, n = (0.03, 0.2, 0.15, 0.4, 0.02), 40_000
+    probabilities, n = (0.03, 0.2, 0.15, 0.4, 0.02), 40_000
     random, law, draw = (
         np.random.default_rng(seed),
-        four_state(*chances),
+        four_state(*probabilities),
         keyed_draw(seed, "a", "b"),
     )
-    netem = netem_four_state(chances, lambda *_: float(random.random()), n)
+    netem = netem_four_state(probabilities, lambda *_: float(random.random()), n)
     ours = [judged(law, draw, seq) == "burst" for seq in range(n)]
     for least in (1, 2, 3, 5):
         counts = [burst_count(fates, least) for fates in (ours, netem)]
@@ -290,11 +292,11 @@ def test_chains_that_end_somewhere_stay_there() -> None:
 
 @given(Chances, Chances)
 def test_two_states_forget_as_fast_as_the_closed_form_says(p: float, r: float) -> None:
-    memory = abs(1.0 - p - r)
+    history = abs(1.0 - p - r)
     try:
         chain = gilbert_elliott(p, r).chain
     except ValueError:
-        assert memory > 1.0 - 1.001 / LONGEST_LOOK_BACK
+        assert history > 1.0 - 1.001 / LONGEST_LOOK_BACK
     else:
-        expected = 1.0 / (1.0 - memory) if p else 0.0  # without p it never leaves the good state
+        expected = 1.0 / (1.0 - history) if p else 0.0  # without p it never leaves the good state
         assert chain.mean_look_back == pytest.approx(expected, rel=1e-6)

@@ -11,8 +11,8 @@ from tests.transport.links.laws.loss.hidden_chain import (
     netem_states,
     reservations,
 )
+from transport.links.laws.basic import Loss
 from transport.links.laws.effect import Effect, TransmissionContext
-from transport.links.laws.plain import Loss
 from transport.links.link import keyed_draw
 
 SEEDS = (1, 2, 3)

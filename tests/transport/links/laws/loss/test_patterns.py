@@ -11,7 +11,7 @@ from tests.made.channels.laws import long_run
 from transport.links.laws.effect import Effect, TransmissionContext
 from transport.links.laws.loss.by_number import EveryNth, Listed, RecordedPattern
 from transport.links.laws.loss.earlier_run import EarlierRun, known_reason
-from transport.links.laws.loss.numbers import AfterEnd, Numbers
+from transport.links.laws.loss.number_sets import AfterEnd, NumberSet
 
 Some = st.sets(st.integers(0, 80))
 
@@ -28,11 +28,11 @@ def lost(law: Effect, count: int) -> list[int]:
     ]
 
 
-def numbers(some: set[int]) -> Numbers:
-    return Numbers.of((one, one) for one in some)
+def numbers(some: set[int]) -> NumberSet:
+    return NumberSet.of((one, one) for one in some)
 
 
-def pattern(some: Numbers, length: int, after_end: AfterEnd) -> RecordedPattern:
+def pattern(some: NumberSet, length: int, after_end: AfterEnd) -> RecordedPattern:
     law = RecordedPattern(length_messages=length, lost_numbers=str(some), after_end=after_end)
     law.check()
     return law
@@ -43,7 +43,7 @@ def test_numbers_are_a_set(some: set[int]) -> None:
     made = numbers(some)
     assert [number for number in range(-1, 90) if number in made] == sorted(some)
     assert len(made) == len(some)
-    assert Numbers.read(str(made)) == made
+    assert NumberSet.read(str(made)) == made
     assert all(b[0] > a[1] + 1 for a, b in zip(made.ranges, made.ranges[1:], strict=False))
 
 
@@ -51,13 +51,13 @@ def test_numbers_are_a_set(some: set[int]) -> None:
 def test_ranges_may_overlap_and_come_in_any_order(pairs: list[tuple[int, int]]) -> None:
     text = ", ".join(f"{first}-{first + more}" for first, more in pairs)
     wanted = {number for first, more in pairs for number in range(first, first + more + 1)}
-    assert Numbers.read(text) == numbers(wanted)
+    assert NumberSet.read(text) == numbers(wanted)
 
 
 @pytest.mark.parametrize("text", ["a", "3-", "-3", "5-3", "1.5", "1 2", "²", "1" * 19])
 def test_what_is_no_number_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match="allowed"):
-        Numbers.read(text)
+        NumberSet.read(text)
 
 
 @given(st.integers(1, 20), st.integers(0, 30))

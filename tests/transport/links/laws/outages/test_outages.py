@@ -11,9 +11,9 @@ from scipy import stats
 
 from tests.made.channels.laws import circle, long_run, random_outage, stretch, window
 from transport.links.laws.effect import Effect, Position, TransmissionContext
-from transport.links.laws.outages.placed import AffectedVehicle
-from transport.links.laws.outages.random import REMEMBERED, RandomOutage
-from transport.links.laws.outages.span import ReceiverOff, TransmitterOff
+from transport.links.laws.outages.by_place import AffectedVehicle
+from transport.links.laws.outages.by_time import ReceiverOff, TransmitterOff
+from transport.links.laws.outages.random_outage import CACHED_CELLS, RandomOutage
 from transport.links.link import keyed_draw
 from vehicles.schedule import SECOND
 
@@ -77,14 +77,19 @@ def test_who_has_to_be_there(vehicle: AffectedVehicle, sender: bool, receiver: b
 def test_a_stretch_counts_from_each_one_s_own_start() -> None:
     effect = stretch((100.0, 200.0), "sender", -15.0, 0.0)
 
-    def at(driven: float) -> object:
-        return answer(effect, TransmissionContext(0, START, sender=Position(driven=driven)))
+    def at(travelled: float) -> object:
+        return answer(effect, TransmissionContext(0, START, sender=Position(travelled=travelled)))
 
-    assert [at(driven) for driven in (114.9, 115.0, 214.9, 215.0)] == [0, "outage", "outage", 0]
+    assert [at(travelled) for travelled in (114.9, 115.0, 214.9, 215.0)] == [
+        0,
+        "outage",
+        "outage",
+        0,
+    ]
     assert at(nan) == 0  # nobody knows where it is
     laps = stretch((100.0, 200.0), "sender", 0.0, 0.0, 1000.0)
-    for driven, wanted in ((2099.9, 0), (2100.0, "outage"), (2199.9, "outage"), (2200.0, 0)):
-        context = TransmissionContext(0, START, sender=Position(driven=driven))
+    for travelled, wanted in ((2099.9, 0), (2100.0, "outage"), (2199.9, "outage"), (2200.0, 0)):
+        context = TransmissionContext(0, START, sender=Position(travelled=travelled))
         assert answer(laps, context) == wanted
 
 
@@ -175,7 +180,7 @@ def test_links_and_outages_of_one_link_have_their_own_times() -> None:
     assert here != [other.is_off(draw, one) for one in instants]
     assert here != [effect.is_off(elsewhere, one) for one in instants]
     assert here == [effect.is_off(draw, one) for one in instants]
-    assert len(effect._cells) <= REMEMBERED
+    assert len(effect._cells) <= CACHED_CELLS
 
 
 def test_a_stream_costs_few_draws() -> None:

@@ -9,11 +9,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from tests.made.channels.laws import on_link
-from transport.links.laws.between import Road, VehiclesBetween
+from tests.made.channels.laws import for_link
 from transport.links.laws.effect import Effect, Position, TransmissionContext
-from transport.links.laws.law import LinkSetting
-from transport.links.laws.radio.obstruction import OnceForAll, PerVehicle
+from transport.links.laws.link_law import LinkSetting
+from transport.links.laws.radio.obstruction import LossPerVehicle, SingleLoss
 from transport.links.laws.radio.path_loss import (
     ErrorCurve,
     PathLossRadio,
@@ -22,7 +21,8 @@ from transport.links.laws.radio.path_loss import (
 )
 from transport.links.laws.radio.reservations import Reservations
 from transport.links.laws.radio.shadowing import Shadowing
-from transport.links.laws.radio.table import TableRadio
+from transport.links.laws.radio.table_radio import TableRadio
+from transport.links.laws.vehicles_between import Road, VehiclesBetween
 from transport.links.link import keyed_draw
 
 DRAW = keyed_draw(7, "v1", "v2")
@@ -41,13 +41,13 @@ def table(
         burst="independent" if keep_ratio is None else "reservation",
         keep_ratio=keep_ratio or 0.0,
     )
-    return on_link(law)
+    return for_link(law)
 
 
-def apart(seq: int, way: float, driven: float = 0.0) -> TransmissionContext:
+def apart(seq: int, way: float, travelled: float = 0.0) -> TransmissionContext:
     """Message `seq` over `way` metres of straight road to a receiver that has driven `driven`."""
-    ahead = Position(driven + way, 0.0, driven + way)
-    return TransmissionContext(seq, 0, 0, ahead, Position(driven, 0.0, driven))
+    ahead = Position(travelled + way, 0.0, travelled + way)
+    return TransmissionContext(seq, 0, 0, ahead, Position(travelled, 0.0, travelled))
 
 
 # ---- Tables
@@ -113,14 +113,14 @@ def test_errors_are_those_of_the_points_and_on_a_line_in_deviations() -> None:
 
 def behind(count: int, lorries: bool | None = None) -> PathLossRadio:
     """802.11p behind vehicles on a straight, by the law of ETSI, or of 3GPP for lorries or cars."""
-    obstruction: PerVehicle | OnceForAll = PerVehicle()
+    obstruction: LossPerVehicle | SingleLoss = LossPerVehicle()
     if lorries is not None:
         mean, deviation = (9.0, 4.5) if lorries else (5.0, 4.0)
-        obstruction = OnceForAll(mean_db=mean, deviation_db=deviation)
+        obstruction = SingleLoss(mean_db=mean, deviation_db=deviation)
     shadowing = Shadowing(deviation_db=3.0, obstructed_deviation_db=3.0)
     law = PathLossRadio(shadowing=shadowing, obstruction=obstruction)
     setting = LinkSetting(between=lambda: VehiclesBetween(count, STRAIGHT, 0.0, 0.0))
-    return on_link(law, setting)
+    return for_link(law, setting)
 
 
 NORMAL = norm.ppf((np.arange(20_000) + 0.5) / 20_000)

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from scenarios.definition.channel.build import ROAD_STEP, vehicles_between
 from scenarios.definition.scenario import scenario_from_text
-from transport.links.laws.between import Road, VehiclesBetween
 from transport.links.laws.effect import Position, TransmissionContext
-from transport.links.laws.radio.obstruction import HOPELESS, Obstruction, OnceForAll, PerVehicle
+from transport.links.laws.radio.obstruction import MAX_LOSS, LossPerVehicle, Obstruction, SingleLoss
 from transport.links.laws.radio.shadowing import ShadowField
+from transport.links.laws.vehicles_between import Road, VehiclesBetween
 from transport.links.link import keyed_draw
 from vehicles.geometry.sampled_path import SampledPath
 
@@ -26,8 +26,8 @@ def circle(radius: float) -> Road:
     return Road(ROAD_STEP, (radius * np.cos(angles)).tolist(), (radius * np.sin(angles)).tolist())
 
 
-def on_circle(radius: float, driven: float) -> Position:
-    return Position(radius * cos(driven / radius), radius * sin(driven / radius), driven)
+def on_circle(radius: float, travelled: float) -> Position:
+    return Position(radius * cos(travelled / radius), radius * sin(travelled / radius), travelled)
 
 
 @given(
@@ -48,7 +48,7 @@ def test_around_a_bend_those_count_that_are_near_the_chord(
     assume(all(abs(one - reach) > 1.1 * sag for one in off))
     between = VehiclesBetween(count, circle(radius), 0.0, 0.0, reach)
     context = TransmissionContext(0, 0, 0, on_circle(radius, 5.0 + way), on_circle(radius, 5.0))
-    assert between.in_the_way(context, ALL) == sum(one < reach for one in off)
+    assert between.count_obstructing(context, ALL) == sum(one < reach for one in off)
 
 
 BEND = """
@@ -70,19 +70,19 @@ def test_on_the_road_of_a_scenario_all_are_in_the_way_until_the_lead_turns() -> 
     between = vehicles_between(route, lead, last)
     assert between.count == 7
 
-    def context(driven: float) -> TransmissionContext:
-        ends = [route.path.at(route.start_station(place) + driven) for place in (lead, last)]
-        ahead, behind = (Position(end.east, end.north, driven) for end in ends)
+    def context(travelled: float) -> TransmissionContext:
+        ends = [route.path.at(route.start_station(place) + travelled) for place in (lead, last)]
+        ahead, behind = (Position(end.east, end.north, travelled) for end in ends)
         return TransmissionContext(0, 0, 0, ahead, behind)
 
-    found = [between.in_the_way(context(driven), ALL) for driven in range(0, 700, 5)]
+    found = [between.count_obstructing(context(travelled), ALL) for travelled in range(0, 700, 5)]
     assert found[0] == 7
     assert found[-1] == 7
     assert min(found) == 0  # each side of the bend has its own line
     first = next(place for place, count in enumerate(found) if count < 7)
     assert 400 <= 5 * first <= 440
-    for driven, count in zip(range(0, 700, 5), found, strict=True):
-        assert count == brute_force(route.path, context(driven), between), driven
+    for travelled, count in zip(range(0, 700, 5), found, strict=True):
+        assert count == brute_force(route.path, context(travelled), between), travelled
 
 
 def brute_force(path: SampledPath, context: TransmissionContext, between: VehiclesBetween) -> int:
@@ -91,7 +91,7 @@ def brute_force(path: SampledPath, context: TransmissionContext, between: Vehicl
     shares = np.linspace(0.0, 1.0, 4001)
     easts = here.east + shares * (there.east - here.east)
     norths = here.north + shares * (there.north - here.north)
-    start, end = between.receiver_start + here.driven, between.sender_start + there.driven
+    start, end = between.receiver_start + here.travelled, between.sender_start + there.travelled
     count = 0
     for place in range(1, between.count + 1):
         point = path.at(start + (end - start) * place / (between.count + 1))
@@ -115,18 +115,18 @@ def test_each_costs_by_the_law_of_etsi_and_all_together_by_that_of_3gpp() -> Non
         assert is_obstructed
         return lost
 
-    each, once = PerVehicle(loss_db=6.9), OnceForAll(mean_db=9.0, deviation_db=0.0)
+    each, once = LossPerVehicle(loss_db=6.9), SingleLoss(mean_db=9.0, deviation_db=0.0)
     assert lost(each, 75.0) == pytest.approx(27.6)
-    assert lost(each, 75.0, 10**5) == pytest.approx(HOPELESS, abs=6.9)
+    assert lost(each, 75.0, 10**5) == pytest.approx(MAX_LOSS, abs=6.9)
     assert lost(once, 75.0) == 9.0
     assert lost(once, 1000.0) == pytest.approx(9.0 + 4.0)
-    assert lost(OnceForAll(mean_db=-9.0, deviation_db=0.0), 75.0) == 0.0
+    assert lost(SingleLoss(mean_db=-9.0, deviation_db=0.0), 75.0) == 0.0
 
 
 @pytest.mark.parametrize("aside", [1.4, 1.6])
 def test_a_circle_cuts_the_line_up_to_its_radius(aside: float) -> None:
     road = Road(10.0, (0.0, 10.0), (aside, aside))
     between = VehiclesBetween(3, road, 0.0, 0.0)
-    assert between.in_the_way(apart(60.0), ALL) == (3 if aside < 1.5 else 0)
+    assert between.count_obstructing(apart(60.0), ALL) == (3 if aside < 1.5 else 0)
     with_nobody = VehiclesBetween(0, road, 0.0, 0.0)
-    assert with_nobody.in_the_way(apart(60.0), ALL) == 0
+    assert with_nobody.count_obstructing(apart(60.0), ALL) == 0

@@ -75,9 +75,9 @@ def test_the_first_message_finds_a_reservation_as_old_as_any_other_does(
     for seed in range(n):
         ages[-held.selected_at(keyed_draw(seed, "a", "b"), 0)] += 1
     lengths = np.arange(least, most + 1)
-    chances = np.array([np.mean(lengths > age) for age in range(most)]) / lengths.mean()
-    assert chances.sum() == pytest.approx(1.0)
-    assert np.all(np.abs(ages - n * chances) < 4.0 * np.sqrt(n * chances))
+    probabilities = np.array([np.mean(lengths > age) for age in range(most)]) / lengths.mean()
+    assert probabilities.sum() == pytest.approx(1.0)
+    assert np.all(np.abs(ages - n * probabilities) < 4.0 * np.sqrt(n * probabilities))
 
 
 @pytest.mark.parametrize(("least", "most", "kept"), [(0, 3, 0.0), (4, 3, 0.0), (1, 3, 1.0)])

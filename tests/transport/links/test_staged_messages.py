@@ -15,7 +15,7 @@ from transport.clock import ticks
 from transport.codec import encode
 from transport.links.inbox import Inbox
 from transport.links.laws.effect import TransmissionContext
-from transport.links.line import judge_stream
+from transport.links.staged_messages import judge_stream
 from transport.topics import TOPICS, key
 from vehicles.messages import GpsPose, LinkVerdict
 from vehicles.schedule import SECOND, instant

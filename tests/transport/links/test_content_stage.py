@@ -19,7 +19,7 @@ from tests.made.scenarios.messages import MS, START, gps
 from tests.made.transport.links import inbox as inbox_of
 from tests.made.transport.links import taken
 from transport.codec import encode
-from transport.links.arrival import ContentStage, Memory, Transmission
+from transport.links.content_stage import ContentStage, PoseHistory, Transmission
 from transport.links.inbox import Inbox
 from transport.links.laws.content import BitErrors
 from transport.links.laws.effect import TransmissionContext
@@ -265,7 +265,7 @@ def test_no_flipped_bits_do_harm(
     inbox = ear({"false": false} if false else {"duplicate_ratio": 1.0})
     stage = inbox.links["v1"].content
     assert stage is not None
-    link = Link(stage.link.chain, 1, "v1", "v2")
+    link = Link(stage.link.effects, 1, "v1", "v2")
     object.__setattr__(link, "draw", draw)
     hit = ContentStage(
         link=link,
@@ -274,7 +274,7 @@ def test_no_flipped_bits_do_harm(
         false=stage.false,
     )
     one = sent(90)[-1]
-    hit.memory.note(one)
+    hit.history.note(one)
     judged = Verdict("delivered", "", one.sent_at_ns + 20 * MS)
     pose = stage.gate.check(one, one.sent_at_ns)
     arrival = Transmission(
@@ -373,29 +373,29 @@ def test_a_false_place_that_no_convoy_reaches_is_dropped_with_the_gate_s_word() 
 def test_memory_gives_the_newest_until_an_instant_in_whatever_order_they_came(
     order: list[int], until: int
 ) -> None:
-    memory = Memory([START + 5 * 50 * MS], SECOND)
+    history = PoseHistory([START + 5 * 50 * MS], SECOND)
     for k in order:
-        memory.note(gps("v1", k))
-    newest = memory.newest(START + until * 50 * MS)
+        history.note(gps("v1", k))
+    newest = history.newest(START + until * 50 * MS)
     assert (newest.seq if newest else None) == (min(until, 11) if until >= 0 else None)
-    moment = memory.newest(START + 5 * 50 * MS)
+    moment = history.newest(START + 5 * 50 * MS)
     assert moment is not None
     assert moment.seq == 5
 
 
 def test_memory_is_bounded_and_keeps_what_it_promised() -> None:
-    memory = Memory([START + SECOND], 10 * SECOND)
+    history = PoseHistory([START + SECOND], 10 * SECOND)
     last = 20_000
     for k in range(last + 1):
-        memory.note(gps("v1", k))
-    assert len(memory._poses) == 20 * (10 + 120) + 1
-    kept = memory.newest(START + SECOND)
+        history.note(gps("v1", k))
+    assert len(history._poses) == 20 * (10 + 120) + 1
+    kept = history.newest(START + SECOND)
     assert kept is not None
     assert kept.seq == 20
-    reached = memory.newest(gps("v1", last - 20 * 130).sent_at_ns)
+    reached = history.newest(gps("v1", last - 20 * 130).sent_at_ns)
     assert reached is not None
     assert reached.seq == last - 20 * 130
-    assert len(Memory([], 0)._poses) == 0
+    assert len(PoseHistory([], 0)._poses) == 0
 
 
 def test_a_link_that_is_asked_for_none_of_it_has_no_stage() -> None:

@@ -9,7 +9,7 @@ from transport.links.laws.stage import StagedMessage
 from transport.links.link import Link, Verdict
 
 
-class Line:
+class StagedMessages:
     """Messages of one link that were judged by its effects and now depend on one another."""
 
     def __init__(self, link: Link) -> None:
@@ -18,11 +18,11 @@ class Line:
         self._coming: list[tuple[int, int, StagedMessage]] = []
         self._newest = -1
 
-    def is_missed(self, context: TransmissionContext, tick: int) -> bool:
+    def is_late(self, context: TransmissionContext, tick: int) -> bool:
         """Whether messages sent with this one had passed by the tick at `tick` (ns)."""
-        return context.sent_at <= self._link.visible_until(tick)
+        return context.sent_at <= self._link.latest_sent_at(tick)
 
-    def has_passed(self, context: TransmissionContext) -> bool:
+    def is_overtaken(self, context: TransmissionContext) -> bool:
         """Whether a later message than this one has passed, so that it can no longer join."""
         return context.seq <= self._newest
 
@@ -31,9 +31,9 @@ class Line:
         one = StagedMessage(context, verdict.visible_at, verdict.reason)
         heappush(self._coming, (context.sent_at, context.seq, one))
 
-    def settle(self, now: int) -> list[tuple[TransmissionContext, Verdict]]:
+    def resolve(self, now: int) -> list[tuple[TransmissionContext, Verdict]]:
         """Messages whose verdict is known by the tick at `now` (ns)."""
-        until = self._link.visible_until(now)
+        until = self._link.latest_sent_at(now)
         moved = []
         while self._coming and self._coming[0][0] <= until:
             _, self._newest, one = heappop(self._coming)
@@ -54,10 +54,10 @@ def judge_stream(link: Link, stream: Iterable[TransmissionContext]) -> list[Verd
     contexts = sorted(stream, key=lambda one: one.seq)
     if not link.stages:
         return [link.judge(one) for one in contexts]
-    line = Line(link)
+    line = StagedMessages(link)
     for one in contexts:
         line.join(one, link.judge(one))
-    settled = line.settle(_EVER)
+    settled = line.resolve(_EVER)
     return [verdict for _, verdict in sorted(settled, key=lambda one: one[0].seq)]
 
 

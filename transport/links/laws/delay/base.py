@@ -13,10 +13,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from transport.links.laws.correlated_normals import CorrelatedNormals, quantile
 from transport.links.laws.effect import Draw, TransmissionContext
-from transport.links.laws.law import LinkLaw
+from transport.links.laws.link_law import LinkLaw
 from transport.links.laws.moments import Delays
-from transport.links.laws.normals import Normals, quantile
 from transport.links.laws.stage import InOrder, StageLaw
 from transport.reasons import DropReason
 from vehicles.schedule import MILLISECOND
@@ -26,11 +26,11 @@ PURPOSE = "delay"
 _ROOT_TWO = sqrt(2.0)
 
 Milliseconds = Annotated[float, Field(ge=0, le=60_000)]
-SomeMilliseconds = Annotated[float, Field(ge=0.001, le=60_000)]
+PositiveMilliseconds = Annotated[float, Field(ge=0.001, le=60_000)]
 """The least is a microsecond."""
 
 
-class OrderedDelay(LinkLaw):
+class BaseDelay(LinkLaw):
     """What all laws of delay have: whether messages may overtake one another ("free")."""
 
     key = "delay"
@@ -38,7 +38,7 @@ class OrderedDelay(LinkLaw):
     order: Literal["free", "in_order"] = "free"
 
     @property
-    def usual_ns(self) -> float:
+    def typical_max_ns(self) -> float:
         """Delay that most messages do not exceed: the mean and two deviations."""
         raise NotImplementedError
 
@@ -47,7 +47,7 @@ class OrderedDelay(LinkLaw):
         return (InOrder(),) if self.order == "in_order" else ()
 
 
-class DrawnDelay(OrderedDelay):
+class RandomDelay(BaseDelay):
     """Beside it, for laws with chance: how much a message's delay has of the one before it.
 
     It is the correlation of the normal numbers that delays are drawn by; delays have that law
@@ -73,14 +73,14 @@ class DrawnDelay(OrderedDelay):
         raise NotImplementedError
 
     @cached_property
-    def _normals(self) -> Normals:
-        return Normals(PURPOSE, self.correlation_ratio)
+    def _normals(self) -> CorrelatedNormals:
+        return CorrelatedNormals(PURPOSE, self.correlation_ratio)
 
     def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         return round(self.at(self._normals.at(draw, context.seq)))
 
     @property
-    def usual_ns(self) -> float:
+    def typical_max_ns(self) -> float:
         return self.mean_ns + 2.0 * self.deviation_ns
 
     @property
@@ -95,10 +95,10 @@ class DrawnDelay(OrderedDelay):
         return f"{self.describe_law()}, correlation {tied:g}" if tied else self.describe_law()
 
 
-def probability(normal: float) -> float:
+def normal_cdf(normal: float) -> float:
     """Share of standard normal numbers below one."""
     return 0.5 * erfc(-normal / _ROOT_TWO)
 
 
-def in_ms(nanoseconds: float) -> str:
+def format_ms(nanoseconds: float) -> str:
     return f"{nanoseconds / MILLISECOND:g} ms"

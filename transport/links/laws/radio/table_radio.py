@@ -9,11 +9,11 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from transport.links.laws.effect import Draw, TransmissionContext
-from transport.links.laws.law import Problem, Ratio
+from transport.links.laws.link_law import Problem, Ratio
 from transport.links.laws.moments import Losses
-from transport.links.laws.radio.over_distance import (
+from transport.links.laws.radio.radio_law import (
     PURPOSE,
-    OverDistance,
+    Radio,
     curve_problems,
     distance_of,
 )
@@ -23,7 +23,7 @@ from transport.reasons import DropReason
 Metres = Annotated[float, Field(ge=0)]
 
 
-class TableRadio(OverDistance):
+class TableRadio(Radio):
     """The share of messages that is delivered over the true distance.
 
     `delivery_ratio` has a number for each of `distance_m`: linear between two, constant before the
@@ -82,7 +82,7 @@ class TableRadio(OverDistance):
         return Losses.of_bursts(loss, messages / (1.0 - loss) if loss < 1.0 else inf)
 
     @property
-    def farthest_m(self) -> float:
+    def range_m(self) -> float:
         return self.distance_m[-1]
 
     def describe(self) -> str:

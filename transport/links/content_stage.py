@@ -14,9 +14,9 @@ from typing import Final, NamedTuple, cast
 
 from transport.codec import RefusedMessageError, decode, encode
 from transport.links.gate import GPS, HORIZON_NS, PoseGate
-from transport.links.laws.content import BitErrors, Duplication, draw_of_copy, flip_places, flipped
+from transport.links.laws.content import BitErrors, Duplication, choose_bits, copy_draw, flip_bits
 from transport.links.laws.effect import TransmissionContext
-from transport.links.laws.false_content import FalseContent, put_off
+from transport.links.laws.false_content import FalseContent, shift_times
 from transport.links.link import Link, Verdict, combine
 from vehicles.messages import GpsPose
 from vehicles.received_pose import ReceivedPose
@@ -24,7 +24,7 @@ from vehicles.received_pose import ReceivedPose
 COPY: Final = 1
 GHOST: Final = 2
 """Numbers of further poses of a message: its copy, and from this number on its ghosts."""
-FRAMES_SINCE: Final = 2**60
+FRAME_EPOCH: Final = 2**60
 """Instant (ns, the year 2006) of the run's start in frames whose bits are flipped, so that neither
 the effect of a flipped bit nor the length of a frame depends on the day of the run."""
 _sent_at = attrgetter("sent_at_ns")
@@ -55,7 +55,7 @@ class ExtraPose(NamedTuple):
     pose: ReceivedPose
 
 
-class Memory:
+class PoseHistory:
     """A sender's poses in the order of sending, as far back as false content needs them.
 
     It needs the last ones until certain `moments` (ns), and all for `span` ns. A visible message
@@ -98,12 +98,12 @@ class ContentStage:
     filters: bool = True
     bit_errors: BitErrors | None = None
     false: tuple[FalseContent, ...] = ()
-    memory: Memory = field(init=False, repr=False, compare=False)
+    history: PoseHistory = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         moments = [moment for one in self.false for moment in one.moments]
         span = max((one.age for one in self.false), default=0)
-        object.__setattr__(self, "memory", Memory(moments, span))
+        object.__setattr__(self, "memory", PoseHistory(moments, span))
 
     def arrive(self, one: Transmission) -> list[ExtraPose]:
         """Set the pose that the receiver reads of a visible message; returns its copies and ghosts.
@@ -135,12 +135,12 @@ class ContentStage:
         errors, draw, seq = self.bit_errors, self.link.draw, context.seq
         if errors is None or not (count := errors.flips(draw, seq, context.size)):
             return sent
-        frame = encode(put_off(sent.message, FRAMES_SINCE - self.gate.start_at))
-        came = flipped(frame, flip_places(draw, seq, count, 8 * len(frame)))
-        if errors.is_noticed(frame, came):
+        frame = encode(shift_times(sent.message, FRAME_EPOCH - self.gate.start_at))
+        came = flip_bits(frame, choose_bits(draw, seq, count, 8 * len(frame)))
+        if errors.is_detected(frame, came):
             return None
         read = cast("GpsPose", decode(GPS, came, exact=True))
-        return self._checked(put_off(read, self.gate.start_at - FRAMES_SINCE), sent.message)
+        return self._checked(shift_times(read, self.gate.start_at - FRAME_EPOCH), sent.message)
 
     def _with_false_content(
         self, sent: ReceivedPose, read: ReceivedPose
@@ -152,11 +152,11 @@ class ContentStage:
         def recall(until: int) -> GpsPose | None:
             # A wrong bit can move the instant of `read`, and whether messages sent after this one
             # have come depends on the wire.
-            return self.memory.newest(min(until, sent_at))
+            return self.history.newest(min(until, sent_at))
 
         for one in self.false:
             if sent_at in one.span:
-                altered = one.falsified(pose.message, self.gate.plane, recall)
+                altered = one.falsify(pose.message, self.gate.plane, recall)
                 if altered is not None:
                     pose = self._checked(altered, sent.message)
                     kinds.append(one.kind)
@@ -176,7 +176,7 @@ class ContentStage:
         if law.delay is not None:
             return [ExtraPose(judged.visible_at + law.delay, COPY, copy)]
         effects = self.link.effects_at(context.sent_at)
-        own = combine(effects, draw_of_copy(draw), context)
+        own = combine(effects, copy_draw(draw), context)
         return [ExtraPose(max(judged.visible_at, own.visible_at), COPY, copy)]
 
     def _ghosts(self, judged: Verdict, sent: GpsPose) -> list[ExtraPose]:
@@ -186,7 +186,7 @@ class ContentStage:
         extra = []
         for nth, one in enumerate(ghosts, GHOST):
             with suppress(RefusedMessageError):  # no vehicle is beyond the plane
-                beside = self._checked(one.added_message(sent, self.gate.plane), sent)
+                beside = self._checked(one.extra_message(sent, self.gate.plane), sent)
                 extra.append(ExtraPose(judged.visible_at + (one.after or 0), nth, beside))
         return extra
 

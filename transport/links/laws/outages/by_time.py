@@ -13,7 +13,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from transport.links.laws.effect import Draw, JudgedBy, TransmissionContext
-from transport.links.laws.law import LinkLaw, Problem
+from transport.links.laws.link_law import LinkLaw, Problem
 from transport.links.laws.moments import Losses
 from transport.reasons import DropReason
 from vehicles.schedule import SECOND
@@ -22,14 +22,14 @@ Seconds = Annotated[float, Field(ge=0, le=86_400)]
 
 
 @dataclass(frozen=True, slots=True)
-class Extent:
+class Interval:
     """From `start` to before `end`, and again each `every`, in a unit of any kind."""
 
     start: float
     end: float
     every: float = inf
 
-    def holds(self, value: float) -> bool:
+    def contains(self, value: float) -> bool:
         if self.every < inf and value >= self.start:
             return (value - self.start) % self.every < self.end - self.start
         return self.start <= value < self.end
@@ -67,11 +67,11 @@ class SpanOutage(Outage):
     every_s: Annotated[float, Field(gt=0, le=86_400)] | None = None
 
     @property
-    def extent(self) -> Extent:
-        return Extent(self.from_s, self.to_s, inf if self.every_s is None else self.every_s)
+    def interval(self) -> Interval:
+        return Interval(self.from_s, self.to_s, inf if self.every_s is None else self.every_s)
 
     def problems(self) -> Iterator[Problem]:
-        return self.extent.problems("s")
+        return self.interval.problems("s")
 
     @cached_property
     def _bounds(self) -> tuple[int, int, int, DropReason]:
@@ -93,7 +93,7 @@ class SpanOutage(Outage):
         return Losses(length / every, None, 0.0) if every else None
 
     def describe(self) -> str:
-        return f"{(self.reason or 'outage').replace('_', ' ')} {self.extent.describe('s')}"
+        return f"{(self.reason or 'outage').replace('_', ' ')} {self.interval.describe('s')}"
 
 
 class WindowOutage(SpanOutage):

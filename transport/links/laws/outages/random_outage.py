@@ -6,14 +6,14 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from transport.links.laws.effect import BY_CELL, Draw, TransmissionContext
+from transport.links.laws.effect import CELL_PURPOSE, Draw, TransmissionContext
 from transport.links.laws.moments import Losses
-from transport.links.laws.outages.span import Outage
+from transport.links.laws.outages.by_time import Outage
 from transport.reasons import DropReason
 from vehicles.schedule import SECOND
 
 MeanTime = Annotated[float, Field(ge=0.001, le=86_400)]
-REMEMBERED = 8
+CACHED_CELLS = 8
 """Cells whose draws are kept."""
 
 
@@ -46,12 +46,12 @@ class RandomOutage(Outage):
         return {}
 
     @property
-    def share_off(self) -> float:
+    def off_ratio(self) -> float:
         on, off = self._means
         return off / (on + off)
 
     def losses(self, distance_m: float | None) -> Losses:
-        return Losses(self.share_off, None, 0.0)
+        return Losses(self.off_ratio, None, 0.0)
 
     def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         return "outage" if self.is_off(draw, context.sent_at - self.setting.start_at) else 0
@@ -72,8 +72,8 @@ class RandomOutage(Outage):
         """
         known = self._cells.get((draw, cell))
         if known is None:
-            length, (on, off), share = self.cell, self._means, self.share_off
-            purpose = f"{BY_CELL} {self.setting.place}"
+            length, (on, off), share = self.cell, self._means, self.off_ratio
+            purpose = f"{CELL_PURPOSE} {self.setting.place}"
             mean = length * (1.0 / on + 1.0 / off)
             known = tuple(
                 (
@@ -83,7 +83,7 @@ class RandomOutage(Outage):
                 for k in range(_poisson(draw(f"{purpose} count", cell), mean))
             )
             self._cells[draw, cell] = known
-            if len(self._cells) > REMEMBERED:
+            if len(self._cells) > CACHED_CELLS:
                 del self._cells[next(iter(self._cells))]
         return known
 

@@ -55,10 +55,10 @@ class VehiclesBetween:
     receiver_start: float
     radius: float = 1.5
 
-    def in_the_way(self, context: TransmissionContext, most: int) -> int:
+    def count_obstructing(self, context: TransmissionContext, most: int) -> int:
         sender, receiver = context.sender, context.receiver
-        station = self.receiver_start + receiver.driven
-        step = (self.sender_start + sender.driven - station) / (self.count + 1)
+        station = self.receiver_start + receiver.travelled
+        step = (self.sender_start + sender.travelled - station) / (self.count + 1)
         here_east, here_north = receiver.east, receiver.north
         way_east, way_north = sender.east - here_east, sender.north - here_north
         length = way_east * way_east + way_north * way_north  # squared

@@ -14,9 +14,9 @@ from statistics import NormalDist
 
 from transport.links.laws.effect import Draw
 
-FORGOTTEN = 1e-9
+RESIDUAL_WEIGHT = 1e-9
 """What is left after a block of the weight of a number's own draw."""
-STRONGEST = 0.99
+MAX_CORRELATION = 0.99
 """Largest correlation from one number to the next; its blocks have 2062 numbers."""
 RECENT = 64
 """Up to this many numbers back, a message that comes after later ones costs no draw."""
@@ -25,7 +25,7 @@ quantile: Callable[[float], float] = NormalDist().inv_cdf
 """Of the standard normal law (Wichura, Algorithm AS 241, 1988; relative error 1e-16)."""
 
 
-class Normals:
+class CorrelatedNormals:
     """Keyed standard normal numbers with autocorrelation `correlation` ** lag, from 0 to 0.99.
 
     What it remembers changes no answer: the state of the recursion, and the last few numbers.
@@ -38,10 +38,10 @@ class Normals:
 
     def __init__(self, purpose: str, correlation: float = 0.0) -> None:
         """`purpose` is the word under which they are drawn. Raises ValueError."""
-        if not 0.0 <= correlation <= STRONGEST:
-            raise ValueError(f"correlation {correlation} is not within 0 to {STRONGEST}")
+        if not 0.0 <= correlation <= MAX_CORRELATION:
+            raise ValueError(f"correlation {correlation} is not within 0 to {MAX_CORRELATION}")
         self.purpose, self.correlation = purpose, correlation
-        self._block = ceil(log(FORGOTTEN) / log(correlation)) if correlation else 0
+        self._block = ceil(log(RESIDUAL_WEIGHT) / log(correlation)) if correlation else 0
         self._scale = sqrt(1.0 - correlation * correlation)
         self._draw: Draw | None = None
         self._first = self._last = 0
@@ -49,7 +49,7 @@ class Normals:
         self._recent: dict[int, float] = {}
 
     def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Normals):
+        if not isinstance(other, CorrelatedNormals):
             return NotImplemented
         return (self.purpose, self.correlation) == (other.purpose, other.correlation)
 
@@ -57,7 +57,7 @@ class Normals:
         return hash((self.purpose, self.correlation))
 
     def __repr__(self) -> str:
-        return f"Normals({self.purpose!r}, {self.correlation!r})"
+        return f"CorrelatedNormals({self.purpose!r}, {self.correlation!r})"
 
     def at(self, draw: Draw, seq: int) -> float:
         if not self._block:

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StringConstraints
 
-from transport.links.laws.law import Unfit
+from transport.links.laws.link_law import InvalidKeyError
 
 MessageNumber = Annotated[int, Field(ge=0, le=10**12)]
 MessageCount = Annotated[int, Field(ge=1, le=10**9)]
@@ -18,7 +18,7 @@ AfterEnd = Literal["repeat", "pass"]
 
 
 @dataclass(frozen=True)
-class Numbers:
+class NumberSet:
     """A set of message numbers, as ranges (first, last) in order that do not touch."""
 
     ranges: tuple[tuple[int, int], ...]
@@ -40,7 +40,7 @@ class Numbers:
         )
 
     @classmethod
-    def of(cls, pairs: Iterable[tuple[int, int]]) -> "Numbers":
+    def of(cls, pairs: Iterable[tuple[int, int]]) -> "NumberSet":
         """Merge ranges (first, last) that come in any order."""
         merged: list[tuple[int, int]] = []
         for first, last in sorted(pairs):
@@ -51,7 +51,7 @@ class Numbers:
         return cls(tuple(merged))
 
     @classmethod
-    def read(cls, text: str) -> "Numbers":
+    def read(cls, text: str) -> "NumberSet":
         """Read `3, 7, 10-20`; raises ValueError with what is wrong."""
         pairs = []
         for part in filter(None, (part.strip() for part in text.split(","))):
@@ -65,9 +65,9 @@ class Numbers:
         return cls.of(pairs)
 
 
-def numbers_of(key: str, text: str) -> Numbers:
+def parse_numbers(key: str, text: str) -> NumberSet:
     """Read the numbers that a key gives; raises Unfit."""
     try:
-        return Numbers.read(text)
+        return NumberSet.read(text)
     except ValueError as error:
-        raise Unfit(key, f"given {str(error)[:200]}") from error
+        raise InvalidKeyError(key, f"given {str(error)[:200]}") from error

@@ -6,29 +6,29 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StringConstraints
 
-from transport.links.laws.delay.drawn import (
-    DrawnDelay,
+from transport.links.laws.correlated_normals import quantile
+from transport.links.laws.delay.base import (
+    BaseDelay,
     Milliseconds,
-    OrderedDelay,
-    SomeMilliseconds,
-    in_ms,
-    probability,
+    PositiveMilliseconds,
+    RandomDelay,
+    format_ms,
+    normal_cdf,
 )
 from transport.links.laws.delay.gamma_quantiles import log_quantile, log_quantiles
 from transport.links.laws.effect import Draw, TransmissionContext
-from transport.links.laws.law import Unfit
+from transport.links.laws.link_law import InvalidKeyError
 from transport.links.laws.moments import Delays
-from transport.links.laws.normals import quantile
 from transport.reasons import DropReason
 from vehicles.schedule import MILLISECOND
 
 WIDEST, NARROWEST = 5.0, 0.01
 """Deviations of a skew law in units of its mean."""
-MOST_RECORDED = 1000
+MAX_RECORDED = 1000
 """Recorded delays that stand for all: every link of every vehicle's process holds them."""
 
 
-class ConstantDelay(OrderedDelay):
+class ConstantDelay(BaseDelay):
     """Always the same delay."""
 
     kind: Literal["constant"] = "constant"
@@ -42,7 +42,7 @@ class ConstantDelay(OrderedDelay):
         return self._delay
 
     @property
-    def usual_ns(self) -> float:
+    def typical_max_ns(self) -> float:
         return float(self._delay)
 
     @property
@@ -50,10 +50,10 @@ class ConstantDelay(OrderedDelay):
         return Delays(float(self._delay), 0.0)
 
     def describe(self) -> str:
-        return f"delay of {in_ms(self._delay)}"
+        return f"delay of {format_ms(self._delay)}"
 
 
-class UniformDelay(DrawnDelay):
+class UniformDelay(RandomDelay):
     """Each delay between the two as likely."""
 
     kind: Literal["uniform"] = "uniform"
@@ -64,7 +64,7 @@ class UniformDelay(DrawnDelay):
         least, most = self.delay_ms_min, self.delay_ms_max
         if most <= least:
             why = f"given {most:g}, allowed more than {least:g}, the least"
-            raise Unfit("delay_ms_max", why)
+            raise InvalidKeyError("delay_ms_max", why)
 
     @cached_property
     def _ends(self) -> tuple[float, float]:
@@ -82,14 +82,14 @@ class UniformDelay(DrawnDelay):
 
     def at(self, normal: float) -> float:
         least, most = self._ends
-        return least + probability(normal) * (most - least)
+        return least + normal_cdf(normal) * (most - least)
 
     def describe_law(self) -> str:
         least, most = self._ends
-        return f"delay uniform from {in_ms(least)} to {in_ms(most)}"
+        return f"delay uniform from {format_ms(least)} to {format_ms(most)}"
 
 
-class NormalDelay(DrawnDelay):
+class NormalDelay(RandomDelay):
     """Normal, cut off at 0 and at `delay_ms_max`; mean and deviation are those before the cut.
 
     It is truncated, not piled up. Moments of what is left: Johnson, Kotz and Balakrishnan,
@@ -98,21 +98,21 @@ class NormalDelay(DrawnDelay):
 
     kind: Literal["normal"] = "normal"
     mean_ms: Milliseconds
-    deviation_ms: SomeMilliseconds
+    deviation_ms: PositiveMilliseconds
     delay_ms_max: Milliseconds | None = None
 
     def check(self) -> None:
         least = max(self.mean_ms, 0.001)
         if self.delay_ms_max is not None and self.delay_ms_max < least:
             why = f"given {self.delay_ms_max:g}, allowed at least {least:g}, the mean"
-            raise Unfit("delay_ms_max", why)
+            raise InvalidKeyError("delay_ms_max", why)
 
     @cached_property
     def _cut(self) -> tuple[float, float, float, float, float, float]:
         """Mean, deviation and maximum (ns), and the shares below, above and between the cuts."""
         centre, spread = self.mean_ms * MILLISECOND, self.deviation_ms * MILLISECOND
         most = inf if self.delay_ms_max is None else self.delay_ms_max * MILLISECOND
-        below, above = probability(-centre / spread), probability((centre - most) / spread)
+        below, above = normal_cdf(-centre / spread), normal_cdf((centre - most) / spread)
         return centre, spread, most, below, above, 1.0 - below - above
 
     @property
@@ -134,33 +134,33 @@ class NormalDelay(DrawnDelay):
 
     def at(self, normal: float) -> float:
         centre, spread, most, below, above, kept = self._cut
-        tail = probability(-abs(normal)) * kept
+        tail = normal_cdf(-abs(normal)) * kept
         if normal <= 0.0:
             return max(centre + spread * quantile(below + tail), 0.0)
         return min(max(centre - spread * quantile(above + tail), 0.0), most)
 
     def describe_law(self) -> str:
         centre, spread, most, *_ = self._cut
-        ends = "0" if most == inf else f"0 and {in_ms(most)}"
-        return f"delay normal, {in_ms(centre)} ± {in_ms(spread)}, truncated at {ends}"
+        ends = "0" if most == inf else f"0 and {format_ms(most)}"
+        return f"delay normal, {format_ms(centre)} ± {format_ms(spread)}, truncated at {ends}"
 
 
 def _density(normal: float) -> float:
     return exp(-0.5 * normal * normal) / sqrt(2.0 * pi)
 
 
-class SkewDelay(DrawnDelay):
+class SkewedDelay(RandomDelay):
     """Base of the skew laws, by the mean and the standard deviation of the delay."""
 
     kind: str
-    mean_ms: SomeMilliseconds
-    deviation_ms: SomeMilliseconds
+    mean_ms: PositiveMilliseconds
+    deviation_ms: PositiveMilliseconds
 
     def check(self) -> None:
         least, most = NARROWEST * self.mean_ms, WIDEST * self.mean_ms
         if not least <= self.deviation_ms <= most:
             allowed = f"allowed {least:g} to {most:g}, {NARROWEST:g} to {WIDEST:g} times the mean"
-            raise Unfit("deviation_ms", f"given {self.deviation_ms:g}, {allowed}")
+            raise InvalidKeyError("deviation_ms", f"given {self.deviation_ms:g}, {allowed}")
 
     @property
     def mean_ns(self) -> float:
@@ -171,10 +171,10 @@ class SkewDelay(DrawnDelay):
         return self.deviation_ms * MILLISECOND
 
     def describe_law(self) -> str:
-        return f"delay {self.kind}, {in_ms(self.mean_ns)} ± {in_ms(self.deviation_ns)}"
+        return f"delay {self.kind}, {format_ms(self.mean_ns)} ± {format_ms(self.deviation_ns)}"
 
 
-class LognormalDelay(SkewDelay):
+class LognormalDelay(SkewedDelay):
     """Lognormal, by the mean and the standard deviation of the delay."""
 
     kind: Literal["lognormal"] = "lognormal"
@@ -190,7 +190,7 @@ class LognormalDelay(SkewDelay):
         return median * exp(spread * normal)
 
 
-class GammaDelay(SkewDelay):
+class GammaDelay(SkewedDelay):
     """Gamma, by the mean and the standard deviation of the delay."""
 
     kind: Literal["gamma"] = "gamma"
@@ -206,7 +206,7 @@ class GammaDelay(SkewDelay):
         return exp(log_quantile(table, normal) + log_scale)
 
 
-class EmpiricalDelay(DrawnDelay):
+class EmpiricalDelay(RandomDelay):
     """Recorded delays, each as likely: the column delay_ms of a CSV `file`.
 
     When the file has been read they are `recorded_ms`, sorted, and it is their `source`. Of more
@@ -217,14 +217,14 @@ class EmpiricalDelay(DrawnDelay):
     file: Annotated[str, StringConstraints(min_length=1)] | None = None
     source: str | None = None
     recorded_ms: Annotated[
-        tuple[Milliseconds, ...], Field(strict=False, max_length=MOST_RECORDED)
+        tuple[Milliseconds, ...], Field(strict=False, max_length=MAX_RECORDED)
     ] = ()
 
     def check(self) -> None:
         if self.file is not None and self.recorded_ms:
-            raise Unfit("recorded_ms", "given together with file, allowed one of them")
+            raise InvalidKeyError("recorded_ms", "given together with file, allowed one of them")
         if self.file is None and not self.recorded_ms:
-            raise Unfit("file", "missing, needed without recorded_ms")
+            raise InvalidKeyError("file", "missing, needed without recorded_ms")
 
     @cached_property
     def _recorded(self) -> tuple[float, ...]:
@@ -241,8 +241,8 @@ class EmpiricalDelay(DrawnDelay):
 
     def at(self, normal: float) -> float:
         count = len(self._recorded)
-        return self._recorded[min(int(probability(normal) * count), count - 1)]
+        return self._recorded[min(int(normal_cdf(normal) * count), count - 1)]
 
     def describe_law(self) -> str:
-        moments = f"{in_ms(self.mean_ns)} ± {in_ms(self.deviation_ns)}"
+        moments = f"{format_ms(self.mean_ns)} ± {format_ms(self.deviation_ns)}"
         return f"delay as in {len(self._recorded)} recorded ones, {moments}"

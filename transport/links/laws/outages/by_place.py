@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from transport.links.laws.effect import Draw, Position, TransmissionContext
-from transport.links.laws.law import Problem
-from transport.links.laws.outages.span import Extent, Outage
+from transport.links.laws.link_law import Problem
+from transport.links.laws.outages.by_time import Interval, Outage
 from transport.reasons import DropReason
 from vehicles.geometry.geodesy import REACH, LocalPlane
 
@@ -47,20 +47,20 @@ class StretchOutage(PlacedOutage):
     every_m: Annotated[float, Field(gt=0, le=1_000_000)] | None = None
 
     @cached_property
-    def extent(self) -> Extent:
-        return Extent(self.from_m, self.to_m, inf if self.every_m is None else self.every_m)
+    def interval(self) -> Interval:
+        return Interval(self.from_m, self.to_m, inf if self.every_m is None else self.every_m)
 
     def problems(self) -> Iterator[Problem]:
-        return self.extent.problems("m")
+        return self.interval.problems("m")
 
     def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
-        setting, holds = self.setting, self.extent.holds
-        sender = holds(setting.sender_station + context.sender.driven)
-        receiver = holds(setting.receiver_station + context.receiver.driven)
+        setting, contains = self.setting, self.interval.contains
+        sender = contains(setting.sender_station + context.sender.travelled)
+        receiver = contains(setting.receiver_station + context.receiver.travelled)
         return "outage" if self.inside(sender, receiver) else 0
 
     def describe(self) -> str:
-        return f"outage with {self.vehicle} on the road {self.extent.describe('m')}"
+        return f"outage with {self.vehicle} on the road {self.interval.describe('m')}"
 
 
 class CircleOutage(PlacedOutage):
@@ -85,7 +85,7 @@ class CircleOutage(PlacedOutage):
                 (missing,) = set(pair) - set(found)
                 yield missing, f"missing, needed with {found[0]}"
 
-    def problems_in(self, plane: LocalPlane) -> Iterator[Problem]:
+    def plane_problems(self, plane: LocalPlane) -> Iterator[Problem]:
         latitude, longitude = self.latitude_deg, self.longitude_deg
         if latitude is None or longitude is None:
             return

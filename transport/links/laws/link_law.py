@@ -8,9 +8,9 @@ from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from transport.links.laws.between import VehiclesBetween, no_vehicles
 from transport.links.laws.effect import Effect, JudgedBy
 from transport.links.laws.stage import StageLaw
+from transport.links.laws.vehicles_between import VehiclesBetween, no_vehicles
 from transport.reasons import DropReason
 from vehicles.geometry.geodesy import LocalPlane
 
@@ -20,7 +20,7 @@ Problem = tuple[str, str]
 Ratio = Annotated[float, Field(ge=0, le=1)]
 
 
-class Unfit(ValueError):  # noqa: N818 - a problem that is reported, not a failure
+class InvalidKeyError(ValueError):
     """A key of a law that does not fit the others, and what is wrong with it."""
 
     def __init__(self, key: str, why: str) -> None:
@@ -72,7 +72,7 @@ class LawTable(BaseModel):
         keys = {name: self.__dict__[name] for name in type(self).model_fields}
         return self.model_construct(set(self.model_fields_set), **keys)
 
-    def on_link(self, setting: LinkSetting) -> Self:
+    def for_link(self, setting: LinkSetting) -> Self:
         """Return a copy that knows its setting, for one link: what it remembers belongs to that."""
         own = copy(self)
         own.__dict__["setting"] = setting
@@ -97,24 +97,24 @@ class LinkLaw(Effect, LawTable):
     def problems(self) -> Iterator[Problem]:
         try:
             self.check()
-        except Unfit as unfit:
+        except InvalidKeyError as unfit:
             yield unfit.key, unfit.why
 
-    def problems_in(self, plane: LocalPlane) -> Iterator[Problem]:
+    def plane_problems(self, plane: LocalPlane) -> Iterator[Problem]:
         """Return the keys that do not fit the scenario's plane."""
         return iter(())
 
     def effects(self, setting: LinkSetting) -> tuple[Effect, ...]:
         """Return the effects on one link of a run: by default a copy of the law."""
-        return (self.on_link(setting),)
+        return (self.for_link(setting),)
 
     @property
     def stages(self) -> tuple[StageLaw, ...]:
         return ()
 
-    def needed(self, key: str, why: str = "") -> Any:
+    def required(self, key: str, why: str = "") -> Any:
         """Return the value of a key; raises Unfit where it is missing."""
         value = getattr(self, key)
         if value is None:
-            raise Unfit(key, f"missing{why}")
+            raise InvalidKeyError(key, f"missing{why}")
         return value

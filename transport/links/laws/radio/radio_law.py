@@ -9,13 +9,13 @@ from itertools import pairwise
 from math import hypot
 
 from transport.links.laws.effect import TransmissionContext
-from transport.links.laws.law import LinkLaw, Problem
+from transport.links.laws.link_law import LinkLaw, Problem
 
 PURPOSE = "radio"
 """The word under which the fates of messages are drawn."""
 
 
-class OverDistance(LinkLaw):
+class Radio(LinkLaw):
     """Base of radios; the loss in the long run is known over a distance only."""
 
     key = "radio"
