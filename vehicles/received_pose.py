@@ -1,4 +1,4 @@
-"""A pose as the receiving vehicle uses it, from its inbox to its trajectory."""
+"""A received pose in the plane of the scenario."""
 
 from dataclasses import dataclass
 
@@ -8,12 +8,12 @@ from vehicles.messages import GpsPose
 
 @dataclass(slots=True)
 class ReceivedPose:
-    """A received message and what follows from it, worked out once.
+    """A received message, converted once.
 
-    `received_at` (ns) is the tick that took it, `measured_at` (ns) its time stamp as old as it
-    seems by the receiver's own clock. Position (m) and yaw (rad, counter-clockwise from east) lie
-    in the plane of the scenario; speed m/s, yaw rate rad/s; `accuracy` (m) is the standard
-    deviation per axis that the sender states.
+    `received_at` (ns) is the tick at which it was processed, `measured_at` (ns) its time stamp by
+    the receiver's clock. Position (m) and yaw (rad, counter-clockwise from east) lie in the plane
+    of the scenario; speed m/s, yaw rate rad/s; `accuracy` (m) is the standard deviation per axis
+    that the sender states.
     """
 
     message: GpsPose
@@ -30,7 +30,7 @@ class ReceivedPose:
 def receive(message: GpsPose, plane: LocalPlane, now: int) -> ReceivedPose:
     """Convert a message received at `now` (ns) from WGS84 and compass course to the plane.
 
-    ValueError beyond the plane's reach.
+    Raises ValueError beyond the range of the plane.
     """
     east, north = plane.to_plane(message.latitude_deg, message.longitude_deg, message.altitude_m)
     return ReceivedPose(

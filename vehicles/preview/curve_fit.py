@@ -1,12 +1,11 @@
-"""The curve that explains a set of samples: line, arc, clothoid, two of line and arc, or a mean.
+"""The curve that explains a set of samples: line, arc, clothoid, two joined pieces, or an average.
 
 The paper distinguishes line and arc by the longest prefix within 10 cm of its chord. A 15 m chord
-of a 300 m arc passes that test, so the choice is made here on all samples at once: each further
-unknown must reduce the squared residuals by a price, measured against the noise. Curves that
-explain the samples about as well are averaged, each with the weight of its evidence (Akaike
-weights: K. P. Burnham, D. R. Anderson, "Model selection and multimodel inference", 2002, Section
-2.9). So the curve moves from one shape to another while samples come and go, where a choice would
-make the command jump.
+of a 300 m arc passes that test, so here the shape is chosen on all samples at once: each further
+unknown must reduce the squared residuals by a price in units of the noise. Curves that explain the
+samples about equally well are averaged by their evidence (Akaike weights: K. P. Burnham, D. R.
+Anderson, "Model selection and multimodel inference", 2002, Section 2.9). The curve thus moves
+continuously from one shape to another; a choice would make the command jump.
 """
 
 from bisect import bisect_left, bisect_right
@@ -40,43 +39,46 @@ Floats = NDArray[np.float64]
 Trajectory = Literal["fitted", "paper", "paper_prefix"]
 """Origin of a trajectory: this module, or the paper's own rules (`paper_recipe`)."""
 DRIFT_LIMIT: Final = 0.5
-"""Drift from an arc or a clothoid, in units of noise times the root of the number of samples, below
-which no further shape is tried. Half of all lines and arcs stay below.
+"""Below this drift from an arc or a clothoid no further shape is tried. In units of noise times the
+root of the number of samples; half of all lines and arcs stay below.
 """
 
 VARIANCE_LIMIT: Final = 3.0
-"""Variance from an arc or a clothoid, in that of the noise, from which on the next shape is tried
-without the test for drift. Noise alone exceeds it once in 1e8 times with 40 samples.
+"""Above this variance from an arc or a clothoid the next shape is tried without the drift test. In
+units of the noise variance; with 40 samples noise alone exceeds it once in 1e8 times.
 """
 MIN_WEIGHT_FOR_NOISE: Final = 8.0
-"""Weight of the samples, each one's being one, from which on their residuals measure the noise: an
-arc then leaves five degrees of freedom.
+"""From this total weight on the residuals measure the noise: an arc then leaves five degrees of
+freedom.
 """
 FEW_SAMPLES: Final = 4.0
-"""Weight of samples up to which a bend must explain more: an arc leaves one degree of freedom."""
+"""Up to this total weight a bend must explain more: an arc leaves one degree of freedom."""
 POOR_SCATTER: Final = 2.0
-"""Scatter, in tolerances, from which on receivers count as poor. Two good ones a few decimetres
+"""Scatter, in tolerances, above which receivers count as poor. Two good receivers a few decimetres
 apart scatter by less.
 """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitSettings:
-    """Constants of the fit (s, m): Section III-A names the preview time and the tolerance.
+    """Constants of the fit (s, m); Section III-A names the preview time and the tolerance.
 
-    Samples count up to `preview_time` times the speed ahead, at least `preview_min` (the paper's
-    0.8 s), and `behind_time` times the speed behind, at least `behind_min`. A street corner begins
-    over 5 to 8 m: the more of it and of the straight before it is in the window, the less one shape
-    explains them. `tolerance` is the paper's 10 cm: a sample further off is a jump, or is not
-    explained. `position_noise` is the assumed error of a sample (RTK, 2 cm); smaller residuals
-    lower it, down to `noise_floor`. An arc instead of a line must lower the sum of squared
-    residuals by `evidence` times the noise squared, a clothoid by `rate_evidence`, a join of line
-    and arc by `join_evidence`, one of two arcs by another `arcs_evidence`; with few samples each
-    needs `few_evidence` more. A curve loses weight exponentially with its shortfall divided by
-    twice the `temperature`; one with less than `ignored` times the weight of the best counts
-    nothing. A join is sought at some of `joins` places, each piece being at least `piece_min` long
-    and `piece_ratio` of the whole; the best is refined in up to `passes`. `span_min` is the least
-    travel that has a direction.
+    Window: samples up to `preview_time` times the speed ahead (the paper's 0.8 s), at least
+    `preview_min`, and up to `behind_time` times the speed behind, at least `behind_min`.
+
+    Noise: `position_noise` is the assumed error of a sample (RTK, 2 cm); smaller residuals lower
+    it, down to `noise_floor`. A sample beyond `tolerance` (the paper's 10 cm) is a jump or is not
+    explained.
+
+    Choice of shape: relative to a line, an arc must lower the sum of squared residuals by
+    `evidence` times the squared noise, a clothoid by `rate_evidence`, a join of line and arc by
+    `join_evidence`, a join of two arcs by another `arcs_evidence`; with few samples each needs
+    `few_evidence` more. The weight of a curve falls exponentially with its excess over the best
+    score divided by twice the `temperature`; below `ignored` times the best weight it is 0.
+
+    Joins: up to `joins` positions are tried; each piece is at least `piece_min` long and
+    `piece_ratio` of the whole. The best join is refined in up to `passes` passes. Samples with less
+    travel than `span_min` have no direction.
 
     `trajectory` selects the fit; the paper's own rules use preview time, tolerance and `span_min`.
     """
@@ -103,25 +105,24 @@ class FitSettings:
     trajectory: Trajectory = "fitted"
 
     def price_of_join(self, freedom: int) -> float:
-        """Squared residual, in noise squared, that a join and its unknowns must explain.
+        """Price, in squared noise, of a join with `freedom` unknowns.
 
-        Akaike's criterion charges 2 for each; the free place of a join costs more.
+        Akaike's criterion charges 2 per unknown; the free position of a join costs more.
         """
         return self.join_evidence if freedom == 4 else self.join_evidence + self.arcs_evidence
 
     def with_stated_noise(self) -> "FitSettings":
-        """Settings for samples whose residuals do not measure the noise: it is as stated.
+        """Settings for samples whose residuals do not measure the noise.
 
-        Beyond Section III-A. Guessed points (a bridge over a hole) lie on a smooth curve, and a few
-        samples may by chance: the estimated noise would be below a millimetre, and that of the
-        others would pass for a shape.
+        Beyond Section III-A. Points of a bridge lie on a smooth curve, as a few samples may by
+        chance. The estimated noise would be below a millimetre, and noise would pass for a shape.
         """
         return replace(self, noise_floor=self.position_noise)
 
     def cautious(self) -> "FitSettings":
         """Settings for few samples: a bend of Section III-A must explain `few_evidence` more.
 
-        A bend made by chance is followed until further samples arrive.
+        A bend fitted to noise would be followed until further samples arrive.
         """
         return replace(
             self.with_stated_noise(),
@@ -131,16 +132,13 @@ class FitSettings:
         )
 
     def line_only(self) -> "FitSettings":
-        """Settings for samples too few for a bend of Section III-A: a line."""
+        """Settings for too few samples for a bend of Section III-A."""
         stated = self.with_stated_noise()
         return replace(stated, evidence=inf, rate_evidence=inf, join_evidence=inf)
 
     @property
     def score_margin(self) -> float:
-        """Excess of a curve's score over the best, in noise squared, up to which it counts.
-
-        Its Akaike weight there is `ignored` times that of the best.
-        """
+        """Excess over the best score, in squared noise, at which the Akaike weight is `ignored`."""
         return 2.0 * self.temperature * log(1.0 / self.ignored)
 
     def ahead(self, speed: float) -> float:
@@ -148,7 +146,7 @@ class FitSettings:
         return max(self.preview_min, self.preview_time * speed)
 
     def behind(self, speed: float) -> float:
-        """Distance (m) behind the ego of samples that count at `speed` (m/s); 0 in the paper."""
+        """Length (m) of the window behind the ego at `speed` (m/s); 0 in the paper."""
         if self.trajectory != "fitted":
             return 0.0
         return max(self.behind_min, self.behind_time * speed)
@@ -156,7 +154,7 @@ class FitSettings:
 
 @dataclass(slots=True)
 class Curve:
-    """An arc spline in the world (Section III-A), the samples' distances from it, their rms (m)."""
+    """An arc spline in the world (Section III-A), offsets of the samples and their rms (m)."""
 
     spline: ArcSpline
     offsets: Floats
@@ -164,13 +162,11 @@ class Curve:
 
 
 def fit_curve(columns: Floats, weight: Floats | None, settings: FitSettings) -> Curve | None:
-    """Fit samples in order of station, with any positive weights or one.
+    """Fit the target trajectory of Section III-A to samples in order of station.
 
-    `columns` are east, north (world) and station (m), shape (3, n).
-
-    The target trajectory of Section III-A, its pieces chosen as the module describes. None where
-    the samples do not determine a curve: fewer than three distinct ones, or travel shorter than
-    `span_min`.
+    `columns` are east, north (world) and station (m), shape (3, n); without `weight` each sample
+    weighs one. None if the samples do not determine a curve: fewer than three distinct ones, or
+    travel shorter than `span_min`.
     """
     station = columns[2]
     count = len(station)
@@ -196,7 +192,7 @@ def fit_curve(columns: Floats, weight: Floats | None, settings: FitSettings) -> 
 
 
 def _averaged_curve(data: FitData, settings: FitSettings) -> LocalCurve | None:
-    """Mean of the curves that explain the samples, each with the weight of its evidence."""
+    """Average the candidate curves by their Akaike weights."""
     count = data.total[ONE][ONE]
     if count < MIN_WEIGHT_FOR_NOISE:
         settings = settings.with_stated_noise() if count > FEW_SAMPLES else settings.cautious()
@@ -220,7 +216,7 @@ def _averaged_curve(data: FitData, settings: FitSettings) -> LocalCurve | None:
 
 
 def _scores(graphs: list[Graph], noise: float, settings: FitSettings) -> list[float]:
-    """Residuals and price (m²) of line, arc and clothoid, the least being the best explanation."""
+    """Residuals plus price (m²) of line, arc and clothoid; the best has the smallest score."""
     scores = [graphs[0].distance, graphs[1].distance + settings.evidence * noise]
     if len(graphs) > 2:
         scores.append(graphs[2].distance + settings.rate_evidence * noise)
@@ -230,10 +226,10 @@ def _scores(graphs: list[Graph], noise: float, settings: FitSettings) -> list[fl
 def _candidates(
     data: FitData, settings: FitSettings
 ) -> tuple[list[Graph], BestJoin | None, float] | None:
-    """Curves that may explain the samples and the variance of the noise (m²), if the best does.
+    """Candidate curves, and the variance of the noise (m²) if the best candidate is right.
 
-    Line and arc; where the samples drift from the arc also the clothoid, and where they drift from
-    that the best curve with a join.
+    Line and arc; if the samples drift from the arc also the clothoid, and if they drift from the
+    clothoid the best curve with a join.
     """
     through = line_regression(data)
     arc = None if through is None else best_arc(data, through)
@@ -268,11 +264,10 @@ def _candidates(
 
 
 def _scatter(arc: Graph, data: FitData) -> float:
-    """Variance of the noise (m²) from the differences between neighbours, for any shape.
+    """Variance of the noise (m²) from the differences of neighbours, which hardly depends on shape.
 
     J. von Neumann, "Distribution of the ratio of the mean square successive difference to the
-    variance", Annals of Mathematical Statistics 12(4), 1941: large only if receivers are poorer
-    than assumed.
+    variance", Annals of Mathematical Statistics 12(4), 1941.
     """
     away = offsets(average_graphs((arc,), (1.0,), 1.0), data)
     steps = away[1:] - away[:-1]
@@ -280,13 +275,13 @@ def _scatter(arc: Graph, data: FitData) -> float:
 
 
 def _variance(misfit: float, freedom: int, count: float, stated: float) -> float:
-    """Variance of the samples' distances (m²), if the curve is right; `stated` for few samples."""
+    """Variance of the samples' offsets (m²) if the curve is right; `stated` for few samples."""
     spare = count - freedom
     return misfit / spare if spare >= 1.0 else stated
 
 
 def _noise(variance: float, least: float, stated: float) -> float:
-    """Variance of the noise (m²), at most as stated."""
+    """Clip the variance of the noise (m²) to `least` and `stated`."""
     bounded = variance if variance > least else least  # noqa: FURB136 - twice as fast as max
     return bounded if bounded < stated else stated  # noqa: FURB136 - twice as fast as min
 
@@ -294,9 +289,9 @@ def _noise(variance: float, least: float, stated: float) -> float:
 def _candidate_join(
     data: FitData, line: LineRegression, settings: FitSettings, noise: float, least: float
 ) -> BestJoin | None:
-    """Try joins at samples, at least three samples away from both ends; one arc or two.
+    """Best join of one or two arcs, at least three samples away from both ends.
 
-    None if it would have no weight against the curve whose score is `least` (m²).
+    None if it would have no weight against the best score so far, `least` (m²).
     """
     stations: list[float] = data.station.tolist()
     first, last = stations[0], stations[-1]
@@ -307,10 +302,10 @@ def _candidate_join(
     if high - low < 2:
         return None
     count = min(settings.joins, high - low)
-    places = [low + k * (high - 1 - low) // (count - 1) for k in range(count)]
+    indices = [low + k * (high - 1 - low) // (count - 1) for k in range(count)]
     return best_join(
         JoinSearch(data, stations, line, (settings.noise_floor**2, noise), settings.arcs_evidence),
-        places=places,
+        indices=indices,
         bounds=(first, last),
         misfit_limit=least + (settings.score_margin - settings.join_evidence) * noise,
         passes=settings.passes,

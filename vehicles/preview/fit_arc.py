@@ -7,16 +7,17 @@ curvature κ is the set of points q with
 
 the paper's e(x, y) divided by −2R: exact for every circle, a line for κ = 0, and linear in offset,
 slope and κ once P is given. On the curve its gradient has length one, so E is the distance to first
-order, and the fit is not biased to small circles as one with e(x, y) itself is. Coordinates are
-centred at the samples and turned along them (far from the origin the paper's equations are ill-
-conditioned).
+order, and the fit is not biased towards small circles as a fit of e(x, y) is. Coordinates are
+centred at the samples and rotated along them, because the paper's equations are ill-conditioned far
+from the origin.
 
-A curvature that changes adds one more term (`fit_clothoid`), a join divides the samples in two
+A changing curvature adds one more term (`fit_clothoid`); a join divides the samples in two
 (`fit_joined`).
 
-E is a combination of (x² + y², x, y, 1) for every κ, P and u. So the fits need little more than the
-sums of the products of these four, over all samples (`FitData.total`) and over the first k
-(`cumulated`). All is elementwise arithmetic, so no result depends on a linear-algebra library.
+E is a linear combination of (x² + y², x, y, 1) for every κ, P and u. The fits therefore need little
+more than sums of the products of these four, over all samples (`FitData.total`) and over the first
+k (`cumulative_sums`). All arithmetic is elementwise, so no result depends on a linear-algebra
+library.
 """
 
 from collections.abc import Sequence
@@ -32,19 +33,19 @@ SQUARE: Final = 0
 X: Final = 1
 Y: Final = 2
 ONE: Final = 3
-"""Places of x² + y², x, y and 1 in `FitData`."""
+"""Row indices of x² + y², x, y and 1 in `FitData`."""
 PAIRS = np.triu_indices(4)
-"""Rows of `FitData` with different products: each one with itself and those after it."""
+"""Pairs of rows of `FitData` with distinct products."""
 DETERMINED: Final = 1e-9
-"""Relative spread below which the samples do not determine an unknown."""
+"""Below this relative spread the samples do not determine an unknown."""
 
 
 @dataclass(slots=True)
 class LocalCurve:
     """A curve of one or two pieces (arc spline of Section III-A) in the local frame.
 
-    It passes P = (x, y) (m), where two pieces join, with tangent `angle` (rad). There its curvature
-    (1/m) changes from `before` to `after`, and all along it grows by `rate` (1/m²).
+    It passes through P = (x, y) (m), where two pieces join, with tangent `angle` (rad). At P its
+    curvature (1/m) changes from `before` to `after`; everywhere it grows by `rate` (1/m²).
     """
 
     x: float
@@ -59,9 +60,9 @@ class LocalCurve:
 class FitData:
     """Samples of both sources (Section III-A) in the local frame, in order of travel.
 
-    `rows` are x² + y², x, y and 1 with x along the travel, y left (m), `weighted` the same times
-    the `weight`, which is None if all weigh one; station (m). `total[i][j]` is the sum of weighted
-    row i times row j.
+    `rows` are x² + y², x, y and 1 with x along the travel and y to the left (m); `weighted` are the
+    rows times `weight` (None if each sample weighs one); `station` is in m. `total[i][j]` is the
+    sum of weighted row i times row j.
     """
 
     rows: Floats
@@ -75,8 +76,9 @@ class FitData:
 class LineRegression:
     """Linear regression about the weighted mean: weight, means (m), xx (m²), slope, misfit (m²).
 
-    Of x² + y², by which an arc (Section III-A) leaves the line: the sums with 1 and with x about
-    its mean (`square_one`, `square_x`), the sum with itself, and its remainder without 1 and x.
+    For the column x² + y², by which an arc (Section III-A) departs from the line: its sums with 1
+    and with x about its mean (`square_one`, `square_x`), with itself (`square`), and the part of
+    that not explained by 1 and x (`spread`).
     """
 
     weight: float
@@ -94,9 +96,9 @@ class LineRegression:
 class Graph:
     """Curve y = offset + slope x + half (x² + y²) + rate t, and its misfit in y (m²).
 
-    Circle of Section III-A.1 in the local frame. With t from `fit_clothoid` its curvature changes;
-    graphs may be averaged. `square` is that of the gradient of its equation, `distance` its misfit
-    in distances from it instead of in y (m²; J of eq. (5)), infinite for a graph that is no curve.
+    Circle of Section III-A.1 in the local frame; t from `fit_clothoid` makes its curvature change.
+    `square` is the squared gradient of its equation, `distance` the misfit in distances from the
+    curve instead of in y (m²; J of eq. (5)), infinite if the graph is no curve.
     """
 
     __slots__ = ("distance", "half", "misfit", "offset", "rate", "slope", "square")
@@ -113,10 +115,10 @@ class Graph:
 def sum_products(
     away: Floats, ux: float, uy: float, station: Floats, weight: Floats | None
 ) -> FitData:
-    """Sum the products of (x² + y², x, y, 1) along the samples, into which eq. (5) expands.
+    """Sum the products of (x² + y², x, y, 1) over the samples, into which eq. (5) expands.
 
-    `away` (m, shape (2, n)) are the samples relative to the local origin, east and north, and (ux,
-    uy) the unit vector of x there.
+    `away` (m, shape (2, n)) are east and north relative to the local origin, (ux, uy) is the unit
+    vector of the x axis.
     """
     rows = np.empty((4, len(station)))
     by_x, by_y = away * ux, away * uy
@@ -133,11 +135,11 @@ def sum_products(
 def cumulative_sums(data: FitData) -> Floats:
     """Sums as in `total` over the first k + 1 samples, for every k, shape (10, n).
 
-    Into these J of eq. (5) expands for the samples before a join. `PAIRS` lists the two factors of
+    J of eq. (5) expands into these for the samples before a join. `PAIRS` lists the two factors of
     each row.
     """
-    one, other = PAIRS
-    return np.add.accumulate(data.weighted.take(one, 0) * data.rows.take(other, 0), 1)
+    left, right = PAIRS
+    return np.add.accumulate(data.weighted.take(left, 0) * data.rows.take(right, 0), 1)
 
 
 def offsets(curve: LocalCurve, data: FitData) -> Floats:
@@ -147,11 +149,11 @@ def offsets(curve: LocalCurve, data: FitData) -> Floats:
     """
     x, y, rate = curve.x, curve.y, curve.rate
     ux, uy = cos(curve.angle), sin(curve.angle)
-    half, other = 0.5 * curve.after, 0.5 * curve.before
-    # Factors of x² + y², x, y and 1 in the distance to the left of P, and in its square from P.
+    half, half_before = 0.5 * curve.after, 0.5 * curve.before
+    # Factors of x² + y², x, y and 1 in the distance to the left of P and in the squared distance.
     aside, square = uy * x - ux * y, x * x + y * y
-    if half == other and rate == 0.0:
-        rows = data.rows  # one after the other they take less time than an einsum
+    if half == half_before and rate == 0.0:
+        rows = data.rows  # term by term is faster than einsum
         straight: Floats = rows[SQUARE] * -half
         straight += rows[X] * (2.0 * half * x - uy)
         straight += rows[Y] * (2.0 * half * y + ux)
@@ -160,24 +162,24 @@ def offsets(curve: LocalCurve, data: FitData) -> Floats:
     left = (0.0, -uy, ux, aside)
     ahead = (0.0, ux, uy, -ux * x - uy * y)
     seen = np.einsum("ai,ik->ak", (ahead, left, (1.0, -2.0 * x, -2.0 * y, square)), data.rows)
-    xi, rho = seen[0], seen[2]  # unpacked at once it takes three times as long
+    xi, rho = seen[0], seen[2]  # tuple unpacking takes three times as long
     distances: Floats = seen[1]
     distances -= half * rho
-    if half != other:
-        distances += (half - other) * rho * (xi <= 0.0)
+    if half != half_before:
+        distances += (half - half_before) * rho * (xi <= 0.0)
     if rate != 0.0:
-        bent = cubic(xi, np.abs(rho, rho), 0.5 * (half + other))
+        bent = cubic(xi, np.abs(rho, rho), 0.5 * (half + half_before))
         bent *= rate
         distances -= bent
     return distances
 
 
 def cubic(along: Floats, square: Floats, half: float) -> Floats:
-    """Distance of a clothoid of rate 1 from its circle, of curvature 2 `half` (1/m): t, in m³.
+    """Distance t (m³) of a clothoid of rate 1 from its circle of curvature 2 `half` (1/m).
 
     `along` (m) is the distance along the tangent at P, `square` (m²) the squared distance from P.
-    On the circle at arc length s that is (κs − sin κs)/κ³, about s³/6, as a series in (κρ/2)² where
-    ρ is the chord (elementary algebra; the paper has arcs only).
+    At arc length s it is (κs − sin κs)/κ³, about s³/6, as a series in (κρ/2)² where ρ is the chord
+    (elementary algebra; the paper has arcs only).
     """
     bend = half * half
     series: Floats = square * (bend * bend * 9.0 / 336.0)
@@ -191,7 +193,7 @@ def cubic(along: Floats, square: Floats, half: float) -> Floats:
 
 
 def line_regression(data: FitData) -> LineRegression | None:
-    """Line through the samples by linear regression of y on x; None if they determine none."""
+    """Regress y on x; None if the samples do not determine a line."""
     (square, square_x, _, square_one), (_, all_xx, all_xy, all_x), of_y, of_one = data.total
     weight = of_one[ONE]
     mean_x, mean_y = all_x / weight, of_y[ONE] / weight
@@ -225,8 +227,8 @@ def best_line(line: LineRegression) -> Graph:
 def best_arc(data: FitData, line: LineRegression) -> Graph | None:
     """Fit the arc of least squares; None unless three distinct samples determine it.
 
-    Minimises J of eq. (5) with e divided by −2R, times the gradient of the graph: three linear
-    equations, as in Section III-A.1.
+    Minimises J of eq. (5) with e divided by −2R and multiplied by the gradient of the graph: three
+    linear equations as in Section III-A.1.
     """
     spread, square_one, square_x = line.spread, line.square_one, line.square_x
     if not spread > DETERMINED * line.square:
@@ -240,17 +242,16 @@ def best_arc(data: FitData, line: LineRegression) -> Graph | None:
 
 
 def max_abs(values: Floats) -> float:
-    """Largest absolute value."""
     sizes = np.abs(values)
     size: float = sizes.item(sizes.argmax())
     return size
 
 
 def drift(graph: Graph, column: Floats | None, data: FitData) -> float:
-    """Largest cumulative sum of the distances from a graph along the samples (m, weighted).
+    """CUSUM statistic: largest cumulative sum of the (weighted) distances from a graph (m).
 
-    The distances of noise cancel sooner than those of a curve of another shape (CUSUM statistic).
-    `column` is that of the rate, if there is one.
+    Distances due to noise cancel sooner than those due to another shape. `column` is the term t of
+    a clothoid, None for a line or arc.
     """
     rows = data.rows
     away: Floats = rows[SQUARE] * -graph.half
@@ -265,9 +266,9 @@ def drift(graph: Graph, column: Floats | None, data: FitData) -> float:
 
 
 def average_graphs(graphs: Sequence[Graph], weights: Sequence[float], total: float) -> LocalCurve:
-    """Mean of graphs by weights, which add up to `total` (beyond the paper, which takes one).
+    """Average graphs by weights that add up to `total` (beyond the paper, which uses one curve).
 
-    As a curve from the foot of the local origin (elementary algebra).
+    Returns a curve whose P is the foot of the local origin (elementary algebra).
     """
     offset = slope = half = rate = 0.0
     for graph, weight in zip(graphs, weights, strict=False):

@@ -1,7 +1,7 @@
-"""Least squares for a curve whose curvature changes evenly: a clothoid.
+"""Least squares for a clothoid, a curve with linearly changing curvature.
 
-The arc of `fit_arc` and one more linear unknown, the rate of the curvature: the graph gains a term
-that is the clothoid's distance from the arc, to first order in the rate and exact in the curvature.
+The arc of `fit_arc` with one more linear unknown, the rate of curvature: its term is the clothoid's
+distance from the arc, to first order in the rate and exact in the curvature.
 """
 
 from typing import Final, NamedTuple
@@ -20,28 +20,28 @@ from vehicles.preview.fit_arc import (
 )
 
 RATE_MOST: Final = 0.06
-"""Largest rate of curvature (1/m²) that is fitted: at 3 m/s a car of 2.85 m wheelbase then turns
-its wheels by half a radian a second.
+"""Largest rate of curvature (1/m²) that is fitted: at 3 m/s a car with 2.85 m wheelbase then steers
+at 0.5 rad/s.
 """
 TURN_MOST: Final = 2.2
-"""Turn (rad) from first to last sample above which no clothoid is fitted: the series of its
-distance from the arc ends at the sixth power of a quarter of that.
+"""Largest turn (rad) from first to last sample for which a clothoid is fitted: beyond it the series
+of `cubic` is too short.
 """
 
 
 class Clothoid(NamedTuple):
-    """Graph of a clothoid, and the column of its rate for `drift`."""
+    """Graph of a clothoid, and its term t for `drift`."""
 
     graph: Graph
     column: Floats
 
 
 def best_clothoid(data: FitData, line: LineRegression, arc: Graph) -> Clothoid | None:
-    """Fit the clothoid of least squares to samples of which the best arc is known.
+    """Fit the clothoid of least squares, given the best `arc`.
 
-    One more column in the linear regression of the arc (eq. (5)), its distance from the arc
-    measured from the local origin, which the arc passes within the noise of a sample. None where
-    the samples do not determine it, or turn too far for it; the rate is limited to `RATE_MOST`.
+    Adds one column to the linear regression of the arc (eq. (5)): the distance of the clothoid from
+    the arc, measured from the local origin, which lies on the arc within the noise of a sample.
+    None if the samples do not determine it, or turn too far; the rate is clipped to `RATE_MOST`.
     """
     if not abs(2.0 * arc.half) * (data.station.item(-1) - data.station.item(0)) < TURN_MOST:
         return None
@@ -50,7 +50,7 @@ def best_clothoid(data: FitData, line: LineRegression, arc: Graph) -> Clothoid |
     of_square, of_x, of_y, of_one = np.einsum("ik,k->i", data.rows, weighted).tolist()
     weight, xx, mean_x, spread = line.weight, line.xx, line.mean_x, line.spread
     square_one, square_x = line.square_one, line.square_x
-    # The column about 1, x and x² + y², one after the other, each about the ones before.
+    # Orthogonalise the column to 1, x and x² + y², in this order.
     by_x = of_x - mean_x * of_one
     by_square = of_square - square_one * of_one / weight - square_x * by_x / xx
     whole = float(np.add.reduce(weighted * column))

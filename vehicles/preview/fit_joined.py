@@ -1,10 +1,9 @@
 """Least squares for two pieces with one tangent at the join: line→arc, arc→line, arc→arc.
 
-Given the join P on the curve, all three are linear in offset, slope and curvatures: the equation of
-the arc (see `fit_arc`) with a curvature on either side. So only the place of the join is sought: at
-some of the samples, uphill from those in the middle, and from the best of them by parabolas through
-the squared residuals that the joins explain. All is plain arithmetic on the sums of products up to
-a join.
+For a given join P all three are linear in offset, slope and curvatures: the equation of the arc
+(`fit_arc`) with a curvature on either side. Only the station of the join is searched for: first by
+hill climbing over some of the samples from the middle on, then by parabolas through the gains of
+the best three. All is plain arithmetic on the sums of products up to a join.
 """
 
 from bisect import bisect_right
@@ -24,33 +23,33 @@ from vehicles.preview.fit_arc import (
 )
 
 NEGLIGIBLE_GAIN: Final = 0.05
-"""Predicted improvement, in noise squared, below which a join is not moved again: a join off by its
-standard error explains one less.
+"""Below this predicted gain, in squared noise, a join is not moved again. A join displaced by its
+standard error loses a gain of one.
 """
 GAIN_MARGIN: Final = 2.0
-"""Improvement, in noise squared, that a join may gain over the parabola's prediction. A join that
-would not count even then is not refined.
+"""Gain, in squared noise, that a join may have beyond the prediction of the parabola. A join that
+has no weight even then is not refined.
 """
 TINY: Final = 1e-30
-"""Avoids zero by zero for an undetermined curvature."""
+"""Avoids 0/0 for an undetermined curvature."""
 AFTER: Final = 0
 BEFORE: Final = 1
 BOTH: Final = 2
-"""The side of the join that is an arc."""
+"""Side of the join that is an arc."""
 
 Column = tuple[float, float, float, float]
-Place = tuple[float, float, float]
+Factors = tuple[float, float, float]
 """Factors of x, y and 1 in |q − P|², next to x² + y²."""
 
 
 @dataclass(slots=True)
 class JoinedFit:
-    """Two pieces with a join between, each linear least squares for the join (Section III-A).
+    """Least squares of two pieces (Section III-A) with a join at `station` and (x, y) (m).
 
-    At the `station` and the place (x, y) (m). For `AFTER`, `BEFORE` and `BOTH`: the reduction of
-    the line's squared residuals (`gains`, m²). `halves` (1/m) are half the curvatures of `BEFORE`
-    and of `AFTER`, and those of `BOTH` before and after the join. `shares` are the components along
-    1 and x, both normed, of the column before the join, and of that after it.
+    `gains` (m²) are the reductions of the line's squared residuals for `AFTER`, `BEFORE` and
+    `BOTH`. `halves` (1/m) are half the curvatures: of `BEFORE`, of `AFTER`, and of `BOTH` before
+    and after the join. `shares` are the components along normalised 1 and x of the column before
+    the join and of the column after it.
     """
 
     station: float
@@ -62,10 +61,7 @@ class JoinedFit:
 
 
 class BestJoin(NamedTuple):
-    """Two pieces of Section III-A, their sum of squared residuals (m²) and number of unknowns.
-
-    These are 4, or 5 for two arcs.
-    """
+    """Two pieces of Section III-A, the sum of squared residuals (m²), and 4 or 5 unknowns."""
 
     curve: LocalCurve
     misfit: float
@@ -73,11 +69,11 @@ class BestJoin(NamedTuple):
 
 
 class JoinSearch:
-    """Search for the best join: a change of curvature of Section III-A, anywhere in the samples.
+    """Search for the best join, a change of curvature of Section III-A anywhere in the samples.
 
-    `stations` (m) are those of `data`, `line` is that of least squares through the samples. Two
-    arcs have to lower the sum of squared residuals by `evidence` times the noise squared more than
-    one; the noise is estimated from their residuals, within the bounds `noise` (m²).
+    `stations` (m) are those of `data`, `line` is the regression line. Two arcs must lower the sum
+    of squared residuals by `evidence` times the squared noise more than one. The noise is estimated
+    from their residuals, within the bounds `noise` (m²).
     """
 
     def __init__(
@@ -96,30 +92,30 @@ class JoinSearch:
         norms = 1.0 / sqrt(line.weight), 1.0 / sqrt(line.xx)
         self._about = line.mean_x, line.mean_y, line.slope, *norms
 
-    def climb(self, places: Sequence[int]) -> tuple[list[JoinedFit], JoinedFit, int]:
-        """Best join of Section III-A at samples, up to three around it in order, and its side.
+    def climb(self, indices: Sequence[int]) -> tuple[list[JoinedFit], JoinedFit, int]:
+        """Climb from the middle of `indices` (sample indices) to the join with the largest gain.
 
-        Tries the samples `places` from the middle on to the join that explains most.
+        Returns up to three joins around it in order of travel, the best one, and its side.
         """
-        begin, end = max(len(places) // 2 - 1, 0), len(places) // 2 + 2
-        tried = [self.at_sample(place) for place in places[begin:end]]
+        begin, end = max(len(indices) // 2 - 1, 0), len(indices) // 2 + 2
+        tried = [self.at_sample(index) for index in indices[begin:end]]
         while True:
             most = list(map(max, *[joined.gains for joined in tried]))
             side = self.side(most)
-            place = [joined.gains[side] for joined in tried].index(most[side])
-            if place == 0 and begin > 0:
+            top = [joined.gains[side] for joined in tried].index(most[side])
+            if top == 0 and begin > 0:
                 begin -= 1
-                tried.insert(0, self.at_sample(places[begin]))
-            elif place == len(tried) - 1 and end < len(places):
-                tried.append(self.at_sample(places[end]))
+                tried.insert(0, self.at_sample(indices[begin]))
+            elif top == len(tried) - 1 and end < len(indices):
+                tried.append(self.at_sample(indices[end]))
                 end += 1
             else:
                 break
-        first = min(max(place - 1, 0), max(len(tried) - 3, 0))
-        return tried[first : first + 3], tried[place], side
+        first = min(max(top - 1, 0), max(len(tried) - 3, 0))
+        return tried[first : first + 3], tried[top], side
 
     def side(self, gains: Sequence[float]) -> int:
-        """Side of the join that is best taken for an arc, by the gains of each (Section III-A)."""
+        """Choose the side to be an arc by the gains (Section III-A), and update the noise."""
         line = self._line
         left = (line.misfit - gains[BOTH]) / max(line.weight - 5.0, 1.0)
         least, most = self._least, self._most
@@ -129,9 +125,9 @@ class JoinSearch:
         return BOTH if gains[BOTH] - self._evidence * self.noise > gains[side] else side
 
     def least_misfit(self, gain: float, side: int) -> float:
-        """Least misfit (m², J of eq. (5)) left by a join whose predicted gain is `gain`.
+        """Smallest misfit (m², J of eq. (5)) to expect of a join with this predicted gain.
 
-        Two arcs are charged what they cost more than one.
+        Two arcs are charged their extra price.
         """
         extra = self._evidence * self.noise if side == BOTH else 0.0
         return self._line.misfit - gain + extra - GAIN_MARGIN * self._most
@@ -144,7 +140,7 @@ class JoinSearch:
     def at(self, station: float) -> JoinedFit:
         """Fit two pieces that join at `station` (m): linear least squares as in Section III-A.1.
 
-        The place lies on the line from the sample before it to the one after it.
+        The join lies on the line between the samples before and after it.
         """
         stations, rows = self._stations, self._data.rows
         split = min(max(bisect_right(stations, station), 1), len(stations) - 1)
@@ -157,19 +153,19 @@ class JoinSearch:
 
     def _at(self, split: int, station: float, x: float, y: float) -> JoinedFit:
         """Fit two pieces that join next to (x, y), after the first `split` samples."""
-        place = -2.0 * x, -2.0 * y, x * x + y * y
-        one, along, cross, square = self._column(self._sums[:, split - 1].tolist(), place)
-        later_one, later_along, later_cross, later_square = self._column(self._total, place)
+        factors = -2.0 * x, -2.0 * y, x * x + y * y
+        one, along, cross, square = self._column(self._sums[:, split - 1].tolist(), factors)
+        later_one, later_along, later_cross, later_square = self._column(self._total, factors)
         later_one -= one
         later_along -= along
         later_cross -= cross
         later_square -= square
-        # What is left of a column without its parts along 1 and x, squared.
+        # Squared norms of the columns after removing their components along 1 and x.
         spread = square - one * one - along * along
         later_spread = later_square - later_one * later_one - later_along * later_along
         spread = max(spread, DETERMINED * square + TINY)
         later_spread = max(later_spread, DETERMINED * later_square + TINY)
-        # The columns of both sides have no sample in common, but 1 and x with both.
+        # The columns share no sample, but overlap through their components along 1 and x.
         shared = one * later_one + along * later_along
         half, later_half = cross / spread, later_cross / later_spread
         rest = max(1.0 - shared * shared / (spread * later_spread), DETERMINED)
@@ -184,11 +180,11 @@ class JoinSearch:
             (one, along, later_one, later_along),
         )
 
-    def _column(self, sums: list[float], place: Place) -> Column:
-        """Sums of products of |q − P|² with 1 and x, normed, with the residual, with itself."""
+    def _column(self, sums: list[float], factors: Factors) -> Column:
+        """Products of the column |q − P|² with normalised 1 and x, the residual, and itself."""
         mean_x, mean_y, slope, norm_one, norm_x = self._about
         ss, sx, sy, s1, xx, xy, x1, yy, y1, weight = sums  # s is x² + y²
-        a, b, c = place
+        a, b, c = factors
         of_square = ss + a * sx + b * sy + c * s1
         of_x = sx + a * xx + b * xy + c * x1
         of_y = sy + a * xy + b * yy + c * y1
@@ -202,11 +198,11 @@ class JoinSearch:
         )
 
     def to_curve(self, joined: JoinedFit, side: int) -> BestJoin:
-        """Two pieces as a curve of the local frame (elementary algebra).
+        """Convert two pieces to a curve of the local frame (elementary algebra).
 
-        The assumed P lies d to the left of the tangent, by the noise of a sample. Its foot is P:
-        there the equations of both sides have one direction, and gradients that differ from that of
-        the tangent by twice the half curvature times d.
+        The assumed join lies d to the left of the tangent, by the noise of a sample; P is its foot.
+        There both sides have the same direction, and their gradients differ from the tangent's by
+        twice the half curvature times d.
         """
         mean_x, mean_y, line_slope, norm_one, norm_x = self._about
         half, later_half, both, later_both = joined.halves
@@ -232,19 +228,18 @@ class JoinSearch:
 def best_join(
     search: JoinSearch,
     *,
-    places: Sequence[int],
+    indices: Sequence[int],
     bounds: tuple[float, float],
     misfit_limit: float,
     passes: int,
 ) -> BestJoin | None:
-    """Best line→arc or arc→line with its join at one of the samples `places`, or best two arcs.
+    """Best line→arc, arc→line or arc→arc, starting from joins at the samples `indices`.
 
-    The join then moves in up to `passes` to the maximum of a parabola through the gains of the best
-    three, but stays between the stations `bounds`. None if its predicted misfit exceeds
-    `misfit_limit` (m²). Section III-A splits off the longest
-    straight prefix instead.
+    In up to `passes` passes the join moves to the maximum of a parabola through the gains of the
+    best three joins, between the stations `bounds`. None if its predicted misfit exceeds
+    `misfit_limit` (m²). Section III-A splits off the longest straight prefix instead.
     """
-    three, best, side = search.climb(places)
+    three, best, side = search.climb(indices)
     top = _top(three, side, bounds)
     predicted = best.gains[side] if top is None else max(best.gains[side], top[1])
     if search.least_misfit(predicted, side) > misfit_limit:
@@ -265,11 +260,11 @@ def best_join(
 
 
 def _nearest(station: float, three: list[JoinedFit], moved: JoinedFit) -> list[JoinedFit]:
-    """Leave out the join furthest from `station` (m); the others in order of travel."""
-    four, place = three.copy(), len(three)
-    while place > 0 and four[place - 1].station > moved.station:
-        place -= 1
-    four.insert(place, moved)
+    """The three joins nearest to `station` (m), in order of travel."""
+    four, index = three.copy(), len(three)
+    while index > 0 and four[index - 1].station > moved.station:
+        index -= 1
+    four.insert(index, moved)
     first_is_nearer = station - four[0].station < four[3].station - station
     return four[:3] if first_is_nearer else four[1:]
 
@@ -277,9 +272,9 @@ def _nearest(station: float, three: list[JoinedFit], moved: JoinedFit) -> list[J
 def _top(
     three: list[JoinedFit], side: int, bounds: tuple[float, float]
 ) -> tuple[float, float] | None:
-    """Station (m) and height of the maximum of the parabola through the gains of three joins.
+    """Maximum of the parabola through the gains of three joins: station (m) and height.
 
-    Between the two stations `within`. None if there is no such place, or no three.
+    Between the stations `bounds`. None if there is no maximum, or fewer than three joins.
     """
     if len(three) < 3:
         return None

@@ -1,4 +1,4 @@
-"""The mean of two curves of the local frame, and a curve placed in the world."""
+"""Averaging two curves of the local frame, and placing a curve in the world."""
 
 from math import atan2, cos, sin
 
@@ -18,10 +18,7 @@ Frame = tuple[float, float, float, float]
 
 
 def place_in_world(curve: LocalCurve, data: FitData, frame: Frame) -> ArcSpline:
-    """Place a curve in the world, from the first sample's projection to the last one's.
-
-    The arc spline of Section III-A.
-    """
+    """Arc spline of Section III-A in the world, from the first to the last sample's projection."""
     origin_east, origin_north, ux, uy = frame
     join = (
         origin_east + curve.x * ux - curve.y * uy,
@@ -29,11 +26,11 @@ def place_in_world(curve: LocalCurve, data: FitData, frame: Frame) -> ArcSpline:
         atan2(uy, ux) + curve.angle,
     )
     rate, rows = curve.rate, data.rows
-    place = curve.x, curve.y, curve.angle
+    origin = curve.x, curve.y, curve.angle
     before, after = curve.before, curve.after
-    start = along_arc(place, before, rows.item(X, 0), rows.item(Y, 0))
-    end = along_arc(place, after, rows.item(X, -1), rows.item(Y, -1))
-    east, north, yaw = _on(join, before, rate, start)
+    start = along_arc(origin, before, rows.item(X, 0), rows.item(Y, 0))
+    end = along_arc(origin, after, rows.item(X, -1), rows.item(Y, -1))
+    east, north, yaw = _pose_at(join, before, rate, start)
     bend = before + rate * start
     if before == after:
         return ArcSpline((Piece(east, north, yaw, bend, end - start, rate),))
@@ -45,18 +42,18 @@ def place_in_world(curve: LocalCurve, data: FitData, frame: Frame) -> ArcSpline:
 def average_curves(
     smooth: LocalCurve, joined: LocalCurve, share: float, data: FitData
 ) -> LocalCurve:
-    """Mean of a curve of one piece and one of two, `share` being that of the second.
+    """Average a one-piece and a two-piece curve; `share` is the weight of the second.
 
-    Place and direction are means at the sample nearest to the ego, curvatures all along, so the
-    curve does not jump where another explains the samples better.
+    Position and direction are averaged at the sample nearest to the ego, curvatures everywhere, so
+    the curve does not jump when another shape explains the samples better.
     """
     nearest = min(int(data.station.searchsorted(0.0)), len(data.station) - 1)
     x, y = data.rows.item(X, nearest), data.rows.item(Y, nearest)
     rest = 1.0 - share
     cut, lateral, angle = _foot(joined, x, y)
-    station, aside, other = _foot(smooth, x, y)
-    angle += rest * wrap_angle(other - angle)
-    lateral = share * lateral + rest * aside
+    station, smooth_lateral, smooth_angle = _foot(smooth, x, y)
+    angle += rest * wrap_angle(smooth_angle - angle)
+    lateral = share * lateral + rest * smooth_lateral
     bend = rest * (smooth.after + smooth.rate * (station - cut))
     before, after, rate = (
         share * joined.before + bend,
@@ -64,27 +61,27 @@ def average_curves(
         rest * smooth.rate,
     )
     here = (x + lateral * sin(angle), y - lateral * cos(angle), wrap_angle(angle))
-    join = _on(here, (before if cut < 0.0 else after) + rate * cut, rate, -cut)
+    join = _pose_at(here, (before if cut < 0.0 else after) + rate * cut, rate, -cut)
     return LocalCurve(*join, before, after, rate)
 
 
 def _foot(curve: LocalCurve, x: float, y: float) -> PlanePose:
-    """Station (m) from the curve's P, offset (m) and direction (rad) of the projection of (x, y).
+    """Project (x, y): station (m) from the curve's P, offset (m) and direction (rad).
 
-    On a clothoid by two steps of Newton's method, each to the osculating circle.
+    On a clothoid by two Newton steps, each to the osculating circle.
     """
-    place = curve.x, curve.y, curve.angle
-    foot = near_arc(place, curve.after, x, y)
+    origin = curve.x, curve.y, curve.angle
+    foot = near_arc(origin, curve.after, x, y)
     if foot.station < 0.0 and curve.before != curve.after:
-        foot = near_arc(place, curve.before, x, y)
+        foot = near_arc(origin, curve.before, x, y)
     station = foot.station
     if curve.rate != 0.0:
-        there = _on(place, curve.after, curve.rate, station)
+        there = _pose_at(origin, curve.after, curve.rate, station)
         foot = near_arc(there, curve.after + curve.rate * station, x, y)
         station += foot.station
     return station, foot.lateral, foot.yaw
 
 
-def _on(start: PlanePose, curvature: float, rate: float, station: float) -> PlanePose:
+def _pose_at(start: PlanePose, curvature: float, rate: float, station: float) -> PlanePose:
     point = on_clothoid(start, curvature, rate, station)
     return point.east, point.north, point.yaw

@@ -1,7 +1,7 @@
-"""Outliers among the samples of a fit: those that the other samples contradict.
+"""Outliers among the samples of a fit.
 
-Poses are judged one by one before they become samples. A jump of decimetres passes there where the
-receiver may be as wrong as that; here it would displace the curve.
+The gates check poses one by one before they become samples. They accept a jump of decimetres if the
+receiver's noise explains it, but such a jump would displace the curve.
 """
 
 from typing import Final
@@ -13,9 +13,9 @@ Floats = NDArray[np.float64]
 _sum = np.add.reduce
 
 JUMP_SHARE: Final = 0.25
-"""A jump is a sample without which the squared residuals fall by at least this share."""
+"""Removing a jump lowers the sum of squared residuals by more than this share."""
 MAX_JUMPS: Final = 3
-"""Number of samples that are tested one by one."""
+"""Number of samples that are removed one by one."""
 MIN_KEPT_SHARE: Final = 0.6
 """Share of the samples that must remain."""
 FAR_RATIO: Final = 4.0
@@ -27,11 +27,10 @@ def without_jumps(
 ) -> NDArray[np.bool_] | None:
     """Select the samples to keep (True) when some `offsets` from a fit exceed `tolerance` (m).
 
-    None if no sample stands out. A single jump displaces the curve, most of all at the end, so it
-    need not be the sample that is furthest off: samples are left out one by one, each the one
-    without which an arc through the rest fits best (deletion by leverage, Cook and Weisberg, 1982).
-    If that finds none, a whole stretch may have jumped: then all are left out that are far off
-    compared with the median.
+    None if no sample stands out. A jump displaces the curve, so the jumped sample need not be the
+    one furthest off. Samples are therefore removed one by one, each time the one without which an
+    arc fits the rest best (deletion by leverage, Cook and Weisberg, 1982). If this removes none, a
+    whole stretch may have jumped: then all samples far off compared with the median are removed.
     """
     keep = np.ones(len(east), dtype=np.bool_)
     for _ in range(MAX_JUMPS):
@@ -43,15 +42,15 @@ def without_jumps(
         return keep
     size = np.abs(offsets)
     near = size <= max(tolerance, FAR_RATIO * float(np.sort(size)[len(size) // 2]))
-    left = int(np.count_nonzero(near))
-    return near if max(3.0, MIN_KEPT_SHARE * len(size)) <= left < len(size) else None
+    kept = int(np.count_nonzero(near))
+    return near if max(3.0, MIN_KEPT_SHARE * len(size)) <= kept < len(size) else None
 
 
 def _worst(east: Floats, north: Floats, station: Floats) -> int | None:
-    """Index of the sample without which an arc fits far better, if there is one.
+    """Index of the sample without which an arc fits much better; None if there is none.
 
-    Leaving sample i out of a linear fit lowers the sum of squared residuals by r_i²/(1 − h_i),
-    h_i being its leverage (the diagonal of the hat matrix). The arc is linear in offset, slope and
+    Removing sample i from a linear fit lowers the sum of squared residuals by r_i²/(1 − h_i), where
+    h_i is its leverage (the diagonal of the hat matrix). The arc is linear in offset, slope and
     curvature along the line of least squares (`fit_arc`).
     """
     along = station - float(_sum(station)) / len(station)

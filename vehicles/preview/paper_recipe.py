@@ -1,14 +1,14 @@
-"""The paper's own trajectory: a straight line where the samples pass for one, else one circle.
+"""The paper's own trajectory: a straight line if the samples pass its test, else one circle.
 
-Section III-B joins the first and the last sample of the preview by a line L; if no sample is 10 cm
-from it the trajectory is straight, else the circle that minimises J of eq. (5). Section III-A has
-another rule, which keeps the longest straight prefix and fits the circle to the rest; it swallows
-arcs. Both serve for comparison with `curve_fit`.
+Section III-B joins the first and the last sample of the preview by a line L. If all samples lie
+within 10 cm of L the trajectory is straight, else the circle that minimises J of eq. (5). Section
+III-A instead keeps the longest straight prefix and fits the circle to the rest, which swallows
+arcs. Both are implemented for comparison with `curve_fit`.
 
-Departures where the recipe cannot be followed to the letter: samples come in order of travel, the
-samples are centred, turned along L and scaled before the sums (far from the origin the three linear
-equations are ill-conditioned), the circle has a sign, and the heading is that of the line or circle
-fitted, not of the closest and the second closest sample, which can lie side by side.
+Departures: samples are in order of travel. They are centred, rotated along L and scaled, because
+the three linear equations are ill-conditioned far from the origin. The circle has a sign. The
+heading is that of the fitted line or circle, not of the two closest samples, which can lie side by
+side.
 """
 
 from math import atan2, cos, hypot, inf, sin, sqrt
@@ -25,18 +25,18 @@ _sum = np.add.reduce
 PREFIX_LEAST = 3
 """The k ≥ 3 of Section III-A: least number of samples of a straight prefix."""
 DETERMINED = 1e-12
-"""Share of the squared spread below which the samples do not determine a circle."""
+"""Below this share of the squared spread the samples do not determine a circle."""
 
 
 def recipe_curve(
     east: Floats, north: Floats, station: Floats, weight: Floats | None, settings: FitSettings
 ) -> Curve | None:
-    """Line or circle of Section III-B through samples in order of `station` (m; world, m).
+    """Line or circle of Section III-B through samples (world, m) in order of `station` (m).
 
-    `weight` is that of each sample in J of eq. (5), or all weigh one; `settings.tolerance` the
-    paper's 10 cm. With the trajectory `paper_prefix` the longest straight prefix of Section III-A
-    is split off first. None with fewer than three samples, travel shorter than `span_min`, or a
-    last sample at the place of the first.
+    `weight` are the weights in J of eq. (5), one each if None; `settings.tolerance` is the paper's
+    10 cm. The trajectory `paper_prefix` first splits off the longest straight prefix of Section
+    III-A. None with fewer than three samples, travel shorter than `span_min`, or equal first and
+    last positions.
     """
     if len(station) < PREFIX_LEAST or station.item(-1) - station.item(0) < settings.span_min:
         return None
@@ -82,7 +82,7 @@ def circle_of_least_squares(
     """Centre and radius (X_c, Y_c, R) (m) that minimise J of eq. (5); None if undetermined.
 
     Three linear equations in X_c, Y_c and R² − X_c² − Y_c² (Section III-A.1). About the weighted
-    mean the third one is independent, so two are left; lengths are divided by the samples' spread.
+    mean the third one decouples; lengths are divided by the spread of the samples.
     """
     total = float(_sum(weight))
     mean_x, mean_y = float(_sum(weight * x)) / total, float(_sum(weight * y)) / total
@@ -105,7 +105,7 @@ def circle_of_least_squares(
 
 
 def _line(x: Floats, y: Floats, weight: Floats) -> tuple[Piece, ...]:
-    """The line of least squares, from the first sample's foot to the last one's."""
+    """Line of least squares, from the foot of the first sample to that of the last."""
     total = float(_sum(weight))
     mean_x, mean_y = float(_sum(weight * x)) / total, float(_sum(weight * y)) / total
     dx = x - mean_x
@@ -116,10 +116,10 @@ def _line(x: Floats, y: Floats, weight: Floats) -> tuple[Piece, ...]:
 
 
 def _circle(x: Floats, y: Floats, weight: Floats) -> tuple[Piece, ...]:
-    """The circle of eq. (5) in the direction of travel; a line if undetermined.
+    """Circle of eq. (5) in the direction of travel; a line if undetermined.
 
-    The chord of an arc of any extent has the direction of the tangent at its middle, which
-    distinguishes left turns from right ones.
+    The chord of an arc has the direction of the tangent at its middle, which distinguishes left
+    from right turns.
     """
     circle = circle_of_least_squares(x, y, weight)
     if circle is None:
@@ -143,7 +143,7 @@ def _circle(x: Floats, y: Floats, weight: Floats) -> tuple[Piece, ...]:
 
 
 def _between(piece: Piece, x: Floats, y: Floats) -> Piece:
-    """Limit a line or arc to the feet of the first and the last sample."""
+    """Cut a line or arc to the feet of the first and the last sample."""
     start = piece.project(x.item(0), y.item(0)).station
     end = piece.project(x.item(-1), y.item(-1)).station
     begin = piece.at(start)
@@ -151,7 +151,7 @@ def _between(piece: Piece, x: Floats, y: Floats) -> Piece:
 
 
 def _offsets(piece: Piece, x: Floats, y: Floats) -> Floats:
-    """Distances (m, left positive) from a line or arc: `Piece.project` for all samples at once."""
+    """Distances (m, left positive) from a line or arc, as by `Piece.project`."""
     forward, left = cos(piece.yaw), sin(piece.yaw)
     dx, dy = x - piece.east, y - piece.north
     xi, eta = dx * forward + dy * left, dy * forward - dx * left
@@ -163,7 +163,7 @@ def _offsets(piece: Piece, x: Floats, y: Floats) -> Floats:
 
 
 def _straight_prefix(x: Floats, y: Floats, tolerance: float) -> int:
-    """Length in samples of the longest prefix that passes for a line (Section III-A); or 0."""
+    """Number of samples in the longest straight prefix (Section III-A); 0 if there is none."""
     for count in range(len(x) - 1, PREFIX_LEAST - 1, -1):
         dx, dy = x[:count] - x.item(0), y[:count] - y.item(0)
         chord = hypot(dx.item(-1), dy.item(-1))
@@ -174,7 +174,7 @@ def _straight_prefix(x: Floats, y: Floats, tolerance: float) -> int:
 
 
 def _split(x: Floats, y: Floats, weight: Floats, count: int) -> tuple[Piece, ...]:
-    """Line through the first `count` samples, then on its tangent the curvature of the rest."""
+    """Line through the first `count` samples, continued with the curvature of the rest."""
     if count < PREFIX_LEAST:
         return _circle(x, y, weight)
     (line,) = _line(x[:count], y[:count], weight[:count])

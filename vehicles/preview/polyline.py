@@ -1,4 +1,4 @@
-"""Points in order of travel with their arc length, and the nearest place within a stretch."""
+"""Points in order of travel with their arc length, and projection onto a stretch of them."""
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
@@ -8,20 +8,19 @@ from typing import Final
 from vehicles.schedule import SECOND
 
 LONG_STEP: Final = 6.0
-"""Length (m) from which on a step is measured straight: the car may have turned meanwhile."""
-LONG_WHILE: Final = SECOND
-"""Duration (ns) from which on it is, too."""
+"""Steps longer than this (m) are measured straight, because the car may have turned within."""
+LONG_DURATION: Final = SECOND
+"""Steps that take longer than this (ns), likewise."""
 
 Point = tuple[int, float, float, float]
 """Instant (ns), position (m, m), yaw (rad)."""
 
 
 class Polyline:
-    """Points with an instant each (ns, ascending), position (m), yaw (rad) and station (m).
+    """Points with instant (ns, ascending), position (m), yaw (rad) and station (m).
 
-    A step counts by its component along the mean of the yaws at its ends, so a point to the side or
-    behind does not make the line longer. Stations are not renumbered when points are dropped: a
-    place keeps its station.
+    The length of a step is its component along the mean yaw of its ends, so noise across the road
+    does not lengthen the line. Stations stay the same when points are dropped.
     """
 
     __slots__ = ("at", "dropped", "east", "north", "station", "yaw")
@@ -41,7 +40,7 @@ class Polyline:
         return self.at[k], self.east[k], self.north[k], self.yaw[k]
 
     def append(self, point: Point, step: float) -> None:
-        """Add a point at the end, `step` (m) after the one before."""
+        """Add a point at the end, `step` (m) after the previous one."""
         self.station.append(self.station[-1] + step if self.station else 0.0)
         at, east, north, yaw = point
         self.at.append(at)
@@ -49,26 +48,26 @@ class Polyline:
         self.north.append(north)
         self.yaw.append(yaw)
 
-    def insert(self, place: int, point: Point, step: float, next_step: float) -> float:
-        """Insert a point before index `place` > 0, given the steps (m) to it and from it.
+    def insert(self, index: int, point: Point, step: float, next_step: float) -> float:
+        """Insert a point before `index` > 0, given the steps (m) to it and from it.
 
         Returns the shift of later stations (m).
         """
-        before = self.station[place - 1]
+        before = self.station[index - 1]
         shift = 0.0
-        if place < len(self):
-            shift = before + step + next_step - self.station[place]
-            self.station[place:] = [station + shift for station in self.station[place:]]
-        self.station.insert(place, before + step)
+        if index < len(self):
+            shift = before + step + next_step - self.station[index]
+            self.station[index:] = [station + shift for station in self.station[index:]]
+        self.station.insert(index, before + step)
         at, east, north, yaw = point
-        self.at.insert(place, at)
-        self.east.insert(place, east)
-        self.north.insert(place, north)
-        self.yaw.insert(place, yaw)
+        self.at.insert(index, at)
+        self.east.insert(index, east)
+        self.north.insert(index, north)
+        self.yaw.insert(index, yaw)
         return shift
 
     def prepend(self, points: Sequence[Point]) -> None:
-        """Insert `points` before the first one; all stations are counted from 0 again."""
+        """Insert `points` before the first one and restart the stations at 0."""
         kept = [self.point(k) for k in range(len(self))]
         dropped = self.dropped
         self.drop(len(kept))
@@ -89,9 +88,9 @@ class Polyline:
         return taken
 
     def nearest(self, east: float, north: float, low: float, high: float) -> float:
-        """Station (m) nearest to a place, of those from `low` to `high`.
+        """Station (m) from `low` to `high` that is nearest to (east, north).
 
-        Needs two points, each step being positive. The end segments extend beyond the ends.
+        Requires at least two points and positive steps. The end segments extend beyond the ends.
         """
         last = len(self.station) - 2
         first = min(max(bisect_right(self.station, low) - 1, 0), last)
@@ -99,7 +98,7 @@ class Polyline:
         best, station = inf, 0.0
         easts, norths, stations = self.east, self.north, self.station
         next_east, next_north = easts[first], norths[first]
-        # Only the first segment may begin later than where it does, only the final one end earlier.
+        # Only the first segment can begin at `low`, and only the final one end at `high`.
         start, end = 0.0, 1.0
         if not first or low > stations[first]:
             start = (low - stations[first]) / (stations[first + 1] - stations[first])
@@ -125,11 +124,11 @@ class Polyline:
         return station
 
 
-def step(one: Point, other: Point) -> float:
-    """Distance (m) from one point to a later one along the travel; negative if that lies behind."""
-    east, north = other[1] - one[1], other[2] - one[2]
+def step(start: Point, end: Point) -> float:
+    """Distance (m) along the travel from `start` to a later `end`; negative if that lies behind."""
+    east, north = end[1] - start[1], end[2] - start[2]
     distance = hypot(east, north)
-    if distance > LONG_STEP or other[0] - one[0] > LONG_WHILE:
+    if distance > LONG_STEP or end[0] - start[0] > LONG_DURATION:
         return distance
-    yaw = one[3] + 0.5 * remainder(other[3] - one[3], tau)
+    yaw = start[3] + 0.5 * remainder(end[3] - start[3], tau)
     return east * cos(yaw) + north * sin(yaw)

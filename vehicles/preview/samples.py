@@ -1,4 +1,4 @@
-"""The window of samples around the ego, the constants of a trace, and how far a car can come."""
+"""The window of samples around the ego, the settings of a trace, and reachability checks."""
 
 from dataclasses import dataclass
 from math import hypot
@@ -13,23 +13,20 @@ from vehicles.schedule import SECOND
 Floats = NDArray[np.float64]
 REACH_RATIO: Final = 1.5
 REACH_MARGIN: Final = 3.0
-"""A place is out of reach if it is further away than this ratio times the speed's distance, plus
-this margin (m).
-"""
+"""A car reaches at most this ratio times speed times duration, plus this margin (m)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TraceSettings:
     """Constants of a trace (m unless stated otherwise), none of them in Section III-A.
 
-    A sample is kept if it is at least `spacing` further along than the one before: a stopped source
-    repeats a place, and a fix may lie behind another. The ego's station moves per call at most
-    `back` backwards, and forwards at most `margin` plus `reach_ratio` (1) times the distance the
-    ego moved, never more than `reach`. Samples further behind than `memory` are dropped, and never
-    more than `capacity` are held. A window holds at most `window_samples`, and at least
-    `least_samples` where messages are so rare that fewer lie in it: half of them ahead, as far as
-    there are any. A bridge has a point every `bridge_spacing` and at most `bridge_length`; a loss
-    of the source over at least `hole` is bridged, too.
+    A sample is kept if it lies at least `spacing` beyond the previous one: a stopped source repeats
+    its position, and a fix may lie behind another. Per call the ego's station moves back by at most
+    `back`, and forward by at most `margin` plus `reach_ratio` (1) times the distance the ego moved,
+    never more than `reach`. Samples further behind than `memory` are dropped; at most `capacity`
+    are held. A window holds at most `max_samples`. Where messages are rare it is widened to
+    `min_samples`, half of them ahead if available. A bridge has a point every `bridge_spacing` and
+    is at most `bridge_length` long; a loss of the source over at least `hole` is bridged, too.
     """
 
     spacing: float = 0.2
@@ -57,11 +54,11 @@ class Window(NamedTuple):
     station: Floats
 
 
-def reachable(one: ReceivedPose, other: ReceivedPose) -> bool:
-    """Whether a car could have been at both places at their instants."""
-    distance = hypot(other.east - one.east, other.north - one.north)
-    speed, span = max(abs(one.speed), abs(other.speed)), abs(other.measured_at - one.measured_at)
-    return drivable(distance, span, speed)
+def reachable(first: ReceivedPose, second: ReceivedPose) -> bool:
+    """Whether one car can have been at both positions at their instants."""
+    distance = hypot(second.east - first.east, second.north - first.north)
+    speed = max(abs(first.speed), abs(second.speed))
+    return drivable(distance, abs(second.measured_at - first.measured_at), speed)
 
 
 def drivable(distance: float, span: int, speed: float) -> bool:

@@ -1,8 +1,8 @@
-"""Received samples of one source in their order of travel, and the ego's station among them.
+"""Received samples of one source in order of travel, and the ego's station among them.
 
-The ego's place on the trace is a station (arc length) that moves only locally from one call to the
-next. Whatever lies close by in the plane but far along the trace (the other leg of a hairpin, the
-crossing of a figure of eight, an earlier or later lap) is therefore never considered.
+The ego's station (arc length) moves only locally from one call to the next. Samples that are close
+in the plane but far along the trace (the other leg of a hairpin, the crossing of a figure of eight,
+another lap) are therefore never considered.
 """
 
 from bisect import bisect_left, bisect_right
@@ -20,15 +20,15 @@ from vehicles.received_pose import ReceivedPose
 BRIDGE_AT: Final = -1
 """Instant of bridge points: before any sample."""
 MAX_BRIDGE_POINTS: Final = 500
-"""Limit of the points that bridge a hole."""
+"""Largest number of points that bridge a hole."""
 MAX_HOLES: Final = 8
-"""Holes that are remembered, for late samples that belong there."""
-FORGET_CHUNK: Final = 64
+"""Number of the last holes that late samples can still fill."""
+DROP_CHUNK: Final = 64
 """Number of samples behind the ego that are dropped at once."""
 
 
 class _Hole(NamedTuple):
-    """A bridged gap in a trace: the point before it, the speed (m/s) and instant (ns) after it."""
+    """A bridged hole: the point before it, the speed (m/s) and instant (ns) after it."""
 
     before: Point
     speed: float
@@ -36,12 +36,10 @@ class _Hole(NamedTuple):
 
 
 class Trace:
-    """The samples of one source, received and stored as in Section III-A.
+    """The accepted samples of one source, stored in order of travel as in Section III-A.
 
-    Poses are judged before they come here; the trace brings them into the order of travel. `newest`
-    is the newest pose, `sample_count` that of the samples since the line began, and `joined`
-    whether no bridge from the ego's place is needed any more: it exists, or the ego is on the trace
-    already.
+    `newest` is the newest pose, `sample_count` the number of samples since the line began. `joined`
+    is True once no bridge from the ego to the line is needed any more.
     """
 
     def __init__(self, settings: TraceSettings | None = None) -> None:
@@ -51,7 +49,7 @@ class Trace:
         self.joined = False
         self._line = Polyline()
         self._first_yaw = 0.0
-        self._forgotten_at = BRIDGE_AT
+        self._dropped_until = BRIDGE_AT
         self._bridged_from: tuple[float, float] | None = None
         self._ego_station: float | None = None
         self._located_at: tuple[float, float] | None = None
@@ -64,10 +62,10 @@ class Trace:
     def add(
         self, pose: ReceivedPose, *, after_hole: bool = False, at_new_place: bool = False
     ) -> None:
-        """Insert a pose at its place in the order of travel (Section III-A).
+        """Insert a pose in the order of travel (Section III-A).
 
-        `after_hole` bridges the missing stretch by a curve; `at_new_place`, to which no car can
-        have driven, another line begins.
+        `after_hole` bridges the missing stretch by a curve. `at_new_place` starts another line at a
+        position to which no car can have driven.
         """
         newest = self.newest
         if newest is None or at_new_place:
@@ -81,15 +79,15 @@ class Trace:
             self.newest = pose
             self.sample_count += 1
             line = self._line
-            on = step(line.point(-1), point)
-            if on >= self.settings.spacing:  # else it stands, or the message came twice
-                line.append(point, on)
+            distance = step(line.point(-1), point)
+            if distance >= self.settings.spacing:  # else it stands, or the message was repeated
+                line.append(point, distance)
                 self._changed = True
                 if len(line.at) > self.settings.capacity:
-                    self._forget()
+                    self._drop_oldest()
 
     def record_position(self, pose: ReceivedPose) -> None:
-        """Record the position of a source whose path is not one to follow.
+        """Record the position of a source that has left the path, without adding a sample.
 
         Preview data of Section III-A are those of a source that keeps to the path.
         """
@@ -98,22 +96,22 @@ class Trace:
             self.newest = pose
 
     def _start(self, pose: ReceivedPose) -> None:
-        """Begin the line at a pose and drop all earlier points."""
+        """Start a new line at a pose."""
         self.newest = pose
         self.sample_count = 1
         self._line = Polyline()
         self._line.append((pose.measured_at, pose.east, pose.north, pose.yaw), 0.0)
         self._first_yaw = pose.yaw
-        self._forgotten_at = BRIDGE_AT
+        self._dropped_until = BRIDGE_AT
         self._bridged_from = None
         self.joined = False
         self._ego_station = None
         self._holes.clear()
 
     def _fill(self, after: Point, speed: float) -> None:
-        """Insert points before `after`, on a cubic with the places and headings of both sides.
+        """Bridge the hole before `after` by a cubic with the positions and headings of both ends.
 
-        They are about a bridge's spacing apart, and their instants are evenly distributed.
+        The points are about `bridge_spacing` apart, and their instants evenly distributed.
         """
         before = self._line.point(-1)
         length = hypot(after[1] - before[1], after[2] - before[2])
@@ -122,7 +120,7 @@ class Trace:
         spacing = max(self.settings.bridge_spacing, length / MAX_BRIDGE_POINTS)
         try:
             points = curve_between(before[1:4], after[1:4], spacing)
-        except UnbridgedError:  # a straight line it is
+        except UnbridgedError:  # no such curve: keep the straight step
             return
         count = points.shape[1]
         span = after[0] - before[0]
@@ -135,7 +133,7 @@ class Trace:
         self._holes = [*self._holes[1 - MAX_HOLES :], _Hole(before, speed, after[0])]
 
     def _insert_in_hole(self, hole: _Hole, point: Point, speed: float) -> None:
-        """Insert a late sample into a hole and bridge both sides of it again."""
+        """Insert a late sample into a hole and bridge both sides of the sample."""
         line, before = self._line, hole.before
         first, last = bisect_right(line.at, before[0]), bisect_left(line.at, hole.end)
         if not 0 < first < last < len(line.at) or not _is_drivable(
@@ -155,47 +153,46 @@ class Trace:
         self._changed = True
 
     def _append(self, point: Point, speed: float) -> None:
-        """Add a sample at the end of the line, and a bridge to it where the step is long."""
+        """Append a sample, with a bridge to it if the step is long."""
         self._fill(point, speed)
-        on = step(self._line.point(-1), point)
-        self._line.append(point, max(on, self.settings.spacing))
+        self._line.append(point, max(step(self._line.point(-1), point), self.settings.spacing))
 
     def _insert(self, pose: ReceivedPose) -> None:
-        """Insert a late sample at its place, if that place is still held and it fits there."""
+        """Insert a late sample, unless its neighbours were dropped or it contradicts them."""
         line, at = self._line, pose.measured_at
         point = (at, pose.east, pose.north, pose.yaw)
-        if at <= self._forgotten_at:
+        if at <= self._dropped_until:
             return
-        hole = next((one for one in self._holes if one.before[0] < at < one.end), None)
+        hole = next((hole for hole in self._holes if hole.before[0] < at < hole.end), None)
         if hole is not None:
             self._insert_in_hole(hole, point, pose.speed)
             return
-        place = bisect_left(line.at, at)
+        index = bisect_left(line.at, at)
         steps = [0.0, 0.0]
-        for side, k in enumerate((place - 1, place)):
+        for side, k in enumerate((index - 1, index)):
             if not 0 <= k < len(line.at) or line.at[k] == BRIDGE_AT:
                 continue
-            beside = line.point(k)
-            if not _is_drivable(beside, point, pose.speed):
+            neighbour = line.point(k)
+            if not _is_drivable(neighbour, point, pose.speed):
                 return
-            steps[side] = step(point, beside) if side else step(beside, point)
+            steps[side] = step(point, neighbour) if side else step(neighbour, point)
             if steps[side] < self.settings.spacing:
                 return
         self._changed = True
         self.sample_count += 1
-        if place == 0 or line.at[place - 1] == BRIDGE_AT:
-            self._begin_earlier(point, place)
+        if index == 0 or line.at[index - 1] == BRIDGE_AT:
+            self._begin_earlier(point, index)
             return
-        before = line.station[place - 1]
-        shift = line.insert(place, point, *steps)
+        before = line.station[index - 1]
+        shift = line.insert(index, point, *steps)
         if self._ego_station is not None and self._ego_station > before:
             self._ego_station += shift
 
-    def _begin_earlier(self, point: Point, place: int) -> None:
-        """Start the trace with a late sample older than the first received one."""
+    def _begin_earlier(self, point: Point, bridge_points: int) -> None:
+        """Start the line with a late sample that is older than the first received one."""
         start, self._bridged_from = self._bridged_from, None
-        self.joined = self._forgotten_at != BRIDGE_AT
-        self._line.drop(place)
+        self.joined = self._dropped_until != BRIDGE_AT
+        self._line.drop(bridge_points)
         self._line.prepend([point])
         self._first_yaw = point[3]
         self._ego_station = None
@@ -203,12 +200,11 @@ class Trace:
             self.bridge(*start)
 
     def bridge(self, east: float, north: float) -> None:
-        """Join the ego's place to the first sample by a straight line, if that lies ahead of it.
+        """Join the ego's position to the first sample by a straight line, if that lies ahead.
 
-        A convoy forms up on a straight lead-in, and a source's path before its first message is
-        unknown: points on the straight line let the fit interpolate, where a few noisy samples 15
-        to 60 m ahead would be extrapolated backwards. Does nothing once a bridge exists, once
-        samples behind the ego were dropped, or before a sample is held.
+        The source's path before its first message is unknown, but a convoy starts on a straight.
+        With points on it the fit interpolates, instead of extrapolating a few noisy samples
+        backwards over 15 to 60 m. Does nothing once `joined`, or before the first sample.
         """
         line = self._line
         if not line.at or self.joined:
@@ -232,7 +228,7 @@ class Trace:
         self._ego_station = None
 
     def without_bridges(self, window: Window) -> Window:
-        """The received samples of a window (Section III-A), without bridges over holes."""
+        """The received samples of a window (Section III-A), without the bridges over holes."""
         if not self._holes or self._ego_station is None:
             return window
         stations = window.station + self._ego_station
@@ -243,61 +239,60 @@ class Trace:
         return Window(*(values[keep] for values in window))
 
     def has_bridge_points(self, window: Window) -> bool:
-        """Whether the window cut out last contains points of a bridge (not in Section III-A)."""
-        line, here = self._line, self._ego_station
-        if here is None:
+        """Whether the last `window` contains bridge points (not in Section III-A)."""
+        line, ego = self._line, self._ego_station
+        if ego is None:
             return False
         if line.at[0] == BRIDGE_AT:
             first = bisect_right(line.at, BRIDGE_AT)
             received_from = line.station[first] if first < len(line.at) else inf
-            if window.station.item(0) + here < received_from - 1e-6:
+            if window.station.item(0) + ego < received_from - 1e-6:
                 return True
         return bool(self._holes) and len(self.without_bridges(window).station) < len(window.station)
 
     def instants(self, window: Window) -> list[int]:
-        """Instants (ns) of the samples of the window cut out last (time stamps, Section III-B)."""
-        here = self._ego_station or 0.0
-        places = (bisect_left(self._line.station, here + on - 1e-6) for on in window.station)
-        return [self._line.at[min(place, len(self._line.at) - 1)] for place in places]
+        """Instants (ns) of the samples of the last `window` (time stamps, Section III-B)."""
+        line, ego = self._line, self._ego_station or 0.0
+        indices = (bisect_left(line.station, ego + station - 1e-6) for station in window.station)
+        return [line.at[min(index, len(line.at) - 1)] for index in indices]
 
     def _station_at(self, at: int) -> float:
-        """Station (m) of the first held point from the instant `at` (ns) on."""
+        """Station (m) of the first held point at or after the instant `at` (ns)."""
         return self._line.station[min(bisect_left(self._line.at, at), len(self._line.at) - 1)]
 
     def window(self, east: float, north: float, behind: float, ahead: float) -> Window:
-        """Cut out the samples from `behind` to `ahead` (m of travel) of the ego at (east, north).
+        """Samples from `behind` to `ahead` (m of travel) of the ego at (east, north).
 
         The preview data of Section III-A, which sorts by distance and keeps none behind.
 
-        If any behind count, the newest of them does, however far behind it lies: a curve determined
-        by samples ahead only is extrapolated to the ego, and may pass metres from it. Where fewer
-        than `least_samples` lie there, the next ones on both sides are included. Thinned to every
-        second, fourth, … sample until at most `window_samples` are left. The same ones are left out
-        while the ego moves, so thinning does not shake the fit.
+        With `behind` > 0 the nearest sample behind the ego is always included: a curve through
+        samples ahead is extrapolated to the ego and may pass metres from it. Fewer than
+        `min_samples` are supplemented by the next ones on both sides. More than `max_samples` are
+        thinned to every second, fourth, … sample, always the same ones while the ego moves.
         """
-        here = self._locate(east, north)
+        ego = self._locate(east, north)
         line = self._line
-        first = bisect_left(line.station, here - behind)
+        first = bisect_left(line.station, ego - behind)
         if behind > 0.0:
-            first = min(first, max(bisect_right(line.station, here) - 1, 0))
-        last = bisect_right(line.station, here + ahead)
+            first = min(first, max(bisect_right(line.station, ego) - 1, 0))
+        last = bisect_right(line.station, ego + ahead)
         if last - first < self.settings.min_samples:
-            first, last = self._widened(here, first, last)
+            first, last = self._widened(ego, first, last)
         stride = 1 << (max(last - first - 1, 0) // self.settings.max_samples).bit_length()
         first += -(first + line.dropped) % stride
         chosen = slice(first, last, stride)
         return Window(
             np.array(line.east[chosen], dtype=np.float64),
             np.array(line.north[chosen], dtype=np.float64),
-            np.array(line.station[chosen], dtype=np.float64) - here,
+            np.array(line.station[chosen], dtype=np.float64) - ego,
         )
 
-    def _widened(self, here: float, first: int, last: int) -> tuple[int, int]:
-        """Include the next samples on either side of the ego where too few lie in the window."""
-        place = bisect_left(self._line.station, here)
+    def _widened(self, ego: float, first: int, last: int) -> tuple[int, int]:
+        """Include the next samples on either side of the ego."""
+        index = bisect_left(self._line.station, ego)
         half = self.settings.min_samples // 2
-        last = max(last, min(place + half, len(self._line.at)))
-        return max(min(first, last - self.settings.min_samples, place - half), 0), last
+        last = max(last, min(index + half, len(self._line.at)))
+        return max(min(first, last - self.settings.min_samples, index - half), 0), last
 
     def gap(self, east: float, north: float) -> float | None:
         """Arc length (m) from the ego at (east, north) to the source's newest place.
@@ -314,20 +309,20 @@ class Trace:
         return self._line.station[-1] + beyond - here
 
     def known_ahead(self, east: float, north: float) -> float:
-        """Known path (m) ahead of the ego at (east, north): negative where it ends behind.
+        """Length (m) of the known path ahead of the ego, negative if it ends behind the ego.
 
         The metres left of the preview of Section III-A; NaN before the first sample.
         """
         return self._line.station[-1] - self._locate(east, north) if self._line.at else nan
 
     def _locate(self, east: float, north: float) -> float:
-        """Move the ego's station to the nearest place within reach of where it was."""
-        line, place = self._line, (east, north)
-        if self._ego_station is not None and place == self._located_at and not self._changed:
+        """Move the ego's station to the nearest point within reach of its last station."""
+        line, position = self._line, (east, north)
+        if self._ego_station is not None and position == self._located_at and not self._changed:
             return self._ego_station
-        before, self._located_at, self._changed = self._located_at, place, False
+        before, self._located_at, self._changed = self._located_at, position, False
         if len(line.at) < 2:
-            first = place if not line.at else (line.east[0], line.north[0])
+            first = position if not line.at else (line.east[0], line.north[0])
             off_east, off_north = east - first[0], north - first[1]
             return off_east * cos(self._first_yaw) + off_north * sin(self._first_yaw)
         low, high = -inf, inf
@@ -338,17 +333,17 @@ class Trace:
             high = self._ego_station + min(reach, self.settings.reach)
         self._ego_station = line.nearest(east, north, low, high)
         stale = self._ego_station - self.settings.memory
-        if len(line.at) > 2 * FORGET_CHUNK and line.station[FORGET_CHUNK] < stale:
-            self._forget()
+        if len(line.at) > 2 * DROP_CHUNK and line.station[DROP_CHUNK] < stale:
+            self._drop_oldest()
         return self._ego_station
 
-    def _forget(self) -> None:
-        self._forgotten_at = max(self._forgotten_at, self._line.at[FORGET_CHUNK - 1])
-        self._line.drop(FORGET_CHUNK)
+    def _drop_oldest(self) -> None:
+        self._dropped_until = max(self._dropped_until, self._line.at[DROP_CHUNK - 1])
+        self._line.drop(DROP_CHUNK)
         self.joined = True
 
 
-def _is_drivable(one: Point, other: Point, speed: float) -> bool:
-    """Whether a late pose can lie beside a point of its line, for a car at `speed` (m/s)."""
-    distance = hypot(other[1] - one[1], other[2] - one[2])
-    return drivable(distance, abs(other[0] - one[0]), abs(speed))
+def _is_drivable(first: Point, second: Point, speed: float) -> bool:
+    """Whether a car at `speed` (m/s) can have been at both points."""
+    distance = hypot(second[1] - first[1], second[2] - first[2])
+    return drivable(distance, abs(second[0] - first[0]), abs(speed))

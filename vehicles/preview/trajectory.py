@@ -1,9 +1,9 @@
 """The composite trajectory: one arc spline through the samples of lead and predecessor.
 
-Paper, Section "Target Trajectory Construction", with these departures: tangent and curvature come
-from the fit (a lead and a predecessor sample can lie side by side, and the line through them points
-anywhere), the pieces are chosen on all samples at once (`curve_fit`), and samples just behind the
-ego are kept, so that its own place is not extrapolated.
+Paper, Section "Target Trajectory Construction", with three departures. Tangent and curvature come
+from the fit, because a lead and a predecessor sample can lie side by side. The pieces are chosen on
+all samples at once (`curve_fit`). Samples just behind the ego are kept, so that the curve is not
+extrapolated to the ego.
 """
 
 from dataclasses import dataclass
@@ -27,11 +27,11 @@ PREDECESSOR: Final = 1
 
 @dataclass(slots=True)
 class Fit:
-    """A trajectory, the samples it was fitted to (world, m; in order of station) and how well.
+    """The composite ELC trajectory of Section III-A and its preview data.
 
-    The composite ELC trajectory of Section III-A and its preview data. `source` is 0 for lead, 1
-    for predecessor; `station` (m) is relative to the ego's projection; residuals (m) are those of
-    the samples used, `outliers` the number left out as jumps.
+    The samples are in order of `station` (m, relative to the ego's projection), their positions in
+    the world (m); `source` is 0 for lead, 1 for predecessor. Residuals (m) are those of the samples
+    used, `outliers` is the number of jumps left out.
     """
 
     spline: ArcSpline
@@ -45,7 +45,7 @@ class Fit:
 
 
 class _Merged(NamedTuple):
-    """Samples of both sources in order of station; all weigh one without `weight`.
+    """Samples of both sources in order of station; without `weight` each weighs one.
 
     `columns` are east, north and station (m), shape (3, n).
     """
@@ -55,7 +55,7 @@ class _Merged(NamedTuple):
     source: NDArray[np.int8]
 
     @property
-    def places(self) -> tuple[Floats, Floats, Floats]:
+    def rows(self) -> tuple[Floats, Floats, Floats]:
         return self.columns[0], self.columns[1], self.columns[2]
 
     def where(self, chosen: NDArray[np.bool_]) -> "_Merged":
@@ -73,14 +73,13 @@ def fit_composite(
     alpha: float,
     settings: FitSettings,
 ) -> Fit | None:
-    """The curve that explains the samples (`curve_fit`): of one piece, or two with one tangent.
-
-    By the paper's own rules, if `settings.trajectory` selects them (`paper_recipe`).
+    """Fit a curve of one piece, or of two with a common tangent (`curve_fit`), to the samples.
 
     Minimises α Σ e² over the predecessor's plus (1 − α) Σ e² over the lead's samples (J of eq. (5),
-    with e the distance from the curve); a source alone gets all the weight. A sample that has
-    jumped out of the tolerance is left out, once (the paper's rules leave none out), but never all
-    behind the ego. None if the samples support no trajectory.
+    with e the distance from the curve); a source alone gets all the weight. Samples that jumped
+    beyond the tolerance are left out, in one pass, but never all samples behind the ego. If
+    `settings.trajectory` selects the paper's own rules (`paper_recipe`), none is left out. None if
+    the samples support no trajectory.
     """
     merged = _merge(lead, predecessor, alpha)
     curve = None if merged is None else _curve(merged, settings)
@@ -88,18 +87,18 @@ def fit_composite(
         return None
     most, outliers = max_abs(curve.offsets), 0
     if most > settings.tolerance and settings.trajectory == "fitted":
-        keep = without_jumps(*merged.places, curve.offsets, settings.tolerance)
+        keep = without_jumps(*merged.rows, curve.offsets, settings.tolerance)
         kept = None if keep is None or _only_ahead(merged, keep) else merged.where(keep)
         again = None if kept is None else _curve(kept, settings)
         if kept is not None and again is not None:
             outliers = len(merged.source) - len(kept.source)
             merged, curve = kept, again
             most = max_abs(curve.offsets)
-    return Fit(curve.spline, *merged.places, merged.source, curve.rms, most, outliers)
+    return Fit(curve.spline, *merged.rows, merged.source, curve.rms, most, outliers)
 
 
 def _only_ahead(merged: _Merged, keep: NDArray[np.bool_]) -> bool:
-    """Whether the kept samples all lie ahead, so that the curve is extrapolated to the ego."""
+    """Whether all kept samples lie ahead, so that the curve would be extrapolated to the ego."""
     station = merged.columns[2]
     first: float = station.item(0)
     kept: float = station.item(int(keep.argmax()))
@@ -116,9 +115,9 @@ def fuse(
 ) -> tuple[tuple[float, Fit], ...]:
     """Trajectories to steer along, each with its share of the command; empty if there is none.
 
-    `composite` is one trajectory through both sources (Section III-A), `predecessor` one without
-    lead data (Section V-D.1), `blend` one trajectory per source, whose commands are to be blended.
-    `alpha` in [0, 1] is the predecessor's weight of eq. (5); a source alone gets all of it.
+    `composite` fits one trajectory through both sources (Section III-A), `predecessor` one without
+    lead data (Section V-D.1), `blend` one per source, whose commands the caller blends. `alpha` in
+    [0, 1] is the predecessor's weight of eq. (5); a source alone gets all the weight.
     """
     if fusion != "blend":
         used = lead if fusion == "composite" else None
@@ -135,8 +134,8 @@ def fuse(
 def _merge(lead: Window | None, predecessor: Window | None, alpha: float) -> _Merged | None:
     """Merge the samples of both sources in order of station, weighted as in eq. (5).
 
-    Weights are scaled to add up to the number of equally weighted samples of the same information.
-    With an alpha of 1/2 all are one. None without samples.
+    Weights are scaled so that their sum is the number of equally weighted samples with the same
+    information. With α = 1/2 all weights are one. None without samples.
     """
     leads = 0 if lead is None else len(lead.station)
     predecessors = 0 if predecessor is None else len(predecessor.station)
@@ -167,4 +166,4 @@ def _alone(window: Window, source: int) -> _Merged:
 def _curve(merged: _Merged, settings: FitSettings) -> Curve | None:
     if settings.trajectory == "fitted":
         return fit_curve(merged.columns, merged.weight, settings)
-    return recipe_curve(*merged.places, merged.weight, settings)
+    return recipe_curve(*merged.rows, merged.weight, settings)
