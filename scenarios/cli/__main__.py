@@ -1,4 +1,4 @@
-"""`convoy`, and `python -m scenarios.cli`: signals are handled before anything slow is imported."""
+"""`convoy` and `python -m scenarios.cli`: set signal handlers, then import and run the command."""
 
 import os
 import sys
@@ -10,8 +10,8 @@ def main() -> None:
         from scenarios.runs.stop import end_on_signals
 
         open_standard_files()
-        # The launcher reports when it stops a process of its run.
-        end_on_signals(report="--leash" not in sys.argv)
+        # The launcher reports the signals of the processes that it starts.
+        end_on_signals(report="--parent-watch" not in sys.argv)
     except KeyboardInterrupt:  # before the handlers are set
         os.write(2, b"stopped by SIGINT\n")
         os._exit(130)

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from functools import wraps
 from math import isfinite
 from pathlib import Path
 from typing import Any, TypeVar
@@ -13,11 +14,13 @@ from transport.bus.zenoh_options import ZenohOptions
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 _UNITS_S = {"": 1.0, "s": 1.0, "ms": 0.001, "min": 60.0}
-_SPAN = re.compile(r"([0-9]+(?:\.[0-9]*)?|\.[0-9]+) ?(s|ms|min|)")
+_TIME = re.compile(r"([0-9]+(?:\.[0-9]*)?|\.[0-9]+) ?(s|ms|min|)")
+TIME_MAX_S = 1e6
+"""Longest time that an option accepts; the longest simulation is shorter."""
 
 
 class FiniteRange(click.FloatRange):
-    """A finite number within bounds; click's own range lets NaN and mostly infinity pass."""
+    """A finite number within bounds; `click.FloatRange` accepts NaN and mostly infinity."""
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
@@ -28,81 +31,163 @@ class FiniteRange(click.FloatRange):
         return number
 
 
-class TimeSpan(click.ParamType[float]):
-    """A span of time in s, such as 5s, 500ms or 2min."""
+class Ratio(FiniteRange):
+    """A number from 0 to 1."""
 
-    name = "span"
+    def __init__(self) -> None:
+        super().__init__(0.0, 1.0)
+
+    def _describe_range(self) -> str:
+        return ""  # the help text contains it
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        text = str(value).strip()
+        percent = text.removesuffix("%").strip()
+        try:
+            number = float(percent)
+        except ValueError:
+            return super().convert(value, param, ctx)
+        if 1.0 < number <= 100.0 or percent != text:
+            hint = f", did you mean {number / 100.0:g}?" if 0.0 <= number <= 100.0 else ""
+            self.fail(f"given {text}, allowed 0 to 1{hint}", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+class Time(click.ParamType[float]):
+    """A time in s, such as 12.4, 5s, 500ms or 2min."""
+
+    name = "time"
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
         if isinstance(value, float):
             return value
-        found = _SPAN.fullmatch(str(value).strip())
-        if found is None:
-            self.fail(f"given {value!r}, allowed a time such as 5s, 500ms or 2min", param, ctx)
-        return float(found[1]) * _UNITS_S[found[2]]
+        match = _TIME.fullmatch(str(value).strip())
+        if match is None:
+            text = str(value)
+            given = text if len(text) <= 40 else f"{text[:37]}..."
+            self.fail(f"given {given!r}, allowed a time such as 12.4, 5s or 500ms", param, ctx)
+        seconds = float(match[1]) * _UNITS_S[match[2]]
+        if seconds > TIME_MAX_S:
+            self.fail(f"given {seconds:g} s, allowed up to {TIME_MAX_S:g} s", param, ctx)
+        return seconds
+
+
+def time_option(
+    name: str, *, help_text: str, required: bool = False, **more: Any
+) -> Callable[[Command], Command]:
+    """Option for a time; its parameter is named like the option, with the suffix `_s`."""
+    parameter = f"{name.strip('-')}_s"
+    return click.option(
+        name, parameter, type=Time(), required=required, metavar="TIME", help=help_text, **more
+    )
 
 
 def scenario_options(command: Command) -> Command:
-    named = click.argument("scenario", default="lane_change", shell_complete=completion.scenarios)
-    return named(setting_options(command))
+    scenario = click.argument(
+        "scenario", default="lane_change", shell_complete=completion.scenarios
+    )
+    return scenario(setting_options(command))
+
+
+def seed_option(command: Command) -> Command:
+    return click.option(
+        "--seed", type=click.IntRange(min=0), metavar="N", help="Replace the scenario's seed."
+    )(command)
 
 
 def setting_options(command: Command) -> Command:
+    return override_options(seed_option(command))
+
+
+def override_options(command: Command) -> Command:
+    """Options that override settings: the command receives them all as `overrides`."""
+
+    @wraps(command)
+    def with_overrides(
+        *args: Any,
+        overrides: tuple[str, ...],
+        duration_s: float | None,
+        loss_ratio: float | None,
+        **options: Any,
+    ) -> Any:
+        short = {"duration_s": duration_s, "links.loss_ratio": loss_ratio}
+        given = [f"{key}={value:.12g}" for key, value in short.items() if value is not None]
+        return command(*args, overrides=(*overrides, *given), **options)
+
+    decorated: Any = with_overrides
     for decorate in (
-        click.option("--seed", type=click.IntRange(min=0), help="Seed instead of the scenario's."),
+        click.option(
+            "--loss",
+            "loss_ratio",
+            type=Ratio(),
+            metavar="RATIO",
+            help="Loss ratio of the links, 0 to 1. Short for --set links.loss_ratio=RATIO.",
+        ),
+        time_option("--duration", help_text="Length of the run. Short for --set duration_s=TIME."),
         click.option(
             "--set",
             "overrides",
             multiple=True,
             metavar="KEY=VALUE",
             shell_complete=completion.settings,
-            help="Override a scenario value, such as links.loss_ratio=0.2. May be repeated.",
+            help="Override a key of the scenario, such as convoy.gap_m=12. Repeatable.",
         ),
     ):
-        command = decorate(command)
-    return command
+        decorated = decorate(decorated)
+    chosen: Command = decorated
+    return chosen
 
 
 def log_options(command: Command) -> Command:
     for decorate in (
-        click.option("--quiet", is_flag=True, help="Print only what goes wrong."),
-        click.option(
-            "--rerun",
-            default="off",
-            show_default=True,
-            metavar="off|spawn|serve|connect=URL|save=PATH",
-            shell_complete=completion.rerun,
-            help="Show the run in Rerun while it goes on.",
-        ),
+        click.option("--quiet", is_flag=True, help="Print errors and warnings only."),
+        rerun_option("off", "Show the run in Rerun while it is recorded"),
         click.option(
             "--out",
             type=click.Path(file_okay=False, path_type=Path),
-            help="Folder for run.mcap and summary.json; by default runs/<start>-<scenario>/, the"
-            " overrides behind the name.",
+            help="Folder for run.mcap and summary.json. Default: runs/START-SCENARIO-OVERRIDES.",
         ),
     ):
         command = decorate(command)
     return command
 
 
+def rerun_option(default: str, purpose: str) -> Callable[[Command], Command]:
+    viewers = "spawn (native viewer), serve (browser), connect=URL, save=PATH"
+    return click.option(
+        "--rerun",
+        default=default,
+        show_default=True,
+        metavar="VIEWER",
+        shell_complete=completion.rerun,
+        help=f"{purpose}: {'off, ' * (default == 'off')}{viewers}.",
+    )
+
+
 def zenoh_options(command: Command) -> Command:
     for decorate in (
-        click.option("--cfg", multiple=True, metavar="KEY:VALUE", help="Zenoh setting, in JSON5."),
+        click.option(
+            "--cfg", multiple=True, metavar="KEY:VALUE", help="Zenoh setting in JSON5. Repeatable."
+        ),
         click.option(
             "-c",
             "--config",
             type=click.Path(exists=True, dir_okay=False, path_type=Path),
             help="Zenoh configuration file.",
         ),
-        click.option("-l", "--listen", multiple=True, metavar="ENDPOINT", help="Listen here."),
+        click.option(
+            "-l", "--listen", multiple=True, metavar="ENDPOINT", help="Listen on this endpoint."
+        ),
         click.option(
             "-e",
             "--connect",
             multiple=True,
             metavar="ENDPOINT",
-            help="Connect there, such as tcp/127.0.0.1:7447.",
+            help="Connect to this endpoint, such as tcp/127.0.0.1:7447.",
         ),
         click.option(
             "-m", "--mode", type=click.Choice(["client", "peer"]), help="Zenoh session mode."
@@ -122,13 +207,29 @@ def folder_option(default: str, help_text: str) -> Callable[[Command], Command]:
     )
 
 
-def new_file_option(command: Command) -> Command:
+def output_option(help_text: str) -> Callable[[Command], Command]:
     return click.option(
         "-o",
-        "--out",
+        "--output",
         type=click.Path(dir_okay=False, path_type=Path),
-        help="Write to this new file.",
-    )(command)
+        metavar="FILE",
+        help=help_text,
+    )
+
+
+def json_option(help_text: str) -> Callable[[Command], Command]:
+    return click.option("--json", "as_json", is_flag=True, help=help_text)
+
+
+def link_option(help_text: str, *, multiple: bool = False) -> Callable[[Command], Command]:
+    return click.option(
+        "--link",
+        "links" if multiple else "link",
+        multiple=multiple,
+        metavar="SENDER:RECEIVER",
+        shell_complete=completion.links,
+        help=help_text,
+    )
 
 
 def print_or_write(text: str, file: Path | None) -> None:
@@ -146,8 +247,8 @@ def run_option(command: Command) -> Command:
         "--run",
         "run_name",
         metavar="NAME",
-        help="Name of the run: its processes hear only one another. By default the scenario's"
-        " name; `convoy run` makes one up.",
+        help="Name of the run, which keeps convoys on one router apart. Default: the scenario's"
+        " name; `convoy run` adds a random suffix.",
     )(command)
 
 
@@ -156,24 +257,19 @@ def open_run_options(command: Command) -> Command:
         "--run",
         "run_name",
         metavar="NAME",
-        help="Which run; by default the only one that `convoy run` drives here.",
+        help="Name of the run. Default: the only run that `convoy run` started on this machine.",
     )
     return named(zenoh_options(command))
 
 
-def span_option(*, required: bool = False, help_text: str) -> Callable[[Command], Command]:
-    return click.option(
-        "--for", "for_s", type=TimeSpan(), required=required, metavar="TIME", help=help_text
-    )
-
-
 def parent_watch_option(command: Command) -> Command:
-    """`--leash`, for processes that must not outlive their parent."""
+    """Hidden option of processes that must not outlive their parent."""
     return click.option(
-        "--leash",
+        "--parent-watch",
         "launched",
         is_flag=True,
-        help="Stop when standard input ends (set by `convoy run`).",
+        hidden=True,
+        help="Stop when standard input ends.",
     )(command)
 
 

@@ -1,4 +1,4 @@
-"""How commands fail: one clear line for each problem, an exit code, no traceback."""
+"""Errors of commands: `error: where: what, what is allowed`, and an exit code."""
 
 import errno
 from collections.abc import Iterator
@@ -21,28 +21,37 @@ class MissingExtraError(Exception):
     """A missing optional package, in one line."""
 
 
-def require(what: str, extra: str, *packages: str) -> None:
-    """Raise MissingExtraError if a package of `extra` that `what` needs is missing."""
+def error_line(text: str) -> str:
+    return f"error: {text}"
+
+
+def print_error(text: str) -> None:
+    """Print each line of an error to standard error."""
+    for line in text.splitlines():
+        click.echo(error_line(line), err=True)
+
+
+def require(feature: str, extra: str, *packages: str) -> None:
+    """Raise MissingExtraError if a package of `extra` that `feature` needs is missing."""
     missing = [package for package in packages if find_spec(package) is None]
     if missing:
         raise MissingExtraError(
-            f"{what}: needs {' and '.join(missing)}, not installed here: "
+            f"{feature}: needs {' and '.join(missing)}, not installed here: "
             f"pip install 'convoy-emulator[{extra}]'"
         )
 
 
 @contextmanager
 def clear_errors() -> Iterator[None]:
-    """Turn errors in the input into lines on standard error and an exit code."""
+    """Print errors in the input to standard error and exit with their code."""
     exit_code = EXIT_BAD_INPUT
     try:
         yield
     except (ScenarioError, BusError, LogError, ViewerError, MissingExtraError) as error:
-        for line in str(error).splitlines():
-            click.echo(line, err=True)
+        print_error(str(error))
     except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
-        click.echo(f"{where}{(error.strerror or str(error)).lower()}", err=True)
+        place = f"{error.filename}: " if error.filename else ""
+        print_error(f"{place}{(error.strerror or str(error)).lower()}")
         if error.errno in UNWRITABLE:
             exit_code = EXIT_FAILED
     else:

@@ -1,40 +1,36 @@
-"""Commands that look at the logs of runs."""
+"""Commands that read recorded runs: review, report, explain."""
 
 from pathlib import Path
 
 import click
 
+from scenarios.cli.common_options import json_option, rerun_option, time_option
 from scenarios.cli.error_lines import clear_errors, require
-from scenarios.cli.guide import completion
 
 
 @click.command(
     epilog="""\b
 Examples:
   convoy review runs/20260101-120000-lane_change/run.mcap
-  convoy review run.mcap --rerun serve           in the browser
-  convoy review run.mcap --rerun save=run.rrd    for later
+  convoy review run.mcap --rerun serve           in a browser
+  convoy review run.mcap --rerun save=run.rrd    into a file
 """
 )
 @click.argument("log", type=click.Path(path_type=Path))
-@click.option(
-    "--rerun",
-    default="spawn",
-    show_default=True,
-    metavar="spawn|serve|connect=URL|save=PATH",
-    shell_complete=completion.rerun,
-    help="Where to show it.",
-)
+@rerun_option("spawn", "Rerun viewer")
 def review(log: Path, *, rerun: str) -> None:
-    """Show a recorded LOG, or the one in a run's folder, in Rerun: the picture of a live run."""
+    """Show a recorded run in Rerun.
+
+    LOG is a run.mcap or its folder.
+    """
     from scenarios.results.log_summary import log_in
     from scenarios.results.pictures import review as reviewing
     from scenarios.runs.stop import stop_on_signals
     from transport.clock import poll
     from transport.picture.option import parse_rerun_option
 
-    def wait(where: str) -> None:
-        click.echo(f"look here: {where}\nCtrl-C ends it")
+    def wait(address: str) -> None:
+        click.echo(f"open {address}\nstop with Ctrl-C")
         stop = stop_on_signals()
         poll(lambda: stop.requested, every_s=0.1)
 
@@ -47,9 +43,12 @@ def review(log: Path, *, rerun: str) -> None:
 
 @click.command(epilog="Example: convoy report runs/20260101-120000-lane_change/run.mcap")
 @click.argument("log", type=click.Path(path_type=Path))
-@click.option("--json", "as_json", is_flag=True, help="The summary as JSON.")
+@json_option("Print the summary as JSON.")
 def report(log: Path, *, as_json: bool) -> None:
-    """Print the tables of a recorded LOG, or the one in a run's folder, also if it breaks off."""
+    """Print the tables of a recorded run.
+
+    LOG is a run.mcap or its folder. It may be incomplete or damaged.
+    """
     from rich.console import Console
 
     from scenarios.cli.summary_tables import print_summary
@@ -73,11 +72,15 @@ Examples:
 """
 )
 @click.argument("log", type=click.Path(path_type=Path))
-@click.option("--vehicle", required=True, help="Which vehicle.")
-@click.option("--at", "at_s", required=True, type=float, help="Seconds after the start.")
-@click.option("--json", "as_json", is_flag=True, help="As JSON.")
+@click.option("--vehicle", required=True, metavar="NAME", help="Name of the vehicle.")
+@time_option("--at", required=True, help_text="Time after the start of the run.")
+@json_option("Print the explanation as JSON.")
 def explain(log: Path, *, vehicle: str, at_s: float, as_json: bool) -> None:
-    """Say what a vehicle knew at an instant of a recorded LOG, and why it knew no more."""
+    """Explain what a vehicle knew at a time.
+
+    LOG is a run.mcap or its folder. Lists the newest message from each source, the messages that
+    are missing, and the cause of each loss.
+    """
     import json
     from dataclasses import asdict
 
@@ -88,8 +91,9 @@ def explain(log: Path, *, vehicle: str, at_s: float, as_json: bool) -> None:
     from scenarios.results.log_summary import log_in
 
     with clear_errors():
-        found = explaining.explain(log_in(log), vehicle, at_s)
+        explanation = explaining.explain(log_in(log), vehicle, at_s)
         if as_json:
-            click.echo(json.dumps(asdict(found) | {"sentence": found.sentence}, indent=2))
+            fields = asdict(explanation) | {"sentence": explanation.sentence}
+            click.echo(json.dumps(fields, indent=2))
         else:
-            print_explanation(found, Console())
+            print_explanation(explanation, Console())

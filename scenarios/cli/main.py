@@ -1,21 +1,22 @@
-"""The command line: `convoy COMMAND …`.
+"""The group of all commands.
 
-Each command imports what it needs when it runs, so that a vehicle process stays small and
-`convoy --help` is quick.
+Commands import their modules when they run, so that `convoy --help` is fast and vehicle processes
+are small.
 """
 
 import os
 import sys
 from pathlib import Path
 
-# One thread per process is plenty for arrays of forty numbers, and the spare ones cost memory.
-# NumPy's library reads it when it is loaded, so it comes before everything else.
+# One thread per process is enough for small arrays, and idle threads cost memory. OpenBLAS reads
+# this when NumPy is imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import click
 
 from scenarios.cli import log_commands, paper_commands, scenario_commands
 from scenarios.cli.channel.channel_commands import channel
+from scenarios.cli.grouped_help import ConvoyGroup
 from scenarios.cli.guide.reference import reference
 from scenarios.cli.live import live_commands
 from scenarios.cli.many import drill, worst
@@ -28,25 +29,33 @@ from scenarios.cli.running import commands as running
 
 EXAMPLES = """\b
 Examples:
-  convoy run                              the default scenario, real processes
-  convoy run church_lot --rerun spawn     watch it live
+  convoy run                              the default scenario, in real time
+  convoy run church_lot --rerun spawn     with a live view in Rerun
   convoy run lossy_lane_change --clock virtual --seed 7
-  convoy run my.toml --set links.loss_ratio=0.3
-  convoy review runs/…/run.mcap           the same picture from the log
+  convoy run my.toml --loss 0.3 --duration 20s
+  convoy report runs/…/run.mcap           the tables of a recorded run
 
 \b
-With this, Tab completes scenarios, --set keys and vehicles, where convoy is on
-the path:
+Shell completion of scenarios, keys and vehicles:
   eval "$(_CONVOY_COMPLETE=bash_source convoy)"    in bash
   eval "$(_CONVOY_COMPLETE=zsh_source convoy)"     in zsh
   _CONVOY_COMPLETE=fish_source convoy | source     in fish
 """
 
 
-@click.group(epilog=EXAMPLES, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    "convoy",
+    cls=ConvoyGroup,
+    epilog=EXAMPLES,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 @click.version_option(package_name="convoy-emulator")
 def cli() -> None:
-    """Emulate a convoy: a process per vehicle, poses over Zenoh, logs in MCAP, live in Rerun."""
+    """Emulate a convoy of cars whose radio links delay and lose messages.
+
+    Every vehicle is a process that sends its GPS pose over Zenoh. Runs are recorded in MCAP and
+    shown in Rerun.
+    """
 
 
 for command in (
@@ -84,9 +93,9 @@ for command in (
 
 
 def main() -> None:
-    """Run the command of `sys.argv`; `scenarios.cli.__main__` handles signals by then."""
+    """Run the command in `sys.argv`. `scenarios.cli.__main__` has set the signal handlers."""
     keep_output_going()
-    # A user's own controller may be in the working folder; installed packages come first.
+    # For a user's controller in the working folder. Installed packages take precedence.
     sys.path.append(str(Path.cwd()))
     with unwritable_output_reported():
         cli(prog_name="convoy")

@@ -1,4 +1,4 @@
-"""Commands of the studies: steering gains, and the paper's experiments."""
+"""Commands for the paper: steering gains and experiments."""
 
 import sys
 from collections.abc import Iterator, Sequence
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarios.cli.columns import Column, figure, table_of
+from scenarios.cli.common_options import folder_option
 from scenarios.cli.error_lines import clear_errors, require
 
 if TYPE_CHECKING:  # brings scipy
@@ -18,7 +19,7 @@ if TYPE_CHECKING:  # brings scipy
 SLOWEST, FASTEST = 2.0, 100.0
 """Speeds (m/s) that can be studied; the model divides by the speed."""
 STUDIES = ("studies", "matplotlib", "scipy")
-"""The extra that the studies need, and its packages."""
+"""Extra of the studies, and its packages."""
 GAINS = {"KE": (0.001, 10.0), "KTHETA": (0.0, 100.0), "KOMEGA": (0.0, 10.0)}
 """Least and largest gains (rad/m, rad/rad, s); a KE of 0 does not lead back to the path."""
 
@@ -26,7 +27,7 @@ GAINS = {"KE": (0.001, 10.0), "KTHETA": (0.0, 100.0), "KOMEGA": (0.0, 10.0)}
 @click.command(
     epilog="""\b
 Examples:
-  convoy gains                                   the paper's gains on the paper's car
+  convoy gains                                   the paper's gains and car
   convoy gains --gains 0.1 0.9 0.1 --speed 15 --speed 30 --out gains-new
 """
 )
@@ -37,24 +38,23 @@ Examples:
     default=(0.06, 0.96, 0.08),
     show_default=True,
     metavar="KE KTHETA KOMEGA",
-    help="Feedback gains: rad/m, rad/rad, s.",
+    help="Feedback gains in rad/m, rad/rad and s.",
 )
 @click.option(
     "--speed",
     "speeds",
     type=float,
     multiple=True,
-    help=f"Speeds in m/s, {SLOWEST:g} to {FASTEST:g}.",
+    metavar="M_PER_S",
+    help=f"Speed to analyse, {SLOWEST:g} to {FASTEST:g} m/s. Repeatable.",
 )
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    default=Path("gains"),
-    show_default=True,
-    help="Folder for gains.json and the pictures.",
-)
+@folder_option("gains", "Folder for gains.json and the plots.")
 def gains(*, gains: tuple[float, float, float], speeds: tuple[float, ...], out: Path) -> None:
-    """Stabilising gain sets, margins, varying speed, loadings and propagation, with pictures."""
+    """Analyse the steering gains.
+
+    Computes stabilising gain sets, margins, lowest stable rates and the propagation of errors along
+    the convoy, for several loadings and for varying speed.
+    """
     with clear_errors():
         require("gains", *STUDIES)
     from rich.console import Console
@@ -66,16 +66,16 @@ def gains(*, gains: tuple[float, float, float], speeds: tuple[float, ...], out: 
     with clear_errors():
         if refused := [*_refused_gains(gains), *_refused_speeds(speeds)]:
             raise ScenarioError(refused)
-        wanted = tuple(dict.fromkeys(speeds)) or DEFAULT_SPEEDS
+        chosen = tuple(dict.fromkeys(speeds)) or DEFAULT_SPEEDS
         try:
-            report = gains_report(LINCOLN_MKZ, Gains(*gains), wanted, out_dir=out)
+            report = gains_report(LINCOLN_MKZ, Gains(*gains), chosen, out_dir=out)
         except ScenarioError:
-            raise  # about the folder
+            raise  # the folder is refused
         except (ValueError, ArithmeticError) as error:
-            given = f"gains {', '.join(map(str, gains))} at {', '.join(map(str, wanted))} m/s"
-            raise ScenarioError([f"{given}: cannot be studied: {error}"]) from error
+            given = f"gains {', '.join(map(str, gains))} at {', '.join(map(str, chosen))} m/s"
+            raise ScenarioError([f"{given}: cannot be analysed: {error}"]) from error
         Console().print(gains_table(report))
-        click.echo(f"written: {out / 'gains.json'} and {len(report.pictures)} pictures")
+        click.echo(f"written: {out / 'gains.json'} and {len(report.pictures)} plots")
 
 
 def gains_table(report: "GainsReport") -> "Table":
@@ -124,20 +124,19 @@ def _refused_speeds(speeds: Sequence[float]) -> Iterator[str]:
 @click.command(
     epilog="""\b
 Examples:
-  convoy reproduce --out paper                   all of it, in a minute or two
+  convoy reproduce --out paper                   all cases, 1 to 2 minutes
   convoy reproduce --case base --case a
 """
 )
-@click.option("--case", "cases", multiple=True, metavar="NAME", help="Only this case; repeatable.")
 @click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    default=Path("paper"),
-    show_default=True,
-    help="Folder for the report, its pictures and the logs.",
+    "--case", "cases", multiple=True, metavar="NAME", help="Run this case only. Repeatable."
 )
+@folder_option("paper", "Folder for the report, the plots and the logs.")
 def reproduce(*, cases: tuple[str, ...], out: Path) -> None:
-    """Run the paper's experiments and write a report: each claim against what comes out here."""
+    """Reproduce the paper's experiments.
+
+    Simulates the experiments and writes a report that compares each claim with the result.
+    """
     with clear_errors():
         require("reproduce", *STUDIES)
     from scenarios.studies.paper.reproduce import reproduce as carry_out

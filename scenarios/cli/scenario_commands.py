@@ -1,11 +1,11 @@
-"""Commands that check scenarios and write new ones, without a run."""
+"""Commands that list, check and write scenarios: list, check, new."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from scenarios.cli.common_options import scenario_options
+from scenarios.cli.common_options import json_option, scenario_options
 from scenarios.cli.error_lines import MissingExtraError, clear_errors, require
 
 if TYPE_CHECKING:
@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
 
 @click.command(name="list", epilog="Example: convoy list")
-@click.option("--json", "as_json", is_flag=True, help="Names and descriptions as JSON.")
+@json_option("Print kinds, names and descriptions as JSON.")
 def list_scenarios(*, as_json: bool) -> None:
-    """List the scenarios that ship, the channels for `links.preset`, and the drills."""
+    """List scenarios, channel presets and drills."""
     import json
 
     from scenarios.definition.channel.presets import presets, read_preset
@@ -39,7 +39,7 @@ def list_scenarios(*, as_json: bool) -> None:
     for name, description in shipped.items():
         click.echo(f"{name:20} {description}")
     for heading, some in (
-        ("channels, for links.preset:", channels),
+        ("channel presets, for links.preset:", channels),
         ("drills, for convoy drill:", failures),
     ):
         click.echo(f"\n{heading}")
@@ -52,16 +52,21 @@ def list_scenarios(*, as_json: bool) -> None:
 Examples:
   convoy check church_lot
   convoy check my.toml --set speed.set_mps=25 --json
-  convoy check lossy_lane_change --explain       what is asked of each link
+  convoy check lossy_lane_change --explain       the laws of each link
 """
 )
 @scenario_options
-@click.option("--explain", is_flag=True, help="Say of each link its rule, laws, loss, delay, age.")
-@click.option("--json", "as_json", is_flag=True, help="The figures as JSON.")
+@click.option(
+    "--explain", is_flag=True, help="Print each link's rule, laws, loss, delay and data age."
+)
+@json_option("Print the settings and figures as JSON.")
 def check(
     *, scenario: str, overrides: tuple[str, ...], seed: int | None, explain: bool, as_json: bool
 ) -> None:
-    """Say what SCENARIO asks for, and warn of what may surprise; run nothing."""
+    """Check a scenario and list warnings.
+
+    SCENARIO is a shipped name (see `convoy list`) or a TOML file. Nothing is simulated.
+    """
     import json
     from dataclasses import asdict
 
@@ -94,7 +99,7 @@ def check(
 
 
 def _certificate_warnings(scenario: "Scenario") -> tuple[str, ...]:
-    """Warn of changes of speed without a certificate of the gains, or without scipy."""
+    """Warn if a change of speed has no certificate of the gains, or if SciPy is missing."""
     try:
         require("certificate of the gains", "studies", "scipy")
     except MissingExtraError as error:
@@ -107,7 +112,10 @@ def _certificate_warnings(scenario: "Scenario") -> tuple[str, ...]:
 @click.command(epilog="Example: convoy new > my.toml")
 @click.argument("file", required=False, type=click.Path(dir_okay=False, path_type=Path))
 def new(file: Path | None) -> None:
-    """Write a commented scenario with every option to FILE, or to standard output."""
+    """Write a commented scenario file.
+
+    The file lists every key with its default. Without FILE it goes to standard output.
+    """
     from scenarios.definition.template import template
 
     with clear_errors():
@@ -116,4 +124,4 @@ def new(file: Path | None) -> None:
         else:
             with file.open("x", encoding="utf-8") as target:
                 target.write(template())
-            click.echo(f"wrote {file}; try it: convoy run {file}")
+            click.echo(f"written: {file}; run it with: convoy run {file}")

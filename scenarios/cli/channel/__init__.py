@@ -1,8 +1,8 @@
-"""Commands and tables about links: their configuration, laws, costs.
+"""Commands and tables about links: configuration, laws, costs.
 
-commands       convoy channel show and fit
-costs          convoy channel figure and cuts
-checked_links  the configuration of each link, for convoy check --explain
-shown          a law against a sample of it
-explained      what a vehicle knew, for convoy explain
+channel_commands   convoy channel show and fit
+campaign_commands  convoy channel figure and cuts
+link_settings      the configuration of each link, for convoy check --explain
+comparison_tables  a law and a sample of it, for convoy channel show
+explanation_table  what a vehicle knew, for convoy explain
 """

@@ -1,4 +1,4 @@
-"""The commands that drive a convoy over many channels, or cut its links, and their tables."""
+"""`convoy channel figure` and `convoy channel cuts`, and their tables."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,14 +19,17 @@ if TYPE_CHECKING:
 @click.command(
     epilog="""\b
 Examples:
-  convoy channel figure --out channel            two or three minutes on two cores
+  convoy channel figure --out channel            2 to 3 minutes on two cores
   convoy channel figure --quick --out look
 """
 )
-@click.option("--quick", is_flag=True, help="A few drives only, to see how it looks.")
+@click.option("--quick", is_flag=True, help="Simulate only a few runs, as a preview.")
 @folder_option("channel", "Folder for channel.png and channel.json.")
 def figure(*, quick: bool, out: Path) -> None:
-    """Drive a convoy over many channels and draw what loss, bursts and latency cost."""
+    """Plot the cost of loss, bursts and latency.
+
+    Simulates a lane change over many channels and plots the largest error of the last car.
+    """
     with clear_errors():
         require("channel figure", "studies", "matplotlib", "scipy")
     from rich.console import Console
@@ -58,7 +61,7 @@ COST_COLUMNS: "Sequence[Column[Cost]]" = (
 @click.command(
     epilog="""\b
 Examples:
-  convoy channel cuts --out cuts                 a minute or two on two cores
+  convoy channel cuts --out cuts                 1 to 2 minutes on two cores
   convoy channel cuts --cuts 1000 --out cuts     half an hour
 """
 )
@@ -68,11 +71,16 @@ Examples:
     type=click.IntRange(2, 100_000),
     default=60,
     show_default=True,
-    help="How many, with each of four reactions.",
+    metavar="N",
+    help="Number of cuts. Each is simulated with four reactions.",
 )
 @folder_option("cuts", "Folder for cuts.png and cuts.json.")
 def cuts(*, count: int, out: Path) -> None:
-    """Cut all links at random instants of double lane changes: what each reaction makes of it."""
+    """Cut all links at random and compare results.
+
+    Cuts all links at random times of double lane changes, and compares the four reactions of
+    [control.degradation].
+    """
     with clear_errors():
         require("channel cuts", "studies", "matplotlib", "scipy")
     from rich.console import Console

@@ -1,4 +1,4 @@
-"""Commands that look at channels: a law against a sample, and the laws of recorded links."""
+"""`convoy channel show` and `convoy channel fit`."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -6,7 +6,14 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarios.cli.channel.campaign_commands import cuts, figure
-from scenarios.cli.common_options import new_file_option, print_or_write, setting_options
+from scenarios.cli.common_options import (
+    FiniteRange,
+    json_option,
+    link_option,
+    output_option,
+    print_or_write,
+    setting_options,
+)
 from scenarios.cli.error_lines import clear_errors, require
 from scenarios.cli.guide import completion
 
@@ -29,7 +36,7 @@ Examples:
 """
 )
 def channel() -> None:
-    """Look at channels: laws against samples, laws of recorded links, what they cost a convoy."""
+    """Inspect, fit and study channels."""
 
 
 channel.add_command(figure)
@@ -41,26 +48,20 @@ channel.add_command(cuts)
 Examples:
   convoy channel show bursty
   convoy channel show ieee80211p_dense --distance-m 120
-  convoy channel show my.toml --link v1:v3 --out v1-v3.png
+  convoy channel show my.toml --link v1:v3 -o v1-v3.png
 """
 )
-@click.option(
-    "--link", metavar="SENDER:RECEIVER", shell_complete=completion.links,
-    help="Which link; by default from the lead to the last vehicle.",
-)  # fmt: skip
+@link_option("Link of the scenario. Default: from the lead to the last vehicle.")
 @click.option(
     "--messages", type=click.IntRange(100, 1_000_000), default=20_000, show_default=True,
-    help="How many to draw.",
+    metavar="N", help="Number of messages in the sample.",
 )  # fmt: skip
 @click.option(
-    "--distance-m", type=float, default=50.0, show_default=True,
-    help="How far sender and receiver drive from one another, on a straight road.",
+    "--distance-m", type=FiniteRange(NEAREST_M, FARTHEST_M), default=50.0, show_default=True,
+    metavar="M", help="Distance of sender and receiver in m.",
 )  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="The figures as JSON.")
-@click.option(
-    "--out", type=click.Path(dir_okay=False, path_type=Path), metavar="PNG",
-    help="Draw a picture, too.",
-)  # fmt: skip
+@json_option("Print the figures as JSON.")
+@output_option("Draw the comparison into this PNG file.")
 @setting_options
 @click.argument("scenario", metavar="PRESET|SCENARIO", shell_complete=completion.channels)
 def show(
@@ -72,12 +73,13 @@ def show(
     messages: int,
     distance_m: float,
     as_json: bool,
-    out: Path | None,
+    output: Path | None,
 ) -> None:
-    """Hold the laws of a shipped channel, or of a link of a scenario, against a sample.
+    """Compare a channel's laws with a sample.
 
-    The sample is drawn by the very effects of a run: both ends drive on a straight road, the
-    vehicles in between evenly in the line of sight.
+    Draws messages over a shipped channel PRESET or a link of SCENARIO, and compares them with the
+    figures that its laws predict. Both vehicles drive on a straight road. Vehicles between them are
+    evenly spaced in the line of sight.
     """
     import json
     from dataclasses import asdict
@@ -86,29 +88,25 @@ def show(
 
     from scenarios.cli.channel.comparison_tables import print_comparison
     from scenarios.definition.check.link_sample import StraightDrive
-    from scenarios.definition.errors import ScenarioError
     from scenarios.studies.channel.comparison import compare
 
     with clear_errors():
-        if out is not None:
-            require("channel show --out", "studies", "matplotlib")
-        if not NEAREST_M <= distance_m <= FARTHEST_M:  # nor NaN
-            allowed = f"allowed {NEAREST_M:g} to {FARTHEST_M:g} m"
-            raise ScenarioError([f"--distance-m: given {distance_m}, {allowed}"])
+        if output is not None:
+            require("channel show --output", "studies", "matplotlib")
         loaded = _loaded(scenario, overrides, seed)
         chosen = _selected_link(link, loaded)
         drive = StraightDrive(loaded, chosen, distance_m)
         found, sample = compare(drive, messages)
-        if out is not None:
+        if output is not None:
             from scenarios.studies.channel.picture import draw
 
-            draw(found, sample, out)
+            draw(found, sample, output)
         if as_json:
             click.echo(json.dumps(asdict(found), indent=2))
             return
         print_comparison(scenario, loaded, found, Console())
-        if out is not None:
-            click.echo(f"written: {out}")
+        if output is not None:
+            click.echo(f"written: {output}")
 
 
 def _loaded(name: str, overrides: tuple[str, ...], seed: int | None) -> "Scenario":
@@ -124,7 +122,7 @@ def _loaded(name: str, overrides: tuple[str, ...], seed: int | None) -> "Scenari
         close = did_you_mean(name, (*presets(), *library()))
         channels, scenarios = ", ".join(presets()), ", ".join(library())
         raise ScenarioError(
-            [f"no channel or scenario {toml_repr(name)}{close}, allowed {channels}, {scenarios}"]
+            [f"no preset or scenario {toml_repr(name)}{close}, allowed {channels}, {scenarios}"]
         )
     return load_scenario(name, overrides, seed)
 
@@ -138,7 +136,7 @@ def _selected_link(given: str | None, scenario: "Scenario") -> tuple[str, str]:
 
 
 def _selected_links(
-    given: str | None, links: "Iterable[tuple[str, str]]", where: str
+    given: str | None, links: "Iterable[tuple[str, str]]", place: str
 ) -> list[tuple[str, str]]:
     """Return all links, or the one given as sender:receiver; raises ScenarioError."""
     from scenarios.definition.error_messages import toml_repr
@@ -146,7 +144,7 @@ def _selected_links(
 
     known = {f"{sender}:{receiver}": (sender, receiver) for sender, receiver in links}
     if not known:
-        raise ScenarioError([f"{where}: has no links"])
+        raise ScenarioError([f"{place}: has no links"])
     if given is None:
         return [*known.values()]
     if given not in known:
@@ -162,11 +160,15 @@ Examples:
 """
 )
 @click.argument("log", type=click.Path(path_type=Path))
-@click.option("--link", metavar="SENDER:RECEIVER", help="Only this link.")
-@click.option("--json", "as_json", is_flag=True, help="Keys and estimates as JSON.")
-@new_file_option
-def fit(log: Path, *, link: str | None, as_json: bool, out: Path | None) -> None:
-    """Find the laws of the links of a recorded LOG, as a block for a scenario, with intervals."""
+@link_option("Fit this link only.")
+@json_option("Print keys and estimates as JSON.")
+@output_option("Write the result to this new file instead of standard output.")
+def fit(log: Path, *, link: str | None, as_json: bool, output: Path | None) -> None:
+    """Fit channel laws to a recorded run.
+
+    LOG is a run.mcap or its folder. Prints a TOML block that gives a scenario the same links, with
+    confidence intervals of the estimates.
+    """
     with clear_errors():
         require("channel fit", "studies", "scipy")
     from scenarios.results.log_summary import log_in
@@ -175,7 +177,7 @@ def fit(log: Path, *, link: str | None, as_json: bool, out: Path | None) -> None
     with clear_errors():
         found = {(one.sender, one.receiver): one for one in fit_log(log_in(log))}
         chosen = tuple(found[pair] for pair in _selected_links(link, found, str(log)))
-        print_or_write(_as_json(chosen) if as_json else as_toml(chosen), out)
+        print_or_write(_as_json(chosen) if as_json else as_toml(chosen), output)
 
 
 def _as_json(links: "tuple[FittedLink, ...]") -> str:

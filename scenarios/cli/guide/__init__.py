@@ -1,6 +1,5 @@
-"""Help with the use of the commands.
+"""Shell completion, and the table of `convoy check`.
 
-completion  names and keys that a shell offers
-reference   fields, topics, reasons, and the contract of a controller
-checked     the configuration of a scenario as a table
+completion   names and keys that a shell offers
+check_table  the configuration of a scenario as a table
 """

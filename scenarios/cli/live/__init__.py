@@ -1,6 +1,6 @@
-"""Commands for a convoy that drives: change it, look at it, and make a scenario of what was done.
+"""Commands for a running convoy.
 
-commands  link, cut, heal, gnss, stall, kill, speed, status, scenario-from
-asking    the requested run, and the answers of its vehicles to a change
-shown     the status of a run as tables
+live_commands    link, cut, heal, gnss, stall, kill, speed, status, scenario-from
+change_requests  requests to the vehicles of a run, and their answers
+status_tables    the status of a run as tables
 """

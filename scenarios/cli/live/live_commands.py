@@ -1,4 +1,4 @@
-"""Commands for a convoy that drives: link, cut, heal, gnss, stall, kill, speed, status."""
+"""Commands for a running convoy: link, cut, heal, gnss, stall, kill, speed, status."""
 
 import sys
 from pathlib import Path
@@ -7,12 +7,15 @@ from typing import Any
 import click
 
 from scenarios.cli.common_options import (
-    new_file_option,
+    FiniteRange,
+    Ratio,
+    json_option,
     open_run_options,
+    output_option,
     print_or_write,
-    span_option,
+    time_option,
 )
-from scenarios.cli.error_lines import clear_errors
+from scenarios.cli.error_lines import clear_errors, print_error
 from scenarios.runs.stop import EXIT_BAD_INPUT, EXIT_FAILED
 
 REFRESH_S = 0.5
@@ -25,27 +28,22 @@ def _change(run_name: str | None, flags: dict[str, Any], kind: str, **keys: obje
     entry = {"kind": kind, **{key: value for key, value in keys.items() if value is not None}}
     with clear_errors():
         with change_requests.joined(run_name, flags) as (bus, run):
-            answers = change_requests.request_change(bus, run, entry)
-        refused = dict.fromkeys(
-            line for one in answers if one.answer for line in one.answer.refused
-        )
-        silent = [one.vehicle for one in answers if one.answer is None]
-        for one in answers:
-            if one.answer and one.answer.does:
-                text = (
-                    f"{one.vehicle}: {one.answer.does}, {one.answer.from_s:.2f} s after the start"
-                )
-                click.echo(f"{text} (confirmed in {one.took_ms:.1f} ms)")
-        for line in refused:
-            click.echo(line, err=True)
+            replies = change_requests.request_change(bus, run, entry)
+        answers = [reply.answer for reply in replies if reply.answer]
+        refusals = dict.fromkeys(line for answer in answers for line in answer.refused)
+        silent = [reply.vehicle for reply in replies if reply.answer is None]
+        for reply in replies:
+            if reply.answer and reply.answer.does:
+                effect = f"{reply.answer.does}, {reply.answer.from_s:.2f} s after the start"
+                click.echo(f"{reply.vehicle}: {effect} (confirmed in {reply.took_ms:.1f} ms)")
+        for line in refusals:
+            print_error(line)
         for vehicle in silent:
-            click.echo(
-                f"{vehicle}: no answer within {change_requests.ANSWER_TIMEOUT_S:g} s", err=True
-            )
-        if not any(one.answer and (one.answer.does or one.answer.refused) for one in answers):
-            click.echo("nothing changed: no vehicle carries this out", err=True)
+            print_error(f"{vehicle}: no answer within {change_requests.ANSWER_TIMEOUT_S:g} s")
+        if not any(answer.does or answer.refused for answer in answers):
+            print_error("nothing changed: the request concerns no vehicle of the run")
             sys.exit(EXIT_FAILED)
-    if refused:
+    if refusals:
         sys.exit(EXIT_BAD_INPUT)
     if silent:
         sys.exit(EXIT_FAILED)
@@ -60,10 +58,17 @@ Examples:
 )
 @click.argument("sender")
 @click.argument("receiver")
-@click.option("--loss", "loss_ratio", type=float, metavar="RATIO", help="Share lost, 0 to 1.")
-@click.option("--latency-ms", type=float, help="Least delay.")
-@click.option("--jitter-ms", type=float, help="Further delay, uniform between 0 and this.")
-@span_option(help_text="For how long, such as 5s; without it until the next change.")
+@click.option(
+    "--loss", "loss_ratio", type=Ratio(), metavar="RATIO", help="Loss ratio of the links, 0 to 1."
+)
+@click.option("--latency-ms", type=FiniteRange(min=0.0), metavar="MS", help="Minimum delay.")
+@click.option(
+    "--jitter-ms",
+    type=FiniteRange(min=0.0),
+    metavar="MS",
+    help="Additional random delay, uniform from 0 to MS.",
+)
+@time_option("--for", help_text="Duration of the change. Default: until the next change.")
 @open_run_options
 def link(
     *,
@@ -76,10 +81,11 @@ def link(
     run_name: str | None,
     **flags: Any,
 ) -> None:
-    """Change the links from SENDER to RECEIVER of a convoy that drives.
+    """Change links between vehicles.
 
-    Each end is a vehicle's name, a role (lead, predecessor, follower), or "*" for any. What is not
-    given stays as it is.
+    Changes the links from SENDER to RECEIVER of a running convoy. Each end is a vehicle name, a
+    role (lead, predecessor, follower), or "*" for any vehicle. Options that are not given keep
+    their values.
     """
     _change(
         run_name, flags, "link", sender=sender, receiver=receiver, loss_ratio=loss_ratio,
@@ -96,14 +102,15 @@ Examples:
 )
 @click.argument("sender", default="*")
 @click.argument("receiver", default="*")
-@span_option(help_text="For how long, such as 5s; without it until healed.")
+@time_option("--for", help_text="Duration of the cut. Default: until `convoy heal`.")
 @open_run_options
 def cut(
     *, sender: str, receiver: str, for_s: float | None, run_name: str | None, **flags: Any
 ) -> None:
-    """Cut the links from SENDER to RECEIVER of a convoy that drives, by default all.
+    """Cut links between vehicles.
 
-    Each end is a vehicle's name, a role (lead, predecessor, follower), or "*" for any.
+    Cuts the links from SENDER to RECEIVER of a running convoy. By default it cuts all links. Each
+    end is a vehicle name, a role (lead, predecessor, follower), or "*" for any vehicle.
     """
     _change(run_name, flags, "cut", sender=sender, receiver=receiver, for_s=for_s)
 
@@ -119,9 +126,11 @@ Examples:
 @click.argument("receiver", default="*")
 @open_run_options
 def heal(*, sender: str, receiver: str, run_name: str | None, **flags: Any) -> None:
-    """Give the links from SENDER to RECEIVER back as the scenario has them, by default all.
+    """Restore links between vehicles.
 
-    Each end is a vehicle's name, a role (lead, predecessor, follower), or "*" for any.
+    Restores the links from SENDER to RECEIVER to the values in the scenario. By default it restores
+    all links. Each end is a vehicle name, a role (lead, predecessor, follower), or "*" for any
+    vehicle.
     """
     _change(run_name, flags, "heal", sender=sender, receiver=receiver)
 
@@ -132,23 +141,30 @@ def heal(*, sender: str, receiver: str, run_name: str | None, **flags: Any) -> N
     "--fix",
     type=click.Choice(["fixed", "float", "single", "none", "auto"]),
     required=True,
-    help="Which fix; auto gives the receiver back to its own law.",
+    help="State of the fix. With auto, the receiver follows the scenario again.",
 )
-@span_option(help_text="For how long, such as 5s; without it until the next change.")
+@time_option("--for", help_text="Duration of the change. Default: until the next change.")
 @open_run_options
 def gnss(
     *, vehicle: str, fix: str, for_s: float | None, run_name: str | None, **flags: Any
 ) -> None:
-    """Change the fix of the receiver of VEHICLE."""
+    """Change the fix of a GNSS receiver.
+
+    Changes the emulated receiver of VEHICLE in a running convoy.
+    """
     _change(run_name, flags, "gnss", vehicle=vehicle, fix=fix, for_s=for_s)
 
 
 @click.command(epilog="Example: convoy stall v3 --for 500ms")
 @click.argument("vehicle")
-@span_option(required=True, help_text="For how long, such as 500ms.")
+@time_option("--for", required=True, help_text="Duration of the stall.")
 @open_run_options
 def stall(*, vehicle: str, for_s: float, run_name: str | None, **flags: Any) -> None:
-    """Hold up the control of VEHICLE: it hears, decides and sends nothing."""
+    """Stall the control of a vehicle.
+
+    While stalled, VEHICLE receives, decides and sends nothing. The car keeps its last steering and
+    acceleration.
+    """
     _change(run_name, flags, "stall", vehicle=vehicle, for_s=for_s)
 
 
@@ -160,24 +176,33 @@ Examples:
 """
 )
 @click.argument("vehicle")
-@span_option(help_text="Start anew after so long, such as 3s; without it never.")
+@time_option("--for", help_text="Restart the process after TIME. Default: no restart.")
 @open_run_options
 def kill(*, vehicle: str, for_s: float | None, run_name: str | None, **flags: Any) -> None:
-    """Let the process of VEHICLE crash; the car brakes to a standstill with its wheels as they are.
+    """Crash the process of a vehicle.
 
-    With --for it starts anew, without memory.
+    The car of VEHICLE keeps its steering angle and brakes to a standstill. With --for the process
+    restarts without any memory of the run.
     """
     _change(run_name, flags, "crash", vehicle=vehicle, for_s=for_s)
 
 
 @click.command(epilog="Example: convoy speed 15")
 @click.argument("speed_mps", type=float, metavar="M_PER_S")
-@click.option("--acceleration-mps2", type=float, help="How hard the lead gets there.")
+@click.option(
+    "--acceleration-mps2",
+    type=float,
+    metavar="MPS2",
+    help="Acceleration and braking of the lead towards that speed, in m/s².",
+)
 @open_run_options
 def speed(
     *, speed_mps: float, acceleration_mps2: float | None, run_name: str | None, **flags: Any
 ) -> None:
-    """Let the lead drive at another set speed."""
+    """Change the set speed of the lead.
+
+    The lead of a running convoy accelerates or brakes to M_PER_S, in m/s.
+    """
     _change(run_name, flags, "speed", speed_mps=speed_mps, acceleration_mps2=acceleration_mps2)
 
 
@@ -188,11 +213,15 @@ Examples:
   convoy status --once --json
 """
 )
-@click.option("--once", is_flag=True, help="One picture, and end.")
-@click.option("--json", "as_json", is_flag=True, help="As JSON, a line for each picture.")
+@click.option("--once", is_flag=True, help="Print the status once and exit.")
+@json_option("Print JSON, one line for each update.")
 @open_run_options
 def status(*, once: bool, as_json: bool, run_name: str | None, **flags: Any) -> None:
-    """Show how a convoy that drives goes: what it steers along, knows, hears, errs and keeps."""
+    """Show the status of a running convoy.
+
+    Lists each vehicle's mode, speed, error, gap and known path, the age of its data, and the loss
+    of each link. Refreshes twice a second until the run ends.
+    """
     from rich.console import Console
 
     from scenarios.cli.live import change_requests
@@ -202,15 +231,15 @@ def status(*, once: bool, as_json: bool, run_name: str | None, **flags: Any) -> 
     with clear_errors(), change_requests.joined(run_name, flags) as (bus, run):
         stop = stop_on_signals()
         stop.begun = True
-        found = show(
+        started = show(
             lambda: change_requests.status(bus, run),
             Console(),
             stop,
             every_s=None if once else REFRESH_S,
             as_json=as_json,
         )
-        if not found:
-            click.echo(f"run {run}: has not started yet", err=True)
+        if not started:
+            print_error(f"run {run}: has not started yet")
             sys.exit(EXIT_FAILED)
 
 
@@ -224,11 +253,15 @@ Examples:
 """,
 )
 @click.argument("log", type=click.Path(path_type=Path))
-@new_file_option
-def scenario_from(log: Path, *, out: Path | None) -> None:
-    """Make a scenario of a recorded LOG that repeats it, with all that was changed by hand."""
+@output_option("Write the scenario to this new file instead of standard output.")
+def scenario_from(log: Path, *, output: Path | None) -> None:
+    """Turn a recorded run into a scenario.
+
+    LOG is a run.mcap or its folder. The scenario repeats the run, including all changes made by
+    hand.
+    """
     from scenarios.results.log_queries.session import session_of
     from scenarios.results.log_summary import log_in
 
     with clear_errors():
-        print_or_write(session_of(log_in(log)).text, out)
+        print_or_write(session_of(log_in(log)).text, output)

@@ -1,10 +1,10 @@
-"""Commands that answer from many runs.
+"""Commands that simulate many runs.
 
-options    options that these commands share
-drill      failure drills: what must hold, and whether it does
-worst      the instant at which a burst does most harm
-sweep      many values of some keys, many seeds: tables and heat maps
-bisect     from which value of a key on a limit is broken
-risk       how probable it is that one run breaks a limit
-blame      which losses of a recorded run were to blame
+study_options  options that these commands share
+drill          failure drills: scenarios with limits
+worst          the most harmful time of a burst of losses
+sweep          values of some keys and seeds: tables and heat maps
+bisect         the value of a key at which runs begin to break a limit
+risk           the probability that a run breaks a limit
+blame          the losses of a recorded run that caused its error
 """

@@ -1,4 +1,4 @@
-"""The command that seeks the value of a key from which on runs break a limit, and its table."""
+"""`convoy bisect`, and its table."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarios.cli.columns import Column, print_whole, table_of
-from scenarios.cli.common_options import FiniteRange, folder_option
+from scenarios.cli.common_options import FiniteRange, Ratio, folder_option, override_options
 from scenarios.cli.error_lines import clear_errors, require
 from scenarios.cli.guide import completion
 from scenarios.cli.many.study_options import (
     engine_options,
     limit_option,
-    overrides_option,
     selected_fleet,
     variant_of,
 )
@@ -31,23 +30,25 @@ if TYPE_CHECKING:
 Examples:
   convoy bisect lossy_lane_change links.loss_ratio --limit error_m=0.3 --range 0:0.9 --any
   convoy bisect lossy_lane_change links.loss_ratio --set control.degradation.reaction=extrapolate
-  convoy bisect lane_change convoy.gap_m --range 6:30 --to 0.5 --set links.loss_ratio=0.8
+  convoy bisect lane_change convoy.gap_m --range 6:30 --precision 0.5 --set links.loss_ratio=0.8
 """
 )
 @click.argument("scenario", shell_complete=completion.scenarios)
 @click.argument("key")
 @limit_option
 @click.option("--range", "span", default="0:1", show_default=True, metavar="LOW:HIGH",
-              help="Where the value is sought.")  # fmt: skip
-@click.option("--to", type=float, default=0.01, show_default=True,
-              help="Half the width to which the boundary is bracketed.")  # fmt: skip
+              help="Interval of values to search.")  # fmt: skip
+@click.option("--precision", type=FiniteRange(0.0, min_open=True), default=0.01,
+              show_default=True, metavar="NUMBER",
+              help="Stop at this half-width of the bracket, in the unit of KEY.")  # fmt: skip
 @click.option("--seeds", type=click.IntRange(2, 10_000), default=20, show_default=True,
-              help="Runs at each value; seed by seed the same noise at each.")  # fmt: skip
-@click.option("--share", type=FiniteRange(0.0, 1.0), default=0.5, show_default=True,
-              help="Share of the runs that break the limit at the boundary.")  # fmt: skip
+              metavar="N",
+              help="Simulate each value with the seeds 1 to N.")  # fmt: skip
+@click.option("--share", type=Ratio(), default=0.5, show_default=True, metavar="RATIO",
+              help="Share of runs that break the limit at the boundary, 0 to 1.")  # fmt: skip
 @click.option("--any", "any_seed", is_flag=True,
-              help="The smallest value at which one of the runs breaks it: --share 0.")  # fmt: skip
-@overrides_option
+              help="Find the smallest value at which any run breaks the limit.")  # fmt: skip
+@override_options
 @engine_options
 @folder_option("boundary", "Folder for boundary.png and bisect.json.")
 def bisect(
@@ -56,7 +57,7 @@ def bisect(
     key: str,
     limit_text: str,
     span: str,
-    to: float,
+    precision: float,
     seeds: int,
     share: float,
     any_seed: bool,
@@ -65,7 +66,11 @@ def bisect(
     scheduler: str,
     out: Path,
 ) -> None:
-    """Seek the value of KEY from which on runs of SCENARIO break a limit."""
+    """Find the value at which a limit breaks.
+
+    Simulates SCENARIO at values of KEY and brackets the value at which the share of runs that break
+    the limit reaches --share. A seed draws the same random numbers at every value.
+    """
     with clear_errors():
         require("bisect", "studies", "matplotlib", "scipy")
     from rich.console import Console
@@ -84,7 +89,7 @@ def bisect(
             limit=parsed_limit(limit_text, variant.scenario.vehicle_names),
             low=low,
             high=high,
-            to=to,
+            to=precision,
             seeds=seeds,
             share=0.0 if any_seed else share,
         )

@@ -1,14 +1,20 @@
-"""The command that finds which losses of a recorded run were to blame, and its table."""
+"""`convoy blame`, and its table."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, cast
 
 import click
 
 from scenarios.cli.columns import Column, table_of
 from scenarios.cli.common_options import folder_option
 from scenarios.cli.error_lines import clear_errors, require
-from scenarios.cli.many.study_options import engine_options, limit_option, selected_fleet
+from scenarios.cli.many.study_options import (
+    engine_options,
+    figure_option,
+    limit_option,
+    selected_fleet,
+)
+from scenarios.definition.schema.limit_rows import WORDS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,6 +22,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from scenarios.studies.many.blame.ranking import Attribution
+    from scenarios.studies.many.blame.rerun import FigureName
     from scenarios.studies.many.blame.study import Blame
 
 MOST_ROWS = 12
@@ -27,18 +34,12 @@ MOST_BURSTS = 4
 Examples:
   convoy blame runs/20260101-120000-lossy_lane_change --out why
   convoy blame run.mcap --limit error_m=0.5 --out why
-  convoy run why/smallest.toml --clock virtual       the smallest set of losses
+  convoy run why/smallest.toml --clock virtual       repeat the smallest set
 """
 )
 @click.argument("log", type=click.Path(path_type=Path))
 @limit_option
-@click.option(
-    "--figure",
-    type=click.Choice(["error", "gap"]),
-    default="error",
-    show_default=True,
-    help="Rank by the largest true cross-track error, or by the smallest true gap.",
-)
+@figure_option("Rank losses by their effect on this figure")
 @folder_option("blame", "Folder for blame.png, blame.json and smallest.toml.")
 @engine_options
 @click.option(
@@ -47,23 +48,24 @@ Examples:
     type=click.IntRange(min=10),
     default=400,
     show_default=True,
-    help="How many runs at most; a set that could not be shrunk to the end is marked.",
+    metavar="N",
+    help="Maximum number of runs. A set that is not fully reduced by then is marked.",
 )
 def blame(
     *,
     log: Path,
     limit_text: str,
-    figure: Literal["error", "gap"],
+    figure: str,
     out: Path,
     workers: int | None,
     scheduler: str,
     most_runs: int,
 ) -> None:
-    """Find which losses of a recorded LOG, or the one in a run's folder, were to blame.
+    """Find the lost messages behind an error.
 
-    The run is driven again in virtual time with bursts of lost messages given back, all else equal:
-    that ranks them by metres. Then the smallest set of losses that still breaks the limit is
-    sought, and written as a scenario.
+    LOG is a run.mcap or its folder. The run is simulated again with bursts of lost messages
+    restored, which ranks the bursts by their effect in metres. Then the smallest set of losses that
+    still breaks the limit is written as a scenario.
     """
     with clear_errors():
         require("blame", "studies", "matplotlib")
@@ -76,19 +78,20 @@ def blame(
 
     with clear_errors():
         file = log_in(log)
+        ranked = cast("FigureName", WORDS[figure].live)
         limit = parsed_limit(limit_text, scenario_of(file).vehicle_names)
         with study_engine(
             selected_fleet(workers, scheduler),
             click.echo,
             out=out,
             files=(report.PICTURE, report.TWIN, report.SMALLEST),
-            identity=study.identity_of_blame(file, limit, figure, most_runs),
+            identity=study.identity_of_blame(file, limit, ranked, most_runs),
         ) as engine:
-            found = study.blame(file, limit, figure, engine, most_runs=most_runs)
+            found = study.blame(file, limit, ranked, engine, most_runs=most_runs)
             written = report.write_report(found, out)
         print_blame(found, Console())
         if found.smallest is not None:
-            click.echo(f"\nit breaks {limit} again: {report.command_of(out)}")
+            click.echo(f"\nbreak {limit} again: {report.command_of(out)}")
         click.echo(f"written: {', '.join(map(str, written))}")
 
 
@@ -96,24 +99,24 @@ def print_blame(found: "Blame", console: "Console") -> None:
     console.print(_opening(found), highlight=False)
     console.print(table_of(COLUMNS, found.rows[:MOST_ROWS]))
     if left := found.rows[MOST_ROWS:]:
-        console.print(f"{len(left)} more in the JSON")
+        console.print(f"{len(left)} more rows are in the JSON file")
     console.print(_ending(found), highlight=False)
 
 
 def _opening(found: "Blame") -> str:
     recorded, clean = found.recorded, found.clean
-    what = "largest true error" if found.question.figure == "error" else "smallest true gap"
+    figure = "largest true error" if found.question.figure == "error" else "smallest true gap"
     messages = sum(len(burst.messages) for burst in found.bursts)
     return (
-        f"{what} {recorded.figure_m:.2f} m ({recorded.vehicle}, {recorded.worst_at / 1e9:.2f} s "
+        f"{figure} {recorded.figure_m:.2f} m ({recorded.vehicle}, {recorded.worst_at / 1e9:.2f} s "
         f"after the start), without any loss {clean.figure_m:.2f} m; {messages} messages lost "
-        f"until a second later, in {len(found.bursts)} burst{'s' * (len(found.bursts) > 1)}"
+        f"up to one second later, in {len(found.bursts)} burst{'s' * (len(found.bursts) > 1)}"
     )
 
 
 def _which(row: "Attribution") -> str:
     if row.kind == "group":
-        return f"{len(row.group)} bursts, not looked into one by one"
+        return f"{len(row.group)} bursts, not examined one by one"
     lines = [burst.line for burst in row.group]
     if len(lines) > MOST_BURSTS:
         lines = [*lines[:MOST_BURSTS], f"and {len(row.group) - MOST_BURSTS} more"]
@@ -130,9 +133,9 @@ COLUMNS: "Sequence[Column[Attribution]]" = (
     Column("lost", _which, left=True, wraps=True),
     Column("sent, s", lambda row: "{:.2f}-{:.2f}".format(*row.span_s)),
     Column("messages", lambda row: row.messages),
-    Column("given back\nmends, m", lambda row: row.mended_m, "z.3f"),
+    Column("restored:\ngain, m", lambda row: row.mended_m, "z.3f"),
     Column("alone\nm", lambda row: row.alone.figure_m if row.alone else "", ".3f"),
-    Column("breaks it\nalone", _breaks_alone),
+    Column("breaks limit\nalone", _breaks_alone),
 )
 
 
@@ -146,9 +149,9 @@ def _ending(found: "Blame") -> str:
         for burst in bursts_of(found.smallest.items)
     )
     without = (
-        "without any one of them it holds"
+        "without any one of these messages the limit holds"
         if found.smallest.is_minimal
-        else "not shrunk to the end, for --runs is used up"
+        else "not fully reduced, because --runs is used up"
     )
     return (
         f"smallest set that breaks {found.question.limit}: {len(found.smallest.items)} messages "

@@ -1,4 +1,4 @@
-"""The command that carries out drills, and its table."""
+"""`convoy drill`, and its table."""
 
 import sys
 from pathlib import Path
@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarios.cli.columns import Column, table_of
+from scenarios.cli.common_options import override_options
 from scenarios.cli.error_lines import clear_errors
 from scenarios.cli.guide import completion
-from scenarios.cli.many.study_options import engine_options, overrides_option, selected_fleet
+from scenarios.cli.many.study_options import engine_options, selected_fleet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 @click.command(
     epilog="""\b
 Examples:
-  convoy drill                                   all that ship, on all cores
+  convoy drill                                   all shipped drills
   convoy drill lead_lost tunnel --seeds 20
   convoy drill mine.toml --junit drills.xml --out drills
   convoy drill lead_lost --set control.degradation.reaction=hold
@@ -31,24 +32,24 @@ Examples:
 """
 )
 @click.argument("names", nargs=-1, metavar="[NAME|FILE]…", shell_complete=completion.drills)
-@click.option("--list", "as_list", is_flag=True, help="Name the drills that ship; drive none.")
-@overrides_option
+@click.option("--list", "as_list", is_flag=True, help="List the shipped drills and exit.")
+@override_options
 @click.option(
     "--seeds", type=click.IntRange(1, 100_000), metavar="N",
-    help="Drive each with the seeds 1 to N; its figure is the worst. By default its own seed.",
+    help="Run each drill with the seeds 1 to N and report its worst figure. Default: its own seed.",
 )  # fmt: skip
 @click.option(
-    "--clock", type=click.Choice(["virtual", "wall"]), default="virtual", show_default=True,
-    help="As fast as it goes on all cores, or as processes in real time, one after the other.",
+    "--clock", type=click.Choice(["wall", "virtual"]), default="virtual", show_default=True,
+    help="Real time with one process per vehicle (wall), or as fast as possible (virtual).",
 )  # fmt: skip
 @engine_options
 @click.option(
     "--junit", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",
-    help="Write JUnit XML, a case for each limit.",
+    help="Write JUnit XML with one test case per limit.",
 )  # fmt: skip
 @click.option(
     "--out", type=click.Path(file_okay=False, path_type=Path),
-    help="Folder for drills.json, and with --clock wall for the logs.",
+    help="Folder for drills.json and, with --clock wall, for the logs.",
 )  # fmt: skip
 def drill(
     *,
@@ -62,13 +63,15 @@ def drill(
     junit: Path | None,
     out: Path | None,
 ) -> None:
-    """Carry out failure drills: scenarios in which something fails, and what must hold.
+    """Run failure drills.
 
-    By default all that ship. The exit code is 1 if a limit was broken.
+    A drill is a scenario in which something fails, with limits that must hold. By default all
+    shipped drills run. The exit code is 1 if a limit is broken.
     """
     from rich.console import Console
 
     from scenarios.definition.scenario import drills, load_scenario
+    from scenarios.runs.stop import EXIT_FAILED
     from scenarios.studies.drills.drill import (
         carry_out_drills,
         drill_rows,
@@ -110,7 +113,7 @@ def drill(
             if junit is not None:
                 write_junit(rows, runs, junit)
                 click.echo(f"written: {junit}")
-        sys.exit(0 if all(row.passed for row in rows) else 1)
+        sys.exit(0 if all(row.passed for row in rows) else EXIT_FAILED)
 
 
 def _print_to_stderr(line: str) -> None:
@@ -131,7 +134,7 @@ def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[Dril
     from scenarios.studies.drills.drill import drill_run
 
     if out is None:
-        raise ScenarioError(["--clock wall: needs --out, a folder for the logs"])
+        raise ScenarioError(["--out: missing, --clock wall needs a folder for the logs"])
     runs = []
     for number, one in enumerate(variants, 1):
         folder = out / f"{Path(one.name).stem}-{one.seed}"

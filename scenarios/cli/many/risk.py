@@ -1,4 +1,4 @@
-"""The command that estimates how probable it is that one run breaks a limit, and its table."""
+"""`convoy risk`, and its table."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from scenarios.cli.columns import Column, table_of
-from scenarios.cli.common_options import FiniteRange, folder_option
+from scenarios.cli.common_options import FiniteRange, folder_option, override_options
 from scenarios.cli.error_lines import clear_errors, require
 from scenarios.cli.guide import completion
 from scenarios.cli.many.study_options import (
     engine_options,
     limit_option,
-    overrides_option,
     selected_fleet,
     variant_of,
 )
@@ -39,24 +38,24 @@ Examples:
     type=click.Choice(["auto", "counting", "splitting"]),
     default="auto",
     show_default=True,
-    help="Count runs, or branch those that come near the limit.",
+    help="Count runs (counting), or branch the runs near the limit (splitting).",
 )
 @click.option(
     "--measure",
     type=click.Choice(["limit", "silence"]),
     default="limit",
     show_default=True,
-    help="What tells how near a run is when splitting: what the limit is about, or for how long a"
-    " follower received nothing.",
+    help="Distance of a run from the limit when splitting: the figure of the limit, or the longest"
+    " time without data.",
 )
-@click.option("--to", type=FiniteRange(0.0, min_open=True), default=0.5, show_default=True,
-              metavar="RATIO",
+@click.option("--precision", "to", type=FiniteRange(0.0, min_open=True), default=0.5,
+              show_default=True, metavar="NUMBER",
               help="Stop at this relative half-width of the interval.")  # fmt: skip
 @click.option("--runs", type=click.IntRange(min=20), default=2000, show_default=True,
-              help="Runs at most.")  # fmt: skip
+              metavar="N", help="Maximum number of runs.")  # fmt: skip
 @click.option("--paths", type=click.IntRange(min=2), default=50, show_default=True,
-              help="Runs that are followed at a time when splitting.")  # fmt: skip
-@overrides_option
+              metavar="N", help="Runs in each step when splitting.")  # fmt: skip
+@override_options
 @engine_options
 @folder_option("risk", "Folder for risk.json.")
 def risk(
@@ -70,7 +69,11 @@ def risk(
     runs: int,
     **options: Any,
 ) -> None:
-    """Estimate how probable it is that one run of SCENARIO breaks a limit, over its seeds."""
+    """Estimate the probability of a broken limit.
+
+    Simulates SCENARIO with many seeds and estimates the probability that a run breaks the limit,
+    with a 95 % confidence interval.
+    """
     with clear_errors():
         require("risk", "studies", "scipy")
     from rich.console import Console

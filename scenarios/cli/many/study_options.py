@@ -8,7 +8,7 @@ import click
 
 from scenarios.cli.error_lines import require
 from scenarios.cli.guide import completion
-from scenarios.definition.schema.limit_rows import words_with_examples
+from scenarios.definition.schema.limit_rows import WORDS, words_with_examples
 
 if TYPE_CHECKING:
     from scenarios.studies.engine.fleet import OpenFleet
@@ -16,18 +16,36 @@ if TYPE_CHECKING:
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-LIMIT_WORDS = f"{words_with_examples()}; of one vehicle: v2.error_m=0.5"
+LIMIT_WORDS = f"{words_with_examples()}, or of one vehicle v2.error_m=0.5"
+FIGURES = {row.figure: word for word, row in WORDS.items() if row.figure}
+"""Words of `--limit` by the summary field of their figure."""
+OLD_FIGURES = {"error": "error_m", "gap": "gap_m"} | {word: word for word in FIGURES.values()}
 
 
-def overrides_option(command: Command) -> Command:
+class LimitedFigure(click.Choice[str]):
+    """A summary field with a limit; returns its word."""
+
+    def __init__(self) -> None:
+        super().__init__(list(FIGURES))
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        if value in OLD_FIGURES:
+            names = {word: name for name, word in FIGURES.items()}
+            self.fail(f"{value} is now {names[OLD_FIGURES[value]]}", param, ctx)
+        return FIGURES[super().convert(value, param, ctx)]
+
+
+def figure_option(help_text: str) -> Callable[[Command], Command]:
+    """Option for the figure that a study minimizes or maximizes."""
+    first, *others = FIGURES
     return click.option(
-        "--set",
-        "overrides",
-        multiple=True,
-        metavar="KEY=VALUE",
-        shell_complete=completion.settings,
-        help="Override a scenario value of all runs. May be repeated.",
-    )(command)
+        "--figure",
+        type=LimitedFigure(),
+        default=first,
+        show_default=True,
+        metavar="NAME",
+        help=f"{help_text}: {first} or {', '.join(others)}.",
+    )
 
 
 def limit_option(command: Command) -> Command:
@@ -38,7 +56,7 @@ def limit_option(command: Command) -> Command:
         show_default=True,
         metavar="LIMIT",
         shell_complete=completion.limits,
-        help=f"Limit that runs break or keep: {LIMIT_WORDS}.",
+        help=f"Limit to test: {LIMIT_WORDS}.",
     )(command)
 
 
@@ -47,13 +65,13 @@ def engine_options(command: Command) -> Command:
         "--scheduler",
         metavar="tcp://HOST:PORT",
         default="",
-        help="Let the workers of a running dask scheduler do it.",
+        help="Simulate on the workers of a running dask scheduler.",
     )
     workers = click.option(
         "--workers",
         type=click.IntRange(0, 1024),
         metavar="N",
-        help="Processes: one for each core by default, 0 for none but this one.",
+        help="Number of worker processes. Default: one per core. 0: simulate in this process.",
     )
     return workers(scheduler(command))
 
@@ -67,7 +85,7 @@ def selected_fleet(workers: int | None, scheduler: str) -> "OpenFleet":
 
 
 def variant_of(name: str, overrides: tuple[str, ...]) -> "Variant":
-    """Return the run that is to be varied; raises ScenarioError if it is refused."""
+    """Return the run to vary; raises ScenarioError if it is refused."""
     from scenarios.definition.scenario import load_scenario
     from scenarios.studies.many.variant import Variant
 

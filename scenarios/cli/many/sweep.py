@@ -1,4 +1,4 @@
-"""The command that drives a scenario with many values of some keys, and its table."""
+"""`convoy sweep`, and its table."""
 
 from dataclasses import replace
 from functools import partial
@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarios.cli.columns import Column, print_whole, table_of
-from scenarios.cli.common_options import folder_option
-from scenarios.cli.error_lines import clear_errors, require
+from scenarios.cli.common_options import folder_option, override_options
+from scenarios.cli.error_lines import clear_errors, print_error, require
 from scenarios.cli.guide import completion
 from scenarios.cli.many.study_options import (
     LIMIT_WORDS,
     engine_options,
-    overrides_option,
     selected_fleet,
 )
 
@@ -25,9 +24,9 @@ if TYPE_CHECKING:
     from scenarios.studies.many.sweeps.table import SweepTable, SweptCell
 
 MOST_ROWS = 60
-"""Cells that are printed; the file has them all."""
+"""Rows that are printed; the file has all of them."""
 WIDEST = 14
-"""Letters of a value that are printed; a key may take whole tables."""
+"""Characters of a printed value, which may be a whole table."""
 
 
 @click.command(
@@ -40,18 +39,18 @@ Examples:
   convoy sweep lane_change --vary gnss.rate_hz=5,10 --scheduler tcp://127.0.0.1:8786
 
 \b
-KEY=START:STOP:STEP has both ends and exact decimals, KEY=a,b,c is any list.
-Seed k is the same noise in every cell. Killed and started again by the same
-command, a sweep goes on where it was, and ends with the same tables.
+KEY=START:STOP:STEP includes both ends. KEY=a,b,c is a list of any values.
+A seed draws the same random numbers in every combination. An interrupted
+sweep resumes when the same command is run again.
 
 \b
-Figures are the numbers of summary.json (`convoy reference fields`):
-  cross_track_error_m_max     of the worst follower: the largest, of *_min the
-                              smallest
+A figure is a number in summary.json (see `convoy reference fields`):
+  cross_track_error_m_max     of the worst follower: the largest value, for
+                              *_min the smallest
   v3.cross_track_error_m_max  of one vehicle
-  links.age_ms_max            of the worst link; v1:v3.age_ms_max of one
+  links.age_ms_max            of the worst link; v1:v3.age_ms_max of one link
   reaction.blind_m            a field within a field
-  events.lane_departure       how many of a kind
+  events.lane_departure       the number of events of one kind
 """
 )
 @click.argument("scenario", shell_complete=completion.scenarios)
@@ -59,21 +58,22 @@ Figures are the numbers of summary.json (`convoy reference fields`):
     "--vary",
     multiple=True,
     metavar="KEY=START:STOP:STEP|a,b,c",
-    help="Values of a key. May be repeated: every combination is driven.",
+    help="Values of a key. Repeatable: all combinations are simulated.",
 )
 @click.option(
     "--seeds",
     type=click.IntRange(1, 100_000),
     default=20,
     show_default=True,
-    help="Runs of each combination, with the seeds 1 to N.",
+    metavar="N",
+    help="Simulate each combination with the seeds 1 to N.",
 )
 @click.option(
     "--figure",
     "figures",
     multiple=True,
     metavar="NAME",
-    help="Figure of the summary; cross_track_error_m_max by default. May be repeated.",
+    help="Field of the summary to tabulate. Repeatable. Default: cross_track_error_m_max.",
 )
 @click.option(
     "--limit",
@@ -81,13 +81,13 @@ Figures are the numbers of summary.json (`convoy reference fields`):
     multiple=True,
     metavar="LIMIT",
     shell_complete=completion.limits,
-    help=f"Limit whose share of broken runs is counted: {LIMIT_WORDS}. May be repeated.",
+    help=f"Count the runs that break this limit: {LIMIT_WORDS}. Repeatable.",
 )
-@overrides_option
-@folder_option("sweep", "Folder for the tables, the pictures, and the journal of what is done.")
+@override_options
+@folder_option("sweep", "Folder for the tables, the plots and the journal.")
 @engine_options
-@click.option("--no-pictures", is_flag=True, help="Tables only; needs no matplotlib.")
-@click.option("--parquet", is_flag=True, help="Write the tables as Parquet as well.")
+@click.option("--no-pictures", is_flag=True, help="Write tables only; needs no Matplotlib.")
+@click.option("--parquet", is_flag=True, help="Write the tables as Parquet too.")
 def sweep(
     *,
     scenario: str,
@@ -102,7 +102,11 @@ def sweep(
     parquet: bool,
     no_pictures: bool,
 ) -> None:
-    """Drive SCENARIO with many values of its keys and many seeds; tables, heat maps, intervals."""
+    """Run a scenario over values and seeds.
+
+    Simulates SCENARIO for each combination of values and each seed. Writes tables with confidence
+    intervals, and heat maps.
+    """
     with clear_errors():
         if not no_pictures:
             require("sweep, without --no-pictures", "studies", "matplotlib")
@@ -127,8 +131,8 @@ def sweep(
         click.echo(f"written: {', '.join(map(str, written))}")
         if table.errors:
             first = next(run for cell in table.cells for run in cell.runs if run.error)
-            click.echo(f"{table.errors} of {plan.runs} runs raised an error", err=True)
-            click.echo(f"{first.command}: {first.error}", err=True)
+            print_error(f"{table.errors} of {plan.runs} runs raised an error")
+            print_error(f"{first.command}: {first.error}")
             raise SystemExit(EXIT_FAILED)
 
 
@@ -137,13 +141,13 @@ def print_sweep(table: "SweepTable", console: "Console") -> None:
     for number in range(max(len(table.plan.figures), len(table.plan.limits))):
         print_whole(_table(table, number), console)
     if len(table.cells) > MOST_ROWS:
-        console.print(f"and {len(table.cells) - MOST_ROWS} more rows in the file")
+        console.print(f"{len(table.cells) - MOST_ROWS} more rows are in the file")
     worst = table.worst
-    console.print(f"the worst of all again: {worst.command}", highlight=False, soft_wrap=True)
+    console.print(f"repeat the worst run: {worst.command}", highlight=False, soft_wrap=True)
 
 
 def _table(table: "SweepTable", number: int) -> "Table":
-    """Table of the figure and the limit with this number, as far as they exist."""
+    """Table of the figure and the limit with this number, if they exist."""
     figures, limits = table.plan.figures[number:][:1], table.plan.limits[number:][:1]
     columns = [_key_column(axis.key, place) for place, axis in enumerate(table.plan.axes)]
     columns += [Column("errors", lambda cell: cell.errors)] if table.errors else []
@@ -153,7 +157,7 @@ def _table(table: "SweepTable", number: int) -> "Table":
     columns += [] if number else [Column("worst\nseed", lambda cell: cell.worst.seed)]
     columns = [replace(column, max_width=WIDEST) for column in columns]
     names = ", ".join((*(figure.name for figure in figures), *map(str, limits)))
-    title = f"{names}; {table.plan.seeds} runs a row"
+    title = f"{names}; {table.plan.seeds} runs per row"
     return table_of(columns, table.cells[:MOST_ROWS], title=title, title_justify="left")
 
 

@@ -1,17 +1,20 @@
-"""The command that searches for the instant at which a burst does most harm."""
+"""`convoy worst`."""
 
+import json
 from functools import partial
 from pathlib import Path
 
 import click
 
-from scenarios.cli.common_options import TimeSpan, scenario_options
+from scenarios.cli.common_options import (
+    json_option,
+    link_option,
+    output_option,
+    scenario_options,
+    time_option,
+)
 from scenarios.cli.error_lines import clear_errors
-from scenarios.cli.guide import completion
-from scenarios.cli.many.study_options import engine_options, selected_fleet
-from scenarios.definition.schema.limit_rows import WORDS
-
-FIGURES = [word for word, row in WORDS.items() if row.figure]
+from scenarios.cli.many.study_options import FIGURES, engine_options, figure_option, selected_fleet
 
 
 @click.command(
@@ -19,50 +22,30 @@ FIGURES = [word for word, row in WORDS.items() if row.figure]
 Examples:
   convoy worst lane_change --burst 1.5s --seeds 5
   convoy worst lane_change --burst 800ms --link lead:* --link v2:v3 --from 4s --to 9s
-  convoy worst my.toml --burst 2s --figure gap_m --write worst.toml
+  convoy worst my.toml --burst 2s --figure true_gap_m_min -o worst.toml
 """
 )
 @scenario_options
-@click.option("--burst", type=TimeSpan(), required=True, metavar="TIME", help="How long it lasts.")
-@click.option(
-    "--link", "links", multiple=True, metavar="SENDER:RECEIVER", shell_complete=completion.links,
-    help="What it hits: names, lead, predecessor, follower or *; by default all. May be repeated.",
-)  # fmt: skip
-@click.option(
-    "--figure", type=click.Choice(FIGURES), default="error_m", show_default=True,
-    help="What to make worst: the largest true error, or the smallest true gap.",
-)  # fmt: skip
-@click.option("--from", "from_s", type=TimeSpan(), metavar="TIME", help="Not earlier; 1 s.")
-@click.option(
-    "--to", "to_s", type=TimeSpan(), metavar="TIME", help="Not later; where it ends with the run."
-)
-@click.option(
-    "--step", "step_s", type=TimeSpan(), default=0.5, show_default="500ms", metavar="TIME",
-    help="Distance of the instants tried first.",
-)  # fmt: skip
-@click.option(
-    "--finest", "finest_s", type=TimeSpan(), default=0.05, show_default="50ms", metavar="TIME",
-    help="Distance of those tried last; messages are 50 ms apart.",
-)  # fmt: skip
+@time_option("--burst", required=True, help_text="Length of the burst.")
+@link_option("Lose messages of this link only. Repeatable. Default: all links.", multiple=True)
+@figure_option("Figure to make worst")
+@time_option("--from", help_text="Earliest start of the burst. Default: 1s.")
+@time_option("--to", help_text="Latest start of the burst. Default: the burst ends with the run.")
+@time_option("--step", default=0.5, help_text="Step of the first search grid. Default: 500ms.")
+@time_option("--finest", default=0.05, help_text="Step of the last refinement. Default: 50ms.")
 @click.option(
     "--seeds", type=click.IntRange(min=1), default=1, show_default=True, metavar="N",
-    help="Drive each instant with N seeds; the worst has the worst mean.",
+    help="Simulate each time with N seeds and maximize the mean.",
 )  # fmt: skip
 @engine_options
-@click.option(
-    "--write", "file", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",
-    help="Write the worst run as a drill, with a limit.",
-)  # fmt: skip
-@click.option(
-    "--json", "json_file", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",
-    help="Write all instants tried, with their figures.",
-)  # fmt: skip
+@output_option("Write the worst run to this new file, as a drill with a limit.")
+@json_option("Print all simulated times and figures as JSON.")
 def worst(
     *,
     scenario: str,
     overrides: tuple[str, ...],
     seed: int | None,
-    burst: float,
+    burst_s: float,
     links: tuple[str, ...],
     figure: str,
     from_s: float | None,
@@ -72,39 +55,40 @@ def worst(
     seeds: int,
     workers: int | None,
     scheduler: str,
-    file: Path | None,
-    json_file: Path | None,
+    output: Path | None,
+    as_json: bool,
 ) -> None:
-    """Find the instant at which a burst of losses does most harm in SCENARIO.
+    """Find the most harmful time of a burst loss.
 
-    It is put at a grid of instants, then closer and closer around the three worst. All have the
-    same seed or seeds, which is the same noise. With one seed the worst instant may be one at which
-    that noise is large; with several it is the road's.
+    Simulates SCENARIO with the burst at a grid of times, then at finer steps around the three worst
+    times. All simulations use the same random numbers. With one seed, a time may be the worst
+    because random errors are large there. Several seeds average them out.
     """
     from scenarios.studies.drills.worst import WorstSearch, base_of, burst_of, span_of
     from scenarios.studies.drills.worst_files import machine_readable, write_drill
     from scenarios.studies.engine.engine import study_engine
-    from scenarios.studies.engine.results import refuse_existing, write_file
+    from scenarios.studies.engine.results import refuse_existing
 
     with clear_errors():
-        refuse_existing(file, json_file)
+        refuse_existing(output)
         base = base_of(scenario, overrides, seed)
         loaded = base.scenario
-        sought = burst_of(links, burst, loaded)
-        span = span_of(loaded, sought, from_s=from_s, to_s=to_s, step_s=step_s, finest_s=finest_s)
+        burst = burst_of(links, burst_s, loaded)
+        span = span_of(loaded, burst, from_s=from_s, to_s=to_s, step_s=step_s, finest_s=finest_s)
         report = partial(click.echo, err=True)
         with study_engine(selected_fleet(workers, scheduler), report) as engine:
             changes = len(loaded.tables.change)
-            search = WorstSearch(base, sought, figure, engine, changes=changes, seeds=seeds)
+            search = WorstSearch(base, burst, figure, engine, changes=changes, seeds=seeds)
             found = search.look(span)
-        of_seeds = f" (mean of {seeds} seeds {found.mean:.3f})" if seeds > 1 else ""
-        click.echo(
-            f"worst at {found.at_s:g} s: {figure} {found.figure:.3f}{of_seeds}, "
-            f"of {len(found.figures)} instants\n{found.variant.command}"
-        )
-        if file is not None:
-            write_drill(found, file)
-            click.echo(f"written: {file}")
-        if json_file is not None:
-            write_file(json_file, machine_readable(found, sought))
-            click.echo(f"written: {json_file}")
+        if as_json:
+            click.echo(json.dumps(machine_readable(found, burst), indent=2))
+        else:
+            name = next(field for field, word in FIGURES.items() if word == figure)
+            of_seeds = f" (mean of {seeds} seeds {found.mean:.3f})" if seeds > 1 else ""
+            click.echo(
+                f"worst at {found.at_s:g} s: {name} {found.figure:.3f}{of_seeds}, "
+                f"{len(found.figures)} times simulated\nrepeat it: {found.variant.command}"
+            )
+        if output is not None:
+            write_drill(found, output)
+            click.echo(f"written: {output}", err=as_json)

@@ -1,4 +1,4 @@
-"""Commands that drive a convoy: all of it, or its parts by hand."""
+"""Commands that run a convoy, or one of its processes."""
 
 import sys
 from collections.abc import Sequence
@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from scenarios.cli.common_options import (
-    FiniteRange,
     log_options,
     parent_watch_option,
     run_option,
     scenario_options,
+    time_option,
     zenoh_from,
     zenoh_options,
 )
@@ -41,14 +41,14 @@ Examples:
     type=click.Choice(["wall", "virtual"]),
     default="wall",
     show_default=True,
-    help="Real processes in real time, or one process as fast as it goes.",
+    help="Real time with one process per vehicle (wall), or as fast as possible (virtual).",
 )
 @click.option(
     "--start",
     type=click.Choice(["fork", "spawn"]),
     default="fork",
-    show_default=True,
-    help="Fork the processes from this one, ready at once, or start each as a new program.",
+    hidden=True,
+    help="Fork the processes from this one, or start each as a new program.",
 )
 @run_option
 @log_options
@@ -64,10 +64,10 @@ def run(
     rerun: str,
     quiet: bool,
 ) -> None:
-    """Run SCENARIO (a shipped name or a TOML file) and write its log and summary.
+    """Run a scenario.
 
-    Writes run.mcap and summary.json into the folder given by --out, by default into
-    runs/<start>-<scenario>/, with the overrides behind the name.
+    SCENARIO is a shipped name (see `convoy list`) or a TOML file. Writes the log run.mcap and the
+    summary summary.json into a new folder.
     """
     from scenarios.cli.running.launching import run_scenario
 
@@ -91,14 +91,17 @@ def run(
     epilog="""\b
 Examples:
   convoy router                                  on tcp/127.0.0.1:7447
-  convoy router -l tcp/0.0.0.0:7447              for other machines too
+  convoy router -l tcp/0.0.0.0:7447              for all machines
 """
 )
 @zenoh_options
-@click.option("--until-empty", is_flag=True, help="End once all who came have left.")
+@click.option("--until-empty", is_flag=True, help="Stop when all clients have left.")
 @parent_watch_option
 def router(*, until_empty: bool, launched: bool, **flags: Any) -> None:
-    """Start the Zenoh router that the vehicles and the recorder meet at."""
+    """Start a Zenoh router.
+
+    Vehicles and recorder of a convoy connect to it. By default it listens on tcp/127.0.0.1:7447.
+    """
     stop = stop_on_request(with_launcher=launched)
     from scenarios.runs.processes.forking import name_process
     from scenarios.runs.processes.router import route
@@ -120,21 +123,14 @@ Examples:
 @click.option(
     "--name",
     required=True,
+    metavar="NAME",
     shell_complete=completion.vehicles,
-    help="Which vehicle of the scenario to be.",
+    help="Name of the vehicle in the scenario.",
 )
 @run_option
 @zenoh_options
-@click.option(
-    "--wait",
-    "wait_s",
-    type=FiniteRange(min=0.0),
-    default=600.0,
-    show_default=True,
-    metavar="SECONDS",
-    help="How long to wait for the start.",
-)
-@click.option("--quiet", is_flag=True, help="Print only what goes wrong.")
+@time_option("--wait", default=600.0, help_text="Longest wait for the start. Default: 10min.")
+@click.option("--quiet", is_flag=True, help="Print errors and warnings only.")
 @parent_watch_option
 @click.pass_obj
 def vehicle(
@@ -151,7 +147,11 @@ def vehicle(
     launched: bool,
     **flags: Any,
 ) -> None:
-    """Be one vehicle of SCENARIO; starts when the recorder says so."""
+    """Run one vehicle of a scenario.
+
+    SCENARIO is a shipped name or a TOML file. The vehicle starts when the recorder announces the
+    start of the run.
+    """
     stop = stop_on_request(with_launcher=launched)
     from scenarios.definition.scenario import load_scenario
     from scenarios.runs.processes.forking import name_process
@@ -189,15 +189,7 @@ Examples:
 @run_option
 @zenoh_options
 @log_options
-@click.option(
-    "--wait",
-    "gather_s",
-    type=FiniteRange(min=0.0),
-    default=60.0,
-    show_default=True,
-    metavar="SECONDS",
-    help="How long to wait until all vehicles are present.",
-)
+@time_option("--wait", default=60.0, help_text="Longest wait for all vehicles. Default: 60s.")
 @parent_watch_option
 @click.pass_obj
 def record(
@@ -211,11 +203,15 @@ def record(
     out: Path | None,
     rerun: str,
     quiet: bool,
-    gather_s: float,
+    wait_s: float,
     launched: bool,
     **flags: Any,
 ) -> None:
-    """Gather the vehicles of SCENARIO, start them together, and write the log of their run."""
+    """Start a convoy and record its run.
+
+    Waits for all vehicles of SCENARIO, starts them together, and writes the log and the summary of
+    the run.
+    """
     stop = stop_on_request(with_launcher=launched)
     from scenarios.cli.running.recorder_run import record_run
     from scenarios.definition.scenario import load_scenario
@@ -233,7 +229,7 @@ def record(
                 out=out,
                 rerun=rerun,
                 quiet=quiet,
-                gather_s=gather_s,
+                gather_s=wait_s,
                 launched=launched,
             )
         )

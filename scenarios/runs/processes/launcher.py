@@ -67,7 +67,7 @@ def launch(
     outcome = RunOutcome()
     try:
         endpoint = supervisor.start_router()
-        common = (*plan.scenario_arguments, "--leash", "--run", plan.run, "-e", endpoint)
+        common = (*plan.scenario_arguments, "--parent-watch", "--run", plan.run, "-e", endpoint)
         recorder = supervisor.start(
             RECORDER,
             ["record", *common, "--out", str(plan.folder), *plan.recorder_arguments],

@@ -98,7 +98,7 @@ class Supervisor:
 
         Other output of the router goes to the standard error.
         """
-        arguments = ["router", "--leash", "-l", "tcp/127.0.0.1:0"]
+        arguments = ["router", "--parent-watch", "-l", "tcp/127.0.0.1:0"]
         output = self.start("router", arguments, piped=True).process.stdout
         while output is not None and (line := output.readline()):
             if line.startswith(LISTENING.encode()):

@@ -177,7 +177,7 @@ def test_the_image_of_a_vehicle_does_without_the_extras(project: Path) -> None:
     refused = call("docker", "run", "--rm", VEHICLE_IMAGE, "run", "--rerun", "serve")
     assert refused.returncode == 2
     needs = "needs rerun, not installed here: pip install 'convoy-emulator[viewer]'"
-    assert refused.stderr == f"--rerun serve: {needs}\n"
+    assert refused.stderr == f"error: --rerun serve: {needs}\n"
     sizes = [
         int(call("docker", "image", "inspect", "-f", "{{.Size}}", image).stdout)
         for image in (VEHICLE_IMAGE, IMAGE)

@@ -72,9 +72,8 @@ class BoundaryQuestion:
             raise ScenarioError([wrong])
         width = self.high - self.low
         if not width / MOST_VALUES <= self.to <= 0.25 * width:
-            raise ScenarioError(
-                [f"--to: given {self.to:g}, allowed up to a quarter of the range, {0.25 * width:g}"]
-            )
+            allowed = f"allowed up to a quarter of the range, {0.25 * width:g}"
+            raise ScenarioError([f"--precision: given {self.to:g}, {allowed}"])
         now = _value_at(self.variant.scenario.text, self.key)
         if self.key == "seed" or isinstance(now, bool | str | list | dict):
             raise ScenarioError([f"{self.key}: is no number that a limit depends on, but {now!r}"])

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 from rich.console import Console
 
-from scenarios.cli.common_options import TimeSpan
+from scenarios.cli.common_options import Time
 from scenarios.cli.live.change_requests import run_to_join
 from scenarios.cli.live.status_tables import show, tables
 from scenarios.cli.main import cli
@@ -167,11 +167,12 @@ def test_a_run_that_is_not_clear_is_a_line(
     ("text", "seconds"), [("5s", 5.0), ("500ms", 0.5), ("2min", 120.0), ("3", 3.0), (".5 s", 0.5)]
 )
 def test_spans_have_units(text: str, seconds: float) -> None:
-    assert TimeSpan().convert(text, None, None) == pytest.approx(seconds, rel=1e-12)
+    assert Time().convert(text, None, None) == pytest.approx(seconds, rel=1e-12)
 
 
 @pytest.mark.parametrize("text", ["", "-1s", "1h", "s", "1e3s", "nan", "5 5s"])
 def test_a_span_that_is_none_is_a_matter_of_usage(text: str) -> None:
     result = CliRunner().invoke(cli, ["stall", "v1", "--for", text])
     assert result.exit_code == 2
-    assert "allowed a time such as 5s, 500ms or 2min" in result.output
+    assert "--for" in result.stderr
+    assert "500ms" in result.stderr

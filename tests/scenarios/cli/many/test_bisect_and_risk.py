@@ -18,7 +18,13 @@ def convoy(*words: str) -> Result:
 
 
 def test_a_boundary_is_bracketed_and_written(tmp_path: Path) -> None:
-    asked = ["--limit=error_m=1", "--to=0.1", "--seeds=8", "--workers=0", f"--out={tmp_path}"]
+    asked = [
+        "--limit=error_m=1",
+        "--precision=0.1",
+        "--seeds=8",
+        "--workers=0",
+        f"--out={tmp_path}",
+    ]
     done = convoy("bisect", NAME, "links.loss_ratio", *asked, *SMALL)
     assert done.exit_code == 0, done.output
     twin = json.loads((tmp_path / "bisect.json").read_text())
@@ -71,13 +77,13 @@ REFUSED = {
     "a share that is none": (
         ["bisect", NAME, "links.loss_ratio", "--share=nan"], "nan is not a finite number",
     ),
-    "a width that is none": (["risk", NAME, "--to=nan"], "nan is not a finite number"),
+    "a width that is none": (["risk", NAME, "--precision=nan"], "nan is not a finite number"),
     "a limit below nothing": (["risk", NAME, "--limit=error_m=-1"], "given 'error_m=-1', allowed"),
     "a limit of nothing": (["risk", NAME, "--limit=gap_m=nan"], "given 'gap_m=nan', allowed"),
     "a limit without end": (["risk", NAME, "--limit=error_m=inf"], "given 'error_m=inf', allowed"),
     "a range": (["bisect", NAME, "links.loss_ratio", "--range=1:0"], "LOW below HIGH"),
     "half a range": (["bisect", NAME, "links.loss_ratio", "--range=1"], "allowed LOW:HIGH"),
-    "a width": (["bisect", NAME, "links.loss_ratio", "--to=0.6"], "up to a quarter of the range"),
+    "a width": (["bisect", NAME, "links.loss_ratio", "--precision=0.6"], "a quarter of the range"),
     "beyond the key": (["bisect", NAME, "links.loss_ratio", "--range=0:2"], "links.loss_ratio"),
     "a limit": (["risk", NAME, "--limit=road"], "--limit: given 'road'"),
     "too few runs": (
@@ -85,7 +91,7 @@ REFUSED = {
         "--runs: given 100, allowed at least",
     ),
     "held at both ends": (
-        ["bisect", NAME, "links.loss_ratio", "--limit=error_m=90", "--to=0.25", "--seeds=2",
+        ["bisect", NAME, "links.loss_ratio", "--limit=error_m=90", "--precision=0.25", "--seeds=2",
          "--workers=0", *SMALL],
         "error_m=90 is held at both ends of --range 0:1",
     ),

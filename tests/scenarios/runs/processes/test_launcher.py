@@ -146,7 +146,7 @@ def play(
 def test_every_process_is_told_the_scenario_and_the_endpoint_of_the_router(folder: Path) -> None:
     started = play(folder, (1.0, "recorder", 0)).supervisor.started
     assert [child.name for child in started] == ["router", "recorder", "v1", "v2", "v3"]
-    common = ["my.toml", "--seed=3", "--leash", "--run", "mine", "-e", ENDPOINT]
+    common = ["my.toml", "--seed=3", "--parent-watch", "--run", "mine", "-e", ENDPOINT]
     assert started[1].arguments == ["record", *common, "--out", str(folder), "--quiet"]
     for child in started[2:]:
         assert child.arguments == ["vehicle", *common, "--name", child.name]

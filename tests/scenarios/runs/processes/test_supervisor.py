@@ -20,7 +20,7 @@ from transport.bus.bus import BusError
 
 SOON_S = 15.0
 PIPE_BYTES = 65536
-ROUTER = ("router", "--leash", "-l", "tcp/127.0.0.1:0")
+ROUTER = ("router", "--parent-watch", "-l", "tcp/127.0.0.1:0")
 LAUNCHER = """
 import time
 from scenarios.runs.processes.supervisor import Supervisor

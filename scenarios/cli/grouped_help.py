@@ -1,0 +1,96 @@
+"""The `convoy` group: commands listed under headings, usage errors in one line."""
+
+import sys
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import click
+
+from scenarios.cli.error_lines import error_line
+
+SUMMARY_MAX = 45
+"""Longest summary of a command in characters, without its full stop."""
+SECTIONS: Mapping[str, Sequence[str]] = {
+    "Run": ("run", "check", "list", "new"),
+    "Look": ("report", "review", "explain", "reference"),
+    "Live": (
+        "status", "link", "cut", "heal", "gnss", "stall", "kill", "speed", "scenario-from",
+    ),
+    "Study": (
+        "sweep", "bisect", "risk", "blame", "worst", "drill", "channel", "gains", "reproduce",
+    ),
+    "Machines": ("router", "vehicle", "record"),
+}  # fmt: skip
+RENAMED_OPTIONS: Mapping[tuple[str, str], str] = {
+    ("bisect", "--to"): "--precision",
+    ("risk", "--to"): "--precision",
+    ("worst", "--write"): "--output",
+    ("channel show", "--out"): "--output",
+    ("channel fit", "--out"): "--output",
+    ("scenario-from", "--out"): "--output",
+    ("router", "--leash"): "--parent-watch",
+    ("vehicle", "--leash"): "--parent-watch",
+    ("record", "--leash"): "--parent-watch",
+}
+"""New names of options, by command and old name."""
+WORDINGS = {"\n": " ", "a valid integer range": "a whole number", "a valid float range": "a number"}
+
+
+class ConvoyGroup(click.Group):
+    """The group of all commands."""
+
+    def format_commands(
+        self,
+        ctx: click.Context,  # noqa: ARG002
+        formatter: click.HelpFormatter,
+    ) -> None:
+        for heading, names in SECTIONS.items():
+            with formatter.section(heading):
+                formatter.write_dl(
+                    [(name, self.commands[name].get_short_help_str(SUMMARY_MAX)) for name in names]
+                )
+
+    def main(  # type: ignore[override]
+        self,
+        args: Sequence[str] | None = None,
+        prog_name: str | None = None,
+        **extra: Any,
+    ) -> Any:
+        """Run a command and exit. A usage error is one line and exit code 2."""
+        extra["standalone_mode"] = False
+        try:
+            exit_code = super().main(args, prog_name, **extra)
+        except click.ClickException as error:
+            is_help = error.message.startswith("Usage:")  # a group without a command
+            click.echo(error.message if is_help else error_line(usage_error(error)), err=True)
+            sys.exit(error.exit_code)
+        sys.exit(exit_code if isinstance(exit_code, int) else 0)
+
+
+def usage_error(error: click.ClickException) -> str:
+    """Describe a usage error in one line, with the new name of a renamed option."""
+    context = error.ctx if isinstance(error, click.UsageError) else None
+    text = _lower(error.format_message())
+    if isinstance(error, click.BadParameter) and error.param is not None:
+        is_option = isinstance(error.param, click.Option)
+        name = max(error.param.opts, key=len) if is_option else error.param.human_readable_name
+        is_missing = isinstance(error, click.MissingParameter)
+        text = f"{name}: {'missing' if is_missing else _lower(error.message)}"
+    for wording, plain in WORDINGS.items():
+        text = text.replace(wording, plain)
+    text = text.rstrip(".")
+    if context is None:
+        return text
+    command = context.command_path.removeprefix("convoy ")
+    if isinstance(error, click.NoSuchOption):
+        renamed = RENAMED_OPTIONS.get((command, error.option_name))
+        if renamed is not None:
+            return f"{error.option_name}: unknown option, it is now {renamed}"
+        text = f"{error.option_name}: unknown option"
+        if error.possibilities:
+            text += f", did you mean {' or '.join(sorted(error.possibilities))}?"
+    return f"{text} (see {context.command_path} --help)"
+
+
+def _lower(text: str) -> str:
+    return text[:1].lower() + text[1:]
