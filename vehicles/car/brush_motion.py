@@ -1,26 +1,26 @@
-"""Motion of the car on tyres that saturate: a car that can slide, spin and be braked too hard.
+"""Motion of the car on saturating tyres: a car that can slide, spin and brake up to friction.
 
-The single-track model of Section II with its small angles, lateral forces of brushes (see `tyres`),
-and the speed along the body as a state of its own, so that a slide costs speed. With slip angles
+The single-track model of Section II with its small angles, lateral forces of the brush model (see
+`tyres`), and the speed along the body as a state, so that a slide costs speed. With slip angles
 s_f = (v_y + a r)/v - δ, s_r = (v_y - b r)/v and the acceleration a_x of drive or brakes,
 
     v'   = a_x + r v_y - F_f δ / m          F_f, F_r: brush forces at s_f and s_r
     v_y' = (F_f + F_r) / m - r v
     r'   = (a F_f - b F_r) / I,
 
-so that the energy of motion changes by m a_x v + v (F_f s_f + F_r s_r): without drive it never
-grows. Cornering costs speed by the tyres' slip, 0.01 m/s² at 2 m/s² sideways.
+so that kinetic energy changes at the rate m a_x v + v (F_f s_f + F_r s_r): without drive it never
+grows. Cornering costs speed by the tyres' slip, 0.01 m/s² at 2 m/s² of lateral acceleration.
 
-The commanded acceleration acts at once, up to friction, as in the paper. The car never rolls
-backwards: if it spins beyond a right angle to its path it slides broadside until it rests.
+The commanded acceleration acts without delay, up to friction, as in the paper. The car never rolls
+backwards: if it spins beyond a right angle to its path, it slides sideways until it stops.
 
-Below WALKING_PACE the slip speeds are divided by WALKING_PACE: for v -> 0 that is the kinematic
-single-track model, it is continuous in v, and still cannot brake harder than friction. The steering
-for a curvature is then L + K_sg v WALKING_PACE, which is less than 0.1 % from eq. (6).
+Below WALKING_PACE the slip speeds are divided by WALKING_PACE. For v -> 0 this is the kinematic
+single-track model; it is continuous in v, and braking is still limited by friction. The steering
+for a curvature is then L + K_sg v WALKING_PACE, within 0.1 % of eq. (6).
 
-Classical Runge-Kutta, sub-steps as in `dynamics`. Stated tolerance over a span of 20 ms, against
-the exact solution, in full slides and under brakes: 0.1 mm in place, 0.01 m/s, 0.01 rad/s. The kink
-of a brush between sticking and sliding, and coming to rest, cost most; elsewhere it is a tenth.
+Classical Runge-Kutta, sub-steps as in `dynamics`. Tolerance over a span of 20 ms against the exact
+solution, in full slides and under braking: 0.1 mm in position, 0.01 m/s, 0.01 rad/s. The largest
+errors occur at the onset of sliding and at the stop; elsewhere they are a tenth of that.
 """
 
 import math
@@ -39,7 +39,7 @@ _Tyres = tuple[float, float, float, float, float, float, float, float, float, fl
 
 
 class BrushMotion:
-    """Motion of one car on brushes (Section II), with constants of its parameters."""
+    """Motion of one car with the brush model (Section II)."""
 
     def __init__(self, p: VehicleParameters, steering: Steering) -> None:
         self._steering = steering
@@ -61,11 +61,11 @@ class BrushMotion:
         fastest: float,
         substeps: int | None = None,
     ) -> tuple[Vector4, Vector5]:
-        """Move the car by `span` (s) with steering command (rad) and acceleration (m/s²) held.
+        """Move the car by `span` (s) with constant steering command (rad) and acceleration (m/s²).
 
-        Section II with brushes, by the classical Runge–Kutta method. `place` is (east, north, yaw,
-        distance), `state` is (speed, lateral speed, yaw rate, steering, steering rate); `fastest`
-        is the fastest rate (1/s) of tyres and steering at the lowest speed of the span.
+        Section II with the brush model, by the classical Runge–Kutta method. `place` is (east,
+        north, yaw, distance), `state` is (speed, lateral speed, yaw rate, steering, steering rate);
+        `fastest` is the fastest rate (1/s) of tyres and steering at the lowest speed of the span.
         """
         limit, wheels = self._limit, self._steering
         given = -limit if acceleration < -limit else limit if acceleration > limit else acceleration
@@ -84,7 +84,7 @@ class BrushMotion:
             if abs(steering) > wheels.limit or abs(rate) > wheels.rate_limit:
                 steering, rate = wheels.clamped(steering, rate)
                 state = (speed, lateral, yaw_rate, steering, rate)
-            if speed <= 0.0:  # nothing rolls backwards, and brakes that hold need no friction
+            if speed <= 0.0:  # the car does not roll backwards
                 state = (0.0, lateral, yaw_rate, steering, rate)
             if (state[0] > 0.0 or given > 0.0) != rolls:
                 rolls = not rolls
@@ -97,7 +97,7 @@ class BrushMotion:
         a, b, front, rear = self._front_arm, self._rear_arm, self._front, self._rear
         left = self._limit * lateral_share(drive, self._friction) / self._wheelbase
         most_front, most_rear = left * b, left * a
-        # Without friction left every slip is full sliding.
+        # Without friction left, any slip is full sliding.
         front_bend = front / (3.0 * most_front) if most_front > 0.0 else math.inf
         rear_bend = rear / (3.0 * most_rear) if most_rear > 0.0 else math.inf
         return (
@@ -107,7 +107,7 @@ class BrushMotion:
 
 
 def _rates(v: float, y: float, r: float, s: float, tyres: _Tyres) -> tuple[float, float, float]:
-    """Derivatives of speed, without the drive's, of lateral speed and of yaw rate."""
+    """Derivatives of speed (without drive), lateral speed and yaw rate."""
     a, b, turn_front, turn_rear, front, most_front, front_bend, rear, most_rear, rear_bend = tyres
     rolling = v if v > WALKING_PACE else WALKING_PACE
     slip = (y + a * r - v * s) / rolling

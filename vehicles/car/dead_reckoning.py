@@ -1,8 +1,8 @@
-"""Dead reckoning by the inertial sensor, and the growth of its error.
+"""Dead reckoning with the inertial sensor, and the growth of its error.
 
-Gyroscope and wheels measure yaw rate and speed; the lateral speed follows from the yaw rate by the
+Gyroscope and wheels measure yaw rate and speed. The lateral speed follows from the yaw rate by the
 single-track model. The densities below are the process noise of a filter that corrects dead
-reckoning by fixes.
+reckoning with fixes.
 """
 
 import math
@@ -12,24 +12,24 @@ from vehicles.car.imu import InertialNoise
 from vehicles.car.parameters import VehicleParameters
 
 MIN_LAG: Final = 1e-3
-"""Least time constant (s) of the slip, for a car that hardly moves."""
+"""Lower bound (s) of the slip's time constant, for a car that hardly moves."""
 
 UNKNOWN_LOAD: Final = 0.25
 """Error of the assumed load, as a share of the car's mass: four passengers with luggage are 480 kg
-on 1896 kg (Section V-B). It enters the part of the steady slip that depends on the mass."""
+on 1896 kg (Section V-B). It scales the mass-dependent part of the steady slip."""
 
-LASTING: Final = 0.5
-"""Time (s) for which an error of the slip lasts: half of the second that the paper assumes between
-two changes of curvature (Section III-A)."""
+SLIP_ERROR_TIME: Final = 0.5
+"""Correlation time (s) of the slip's error: half of the second that the paper assumes between two
+changes of curvature (Section III-A)."""
 
 SIDE_DRIFT: Final = 0.003
-"""Sideways speed (m/s) by causes outside the model: camber, wind."""
+"""Lateral speed (m/s) from causes outside the model: camber, wind."""
 
 YAW_JERK: Final = 5.0
-"""Change of yaw acceleration (rad/s³) between readings: an emergency lane change at 30 m/s."""
+"""Rate of change of yaw acceleration (rad/s³): an emergency lane change at 30 m/s."""
 
 JERK: Final = 10.0
-"""Change of acceleration (m/s³) between readings: the onset of hard braking."""
+"""Rate of change of acceleration (m/s³): the onset of hard braking."""
 
 
 class SlipModel:
@@ -37,8 +37,8 @@ class SlipModel:
 
     Elimination of the front axle's force gives v_y' = (l r - v_y) / tau + (I / m a) r', with the
     steady slip l = b - s v² of `VehicleParameters.steady_slip_per_curvature`, tau = s v and
-    s = m a / (L C_r). So the measured yaw rate determines the slip in transients, too, as far as
-    mass and tyres are known.
+    s = m a / (L C_r). So the measured yaw rate also determines the slip in transients, given mass
+    and tyres.
     """
 
     def __init__(self, parameters: VehicleParameters) -> None:
@@ -49,15 +49,15 @@ class SlipModel:
         self._kick = p.yaw_inertia / moment
 
     def steady(self, speed: float, yaw_rate: float) -> float:
-        """Lateral speed (m/s) in steady cornering, eqs. (1), (2) at rest."""
+        """Lateral speed (m/s) in steady cornering, eqs. (1), (2)."""
         return (self._rear - self._sag * speed * speed) * yaw_rate
 
     def after(
         self, span: float, speed: float, before: float, now: float, lateral_speed: float
     ) -> float:
-        """Lateral speed `span` (s > 0) later; the yaw rate is a ramp from `before` to `now`.
+        """Lateral speed after `span` (s > 0), with a linear yaw rate from `before` to `now`.
 
-        The exact solution of the equation above.
+        Exact solution of the differential equation.
         """
         steady = self._rear - self._sag * speed * speed
         lag = self._sag * speed
@@ -68,27 +68,28 @@ class SlipModel:
         return kept * lateral_speed + steady * (now - kept * before) + ramp
 
     def error(self, speed: float, yaw_rate: float) -> float:
-        """Standard deviation (m/s) of the lateral speed: unknown load, and `SIDE_DRIFT`."""
+        """Standard deviation (m/s) of the lateral speed, from unknown load and `SIDE_DRIFT`."""
         return UNKNOWN_LOAD * self._sag * speed * speed * abs(yaw_rate) + SIDE_DRIFT
 
 
 class DriftModel:
     """Process noise of dead reckoning, without biases.
 
-    Densities of random walks, standard deviation² per time: `along` and `across` the body (m²/s),
-    `heading` (rad²/s). White noise of deviation s held for T walks with density s² T.
+    Densities of random walks (variance per time): `along` and `across` the body (m²/s), `heading`
+    (rad²/s). White noise of standard deviation s, constant over each T, has the density s² T.
     """
 
     def __init__(self, slip: SlipModel, noise: InertialNoise, rate_hz: float) -> None:
         self._slip = slip
         period = 1.0 / rate_hz
-        between = period * period / 12.0  # of a change of slope missed by joining two readings
+        between = period * period / 12.0  # error of linear interpolation between two readings
         self.along = period * (noise.speed**2 + (JERK * between) ** 2)
         self.heading = period * (noise.yaw_rate**2 + (YAW_JERK * between) ** 2)
 
     def across(self, speed: float, yaw_rate: float) -> float:
-        """Density across the body (m²/s) at a motion: of the slip's error.
+        """Density across the body (m²/s), from the error of the slip.
 
-        One of deviation s that lasts for a time t (a Gauss–Markov process) walks with 2 s² t.
+        An error of standard deviation s and correlation time t (a Gauss–Markov process) has the
+        density 2 s² t.
         """
-        return 2.0 * LASTING * self._slip.error(speed, yaw_rate) ** 2
+        return 2.0 * SLIP_ERROR_TIME * self._slip.error(speed, yaw_rate) ** 2

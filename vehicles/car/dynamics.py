@@ -2,19 +2,19 @@
 
 Lateral motion by eqs. (1), (2) in the body's lateral speed and yaw rate, steering by the
 second-order actuation of eq. (4), position by integrating the body's velocity. World frame:
-east-north, yaw counter-clockwise from east; left is positive. SI units. This holds for linear
-tyres; for tyres that saturate see `brush_motion`.
+east-north, yaw counter-clockwise from east; left is positive. SI units. This is for linear tyres;
+for saturating tyres see `brush_motion`.
 
-Integration: Runge-Kutta of order 4 with the command held over the span, in sub-steps h with
-h * rate <= STEP_PER_RATE, where `rate` is the fastest of the tyres' and the steering's. Stated
-tolerance: over an emergency lane change in spans of 20 ms the path stays within 0.005 mm of the
-exact solution; after a steering step of 0.05 rad lateral speed (m/s) and yaw rate (rad/s) are
-within 4e-4 of it. At the rate limit of the steering its angle is within 5e-4 rad.
+Integration: Runge-Kutta of order 4 with a constant command, in sub-steps h with
+h * rate <= STEP_PER_RATE, where `rate` is the fastest rate of tyres and steering. Tolerance: over
+an emergency lane change in spans of 20 ms the path stays within 0.005 mm of the exact solution.
+After a steering step of 0.05 rad, lateral speed (m/s) and yaw rate (rad/s) are within 4e-4 of it.
+At its rate limit the steering angle is within 5e-4 rad.
 
-Below WALKING_PACE the tyres' 1/v would make the equations arbitrarily stiff. There the lateral
-speed and yaw rate relax, as fast as at WALKING_PACE (some 5 ms), to the steady state of the same
-equations for the present steering and speed, which for v -> 0 is the kinematic single-track model.
-The right-hand side is continuous in v.
+Below WALKING_PACE the tyres' 1/v would make the equations arbitrarily stiff. There, lateral speed
+and yaw rate relax as fast as at WALKING_PACE (about 5 ms) to the steady state for the present
+steering and speed. For v -> 0 this is the kinematic single-track model. The right-hand side is
+continuous in v.
 """
 
 import math
@@ -32,7 +32,7 @@ from vehicles.car.parameters import VehicleParameters
 from vehicles.car.tyres import WALKING_PACE, Coefficients, lateral_coefficients
 
 FASTEST_SLIDE: Final = 1000.0
-"""Lateral speed (m/s) beyond which linear tyres of an unstable car are meaningless."""
+"""Limit of the lateral speed (m/s), reached only by an unstable car on linear tyres."""
 
 _Lateral = tuple[float, float, float, float, float, float]
 
@@ -43,7 +43,7 @@ class OutOfModelError(ValueError):
 
 @dataclass(slots=True)
 class Body:
-    """State of the car at one instant, of eqs. (1), (2) and (4), and its place.
+    """State of the car in eqs. (1), (2) and (4), and its position.
 
     east, north (m) of the centre of mass; yaw (rad, not wrapped); speed and lateral_speed (m/s)
     along and across the body; yaw_rate (rad/s); steering (rad) and steering_rate (rad/s) at the
@@ -99,7 +99,7 @@ class Actuation:
 
 
 class CarMotion:
-    """Motion of one car by eqs. (1), (2) and (4), with constants of its parameters."""
+    """Motion of one car by eqs. (1), (2) and (4)."""
 
     def __init__(self, parameters: VehicleParameters) -> None:
         p = self._parameters = parameters
@@ -115,13 +115,12 @@ class CarMotion:
     def advance(
         self, body: Body, actuation: Actuation, span: float, substeps: int | None = None
     ) -> Body:
-        """Move the car by `span` (s) with `actuation` held; classical Runge–Kutta method.
+        """Move the car by `span` (s) with constant `actuation`; classical Runge–Kutta method.
 
-        The steering command is clamped to the steering limit and the wheels stop there. A braking
-        car comes to rest within the span and stays; it never reverses. `substeps` overrides the
-        number of integration steps (before and after coming to rest). Raises ValueError for a
-        command that is not finite or a negative span, and OutOfModelError for an unstable car that
-        spins ever faster.
+        Command and angle of the steering are clamped to the steering limit. A braking car stops
+        and never reverses. `substeps` overrides the number of integration steps (before and after
+        the stop). Raises ValueError for a command that is not finite or a negative span, and
+        OutOfModelError for a divergent spin of an unstable car.
         """
         command, acceleration = actuation.steering, actuation.acceleration
         if not (math.isfinite(command) and math.isfinite(acceleration)):
@@ -149,7 +148,7 @@ class CarMotion:
     ) -> Body:
         if span <= 0.0:
             return body
-        # A slide changes the speed by the turn of the body as well.
+        # In a slide the rotation of the body also changes the speed along it.
         gained = span * (acceleration + body.yaw_rate * body.lateral_speed)
         slowest = body.speed + gained if gained < 0.0 else body.speed
         slowest = WALKING_PACE if slowest < WALKING_PACE else slowest
@@ -169,7 +168,7 @@ class CarMotion:
     def _integrate(
         self, body: Body, command: float, final_speed: float, span: float, substeps: int | None
     ) -> Body:
-        """Advance on linear tyres while the speed changes evenly from the body's to the final."""
+        """Advance on linear tyres while the speed changes linearly to `final_speed` (m/s)."""
         if span <= 0.0:
             return body
         p, tyres, wheels = self._parameters, self._tyres, self._steering
@@ -200,15 +199,15 @@ class CarMotion:
 
 
 def fastest_rate(p: VehicleParameters) -> float:
-    """Fastest rate (1/s) of the car's tyres and steering at any speed: that at walking pace."""
+    """Fastest rate (1/s) of tyres and steering over all speeds: that at WALKING_PACE."""
     return CarMotion(p).fastest_rate(WALKING_PACE)
 
 
 def _lateral_rates(speed: float, tyres: Coefficients, p: VehicleParameters) -> _Lateral:
     """Coefficients (a, b, c, d, e, f) of v_y' = a v_y + b r + c delta, r' = d v_y + e r + f delta.
 
-    Below WALKING_PACE the matrix stays as it is there and the steering's column is chosen so that
-    the equilibrium is that of the present speed.
+    Below WALKING_PACE the matrix is that at WALKING_PACE, and the column of the steering gives the
+    equilibrium of the present speed.
     """
     v = max(speed, WALKING_PACE)
     a, b, c, d, e, f = tyres
@@ -236,8 +235,8 @@ def _step(
     """One Runge-Kutta step, written out because runs spend most of their time here.
 
     `place` is (east, north, yaw, distance), `state` is (lateral speed, yaw rate, steering,
-    steering rate); speeds and rates are those at the start, the middle and the end of the step.
-    The derivative of the four state variables at stage i is (ai, bi, wi, di).
+    steering rate). Speeds and rates are those at the start, the middle and the end of the step.
+    The derivative of the state at stage i is (ai, bi, wi, di).
     """
     square, damping = actuation
     (y1, r1, s1, w1), half = state, 0.5 * h

@@ -1,8 +1,8 @@
-"""The receiver that measures the car, and its measurements as messages.
+"""The GNSS receiver, and its fixes as messages.
 
-A receiver of the kind used for automated driving: RTK positions aided by an inertial unit, at a
-fixed rate. Inside, a fix is in the east-north plane with yaw; on the wire it is WGS84 with a
-compass course.
+It emulates a receiver for automated driving: RTK positions aided by an inertial unit, at a fixed
+rate. Internally a fix is in the east-north plane with yaw; on the wire it is WGS84 with a compass
+course.
 """
 
 import math
@@ -21,7 +21,7 @@ from vehicles.messages import NO_ANNOUNCEMENT, Announcement, FixState, GpsPose
 from vehicles.schedule import Cadence
 
 BLOCK: Final = 64
-"""Measurements whose noise is drawn at once; the numbers are the same whatever the block."""
+"""Measurements whose noise is drawn at once; the block size does not change the numbers."""
 
 
 @dataclass(slots=True)
@@ -70,11 +70,11 @@ _State = tuple[list[float], ReceiverErrors | None, ForcedStates | None, deque[Fi
 
 
 class GnssReceiver:
-    """Measures at `start_at` (ns) and every 1/`rate_hz` s after it, each rounded to 1 ns.
+    """GPS receiver of Section III-A, measuring every 1/`rate_hz` s from `start_at` (ns) on.
 
-    GPS of Section III-A, at 20 Hz at most. `random` belongs to this receiver alone: five normal
-    numbers are drawn per measurement, with a fix or without. `errors` replace the position noise;
-    those of plain settings count only while a fix state is forced by `force`.
+    `random` belongs to this receiver: it draws five normal numbers per measurement, with or without
+    a fix. `errors` replace the position noise; if they are white noise only, they apply only while
+    a fix state is forced by `force`.
     """
 
     def __init__(
@@ -94,48 +94,48 @@ class GnssReceiver:
         self._forced: ForcedStates | None = None
         if errors is not None:
             self._forced = errors.states = ForcedStates(errors.states)
-        self._take(errors)
-        self._coming: deque[Fix] = deque()
+        self._set_errors(errors)
+        self._pending: deque[Fix] = deque()
 
     def __reduce__(self) -> "tuple[type[GnssReceiver], tuple[object, ...], _State]":
-        made_of = self._noise, self._cadence.rate_hz, self._cadence.start_at, self._random
-        return GnssReceiver, made_of, (self._drawn, self._errors, self._forced, self._coming)
+        arguments = self._noise, self._cadence.rate_hz, self._cadence.start_at, self._random
+        return GnssReceiver, arguments, (self._drawn, self._errors, self._forced, self._pending)
 
     def __setstate__(self, state: "_State") -> None:
-        self._drawn, errors, self._forced, self._coming = state
-        self._take(errors)
+        self._drawn, errors, self._forced, self._pending = state
+        self._set_errors(errors)
 
-    def _take(self, errors: ReceiverErrors | None) -> None:
+    def _set_errors(self, errors: ReceiverErrors | None) -> None:
         self._errors = errors
-        self._plain = errors is None or errors.settings.has_only_white_noise
+        self._is_plain = errors is None or errors.settings.has_only_white_noise
         self._latency = errors.settings.latency if errors else 0
 
     def measure(self, body: Body, now: int) -> Fix | None:
-        """Measure `body` if `now` (ns) is an instant of measurement; returns the fix known then.
+        """Measure `body` if `now` (ns) is an instant of measurement; return the fix available now.
 
-        With a latency that is an earlier fix. Each quantity has its own white Gaussian noise
-        (Section III-A names that of the position).
+        With a latency this is an earlier fix. Each quantity has its own white Gaussian noise
+        (Section III-A has that of the position).
         """
         fix = self._measured(body, now)
         if not self._latency:
             return fix
         if fix is not None:
-            self._coming.append(fix)
-        if self._coming and self._coming[0].measured_at + self._latency <= now:
-            return self._coming.popleft()
+            self._pending.append(fix)
+        if self._pending and self._pending[0].measured_at + self._latency <= now:
+            return self._pending.popleft()
         return None
 
     def force(self, state: ReceiverState | None, since: int, until: int = NO_END) -> None:
-        """Force a fix state from `since` until before `until` (ns); None ends it.
+        """Force a fix state from `since` (ns) to `until`, excluded; None ends it.
 
-        Outages stay. Raises ValueError for a receiver without fix states.
+        Outages still apply. Raises ValueError for a receiver without fix states.
         """
         if self._forced is None:
-            raise ValueError("this receiver has white noise alone")
+            raise ValueError("this receiver has no fix states, only white noise")
         self._forced.force(state, since, until)
 
     def redraw(self, random: Generator) -> None:
-        """Draw the white noise from another stream from now on; the other errors stay."""
+        """Draw further white noise from another stream; other errors do not change."""
         self._random = random
         self._drawn.clear()
 
@@ -160,14 +160,14 @@ class GnssReceiver:
             noise.position,
         )
         forced = self._forced is not None and self._forced.is_forced(now)
-        if self._errors is None or (self._plain and not forced):
+        if self._errors is None or (self._is_plain and not forced):
             return fix
         error = self._errors.at(body, now)
         if error is None:
             return None
         rounded = self._errors.rounded
-        fix.east = rounded(body.east + error.white * east + error.east)
-        fix.north = rounded(body.north + error.white * north + error.north)
+        fix.east = rounded(body.east + error.white_deviation * east + error.east)
+        fix.north = rounded(body.north + error.white_deviation * north + error.north)
         fix.state, fix.accuracy = error.state, error.accuracy
         return fix
 
@@ -184,10 +184,9 @@ def to_message(
 ) -> GpsPose:
     """Convert a fix to message `seq` (WGS84, compass course), sent at `sent_at` (ns).
 
-    `true_place` is the true east, north and distance driven (m) of the vehicle.
-
-    The course is counted from the plane's north; true north at the vehicle differs from it by
-    the convergence of meridians, about 0.01 deg per km of easting at middle latitudes.
+    `true_position` holds the vehicle's true east, north and distance driven (m). The course is
+    relative to the plane's north, which differs from true north by the convergence of meridians,
+    about 0.01 deg per km of easting at middle latitudes.
     """
     latitude_deg, longitude_deg, altitude_m = plane.to_geodetic(fix.east, fix.north)
     return GpsPose(

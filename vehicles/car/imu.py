@@ -1,4 +1,4 @@
-"""The inertial sensor of the car: a gyroscope and the speed of the wheels; not broadcast."""
+"""The inertial sensor of the car: gyroscope and wheel speed. Its readings are not broadcast."""
 
 import math
 from dataclasses import dataclass, fields
@@ -10,7 +10,7 @@ from vehicles.car.dynamics import Body
 from vehicles.schedule import Cadence
 
 BLOCK: Final = 64
-"""Readings whose noise is drawn at once; the numbers are the same whatever the block."""
+"""Readings whose noise is drawn at once; the block size does not change the numbers."""
 
 
 @dataclass(slots=True)
@@ -29,12 +29,11 @@ class Motion:
 class InertialNoise:
     """Standard deviations of the errors of speed (m/s) and yaw rate (rad/s).
 
-    Each reading has white Gaussian noise; the biases are constant over a run and drawn once for a
-    vehicle. A gyroscope: 0.1 deg/s of noise, which is 0.01 deg/s/sqrt(Hz) over 100 Hz (data sheets
-    of micromechanical ones for cars, such as ST's ASM330LHH, state half that density), and as much
-    of bias, what remains of the zero-rate offset after it was averaged away at a standstill. Wheel
-    speed: 0.03 m/s of noise, as of the receiver, and a bias of 0.1 m/s, which is half a per cent of
-    the tyre's radius at 20 m/s.
+    Each reading has white Gaussian noise. Biases are constant over a run and drawn once per
+    vehicle. Gyroscope: 0.1 deg/s of noise, which is 0.01 deg/s/sqrt(Hz) over 100 Hz (data sheets
+    of automotive MEMS gyroscopes such as ST's ASM330LHH state half that density), and 0.1 deg/s of
+    bias, the rest of the zero-rate offset after averaging at a standstill. Wheel speed: 0.03 m/s of
+    noise, as of the receiver, and a bias of 0.1 m/s, which is 0.5 % of the tyre's radius at 20 m/s.
     """
 
     speed: float = 0.03
@@ -53,10 +52,10 @@ _State = tuple[Generator, Motion, list[float]]
 
 
 class InertialSensor:
-    """Measures at `start_at` (ns) and every 1/`rate_hz` s after it, each rounded to 1 ns.
+    """Inertial unit of Section V-D, measuring every 1/`rate_hz` s from `start_at` (ns) on.
 
-    The inertial unit of Section V-D. `random` belongs to this sensor alone: two normal numbers are
-    drawn for its biases, then two per reading, in the order of readings.
+    `random` belongs to this sensor: it draws two normal numbers for the biases, then two per
+    reading, in order of time.
     """
 
     def __init__(
@@ -72,22 +71,22 @@ class InertialSensor:
         self._drawn: list[float] = []
 
     def __reduce__(self) -> "tuple[type[InertialSensor], tuple[object, ...], _State]":
-        # The constructor draws, so it gets another stream than the pickled one.
-        made_of = self._noise, self._cadence.rate_hz, self._cadence.start_at, Generator(PCG64(0))
-        return InertialSensor, made_of, (self._random, self._bias, self._drawn)
+        # The constructor draws numbers, so it must not get the pickled stream.
+        arguments = self._noise, self._cadence.rate_hz, self._cadence.start_at, Generator(PCG64(0))
+        return InertialSensor, arguments, (self._random, self._bias, self._drawn)
 
     def __setstate__(self, state: "_State") -> None:
         self._random, self._bias, self._drawn = state
 
     def redraw(self, random: Generator) -> None:
-        """Draw the white noise from another stream from now on; the biases stay."""
+        """Draw further white noise from another stream; biases do not change."""
         self._random = random
         self._drawn.clear()
 
     def measure(self, body: Body, now: int) -> Motion | None:
         """Measure `body` if `now` (ns) is an instant of measurement, else None.
 
-        v_x and dθ/dt of eq. (1) plus the constant bias plus white Gaussian noise.
+        v_x and dθ/dt of eq. (1), plus constant bias and white Gaussian noise.
         """
         if self._cadence.index(now) is None:
             return None

@@ -1,4 +1,4 @@
-"""Settings of the inertial sensor."""
+"""Settings of the inertial sensor (TOML table `[imu]`)."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -11,18 +11,18 @@ NOISE = InertialNoise()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImuSettings:
-    """The emulated inertial sensor of a vehicle: gyroscope and speed of the wheels.
+    """The emulated inertial sensor of a vehicle: gyroscope and wheel speed.
 
-    Standard deviations of white noise, and of constant biases drawn once for each vehicle.
+    Standard deviations of white noise, and of constant biases drawn once per vehicle.
     """
 
     rate: Annotated[
-        float | None, Setting("left out: control.rate_hz", "hz", 0.01, 1000, example=50.0)
+        float | None, Setting("rate; default: control.rate_hz", "hz", 0.01, 1000, example=50.0)
     ] = None
     speed_noise: Annotated[float, Setting("white noise of the speed", "mps", 0, 10)] = NOISE.speed
     speed_bias: Annotated[float, Setting("bias of the speed", "mps", 0, 10)] = NOISE.speed_bias
     yaw_rate_noise: Annotated[
-        float, Setting("white noise of the yaw rate: 0.1 deg/s", "radps", 0, 1)
+        float, Setting("white noise of the yaw rate (0.1 deg/s)", "radps", 0, 1)
     ] = NOISE.yaw_rate
     yaw_rate_bias: Annotated[float, Setting("bias of the yaw rate", "radps", 0, 1)] = (
         NOISE.yaw_rate_bias

@@ -52,7 +52,7 @@ BROKEN = {
     ),
     "no shares at all": (
         ("sending={kind='intervals', intervals_ms=[100], shares_ratio=[0]}",),
-        "sending.shares_ratio", "nothing but 0", "more than that",
+        "sending.shares_ratio", "given only 0", "above 0",
     ),
     "more jitter than interval": (
         ("sending={kind='intervals', table='cam_vw_highway', jitter_ms=25}",),

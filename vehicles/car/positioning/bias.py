@@ -10,11 +10,13 @@ from vehicles.setting import Setting
 
 @dataclass(frozen=True, slots=True)
 class Bias(ErrorTerm):
-    """A constant error: drawn for each vehicle with a deviation per axis, and given (m)."""
+    """A constant error: a configured offset plus a random one per vehicle (m)."""
 
-    deviation: Annotated[float, Setting("drawn, per axis", "m", 0, 1000)] = 0.0
-    east: Annotated[float, Setting("given", "m", -1000, 1000)] = 0.0
-    north: Annotated[float, Setting("given", "m", -1000, 1000)] = 0.0
+    deviation: Annotated[
+        float, Setting("standard deviation of the random part, per axis", "m", 0, 1000)
+    ] = 0.0
+    east: Annotated[float, Setting("configured part, east", "m", -1000, 1000)] = 0.0
+    north: Annotated[float, Setting("configured part, north", "m", -1000, 1000)] = 0.0
 
     @property
     def variance(self) -> float:
@@ -22,17 +24,15 @@ class Bias(ErrorTerm):
 
     def begin(self, context: ReceiverContext) -> ErrorProcess:
         east, north = context.own_streams("bias").standard_normal(2).tolist()
-        return Constant(self.east + self.deviation * east, self.north + self.deviation * north)
+        return ConstantError(self.east + self.deviation * east, self.north + self.deviation * north)
 
     def describe(self) -> str:
-        given = f"{self.east:g} m east, {self.north:g} m north"
-        return f"bias {given}, {self.deviation:g} m drawn"
+        offset = f"{self.east:g} m east, {self.north:g} m north"
+        return f"bias {offset}, {self.deviation:g} m random"
 
 
 @dataclass(frozen=True, slots=True)
-class Constant:
-    """The same error (m) at all times."""
-
+class ConstantError:
     east: float
     north: float
 

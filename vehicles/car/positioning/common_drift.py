@@ -1,4 +1,4 @@
-"""Drift that all receivers have in common."""
+"""Drift shared by all receivers."""
 
 from dataclasses import dataclass
 
@@ -9,9 +9,9 @@ from vehicles.car.positioning.error_term import ErrorProcess, ErrorTerm, Receive
 
 @dataclass(frozen=True, slots=True)
 class CommonDrift(Drift, ErrorTerm):
-    """Drift of all receivers alike (satellites, atmosphere), a Gauss–Markov process.
+    """Drift shared by all receivers (satellites, atmosphere), a Gauss–Markov process.
 
-    Distances between vehicles stay as they are.
+    It does not change distances between vehicles.
     """
 
     shared = True
@@ -21,7 +21,7 @@ class CommonDrift(Drift, ErrorTerm):
         return self.deviation**2
 
     def begin(self, context: ReceiverContext) -> ErrorProcess:
-        return Scaled(
+        return ScaledDrift(
             self.deviation,
             GaussMarkov(self.time_constant, context.start_at, context.shared_streams("drift")),
         )
@@ -31,12 +31,12 @@ class CommonDrift(Drift, ErrorTerm):
 
 
 @dataclass(frozen=True, slots=True)
-class Scaled:
-    """A Gauss–Markov path times a deviation (m)."""
+class ScaledDrift:
+    """A Gauss–Markov process of standard deviation `deviation` (m)."""
 
     deviation: float
-    path: GaussMarkov
+    unit_process: GaussMarkov
 
     def at(self, body: Body, now: int) -> tuple[float, float]:  # noqa: ARG002
-        east, north = self.path.at(now)
+        east, north = self.unit_process.at(now)
         return self.deviation * east, self.deviation * north

@@ -1,8 +1,8 @@
-"""Drifting errors: a first-order Gauss–Markov process in two axes, the same path at any rate.
+"""Drifting errors: a first-order Gauss–Markov process in two axes, independent of the rate.
 
-The process has a fixed grid of 10 ms that begins with the run, and is constant between points of
-the grid. So its statistics do not depend on the rate of measurements, and receivers that measure at
-the same instant, in any process, have the same value to the bit.
+The process is defined on a grid of 10 ms from the start of the run, and constant in between. So its
+statistics do not depend on the rate of measurements. Receivers that measure at the same instant, in
+any operating-system process, get bit-identical values.
 """
 
 import math
@@ -16,28 +16,30 @@ from vehicles.schedule import MILLISECOND, SECOND
 from vehicles.setting import Setting
 
 GRID = 10 * MILLISECOND
-"""Distance (ns) between two points of the path; receivers of cars measure at 20 Hz at most."""
+"""Grid spacing (ns); automotive receivers measure at 20 Hz at most."""
 BLOCK = 512
-"""Number of points that are computed at once."""
+"""Number of points computed at once."""
 MIN_TIME_CONSTANT = 0.1
-"""Least time constant (s): below it the grid is too coarse."""
+"""Lower bound of the time constant (s): below it the grid is too coarse."""
 
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """First-order Gauss–Markov drift: steady deviation per axis (m), and time constant (s)."""
+    """First-order Gauss–Markov drift: standard deviation per axis (m), and time constant (s)."""
 
-    deviation: Annotated[float, Setting("steady, per axis", "m", 0, 1000, example=0.016)]
+    deviation: Annotated[
+        float, Setting("stationary standard deviation, per axis", "m", 0, 1000, example=0.016)
+    ]
     time_constant: Annotated[float, Setting("of its decay", "s", MIN_TIME_CONSTANT, 100_000)] = (
         100.0
     )
 
 
 class GaussMarkov:
-    """A first-order Gauss–Markov process of deviation 1 in each of two axes, stationary.
+    """A stationary first-order Gauss–Markov process in two axes, of standard deviation 1 per axis.
 
-    Exactly discretised: x[k] = r x[k-1] + sqrt(1 - r²) w[k] with r = exp(-grid / time constant) and
-    white Gaussian w, so the autocorrelation at lag t is exp(-t / time constant).
+    Exact discretisation: x[k] = r x[k-1] + sqrt(1 - r²) w[k] with r = exp(-grid / time constant)
+    and white Gaussian w. The autocorrelation at lag t is exp(-t / time constant).
     """
 
     def __init__(self, time_constant: float, start_at: int, random: Generator) -> None:
@@ -46,7 +48,7 @@ class GaussMarkov:
             raise ValueError(f"the time constant must be at least {MIN_TIME_CONSTANT} s")
         rate = GRID / SECOND / time_constant
         steps = range(1, BLOCK + 1)
-        # Not by NumPy, whose last bit depends on the processor.
+        # NumPy's exp is not used, as its last bit depends on the processor.
         self._kept = np.array([math.exp(-rate * k) for k in steps])
         spread = math.sqrt(-math.expm1(-2.0 * rate))
         self._scaled = np.array([spread * math.exp(rate * k) for k in steps])
@@ -56,17 +58,17 @@ class GaussMarkov:
         self._first, self._east, self._north = 0, *([one] for one in self._before.tolist())
 
     def at(self, now: int) -> tuple[float, float]:
-        """East and north at `now` (ns), in order of time."""
+        """East and north at `now` (ns); calls must be in order of time."""
         index = (now - self._start_at) // GRID - self._first
         while index >= len(self._east):
             index -= len(self._east)
             self._extend()
         if index < 0:
-            raise ValueError(f"{now} ns lies before the part of the path that is kept")
+            raise ValueError(f"{now} ns is before the stored part of the process")
         return self._east[index], self._north[index]
 
     def _extend(self) -> None:
-        """Compute the next block: the recursion as a sum of scaled terms."""
+        """Compute the next block, with the recursion as a cumulative sum of scaled terms."""
         drawn = self._random.standard_normal((2, BLOCK))
         path = self._kept * (self._before[:, None] + np.cumsum(self._scaled * drawn, axis=1))
         self._first += len(self._east)
@@ -77,10 +79,10 @@ class GaussMarkov:
 def restarted(
     value: tuple[float, float], first: tuple[float, float], jump: tuple[float, float], kept: float
 ) -> tuple[float, float]:
-    """Value of a Gauss–Markov process that began at `jump` instead of at `first`.
+    """Value of a Gauss–Markov process that restarted at `jump` instead of `first`.
 
-    `value` is that of the stationary process of the same deviation, which was `first` then. The
-    initial difference fades by `kept`: exp(-t / time constant).
+    `value` is that of the undisturbed process, which had the value `first` at the restart. The
+    initial difference decays by the factor `kept`, exp(-t / time constant).
     """
     return (
         value[0] + kept * (jump[0] - first[0]),
@@ -89,16 +91,16 @@ def restarted(
 
 
 def draw_truncated(
-    deviation: float, most: float, draws: tuple[float, float]
+    deviation: float, radius: float, draws: tuple[float, float]
 ) -> tuple[float, float]:
-    """Draw a place from the stationary law of a Gauss–Markov process, within a circle about 0.
+    """Draw from the stationary distribution of a Gauss–Markov process, truncated to a circle.
 
-    `deviation` (m) is that of each axis, `most` (m) the radius; `draws` are uniform in [0, 1). The
-    distance of two normal numbers from 0 is Rayleigh's; its distribution function is inverted.
+    `deviation` (m) is the standard deviation per axis; the circle of `radius` (m) is centred at 0;
+    `draws` are uniform in [0, 1). Inverts the distribution function of Rayleigh's distribution.
     """
-    if deviation <= 0.0 or most <= 0.0:
+    if deviation <= 0.0 or radius <= 0.0:
         return 0.0, 0.0
-    reached = -math.expm1(-0.5 * (most / deviation) ** 2)
-    away = min(deviation * math.sqrt(-2.0 * math.log1p(-draws[0] * reached)), most)
+    probability = -math.expm1(-0.5 * (radius / deviation) ** 2)
+    distance = min(deviation * math.sqrt(-2.0 * math.log1p(-draws[0] * probability)), radius)
     angle = 2.0 * math.pi * draws[1]
-    return away * math.cos(angle), away * math.sin(angle)
+    return distance * math.cos(angle), distance * math.sin(angle)

@@ -1,4 +1,4 @@
-"""Position errors that are added to those of the fix state, each a table of its own."""
+"""Position errors that are added to those of the fix state, one table of `[gnss]` each."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from numpy.random import Generator
 from vehicles.car.dynamics import Body
 
 Streams = Callable[[str], Generator]
-"""Returns the stream of random numbers of a purpose, always the same one for the same purpose."""
+"""Returns the random stream for a purpose; the same purpose always has the same stream."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,15 +28,15 @@ class ReceiverContext:
 
 
 class ErrorProcess(Protocol):
-    """An error over one run, in order of time."""
+    """A position error over one run; calls must be in order of time."""
 
     def at(self, body: Body, now: int) -> tuple[float, float]:
-        """East and north (m) of the error at `now` (ns) of the car there."""
+        """East and north (m) of the error at `now` (ns), for the car in state `body`."""
         ...
 
 
 class ErrorTerm(ABC):
-    """Settings of an error of positions: each subclass is a table of `[gnss]`.
+    """Settings of a position error: each subclass is a table of `[gnss]`.
 
     A field of `GnssSettings` makes it available.
     """
@@ -44,16 +44,16 @@ class ErrorTerm(ABC):
     __slots__ = ()
 
     shared: ClassVar[bool] = False
-    """Whether all receivers have the same error, which cancels between vehicles."""
+    """Whether all receivers share the error, so that it cancels between vehicles."""
 
     @property
     @abstractmethod
     def variance(self) -> float:
-        """Variance (m²) per axis, as far as it is random."""
+        """Variance (m²) per axis of the random part."""
 
     @abstractmethod
     def begin(self, context: ReceiverContext) -> ErrorProcess:
-        """Draw what is random about a run."""
+        """Draw the random numbers of a run."""
 
     @abstractmethod
     def describe(self) -> str:

@@ -1,8 +1,7 @@
-"""Errors of a receiver's positions over a run, apart from plain white noise.
+"""Errors of a receiver's positions over a run, except plain white noise.
 
-The drift of carrier-phase receivers is a Gauss–Markov process (Hoffmann, 2020, takes two); the
-errors between two receivers nearby are smaller than each one's, because satellites and atmosphere
-are the same.
+The drift of carrier-phase receivers is a Gauss–Markov process (Hoffmann, 2020, uses two). Nearby
+receivers share errors from satellites and atmosphere, so their relative error is smaller.
 """
 
 from dataclasses import dataclass
@@ -26,18 +25,18 @@ from vehicles.schedule import SECOND
 
 
 class PositionError(NamedTuple):
-    """Error of a position (m) without white noise, deviation of that noise, stated accuracy (m)."""
+    """Error without white noise, deviation of that noise, and reported accuracy (m)."""
 
     east: float
     north: float
-    white: float
+    white_deviation: float
     state: FixState
     accuracy: float
 
 
 @dataclass(slots=True)
-class _Entered:
-    """Restart of the drift: instant, value of the stationary process then, initial value."""
+class _Restart:
+    """Restart of the drift: instant (ns), undisturbed value, and value after the jump."""
 
     at: int
     first: tuple[float, float]
@@ -45,7 +44,7 @@ class _Entered:
 
 
 class ReceiverErrors:
-    """The errors of one receiver in one run, in order of time."""
+    """The errors of one receiver in one run; calls must be in order of time."""
 
     def __init__(self, settings: GnssSettings, context: ReceiverContext) -> None:
         self.settings = settings
@@ -56,7 +55,7 @@ class ReceiverErrors:
             else StateSchedule(settings.fix, (), context.start_at)
         )
         self._context = context
-        self._added: list[ErrorProcess] = [error.begin(context) for error in settings.error_terms]
+        self._terms: list[ErrorProcess] = [error.begin(context) for error in settings.error_terms]
         self._errors = {state: settings.errors_in(state) for state in STATES_WITH_FIX}
         self._deviations = {state: settings.deviation(state) for state in STATES_WITH_FIX}
         self._drifts = {
@@ -67,47 +66,49 @@ class ReceiverErrors:
             if errors.drift and errors.drift.deviation > 0.0
         }
         self._jumps: Generator = context.own_streams("jump")
-        self._stay: StateInterval | None = None
-        self._entered: _Entered | None = None
-        self._begun = False
+        self._interval: StateInterval | None = None
+        self._restart: _Restart | None = None
+        self._is_running = False
 
     def at(self, body: Body, now: int) -> PositionError | None:
-        """Error of a fix at `now` (ns): the state's drift and added errors; None without a fix."""
-        stay = self.states.at(now)
+        """Error of a fix at `now` (ns): drift of the state plus error terms; None without a fix."""
+        interval = self.states.at(now)
         outages = self.settings.outages
-        if stay.state == "none" or any(one.covers(body, now, self._context) for one in outages):
-            self._stay, self._begun = None, True
+        if interval.state == "none" or any(
+            outage.covers(body, now, self._context) for outage in outages
+        ):
+            self._interval, self._is_running = None, True
             return None
-        state, errors = stay.state, self._errors[stay.state]
-        east, north = self._drift(state, errors, stay, now)
-        for course in self._added:
-            more_east, more_north = course.at(body, now)
+        state, errors = interval.state, self._errors[interval.state]
+        east, north = self._drift(state, errors, interval, now)
+        for term in self._terms:
+            more_east, more_north = term.at(body, now)
             east, north = east + more_east, north + more_north
         accuracy = errors.accuracy * self._deviations[state]
         return PositionError(east, north, errors.position_noise, state, accuracy)
 
     def rounded(self, coordinate: float) -> float:
-        """Coordinate (m) to the nearest multiple of the quantum."""
+        """Round a coordinate (m) to the nearest multiple of the quantisation step."""
         quantum = self.settings.quantisation
         return quantum * round(coordinate / quantum) if quantum else coordinate
 
     def _drift(
-        self, state: FixState, errors: StateErrors, stay: StateInterval, now: int
+        self, state: FixState, errors: StateErrors, interval: StateInterval, now: int
     ) -> tuple[float, float]:
-        """Own drift (m) in this state; it restarts if the state was entered since."""
-        drift, path = errors.drift or NO_DRIFT, self._drifts.get(state)
+        """Own drift (m) in this state; it restarts when the state is entered."""
+        drift, process = errors.drift or NO_DRIFT, self._drifts.get(state)
         deviation = drift.deviation
-        east, north = path.at(now) if path else (0.0, 0.0)
+        east, north = process.at(now) if process else (0.0, 0.0)
         value = deviation * east, deviation * north
-        if stay != self._stay:
-            # Not at the start: the receiver has been on for long.
-            self._entered = None
-            if self._begun and errors.entry_jump is not None:
+        if interval != self._interval:
+            self._restart = None
+            # No jump at the start: the receiver is assumed to have been running.
+            if self._is_running and errors.entry_jump is not None:
                 first, second = self._jumps.random(2).tolist()
                 jump = draw_truncated(deviation, errors.entry_jump, (first, second))
-                self._entered = _Entered(now, value, jump)
-            self._stay, self._begun = stay, True
-        if self._entered is None:
+                self._restart = _Restart(now, value, jump)
+            self._interval, self._is_running = interval, True
+        if self._restart is None:
             return value
-        kept = exp(-(now - self._entered.at) / SECOND / drift.time_constant)
-        return restarted(value, self._entered.first, self._entered.jump, kept)
+        kept = exp(-(now - self._restart.at) / SECOND / drift.time_constant)
+        return restarted(value, self._restart.first, self._restart.jump, kept)

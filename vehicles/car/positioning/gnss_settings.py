@@ -1,6 +1,6 @@
 """Settings of a GNSS receiver: its rate, white noise, and position errors.
 
-A receiver error of its own is a field of `GnssSettings` whose type is an `ErrorTerm`.
+To add an error, add a field to `GnssSettings` whose type is an `ErrorTerm`.
 """
 
 from collections.abc import Iterator, Mapping
@@ -46,24 +46,24 @@ PRESETS: Mapping[Preset, Mapping[str, Any]] = {
 }
 """Fields of `GnssSettings` by preset.
 
-RTK: a u-blox F9P on a car's roof, 75 min and 21 km, from the sample data of rtklib-py, was off by
-17 mm rms when fixed, by 0.27 m when float, with a decorrelation (1/e) of 64 s in north and 184 s in
-east. Single: the order of magnitude of positions by code alone, not measured.
+RTK: a u-blox F9P on a car's roof, 75 min and 21 km, from the sample data of rtklib-py, had an rms
+error of 17 mm when fixed and 0.27 m when float, with a decorrelation time (1/e) of 64 s in north
+and 184 s in east. Single: order of magnitude of code-only positions, not measured.
 """
 PRESET_OF_STATE: Mapping[FixState, Preset] = {
     "fixed": "rtk_fixed",
     "float": "rtk_float",
     "single": "single",
 }
-"""Preset of a fix state that is not the receiver's own."""
+"""Preset of each fix state other than `fix`."""
 
 
 @dataclass(frozen=True, slots=True)
 class StateErrors:
-    """Errors of position in one fix state: white noise (m, per axis), Gauss–Markov drift.
+    """Position errors in one fix state: white noise (m, per axis), Gauss–Markov drift.
 
-    With `entry_jump` (m) the drift restarts when the state is entered; else it continues unseen
-    while the receiver is in another state.
+    With `entry_jump` (m) the drift restarts when the state is entered. Without, it continues in the
+    background while the receiver is in another state.
     """
 
     position_noise: Annotated[
@@ -71,13 +71,13 @@ class StateErrors:
     ] = NOISE.position
     drift: Annotated[
         Drift | None,
-        Setting("drift of each receiver on its own: a Gauss–Markov process, the same at any rate"),
+        Setting("drift of each receiver: a Gauss–Markov process, independent of rate_hz"),
     ] = None
     entry_jump: Annotated[
         float | None,
         Setting(
-            "the drift restarts, no further than this from 0, whenever the state is entered (also "
-            "after an outage); left out: it continues",
+            "largest drift after the state is entered (also after an outage), where the drift "
+            "restarts; default: it continues",
             unit="m",
             minimum=0,
             maximum=1000,
@@ -87,8 +87,8 @@ class StateErrors:
     accuracy: Annotated[
         float,
         Setting(
-            "accuracy that the receiver reports, over the true deviation: 1 is honest, 0.05 was "
-            "measured of one solver",
+            "reported accuracy over true standard deviation: 1 is correct; 0.05 was measured for "
+            "one solver",
             unit="ratio",
             above=0,
             maximum=100,
@@ -96,25 +96,25 @@ class StateErrors:
     ] = 1.0
 
     def entry_problems(self, key: str = "") -> Iterator[Problem]:
-        """Report an entry jump without a drift; `key` is that of the table."""
+        """Report an entry jump without a drift; `key` is the prefix of the table."""
         if self.entry_jump is not None and self.drift is None:
-            yield f"{key}entry_jump_m", "given without drift, which begins anew with it"
+            yield f"{key}entry_jump_m", "given without drift, which it restarts"
 
 
 @dataclass(frozen=True, slots=True)
 class GnssSettings(StateErrors):
     """The emulated receiver: its rate, white noise, and position errors.
 
-    Position errors given here are those of the state `fix`; other states have those of the preset
-    of their name, changed by the tables `while_...`. A `preset` is laid under the other keys.
+    Position errors given here apply in the state `fix`. Other states use the preset of their name,
+    or the table `while_...`. A `preset` provides defaults for other keys.
     """
 
     preset: Annotated[
         Preset | None,
         Setting(
-            "default of the keys fix, position_noise_m, drift and entry_jump_m. "
-            '"rtk_fixed" and "rtk_float": as a u-blox F9P on a car\'s roof (sample data of '
-            'rtklib-py); "single": by code alone, an order of magnitude; "none": no fix at all',
+            "defaults of fix, position_noise_m, drift and entry_jump_m. "
+            '"rtk_fixed", "rtk_float": a u-blox F9P on a car\'s roof (sample data of rtklib-py); '
+            '"single": code only, an order of magnitude; "none": no fix',
             example="rtk_fixed",
         ),
     ] = None
@@ -129,38 +129,41 @@ class GnssSettings(StateErrors):
     fix: Annotated[
         ReceiverState,
         Setting(
-            'fix state: "fixed", "float", "single", or "none": then there is no fix and nothing is '
-            "sent. A car whose first fix may come late, or not at all, knows where it starts"
+            'fix state: "fixed", "float", "single", or "none" (no fix, and nothing is sent). A car '
+            "whose first fix may be late or missing knows its initial position"
         ),
     ] = "fixed"
     common_drift: Annotated[
         CommonDrift | None,
         Setting(
-            "drift of all receivers alike (satellites, atmosphere), which leaves the distances "
-            "between vehicles as they are"
+            "drift shared by all receivers (satellites, atmosphere), which does not change "
+            "distances between vehicles"
         ),
     ] = None
-    bias: Annotated[Bias | None, Setting("a constant error, given and drawn for each vehicle")] = (
-        None
-    )
+    bias: Annotated[
+        Bias | None, Setting("a constant error per vehicle, configured and random parts")
+    ] = None
     quantisation: Annotated[
         float, Setting("positions are rounded to multiples of this", "m", 0, 1000)
     ] = 0.0
     latency: Annotated[
-        int, Setting("time until a fix is known to its own car and can be sent", "ms", 0, 5000)
+        int, Setting("time until a fix is available to its own car and can be sent", "ms", 0, 5000)
     ] = 0
     fix_states: Annotated[
         FixStateLaw | None,
-        Setting("fix states that change; it begins in `fix`", kinds=FIX_STATE_LAWS),
+        Setting("changing fix states; the first one is `fix`", kinds=FIX_STATE_LAWS),
     ] = None
     while_fixed: Annotated[
-        StateErrors | None, Setting("errors while fixed, if `fix` is another state: rtk_fixed with")
+        StateErrors | None,
+        Setting("errors while fixed, if `fix` is another state; defaults: preset rtk_fixed"),
     ] = None
     while_float: Annotated[
-        StateErrors | None, Setting("errors while float, if `fix` is another state: rtk_float with")
+        StateErrors | None,
+        Setting("errors while float, if `fix` is another state; defaults: preset rtk_float"),
     ] = None
     while_single: Annotated[
-        StateErrors | None, Setting("errors while single, if `fix` is another state: single with")
+        StateErrors | None,
+        Setting("errors while single, if `fix` is another state; defaults: preset single"),
     ] = None
     outages: Annotated[
         tuple[FixOutage, ...], Setting("times and places without a fix", kinds=OUTAGES)
@@ -168,21 +171,19 @@ class GnssSettings(StateErrors):
 
     @property
     def noise(self) -> GnssNoise:
-        """White noise."""
         return GnssNoise(
             self.position_noise, self.heading_noise, self.speed_noise, self.yaw_rate_noise
         )
 
     @property
     def error_terms(self) -> tuple[ErrorTerm, ...]:
-        """Errors added to those of the fix state, own ones before shared ones."""
+        """Errors added to those of the fix state, shared ones last."""
         values = (getattr(self, field.name) for field in fields(self))
-        found = [value for value in values if isinstance(value, ErrorTerm)]
-        return tuple(sorted(found, key=lambda error: error.shared))
+        terms = [value for value in values if isinstance(value, ErrorTerm)]
+        return tuple(sorted(terms, key=lambda term: term.shared))
 
     @property
     def has_only_white_noise(self) -> bool:
-        """Whether there is nothing but white noise on every position."""
         return self.fix == "fixed" and not (
             self.drift
             or self.error_terms
@@ -195,24 +196,23 @@ class GnssSettings(StateErrors):
 
     @property
     def has_fix_every_instant(self) -> bool:
-        """Whether there is a fix at every instant of measuring, known at once."""
+        """Whether each measurement gives a fix, without delay."""
         return not (self.fix == "none" or self.fix_states or self.outages or self.latency)
 
     def errors_in(self, state: FixState) -> StateErrors:
-        """Errors in a state: the receiver's own in its `fix`, else those of the state."""
+        """Errors in a state: these settings for `fix`, else `while_...` or the state's preset."""
         if state == self.fix:
             return self
-        own: StateErrors | None = getattr(self, f"while_{state}")
-        usual = {
-            key: value for key, value in PRESETS[PRESET_OF_STATE[state]].items() if key != "fix"
-        }
-        return own or StateErrors(**usual)
+        configured: StateErrors | None = getattr(self, f"while_{state}")
+        preset = dict(PRESETS[PRESET_OF_STATE[state]])
+        del preset["fix"]
+        return configured or StateErrors(**preset)
 
     def deviation(self, state: FixState, *, shared: bool = True) -> float:
-        """True standard deviation (m) per axis in a state, of independent parts.
+        """True standard deviation (m) per axis in a state, of all independent random errors.
 
-        Without those that are `shared` by all receivers, that of one relative to another's zero.
-        Rounding adds a twelfth of its square; a given bias is unknown.
+        Excludes errors shared by all receivers unless `shared`. Rounding to a step q has the
+        variance q²/12. The configured bias is not included.
         """
         errors = self.errors_in(state)
         variance = errors.position_noise**2 + (errors.drift or NO_DRIFT).deviation ** 2
@@ -227,64 +227,64 @@ class GnssSettings(StateErrors):
 
     @property
     def states(self) -> list[FixState]:
-        """States with a fix that it can be in."""
-        reached = self.fix_states.states() if self.fix_states else set[ReceiverState]()
-        return [state for state in STATES_WITH_FIX if state in {self.fix, *reached}]
+        """Possible states with a fix."""
+        entered = self.fix_states.states() if self.fix_states else set[ReceiverState]()
+        return [state for state in STATES_WITH_FIX if state in {self.fix, *entered}]
 
     @property
     def initial_deviation(self) -> float:
-        """Standard deviation (m) per axis in the state that it begins in."""
+        """Standard deviation (m) per axis in the initial state."""
         if self.has_only_white_noise or self.fix == "none":
             return self.position_noise
         return self.deviation(self.fix)
 
     @property
     def assumed_deviation(self) -> float:
-        """Standard deviation (m) per axis for those who receive, in the worst state it can be in.
+        """Standard deviation (m) per axis that followers assume: that of the worst state.
 
-        Without what all have in common, which moves nobody against another. Errors that last are
-        in it: two sources are that far apart, however smooth each of them is.
+        Excludes shared errors, which do not change relative positions. Includes drift, by which two
+        sources differ even if each of them is smooth.
         """
         if self.has_only_white_noise:
             return self.position_noise
-        found = [self.deviation(state, shared=False) for state in self.states]
-        return max(found, default=self.position_noise)
+        deviations = [self.deviation(state, shared=False) for state in self.states]
+        return max(deviations, default=self.position_noise)
 
     @property
     def lasting_deviation(self) -> float:
-        """Standard deviation (m) per axis of drawn errors that last, in the worst state.
+        """Standard deviation (m) per axis of the random errors that averaging does not remove.
 
-        Without white noise, which is averaged, and what all have in common.
+        That of the worst state, without white noise and shared errors.
         """
         drifts = [self.errors_in(state).drift or NO_DRIFT for state in self.states]
         own = [error.variance for error in self.error_terms if not error.shared]
-        return hypot(max((one.deviation for one in drifts), default=0.0), sqrt(sum(own)))
+        return hypot(max((drift.deviation for drift in drifts), default=0.0), sqrt(sum(own)))
 
     def problems(self) -> Iterator[Problem]:
         """Yield keys that contradict others."""
-        given: dict[FixState, StateErrors] = {}
+        configured: dict[FixState, StateErrors] = {}
         for state in STATES_WITH_FIX:
             key = f"while_{state}"
-            own: StateErrors | None = getattr(self, key)
-            if own is None:
+            errors: StateErrors | None = getattr(self, key)
+            if errors is None:
                 continue
-            given[state] = own
+            configured[state] = errors
             if state == self.fix:
-                yield key, f'given for fix = "{self.fix}", whose errors stand in gnss itself'
+                yield key, f'given for fix = "{self.fix}", whose errors are keys of gnss itself'
             elif self.fix_states is None:
-                yield key, "given without fix_states, which it is about"
+                yield key, "given without fix_states, so this state never occurs"
         yield from self.entry_problems()
-        for state, errors in given.items():
+        for state, errors in configured.items():
             yield from errors.entry_problems(f"while_{state}.")
         if self.fix_states is not None:
-            for key, why in self.fix_states.problems(self.fix):
-                yield f"fix_states.{key}", why
+            for key, reason in self.fix_states.problems(self.fix):
+                yield f"fix_states.{key}", reason
         for index, outage in enumerate(self.outages):
-            for key, why in outage.problems():
-                yield f"outages[{index}].{key}", why
+            for key, reason in outage.problems():
+                yield f"outages[{index}].{key}", reason
 
     def describe(self) -> Iterator[str]:
-        """Short descriptions of its rate, noise and errors, for tables."""
+        """Short descriptions of rate, noise and errors, for tables."""
         yield (
             f"{self.rate:g} Hz, noise {self.position_noise:g} m, {degrees(self.heading_noise):g}°, "
             f"{self.speed_noise:g} m/s, {self.yaw_rate_noise:g} rad/s"
@@ -298,13 +298,11 @@ class GnssSettings(StateErrors):
         if self.quantisation:
             yield f"steps of {self.quantisation:g} m"
         if self.latency:
-            yield f"{self.latency / MILLISECOND:g} ms late"
+            yield f"latency {self.latency / MILLISECOND:g} ms"
         if self.fix_states:
-            kind = next(
-                word for word, law in FIX_STATE_LAWS.items() if law is type(self.fix_states)
-            )
-            yield f"fix states by {kind}"
+            kinds = {law: kind for kind, law in FIX_STATE_LAWS.items()}
+            yield f"fix states by {kinds[type(self.fix_states)]}"
         if self.outages:
             yield f"{len(self.outages)} outages"
         if self.accuracy != 1.0:
-            yield f"says {self.accuracy:g} of its deviation"
+            yield f"reports {self.accuracy:g} of its deviation"

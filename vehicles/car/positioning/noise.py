@@ -6,11 +6,11 @@ from dataclasses import dataclass, fields
 
 @dataclass(frozen=True, slots=True)
 class GnssNoise:
-    """Standard deviations of the white Gaussian noise (Section III-A names that of position).
+    """Standard deviations of the white Gaussian noise (Section III-A has that of the position).
 
-    position (m) per axis: 2 cm, the paper's RTK receiver. heading (rad) 0.1 deg, speed (m/s) and
-    yaw rate (rad/s) 0.1 deg/s: what makers of RTK-aided inertial units with two antennas and a
-    micromechanical gyroscope state for open sky.
+    position (m) per axis: 2 cm, the paper's RTK receiver. heading (rad) 0.1 deg, speed (m/s), and
+    yaw rate (rad/s) 0.1 deg/s: open-sky data of RTK-aided inertial units with two antennas and a
+    MEMS gyroscope.
     """
 
     position: float = 0.02

@@ -12,17 +12,17 @@ from vehicles.schedule import SECOND
 from vehicles.setting import Problem, Setting, must_exceed
 
 MAX_COORDINATE = 1_000_000
-"""Largest coordinate and distance driven (m) in scenario files."""
+"""Limit (m) of coordinates and distances in scenario files."""
 
 
 class FixOutage(ABC):
-    """Where or when a receiver gives no fix."""
+    """A time or place without a fix."""
 
     __slots__ = ()
 
     @abstractmethod
     def covers(self, body: Body, now: int, context: ReceiverContext) -> bool:
-        """Whether a receiver that started at `start` gives no fix at `now` (ns) in `body`."""
+        """Whether the receiver has no fix at `now` (ns), with the car in state `body`."""
 
     def problems(self) -> Iterator[Problem]:
         """Yield keys that contradict others."""
@@ -31,10 +31,12 @@ class FixOutage(ABC):
 
 @dataclass(frozen=True, slots=True)
 class TimeOutage(FixOutage):
-    """No fix from a time after the start until another (ns)."""
+    """No fix between two times after the start (ns)."""
 
-    begin: Annotated[int, Setting("after the start", "s", 0, 86_400, name="from", example=20.0)]
-    end: Annotated[int, Setting("", "s", 0, 86_400, name="to", example=25.0)]
+    begin: Annotated[
+        int, Setting("begin, after the start", "s", 0, 86_400, name="from", example=20.0)
+    ]
+    end: Annotated[int, Setting("end, after the start", "s", 0, 86_400, name="to", example=25.0)]
 
     def covers(self, body: Body, now: int, context: ReceiverContext) -> bool:  # noqa: ARG002
         return self.begin <= now - context.start_at < self.end
@@ -45,9 +47,9 @@ class TimeOutage(FixOutage):
 
 @dataclass(frozen=True, slots=True)
 class RoadOutage(FixOutage):
-    """No fix on a stretch of road, in distance driven (m) from where the lead starts.
+    """No fix on a stretch of road, in distance driven (m) from the lead's start.
 
-    Laps count on.
+    The distance continues over laps.
     """
 
     begin: Annotated[
@@ -66,7 +68,7 @@ class RoadOutage(FixOutage):
 
 @dataclass(frozen=True, slots=True)
 class CircleOutage(FixOutage):
-    """No fix within a circle of the plane (m)."""
+    """No fix within a circle in the plane (m)."""
 
     east: Annotated[float, Setting("", "m", -MAX_COORDINATE, MAX_COORDINATE, example=500.0)]
     north: Annotated[float, Setting("", "m", -MAX_COORDINATE, MAX_COORDINATE, example=0.0)]

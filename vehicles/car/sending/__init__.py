@@ -1,14 +1,14 @@
-"""Rules of sending fixes, independent of the rate of measuring.
+"""Rules for sending fixes, independent of the rate of measuring.
 
-At an instant of sending the newest fix is sent, none twice: without a new fix nothing is sent.
+When a rule triggers, the newest fix is sent, if it has not been sent before.
 
-rule        interface of all rules
-congestion  reactive congestion control, under any rule
-every_fix   each fix
-fixed_rate  at a rate
-profile     at a rate that changes
-awareness   as cooperative awareness messages
-intervals   at drawn intervals
+rule           interface of all rules
+congestion     reactive congestion control, for any rule
+every_fix      each fix
+fixed_rate     at a constant rate
+profile        at a changing rate
+awareness      as cooperative awareness messages
+intervals      at random intervals
 sending_rules  all rules by their kind
-sender      a vehicle's sender
+sender         a vehicle's sender
 """

@@ -1,4 +1,4 @@
-"""Sending by the rule of cooperative awareness messages (ETSI EN 302 637-2, Section 6.1.3)."""
+"""Sending as cooperative awareness messages, CAM (ETSI EN 302 637-2, Section 6.1.3)."""
 
 from dataclasses import dataclass
 from math import degrees, hypot
@@ -12,20 +12,21 @@ from vehicles.schedule import MILLISECOND, SECOND, Cadence
 from vehicles.setting import Setting
 
 HEADING, POSITION, SPEED = 4.0, 4.0, 0.5
-"""Changes (degrees, m, m/s) since the last message beyond which another is due (EN 302 637-2)."""
+"""Changes (deg, m, m/s) since the last message that trigger another one (EN 302 637-2)."""
 MIN_INTERVAL, MAX_INTERVAL = 100 * MILLISECOND, 1000 * MILLISECOND
-"""Least and greatest interval (ns) of cooperative awareness messages (EN 302 637-2)."""
+"""Bounds (ns) of the interval between messages (EN 302 637-2)."""
 REPEATS = 3
-"""Number of messages that keep the interval of the last change (EN 302 637-2)."""
+"""Number of messages with the interval of the last change (EN 302 637-2)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AwarenessMessages(PhasedRule):
-    """As cooperative awareness messages (ETSI EN 302 637-2, 6.1.3): after 4 m, 4 deg or 0.5 m/s,
-    every 0.1 to 1 s, judged by the newest fix at each check.
-    """  # noqa: D205 - one sentence
+    """As cooperative awareness messages (ETSI EN 302 637-2, 6.1.3): after 4 m, 4 deg or 0.5 m/s.
 
-    check_period: Annotated[int, Setting("between two checks", "ms", 1, 100)] = 100 * MILLISECOND
+    The interval is 0.1 to 1 s. Each check uses the newest fix.
+    """
+
+    check_period: Annotated[int, Setting("period of the checks", "ms", 1, 100)] = 100 * MILLISECOND
 
     @property
     def schedule_rate(self) -> float:
@@ -46,20 +47,19 @@ class AwarenessMessages(PhasedRule):
 
 
 class CamTrigger:
-    """The rule of EN 302 637-2, Section 6.1.3, on the newest fix at each instant of checking.
+    """The rule of EN 302 637-2, Section 6.1.3, applied to the newest fix at each check.
 
-    A message is due if heading, position or speed have changed enough since the last one, and at
-    the latest after the interval of the last such change; after three in a row by time alone, each
-    second.
+    A message is due if heading, position or speed have changed enough since the last one, or else
+    after the interval of the last such change. After three messages without a change the interval
+    is 1 s. `checks` are at most 100 ms apart.
     """
 
     def __init__(self, checks: Cadence) -> None:
-        """`checks` are at most 100 ms apart."""
         self._checks = checks
         self._last: Fix | None = None
         self._sent_at = BEFORE_EVERY_RUN
         self._interval = MAX_INTERVAL
-        self._by_time = 0
+        self._repeats = 0
         self._changed = False
 
     def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:
@@ -71,10 +71,10 @@ class CamTrigger:
 
     def sent(self, now: int, fix: Fix) -> None:
         if self._changed:
-            self._interval, self._by_time = min(now - self._sent_at, MAX_INTERVAL), 0
+            self._interval, self._repeats = min(now - self._sent_at, MAX_INTERVAL), 0
         elif self._last is not None:
-            self._by_time += 1
-            if self._by_time >= REPEATS:
+            self._repeats += 1
+            if self._repeats >= REPEATS:
                 self._interval = MAX_INTERVAL
         self._last, self._sent_at = fix, now
 
@@ -88,9 +88,9 @@ def _has_changed(last: Fix, now: Fix) -> bool:
 
 
 def cam_interval(speed: float, check: float) -> float:
-    """Interval (s) of messages by EN 302 637-2 at a constant speed (m/s), straight on.
+    """Interval (s) of messages by EN 302 637-2 at a constant speed (m/s) on a straight.
 
-    The first check, every `check` s, after more than 4 m; from 0.1 to 1 s.
+    That is the first check, of a period of `check` (s), after more than 4 m; 0.1 to 1 s.
     """
     if speed * MAX_INTERVAL / SECOND <= POSITION:
         return MAX_INTERVAL / SECOND

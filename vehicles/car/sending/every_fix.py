@@ -1,4 +1,4 @@
-"""Each fix is sent."""
+"""Sending of each fix."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from vehicles.car.sending.rule import SendingContext, SendingRule, SendingTrigge
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EveryFix(SendingRule):
-    """Each fix, as soon as it is known.
+    """Each fix, as soon as it is available.
 
     Section III-A: measurements are broadcast.
     """

@@ -11,7 +11,7 @@ from vehicles.setting import Setting
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FixedRate(PhasedRule):
-    """At a rate and with a phase of its own, independent of control and GNSS."""
+    """At a constant rate and phase, independent of control and GNSS."""
 
     rate: Annotated[float, Setting("rate of sending", "hz", 0.01, 100, example=10.0)]
 
@@ -38,7 +38,7 @@ class FixedRate(PhasedRule):
 
 @dataclass(frozen=True, slots=True)
 class PeriodicTrigger:
-    """At the instants of a schedule; one that is too soon for congestion control is skipped."""
+    """Triggers at the instants of a schedule; those barred by congestion control are skipped."""
 
     cadence: Cadence
 

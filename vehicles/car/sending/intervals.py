@@ -1,4 +1,4 @@
-"""Sending at intervals drawn from a distribution."""
+"""Sending at random intervals."""
 
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
@@ -21,32 +21,31 @@ CAM_SHARES = {
 """Shares of the intervals between cooperative awareness messages of two makers' cars on highways
 (R. Molina-Masegosa, M. Sepulcre, J. Gozalvez, F. Berens, V. Martinez, "Empirical models for the
 realistic generation of cooperative awareness messages in vehicular networks", IEEE TVT 69(5), 2020,
-arXiv 2004.06919). Rounded there, so they add up to 1 but for a thousandth."""
+arXiv 2004.06919). Due to rounding they add up to 1 within 0.001."""
 JITTER_CUTOFF = 3.0
-"""Standard deviations at which the normal jitter of intervals is cut off."""
+"""Cutoff of the normal jitter, in standard deviations."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredIntervals(SendingRule):
-    """At intervals drawn: of two makers' cars on highways (Molina-Masegosa et al., IEEE TVT 2020),
-    or of one's own distribution.
+    """At random intervals: measured (Molina-Masegosa et al., IEEE TVT 2020) or configured.
 
-    A message that is due is sent at the next tick of the vehicle's schedule.
-    """  # noqa: D205 - one sentence
+    A due message is sent at the next tick of the vehicle's schedule.
+    """
 
     table: Annotated[
         Literal["cam_vw_highway", "cam_renault_highway"] | None,
-        Setting("measured distribution; or", example="cam_vw_highway"),
+        Setting("measured distribution, or instead:", example="cam_vw_highway"),
     ] = None
-    intervals: Annotated[tuple[int, ...], Setting("intervals of one's own", "ms", 10, 60_000)] = ()
-    shares: Annotated[tuple[float, ...], Setting("how often each comes", "ratio", 0, 1)] = ()
+    intervals: Annotated[tuple[int, ...], Setting("configured intervals", "ms", 10, 60_000)] = ()
+    shares: Annotated[tuple[float, ...], Setting("share of each interval", "ratio", 0, 1)] = ()
     jitter: Annotated[
-        int, Setting("standard deviation about them, cut at three", "ms", 0, 1000)
+        int,
+        Setting("standard deviation of the normal jitter, cut off at 3 deviations", "ms", 0, 1000),
     ] = 3 * MILLISECOND
 
     @property
     def distribution(self) -> "IntervalDistribution":
-        """Intervals, how often each comes, and the jitter about them."""
         if self.table is not None:
             return IntervalDistribution(CAM_INTERVALS, CAM_SHARES[self.table], self.jitter)
         return IntervalDistribution(self.intervals, self.shares, self.jitter)
@@ -61,9 +60,9 @@ class MeasuredIntervals(SendingRule):
 
     def nominal_rate(self, fixes: float, speed: float) -> float:  # noqa: ARG002
         """Rate of the mean interval."""
-        drawn = self.distribution
-        whole = sum([i * s for i, s in zip(drawn.intervals, drawn.shares, strict=True)])
-        return SECOND * sum(drawn.shares) / whole
+        intervals, shares = self.distribution.intervals, self.distribution.shares
+        weighted = sum([i * s for i, s in zip(intervals, shares, strict=True)])
+        return SECOND * sum(shares) / weighted
 
     def problems(self) -> Iterator[Problem]:
         yield from SendingRule.problems(self)
@@ -76,7 +75,7 @@ class MeasuredIntervals(SendingRule):
         elif intervals and intervals != shares:
             yield "shares_ratio", f"given {shares} numbers, allowed {intervals} as intervals_ms"
         elif intervals and sum(self.shares) <= 0.0:
-            yield "shares_ratio", "given nothing but 0, allowed more than that for one of them"
+            yield "shares_ratio", "given only 0, allowed at least one share above 0"
         elif (least := min(self.distribution.intervals)) <= 4 * self.jitter:
             yield (
                 "jitter_ms",
@@ -85,15 +84,15 @@ class MeasuredIntervals(SendingRule):
             )
 
     def describe(self) -> str:
-        table = self.table or f"{len(self.intervals)} intervals given"
-        return f"intervals drawn: {table}, jitter {self.jitter / MILLISECOND:g} ms"
+        table = self.table or f"{len(self.intervals)} configured"
+        return f"random intervals: {table}, jitter {self.jitter / MILLISECOND:g} ms"
 
 
 @dataclass(slots=True)
 class IntervalDistribution:
-    """Intervals (ns) and how often each of them comes, in any unit; jitter (ns) about them.
+    """Intervals (ns) with their shares (in any unit) and jitter (ns).
 
-    Molina-Masegosa et al. (2020) measured such a distribution; shares are taken of their sum.
+    Molina-Masegosa et al. (2020) measured such a distribution.
     """
 
     intervals: Sequence[int]
@@ -102,36 +101,34 @@ class IntervalDistribution:
     _sums: list[float] = field(init=False)
 
     def __post_init__(self) -> None:
-        """Add the shares up."""
         self._sums = list(accumulate(self.shares))
 
     @property
     def shortest(self) -> float:
-        """Least span (ns) between two instants drawn: the jitter is cut off."""
+        """Shortest possible interval (ns)."""
         return min(self.intervals) - JITTER_CUTOFF * self.jitter
 
     def draw(self, random: Generator) -> int:
         """Draw an interval (ns) by inversion of its distribution (Molina-Masegosa et al., 2020)."""
-        place = bisect_right(self._sums, random.random() * self._sums[-1])
-        off = min(max(float(random.standard_normal()), -JITTER_CUTOFF), JITTER_CUTOFF)
-        return round(self.intervals[place] + off * self.jitter)
+        index = bisect_right(self._sums, random.random() * self._sums[-1])
+        jitter = min(max(float(random.standard_normal()), -JITTER_CUTOFF), JITTER_CUTOFF)
+        return round(self.intervals[index] + jitter * self.jitter)
 
 
 class DrawnIntervalTrigger:
-    """Intervals drawn one by one; what is due goes at the next tick of the vehicle's schedule.
+    """Random intervals; a due message is sent at the next tick of the vehicle's schedule.
 
-    The instants themselves are not rounded, so the mean interval stays the distribution's
-    (Molina-Masegosa et al., 2020). The first lies within the first interval drawn. Where congestion
-    control asks for more, the interval ends when it lets something through.
+    The due instants are not rounded to ticks, so the mean interval is that of the distribution
+    (Molina-Masegosa et al., 2020). The first one is uniform within the first interval. An interval
+    is extended to the minimum of congestion control.
     """
 
     def __init__(self, shares: IntervalDistribution, start_at: int, random: Generator) -> None:
-        """`random` is for these intervals alone."""
         self._shares, self._random = shares, random
         self._next = start_at + round(random.random() * shares.draw(random))
 
     def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:  # noqa: ARG002
-        """Whether an interval is over (Molina-Masegosa et al., 2020); then the next begins."""
+        """Whether an interval ended (Molina-Masegosa et al., 2020); if so, the next one begins."""
         at = max(self._next, allowed_from)
         if now < at:
             return False
@@ -141,4 +138,4 @@ class DrawnIntervalTrigger:
         return True
 
     def sent(self, now: int, fix: Fix) -> None:
-        """Nothing depends on what was sent (Molina-Masegosa et al., 2020)."""
+        """Do nothing: intervals do not depend on messages (Molina-Masegosa et al., 2020)."""

@@ -16,19 +16,19 @@ from vehicles.setting import Problem, Setting
 class RateEntry:
     """The rate of sending (Hz) from a time (s) after the start on; 0: nothing is sent."""
 
-    at: Annotated[float, Setting("after the start", "s", 0, example=0.0)]
-    rate: Annotated[float, Setting("from then on", "hz", 0, 100, example=10.0)]
+    at: Annotated[float, Setting("time after the start", "s", 0, example=0.0)]
+    rate: Annotated[float, Setting("rate from then on", "hz", 0, 100, example=10.0)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RateProfile(SendingRule):
-    """At a rate that changes; before the first entry nothing is sent."""
+    """At a changing rate; nothing is sent before the first entry."""
 
-    profile: Annotated[tuple[RateEntry, ...], Setting("in order of time", nonempty=True)]
+    profile: Annotated[tuple[RateEntry, ...], Setting("rates in order of time", nonempty=True)]
 
     @property
     def _pairs(self) -> list[tuple[float, float]]:
-        return [(one.at, one.rate) for one in self.profile]
+        return [(entry.at, entry.rate) for entry in self.profile]
 
     def begin(self, context: SendingContext) -> SendingTrigger:
         return ProfileTrigger(self._pairs, context.start_at)
@@ -38,47 +38,47 @@ class RateProfile(SendingRule):
         return takewhile(lambda at: at < end_at, each)
 
     def max_rate(self, fixes: float) -> float:
-        return min(max(one.rate for one in self.profile), fixes)
+        return min(max(entry.rate for entry in self.profile), fixes)
 
     def nominal_rate(self, fixes: float, speed: float) -> float:  # noqa: ARG002
-        """Lowest rate that is not 0."""
-        return min((one.rate for one in self.profile if one.rate > 0.0), default=0.0)
+        """Lowest rate above 0."""
+        return min((entry.rate for entry in self.profile if entry.rate > 0.0), default=0.0)
 
     def problems(self) -> Iterator[Problem]:
         yield from SendingRule.problems(self)
-        yield from must_increase("profile", [one.at for one in self.profile])
+        yield from must_increase("profile", [entry.at for entry in self.profile])
 
     def describe(self) -> str:
-        return ", ".join(f"{one.rate:g} Hz from {one.at:g} s" for one in self.profile)
+        return ", ".join(f"{entry.rate:g} Hz from {entry.at:g} s" for entry in self.profile)
 
 
 def profile_instants(profile: Sequence[tuple[float, float]]) -> Iterator[int]:
-    """Instants (ns) of a rate that changes: `profile` has times (s) and the rate (Hz) from then on.
+    """Instants (ns) of a changing rate: `profile` has times (s) with the rate (Hz) from then on.
 
-    Where the integral of the rate is a whole number, so a change of rate changes what is left of
-    the period that is on. Before the first time nothing is sent.
+    These are the instants at which the integral of the rate is a whole number, so a change of rate
+    rescales the rest of the current period.
     """
-    turns = Fraction(0)
-    wanted = 0
+    integral = Fraction(0)
+    target = 0
     ends = [*(nanoseconds(at) for at, _ in profile[1:]), None]
     for (at_s, rate_hz), end in zip(profile, ends, strict=True):
         if rate_hz <= 0.0:
             continue
         at, rate = nanoseconds(at_s), Fraction(rate_hz) / SECOND
         while True:
-            instant = at + (wanted - turns) / rate
+            instant = at + (target - integral) / rate
             if end is not None and instant >= end:
-                turns += (end - at) * rate
+                integral += (end - at) * rate
                 break
             yield round(instant)
-            wanted += 1
+            target += 1
 
 
 class ProfileTrigger:
-    """At a rate that changes over time; an instant too soon is passed over."""
+    """Triggers at a changing rate; instants barred by congestion control are skipped."""
 
     def __init__(self, profile: Sequence[tuple[float, float]], start_at: int) -> None:
-        """`profile` as `profile_instants` takes it, from `start_at` (ns) on."""
+        """Take a profile as in `profile_instants`, from `start_at` (ns) on."""
         self._instants = profile_instants(profile)
         self._start_at = start_at
         self._next = self._following()
@@ -88,12 +88,11 @@ class ProfileTrigger:
         return None if instant is None else self._start_at + instant
 
     def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:  # noqa: ARG002
-        """Whether it is one of the instants."""
-        found = False
+        is_instant = False
         while self._next is not None and self._next <= now:
-            found = self._next == now
+            is_instant = self._next == now
             self._next = self._following()
-        return found and now >= allowed_from
+        return is_instant and now >= allowed_from
 
     def sent(self, now: int, fix: Fix) -> None:
-        """Nothing depends on what was sent."""
+        """Do nothing: the instants do not depend on messages."""

@@ -1,4 +1,4 @@
-"""Rules by which a vehicle sends."""
+"""Interface of sending rules."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
@@ -19,15 +19,15 @@ class SendingTrigger(Protocol):
     """The instants of sending over one run."""
 
     def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:
-        """Whether `now` (ns) is an instant of sending.
+        """Whether to send at `now` (ns).
 
-        `waiting` is the newest fix that was not sent; from `opens` (ns) congestion control allows a
-        message.
+        `unsent` is the newest fix, if it has not been sent; congestion control allows a message
+        from `allowed_from` (ns) on.
         """
         ...
 
     def sent(self, now: int, fix: Fix) -> None:
-        """Note a fix sent at `now` (ns)."""
+        """Record that `fix` was sent at `now` (ns)."""
         ...
 
 
@@ -41,51 +41,48 @@ class SendingContext:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SendingRule(ABC):
-    """Settings of a rule: each subclass is a kind of `[sending]`.
-
-    A line of the registry makes it available.
-    """
+    """Settings of a rule: each subclass, listed in `sending_rules`, is a kind of `[sending]`."""
 
     dcc: Annotated[
         CongestionControl | None,
-        Setting("reactive congestion control (ETSI TS 102 687 V1.2.1, A.1) under any rule"),
+        Setting("reactive congestion control (ETSI TS 102 687 V1.2.1, A.1), for any rule"),
     ] = None
 
     @property
     def is_periodic(self) -> bool:
-        """Whether messages come evenly, apart from fixes that fail."""
+        """Whether messages are periodic, except for missing fixes."""
         return False
 
     @property
     def first_send_delay(self) -> int:
-        """Time (ns) from the start to the first message, where that is not drawn."""
+        """Time (ns) from the start to the first message, if it is not random."""
         return 0
 
     @abstractmethod
     def begin(self, context: SendingContext) -> SendingTrigger:
-        """Course of a run."""
+        """Return the trigger of a run."""
 
     def instants(self, context: SendingContext, end_at: int) -> Iterator[int] | None:  # noqa: ARG002
-        """Instants (ns) before `end_at` for which the vehicle must be awake, apart from its own."""
+        """Additional instants (ns) before `end_at` at which the vehicle must take a step."""
         return None
 
     @abstractmethod
     def max_rate(self, fixes: float) -> float:
-        """Rate (Hz) that is never exceeded, counted from the start; `fixes` is that of GNSS."""
+        """Upper bound (Hz) of the rate, counted from the start; `fixes` is the rate of GNSS."""
 
     @abstractmethod
     def nominal_rate(self, fixes: float, speed: float) -> float:
-        """Messages a second at a constant `speed` (m/s), straight on, uncontrolled."""
+        """Rate (Hz) at a constant `speed` (m/s) on a straight, without congestion control."""
 
     def controlled_rate(self, fixes: float, speed: float) -> float:
-        """Usual rate (Hz), at most that of fixes and the slowest of congestion control."""
+        """Nominal rate (Hz), limited by the rate of fixes and by congestion control."""
         slowest = inf if self.dcc is None else SECOND / min_interval_at(self.dcc.max_busy_ratio)
         return min(self.nominal_rate(fixes, speed), fixes, slowest)
 
     def problems(self) -> Iterator[Problem]:
         """Yield keys that contradict others."""
         if self.dcc is not None:
-            yield from must_increase("dcc.busy", [one.at for one in self.dcc.busy])
+            yield from must_increase("dcc.busy", [entry.at for entry in self.dcc.busy])
 
     @abstractmethod
     def describe(self) -> str:
@@ -95,17 +92,17 @@ class SendingRule(ABC):
 def must_increase(key: str, times: Sequence[float]) -> Iterator[Problem]:
     """Report times (s) of a list that do not increase."""
     for index, (before, after) in enumerate(pairwise(times), 1):
-        yield from must_exceed(f"{key}[{index}].at_s", after, before, "the entry before")
+        yield from must_exceed(f"{key}[{index}].at_s", after, before, "the previous entry")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PhasedRule(SendingRule):
-    """A rule with a schedule of its own, which has a phase."""
+    """A rule with a periodic schedule, which has a phase."""
 
-    phase: Annotated[int, Setting("first after this time", "s", 0)] = 0
-    drawn_phase: Annotated[
-        bool, Setting("true: first after a part of a period drawn for each vehicle")
-    ] = False
+    phase: Annotated[int, Setting("time of the first message", "s", 0)] = 0
+    drawn_phase: Annotated[bool, Setting("true: random phase per vehicle, within one period")] = (
+        False
+    )
 
     @property
     def first_send_delay(self) -> int:
@@ -117,15 +114,13 @@ class PhasedRule(SendingRule):
         """Rate (Hz) of the schedule."""
 
     def cadence(self, context: SendingContext) -> Cadence:
-        """Schedule of a run."""
         phase = self.phase
         if self.drawn_phase:
             phase = int(context.streams("phase").random() * SECOND / self.schedule_rate)
         return Cadence(context.start_at + phase, self.schedule_rate)
 
     def instants(self, context: SendingContext, end_at: int) -> Iterator[int] | None:
-        cadence = self.cadence(context)
-        return cadence.until(end_at)
+        return self.cadence(context).until(end_at)
 
     def problems(self) -> Iterator[Problem]:
         yield from SendingRule.problems(self)
@@ -137,4 +132,4 @@ class PhasedRule(SendingRule):
 
     def describe_phase(self) -> str:
         """Short description of the phase, for tables."""
-        return "phase drawn" if self.drawn_phase else f"phase {self.phase / SECOND:g} s"
+        return "random phase" if self.drawn_phase else f"phase {self.phase / SECOND:g} s"

@@ -1,4 +1,4 @@
-"""Rules of sending by the `kind` of the table `[sending]`: a new rule is a line here."""
+"""Sending rules by the `kind` of the table `[sending]`. Register new rules here."""
 
 from collections.abc import Mapping
 
