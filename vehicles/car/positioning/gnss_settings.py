@@ -155,15 +155,15 @@ class GnssSettings(StateErrors):
     ] = None
     while_fixed: Annotated[
         StateErrors | None,
-        Setting("errors while fixed, if `fix` is another state; defaults: preset rtk_fixed"),
+        Setting('errors in state "fixed", if `fix` is another state; defaults: preset rtk_fixed'),
     ] = None
     while_float: Annotated[
         StateErrors | None,
-        Setting("errors while float, if `fix` is another state; defaults: preset rtk_float"),
+        Setting('errors in state "float", if `fix` is another state; defaults: preset rtk_float'),
     ] = None
     while_single: Annotated[
         StateErrors | None,
-        Setting("errors while single, if `fix` is another state; defaults: preset single"),
+        Setting('errors in state "single", if `fix` is another state; defaults: preset single'),
     ] = None
     outages: Annotated[
         tuple[FixOutage, ...], Setting("times and places without a fix", kinds=OUTAGES)
