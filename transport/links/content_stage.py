@@ -103,7 +103,7 @@ class ContentStage:
     def __post_init__(self) -> None:
         moments = [moment for one in self.false for moment in one.moments]
         span = max((one.age for one in self.false), default=0)
-        object.__setattr__(self, "memory", PoseHistory(moments, span))
+        object.__setattr__(self, "history", PoseHistory(moments, span))
 
     def arrive(self, one: Transmission) -> list[ExtraPose]:
         """Set the pose that the receiver reads of a visible message; returns its copies and ghosts.

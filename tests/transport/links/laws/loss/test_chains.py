@@ -202,7 +202,7 @@ def netem_four_state(
 
 
 @pytest.mark.parametrize(
-    "chances",
+    "probabilities",
     [
         (0.03, 0.2, 0.15, 0.4, 0.02),
         (0.005, 0.3, 0.1, 0.3, 0.08),
