@@ -2,7 +2,7 @@
 
 decision        interface of a driver, and its decision at a control instant
 ego/            the own state
-tracking        errors against the trajectory, and the return to a lost one
+tracking        errors against the trajectory, and the return to a path received again
 steering        from errors to a steering command: the paper's law and others
 command_limit   limits of the steering angle and its rate
 speed           from gaps and profiles to an acceleration

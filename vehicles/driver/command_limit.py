@@ -1,4 +1,4 @@
-"""A steering command that the car can follow: no further and no faster than its wheels turn."""
+"""Limits of the steering angle and its rate."""
 
 import math
 from dataclasses import replace
@@ -7,10 +7,10 @@ from vehicles.driver.steering import SteeringCommand
 
 
 class CommandLimit:
-    """Limits the steering command of a driver (Section III-C) to what the rack can follow.
+    """Limits the steering command of a driver (Section III-C) to what the actuator can follow.
 
-    A command further away than that winds up while the actuator, eq. (4), moves as fast as it can.
-    The paper states no such limit; without a limit of the rate commands pass unchanged.
+    A command beyond that winds up while the actuator, eq. (4), moves at its rate limit. The paper
+    states no such limit; without a rate limit commands pass unchanged.
     """
 
     def __init__(
@@ -21,19 +21,16 @@ class CommandLimit:
         *,
         first: float = 0.0,
     ) -> None:
-        """Limit to `rate` (rad/s) over a control period (s), starting at the command `first` (rad).
+        """Limit to `rate` (rad/s) over a control `period` (s) and to ±`steering_limit` (rad).
 
-        `steering_limit` is the largest angle (rad).
+        `first` (rad) is the initial command.
         """
         self._step = rate * period if math.isfinite(rate) else math.inf
         self._limit = steering_limit
         self._last = first
 
     def limited(self, command: SteeringCommand) -> SteeringCommand:
-        """Command of this control instant, at most a step from the last; δ_ff, δ_fb stay.
-
-        Call once per control instant.
-        """
+        """Limit δ_c and leave δ_ff and δ_fb unchanged; call once per control instant."""
         wanted, step, limit = command.steering, self._step, self._limit
         if (-step <= wanted - self._last <= step and -limit <= wanted <= limit) or step == math.inf:
             self._last = wanted

@@ -24,12 +24,12 @@ from vehicles.received_pose import ReceivedPose
 
 @dataclass(slots=True, kw_only=True)
 class Decision:
-    """Commands for steering and drive, and what they follow from (Fig. 1, Sections III-A to III-C).
+    """Commands for steering and drive, and their inputs (Fig. 1, Sections III-A to III-C).
 
-    Units: gap m, target_speed m/s. `path_offset` (m) is how far the own last fix lies to the left
-    of the lead's path, as far as that is known. `fresh` is False between two control instants,
-    where the last decision is held. `fit` is the trajectory if it was fitted again. `remarks` are
-    lines for the log.
+    Units: gap m, target_speed m/s. `path_offset` (m, left positive) is the offset of the last own
+    fix from the lead's path, NaN if unknown. `fresh` is False between two control instants, where
+    the last decision is held. `fit` is the trajectory if it was refitted. `remarks` are lines for
+    the log.
     """
 
     actuation: Actuation
@@ -75,7 +75,7 @@ class Decision:
         self.fresh = fresh
 
     def tracking(self, vehicle: str, seq: int, now: int) -> Tracking:
-        """Message of the errors and of what is known (Sections III-A and III-B), for the log."""
+        """Message of the errors and the state of the sources (Sections III-A and III-B)."""
         situation, lead, ahead = self.situation, self.situation.lead, self.situation.predecessor
         return Tracking(
             vehicle=vehicle,
@@ -107,7 +107,7 @@ class Decision:
         )
 
     def command(self, vehicle: str, seq: int, now: int) -> Command:
-        """Message of the commands (Section III-C), for the log."""
+        """Message of the commands (Section III-C)."""
         return Command(
             vehicle=vehicle,
             seq=seq,
@@ -120,7 +120,7 @@ class Decision:
         )
 
     def held(self) -> "Decision":
-        """The same decision between two control instants, where none is due."""
+        """Copy of this decision for an instant between two control instants."""
         return Decision(
             actuation=self.actuation,
             steering=self.steering,
@@ -138,7 +138,7 @@ class Decision:
 
     @property
     def announcement(self) -> Announcement:
-        """What is sent to the followers with the pose, as in a CAM."""
+        """Part of the pose message that followers react to, as in a CAM."""
         return Announcement(
             mode=self.mode,
             hazard=self.situation.hazard,
@@ -148,7 +148,7 @@ class Decision:
         )
 
     def trajectory(self, fit: Fit, vehicle: str, seq: int, now: int) -> CompositeTrajectory:
-        """Message of the composite trajectory of Section III-A, for the log."""
+        """Message of the composite trajectory of Section III-A."""
         pieces = [
             (piece.east, piece.north, piece.yaw, piece.curvature, piece.length, piece.rate)
             for piece in fit.spline.pieces
@@ -183,9 +183,9 @@ class Driver(Protocol):
         motion: Motion | Body | None,
         received: Sequence[ReceivedPose],
     ) -> Decision:
-        """Decide at `now` (ns) from what the own sensors measured and the received poses.
+        """Decide at `now` (ns) from the own measurements and the received poses.
 
-        `fix` and `motion` are None where nothing is measured at this instant; an exact sensor gives
-        the true state of the car.
+        `fix` and `motion` are None if not measured at this instant; an exact sensor returns the
+        true state of the car.
         """
         ...

@@ -1,9 +1,9 @@
 """A follower fuses the poses received from lead and predecessor and steers along the result.
 
-A tick in order: the own state is updated, each received pose is judged and taken to its source
-(`sources`), the trajectory is fitted again if poses came (`_fit`), the sources' freshness gives the
-mode (`modes`), the errors against the trajectory give the steering (`_steer`), and the vehicles
-ahead give the speed (`speed_guard`).
+Each tick updates the own state, checks received poses and adds them to their source (`sources`),
+refits the trajectory if poses arrived (`_fit`), and derives the mode from the freshness of the
+sources (`modes`), the steering from the errors against the trajectory (`_steer`), and the speed
+from the vehicles ahead (`speed_guard`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -42,18 +42,17 @@ from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import MILLISECOND, SECOND, Cadence, Timer
 
 REFIT_AFTER: Final = 50 * MILLISECOND
-"""Without new poses the trajectory is fitted again this often (ns), so that a source that stopped
-sending is noticed."""
+"""Period (ns) of refits without new poses, so that a source that stopped sending is noticed."""
 JUST_BEGUN: Final = 3
-"""Up to this number of samples beyond a straight bridge from the own place make no bend: their
-offset from its line may be noise of the sample at which the bridge ends."""
+"""Up to this number of samples beyond the initial bridge make no bend: their offset from its line
+may be noise of the sample at which the bridge ends."""
 
 
 class Follower:
     """Steers along the composite trajectory of its sources (paper, Section III).
 
     When a source stops sending, the other one alone is followed. When both have stopped, the last
-    trajectory is kept, and the car slows down and stops, unless its reaction is another.
+    trajectory is kept, and the car slows down and stops, or reacts as configured.
     """
 
     def __init__(
@@ -77,8 +76,8 @@ class Follower:
     ) -> None:
         """`alpha` in [0, 1] is the weight of the predecessor, 1 - alpha that of the lead.
 
-        `periods` (s) between messages and `delays` (s) of the first message are by source.
-        `gates` judge the poses of the sources; without one only jumps are refused.
+        `periods` (s) between messages, `delays` (s) of the first message and `gates` are by source;
+        without a gate only jumps are refused.
         """
         self._own_state = own_state
         self._controller = controller
@@ -128,7 +127,7 @@ class Follower:
         motion: Motion | Body | None,
         received: Sequence[ReceivedPose],
     ) -> Decision:
-        """Decide at `now` (ns), Sections III-A to III-E; between control instants hold the last."""
+        """Decide at `now` (ns), Sections III-A to III-E; between control instants hold."""
         self._load.observe(now, motion)
         self._own_state.update(now, fix, motion)
         for pose in received:
@@ -163,11 +162,11 @@ class Follower:
             has_path=bool(self._trajectories),
         )
         sources.steer_along(self._mode, self._period)
-        errors, wanted = self._steer(now, pose)
+        errors, command = self._steer(now, pose)
         if self._mode == "coast":
-            kept = last.steering if last else wanted
-            wanted = steering_without_sources(self._reaction, self._mode, wanted, kept)
-        steering = self._limit.limited(wanted)
+            held = last.steering if last else command
+            command = steering_without_sources(self._reaction, self._mode, command, held)
+        steering = self._limit.limited(command)
         ahead = self._vehicles_ahead(now, pose, errors)
         self._load.record_command(steering.steering)
         situation.predecessor_weight = sources.alpha(self._alpha)
@@ -193,16 +192,14 @@ class Follower:
         )
 
     def _log_stop(self, situation: Situation) -> None:
-        """Log when it begins to stop behind a predecessor that announced its stop."""
+        """Log the start of a stop behind a predecessor that announced its stop."""
         before, self._stops_behind = self._stops_behind, self._speed_guard.stops_behind
         if self._stops_behind and not before:
             name, silence = self._sources.predecessor.name, situation.predecessor.silence
-            self._remarks.append(
-                f"brakes with {name}, which was to brake by now and was heard {silence:.2f} s ago"
-            )
+            self._remarks.append(f"braking: {name} announced a stop, last pose {silence:.2f} s ago")
 
     def _fit(self, now: int, pose: Pose) -> None:
-        """Fit the received samples; without enough of them keep the last trajectory."""
+        """Fit the received samples; if there are too few keep the last trajectory."""
         degrades = self._reaction == "degrade"
         slowing = degrades and self._mode in SLOWING
         runs_out = slowing or (degrades and self._sources.path_runs_out)
@@ -221,12 +218,12 @@ class Follower:
         self._gap, self._gap_at = self._measured_gap(now, pose), now
 
     def _settings_for(self, windows: Mapping[Mode, Window]) -> FitSettings:
-        """Settings of the fit: fewer conclusions from samples if some only bridge holes."""
+        """Settings of the fit; bridge points weaken the evidence for a bend."""
         if not self._sources.have_bridge_points(windows):
             return self._settings
-        received = self._sources.sample_count(windows)
-        if received < MIN_WEIGHT_FOR_NOISE:
-            return self._cautious if received > JUST_BEGUN else self._line_only
+        count = self._sources.sample_count(windows)
+        if count < MIN_WEIGHT_FOR_NOISE:
+            return self._cautious if count > JUST_BEGUN else self._line_only
         return self._stated_noise
 
     def _steer(self, now: int, pose: Pose) -> tuple[TrackingErrors, SteeringCommand]:
@@ -243,7 +240,7 @@ class Follower:
         return blended([(share, e, self._controller.steer(e, pose.speed)) for share, e in tracked])
 
     def _track(self, fit: Fit, pose: Pose) -> TrackingErrors:
-        """Errors along a trajectory; each source has its own path behind if they are blended."""
+        """Errors along a trajectory; blended sources each have their own path behind."""
         errors = track(fit.spline, pose)
         behind = self._behind[fit.source.item(0) if self._fusion == "blend" else 0]
         behind.extend(self._driven, errors)

@@ -1,4 +1,4 @@
-"""The lead: it drives its own path, and slows down while a follower is lost, if configured."""
+"""The lead: it drives its own path and, if configured, slows down while a follower is lost."""
 
 from collections.abc import Mapping, Sequence
 from math import inf, sqrt
@@ -29,23 +29,23 @@ from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND, Cadence
 
 WAITING_SHARE: Final = 0.5
-"""Share of its set speed at which a lead waits: slow enough for followers to catch up."""
+"""Share of the set speed while waiting: slow enough for followers to catch up."""
 
 SLOWEST: Final = 1.0
-"""Below this speed (m/s) the pace changes no faster than it would here."""
+"""Below this speed (m/s) the pace changes as at this speed."""
 
 
 class ConvoyWatch:
-    """Whether the lead `waits` for followers that are lost or announce trouble, and the `reason`.
+    """Decides whether the lead `waits` for followers that are lost or announce trouble.
 
-    A follower is lost after the silence of a lost source, counted from the start on; the lead waits
-    until no follower was in trouble for the probation.
+    A follower is lost after the silence after which a source is lost, counted from the start. The
+    lead waits until no follower has been in trouble for the duration of the probation.
     """
 
     def __init__(
         self, settings: DegradationSettings, periods: Mapping[str, float], start_at: int
     ) -> None:
-        """`periods` (s) between the messages of each follower; the run starts at `start_at`."""
+        """`periods` (s) between messages are by follower; the run starts at `start_at` (ns)."""
         self._allowed = {
             name: settings.lost_after_silence(period) for name, period in periods.items()
         }
@@ -63,7 +63,7 @@ class ConvoyWatch:
         troubles = [why for name in self._received_at if (why := self._trouble_of(now, name))]
         if troubles:
             self._trouble_at, self.waits = now, True
-            self.reason = f"waits for {', '.join(troubles)}"
+            self.reason = f"waiting for {', '.join(troubles)}"
         if self._trouble_at is None or now - self._trouble_at > self._probation * SECOND:
             self.waits, self.reason = False, ""
 
@@ -71,7 +71,7 @@ class ConvoyWatch:
         message = pose.message
         name = message.vehicle
         if pose.measured_at <= self._measured_at.get(name, inf):
-            return  # overtaken by a newer one, or no follower's
+            return  # older than the last one, or not from a follower
         self._received_at[name], self._measured_at[name] = pose.received_at, pose.measured_at
         self._troubled.pop(name, None)
         if message.hazard or message.mode in SLOWING:
@@ -80,21 +80,21 @@ class ConvoyWatch:
     def _trouble_of(self, now: int, name: str) -> str | None:
         silence = (now - self._received_at[name]) / SECOND
         if silence > self._allowed[name]:
-            return f"{name}, unheard for {silence:.1f} s"
-        return f"{name}, in {self._troubled[name]}" if name in self._troubled else None
+            return f"{name} (silent for {silence:.1f} s)"
+        return f"{name} (mode {self._troubled[name]})" if name in self._troubled else None
 
 
 class WaitingProfile(ProfileSpeed):
-    """Drives a speed profile, slower while the lead `waits` for a follower.
+    """Follows a speed profile, slower while the lead `waits` for a follower.
 
-    Its time then passes more slowly, so the lead is nowhere faster than the profile is at that
-    place, in bends too. While it does not wait it equals `ProfileSpeed`.
+    While it waits, its time passes more slowly, so the lead is never faster than the profile at the
+    same position, for example in a bend. Otherwise it equals `ProfileSpeed`.
     """
 
     def __init__(
         self, profile: SpeedProfile, start_at: int, period: float, braking: Braking
     ) -> None:
-        """Hold each command for `period` (s); slow down and speed up as `braking` brakes."""
+        """Each command is held for `period` (s); `braking` limits the change of speed."""
         super().__init__(profile, start_at, period)
         self._braking = braking
         self._pace = 1.0
@@ -115,27 +115,27 @@ class WaitingProfile(ProfileSpeed):
         return SpeedCommand(wanted + profile_correction(speed, pose.speed), next_speed)
 
     def _change_pace(self, speed: float) -> None:
-        """Move the pace towards its aim at the configured deceleration and jerk."""
-        aim = WAITING_SHARE if self.waits else 1.0
-        if self._pace == aim and not self._change:
+        """Move the pace towards its target at the configured deceleration and jerk."""
+        target = WAITING_SHARE if self.waits else 1.0
+        if self._pace == target and not self._change:
             return
         full, braking = max(speed, SLOWEST), self._braking
-        left = (aim - self._pace) * full
-        # So that the change can end at this jerk when the aim is reached.
+        left = (target - self._pace) * full
+        # The change must be able to end at this jerk when the target is reached.
         fastest = min(braking.deceleration, sqrt(2.0 * braking.jerk * abs(left)))
-        wanted = fastest if left > 0.0 else -fastest
+        change = fastest if left > 0.0 else -fastest
         step = braking.jerk * self._period
-        self._change = min(max(wanted, self._change - step), self._change + step)
+        self._change = min(max(change, self._change - step), self._change + step)
         pace = self._pace + self._change * self._period / full
-        if abs(left) <= abs(self._change) * self._period or (aim - pace) * left <= 0.0:
-            pace, self._change = aim, 0.0
+        if abs(left) <= abs(self._change) * self._period or (target - pace) * left <= 0.0:
+            pace, self._change = target, 0.0
         self._pace = min(max(pace, WAITING_SHARE), 1.0)
 
 
 class Leader:
     """Tracks a path from a given station (m) on (Section V-C, Fig. 8).
 
-    It receives nothing, or the poses of its followers where it waits for them.
+    It receives the poses of its followers only if it waits for them.
     """
 
     def __init__(
@@ -151,10 +151,9 @@ class Leader:
         load: LoadWatch | None = None,
         waiting: tuple[ConvoyWatch, WaitingProfile] | None = None,
     ) -> None:
-        """`station` is the arc length at which the lead starts; `limit` that of its steering.
+        """`station` (m) is the initial arc length, `limit` that of the steering command.
 
-        `load` watches how heavily it is laden, if anything does; `waiting` are the watch over its
-        followers and the speed law that it slows down, where the lead waits for them.
+        `waiting` are the watch over the followers and the speed law to slow down, if configured.
         """
         self._own_state = own_state
         self._controller = controller
@@ -175,7 +174,7 @@ class Leader:
         motion: Motion | Body | None,
         received: Sequence[ReceivedPose],
     ) -> Decision:
-        """Decide at `now` (ns); between control instants the last decision is held.
+        """Decide at `now` (ns); between control instants hold the last decision.
 
         Errors of Section III-B against the path, steering of Section III-C.
         """
@@ -204,7 +203,7 @@ class Leader:
 
     def _track(self, pose: Pose) -> TrackingErrors:
         foot = self._path.project(pose.east, pose.north, self._near)
-        # At low control rates the next place lies beyond the window of the projection.
+        # At low control rates the next foot point lies beyond the window of the projection.
         self._near = foot.station + pose.speed / self._control.rate_hz
         return TrackingErrors(
             lateral=foot.lateral,

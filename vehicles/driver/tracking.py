@@ -1,6 +1,4 @@
-"""Errors of a car against the trajectory it steers along (paper, "Computation of Feedback Errors").
-
-A car that has left its path while it received nothing comes back without a jerk (`Rejoining`).
+"""Errors of a car against its trajectory (paper, "Computation of Feedback Errors").
 
 The paper's `e_lat = R − distance` holds on left turns only, and its `y = mx + c` fails for roads
 that run north; the signed form of `ArcSpline.project` holds for both turns and every heading.
@@ -18,19 +16,19 @@ from vehicles.geometry.geodesy import wrap_angle
 from vehicles.schedule import SECOND
 
 SPACING = 0.1
-"""Distance (m) between the places at which the curvature of the path behind is kept."""
-PLACES = 256
-"""Number of the last places that are kept at least: 26 m."""
+"""Distance (m) between the stations at which the curvature of the path behind is stored."""
+MIN_STORED = 256
+"""At least this number of curvatures is kept: 26 m."""
 REJOINING_LATERAL = 2.0
-"""Lateral acceleration (m/s²) that the return to a path may take."""
+"""Limit (m/s²) of the lateral acceleration during the return to a path."""
 SHORTEST_RETURN = 10.0
 """Shortest return to a path (m)."""
 SLOWEST_RETURN = 8.0
-"""A slower car (m/s) will soon be as fast as this again."""
+"""Speed (m/s) for which returns of slower cars are planned, as they will accelerate."""
 
 
 class CurvedPath(Protocol):
-    """The arc spline of Section III-A, or the lead's own path: curvatures (1/m) at stations (m)."""
+    """Curvatures (1/m) at stations (m) of the arc spline of Section III-A or of the lead's path."""
 
     def curvature_at(self, station: float) -> float: ...
 
@@ -39,14 +37,13 @@ class CurvedPath(Protocol):
 
 @dataclass(slots=True)
 class PathBehind:
-    """Curvature 1/R (Section III-B) of the path behind a car, as it was followed then.
+    """Curvature 1/R (Section III-B) of the path behind a car, as used when the car was there.
 
-    A trajectory is fitted to samples ahead of the car and just behind. Where it begins its
-    curvature is the least certain: where a bend sets in, wrong by a quarter of the bend's. When the
-    car was there, it had samples on both sides.
+    A trajectory begins just behind the car, and its curvature is least certain there: at the start
+    of a bend it is wrong by a quarter. When the car was there, it had samples on both sides.
 
-    `driven` is the distance (m) driven, `rest` the part of it beyond the last place; `passed` are
-    the curvatures (1/m) at the places, one every `SPACING`.
+    `driven` is the distance (m) driven, `rest` the part of it beyond the last stored curvature;
+    `passed` are the curvatures (1/m), one every `SPACING`.
     """
 
     driven: float = 0.0
@@ -54,7 +51,7 @@ class PathBehind:
     passed: list[float] = field(default_factory=list)
 
     def extend(self, driven: float, errors: "TrackingErrors") -> None:
-        """Extend it to the foot point of `errors`, where `driven` (m) in all are driven."""
+        """Extend the path to the foot point of `errors`, at the total distance `driven` (m)."""
         self.rest += driven - self.driven
         self.driven = driven
         self.passed = self.passed or [errors.curvature]
@@ -62,19 +59,17 @@ class PathBehind:
         if count > 0:
             self.passed += errors.curvatures_ahead(SPACING - self.rest, SPACING, count)
             self.rest -= count * SPACING
-        if len(self.passed) > 2 * PLACES:
-            del self.passed[:-PLACES]
+        if len(self.passed) > 2 * MIN_STORED:
+            del self.passed[:-MIN_STORED]
 
     def curvatures(self, start: float, step: float, count: int) -> list[float]:
-        """Curvature (1/m) at `count` places, `step` (m) apart, the first `start` (m, < 0) ahead.
+        """Stored curvatures (1/m) nearest to `count` stations, from `start` (m, < 0) by `step` (m).
 
-        Each is that of the nearest place passed.
+        Stations are relative to the car's foot point.
         """
         passed, newest = self.passed, len(self.passed) - 1
         first, pace = newest + (start + self.rest) / SPACING + 0.5, step / SPACING
-        if (
-            first >= 0.0 and int(first + (count - 1) * pace) <= newest
-        ):  # the usual case: all are held
+        if first >= 0.0 and int(first + (count - 1) * pace) <= newest:  # all stored: usual case
             return [passed[int(first + k * pace)] for k in range(count)]
         return [passed[min(max(int(first + k * pace), 0), newest)] for k in range(count)]
 
@@ -83,9 +78,9 @@ class PathBehind:
 class TrackingErrors:
     """e_lat (m, left of the path positive), θ̃ (rad), dθ̃/dt (rad/s), path curvature (1/m).
 
-    Section III-B, with signed curvature 1/R; the car's errors in eq. (7).
-    The foot point is at `station` (m) of `path`; without a path its curvature is taken as constant.
-    `behind` is the path as it was followed when the car was there, if that is known.
+    Section III-B, with signed curvature 1/R; the errors of eq. (7). The foot point is at `station`
+    (m) of `path`; without a path the curvature is constant. `behind` is the path behind the car as
+    it was followed, if known.
     """
 
     lateral: float
@@ -103,13 +98,13 @@ class TrackingErrors:
         )
 
     def curvatures_ahead(self, start: float, step: float, count: int) -> Sequence[float]:
-        """`curvature_ahead` at `count` places, `step` (m) apart, the first `start` (m) ahead."""
+        """`curvature_ahead` at `count` stations, from `start` (m) by `step` (m)."""
         if self.path is None:
             return [self.curvature] * count
         return self.path.curvatures(self.station + start, step, count)
 
     def curvatures_driven(self, start: float, step: float, count: int) -> Sequence[float]:
-        """`curvatures_ahead`, but behind the foot point those of `behind`, if there is one."""
+        """`curvatures_ahead`, but those of `behind` (if known) behind the foot point."""
         if self.behind is None or start >= 0.0:
             return self.curvatures_ahead(start, step, count)
         passed = min(ceil(-start / step), count)
@@ -136,14 +131,14 @@ def track(spline: ArcSpline, pose: Pose | Body) -> TrackingErrors:
 
 @dataclass(slots=True)
 class _Return:
-    """A return to a path: its first lateral error (m) and heading error (rad), its length (m)."""
+    """A return to a path: initial lateral error (m) and heading error (rad), and length (m)."""
 
     lateral: float
     heading: float
     length: float
 
     def at(self, driven: float) -> tuple[float, float]:
-        """Lateral (m) and heading error (rad) after `driven` (m): cubic, level at its end."""
+        """Lateral (m) and heading error (rad) after `driven` (m): a cubic that ends at zero."""
         u = driven / self.length
         rest = 1.0 - u
         level, slope = (1.0 + 2.0 * u) * rest * rest, u * rest * rest
@@ -153,32 +148,32 @@ class _Return:
 
 
 class Rejoining:
-    """Takes the car from where it is to a path that is received again.
+    """Returns the car smoothly to a path that is received again.
 
-    A steering law would turn its wheels at once by all that the error requires. So the error to
-    be corrected is that from a cubic (Hermite) which leads from the car's place and heading to the
-    path, as long as a mild lateral acceleration requires.
+    A steering law would react to the whole error at once. Therefore the error is measured from a
+    Hermite cubic that leads from the car's position and heading to the path, long enough for a mild
+    lateral acceleration.
     """
 
     def __init__(self) -> None:
         self._return: _Return | None = None
         self._driven = 0.0
         self._last_at = 0
-        self._wanted = False
+        self._requested = False
 
     @property
     def is_active(self) -> bool:
-        return self._wanted or self._return is not None
+        return self._requested or self._return is not None
 
     def begin(self) -> None:
-        """Begin at the next errors."""
-        self._wanted = True
+        """Start a return at the next call of `corrected`."""
+        self._requested = True
 
     def corrected(self, now: int, errors: TrackingErrors, speed: float) -> TrackingErrors:
-        """Errors from the return at `now` (ns) and `speed` (m/s), or `errors` without one."""
+        """Errors relative to the return at `now` (ns) and `speed` (m/s), if there is one."""
         span, self._last_at = (now - self._last_at) / SECOND, now
-        if self._wanted:
-            self._return, self._driven, self._wanted = _return_to(errors, speed), 0.0, False
+        if self._requested:
+            self._return, self._driven, self._requested = _return_to(errors, speed), 0.0, False
         elif self._return is not None:
             self._driven += speed * span
         if self._return is None or self._driven >= self._return.length:
@@ -189,7 +184,7 @@ class Rejoining:
 
 
 def _return_to(errors: TrackingErrors, speed: float) -> _Return:
-    """The shortest cubic whose curvature, at most 6 e / D² + 4 θ / D, is mild at this speed."""
+    """Shortest cubic whose curvature, at most 6 e / D² + 4 θ / D, is mild at this speed."""
     most = REJOINING_LATERAL / max(speed, SLOWEST_RETURN) ** 2
     slope, bend = 4.0 * abs(errors.heading), 6.0 * abs(errors.lateral)
     length = (slope + sqrt(slope * slope + 4.0 * most * bend)) / (2.0 * most)

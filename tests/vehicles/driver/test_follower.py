@@ -33,6 +33,7 @@ from vehicles.car.gnss import Fix
 from vehicles.car.imu import Motion
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.decision import Decision
+from vehicles.driver.degradation.modes import NOTHING_RECEIVED
 from vehicles.driver.speed import GapKeeping, GapLimits, GapPolicy
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.preview.trajectory import Fusion
@@ -51,7 +52,7 @@ def test_a_follower_that_hears_nothing_drives_straight_on(yaw: float) -> None:
     steps = drive(follower(), on(path, 0.0, 10.0), 5.0)
     assert modes(steps) == [("straight", 0.0)]
     for step in steps:
-        assert step.decision.reason == "nothing heard yet"
+        assert step.decision.reason == NOTHING_RECEIVED
         assert step.decision.actuation.steering == pytest.approx(0.0, abs=1e-12)
         assert step.decision.actuation.acceleration == pytest.approx(0.0, abs=1e-12)
         assert math.isnan(step.decision.gap)
@@ -83,7 +84,7 @@ def test_one_source_alone_is_followed_and_the_other_named(
 ) -> None:
     steps = drive(follower(), on(BEND, 0.0, 10.0), 10.0, received_from(source(BEND)))
     assert [mode for mode, _ in modes(steps)] == ["straight", mode]
-    assert steps[-1].decision.reason == f"{missing} never heard"
+    assert steps[-1].decision.reason == f"{missing} not received yet"
     assert max(map(abs, lateral(BEND, steps))) < 0.05
 
 
@@ -102,7 +103,7 @@ def test_sources_that_fall_silent_are_followed_as_far_as_they_were_heard() -> No
     assert began[3][1] == pytest.approx(last + 3.0, abs=0.05)
     for step in (step for step in steps if step.seconds < 9.0):
         silent = {"lead": ["v2"], "coast": ["v1", "v2"]}.get(step.decision.mode, [])
-        said = re.findall(r"(\w+) unheard for ([\d.]+) s", step.decision.reason)
+        said = re.findall(r"pose of (\w+) ([\d.]+) s old", step.decision.reason)
         assert [name for name, _ in said] == silent
         for _, age in said:
             assert float(age) == pytest.approx(step.seconds - last, abs=0.11)
@@ -121,7 +122,7 @@ def test_lead_or_predecessor_may_be_silent_alone() -> None:
         received_from(lead_of(BEND, delivered=silent), predecessor_of(BEND)),
     )
     assert [mode for mode, _ in modes(steps)] == ["straight", "composite", "predecessor"]
-    assert re.fullmatch(r"v1 unheard for 8\.[01] s", steps[-1].decision.reason)
+    assert re.fullmatch(r"newest pose of v1 8\.[01] s old", steps[-1].decision.reason)
     assert steps[-1].decision.situation.lead.age == pytest.approx(steps[-1].seconds - 3.95)
     assert max(map(abs, lateral(BEND, steps))) < 0.05
 

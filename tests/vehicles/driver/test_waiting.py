@@ -53,7 +53,7 @@ def waited(silent_from: float, silent_to: float, until: float) -> list[tuple[flo
 def test_a_follower_is_waited_for_from_when_it_is_lost_until_its_probation_is_over() -> None:
     (lost, why), (found, nothing) = waited(4.0, 6.0, 10.0)
     assert lost == pytest.approx(4.0 + SETTINGS.lost_after, abs=0.041)
-    assert "v3, unheard for 0.5 s" in why
+    assert "v3 (silent for 0.5 s)" in why
     assert "v2" not in why
     assert found == pytest.approx(6.0 + SETTINGS.probation, abs=0.041)
     assert nothing == ""
@@ -69,7 +69,7 @@ def test_one_that_says_that_it_degrades_is_waited_for(mode: Mode, hazard: bool) 
     one = watch()
     assert reason(one, 0, [pose_of("v2", 0), pose_of("v3", 0)]) == ""
     told = reason(one, TICK, [pose_of("v2", TICK, mode, hazard=hazard)])
-    assert told == f"waits for v2, in {mode}"
+    assert told == f"waiting for v2 (mode {mode})"
     later = 2 * TICK
     assert reason(one, later, [pose_of("v2", TICK // 2)]) != ""  # overtaken: it says nothing new
     soon, after = later + round(0.9 * SECOND), later + round(1.1 * SECOND)

@@ -15,9 +15,9 @@ from vehicles.messages import Mode
 from vehicles.schedule import SECOND
 
 FALLEN_BACK: Final = 5.0
-"""A follower that fell back, because all poses lay behind it, follows again with this (m) ahead."""
-NOTHING_RECEIVED: Final = "nothing heard yet"
-NO_TRAJECTORY: Final = "no trajectory through what is heard"
+"""Known path (m) with which a follower that fell back behind all its samples follows again."""
+NOTHING_RECEIVED: Final = "nothing received yet"
+NO_TRAJECTORY: Final = "no trajectory through the received samples"
 
 
 class Modes(Protocol):
@@ -33,8 +33,7 @@ class Modes(Protocol):
     ) -> tuple[Mode, str]:
         """Mode at a control instant `now` (ns) at `speed` (m/s), and the reason for the log.
 
-        `fitted` states whether the samples supported a trajectory at the last fit, `has_path`
-        whether they ever did.
+        `fitted` states whether the last fit found a trajectory, `has_path` whether any fit did.
         """
         ...
 
@@ -42,12 +41,13 @@ class Modes(Protocol):
 class ModeMachine:
     """Composite → lead or predecessor → coast → stop, and back.
 
-    The car steers along the sources that it relies on. Without any it coasts as long as a stop
-    within the known path needs no more than comfortable braking, and stops otherwise, until a
-    source is relied on again; it also stops if no first message comes in time. If sources are
-    received, but all their road lies behind the car, it coasts until enough lies ahead. A source
-    is given up at once and relied on again only after its probation (`Source`), and a worse mode is
-    left for a better one only after the same time, so that no mode is entered twice within it.
+    The car steers along the sources that it relies on. Without any it coasts while a stop within
+    the known path needs no more than comfortable braking, and otherwise stops until a source is
+    relied on again. It also stops if no first message arrives in time. If sources are received, but
+    their known path ends behind the car, it coasts until enough lies ahead.
+
+    A lost source is dropped at once and relied on again only after its probation (`Source`). A
+    worse mode is kept for the same time, so that no mode is entered twice within it.
     """
 
     def __init__(self, settings: DegradationSettings) -> None:
@@ -76,9 +76,7 @@ class ModeMachine:
         mode = self._next(pair, situation, speed, has_path=has_path, outrun=outrun, soon=soon)
         why = ""
         if len(relied) < len(pair.used):
-            why = ", ".join(
-                [_missing_reason(one) for one in pair.used.values() if one not in relied]
-            )
+            why = ", ".join([_missing_reason(s) for s in pair.used.values() if s not in relied])
         if mode == "straight":
             why = why if has_path else NOTHING_RECEIVED
         elif mode in SLOWING:
@@ -86,25 +84,23 @@ class ModeMachine:
         if mode != self._mode:
             if mode in SLOWING or self._mode == "composite":
                 self._worse_at = now
-            goes_on = self._mode in SLOWING and mode not in SLOWING
-            back = [
-                self._recovery_reason(one) for one in relied if goes_on or one not in self._relied
-            ]
+            resumes = self._mode in SLOWING and mode not in SLOWING
+            back = [self._recovery_reason(s) for s in relied if resumes or s not in self._relied]
             why = "; ".join(filter(None, [*back, why]))
         if relied != self._relied:
-            self._trusted |= {one.name for one in relied}
+            self._trusted |= {source.name for source in relied}
         self._mode, self._relied = mode, relied
         return mode, why
 
     def _is_outrun(self, now: int, pair: SourcePair, situation: Situation) -> bool:
-        """Whether all received road has been behind the car for longer than the probation.
+        """Whether the known path has ended behind the car for longer than the probation.
 
-        That is so where the gap takes less time to drive than a message takes to arrive: the car
+        This happens if messages take longer to arrive than the car needs to close the gap: the car
         must fall back to have a path ahead.
         """
         enough = FALLEN_BACK if self._mode in SLOWING else 0.0
         outrun = situation.known <= enough and any(
-            one.status in RELIED_ON for one in pair.used.values()
+            source.status in RELIED_ON for source in pair.used.values()
         )
         if not outrun:
             self._outrun_since = None
@@ -123,14 +119,14 @@ class ModeMachine:
         outrun: bool,
         soon: bool,
     ) -> Mode:
-        """The next mode; no better one too `soon` after a worse one."""
+        """The next mode; not a better one `soon` after a worse one."""
         relied, slows = list(pair.relied), self._mode in SLOWING
         if relied and has_path and not outrun and not (soon and slows):
             if len(relied) == 1 or (soon and self._mode in relied):
                 return self._mode if self._mode in relied else relied[0]
             return "composite"
         if not slows and not outrun and (relied or not _any_lost(pair.used.values())):
-            return "straight"  # no source was received yet, or no trajectory came of it
+            return "straight"  # nothing received yet, or no trajectory fitted
         known = 0.0 if isnan(situation.known) else situation.known
         if outrun:  # the vehicles ahead are received: fall back, no need to stop
             return "coast"
@@ -139,18 +135,18 @@ class ModeMachine:
         return "coast"
 
     def _recovery_reason(self, source: Source) -> str:
-        seen = source.freshness
-        how = "heard"
+        freshness, event = source.freshness, "received"
         if source.name in self._trusted and source not in self._relied:
-            how = f"relied on again after {source.probation.length:.1f} s of probation"
-        return f"{source.name} {how}, {seen.age:.2f} s old, {_path_end(seen.known)}"
+            event = f"trusted again after {source.probation.length:.1f} s of probation"
+        pose = f"newest pose {freshness.age:.2f} s old"
+        return f"{source.name} {event} ({pose}, {_path_end(freshness.known)})"
 
 
 class ModesByReach:
     """Modes of the baselines, which continue at full speed.
 
-    The car steers along the sources whose samples reach ahead of it, however old they are. Without
-    any it coasts: along its last trajectory, or by its configured reaction.
+    The car steers along sources whose samples reach ahead of it, however old they are. Without any
+    it coasts: along its last trajectory, or by its configured reaction.
     """
 
     def decide(
@@ -164,11 +160,12 @@ class ModesByReach:
         has_path: bool,
     ) -> tuple[Mode, str]:
         reaching = [mode for mode, one in pair.used.items() if one.reaches]
-        silent = [one for one in pair.used.values() if not one.reaches]
+        silent = [source for source in pair.used.values() if not source.reaches]
         why = ", ".join(
-            f"{one.name} never heard" if isnan(age) else f"{one.name} unheard for {age:.1f} s"
-            for one in silent
-            for age in [one.freshness.age]
+            f"{s.name} not received yet"
+            if isnan(s.freshness.age)
+            else f"newest pose of {s.name} {s.freshness.age:.1f} s old"
+            for s in silent
         )
         if not has_path:
             return "straight", NOTHING_RECEIVED
@@ -178,50 +175,50 @@ class ModesByReach:
 
 
 def steering_without_sources(
-    reaction: Reaction, mode: Mode, wanted: SteeringCommand, last: SteeringCommand
+    reaction: Reaction, mode: Mode, command: SteeringCommand, last: SteeringCommand
 ) -> SteeringCommand:
-    """Steering command while no source is followed: "hold" keeps the `last` one.
+    """Steering command of a `reaction` while no source is followed.
 
-    "straight" turns the wheels straight, as the guardian of the Apollo system does; all others
-    steer as `wanted` along their trajectory.
+    "hold" keeps the `last` command; "straight" turns the wheels straight, as the guardian of the
+    Apollo system does; all others use `command`, along their trajectory.
     """
     if mode != "coast" or reaction in ("degrade", "extrapolate"):
-        return wanted
+        return command
     if reaction == "hold":
         return last
-    return replace(wanted, steering=0.0, feedforward=0.0, feedback=0.0)
+    return replace(command, steering=0.0, feedforward=0.0, feedback=0.0)
 
 
 def _any_lost(sources: Iterable[Source]) -> bool:
-    """Whether a source was lost, or no first message of any came in time."""
+    """Whether a source was lost, or no first message of any source arrived in time."""
     sources = list(sources)
-    lost = any(one.status in LOST or one.status == "probation" for one in sources)
-    return lost or all(one.never_received for one in sources)
+    lost = any(source.status in LOST or source.status == "probation" for source in sources)
+    return lost or all(source.never_received for source in sources)
 
 
 def _missing_reason(source: Source) -> str:
-    seen = source.freshness
-    if seen.status == "unheard":
-        return f"{source.name} never heard"
-    if seen.status == "distrusted":
-        return f"{source.name} not believed ({source.refusal}) for {seen.silence:.1f} s"
-    if seen.status == "probation":
-        return f"{source.name} heard again, on probation for {source.probation.length:.1f} s"
-    if seen.status == "lost":
-        age = f"unheard for {seen.silence:.1f} s, {seen.age:.1f} s old"
-        return f"{source.name} {age}, {_path_end(seen.known)}"
-    return f"{source.name} heard too little of"
+    freshness, name = source.freshness, source.name
+    if freshness.status == "unheard":
+        return f"{name} not received yet"
+    if freshness.status == "distrusted":
+        return f"{name} distrusted ({source.refusal}) for {freshness.silence:.1f} s"
+    if freshness.status == "probation":
+        return f"{name} on probation for {source.probation.length:.1f} s"
+    if freshness.status == "lost":
+        pose = f"newest pose {freshness.age:.1f} s old"
+        silence = f"silent for {freshness.silence:.1f} s"
+        return f"{name} {silence} ({pose}, {_path_end(freshness.known)})"
+    return f"too few poses of {name}"
 
 
 def _path_end(known: float) -> str:
-    place = f"{known:.1f} m ahead" if known >= 0.0 else f"{-known:.1f} m behind"
-    return f"its path ends {place}"
+    return f"path ends {abs(known):.1f} m {'ahead' if known >= 0.0 else 'behind'}"
 
 
 def _stopping_reason(situation: Situation, speed: float) -> str:
     if isnan(situation.known):
-        return "no path known"
-    needed = needed_deceleration(speed, situation.known)
+        return "no known path"
+    known = f"{max(situation.known, 0.0):.1f} m of known path"
     if situation.blind > 0.0:
-        return f"{max(situation.known, 0.0):.1f} m known, {situation.blind:.1f} m too short to stop"
-    return f"{situation.known:.1f} m known, a stop within takes {needed:.1f} m/s²"
+        return f"{known}, {situation.blind:.1f} m too short to stop"
+    return f"{known}: a stop needs {needed_deceleration(speed, situation.known):.1f} m/s²"

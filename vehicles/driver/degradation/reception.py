@@ -12,13 +12,13 @@ from vehicles.driver.degradation.situation import LOST, SourceFreshness
 from vehicles.schedule import SECOND
 
 RECENT: Final = SECOND
-"""Time (ns) over which arrivals are counted and the period is learned."""
+"""Time (ns) over which arrivals are counted and the period is estimated."""
 SHARE_TIME: Final = 10.0
-"""Longest time (s) over which the usual share is a mean."""
+"""Averaging time (s) of the usual share."""
 CLOSING_RATE: Final = 0.1
-"""An opened gap closes again at this share of the own speed, ..."""
+"""An opened gap closes again at this share of the own speed."""
 CLOSING_TIME: Final = 3.0
-"""... and with this time constant (s) while it is wide, as after a stop of a minute."""
+"""A wide gap, as after a stop of a minute, closes with this time constant (s)."""
 AGE_WEIGHT: Final = 0.05
 """Weight of a new message in the usual age of messages at reception."""
 
@@ -30,14 +30,14 @@ class _Arrival(NamedTuple):
 
 
 class Reception:
-    """The messages of one source that arrived in the last second.
+    """Statistics of the messages of one source that arrived in the last second.
 
-    Their period is the time between two stamps over the difference of their numbers, so that losses
-    do not stretch it.
+    The period is the time between two stamps divided by the difference of their sequence numbers,
+    so losses do not stretch it.
     """
 
     def __init__(self, period: float) -> None:
-        """`period` (s) is the least that is expected."""
+        """`period` (s) is the shortest expected one."""
         self._least_period = period
         self.period = period
         self.usual_share = nan
@@ -57,7 +57,7 @@ class Reception:
         """
         if seq > self._highest:
             self._highest = seq
-        elif seq in [one.seq for one in self._recent]:
+        elif seq in [arrival.seq for arrival in self._recent]:
             return False
         recent, arrival = self._recent, _Arrival(now, measured_at, seq)
         self._received_at.append(now)
@@ -74,7 +74,7 @@ class Reception:
         return True
 
     def reset(self) -> None:
-        """Forget the arrivals: the time across a long silence is no period."""
+        """Discard the arrivals: the time across a long silence is not a period."""
         self._recent.clear()
         self._received_at.clear()
 
@@ -83,20 +83,20 @@ class Reception:
         return nan if self._newest_at is None else (now - self._newest_at) / SECOND
 
     def share(self, now: int) -> float:
-        """Share of the expected messages of the last second that came, NaN before the first."""
+        """Received share of the expected messages of the last second, NaN before the first."""
         if self._newest_at is None:
             return nan
-        came, expected = self._counts(now)
-        share = came / expected
+        received, expected = self._counts(now)
+        share = received / expected
         return 1.0 if share > 1.0 else share
 
     def delivers(self, now: int, share: float) -> bool:
-        """Whether at least `share` of the usual messages came in the last second, or one less."""
-        came, expected = self._counts(now)
-        return came + 1 >= share * self.usual_share * expected
+        """Whether `share` of the usual messages arrived in the last second; one may be missing."""
+        received, expected = self._counts(now)
+        return received + 1 >= share * self.usual_share * expected
 
     def update_usual_share(self, now: int, share: float) -> None:
-        """Update the usual share by the `share` of the last second."""
+        """Average the `share` of the last second into the usual share."""
         span = (now - self._counted_until) / SECOND
         self._counted_until = now
         if span <= 0.0:
@@ -111,7 +111,7 @@ class Reception:
         self._counted_until = now
 
     def _counts(self, now: int) -> tuple[int, float]:
-        """Number of messages of the last second that came, and number that was expected."""
+        """Received and expected number of messages in the last second."""
         since, received_at = now - RECENT, self._received_at
         while received_at and received_at[0] <= since:
             received_at.popleft()
@@ -133,10 +133,10 @@ class Reception:
 
 
 class Probation:
-    """Time for which a source must be received again before it is relied on.
+    """Time for which a source must be received before it is relied on again.
 
-    It doubles with each relapse and halves after each time without one, as in PX4's estimator EKF2:
-    the time grows while failing and shrinks while passing.
+    It doubles with each relapse and halves after each `forgiven_after` without one, similar to
+    PX4's estimator EKF2.
     """
 
     def __init__(self, settings: DegradationSettings) -> None:
@@ -161,7 +161,7 @@ class Probation:
         self._began_at = now
 
     def served(self, now: int) -> float:
-        """Time (s) since its beginning."""
+        """Time (s) since the probation began."""
         return (now - self._began_at) / SECOND
 
     def end(self, now: int) -> None:
@@ -169,10 +169,10 @@ class Probation:
 
 
 class AgeWatch:
-    """Age of the predecessor's newest sample beyond the usual: now, and the largest lately."""
+    """Age of the predecessor's newest sample beyond the usual age, and its recent maximum."""
 
     def __init__(self, settings: DegradationSettings, period: float) -> None:
-        """`period` (s) is the time between messages until it is learned."""
+        """`period` (s) is the time between messages until it is estimated."""
         self._settings = settings
         self._period = period
         self._usual = 0.0
@@ -201,17 +201,17 @@ class AgeWatch:
                 self._peak, self._peak_at = growth, now
 
     def is_new_peak(self, now: int) -> bool:
-        """Whether the newest sample at `now` (ns) is late, and older than any lately."""
+        """Whether the newest sample at `now` (ns) is late, and older than any recent one."""
         return self._peak_at == now
 
     def is_recently_late(self, now: int) -> bool:
-        """Whether messages are late at `now` (ns), or were within the probation."""
+        """Whether messages are late at `now` (ns), or were so less than a probation ago."""
         if self._late_at is None:
             return False
         return now - self._late_at <= self._settings.probation * SECOND
 
     def growth(self, now: int) -> float:
-        """Largest age beyond the usual lately (s), fading: the present one would make gaps pump."""
+        """Recent maximum (s) of the age beyond the usual age; it decays, so gaps do not pump."""
         if not self._peak:
             return 0.0
         since = (now - self._peak_at) / SECOND - self._settings.probation

@@ -1,4 +1,4 @@
-"""Freshness of what a follower knows, in seconds and metres; SI units, NaN where unknown."""
+"""Freshness of a follower's data, in seconds and metres; SI units, NaN where unknown."""
 
 from dataclasses import dataclass, field
 from math import nan
@@ -6,20 +6,20 @@ from math import nan
 from vehicles.messages import Mode, SourceStatus
 
 LOST: tuple[SourceStatus, ...] = ("lost", "distrusted")
-"""Statuses of a source that is silent for too long, or whose poses are refused."""
+"""Statuses of a source that has been silent for too long, or whose poses are refused."""
 SLOWING: tuple[Mode, ...] = ("coast", "stop")
-"""Modes without known road ahead, in which a follower that degrades slows down."""
+"""Modes without a source to follow, in which a follower that degrades slows down."""
 
 
 @dataclass(slots=True)
 class SourceFreshness:
     """State of one source at a control instant.
 
-    `age` (s) is the time since the newest sample was measured, `silence` (s) that since it was
-    received, `period` (s) the expected time between messages, `share` the received ratio of those
-    of the last second. Its path is known up to `known` (m) ahead of the car, negative where it ends
-    behind. It is lost at `lost_at` (ns) unless it is received again. It announced `mode`, `hazard`,
-    `acceleration` (m/s²) and `stops_at` (ns) last.
+    `age` (s) is the time since the newest sample was measured, `silence` (s) since it was received,
+    `period` (s) the expected time between messages, `share` the received ratio over the last
+    second. Its path is known up to `known` (m) ahead of the car, negative if it ends behind. It is
+    lost at `lost_at` (ns) unless it is received again. `mode`, `hazard`, `acceleration` (m/s²) and
+    `stops_at` (ns) are those announced last.
     """
 
     status: SourceStatus = "unheard"
@@ -65,12 +65,11 @@ class SourceFreshness:
 class Situation:
     """State of the sources, the road and the brakes of a follower at a control instant.
 
-    The first follower has one source, which is both. `known` (m) is the path known ahead of the car
-    by all sources; `comfortable_stop` and `firm_stop` are the braking distances (m), `blind` the
-    distance beyond the known path in the hardest stop (m, 0 if it stops within).
-    `predecessor_weight` is the predecessor's weight in the trajectory, `hazard` whether the car
-    warns those behind, `stops_at` (ns) when it begins to stop without new data, as it announces to
-    them, 0 for no stop.
+    The first follower has one source, which is both. `known` (m) is the known path ahead of the car
+    from all sources; `comfortable_stop` and `firm_stop` are braking distances (m), `blind` (m) the
+    distance driven beyond the known path in an emergency stop. `predecessor_weight` is the
+    predecessor's weight in the trajectory; `hazard` warns the followers behind. `stops_at` (ns, 0
+    for never) is the announced instant at which the car begins to stop without new data.
     """
 
     lead: SourceFreshness = field(default_factory=SourceFreshness)

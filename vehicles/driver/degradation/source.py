@@ -1,4 +1,4 @@
-"""One source of a follower: its trace, how fresh it is, and whether it is relied on."""
+"""One source of a follower: its trace, its freshness, and whether it is relied on."""
 
 from math import isnan, nan
 from typing import Final
@@ -17,24 +17,25 @@ from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
 RELIED_ON = ("fresh", "late")
-"""Statuses of a source that is steered along and counted on."""
+"""Statuses of a source that is steered along."""
 OVERDUE_AFTER: Final = 1.5
-"""A message is overdue after this multiple of the usual time between two that come."""
+"""A message is overdue after this multiple of the usual time between two received ones."""
 MIN_SHARE: Final = 0.05
-"""Least share of its messages that a source is expected to deliver."""
+"""Smallest share of its messages that a source is expected to deliver."""
 MIN_SAMPLES: Final = 3
-"""Fewer samples of a source than these determine no trajectory."""
+"""Fewer samples of a source determine no trajectory."""
 
 
 class Source:
     """A vehicle whose poses a follower receives: its trace, its status and its weight.
 
-    Its status: unheard, fresh, late when some messages are overdue, lost after a longer silence,
-    distrusted while its poses are refused, on probation once it is received and trusted again. Its
-    `weight` in the trajectory is 1 as long as it is fresh; once it is late it fades with its known
-    path, and returns slowly, so that no sample comes or goes at once. A source that `may_stray` is
-    followed only while it announces no trouble: there is another one, whose path is followed.
-    `freshness` is that of the last control instant.
+    Status: unheard before the first message, fresh, late if some messages are overdue, lost after a
+    longer silence, distrusted while its poses are refused, on probation once they are accepted
+    again. The `weight` in the trajectory is 1 while it is fresh. Once late, the weight decreases
+    with the known path and returns slowly, so that no sample appears or vanishes at once.
+
+    A source that `may_leave_path` is followed only while it announces no trouble, as there is
+    another source to follow. `freshness` is that of the last control instant.
     """
 
     def __init__(
@@ -45,7 +46,7 @@ class Source:
         delay: float = 0.0,
         trust: Trust | None = None,
     ) -> None:
-        """`period` (s) between messages and `delay` (s) of the first one are as expected."""
+        """`period` (s) between messages and `delay` (s) of the first one are the expected ones."""
         self.name = name
         self.trace = Trace()
         self.intended: IntendedPath | None = None
@@ -73,12 +74,12 @@ class Source:
 
     @property
     def path_ends(self) -> bool:
-        """Whether it no longer extends the known path: it is late or has left the path."""
+        """Whether it no longer extends the known path, because it is late or has left the path."""
         return self.status == "late" or self._off_path
 
     @property
     def is_overdue(self) -> bool:
-        """Whether a message is overdue, long before the source counts as late."""
+        """Whether a message is overdue; long before the source counts as late."""
         if self.status == "unheard":
             return self._waited > OVERDUE_AFTER * self._period
         share = self._reception.usual_share
@@ -87,12 +88,12 @@ class Source:
 
     @property
     def never_received(self) -> bool:
-        """Whether it was never received in the time after which it would be lost."""
+        """Whether no first message arrived within the time after which a source is lost."""
         after = self._settings.lost_after_silence(self._period)
         return self.status == "unheard" and self._waited > after
 
     def receive(self, pose: ReceivedPose) -> None:
-        """Judge a pose, and take it to the trace if it is trusted (Section III-A)."""
+        """Check a pose, and add it to the trace if it is accepted (Section III-A)."""
         reason, now = self._trust.judge(pose), pose.received_at
         if reason in REFUSED:
             self._refused_at, self.refusal = now, reason
@@ -105,7 +106,7 @@ class Source:
             self._moved |= self._trust.at_new_place
             self.trace.record_position(pose)
         else:
-            # For baselines the next pose after a silence is one more sample.
+            # Baselines bridge no holes: the next pose after a silence is just another sample.
             hole = (lost and self._degrades) or (newer and self._off_path)
             moved = newer and (self._moved or self._trust.at_new_place)
             self._off_path &= not newer
@@ -126,18 +127,18 @@ class Source:
     def window(self, east: float, north: float, behind: float, ahead: float) -> Window | None:
         """Preview data (Section III-A) from `behind` to `ahead` (m) of the ego at (east, north).
 
-        None if they do not reach ahead of it.
+        None if no samples reach ahead of the ego.
         """
         window = self.trace.window(east, north, behind, ahead)
         self.reaches = reaches_ahead(window)
         self.usable |= self.reaches
         return window if self.reaches else None
 
-    def judge(self, now: int, pose: Pose, span: float, *, refit: bool) -> None:
-        """Judge it at a control instant `now` (ns), `span` (s) after the last.
+    def update(self, now: int, pose: Pose, span: float, *, refit: bool) -> None:
+        """Update status and weight at a control instant `now` (ns), `span` (s) after the last.
 
-        By silence, not by age, so that no source is lost by a latency alone. The known path is
-        measured at a `refit`, and follows from the speed otherwise.
+        The status depends on silence, not on age, so that latency alone does not lose a source. The
+        known path is measured at a `refit`, and predicted from the speed otherwise.
         """
         if refit:
             self._known = self.trace.known_ahead(pose.east, pose.north)
@@ -175,7 +176,7 @@ class Source:
         )
 
     def _update_status(self, now: int, silence: float, share: float, after: float) -> None:
-        """Lost and distrusted at once, relied on again only after probation."""
+        """Set lost or distrusted at once, fresh again only after probation."""
         late = silence > self._settings.late_periods * self._reception.period
         refused = self._refused_at is not None and (now - self._refused_at) / SECOND <= after
         if (late and refused) or silence > after:
@@ -192,7 +193,7 @@ class Source:
             self.status = "late" if late else "fresh"
 
     def _serve_probation(self, now: int, share: float) -> None:
-        """End the probation if due; the usual share may have fallen, so that it always can end."""
+        """End the probation if due; the usual share adapts, so that it always can end."""
         served = self.probation.served(now)
         if served * SECOND < RECENT:
             self._reception.skip_usual_share(now)
@@ -204,7 +205,7 @@ class Source:
             self.status = "fresh"
 
     def _weigh(self, span: float) -> None:
-        """Reduce the weight with the known path; restore it over the probation."""
+        """Reduce the weight with the known path, and restore it over the probation."""
         if self.status in ("fresh", "probation"):
             self._known_at_full_weight = 0.0
             self.weight = min(self.weight + span / self.probation.length, 1.0)

@@ -136,7 +136,7 @@ class SourcePair:
         self._assessed_at = now
         speed = pose.speed
         for source in self.all.values():
-            source.judge(now, pose, span, refit=refit)
+            source.update(now, pose, span, refit=refit)
         known = nan
         self.relied = {}
         for mode, source in self.used.items():

@@ -1,10 +1,9 @@
-"""The one judge of received poses: whether a follower uses them.
+"""Plausibility of received poses: decides whether a follower uses them.
 
-Whether a message can be a pose at all (stamps, coordinates, speeds) is the wire's question, and
-`transport.links.gate` answers it before. Fixes of the own receiver are checked by the own filter
-(`ego.pose_estimator`), announced offsets are bounded where they are used (`intended_path`), and
-`preview.outliers` leaves out of a fit the samples that passed here and that the other samples
-contradict: it judges a curve, and no pose.
+`transport.links.gate` has already checked that a message can be a pose at all (stamps, coordinates,
+speeds). Fixes of the own receiver are checked by the own filter (`ego.pose_estimator`), announced
+offsets are bounded in `intended_path`, and `preview.outliers` removes samples that the rest of a
+fit contradicts.
 """
 
 from dataclasses import dataclass, field
@@ -22,12 +21,12 @@ from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
 QUIET: Final = SECOND
-"""Time (ns) after the last refused pose until a source is reported as trusted again."""
+"""Time (ns) from the last refused pose until a source is reported as trusted again."""
 
 
 @dataclass(slots=True)
 class _RefusalSpell:
-    """A period in which poses of a source are refused: their number, and the reported reasons."""
+    """A period in which poses of a source are refused: their number and the reported reasons."""
 
     refused_at: int = 0
     refused: int = 0
@@ -35,18 +34,18 @@ class _RefusalSpell:
 
 
 class Trust:
-    """Judges the received poses of one source, and reports when it refuses some.
+    """Decides whether to use the received poses of one source, and reports refusals.
 
-    By its innovations, if there is a gate, and by reach: a pose that no car can have driven to is
-    refused until several agree on a new place. Behind a gate that catches outliers of receivers
-    that state a large deviation. `at_new_place` states whether the last pose used is the first of
-    a new place.
+    Poses are checked by their innovations, if there is a gate, and by reachability: a pose that no
+    car can have driven to is refused until several agree on the new position. Reachability also
+    catches outliers of receivers that state a large deviation. `at_new_place` is True if the last
+    pose used is the first one at a new position.
     """
 
     def __init__(
         self, name: str, gate: InnovationGate | None = None, remarks: list[str] | None = None
     ) -> None:
-        """Lines for the log, such as "v1 not believed: frozen", are appended to `remarks`.
+        """Lines for the log, such as "v1 distrusted: frozen", are appended to `remarks`.
 
         Without a `gate` only jumps are refused, and nothing is reported.
         """
@@ -59,7 +58,7 @@ class Trust:
         self._remarks = [] if remarks is None else remarks
 
     def judge(self, pose: ReceivedPose) -> Distrust:
-        """Judge a pose; a pose with a reason of `REFUSED` must not be used."""
+        """Verdict on a pose; with a reason in `REFUSED` it must not be used."""
         reason: Distrust = ""
         if self._gate is not None:
             reason = self._gate.judge(pose)
@@ -72,7 +71,7 @@ class Trust:
         return self._reach(pose) or reason
 
     def _reach(self, pose: ReceivedPose) -> Distrust:
-        """Whether a car can have driven to a pose from the newest one; late poses pass."""
+        """Check whether a car can have driven from the newest pose to this one; late poses pass."""
         newest, suspects = self._newest, self._suspects
         self.at_new_place = False
         if newest is not None and pose.measured_at <= newest.measured_at:
@@ -95,11 +94,11 @@ class Trust:
             spell.refused += 1
         elif not reason and pose.received_at - spell.refused_at > QUIET:
             count = f"; {spell.refused} poses refused" if spell.refused else ""
-            self._remarks.append(f"{name} believed again{count}")
+            self._remarks.append(f"{name} trusted again{count}")
             self._spell = _RefusalSpell()
         if reason and reason not in spell.reported:
             spell.reported.add(reason)
-            text = f"not believed: {reason}"
+            text = f"distrusted: {reason}"
             if reason not in REFUSED:
-                text = f"{reason}: accuracy taken for {gate.deviation(pose):.2f} m"
+                text = f"{reason}: assumed accuracy {gate.deviation(pose):.2f} m"
             self._remarks.append(f"{name} {text}")

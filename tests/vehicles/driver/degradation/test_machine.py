@@ -64,11 +64,11 @@ def test_every_change_says_why_in_seconds_and_metres() -> None:
         why = step.decision.reason
         assert why
         if step.decision.mode in ("coast", "stop"):
-            assert "v1 unheard for 0.5 s" in why
-            assert "v2 unheard for 0.5 s" in why
-            assert "m known" in why
+            assert "v1 silent for 0.5 s" in why
+            assert "v2 silent for 0.5 s" in why
+            assert "m of known path" in why
         elif before.decision.mode in ("coast", "stop"):
-            assert "relied on again after 1.0 s of probation" in why
+            assert "after 1.0 s of probation" in why
 
 
 def test_coast_and_stop_are_told_apart_by_what_a_stop_takes() -> None:

@@ -50,7 +50,7 @@ def watched(
                 source.receive(received(at, east, 0.0, 0.0, SPEED, seq=sent, received_at=now))
             sent += 1
         pose = Pose(own_speed * tick / 50, 0.0, 0.0, own_speed, 0.0)
-        source.judge(now, pose, TICK / SECOND, refit=True)
+        source.update(now, pose, TICK / SECOND, refit=True)
         seen = source.freshness
         yield Look(
             tick / 50,
@@ -156,7 +156,7 @@ def test_a_first_message_is_waited_for_as_long_as_any_other(period: float, delay
     after = DEGRADE.lost_after_silence(period)
     for tick in range(200):
         now, waited = START + tick * TICK, tick / 50 - delay
-        source.judge(now, Pose(0.0, 0.0, 0.0, 0.0, 0.0), TICK / SECOND, refit=False)
+        source.update(now, Pose(0.0, 0.0, 0.0, 0.0, 0.0), TICK / SECOND, refit=False)
         assert source.status == "unheard"
         assert source.freshness.lost_at == pytest.approx(START + (delay + after) * SECOND, abs=2)
         if abs(waited - after) > 1e-6:

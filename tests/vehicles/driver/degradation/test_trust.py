@@ -26,7 +26,7 @@ def test_lines_report_once_what_is_refused_and_when_it_ends() -> None:
     for pose in falsify(fixes, frozen(SPELL)):
         is_false = BEGIN <= (pose.measured_at - START) / SECOND < END
         assert trust.judge(pose) == ("frozen" if is_false else "")
-    assert remarks == ["v1 not believed: frozen", "v1 believed again; 60 poses refused"]
+    assert remarks == ["v1 distrusted: frozen", "v1 trusted again; 60 poses refused"]
 
 
 def test_without_a_gate_all_but_jumps_are_used() -> None:

@@ -16,7 +16,7 @@ from vehicles.schedule import SECOND
 
 THREE = "convoy.vehicles=3"
 """A lead, one that hears it alone, and one that hears two."""
-WORDS = ("not believed", "over-confident", "believed again")
+WORDS = ("distrusted", "over-confident", "trusted again")
 
 
 def driven(scenario: Scenario) -> tuple[list[str], list[bytes]]:
@@ -87,12 +87,12 @@ def test_sources_whose_fix_comes_and_goes_are_believed() -> None:
 @pytest.mark.parametrize(
     ("false", "line"),
     [
-        ('{ kind = "frozen", from_s = 5.0, to_s = 7.0 }', "v2 not believed: frozen"),
+        ('{ kind = "frozen", from_s = 5.0, to_s = 7.0 }', "v2 distrusted: frozen"),
         (
             '{ kind = "replayed", age_s = 2.0, from_s = 5.0, to_s = 7.0 }',
-            "v2 not believed: jumping",
+            "v2 distrusted: jumping",
         ),
-        ('{ kind = "ghost", left_m = 4.0, from_s = 5.0, to_s = 7.0 }', "v2 not believed: ghost"),
+        ('{ kind = "ghost", left_m = 4.0, from_s = 5.0, to_s = 7.0 }', "v2 distrusted: ghost"),
     ],
 )
 def test_false_content_is_named_and_the_source_comes_back(false: str, line: str) -> None:
@@ -101,7 +101,7 @@ def test_false_content_is_named_and_the_source_comes_back(false: str, line: str)
     of_v2 = [one for one in said if " v3: v2 " in one]
     assert any(line in one for one in of_v2)
     assert 5.0 <= float(of_v2[0].split()[0]) <= 5.1
-    assert "believed again" in of_v2[-1]
+    assert "trusted again" in of_v2[-1]
     assert float(of_v2[-1].split()[0]) <= 9.2
 
 
