@@ -1,0 +1,120 @@
+"""Help pages, options that several commands share, and usage errors."""
+
+from collections.abc import Iterator
+
+import click
+import pytest
+from click.testing import CliRunner, Result
+
+from scenarios.cli.common_options import Ratio, Time
+from scenarios.cli.grouped_help import RENAMED_OPTIONS, SECTIONS, SUMMARY_MAX
+from scenarios.cli.main import cli
+
+
+def commands() -> Iterator[tuple[str, click.Command]]:
+    for name, command in cli.commands.items():
+        yield name, command
+        if isinstance(command, click.Group):
+            yield from ((f"{name} {inner}", one) for inner, one in command.commands.items())
+
+
+COMMANDS = dict(commands())
+
+
+def convoy(*arguments: str) -> Result:
+    return CliRunner().invoke(cli, list(arguments), env={"COLUMNS": "80"})
+
+
+def test_every_command_is_under_one_heading() -> None:
+    listed = [name for names in SECTIONS.values() for name in names]
+    assert sorted(listed) == sorted(cli.commands)
+    page = convoy("--help").stdout
+    assert [line.rstrip(":") for line in page.splitlines() if line.rstrip(":") in SECTIONS] == [
+        *SECTIONS
+    ]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_summary_is_short_and_whole(name: str) -> None:
+    first = (COMMANDS[name].help or "").partition("\n\n")[0]
+    assert first.endswith(".")
+    assert len(first) <= SUMMARY_MAX
+    assert COMMANDS[name].get_short_help_str(SUMMARY_MAX).rstrip(".") == first.rstrip(".")
+
+
+def test_an_option_has_the_same_values_in_every_command() -> None:
+    kinds: dict[str, set[tuple[str, bool]]] = {}
+    for command in COMMANDS.values():
+        context = click.Context(command)
+        for parameter in command.params:
+            if isinstance(parameter, click.Option):
+                kind = parameter.make_metavar(context), parameter.is_flag
+                kinds.setdefault(max(parameter.opts, key=len), set()).add(kind)
+    assert {name: found for name, found in kinds.items() if len(found) > 1} == {}
+    assert {name for name, found in kinds.items() if ("TIME", False) in found} >= {
+        "--at", "--for", "--from", "--to", "--burst", "--step", "--wait", "--duration",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("option", ["--parent-watch", "--start"])
+def test_internal_options_are_hidden(option: str) -> None:
+    assert not any(option in convoy(*name.split(), "--help").stdout for name in COMMANDS)
+
+
+@pytest.mark.parametrize(("command", "old"), RENAMED_OPTIONS)
+def test_an_old_option_leads_to_the_new_one(command: str, old: str) -> None:
+    result = convoy(*command.split(), old, "1")
+    assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
+    new = RENAMED_OPTIONS[command, old]
+    assert new in result.stderr
+    assert new in {name for one in COMMANDS[command].params for name in one.opts}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "facts"),
+    [
+        (["run", "--los", "0.1"], ["--los: ", "--loss"]),
+        (["run", "--loss", "40"], ["--loss: ", "0.4"]),
+        (["run", "--loss", "40%"], ["--loss: ", "0.4"]),
+        (["run", "--duration", "1e300"], ["--duration: ", "1e300", "500ms"]),
+        (["run", "--duration", "9" * 400], ["--duration: "]),
+        (["explain", "x", "--vehicle", "v1", "--at", "1e300"], ["--at: "]),
+        (["stall", "v1"], ["--for: missing"]),
+        (["link", "v1"], ["RECEIVER: missing"]),
+        (["blame", "x", "--figure", "gap"], ["--figure: ", "true_gap_m_min"]),
+        (["worst", "--burst", "1s", "--figure", "error_m"], ["cross_track_error_m_max"]),
+        (["rnu"], ["rnu"]),
+        (["run", "--seed", "x"], ["--seed: ", "whole number"]),
+    ],
+)
+def test_a_usage_error_is_one_line_with_a_hint(arguments: list[str], facts: list[str]) -> None:
+    result = convoy(*arguments)
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    (line,) = result.stderr.splitlines()
+    assert line.startswith("error: ")
+    assert all(fact in line for fact in facts)
+
+
+def test_without_a_command_the_help_is_printed() -> None:
+    result = convoy()
+    assert result.exit_code == 2
+    assert "Machines:" in result.stderr
+
+
+@pytest.mark.parametrize("command", ["run", "check", "drill", "sweep", "bisect", "risk", "worst"])
+def test_duration_and_loss_are_short_for_settings(command: str) -> None:
+    names = {name for one in COMMANDS[command].params for name in one.opts}
+    assert {"--duration", "--loss", "--set"} <= names
+
+
+def test_the_shorthands_override_the_scenario() -> None:
+    long = convoy("check", "--json", "--set", "duration_s=12.5", "--set", "links.loss_ratio=0.25")
+    short = convoy("check", "--json", "--duration", "12500ms", "--loss", "0.25")
+    assert short.exit_code == 0
+    assert short.stdout == long.stdout
+
+
+def test_times_and_ratios_are_numbers() -> None:
+    assert Time().convert("12.4", None, None) == 12.4
+    assert Ratio().convert("0.4", None, None) == 0.4
