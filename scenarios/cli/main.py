@@ -17,7 +17,6 @@ import click
 from scenarios.cli import log_commands, paper_commands, scenario_commands
 from scenarios.cli.channel.channel_commands import channel
 from scenarios.cli.grouped_help import ConvoyGroup
-from scenarios.cli.guide.reference import reference
 from scenarios.cli.live import live_commands
 from scenarios.cli.many import drill, worst
 from scenarios.cli.many.bisect import bisect
@@ -25,6 +24,7 @@ from scenarios.cli.many.blame import blame
 from scenarios.cli.many.risk import risk
 from scenarios.cli.many.sweep import sweep
 from scenarios.cli.output import keep_output_going, unwritable_output_reported
+from scenarios.cli.reference.reference_command import reference
 from scenarios.cli.running import commands as running
 
 EXAMPLES = """\b

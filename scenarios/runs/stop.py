@@ -7,17 +7,29 @@ Afterwards `Stop.requested` is set, and the command completes what it writes.
 
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Thread
 from types import FrameType
 
-EXIT_FAILED = 1
-"""The run did not end as planned."""
-EXIT_BAD_INPUT = 2
-"""The input cannot be used."""
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+EXIT_DONE, EXIT_FAILED, EXIT_BAD_INPUT = 0, 1, 2
+
+
+def exit_code_of_signal(number: int) -> int:
+    """Exit code of a command stopped by a signal, as shells have it."""
+    return 128 + number
+
+
+EXIT_CODES: Mapping[int, str] = {
+    EXIT_DONE: "done as planned",
+    EXIT_FAILED: "failed: a limit was broken, a process failed, or output could not be written",
+    EXIT_BAD_INPUT: "the input cannot be used: an option, a scenario, a log or a router",
+    exit_code_of_signal(signal.SIGINT): "stopped by Ctrl-C (SIGINT); files are complete",
+    exit_code_of_signal(signal.SIGTERM): "stopped by SIGTERM; files are complete",
+}
+"""Meaning of each exit code; `convoy reference exit-codes` prints it."""
 END_OF_WATCH = 0
 """No signal's number: it ends the watch thread."""
 
@@ -91,7 +103,7 @@ class _Watch:
                 if self.stop.folder is not None:
                     with suppress(OSError):  # not empty
                         self.stop.folder.rmdir()
-                os._exit(128 + number)
+                os._exit(exit_code_of_signal(number))
 
 
 _watch: _Watch | None = None
@@ -153,7 +165,7 @@ def ignore_signals() -> None:
 
 def _handle_signals(stop: Stop) -> None:
     def ask(number: int, _frame: FrameType | None) -> None:
-        stop.request(_reason(number), 128 + number)
+        stop.request(_reason(number), exit_code_of_signal(number))
 
     for number in STOP_SIGNALS:
         signal.signal(number, ask)

@@ -1,0 +1,9 @@
+"""`convoy reference`: pages generated from the tables and classes that rule.
+
+reference_command  the command, and the list of pages
+printing           texts and rows at the width of a terminal
+table_keys         keys of a scenario's tables with ranges, defaults and documentation
+scenario_pages     links, presets, gnss, degradation, limits
+message_pages      topics, wire, reasons, .proto
+other_pages        fields, controllers, exit-codes
+"""

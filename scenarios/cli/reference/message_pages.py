@@ -1,0 +1,98 @@
+"""Reference pages about messages: topics, wire, reasons, .proto."""
+
+from collections.abc import Iterator
+from dataclasses import fields
+from importlib.resources import files
+from inspect import getdoc
+
+import click
+
+from scenarios.cli.reference.printing import Row, print_section, print_text
+from transport.convoy_pb2 import Deviation
+from transport.log.foxglove import standard_messages
+from transport.reasons import REASONS, counts_as_late, counts_as_loss
+from transport.topics import RUN_SENDER, TOPICS, alive_key, clock_key, control_key, key
+
+
+def topics_page() -> None:
+    print_text(
+        "Topics of run.mcap are /convoy/VEHICLE/TOPIC. The recorder's own are /convoy/run/TOPIC. "
+        "The scenario (scenario.toml) and the summary (summary.json) are attachments; versions and "
+        "seed are metadata. World coordinates are metres east and north of the scenario's origin. "
+        "Yaw is counter-clockwise from east. Left is positive. The log also holds standard "
+        "Foxglove messages, which other programs can draw. The recorder computes `deviation` of "
+        "each follower ten times a second, for plots. Its fields are "
+        f"{', '.join(Deviation.DESCRIPTOR.fields_by_name)}."
+    )
+    rows = [(name, topic.message.__name__, topic.meaning) for name, topic in TOPICS.items()]
+    print_section("topics", rows)
+    print_section("Foxglove messages", standard_rows())
+    for topic in TOPICS.values():
+        click.echo()
+        print_text(f"{topic.message.__name__}: {getdoc(topic.message)}")
+        print_text(f"fields: {', '.join(one.name for one in fields(topic.message))}")
+
+
+def standard_rows() -> Iterator[Row]:
+    """Foxglove messages in the log: topic, schema, and the topic that they are made from."""
+    for topic in TOPICS.values():
+        for one in standard_messages().get(topic.message, ()):
+            yield one.name, f"foxglove.{one.schema.DESCRIPTOR.name}", f"from {topic.name}"
+
+
+def wire_page() -> None:
+    print_text(
+        "Keys of a run on Zenoh. All keys have the prefix RUN/, the name of the run (--run). A "
+        "message is encoded as Protobuf, in the schema of `convoy reference .proto`, and declares "
+        'the encoding "application/protobuf;convoy.MESSAGE". Impairments act in the receiver: '
+        "the wire carries every message."
+    )
+    print_section("messages", wire_messages())
+    print_section("queries and tokens", wire_queries())
+    click.echo()
+    print_text(
+        "A request to a vehicle is JSON: one entry of [[change]] without at_s, such as "
+        '{"kind": "cut", "sender": "v1", "for_s": 2}. An empty object asks for the earliest time '
+        "of a change. The recorder answers an empty request with the status of the run, as "
+        "`convoy status --once --json` prints it."
+    )
+
+
+def wire_messages() -> Iterator[Row]:
+    """Keys of the messages, and the messages that are sent together."""
+    for topic in TOPICS.values():
+        if not topic.batched:
+            yield f"RUN/{key('VEHICLE', topic)}", topic.message.__name__, topic.meaning
+    batched = ", ".join(name for name, topic in TOPICS.items() if topic.batched)
+    yield "RUN/convoy/VEHICLE/records", "Records", f"ten times a second: {batched}"
+
+
+def wire_queries() -> Iterator[Row]:
+    token = alive_key("ROLE", "NAME", "FINGERPRINT", "SESSION")
+    yield f"RUN/{token}", "liveliness token of a process; ROLE is vehicle or recorder"
+    yield f"RUN/{clock_key('VEHICLE')}", "query: the vehicle's clock in ns, as decimal digits"
+    yield f"RUN/{control_key('VEHICLE')}", "query: change a running vehicle"
+    yield f"RUN/{control_key(RUN_SENDER)}", "query: status of the run, from the recorder"
+
+
+def reasons_page() -> None:
+    print_text(
+        "Reasons for which a message was not used, in verdicts, summary and log. A link drops "
+        "messages; a receiver refuses them."
+    )
+    rows = [
+        (word, "link" if reason.is_drop else "receiver", counts_as(word), reason.meaning)
+        for word, reason in REASONS.items()
+    ]
+    print_section("reasons", [("reason", "given by", "counts as", "meaning"), *rows])
+
+
+def counts_as(word: str) -> str:
+    """Return whether a message with this reason counts as lost or as late."""
+    counts = {"lost": counts_as_loss(word), "late": counts_as_late(word)}
+    return ", ".join(name for name, does in counts.items() if does)
+
+
+def proto_page() -> None:
+    text = (files("transport") / "convoy.proto").read_text(encoding="utf-8")
+    click.echo(text, nl=False)

@@ -1,0 +1,70 @@
+"""`convoy reference`, and the list of pages."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import click
+
+PAGES: Mapping[str, str] = {
+    "links": "keys of [links] and [[link]]; laws with parameters and sources",
+    "presets": "shipped channels and their sources",
+    "gnss": "keys of [gnss]; presets of the receiver",
+    "degradation": "keys of [control.degradation]",
+    "limits": "keys of [limits], and words of --limit",
+    "topics": "messages of a log, with their fields",
+    "wire": "Zenoh keys, encoding, liveliness, clock and control queries",
+    "reasons": "reasons for which messages are not used",
+    "fields": "fields of summary.json and `convoy report --json`",
+    "controllers": "shipped controllers, and the contract of your own",
+    "exit-codes": "exit codes of all commands",
+    ".proto": "the Protobuf schema of messages and logs",
+}
+ALIASES = {"controller": "controllers", "proto": ".proto"}
+
+
+class PageName(click.Choice[str]):
+    """The name of a page; some have an alias."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        return super().convert(ALIASES.get(value, value), param, ctx)
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  convoy reference                               the list of pages
+  convoy reference links
+  convoy reference fields | less
+  convoy reference .proto > convoy.proto
+"""
+)
+@click.argument("page", type=PageName(list(PAGES)), metavar="[PAGE]", required=False)
+def reference(page: str | None) -> None:
+    """Print a reference page.
+
+    Without PAGE, lists the pages.
+    """
+    if page is not None:
+        printers()[page]()
+        return
+    for name, about in PAGES.items():
+        click.echo(f"{name:12} {about}")
+
+
+def printers() -> Mapping[str, Callable[[], None]]:
+    from scenarios.cli.reference import message_pages, other_pages, scenario_pages
+
+    return {
+        "links": scenario_pages.links_page,
+        "presets": scenario_pages.presets_page,
+        "gnss": scenario_pages.gnss_page,
+        "degradation": scenario_pages.degradation_page,
+        "limits": scenario_pages.limits_page,
+        "topics": message_pages.topics_page,
+        "wire": message_pages.wire_page,
+        "reasons": message_pages.reasons_page,
+        "fields": other_pages.fields_page,
+        "controllers": other_pages.controllers_page,
+        "exit-codes": other_pages.exit_codes_page,
+        ".proto": message_pages.proto_page,
+    }

@@ -1,0 +1,86 @@
+"""Reference pages about scenario files: links, presets, gnss, degradation, limits."""
+
+from collections.abc import Iterator
+
+from scenarios.cli.reference.printing import print_section, print_text
+from scenarios.cli.reference.table_keys import models_at, tables_at
+from scenarios.definition.channel.presets import presets, read_preset
+from scenarios.definition.schema.limit_rows import LIMITS
+from scenarios.definition.schema.settings_table import keys_with
+from vehicles.car.positioning.gnss_settings import PRESETS, GnssSettings
+
+
+def _print_tables(key: str) -> None:
+    """Print the keys of the tables at a dotted key, and of all tables inside them."""
+    for table in tables_at(key):
+        reason = getattr(table.model, "reason", None)
+        drops = f" Drops messages with the reason {reason}." if reason else ""
+        print_section(table.place, table.keys.items(), table.text + drops)
+
+
+def links_page() -> None:
+    print_text(
+        "The keys of [links] apply to all links. An entry of [[link]] replaces them for the links "
+        'from `sender` to `receiver`: vehicle names, roles (lead, predecessor, follower), or "*" '
+        "for any vehicle. The most specific entry applies. Delays add up; a message is lost if any "
+        "law drops it."
+    )
+    _print_tables("links")
+    (entry,) = models_at("link")
+    own = entry.model_fields.keys() - models_at("links")[0].model_fields.keys()
+    keys = next(table.keys for table in tables_at("link") if table.model is entry)
+    print_section("[[link]]", [(key, text) for key, text in keys.items() if key in own])
+
+
+def presets_page() -> None:
+    print_text(
+        'A preset is a complete channel: links.preset = "bursty". Other keys of [links] replace '
+        "its values. `convoy channel show PRESET` compares its laws with a sample."
+    )
+    for name in presets():
+        preset = read_preset(name)
+        print_section(name, [("channel", preset.description), ("source", preset.source)])
+
+
+def gnss_page() -> None:
+    print_text(
+        "The emulated receiver of each vehicle. [vehicle.NAME.gnss] has the same keys for one "
+        "vehicle. Other keys replace the values of a preset."
+    )
+    _print_tables("gnss")
+    for name, rows in gnss_presets().items():
+        print_section(f'gnss.preset = "{name}"', rows)
+
+
+def gnss_presets() -> dict[str, list[tuple[str, str]]]:
+    """Keys and values of each preset of [gnss]."""
+    return {
+        name: [(key, str(value)) for key, value in keys_with(GnssSettings, figures).items()]
+        for name, figures in PRESETS.items()
+    }
+
+
+def degradation_page() -> None:
+    print_text(
+        "What a follower does without data. A source is fresh, late or lost. With one fresh source "
+        "left, the follower opens its gap. With none, it slows down so that it stops within its "
+        "known path. A source that returns is used again after a probation."
+    )
+    _print_tables("control.degradation")
+
+
+def limits_page() -> None:
+    print_text(
+        "A run that breaks a limit fails with exit code 1. [limits.NAME] has the same keys for one "
+        "vehicle. Commands with --limit use the words in brackets."
+    )
+    print_section("bounds in [limits]", limit_texts())
+    for table in tables_at("limits"):
+        rows = [(key, text) for key, text in table.keys.items() if key not in LIMITS]
+        print_section(table.place, rows, table.text)
+
+
+def limit_texts() -> Iterator[tuple[str, str]]:
+    for key, row in LIMITS.items():
+        word = f" (--limit {row.word}{'' if row.event else '=VALUE'})" if row.word else ""
+        yield key, f"{row.doc}{word}"

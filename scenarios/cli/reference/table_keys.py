@@ -1,0 +1,152 @@
+"""Keys of a scenario's tables: ranges, defaults and documentation, from the classes that rule."""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from inspect import cleandoc
+from types import NoneType
+from typing import Any, Literal, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from scenarios.definition.error_messages import models_of
+from scenarios.definition.schema.scenario_tables import ScenarioTables
+from scenarios.definition.schema.settings_table import SettingsTable
+
+KEY_LINE = re.compile(r"^(\w+) {2,}(\S.*)$")
+BOUNDS = {"ge": "at least", "gt": "more than", "le": "at most", "lt": "less than"}
+
+
+@dataclass(frozen=True, slots=True)
+class TableDoc:
+    """Documentation of one class of table: its place in a scenario, its text, its keys."""
+
+    place: str
+    model: type[BaseModel]
+    text: str
+    keys: Mapping[str, str]
+
+
+def models_at(key: str) -> list[type[BaseModel]]:
+    """Return the classes of tables at a dotted key of a scenario."""
+    models: list[type[BaseModel]] = [ScenarioTables]
+    for part in key.split("."):
+        models = [one for model in models for one in models_of(model.model_fields[part].annotation)]
+    return models
+
+
+def tables_at(key: str) -> Iterator[TableDoc]:
+    """Document the tables at a dotted key, and all tables inside them."""
+    yield from _tables(key, models_at(key), {})
+
+
+def _tables(
+    place: str, models: list[type[BaseModel]], first_places: dict[type[BaseModel], str]
+) -> Iterator[TableDoc]:
+    for model in models:
+        title = _titled(place, model)
+        if model in first_places:
+            yield TableDoc(title, model, f"The same keys as {first_places[model]}.", {})
+            continue
+        first_places[model] = title
+        text, documented = _split(model.__doc__ or "")
+        if issubclass(model, SettingsTable):
+            documented = {name: one.setting.doc for name, one in model.by_key.items()}
+        keys = {
+            name: _described(documented.get(name, ""), field)
+            for name, field in model.model_fields.items()
+            if name != "kind"
+        }
+        yield TableDoc(title, model, text, keys)
+        for name, field in model.model_fields.items():
+            yield from _tables(f"{place}.{name}", list(models_of(field.annotation)), first_places)
+
+
+def _titled(place: str, model: type[BaseModel]) -> str:
+    kind = model.model_fields.get("kind")
+    words = get_args(kind.annotation) if kind else ()
+    return f'[{place}] kind = "{words[0]}"' if words else f"[{place}]"
+
+
+def _split(doc: str) -> tuple[str, dict[str, str]]:
+    """Split a docstring into its text and the documentation of its keys."""
+    text: list[str] = []
+    keys: dict[str, str] = {}
+    name = ""
+    for line in cleandoc(doc).splitlines():
+        match = KEY_LINE.match(line)
+        if match:
+            name = match[1]
+            keys[name] = match[2]
+        elif name and line.startswith(" "):
+            keys[name] += f" {line.strip()}"
+        else:
+            name = ""
+            text.append(line)
+    return re.sub(r"\n{3,}", "\n\n", "\n".join(text)).strip(), keys
+
+
+def _described(doc: str, field: FieldInfo) -> str:
+    """Documentation of a key, then its values and its default."""
+    facts = [*_values(field), *_default(field)]
+    return "; ".join(([doc] if doc else []) + ([", ".join(facts)] if facts else []))
+
+
+def _values(field: FieldInfo) -> Iterator[str]:
+    annotation = field.annotation
+    words = [word for part in _parts(annotation) for word in _words(part)]
+    if words:
+        yield " | ".join(f'"{word}"' for word in words)
+    elif any(part is bool for part in _parts(annotation)):
+        yield "true or false"
+    elif str in _parts(annotation):
+        yield "text"
+    elif models := list(models_of(annotation)):
+        is_list = any(get_origin(part) is tuple for part in _parts(annotation))
+        yield "list of tables" if is_list else "table" if len(models) == 1 else "table of one kind"
+    bounds = {
+        word: bound
+        for part in (*field.metadata, *_metadata(annotation))
+        for word in BOUNDS
+        if (bound := getattr(part, word, None)) is not None
+    }
+    if {"ge", "le"} <= set(bounds):
+        yield f"{bounds['ge']:g} to {bounds['le']:g}"
+    else:
+        yield from (f"{BOUNDS[word]} {bound:g}" for word, bound in bounds.items())
+
+
+def _default(field: FieldInfo) -> Iterator[str]:
+    default = field.default
+    if field.is_required():
+        yield "required"
+    elif isinstance(default, bool):
+        yield f"default {str(default).lower()}"
+    elif isinstance(default, int | float):
+        yield f"default {default:g}"
+    elif isinstance(default, str) and default:
+        yield f'default "{default}"'
+    elif isinstance(default, tuple) and default and not isinstance(default[0], BaseModel):
+        yield f"default {list(default)}"
+
+
+def _words(part: Any) -> Iterator[str]:
+    if get_origin(part) is Literal:
+        yield from (str(word) for word in get_args(part))
+
+
+def _parts(annotation: Any) -> Iterator[Any]:
+    """Yield an annotation and all that it is made of, except what is inside tables."""
+    if annotation is None or annotation is NoneType:
+        return
+    yield annotation
+    if get_origin(annotation) is not Literal:
+        for part in get_args(annotation):
+            yield from _parts(part)
+
+
+def _metadata(annotation: Any) -> Iterator[Any]:
+    for part in _parts(annotation):
+        if isinstance(part, FieldInfo):
+            yield from part.metadata
