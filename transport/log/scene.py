@@ -14,7 +14,7 @@ from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
 from transport.colours import Colour, colour_of
-from vehicles.geometry.lanes import Points, lane_edges, thinned
+from vehicles.geometry.lanes import Points, lane_edges, simplified
 from vehicles.messages import RunStart, TruePose
 
 FRAME_ID = "map"
@@ -66,7 +66,7 @@ class Scene:
         update = SceneUpdate()
         if self.path is not None:
             entity = _entity(update, start.start_at_ns, FRAME_ID, "road")
-            path = thinned(*self.path)
+            path = simplified(*self.path)
             _add_line(entity, path, ROAD)
             if self.lane is not None:
                 for edge in lane_edges(path, self.lane):
@@ -79,7 +79,7 @@ class Scene:
         poses = PosesInFrame(frame_id=FRAME_ID)
         poses.timestamp.FromNanoseconds(start.start_at_ns)
         if self.path is not None:
-            points = thinned(*self.path, most=DASHES_M).tolist()
+            points = simplified(*self.path, spacing=DASHES_M).tolist()
             for (east, north), (next_east, next_north) in pairwise(points):
                 half = 0.5 * math.atan2(next_north - north, next_east - east)
                 pose = poses.poses.add()

@@ -9,34 +9,34 @@ from vehicles.geometry.geodesy import wrap_angle
 from vehicles.geometry.path_point import Foot, PathPoint
 
 PlanePose = tuple[float, float, float]
-"""A point (m, m) and a direction (rad)."""
+"""East, north (m) and yaw (rad)."""
 STRAIGHT: Final = 1e-12
-"""Curvature (1/m) below which a piece counts as a line: turn over curvature loses its digits."""
+"""Curvature (1/m) below which a piece counts as a line: turn / curvature loses precision."""
 NODE_1: Final = 0.046910077030668018
 NODE_2: Final = 0.23076534494715845
 NODE_4: Final = 0.76923465505284155
 NODE_5: Final = 0.95308992296933198
-"""Nodes, without the middle, of Gauss-Legendre quadrature over (0, 1), exact up to x⁹."""
+"""Nodes of Gauss-Legendre quadrature over (0, 1), except the middle; exact up to x⁹."""
 OUTER_WEIGHT: Final = 0.11846344252809454
 INNER_WEIGHT: Final = 0.23931433524968324
 MIDDLE_WEIGHT: Final = 0.28444444444444444
 """Weights of the outer nodes, the inner nodes and the middle."""
 CONVERGED: Final = 5e-3
-"""A foot on a clothoid that moves less than this (m) has converged: the error left is its cube."""
+"""Newton's method has converged after a step below this (m): the remaining error is its cube."""
 MAX_STEPS: Final = 8
-"""Limit of the steps of Newton's method; one or two are usual."""
+"""Limit of the steps of Newton's method; one or two are typical."""
 
 
 def clothoid_chord(curvature: float, rate: float, length: float) -> tuple[float, float]:
-    """End (m ahead, m to the left) of a clothoid of `length` (m), seen from its start.
+    """End (m ahead, m to the left) of a clothoid of `length` (m), in the frame of its start.
 
-    Its curvature (1/m) grows by `rate` (1/m²) from the start on; beyond the paper, which has arcs
-    only. Gauss-Legendre quadrature of cos and sin of the turn κs + cs²/2: within 1e-9 of the length
-    for turns up to 2 rad, within 1e-5 for a half circle.
+    Its curvature (1/m) at the start grows by `rate` (1/m²); the paper has arcs only. Gauss-Legendre
+    quadrature of cos and sin of the turn κs + cs²/2: within 1e-9 of the length for turns up to
+    2 rad, within 1e-5 for a half circle.
     """
     half = 0.5 * rate
     a, b, c, d, e = NODE_1 * length, NODE_2 * length, 0.5 * length, NODE_4 * length, NODE_5 * length
-    a *= curvature + half * a  # the turns up to these places
+    a *= curvature + half * a  # the turns up to the nodes
     b *= curvature + half * b
     c *= curvature + half * c
     d *= curvature + half * d
@@ -59,9 +59,9 @@ def clothoid_chord(curvature: float, rate: float, length: float) -> tuple[float,
 
 
 def on_arc(start: PlanePose, curvature: float, station: float) -> PathPoint:
-    """Point `station` (m) along the arc of `curvature` (1/m) that leaves `start`.
+    """Point `station` (m) along the arc of `curvature` (1/m) from `start`.
 
-    By the chord of the arc in between (Section III-A has the shape, not the formula).
+    Computed by the chord of the arc (Section III-A has the shape, not the formula).
     """
     east, north, yaw = start
     turn = curvature * station
@@ -76,48 +76,48 @@ def on_arc(start: PlanePose, curvature: float, station: float) -> PathPoint:
 
 
 def on_clothoid(start: PlanePose, curvature: float, rate: float, station: float) -> PathPoint:
-    """Point `station` (m) along the clothoid (or arc) that leaves `start`.
+    """Point `station` (m) along the clothoid (or arc) from `start`.
 
-    Its `curvature` (1/m) at the start grows by `rate` (1/m²). By `clothoid_chord`; the paper has
-    arcs only (Section III-A).
+    Its `curvature` (1/m) at the start grows by `rate` (1/m²). The paper has arcs only
+    (Section III-A).
     """
     if rate == 0.0:
         return on_arc(start, curvature, station)
     east, north, yaw = start
     ahead, left = clothoid_chord(curvature, rate, station)
-    forward, aside = cos(yaw), sin(yaw)
+    cos_yaw, sin_yaw = cos(yaw), sin(yaw)
     return PathPoint(
-        east + ahead * forward - left * aside,
-        north + ahead * aside + left * forward,
+        east + ahead * cos_yaw - left * sin_yaw,
+        north + ahead * sin_yaw + left * cos_yaw,
         wrap_angle(yaw + station * (curvature + 0.5 * rate * station)),
         curvature + rate * station,
     )
 
 
 def along_arc(start: PlanePose, kappa: float, east: float, north: float) -> float:
-    """Station (m) of `near_arc` (Section III-B), without the rest of the foot."""
+    """Station (m) of `near_arc` (Section III-B) only."""
     start_east, start_north, yaw = start
-    forward, left = cos(yaw), sin(yaw)
+    cos_yaw, sin_yaw = cos(yaw), sin(yaw)
     off_east, off_north = east - start_east, north - start_north
-    xi = off_east * forward + off_north * left
+    xi = off_east * cos_yaw + off_north * sin_yaw
     if not abs(kappa) > STRAIGHT:
         return xi
-    eta = off_north * forward - off_east * left
+    eta = off_north * cos_yaw - off_east * sin_yaw
     return atan2(kappa * xi, 1.0 - kappa * eta) / kappa
 
 
 def near_arc(start: PlanePose, kappa: float, east: float, north: float) -> Foot:
-    """Nearest point to (east, north) of the circle that leaves `start` (Section III-B).
+    """Point of the circle from `start` that is nearest to (east, north) (Section III-B).
 
-    With (ξ, η) the point in the frame of the start, u = 1 − κη and w = κξ: the arc turned by
-    atan2(w, u) to get there and the offset is e = (1 − hypot(u, w))/κ, written so that it holds
-    for either sign of κ and for a line.
+    With (ξ, η) the point in the frame of the start, u = 1 − κη and w = κξ, the arc turns by
+    atan2(w, u), and the offset is e = (1 − hypot(u, w))/κ, in a form that is valid for either sign
+    of κ and for a line.
     """
     start_east, start_north, yaw = start
-    forward, left = cos(yaw), sin(yaw)
+    cos_yaw, sin_yaw = cos(yaw), sin(yaw)
     off_east, off_north = east - start_east, north - start_north
-    xi = off_east * forward + off_north * left
-    eta = off_north * forward - off_east * left
+    xi = off_east * cos_yaw + off_north * sin_yaw
+    eta = off_north * cos_yaw - off_east * sin_yaw
     u, w = 1.0 - kappa * eta, kappa * xi
     turn = atan2(w, u)
     lateral = (2.0 * eta - kappa * (xi * xi + eta * eta)) / (1.0 + sqrt(u * u + w * w))
@@ -127,10 +127,10 @@ def near_arc(start: PlanePose, kappa: float, east: float, north: float) -> Foot:
 
 @dataclass(slots=True)
 class Piece:
-    """One line, arc or clothoid: start (m), yaw and signed curvature (1/m) there, length (m).
+    """One line, arc or clothoid: start (m), yaw (rad), signed curvature (1/m) and length (m).
 
-    A piece of the circular arc spline of Section III-A; beyond the paper, its curvature may grow by
-    `rate` (1/m²) all along. Beyond its ends it continues with the curvature at that end.
+    A piece of the circular arc spline of Section III-A. Unlike in the paper its curvature may grow
+    by `rate` (1/m²). Beyond each end it continues with constant curvature.
     """
 
     east: float
@@ -141,10 +141,7 @@ class Piece:
     rate: float = 0.0
 
     def at(self, station: float) -> PathPoint:
-        """Place `station` (m) after the start; the piece extends beyond both of its ends.
-
-        By the chord of the arc in between (Section III-A has the shape, not the formula).
-        """
+        """Point `station` (m) after the start, also beyond the ends (Section III-A)."""
         start = (self.east, self.north, self.yaw)
         if self.rate == 0.0:
             return on_arc(start, self.curvature, station)
@@ -155,14 +152,11 @@ class Piece:
         return on_arc((point.east, point.north, point.yaw), point.curvature, station - within)
 
     def curvature_at(self, station: float) -> float:
-        """Signed curvature (1/m) at `station` (m); beyond an end, that at the end.
-
-        1/R of Section III-A.
-        """
+        """Signed curvature (1/m, Section III-A) at `station` (m), constant beyond the ends."""
         return self.curvature + self.rate * min(max(station, 0.0), self.length)
 
     def project(self, east: float, north: float) -> Foot:
-        """Nearest point of the extended piece (projection and e_lat of Section III-B)."""
+        """Project a point on the extended piece (projection and e_lat of Section III-B)."""
         if self.rate == 0.0:
             return self.near(east, north)
         mean = self.curvature + 0.5 * self.rate * self.length
@@ -170,11 +164,11 @@ class Piece:
         return self.settled(near, east, north)
 
     def settled(self, near: float, east: float, north: float) -> Foot:
-        """Nearest point of a clothoid (Section III-B), given the station `near` on its mean arc.
+        """Project a point on a clothoid (Section III-B), given the station `near` on its mean arc.
 
-        By Newton's method, each step to the nearest point of its osculating circle.
+        By Newton's method; each step is to the nearest point of the osculating circle.
         """
-        # The arc from the start that turns by as much as the clothoid does up to about there.
+        # Start on the arc with the clothoid's mean curvature up to this station.
         bend = self.curvature + 0.5 * self.rate * min(max(near, 0.0), self.length)
         station = along_arc((self.east, self.north, self.yaw), bend, east, north)
         for _ in range(MAX_STEPS):
@@ -186,13 +180,13 @@ class Piece:
         return Foot(station, foot.lateral, foot.yaw, self.curvature_at(station))
 
     def near(self, east: float, north: float) -> Foot:
-        """Nearest point of the extended arc that has the piece's mean curvature (Section III-B)."""
+        """Project a point on the extended arc of the piece's mean curvature (Section III-B)."""
         mean = self.curvature + 0.5 * self.rate * self.length
         return near_arc((self.east, self.north, self.yaw), mean, east, north)
 
 
 class ArcSpline:
-    """Pieces in order of travel, each beginning where the one before ends, with its tangent.
+    """Pieces in order of travel, joined with a continuous tangent.
 
     The circular arc spline of Section III-A.
     """
@@ -210,10 +204,7 @@ class ArcSpline:
         return sum([piece.length for piece in self.pieces])
 
     def at(self, station: float) -> PathPoint:
-        """Place at `station` (m); the end pieces extend the path beyond both ends.
-
-        Along the arc spline of Section III-A, which itself ends there.
-        """
+        """Point at `station` (m) (Section III-A); the end pieces extend the path at both ends."""
         for piece in self.pieces[:-1]:
             if station <= piece.length:
                 return piece.at(station)
@@ -221,7 +212,7 @@ class ArcSpline:
         return self.pieces[-1].at(station)
 
     def curvature_at(self, station: float) -> float:
-        """Signed curvature (1/m) at `station` (m), beyond the ends that of the end pieces.
+        """Signed curvature (1/m) at `station` (m); the end pieces extend the path at both ends.
 
         Piecewise constant, as in the footnote of Section III-A on arc splines, or linear.
         """
@@ -232,9 +223,9 @@ class ArcSpline:
         return self.pieces[-1].curvature_at(station)
 
     def curvatures(self, start: float, step: float, count: int) -> list[float]:
-        """Signed curvature (1/m) at `count` places `step` (m) apart from station `start` (m) on.
+        """Signed curvature (1/m, Section III-A) at `count` stations, `step` (m) apart from `start`.
 
-        As `curvature_at`, 1/R of Section III-A, and many times as fast.
+        Much faster than repeated calls of `curvature_at`.
         """
         if len(self.pieces) == 1 and self.pieces[0].rate == 0.0:
             return [self.pieces[0].curvature] * count
@@ -246,7 +237,7 @@ class ArcSpline:
             if piece.rate == 0.0:
                 curvatures += [piece.curvature] * (end - k)
             elif end > k:
-                # Constant before the piece, even within it, and constant after it.
+                # Constant before the piece, linear within it, and constant after it.
                 begin = min(max(ceil(-offset / step), k), end)
                 after = min(max(passed, begin), end)
                 curvatures += [piece.curvature] * (begin - k)
@@ -257,10 +248,10 @@ class ArcSpline:
         return curvatures
 
     def project(self, east: float, north: float) -> Foot:
-        """Nearest point of the path, extended beyond both ends by the end pieces (Section III-B).
+        """Project a point on the path, extended at both ends by the end pieces (Section III-B).
 
-        Selects the piece with the least sum of offset and distance beyond the piece, measured on
-        the arcs of the pieces' mean curvatures.
+        Selects the piece with the smallest sum of offset and distance beyond the piece, measured on
+        arcs of the pieces' mean curvatures.
         """
         if len(self.pieces) == 1:
             return self.pieces[0].project(east, north)

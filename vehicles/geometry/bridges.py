@@ -1,8 +1,8 @@
-"""Bridges over holes in recorded points by a curve from both sides.
+"""Filling of holes in recorded points, by curves fitted to both sides.
 
-Where points are missing a local polynomial extrapolates the noise of one side. So both sides are
-fitted separately, by an arc or, where the points do not distinguish it from one, a line; a cubic
-with the positions and headings found joins them, and points along it fill the hole.
+At a hole a local polynomial extrapolates the noise of one side. So each side is fitted separately,
+by an arc, or by a line if the points do not require an arc. A cubic with the resulting positions
+and headings joins both sides, and points on it fill the hole.
 """
 
 import math
@@ -20,28 +20,29 @@ HOLE = 5.0
 """A step between two points is a hole if it is longer than this (m)..."""
 
 UNUSUAL = 4.0
-"""...and than this many times the median of the steps nearby."""
+"""...and longer than this multiple of the median of the steps nearby."""
 
 NEARBY = 10
-"""Number of steps to either side that are nearby."""
+"""Number of steps on either side that count as nearby."""
 
 SIDE = 7
-"""Least number of points that a side of a hole is fitted to, where there are as many."""
+"""Minimum number of points to fit a side of a hole, if available."""
 
 CERTAIN = 3.0
 """A side is an arc if its curvature is at least this many standard deviations from zero."""
 
 MAX_TURN = math.radians(100.0)
-"""A side that points further than this (rad) away from the other one is not joined to it."""
+"""Sides are not joined if one points further than this (rad) away from the other."""
 
-_FILLED = 8  # least number of steps that fill a hole
+_MIN_STEPS = 8
+"""Minimum number of steps that fill a hole."""
 _NORMAL = 0.6745 * math.sqrt(20.0)
-"""Median size of the third difference of white noise, in its standard deviations: the difference
-has 20 times the variance, and half of all normal numbers are within 0.6745."""
+"""Median size of the third difference of white noise, in standard deviations of the noise: the
+difference has 20 times its variance, and half of all normal numbers are within 0.6745."""
 
 
 class UnbridgedError(ValueError):
-    """A hole that cannot be bridged; point number `before` is before it."""
+    """A hole that cannot be bridged; `before` is the index of the point before it."""
 
     def __init__(self, text: str, before: int) -> None:
         super().__init__(text)
@@ -52,12 +53,12 @@ class UnbridgedError(ValueError):
 class FilledPoints:
     """Points (2, n) with their holes filled (Hermite).
 
-    `given` has the new number of each original point, `holes` the original number of the point in
-    front of each hole.
+    `indices` has the new index of each original point, `holes` the original index of the point
+    before each hole.
     """
 
     points: FloatArray
-    given: NDArray[np.int64]
+    indices: NDArray[np.int64]
     holes: tuple[int, ...]
 
 
@@ -71,10 +72,10 @@ class _End:
 
 
 def noise_deviation(points: FloatArray) -> float:
-    """Standard deviation (m, per axis) of the white noise in `points` (2, n); 0 for a few points.
+    """Standard deviation (m, per axis) of the white noise in `points` (2, n); 0 for too few points.
 
-    From the median of their third difference across their course, which is insensitive to uneven
-    spacing, a steady curve, and a few points that are far off.
+    From the median of their third difference across the direction of travel, which is insensitive
+    to uneven spacing, steady curvature and outliers.
     """
     if points.shape[1] < SIDE:
         return 0.0
@@ -95,26 +96,26 @@ def step_lengths(points: FloatArray) -> FloatArray:
 
 
 def find_holes(steps: FloatArray) -> NDArray[np.int64]:
-    """Indices of those `steps` (m) from point to point that are holes."""
+    """Indices of the `steps` (m) from point to point that are holes."""
     long = np.flatnonzero(steps > HOLE)
     usual = [float(np.median(steps[max(0, k - NEARBY) : k + NEARBY + 1])) for k in long.tolist()]
     return np.asarray(long[steps[long] > UNUSUAL * np.array(usual)], dtype=np.int64)
 
 
 def fill_holes(points: FloatArray, reach: float) -> FilledPoints:
-    """Fill the holes in `points` (2, n) with points on cubics (Hermite) from side to side.
+    """Fill the holes in `points` (2, n) with points on cubics (Hermite).
 
-    Each side is fitted over 2 `reach` (m). Raises UnbridgedError.
+    Each side of a hole is fitted over 2 `reach` (m). Raises UnbridgedError.
     """
     steps = step_lengths(points)
     holes = find_holes(steps).tolist()
-    given = np.arange(points.shape[1])
+    indices = np.arange(points.shape[1])
     parts, begin = [], 0
-    for place, hole in enumerate(holes):
-        end = holes[place + 1] + 1 if place + 1 < len(holes) else points.shape[1]
+    for number, hole in enumerate(holes, 1):
+        end = holes[number] + 1 if number < len(holes) else points.shape[1]
         before, after = points[:, begin : hole + 1], points[:, hole + 1 : end]
         near = np.delete(steps[max(0, hole - NEARBY) : hole + NEARBY + 1], min(hole, NEARBY))
-        spacing = min(float(np.median(near)), steps[hole] / _FILLED) if near.size else math.inf
+        spacing = min(float(np.median(near)), steps[hole] / _MIN_STEPS) if near.size else math.inf
         course = _course(points, max(begin - 1, 0), hole + 1)
         beyond = _course(points, min(end, points.shape[1] - 1), hole)
         try:
@@ -126,16 +127,16 @@ def fill_holes(points: FloatArray, reach: float) -> FilledPoints:
         except ValueError as error:
             raise UnbridgedError(f"a hole of {steps[hole]:.1f} m {error}", hole) from error
         parts += [before, bridge]
-        given[hole + 1 :] += bridge.shape[1]
+        indices[hole + 1 :] += bridge.shape[1]
         begin = hole + 1
-    return FilledPoints(np.concatenate([*parts, points[:, begin:]], axis=1), given, tuple(holes))
+    return FilledPoints(np.concatenate([*parts, points[:, begin:]], axis=1), indices, tuple(holes))
 
 
 def curve_between(before: PlanePose, after: PlanePose, spacing: float) -> FloatArray:
-    """Points (2, n) on a cubic (Hermite) from one place to the next, without both ends.
+    """Points (2, n) on a cubic (Hermite) between two poses, without both ends.
 
-    About `spacing` (m) apart, at least seven. Raises UnbridgedError where the places point away
-    from each other.
+    About `spacing` (m) apart, at least seven. Raises UnbridgedError if the poses point away from
+    each other.
     """
     away = _End(after[0], after[1], after[2] + math.pi)
     try:
@@ -147,7 +148,7 @@ def curve_between(before: PlanePose, after: PlanePose, spacing: float) -> FloatA
 def _bridge(before: _End, after: _End, spacing: float) -> FloatArray:
     """Points about `spacing` (m) apart from one side to the other, without both ends.
 
-    A cubic whose handles make it closest to an arc, if the sides belong to one.
+    The lengths of the cubic's tangents approximate an arc, if both sides are on one.
     """
     dx, dy = after.x - before.x, after.y - before.y
     chord, course = math.hypot(dx, dy), math.atan2(dy, dx)
@@ -156,7 +157,7 @@ def _bridge(before: _End, after: _End, spacing: float) -> FloatArray:
     if max(turned) > MAX_TURN:
         raise ValueError(f"whose sides point {math.degrees(max(turned)):.0f}° away from each other")
     handle = chord / math.cos(0.25 * sum(turned)) ** 2
-    count = max(_FILLED, math.ceil(chord / spacing) if spacing > 0.0 else _FILLED)
+    count = max(_MIN_STEPS, math.ceil(chord / spacing) if spacing > 0.0 else _MIN_STEPS)
     u = np.arange(1, count) / count
     rest, towards = 1.0 - u, u * u * (3.0 - 2.0 * u)
     leaving, joining = handle * u * rest * rest, -handle * u * u * rest
@@ -169,16 +170,16 @@ def _bridge(before: _End, after: _End, spacing: float) -> FloatArray:
 
 
 def _course(points: FloatArray, start: int, end: int) -> float:
-    """Direction (rad) from one of `points` (2, n) to another, by their numbers."""
+    """Direction (rad) from one of `points` (2, n) to another, by their indices."""
     dx, dy = (points[:, end] - points[:, start]).tolist()
     return math.atan2(dy, dx)
 
 
-def _end(points: FloatArray, reach: float, alone: float) -> _End:
-    """Foot of the last of `points` (2, n) on the arc or line through those within `reach`.
+def _end(points: FloatArray, reach: float, direction: float) -> _End:
+    """Projection of the last of `points` (2, n) on the arc or line fitted to those within `reach`.
 
-    A single point between two holes has no direction: it takes that of `alone` (rad), from the
-    points beyond one hole to those beyond the other.
+    A single point between two holes has no direction of its own and takes `direction` (rad), the
+    direction between the points beyond both holes.
     """
     away = np.hypot(points[0] - points[0, -1], points[1] - points[1, -1])
     outside = np.flatnonzero(away > reach)
@@ -186,14 +187,14 @@ def _end(points: FloatArray, reach: float, alone: float) -> _End:
     side = points[:, max(first, 0) :]
     x, y = float(side[0, -1]), float(side[1, -1])
     if side.shape[1] == 1:
-        return _End(x, y, alone)
+        return _End(x, y, direction)
     arc = _arc(side)
     foot = arc.at(arc.project(x, y).station)
     return _End(foot.east, foot.north, foot.yaw)
 
 
 def _arc(side: FloatArray) -> Piece:
-    """The arc through points (2, n) by Gauss–Newton; a line where they do not require an arc."""
+    """Fit an arc to points (2, n) by Gauss–Newton, or a line if they do not require an arc."""
     (x0, y0), (x1, y1) = side[:, 0].tolist(), side[:, -1].tolist()
     line = Piece(x0, y0, math.atan2(y1 - y0, x1 - x0), 0.0, 1.0)
     line, _, _ = _refined(line, side, bends=False)
@@ -210,7 +211,7 @@ def _arc(side: FloatArray) -> Piece:
 
 
 def _refined(piece: Piece, side: FloatArray, *, bends: bool) -> tuple[Piece, float, float]:
-    """Fit `piece` to points (2, n), with the rms left (m) and the curvature's weight (m²)."""
+    """Fit `piece` to points (2, n); also return the rms residual (m) and curvature weight (m²)."""
     columns: list[FloatArray] = []
     rms, weight = 0.0, 1.0
     for _ in range(6):
@@ -234,9 +235,9 @@ def _refined(piece: Piece, side: FloatArray, *, bends: bool) -> tuple[Piece, flo
 def _least_squares(
     columns: list[FloatArray], values: FloatArray
 ) -> tuple[tuple[float, ...], FloatArray]:
-    """The factors of `columns` closest to `values`, the last column's weight, and the residuals.
+    """Least-squares factors of `columns`, the last column's weight, and the residuals.
 
-    By orthogonal columns (Gram and Schmidt), which need no linear solver.
+    By Gram–Schmidt orthogonalisation, which needs no linear solver.
     """
     orthogonal: list[FloatArray] = []
     mixed: list[list[float]] = []

@@ -1,4 +1,4 @@
-"""True cross-track error: the distance of each vehicle from the path that the lead drove."""
+"""True cross-track error: the distance of each vehicle from the path driven by the lead."""
 
 from collections import deque
 from collections.abc import Iterable
@@ -10,34 +10,34 @@ from vehicles.messages import TruePose
 from vehicles.schedule import SECOND
 
 MAX_STEP_BACK: Final = 3
-"""Chords the foot point may move backwards from one pose to the next.
+"""Limit of chords by which the foot point may move backwards from one pose to the next.
 
-It otherwise only moves forwards, so where a path crosses itself or runs next to itself the foot
-stays on its branch.
+Otherwise it moves forwards only, so that it stays on its branch where the path crosses itself or
+runs parallel to itself.
 """
 
 MIN_STEP: Final = 0.01
-"""Poses of the lead closer together than this (m) are standstills and not part of its path."""
+"""Poses of the lead closer together than this (m) are a standstill and not part of its path."""
 
 HOLE_NS: Final = SECOND // 10
-"""Limit (ns) between poses of the lead with missing numbers in between.
+"""Longest interval (ns) between poses of the lead with missing sequence numbers.
 
-A longer interval is a hole in the record: the lead's path there is unknown.
+A longer interval is a hole in the record, where the lead's path is unknown.
 """
 
-FORGET_EVERY: Final = 500
-"""Chords of the lead between two attempts to drop those that all followers have passed."""
+DROP_EVERY: Final = 500
+"""Chords of the lead between attempts to drop those that all followers have passed."""
 MAX_CHORDS: Final = 100_000
-"""Chords kept for a follower that stands still or is silent, half an hour at 50 Hz."""
+"""Chords stored for a follower that stands still or is silent, half an hour at 50 Hz."""
 
 MAX_WAITING: Final = 3000
-"""Poses of one follower that wait for the lead, 60 s at 50 Hz; then the oldest are dropped."""
+"""Poses of one follower stored until the lead gets there, 60 s at 50 Hz; the oldest are dropped."""
 
 
 class CrossTrack(NamedTuple):
-    """One foot point: its arc length on the lead's path and the distance, left positive (m).
+    """One foot point: station on the lead's path and lateral distance, left positive (m).
 
-    The station is 0 at the lead's first pose and negative on the straight that leads there.
+    The station is 0 at the lead's first pose and negative on the straight before it.
     """
 
     vehicle: str
@@ -49,7 +49,7 @@ class CrossTrack(NamedTuple):
 class _Chord(NamedTuple):
     """Straight line between two poses of the lead: start, components, length, station (m).
 
-    `guessed` if poses in between were not recorded.
+    `is_hole`: poses in between were not recorded.
     """
 
     east: float
@@ -61,35 +61,34 @@ class _Chord(NamedTuple):
     is_hole: bool
 
 
-_Place = tuple[str, int, float, float]
+_Point = tuple[str, int, float, float]
 """A vehicle, an instant (ns), and the point (m, m) whose foot point is sought."""
 
 
 @dataclass(slots=True)
 class _Follower:
-    """The places of a follower whose foot points are not known yet.
+    """The points of a follower without a foot point yet.
 
     The next foot point is searched forwards from chord `index`, and backwards as far as `floor`. A
-    follower that is `left_behind` is further back than the stored path.
+    follower that is `left_behind` is behind the stored path.
     """
 
     index: int = 0
     floor: int = 0
     left_behind: bool = False
-    waiting: deque[_Place] = field(default_factory=lambda: deque(maxlen=MAX_WAITING))
+    waiting: deque[_Point] = field(default_factory=lambda: deque(maxlen=MAX_WAITING))
 
 
 class CrossTrackError:
-    """Distances of all followers from the path of `lead`, computed as the true poses come in.
+    """Distances of all followers from the path of `lead`, computed from a stream of true poses.
 
     The path is the polyline through the lead's poses, without standstills. Followers start behind
-    the lead, so an endless straight leads to its first pose. Its direction is `road_yaw` (rad),
-    which differs from the yaw of a lead that starts askew; without it, or if the lead's first pose
-    is not its start, it is the yaw of the first pose. Chords that all `followers` have passed are
-    dropped, if they are given.
+    the lead, so an infinite straight precedes its first pose. Its direction is `road_yaw` (rad), or
+    the yaw of the first pose if `road_yaw` is None or the lead's record does not begin at its
+    start. If `followers` are given, chords that all of them have passed are dropped.
 
-    The poses of each vehicle come in order of time. The order of different vehicles does not
-    matter: a pose beyond the end of the lead's path waits.
+    The poses of each vehicle must be in order of time, but vehicles may be interleaved in any
+    order: a pose beyond the end of the lead's path is stored until the path reaches it.
     """
 
     def __init__(
@@ -101,51 +100,52 @@ class CrossTrackError:
         self._end = (0.0, 0.0)
         self._newest: TruePose | None = None
         self._followers: dict[str, _Follower] = {}
-        self._is_awaited = False  # it may be, since places wait
+        self._has_waiting = False
         self.follow(followers)
 
-    def follow(self, points: Iterable[str]) -> None:
-        """Keep the path until these points have passed it, too; call it before the first pose."""
-        self._followers |= {name: _Follower() for name in points}
-        self._forgets = bool(self._followers)
+    def follow(self, names: Iterable[str]) -> None:
+        """Keep the path until these points have also passed it; call before the first pose."""
+        self._followers |= {name: _Follower() for name in names}
+        self._drops_chords = bool(self._followers)
 
     def add(self, pose: TruePose) -> list[CrossTrack]:
-        """Add a pose; returns the foot points that have become known.
+        """Add a pose; return the foot points that have become known.
 
-        Without poses that the lead's path never reaches and those next to a hole in its record.
+        Poses next to a hole in the lead's record have none, nor have poses that its path never
+        reaches.
         """
         if pose.vehicle != self._lead:
             return self.add_point(pose.vehicle, pose.true_at_ns, pose.east_m, pose.north_m)
-        if self._extend(pose) and self._is_awaited:
+        if self._extend(pose) and self._has_waiting:
             waiting = [other for other in self._followers.values() if other.waiting]
-            self._is_awaited = bool(waiting)
+            self._has_waiting = bool(waiting)
             return [foot for other in waiting for foot in self._feet(other)]
         return []
 
     def add_point(self, vehicle: str, at: int, east: float, north: float) -> list[CrossTrack]:
-        """Add a place (m) of a follower, or of a part of it that has a name of its own."""
+        """Add a point (m) of a follower, or of a named part of it."""
         follower = self._followers.get(vehicle)
         if follower is None:
             follower = self._followers[vehicle] = _Follower()
-        place = vehicle, at, east, north
+        point = vehicle, at, east, north
         if follower.waiting or follower.left_behind or not self._chords:
-            follower.waiting.append(place)
-            self._is_awaited = True
+            follower.waiting.append(point)
+            self._has_waiting = True
             return self._feet(follower) if self._chords else []
-        foot = self._foot(follower, place)
+        foot = self._foot(follower, point)
         if foot is None:
-            follower.waiting.append(place)
-            self._is_awaited = True
+            follower.waiting.append(point)
+            self._has_waiting = True
             return []
         return [] if self._chords[follower.index].is_hole else [foot]
 
     def _extend(self, pose: TruePose) -> bool:
-        """Lengthen the lead's path to `pose`, unless the lead stood still."""
+        """Extend the lead's path to `pose`, unless the lead stood still."""
         before, self._newest = self._newest, pose
         if not self._chords:
             at_start = pose.distance_m == 0.0
             yaw = self._road_yaw if self._road_yaw is not None and at_start else pose.yaw_rad
-            # The first chord extends backwards without end, so its length does not matter.
+            # The first chord extends backwards to infinity, so its length does not matter.
             along_east, along_north = cos(yaw), sin(yaw)
             east, north = pose.east_m - along_east, pose.north_m - along_north
             self._chords.append(_Chord(east, north, along_east, along_north, 1.0, -1.0, False))
@@ -163,13 +163,13 @@ class CrossTrackError:
                 and pose.true_at_ns - before.true_at_ns > HOLE_NS
             )
             self._chords.append(_Chord(east, north, along_east, along_north, step, station, hole))
-            if self._forgets and len(self._chords) % FORGET_EVERY == 0:
-                self._forget()
+            if self._drops_chords and len(self._chords) % DROP_EVERY == 0:
+                self._drop_chords()
         self._end = (pose.east_m, pose.north_m)
         return True
 
-    def _forget(self) -> None:
-        """Drop the chords that all have passed, and the oldest beyond MOST_CHORDS."""
+    def _drop_chords(self) -> None:
+        """Drop the chords that all followers have passed, and the oldest beyond MOST_CHORDS."""
         on_path = [other for other in self._followers.values() if not other.left_behind]
         passed = min((other.floor for other in on_path), default=len(self._chords) - 1)
         count = max(passed, len(self._chords) - MAX_CHORDS)
@@ -180,7 +180,7 @@ class CrossTrackError:
             other.floor -= count
 
     def _feet(self, follower: _Follower) -> list[CrossTrack]:
-        """Foot points of the waiting places, up to the first one beyond the end of the path."""
+        """Foot points of the waiting points, up to the first one beyond the end of the path."""
         feet: list[CrossTrack] = []
         if follower.left_behind:
             follower.waiting.clear()
@@ -193,23 +193,23 @@ class CrossTrackError:
                 feet.append(foot)
         return feet
 
-    def _foot(self, follower: _Follower, place: _Place) -> CrossTrack | None:
-        """Foot point of `place`; None if it lies beyond the end of the path.
+    def _foot(self, follower: _Follower, point: _Point) -> CrossTrack | None:
+        """Foot point of `point`; None if it is beyond the end of the path.
 
-        Searches in the order of travel, then back, and visits each chord once.
+        Searches forwards, then backwards, and visits each chord once.
         """
         chords, index, floor = self._chords, follower.index, follower.floor
-        vehicle, at, place_east, place_north = place
+        vehicle, at, point_east, point_north = point
         count = len(chords)
         forwards = True
         while True:
             east, north, along_east, along_north, length, station, _ = chords[index]
-            to_east, to_north = place_east - east, place_north - north
+            to_east, to_north = point_east - east, point_north - north
             along = (to_east * along_east + to_north * along_north) / length
             if forwards and along > length:
                 index += 1
                 if index == count:
-                    follower.index = index - 1  # the search goes on from here
+                    follower.index = index - 1  # the next search continues here
                     return None
             elif along < 0.0 and index > floor:
                 index -= 1

@@ -1,7 +1,7 @@
-"""Places: WGS84 against the local east-north plane, compass course against yaw.
+"""Geodesy: WGS84 to and from the local east-north plane, compass course to and from yaw.
 
-World frame: the plane that touches the ellipsoid at the scenario's origin; yaw is counted counter-
-clockwise from east. Degrees and compass courses exist only here and on the wire.
+World frame: the plane tangent to the ellipsoid at the scenario's origin; yaw is counter-clockwise
+from east. Degrees and compass courses exist only here and on the wire.
 """
 
 import math
@@ -13,19 +13,20 @@ from pymap3d.ellipsoid import Ellipsoid
 from pymap3d.rcurve import meridian, transverse
 
 REACH: Final = 100_000.0
-"""Points further from the origin than this (m) are rejected: a flat plane is a poor map there."""
+"""Limit (m) of the distance from the origin, beyond which a plane is a poor map."""
 
 EXACT: Final = 1e-8
-"""Geodetic coordinates are corrected until less than this (m) is left."""
+"""Geodetic coordinates are corrected until the remaining error is below this (m)."""
 
 MAX_CORRECTIONS: Final = 20
-"""Limit of the corrections; three are usual within some kilometres of the origin."""
+"""Limit of the corrections; three are typical within some kilometres of the origin."""
 
 _CERTAIN: Final = 50_000.0
-"""Steps in latitude, longitude and altitude whose sum is below this (m) stay within REACH."""
+"""Points whose offsets in latitude, longitude and altitude sum up to less than this (m) are surely
+within REACH."""
 
 _METRES_PER_DEGREE: Final = 112_000.0
-"""Upper bound of a degree of latitude or longitude on the ellipsoid."""
+"""Upper bound (m) of a degree of latitude or longitude on the ellipsoid."""
 
 WGS84 = Ellipsoid.from_name("wgs84")
 _MAJOR, _MINOR = float(WGS84.semimajor_axis), float(WGS84.semiminor_axis)
@@ -37,7 +38,7 @@ _HALF_TURN, _FULL_TURN = math.pi, 2.0 * math.pi
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """Where the local plane touches the WGS84 ellipsoid: geodetic degrees, ellipsoidal metres."""
+    """Point of tangency of the local plane: geodetic degrees, ellipsoidal height (m), WGS84."""
 
     latitude_deg: float
     longitude_deg: float
@@ -53,10 +54,10 @@ class Origin:
 
 
 class LocalPlane:
-    """The east-north plane at `origin`, with up counted along the ellipsoid's normal there.
+    """The east-north plane at `origin`; up is along the ellipsoid's normal there.
 
     The transformation is the exact topocentric one (EPSG method 9837), not an approximation by arc
-    lengths; a round trip differs by less than a micrometre.
+    lengths. The error of a round trip is below one micrometre.
     """
 
     def __init__(self, origin: Origin) -> None:
@@ -88,13 +89,13 @@ class LocalPlane:
         return east, north
 
     def reaches(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> bool:
-        """Whether a WGS84 point lies within REACH of the origin, so that `to_plane` accepts it."""
+        """Whether a WGS84 point is within REACH of the origin, so that `to_plane` accepts it."""
         origin = self.origin
         degrees = abs(latitude_deg - origin.latitude_deg) + abs(
             longitude_deg - origin.longitude_deg
         )
         if _METRES_PER_DEGREE * degrees + abs(altitude_m - origin.altitude_m) < _CERTAIN:
-            return True  # as nearly always, at a tenth of the price
+            return True  # the common case, in a tenth of the time
         try:
             self.to_plane(latitude_deg, longitude_deg, altitude_m)
         except ValueError:
@@ -104,16 +105,15 @@ class LocalPlane:
     def to_geodetic(self, east: float, north: float) -> tuple[float, float, float]:
         """Latitude (deg), longitude (deg), altitude (m) of a point in the plane (up = 0).
 
-        The inverse of `to_plane` (EPSG method 9837) by correction: the remainder shrinks by
-        distance over the earth's radius each time. Unlike a closed inverse it needs no function
-        whose last bit depends on the processor, so logs are equal to the byte on every machine.
+        Inverts `to_plane` (EPSG method 9837) iteratively; each correction reduces the error by the
+        factor distance / earth radius. A closed inverse would need functions whose last bit depends
+        on the processor, so logs would not be byte-identical on all machines.
         """
         origin = self.origin
         latitude, longitude, altitude = 0.0, 0.0, origin.altitude_m
         east_left, north_left = east, north
-        up_left = (east * east + north * north) / (
-            2.0 * self._north_radius
-        )  # the earth's curvature
+        # Initial altitude error: the curvature of the earth.
+        up_left = (east * east + north * north) / (2.0 * self._north_radius)
         left = abs(east_left) + abs(north_left) + abs(up_left)
         shrinking = 1.0
         slowest = min((abs(east) + abs(north)) / self._east_radius, 1.0)
@@ -121,12 +121,12 @@ class LocalPlane:
             latitude += math.degrees(north_left / self._north_radius)
             longitude += math.degrees(east_left / self._east_radius)
             altitude += up_left
-            if left * shrinking < EXACT:  # the next correction would be no larger than this
+            if left * shrinking < EXACT:  # an upper bound of the next correction
                 break
-            found_east, found_north, found_up = self._topocentric(
+            now_east, now_north, now_up = self._topocentric(
                 origin.latitude_deg + latitude, origin.longitude_deg + longitude, altitude
             )
-            east_left, north_left, up_left = east - found_east, north - found_north, -found_up
+            east_left, north_left, up_left = east - now_east, north - now_north, -now_up
             before, left = left, abs(east_left) + abs(north_left) + abs(up_left)
             shrinking = max(left / before, slowest)
         return origin.latitude_deg + latitude, origin.longitude_deg + longitude, altitude
@@ -134,15 +134,14 @@ class LocalPlane:
     def _topocentric(
         self, latitude_deg: float, longitude_deg: float, altitude_m: float
     ) -> tuple[float, float, float]:
-        """East, north and up (m) by EPSG method 9837: the formulas of pymap3d, in its order.
+        """East, north and up (m) by EPSG method 9837: pymap3d's formulas, in its order.
 
-        So digits are the same wherever NumPy's sine is that of the C library. pymap3d's own
+        The results equal pymap3d's where NumPy's sine is that of the C library. pymap3d's own
         functions take arrays and recompute the origin's angles for every message.
         """
         latitude, longitude = math.radians(latitude_deg), math.radians(longitude_deg)
         cos, sin = math.cos(latitude), math.sin(latitude)
-        # The size of a complex number is the C library's hypot, as NumPy's is; `math.hypot` rounds
-        # differently.
+        # abs(complex) and NumPy use the C library's hypot; `math.hypot` rounds differently.
         normal = _MAJOR_SQUARE / abs(complex(_MAJOR * cos, _MINOR * sin))
         x0, y0, z0 = self._centre
         x = (normal + altitude_m) * cos * math.cos(longitude) - x0
@@ -155,8 +154,8 @@ class LocalPlane:
 
 
 def wrap_angle(angle: float) -> float:
-    """Bring an angle (rad) into (-pi, pi] without changing its direction: IEEE 754 remainder."""
-    if -_HALF_TURN < angle <= _HALF_TURN:  # as mostly: the remainder is the angle itself
+    """Wrap an angle (rad) to (-pi, pi], by the IEEE 754 remainder."""
+    if -_HALF_TURN < angle <= _HALF_TURN:  # the common case
         return angle
     wrapped = math.remainder(angle, _FULL_TURN)
     return _HALF_TURN if wrapped <= -_HALF_TURN else wrapped
@@ -165,7 +164,7 @@ def wrap_angle(angle: float) -> float:
 def yaw_from_heading(heading_deg: float) -> float:
     """Yaw (rad, counter-clockwise from east) of a compass course (deg, clockwise from north).
 
-    Yaw as θ of Section III-B, counted from the X axis.
+    θ of Section III-B, counted from the X axis.
     """
     return wrap_angle(math.radians(90.0 - heading_deg))
 

@@ -1,10 +1,10 @@
-"""Local cubic regression (Cleveland, 1979), in O(points in reach) per place.
+"""Local cubic regression (Cleveland, 1979), in O(points in reach) per location.
 
-At every place a cubic is fitted to the points within reach, each weighted by (1 - u²)³ of its
-distance u from there (in units of the reach), and its value there is the smoothed one. Cubics keep
-curves of slowly changing curvature where they are: a circle of radius R moves by 0.0009 reach⁴ / R³
-towards its centre. At equal bias this kernel passes on 12 % less noise to the second derivative
-than the usual (1 - |u|³)³, and 44 % less to the third.
+At each location a cubic is fitted to the points within reach, and its value there is the result.
+Points are weighted by (1 - u²)³, u being their distance in units of the reach. The bias is small
+for slowly changing curvature: a circle of radius R moves by 0.0009 reach⁴ / R³ towards its centre.
+At equal bias this kernel passes 12 % less noise to the second derivative than the usual
+(1 - |u|³)³, and 44 % less to the third.
 """
 
 import math
@@ -15,24 +15,23 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 NEIGHBOURS = 7
-"""Least number of points under a local cubic (4 unknowns)."""
+"""Minimum number of points per local cubic (4 unknowns)."""
 
 ON_EACH_SIDE = 3
-"""Least number of them on either side, where there are as many."""
+"""Minimum number of points on either side, if available."""
 
 SLOPE = 0.5
-"""Rate (m/m) at which the reach widens towards places where points are sparse."""
+"""Rate (m/m) at which the reach widens towards sparse points."""
 
-_CHUNK = 256  # places smoothed at once: bounds the memory
+_CHUNK = 256  # locations smoothed at once, to limit memory
 
 
 def local_cubic(t: FloatArray, values: FloatArray, at: FloatArray, reach: float) -> FloatArray:
-    """Smooth `values` (k, n) given at `t` (n,): shape (k, m), at places `at` (m,).
+    """Smooth `values` (k, n) given at `t` (n,); return shape (k, m), at locations `at` (m,).
 
-    Local regression (Cleveland, 1979). `t` increases strictly, n >= NEIGHBOURS; `at` is about
-    evenly spaced. Near an end of `t` the kernel keeps its width by extending further to the other
-    side; where points are sparse it extends to NEIGHBOURS of them. It widens gradually, or else the
-    smoothed curve would have a corner.
+    Local regression (Cleveland, 1979). `t` increases strictly, n >= NEIGHBOURS; `at` is nearly
+    evenly spaced. Near an end of `t` the kernel extends further to the other side; where points are
+    sparse it extends to NEIGHBOURS of them. It widens gradually, since a step would cause a corner.
     """
     reaches = _reaches(t, at, reach)
     chunks = [slice(k, k + _CHUNK) for k in range(0, at.size, _CHUNK)]
@@ -40,7 +39,7 @@ def local_cubic(t: FloatArray, values: FloatArray, at: FloatArray, reach: float)
 
 
 def _reaches(t: FloatArray, at: FloatArray, reach: float) -> FloatArray:
-    """Reach of the kernel at each place."""
+    """Reach of the kernel at each location."""
     short = np.maximum(0.0, reach - (at - t[0])) + np.maximum(0.0, reach - (t[-1] - at))
     right = np.searchsorted(t, at)
     nearest = np.full(at.shape, np.inf)
@@ -48,7 +47,7 @@ def _reaches(t: FloatArray, at: FloatArray, reach: float) -> FloatArray:
         first = np.clip(right - shift, 0, t.size - NEIGHBOURS)
         span = np.maximum(at - t[first], t[first + NEIGHBOURS - 1] - at)
         nearest = np.minimum(nearest, span)
-    # Between a cluster of points and those far apart it must rest on both, or it extrapolates.
+    # Without points on both sides, the cubic would extrapolate.
     before = at - t[np.maximum(right - ON_EACH_SIDE, 0)]
     after = t[np.minimum(right + ON_EACH_SIDE - 1, t.size - 1)] - at
     sparse = _gradual(np.maximum(nearest, np.maximum(before, after)), at[1] - at[0])
@@ -57,7 +56,7 @@ def _reaches(t: FloatArray, at: FloatArray, reach: float) -> FloatArray:
 
 
 def _gradual(needed: FloatArray, step: float) -> FloatArray:
-    """Lowest curve above `needed`, given every `step` m, that rises and falls by SLOPE at most."""
+    """Lowest curve above `needed`, sampled every `step` m, with a slope of at most SLOPE."""
     slope = SLOPE * step * np.arange(needed.size)
     from_left = np.maximum.accumulate(needed + slope) - slope
     from_right = (np.maximum.accumulate((needed - slope)[::-1]))[::-1] + slope
@@ -65,7 +64,7 @@ def _gradual(needed: FloatArray, step: float) -> FloatArray:
 
 
 def _envelope(needed: FloatArray, cells: int) -> FloatArray:
-    """Smooth curve that is nowhere below `needed`: its maximum within 2 `cells`, averaged."""
+    """Smooth upper bound of `needed`: its maximum within 2 `cells`, averaged."""
     highest = np.pad(needed, 2 * cells, mode="edge")
     highest = np.max(np.lib.stride_tricks.sliding_window_view(highest, 4 * cells + 1), axis=1)
     for _ in range(2):
@@ -77,8 +76,8 @@ def _envelope(needed: FloatArray, cells: int) -> FloatArray:
 def _fit(t: FloatArray, values: FloatArray, at: FloatArray, reaches: FloatArray) -> FloatArray:
     """Weighted least squares in polynomials orthogonal under each kernel (Forsythe, 1957).
 
-    Their three-term recurrence needs no linear solver and keeps its digits at the ends, where the
-    kernel is lopsided. Row i of every table belongs to at[i], its columns to the points in reach.
+    Their three-term recurrence needs no linear solver and stays accurate at the ends, where the
+    kernel is one-sided. Row i of each array belongs to at[i], its columns to the points in reach.
     """
     first = np.searchsorted(t, at - reaches)
     last = np.searchsorted(t, at + reaches, side="right")
@@ -106,7 +105,7 @@ def _fit(t: FloatArray, values: FloatArray, at: FloatArray, reaches: FloatArray)
 
 
 def cubic_weights(t: FloatArray, at: FloatArray | float) -> FloatArray:
-    """Weights of the values at four places `t` (4, ...) in their cubic's value at `at` (...).
+    """Weights of four values at `t` (4, ...) in the value of their cubic at `at` (...).
 
     Lagrange's form (elementary algebra); the weights have the shape of `t`.
     """

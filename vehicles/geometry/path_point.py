@@ -1,4 +1,4 @@
-"""A point of a path, and the foot of a point on a path, for arc splines and sampled paths."""
+"""A point of a path, and the projection of a point on a path."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 class PathPoint:
     """A point of a path: position (m), yaw of the tangent (rad), signed curvature (1/m).
 
-    As (X_0, Y_0), θ_R and 1/R of Section III-B, curvature being positive in left turns. The yaw is
+    (X_0, Y_0), θ_R and 1/R of Section III-B, with positive curvature in left turns. The yaw is
     wrapped on an arc spline and unwrapped on a sampled path.
     """
 

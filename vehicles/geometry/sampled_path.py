@@ -1,4 +1,4 @@
-"""A path that a vehicle can drive: position, direction and curvature by distance along it.
+"""A path that a vehicle can drive: position, yaw and curvature by arc length.
 
 World frame: east-north, yaw counter-clockwise from east; lateral offset and curvature are positive
 to the left. SI units.
@@ -19,23 +19,20 @@ from vehicles.geometry.path_point import Foot, PathPoint
 FloatArray = NDArray[np.float64]
 
 COLUMNS: Final = 5
-"""Numbers of a sample: station, east, north, yaw and curvature."""
+"""Values per sample: station, east, north, yaw and curvature."""
 SAMPLING: Final = 0.25
-"""Longest distance (m) between two samples of a path."""
+"""Maximum distance (m) between samples."""
 
 WINDOW: Final = 5.0
-"""Projection searches this far (m) along the path to either side of the vehicle's last station."""
+"""Search range (m) of a projection, on either side of the vehicle's last station."""
 
 _CORNER: Final = 1e-3
-"""Distance (m) of the last sample before a change of curvature between segments."""
+"""Distance (m) from the last sample of a segment to the change of curvature."""
 
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """A stretch of constant curvature: length (m), curvature (1/m, left positive, 0 straight).
-
-    A line or an arc of an arc spline (Section III-A).
-    """
+    """A line or arc (Section III-A): length (m), curvature (1/m, left positive)."""
 
     length: float
     curvature: float
@@ -46,9 +43,8 @@ class SampledPath:
     """Samples of a path (Section V-C, Fig. 8), each array of shape (n,), n >= 2.
 
     station (m, strictly increasing), east and north (m), yaw (rad, unwrapped) and curvature (1/m).
-    Between samples position is a cubic through both ends and their directions (Hermite), yaw and
-    curvature are linear. Before its first and after its last sample a path continues straight. The
-    arrays become read-only.
+    Between samples the position is a cubic (Hermite); yaw and curvature are linear. Beyond both
+    ends a path continues straight. The arrays become read-only.
     """
 
     station: FloatArray
@@ -62,15 +58,15 @@ class SampledPath:
     def __post_init__(self) -> None:
         arrays = (self.station, self.east, self.north, self.yaw, self.curvature)
         if len({values.shape for values in arrays}) != 1 or self.station.ndim != 1:
-            raise ValueError("the arrays of a path must be of one length")
+            raise ValueError("the arrays of a path must have the same length")
         if self.station.size < 2 or not all(np.isfinite(values).all() for values in arrays):
             raise ValueError("a path needs at least two samples, all finite")
         if not (np.diff(self.station) > 0.0).all():
             raise ValueError("the stations of a path must increase")
         for values in arrays:
             values.setflags(write=False)
-        # Single values are read faster from these than from NumPy's arrays. Tuples take five times
-        # the memory, and reading them counts references, so forked vehicles would not share pages.
+        # Single values are read faster than from NumPy's arrays. Tuples take five times the memory,
+        # and reference counts would prevent forked vehicles from sharing it.
         object.__setattr__(self, "_rows", array("d", np.column_stack(arrays).tobytes()))
         object.__setattr__(self, "_stations", array("d", self.station.tobytes()))
 
@@ -80,7 +76,6 @@ class SampledPath:
         return self._stations[-1] - self._stations[0]
 
     def at(self, station: float) -> PathPoint:
-        """Point at `station` (m), by cubic Hermite interpolation."""
         index = bisect_right(self._stations, station) - 1
         if index < 0:
             return _straight_on(self._rows[:COLUMNS], station)
@@ -90,35 +85,32 @@ class SampledPath:
         return _between(self._rows[first : first + 2 * COLUMNS], station)
 
     def curvature_at(self, station: float) -> float:
-        """Signed curvature (1/m) at `station` (m), 1/R of Section III-A."""
+        """Signed curvature (1/m, Section III-A) at `station` (m)."""
         return self.at(station).curvature
 
     def curvatures(self, start: float, step: float, count: int) -> list[float]:
-        """Signed curvature (1/m) at `count` places `step` (m) apart from station `start` (m) on.
-
-        1/R of Section III-A.
-        """
-        places = start + step * np.arange(count)
-        curvatures: list[float] = np.interp(places, self.station, self.curvature, 0.0, 0.0).tolist()
+        """Signed curvature (1/m) at `count` stations, `step` (m) apart from `start` (m)."""
+        at = start + step * np.arange(count)
+        curvatures: list[float] = np.interp(at, self.station, self.curvature, 0.0, 0.0).tolist()
         return curvatures
 
     def project(
         self, east: float, north: float, near: float | None, window: float = WINDOW
     ) -> Foot:
-        """Foot of (east, north) in metres on the path, within `window` (m) of station `near` (m).
+        """Project (east, north) (m) on the path, within `window` (m) of station `near` (m).
 
-        The projection of Section III-B for any curve, by Newton's method. The window keeps the
-        order on a path that crosses itself or repeats. A `near` of None searches the whole path and
-        takes the first of equally close places.
+        The projection of Section III-B for any curve, by Newton's method. The window selects the
+        branch of a path that crosses or repeats itself. A `near` of None searches the whole path
+        and returns the first of equally near points.
         """
         low, high = (-math.inf, math.inf) if near is None else (near - window, near + window)
         station = min(max(self._nearest_sample(east, north, low, high), low), high)
         point = self.at(station)
-        for _ in range(8):  # each step squares the error; two or three are usual
+        for _ in range(8):  # each step squares the error; two or three are typical
             cos, sin = math.cos(point.yaw), math.sin(point.yaw)
             lateral = (north - point.north) * cos - (east - point.east) * sin
             along = (east - point.east) * cos + (north - point.north) * sin
-            # Beyond the centre of curvature there is no foot; the floor keeps the step finite.
+            # No projection exists beyond the centre of curvature; the bound keeps the step finite.
             along /= max(1.0 - point.curvature * lateral, 0.2)
             target = min(max(station + along, low), high)
             if abs(target - station) < 1e-9:
@@ -129,10 +121,10 @@ class SampledPath:
     def _nearest_sample(self, east: float, north: float, low: float, high: float) -> float:
         first = max(0, bisect_left(self._stations, low) - 1)
         last = min(len(self._stations), bisect_right(self._stations, high) + 1)
-        if first >= last:  # the window lies beyond an end
+        if first >= last:  # the window is beyond an end
             return low if first else high
-        aside, ahead = self.east[first:last] - east, self.north[first:last] - north
-        return self._stations[first + int((aside * aside + ahead * ahead).argmin())]
+        dx, dy = self.east[first:last] - east, self.north[first:last] - north
+        return self._stations[first + int((dx * dx + dy * dy).argmin())]
 
 
 _Row = tuple[float, float, float, float, float]
@@ -150,7 +142,7 @@ def _straight_on(row: "array[float]", station: float) -> PathPoint:
 
 
 def _between(rows: "array[float]", station: float) -> PathPoint:
-    """Point between two neighbouring samples: cubic Hermite position, linear yaw and curvature."""
+    """Interpolate between two samples: cubic Hermite position, linear yaw and curvature."""
     start, east, north, yaw, curvature, end, next_east, next_north, next_yaw, next_curvature = rows
     step = end - start
     share = (station - start) / step
@@ -174,10 +166,10 @@ def _between(rows: "array[float]", station: float) -> PathPoint:
 def path_from_segments(
     segments: Sequence[Segment], east: float = 0.0, north: float = 0.0, yaw: float = 0.0
 ) -> SampledPath:
-    """Straights and arcs one after another from (east, north), metres, in direction `yaw` (rad).
+    """Join straights and arcs, from (east, north) (m) in direction `yaw` (rad).
 
-    An arc spline as in the footnote of Section III-A. Samples lie exactly on it. Where the
-    curvature changes, it changes within the last millimetre before the corner.
+    An arc spline as in the footnote of Section III-A, with exact samples. A curvature changes
+    within the last millimetre of its segment.
     """
     if not segments:
         raise ValueError("a path needs at least one segment")
@@ -185,7 +177,7 @@ def path_from_segments(
     rows: list[_Row] = []
     for segment in segments:
         if not (math.isfinite(segment.curvature) and 2 * _CORNER < segment.length < math.inf):
-            raise ValueError(f"not a segment of a path: {segment}")
+            raise ValueError(f"invalid segment of a path: {segment}")
         count = math.ceil(segment.length / SAMPLING)
         distances = [segment.length * index / count for index in range(count)]
         distances.append(segment.length - _CORNER)  # the end belongs to the next segment
@@ -196,7 +188,7 @@ def path_from_segments(
 
 
 def _along(start: _Row, curvature: float, distance: float) -> _Row:
-    """Sample `distance` (m) along the arc that leaves `start` with `curvature` (1/m)."""
+    """Sample `distance` (m) along the arc of `curvature` (1/m) from `start`."""
     station, east, north, yaw, _ = start
     half = 0.5 * curvature * distance
     chord = distance * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)

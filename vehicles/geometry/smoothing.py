@@ -1,11 +1,11 @@
-"""Paths that can be driven from recorded points.
+"""Paths from recorded points.
 
-Recorded points are noisy, unevenly spaced, and repeat where the car stood. They are merged to at
-most one per MERGE_DISTANCE, or per three standard deviations of their noise, their holes are filled
-(see `bridges`), and they are placed along their chord length t; x(t) and y(t) are smoothed by local
-cubics every 0.25 m. Station, yaw and curvature are those of the circular arcs through the smoothed
-points, not the cubics' own derivatives: so the three agree with the positions, and a vehicle that
-steers by yaw and curvature stays on the points.
+Recorded points are noisy, unevenly spaced, and repeated where the car stood. They are merged to at
+most one per MERGE_DISTANCE, or per three standard deviations of their noise, and their holes are
+filled (see `bridges`). x(t) and y(t), t being the chord length, are smoothed by local cubics every
+0.25 m. Station, yaw and curvature are those of circular arcs through the smoothed points, not the
+cubics' derivatives. So they are consistent with the positions, and a vehicle that steers by yaw and
+curvature stays on the points.
 """
 
 import math
@@ -20,27 +20,27 @@ from vehicles.geometry.local_regression import cubic_weights, local_cubic
 from vehicles.geometry.sampled_path import SAMPLING, FloatArray, SampledPath
 
 MERGE_DISTANCE = 0.25
-"""Consecutive points within this distance (m) of the first of them count as one, their mean."""
+"""Consecutive points within this distance (m) of the first one are merged to their mean."""
 
 MERGED_NOISE = 3.0
-"""Points within this many standard deviations of their noise also count as one: closer
-points seem to run to and fro."""
+"""Points within this many standard deviations of their noise are also merged: closer points seem
+to move back and forth."""
 
 MIN_POINTS = 8
-"""Least number of distinct points of a path."""
+"""Minimum number of distinct points of a path."""
 
 CLOSING_DISTANCE = 10.0
-"""A closed drive comes back to within this distance (m) of its first point."""
+"""A closed drive returns to within this distance (m) of its first point."""
 
 SEAM_BLEND = 20.0
-"""Distance (m) to either side of the seam over which the ends of a closed drive are joined."""
+"""Distance (m) on either side of the seam over which the ends of a closed drive are blended."""
 
 MIN_PROGRESS = 0.5
-"""Where the smoothed curve advances by less than this per metre of points, they double back."""
+"""Points double back where the smoothed curve advances by less than this per metre of points."""
 
 
 class NoPathError(ValueError):
-    """Points that make no path; `point` is the number of the one at fault, from 0."""
+    """Points that do not form a path; `point` is the index of the cause."""
 
     def __init__(self, text: str, point: int) -> None:
         super().__init__(text)
@@ -49,7 +49,7 @@ class NoPathError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Hole:
-    """A hole in a recorded drive (Section V-D): the point before it, from 0, and its length (m)."""
+    """A hole in a recorded drive (Section V-D): index of the point before it, and length (m)."""
 
     point: int
     length: float
@@ -57,16 +57,17 @@ class Hole:
 
 @dataclass(frozen=True, slots=True)
 class SmoothedPath:
-    """A path and its distances (m) from the points it was made of, such as a run of Section V-D.
+    """A path and its deviations (m) from its source points, such as a run of Section V-D.
 
-    `deviation_rms` is at the points. `deviation_max` also covers the stretches between them: from
-    the cubic through four points in a row, and in a hole, of which `holes` has the bridged ones,
-    from its filling. `noise` is the standard deviation of the points' white noise (m, per axis).
+    `deviation_rms` is at the points. `deviation_max` also covers the sections between them: the
+    distance from the cubic through four successive points, or in a hole from its filling. `holes`
+    lists the filled holes. `noise` is the standard deviation of the points' white noise (m, per
+    axis).
 
-    `stations` are those of the given points, in their order and up to `points_used`: of a closed
-    drive, points past its start belong to the next lap and are left out. `start` is the station of
-    the first point, which is the length of the lead-in, and `lap_length` that of one lap of a
-    closed path, of the whole record otherwise (m).
+    `stations` are those of the first `points_used` points; points of a closed drive past its start
+    belong to the next lap and are not used. `start` (m) is the station of the first point, the
+    length of the lead-in. `lap_length` (m) is that of one lap of a closed path, else of the whole
+    record.
     """
 
     path: SampledPath
@@ -82,10 +83,7 @@ class SmoothedPath:
 
 @dataclass(frozen=True, slots=True)
 class _Record:
-    """Distinct points at chord lengths t (m): `points` is x and y (m), shape (2, n).
-
-    Their course ends at t = `end` (m).
-    """
+    """Distinct points x, y (m), shape (2, n), at chord lengths t (m), which end at `end` (m)."""
 
     t: FloatArray
     points: FloatArray
@@ -94,7 +92,7 @@ class _Record:
 
 @dataclass(frozen=True, slots=True)
 class _MergedPoints:
-    """The record of the merged points, and the number in it of each given point."""
+    """The record of the merged points, and the index in it of each given point."""
 
     record: _Record
     numbers: NDArray[np.int64]
@@ -112,15 +110,15 @@ def smooth_path(
     lead_in: float = 0.0,
     noise: float = 0.0,
 ) -> SmoothedPath:
-    """Make recorded points (m) into a path by local regression; see the module for the smoothing.
+    """Make a path from recorded points (m) by local regression; see the module for the method.
 
-    `half_width` (m) is the reach of the regression. As wide as the tightest radius it moves the
-    path inwards by 0.1 % of that; wider removes more noise: of white noise of s (m) in points d (m)
-    apart, s * 20 d^0.5 / half_width^2.5 is left in the curvature (1/m). A `closed` drive has `laps`
-    laps, its ends joined evenly over SEAM_BLEND. The assumed noise is at least `noise` (m, standard
-    deviation per axis). `lead_in` (m) is a straight before the first point, along the path's
-    direction there, and smoothed with it so that the curvature has no step; only lap one has it.
-    Raises ValueError if the points make no path, NoPathError where one point is at fault.
+    `half_width` (m) is the reach of the regression. If it equals the smallest radius, the path
+    moves inwards by 0.1 % of that radius. A wider one removes more noise: white noise s (m) in
+    points d (m) apart causes noise of s * 20 d^0.5 / half_width^2.5 in the curvature (1/m). A
+    `closed` drive has `laps` laps, whose ends are blended over SEAM_BLEND. The assumed noise is at
+    least `noise` (m, standard deviation per axis). `lead_in` (m) is a straight before the first
+    point of lap one, smoothed with the path so that the curvature has no step. Raises ValueError if
+    the points do not form a path, and NoPathError if a single point is the cause.
     """
     given_x, given_y = np.asarray(east, dtype=float), np.asarray(north, dtype=float)
     _check(given_x, given_y, half_width, laps, lead_in)
@@ -132,11 +130,11 @@ def smooth_path(
     cells = math.ceil(record.end / SAMPLING)
     grid = record.end * np.arange(cells * (laps if closed else 1) + 1) / cells
     data = _unrolled(record, laps) if closed else record
-    begun = 0
+    lead_in_cells = 0
     if lead_in > 0.0:
         data = _led_in(data, half_width, lead_in)
-        begun = math.ceil(lead_in / SAMPLING)
-        grid = np.concatenate((lead_in * np.arange(-begun, 0) / begun, grid))
+        lead_in_cells = math.ceil(lead_in / SAMPLING)
+        grid = np.concatenate((lead_in * np.arange(-lead_in_cells, 0) / lead_in_cells, grid))
     smoothed = local_cubic(data.t, data.points, grid, half_width)
     _check_progress(smoothed, grid, record.t[numbers[:used]])
     path = _path(smoothed)
@@ -149,23 +147,23 @@ def smooth_path(
         deviation_max=float(max(np.max(np.abs(offsets)), np.max(np.abs(between), initial=0.0))),
         points_used=used,
         stations=stations,
-        start=float(path.station[begun]),
-        lap_length=float(path.station[begun + cells] - path.station[begun]),
+        start=float(path.station[lead_in_cells]),
+        lap_length=float(path.station[lead_in_cells + cells] - path.station[lead_in_cells]),
         holes=tuple(hole for hole in merged.holes if hole.point < used - 1),
         noise=merged.noise,
     )
 
 
 def _offsets(path: SampledPath, points: FloatArray, stations: FloatArray) -> FloatArray:
-    """Offset (m) of each of `points` (2, n) from the path, sought near its station (m)."""
+    """Offset (m) of each of `points` (2, n) from the path, near its station (m)."""
     rows = zip(*points.tolist(), stations.tolist(), strict=True)
     return np.array([path.project(x, y, near).lateral for x, y, near in rows])
 
 
 def _between(record: _Record, stations: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Points (2, m) halfway between those of the record, on cubics, and their stations (m).
+    """Points (2, m) halfway between widely spaced points, on cubics, and their stations (m).
 
-    `stations` are those of the record's points. Only where points are more than a sample apart.
+    `stations` are those of the record's points.
     """
     t, points = record.t, record.points
     if t.size < 4:
@@ -181,7 +179,7 @@ def _between(record: _Record, stations: FloatArray) -> tuple[FloatArray, FloatAr
 
 def _check(x: FloatArray, y: FloatArray, half_width: float, laps: int, lead_in: float) -> None:
     if x.ndim != 1 or x.shape != y.shape:
-        raise ValueError("a path needs as many east as north coordinates")
+        raise ValueError("a path needs equal numbers of east and north coordinates")
     if not (np.isfinite(x).all() and np.isfinite(y).all()):
         raise ValueError("a path needs finite coordinates")
     if not 0.0 < half_width < math.inf:
@@ -193,49 +191,50 @@ def _check(x: FloatArray, y: FloatArray, half_width: float, laps: int, lead_in: 
 
 
 def _merged(x: FloatArray, y: FloatArray, half_width: float, noise: float) -> _MergedPoints:
-    """Merge the given points to distinct ones and fill the holes between those."""
+    """Merge the given points to distinct ones and fill the holes."""
     group: list[int] = []
     at_x, at_y = math.inf, math.inf
     noise = max(noise, noise_deviation(np.stack((x, y))))
     distance = max(MERGE_DISTANCE, MERGED_NOISE * noise)
-    # Means of five measure the progress of noisy points, so a single outlier begins no new point.
+    # Means of five: a single outlier among noisy points must not begin a new point.
     means = (x, y) if distance == MERGE_DISTANCE else (_of_five(x), _of_five(y))
     moved = np.append(math.inf, step_lengths(np.stack((x, y)))) > 0.0
     for px, py, left in zip(means[0].tolist(), means[1].tolist(), moved.tolist(), strict=False):
-        fresh = left and not math.hypot(px - at_x, py - at_y) <= distance
-        if fresh:
+        is_new = left and not math.hypot(px - at_x, py - at_y) <= distance
+        if is_new:
             at_x, at_y = px, py
-        group.append((group[-1] if group else -1) + fresh)
+        group.append((group[-1] if group else -1) + is_new)
     members = np.array(group, dtype=np.int64)
     count = np.bincount(members)
     if count.size < MIN_POINTS:
         raise ValueError(
-            f"a path needs at least {MIN_POINTS} points {distance:.3g} m apart, "
-            f"there are {count.size}"
+            f"a path needs at least {MIN_POINTS} points {distance:.3g} m apart, found {count.size}"
         )
     points = np.stack((np.bincount(members, x), np.bincount(members, y))) / count
     last_of = np.cumsum(count) - 1
     try:
-        whole = fill_holes(points, half_width)
+        filled = fill_holes(points, half_width)
     except UnbridgedError as error:
         raise NoPathError(str(error), int(last_of[error.before])) from error
     steps = step_lengths(points)
-    holes = tuple(Hole(int(last_of[k]), float(steps[k])) for k in whole.holes)
-    t = np.concatenate((np.zeros(1), np.cumsum(step_lengths(whole.points))))
-    return _MergedPoints(_Record(t, whole.points, float(t[-1])), whole.given[members], holes, noise)
+    holes = tuple(Hole(int(last_of[k]), float(steps[k])) for k in filled.holes)
+    t = np.concatenate((np.zeros(1), np.cumsum(step_lengths(filled.points))))
+    return _MergedPoints(
+        _Record(t, filled.points, float(t[-1])), filled.indices[members], holes, noise
+    )
 
 
 def _of_five(values: FloatArray) -> FloatArray:
-    """Mean of each value with two to either side."""
+    """Mean of each value and two on either side."""
     padded = np.pad(values, 2, mode="edge")
     return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 5).mean(axis=1))
 
 
 def _closed(record: _Record, half_width: float) -> _Record:
-    """Cut one lap out of a drive that comes back to its start.
+    """Cut one lap out of a drive that returns to its start.
 
-    The lap ends where the drive crosses the line through its first point, square to its direction
-    there; the sideways gap is divided between both ends.
+    The lap ends where the drive crosses the line through its first point, perpendicular to its
+    direction there. The lateral offset is divided between both ends.
     """
     t, points = record.t, record.points
     _, (tx, ty) = _start(record, half_width)
@@ -245,7 +244,7 @@ def _closed(record: _Record, half_width: float) -> _Record:
     near = gap <= CLOSING_DISTANCE
     away = int(np.argmin(near))
     crossing = (along[:-1] < 0.0) & (along[1:] >= 0.0)
-    crossing &= np.diff(along) > 0.5 * np.diff(t)  # within 60 deg of the direction at the start
+    crossing &= np.diff(along) > 0.5 * np.diff(t)  # within 60 deg of the initial direction
     shares = np.clip(-along[:-1] / np.where(crossing, np.diff(along), 1.0), 0.0, 1.0)
     crossing &= np.abs(aside[:-1] + shares * np.diff(aside)) <= CLOSING_DISTANCE
     crossed = np.flatnonzero(crossing[away:])
@@ -265,7 +264,7 @@ def _closed(record: _Record, half_width: float) -> _Record:
 
 
 def _ramp(u: FloatArray) -> FloatArray:
-    """0 below 0, 1 above 1, smooth between."""
+    """Smoothstep: 0 below 0, 1 above 1."""
     u = np.clip(u, 0.0, 1.0)
     return u * u * (3.0 - 2.0 * u)
 
@@ -278,7 +277,7 @@ def _unrolled(record: _Record, laps: int) -> _Record:
 
 
 def _led_in(record: _Record, half_width: float, length: float) -> _Record:
-    """Replace what is before t = 0 by points on the tangent there, about as dense as the record."""
+    """Replace the points before t = 0 by points on the tangent, about as dense as the record."""
     origin, tangent = _start(record, half_width)
     kept = record.t >= 0.0
     t, points = record.t[kept], record.points[:, kept]
@@ -297,16 +296,16 @@ def _start(record: _Record, half_width: float) -> tuple[_Pair, _Pair]:
     """Smoothed position (m) and direction (unit vector) at t = 0."""
     places = np.array((0.0, SAMPLING, 2.0 * SAMPLING))
     (x0, x1, x2), (y0, y1, y2) = local_cubic(record.t, record.points, places, half_width).tolist()
-    # One-sided difference of second order: there may be no points before t = 0.
+    # One-sided second-order difference: there may be no points before t = 0.
     dx, dy = 4.0 * x1 - x2 - 3.0 * x0, 4.0 * y1 - y2 - 3.0 * y0
     norm = math.hypot(dx, dy)
     return (x0, y0), (dx / norm, dy / norm)
 
 
 def _check_progress(points: FloatArray, t: FloatArray, given: FloatArray) -> None:
-    """Raise NoPathError where smoothed points (2, m) at `t` (m,) come to a halt or turn back.
+    """Raise NoPathError where smoothed points (2, m) at `t` (m,) stop or double back.
 
-    `given` (n,) are the places t of the given points.
+    `given` (n,) are the chord lengths t of the given points.
     """
     progress = step_lengths(points) / np.diff(t)
     slowest = int(np.argmin(progress))
@@ -317,14 +316,14 @@ def _check_progress(points: FloatArray, t: FloatArray, given: FloatArray) -> Non
 
 
 def _path(points: FloatArray) -> SampledPath:
-    """Join smoothed points (2, m) by arcs: a path's station, yaw and curvature."""
+    """Join smoothed points (2, m) by arcs, which define station, yaw and curvature."""
     x, y = points
     steps = np.diff(points)
     chords = step_lengths(points)
     course = [math.atan2(steps[1, 0], steps[0, 0])]
     for dx, dy in zip(steps[0, 1:].tolist(), steps[1, 1:].tolist(), strict=True):
         course.append(course[-1] + wrap_angle(math.atan2(dy, dx) - course[-1]))
-    # A chord's course is the yaw halfway along it: turns are differences of courses, yaws means.
+    # The course of a chord is the yaw at its middle: turns are differences of courses.
     turns = np.diff(course)
     turns = np.concatenate((turns[:1], turns, turns[-1:]))
     halves = 0.5 * (turns[1:] + turns[:-1])

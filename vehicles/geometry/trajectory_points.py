@@ -13,10 +13,10 @@ LONGEST_M: Final = 1000.0
 def points_along(
     trajectory: CompositeTrajectory, spacing_m: float
 ) -> list[tuple[float, float, float]]:
-    """List points (east_m, north_m, yaw_rad) along the arcs and clothoids, ends included.
+    """List points (east_m, north_m, yaw_rad) along the arcs and clothoids, including both ends.
 
-    Neighbours are at most `spacing_m` apart and pieces share the point where they meet. Skips
-    pieces with values that are not finite: the message may come from any sender.
+    Neighbours are at most `spacing_m` apart, and pieces share their common point. Skips pieces
+    with values that are not finite, as the message may be from any sender.
     """
     points: list[tuple[float, float, float]] = []
     left = LONGEST_M
@@ -34,15 +34,15 @@ def points_along(
         east, north, yaw, curvature, rate, length = piece
         length = max(0.0, min(length, left))
         left -= length
-        forward, aside = math.cos(yaw), math.sin(yaw)
+        cos_yaw, sin_yaw = math.cos(yaw), math.sin(yaw)
         steps = max(1, math.ceil(length / spacing_m))
         for step in range(1 if points else 0, steps + 1):
             along = length * step / steps
-            on, by = _chord(curvature, rate, along)
+            ahead, aside = _chord(curvature, rate, along)
             points.append(
                 (
-                    east + on * forward - by * aside,
-                    north + on * aside + by * forward,
+                    east + ahead * cos_yaw - aside * sin_yaw,
+                    north + ahead * sin_yaw + aside * cos_yaw,
                     yaw + along * (curvature + 0.5 * rate * along),
                 )
             )
@@ -50,9 +50,9 @@ def points_along(
 
 
 def _chord(curvature: float, rate: float, along: float) -> tuple[float, float]:
-    """Place after `along` (m) of a piece, seen from its start; exact on arcs of any length.
+    """Point `along` (m) after the start of a piece, in the frame of the start; exact for arcs.
 
-    The chord to length s along an arc of curvature κ has the direction κs/2 and the length
+    The chord of an arc of length s and curvature κ has the direction κs/2 and the length
     s·sin(κs/2)/(κs/2).
     """
     if rate != 0.0:

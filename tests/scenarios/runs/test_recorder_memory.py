@@ -50,7 +50,7 @@ def record(run: RunLog, first: int, last: int) -> int:
 def test_what_is_kept_of_each_message_is_next_to_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("vehicles.geometry.driven_path.FORGET_EVERY", 50)  # to see it forget
+    monkeypatch.setattr("vehicles.geometry.driven_path.DROP_EVERY", 50)  # to see it forget
     run = open_run(tmp_path / "run")
     tracemalloc.start()
     try:

@@ -71,8 +71,8 @@ def test_an_arc_is_bridged_by_an_arc(  # noqa: PLR0917 - what is drawn
     points = without(noisy(exact, seed=seed), begin, count)
     found = fill_holes(points, 8.0)
     assert found.holes == (begin - 1,)
-    assert np.array_equal(found.points[:, found.given], points)
-    bridge = np.delete(found.points, found.given, axis=1)
+    assert np.array_equal(found.points[:, found.indices], points)
+    bridge = np.delete(found.points, found.indices, axis=1)
     off = np.hypot(*(bridge - centre)) - radius
     # By the noise of the headings of both sides, which grows over the hole.
     assert np.max(np.abs(off)) < 0.05 + 0.004 * length

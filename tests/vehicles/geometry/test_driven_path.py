@@ -442,7 +442,7 @@ def nearest(pose: TruePose, path: Sequence[TruePose]) -> float:
 def test_what_all_followers_have_passed_is_forgotten_and_nothing_changes(
     road: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("vehicles.geometry.driven_path.FORGET_EVERY", 50)
+    monkeypatch.setattr("vehicles.geometry.driven_path.DROP_EVERY", 50)
     path = path_from_segments(SELF_MEETING[road])
     lead = driven(path, every(STEP, 0.0, path.length))
     late, later = (driven(path, every(STEP, 0.0, path.length), vehicle=n) for n in ("v2", "v3"))
@@ -464,7 +464,7 @@ def test_what_all_followers_have_passed_is_forgotten_and_nothing_changes(
 def test_nobody_who_stays_behind_keeps_the_whole_path_known(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("vehicles.geometry.driven_path.FORGET_EVERY", 50)
+    monkeypatch.setattr("vehicles.geometry.driven_path.DROP_EVERY", 50)
     monkeypatch.setattr("vehicles.geometry.driven_path.MAX_CHORDS", 200)
     path = path_from_segments([Segment(1000.0, 0.0)])
     lead = driven(path, every(1.0, 0.0, 1000.0))

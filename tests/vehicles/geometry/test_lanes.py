@@ -1,14 +1,14 @@
 import numpy as np
 import pytest
 
-from vehicles.geometry.lanes import lane_edges, thinned
+from vehicles.geometry.lanes import lane_edges, simplified
 
 ANGLE = np.linspace(0.0, np.pi, 400)
 ARC = 20.0 * np.column_stack([np.cos(ANGLE), np.sin(ANGLE)])
 
 
 def test_a_thinned_path_keeps_its_ends_and_its_course() -> None:
-    few = thinned(ARC[:, 0], ARC[:, 1])
+    few = simplified(ARC[:, 0], ARC[:, 1])
     assert len(few) < 100
     assert np.array_equal(few[[0, -1]], ARC[[0, -1]])
     middles = 0.5 * (few[1:] + few[:-1])
@@ -16,7 +16,7 @@ def test_a_thinned_path_keeps_its_ends_and_its_course() -> None:
 
 
 def test_a_straight_is_cut_at_the_greatest_distance() -> None:
-    few = thinned(np.arange(101.0), np.zeros(101), most=20.0)
+    few = simplified(np.arange(101.0), np.zeros(101), spacing=20.0)
     assert np.diff(few[:, 0]).max() <= 20.0
     assert len(few) <= 8
 

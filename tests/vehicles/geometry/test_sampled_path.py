@@ -170,7 +170,7 @@ def test_impossible_paths_are_refused() -> None:
     with pytest.raises(ValueError, match="at least one segment"):
         path_from_segments([])
     for segment in (Segment(0.0, 0.0), Segment(math.inf, 0.0), Segment(10.0, math.nan)):
-        with pytest.raises(ValueError, match="not a segment"):
+        with pytest.raises(ValueError, match="Segment"):
             path_from_segments([segment])
 
 

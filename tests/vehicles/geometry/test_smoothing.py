@@ -172,7 +172,7 @@ def test_points_that_make_no_path_are_refused_in_one_line() -> None:
         ((x[:5], y[:5], 5.0), "at least 8 points"),
         ((np.zeros(100), np.zeros(100), 5.0), "at least 8 points"),
         (([], [], 5.0), "at least 8 points"),
-        ((x, y[:-1], 5.0), "as many east as north"),
+        ((x, y[:-1], 5.0), "east and north"),
         ((np.where(x > 20.0, np.nan, x), y, 5.0), "finite"),
         ((x, y, 0.0), "half width"),
         ((x, y, math.nan), "half width"),
