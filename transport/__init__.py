@@ -1,4 +1,4 @@
-"""Messages and time between vehicles, the log and the picture.
+"""Messages and clocks of a run, its log and its picture.
 
 topics           the table of topics
 reasons          the table of reasons of unused messages

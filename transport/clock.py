@@ -1,7 +1,7 @@
 """Clocks and the ticks of a run.
 
-Instants are integer nanoseconds of Unix time, spans float seconds. A node receives scheduled
-instants, never a reading of the clock.
+Instants are integer nanoseconds of Unix time, durations are float seconds. A node receives
+scheduled instants, never readings of the clock.
 """
 
 import time
@@ -13,13 +13,13 @@ from typing import Protocol
 from vehicles.schedule import MILLISECOND, SECOND, instants
 
 LATE_SHARE_OF_PERIOD = 0.5
-"""A tick is late when it begins more than this share of a control period after its instant."""
+"""A tick is late if it begins more than this share of a control period after its instant."""
 _LONGEST_SLEEP_NS = 50 * MILLISECOND
 
 
 @dataclass(slots=True)
 class Tick:
-    """One step of the schedule, at instant `at` (ns) and `span_s` seconds before the next."""
+    """One step of the schedule at instant `at` (ns), `span_s` seconds before the next."""
 
     at: int
     span_s: float
@@ -28,28 +28,24 @@ class Tick:
 class Clock(Protocol):
     """Wall or virtual time (ns)."""
 
-    def now(self) -> int:
-        """Present instant."""
+    def now(self) -> int: ...
 
     def wait_until(self, at: int) -> int:
-        """Wait for instant `at` and return by how many ns it has passed.
-
-        Returns early, with a negative number, once the clock is stopped.
-        """
+        """Wait for instant `at` and return the lateness in ns, negative if the clock stopped."""
 
 
 class WallClock:
     """Unix time, read once and continued by the monotonic clock.
 
-    So changes of the system's clock have no effect on a run.
+    Changes of the system clock therefore do not affect a run.
     """
 
     def __init__(
         self, is_stopped: Callable[[], bool] = lambda: False, offset: int | None = None
     ) -> None:
-        """`is_stopped` ends a wait; `offset` (ns) is Unix time less the monotonic clock's.
+        """`is_stopped` ends a wait; `offset` (ns) is Unix time minus monotonic time.
 
-        A process that continues another one takes its offset.
+        A restarted process takes the offset of its predecessor.
         """
         self._is_stopped = is_stopped
         self.offset = time.time_ns() - time.monotonic_ns() if offset is None else offset
@@ -58,7 +54,6 @@ class WallClock:
         return time.monotonic_ns() + self.offset
 
     def wait_until(self, at: int) -> int:
-        """Sleep until `at`; return the lateness in ns, negative when stopped before."""
         # Sleep in slices: a signal handler cannot end an Event.wait() without taking its lock.
         while (remaining := at - self.now()) > 0 and not self._is_stopped():
             time.sleep(min(remaining, _LONGEST_SLEEP_NS) / SECOND)
@@ -66,7 +61,7 @@ class WallClock:
 
 
 class VirtualClock:
-    """Jumps to the instant of each wait, so no tick is late."""
+    """Virtual time: jumps to the instant of each wait, so no tick is late."""
 
     def __init__(self, start_at: int) -> None:
         self._now = start_at
@@ -75,7 +70,6 @@ class VirtualClock:
         return self._now
 
     def wait_until(self, at: int) -> int:
-        """Jump to `at` if it lies ahead; return the lateness in ns."""
         if at > self._now:
             self._now = at
         return self._now - at
@@ -84,25 +78,25 @@ class VirtualClock:
 def ticks(
     start_at: int, end_at: int, *rates_hz: float, more: Iterable[Iterable[int]] = ()
 ) -> Iterator[Tick]:
-    """Yield the union of the instants of all rates; the last span reaches to `end_at`.
+    """Yield the union of the instants of all rates; the last tick lasts until `end_at`.
 
-    `more` are other instants (ns), each series in order, from `start_at` to before `end_at`.
+    `more` are further series of ascending instants (ns), from `start_at` to before `end_at`.
     """
-    each = [instants(start_at, end_at, rate_hz) for rate_hz in rates_hz]
-    each += [iter(one) for one in more]
-    following = [next(one, end_at) for one in each]
+    series = [instants(start_at, end_at, rate_hz) for rate_hz in rates_hz]
+    series += [iter(further) for further in more]
+    following = [next(times, end_at) for times in series]
     at = min(following, default=end_at)
     while at < end_at:
-        for place, one in enumerate(each):
-            while following[place] <= at:
-                following[place] = next(one, end_at)
+        for index, times in enumerate(series):
+            while following[index] <= at:
+                following[index] = next(times, end_at)
         after = min(following)
         yield Tick(at, (after - at) / SECOND)
         at = after
 
 
 def late_threshold(control_rate_hz: float) -> int:
-    """Lateness in ns above which a tick counts as late (10 ms at 50 Hz)."""
+    """Lateness (ns) above which a tick counts as late: 10 ms at 50 Hz."""
     return round(LATE_SHARE_OF_PERIOD * SECOND / control_rate_hz)
 
 
@@ -113,10 +107,9 @@ def poll(
     at_most_s: float = inf,
     sleep: Callable[[float], object] = time.sleep,
 ) -> bool:
-    """Wait until a condition holds; returns False if it does not within `at_most_s`.
+    """Wait until a condition holds; returns False after `at_most_s`.
 
-    For conditions that signal handlers change: a handler must take no lock, so it cannot set an
-    event.
+    For conditions set by signal handlers, which must not take the lock of an event.
     """
     give_up_at = time.monotonic() + at_most_s
     while not holds():

@@ -6,7 +6,7 @@ from typing import Self
 
 
 class Closing(ABC):
-    """Closes itself at the end of a `with`, also when that ends by an exception."""
+    """Closes itself at the end of a `with` block, also after an exception."""
 
     @abstractmethod
     def close(self) -> None:

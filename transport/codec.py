@@ -1,4 +1,4 @@
-"""Bytes from messages and back: Protobuf, with every refusal named."""
+"""Encode messages as Protobuf and decode them; invalid bytes are refused with a reason."""
 
 from dataclasses import MISSING, fields
 from math import isfinite, isinf
@@ -14,11 +14,11 @@ from transport.topics import TOPICS, Topic
 from vehicles.messages import FloatOrNan, Message
 
 MAX_BYTES = 16_384
-"""Largest size of a message; larger ones are refused unread."""
+"""Maximum size of a message; larger ones are refused without being parsed."""
 
 
 class RefusedMessageError(ValueError):
-    """Bytes that are not a valid message of their topic; `reason` is a word of the table."""
+    """Bytes that are not a valid message of their topic; `reason` is one of the table."""
 
     def __init__(self, reason: RefusalReason, detail: str) -> None:
         super().__init__(f"{reason}: {detail}")
@@ -26,7 +26,7 @@ class RefusedMessageError(ValueError):
 
 
 class _Form:
-    """Fields of one message class by kind; its Protobuf message has fields of the same names."""
+    """Fields of one message class by type; the Protobuf message has the same field names."""
 
     def __init__(self, message: type[Message]) -> None:
         self.message: Any = message
@@ -46,7 +46,7 @@ class _Form:
         self.columns_of_numbers = [
             name for name, kind in kinds if name in self.lists and get_args(kind)[0] is float
         ]
-        # Lists whose names begin alike (piece_…, sample_…) are columns of one table.
+        # Lists with a common prefix (piece_…, sample_…) are columns of one table.
         firsts: dict[str, str] = {}
         self.columns = [
             (first, name)
@@ -54,7 +54,7 @@ class _Form:
             if (first := firsts.setdefault(name.partition("_")[0], name)) != name
         ]
         self.defaults = {f.name: f.default for f in fields(message) if f.default is not MISSING}
-        """Values of the fields that a log of an earlier version may lack."""
+        """Values of the fields that earlier logs may lack."""
 
 
 _FORMS = {topic.message: _Form(topic.message) for topic in TOPICS.values()}
@@ -62,7 +62,6 @@ PROTOBUF: dict[type[Message], Any] = {kind: form.protobuf for kind, form in _FOR
 
 
 def encode(message: Message) -> bytes:
-    """Serialise `message` as the Protobuf message of the same name."""
     form = _FORMS[type(message)]
     parsed = form.protobuf(**{name: getattr(message, name) for name in form.fields})
     data: bytes = parsed.SerializeToString()
@@ -70,18 +69,17 @@ def encode(message: Message) -> bytes:
 
 
 def decode(topic: Topic, data: bytes, *, exact: bool = False) -> Message:
-    """Read the message of `topic` from `data`; raises RefusedMessageError with the reason.
+    """Decode a message of `topic`; raises RefusedMessageError with the reason.
 
-    By default logs of every version are read: unknown fields are ignored, and a missing field gets
-    its default, if it has one. With `exact`, for messages from a bus, whose members all have one
-    version, every field is required and no other is allowed: bytes cut between two fields, and
-    those of another message, are refused. So is a number that is not finite, unless its field
-    may be NaN. Control characters in texts are escaped either way, so that they reach no terminal.
+    By default logs of every version are accepted: unknown fields are ignored, and missing fields
+    get their default. With `exact`, for messages from a bus, exactly the current fields are
+    required, because all members have one version; numbers must be finite unless the field may be
+    NaN. Control characters in texts are always escaped, so that they cannot reach a terminal.
     """
     form = _FORMS[topic.message]
     values = _values(form, _parsed(form, data, exact=exact), exact=exact)
     if not values["vehicle"]:
-        raise RefusedMessageError("garbage", "no vehicle is named")
+        raise RefusedMessageError("garbage", "vehicle is empty")
     for name, words in form.words:
         if values[name] not in words:
             raise RefusedMessageError("garbage", f"{name} is {values[name]!r}")
@@ -98,9 +96,9 @@ def decode(topic: Topic, data: bytes, *, exact: bool = False) -> Message:
 
 
 def escaped_bytes(data: bytes, message: Message) -> bytes:
-    """Bytes of `message`, which was read from `data`, with control characters escaped.
+    """Bytes of `message`, decoded from `data`, with control characters in free texts escaped.
 
-    Its vehicle is a known one, so its name had none.
+    The vehicle must be a known one; its name has no control characters.
     """
     for name in _FORMS[type(message)].free_texts:
         if "\\" in getattr(message, name):
@@ -116,18 +114,18 @@ def _parsed(form: _Form, data: bytes, *, exact: bool) -> Any:
     except DecodeError as error:
         raise RefusedMessageError("garbage", f"not a {form.name}") from error
     if exact and len(UnknownFieldSet(parsed)):
-        raise RefusedMessageError("garbage", f"more than a {form.name}")
+        raise RefusedMessageError("garbage", f"unknown fields in a {form.name}")
     return parsed
 
 
 def _values(form: _Form, parsed: Any, *, exact: bool) -> dict[str, Any]:
-    """Values by field; missing ones get their default in a log, else the message is refused."""
+    """Values by field; in a log, missing values get their default."""
     values = {name: getattr(parsed, name) for name in form.fields}
-    # Cut between two fields, or written by another program, bytes can still be valid Protobuf.
+    # Bytes cut between two fields, or of another program, can still be valid Protobuf.
     for name in form.single:
         if not values[name] and not parsed.HasField(name):
             if exact or name not in form.defaults:
-                raise RefusedMessageError("garbage", f"not a whole {form.name}")
+                raise RefusedMessageError("garbage", f"not a complete {form.name}")
             values[name] = form.defaults[name]
     for name in form.lists:
         values[name] = tuple(values[name])
@@ -139,7 +137,7 @@ def _values(form: _Form, parsed: Any, *, exact: bool) -> dict[str, Any]:
 
 
 def _check_numbers(form: _Form, values: dict[str, Any]) -> None:
-    """Raise RefusedMessageError for a number that no vehicle measures."""
+    """Raise RefusedMessageError for numbers that are not finite."""
     for name in form.finite:
         if not isfinite(values[name]):
             raise RefusedMessageError("absurd", f"{name} is {values[name]}")

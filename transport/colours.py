@@ -12,12 +12,12 @@ COLOURS: tuple[Colour, ...] = (
     (0xC9, 0xBB, 0x1E),
     (0x9A, 0x9A, 0x9A),
 )
-"""Of the lead and its followers (after Okabe and Ito), distinct for any colour vision, on dark and
-light backgrounds."""
+"""Colours of the lead and its followers, after Okabe and Ito: distinct for any colour vision, on
+dark and light backgrounds."""
 
 
 def colour_of(place: int) -> Colour:
-    """Colour of the vehicle at `place` of the convoy; after eight they repeat, darker."""
+    """Colour of the vehicle at position `place` in the convoy; after eight they repeat, darker."""
     if place == 0:
         return COLOURS[0]
     round_, place = divmod(place - 1, len(COLOURS) - 1)

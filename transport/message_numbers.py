@@ -7,17 +7,17 @@ from itertools import pairwise
 from typing import Final
 
 MAX_RANGES: Final = 1000
-"""Bound on the ranges of a topic in the record, so that forged numbers take no memory. Beyond it a
-message that comes twice may be recorded twice; none is refused wrongly."""
+"""Maximum number of ranges per topic in the recorder, so that forged numbers take no memory.
+Beyond it duplicates may be recorded; no message is refused wrongly."""
 
 
 class MessageNumbers:
-    """Numbers of one kind of message of one sender, as ranges; they may come in any order."""
+    """Numbers of a sender's messages of one topic, stored as ranges; added in any order."""
 
     def __init__(self, most_ranges: int = sys.maxsize, window: int = sys.maxsize) -> None:
-        """A number that would need one range more than `most_ranges` is counted, but not kept.
+        """Numbers that would exceed `most_ranges` ranges are counted, but not stored.
 
-        Ranges that end `window` or further behind the newest number are forgotten.
+        Ranges that end `window` or more numbers behind the newest one are deleted.
         """
         self._firsts: list[int] = []
         self._lasts: list[int] = []
@@ -63,7 +63,7 @@ class MessageNumbers:
         return self._lasts[-1] if self._lasts else -1
 
     def missing(self, expected: int) -> Iterator[tuple[int, int]]:
-        """Give first and last number of each hole, up to `expected` numbers or the newest."""
+        """Yield (first, last) of each hole, up to `expected` numbers or the newest number."""
         ends = [(-1, -1), *zip(self._firsts, self._lasts, strict=True)]
         ends.append((max(expected, self.newest + 1),) * 2)
         for (_, before), (after, _) in pairwise(ends):

@@ -1,7 +1,7 @@
-"""Reasons for unused poses as a table: links, recorder, figures, picture and reference read it.
+"""Table of the reasons for unused poses; links, recorder, figures, picture and reference read it.
 
-A link drops a message by its verdict, which is logged. Messages that cannot be poses of the run, or
-overflow the receiver's queue, are refused there and counted.
+A link drops messages; its verdicts are logged. A receiver refuses messages that cannot be poses of
+the run or overflow its queue; they are counted.
 """
 
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ DropReason = Literal[
     "queue",
     "corrupted",
 ]
-"""Words of a link that drops a message."""
+"""Reasons of a link for dropping a message."""
 
 RefusalReason = Literal[
     "garbage",
@@ -39,12 +39,12 @@ RefusalReason = Literal[
     "duplicate",
     "overflow",
 ]
-"""Words of a receiver, vehicle or recorder, that refuses a message."""
+"""Reasons of a receiver (vehicle or recorder) for refusing a message."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """One row: a word, its meaning, and whether such a message counts as lost or as late."""
+    """One reason, and whether such messages count as lost or as late."""
 
     word: DropReason | RefusalReason
     counts_as_loss: bool
@@ -53,50 +53,50 @@ class Reason:
 
     @property
     def is_drop(self) -> bool:
-        """Whether a link gives this reason, rather than a receiver."""
+        """Whether links report this reason, not receivers."""
         return self.word in get_args(DropReason)
 
 
 # fmt: off
 _ROWS = (
     #      word               loss   late   meaning
-    Reason("rate",            False, False, "the link's own rate does not carry it"),
+    Reason("rate",            False, False, "skipped: the link's rate is below the sender's"),
     Reason("transmitter_off", True,  False, "the sender's transmitter was off"),
-    Reason("receiver_off",    True,  False, "the receiver's own receiver was off"),
-    Reason("outage",          True,  False, "sent when or where the link carries nothing"),
+    Reason("receiver_off",    True,  False, "the receiver's radio was off"),
+    Reason("outage",          True,  False, "sent during an outage of the link"),
     Reason("cut",             True,  False, "sent while the link was cut by a change to the run"),
-    Reason("loss",            True,  False, "lost on the link"),
-    Reason("burst",           True,  False, "lost by a link that loses several in a row"),
-    Reason("pattern",         True,  False, "lost by its number: listed, every n-th, or on record"),
-    Reason("collision",       True,  False, "sent in a resource that another sender had, too"),
-    Reason("range",           True,  False, "too far, or too weak behind other vehicles"),
-    Reason("queue",           True,  False, "more waited to be sent than the link's queue holds"),
-    Reason("corrupted",       True,  False, "altered on the link, and refused for that"),
-    Reason("garbage",         False, False, "the bytes are no whole message of the topic"),
+    Reason("loss",            True,  False, "lost independently of other messages"),
+    Reason("burst",           True,  False, "lost in a burst (Markov chain)"),
+    Reason("pattern",         True,  False, "lost by its number: listed, every n-th or recorded"),
+    Reason("collision",       True,  False, "radio resource was also used by another sender"),
+    Reason("range",           True,  False, "signal too weak over the distance or behind vehicles"),
+    Reason("queue",           True,  False, "the sender's queue was full"),
+    Reason("corrupted",       True,  False, "altered on the link and refused by the receiver"),
+    Reason("garbage",         False, False, "bytes are not a complete message of the topic"),
     Reason("oversized",       False, False, "larger than any message of the topic"),
-    Reason("unknown",         False, False, "under a key without a subscriber"),
+    Reason("unknown",         False, False, "key without a subscriber"),
     Reason("foreign",         False, False, "names another vehicle than its key"),
-    Reason("reserved",        False, False, "in the recorder's own name"),
-    Reason("absurd",          False, False, "a number that no vehicle measures, or none at all"),
+    Reason("reserved",        False, False, "sent under the recorder's name"),
+    Reason("absurd",          False, False, "a value is out of range or not a number"),
     Reason("far",             False, False, "more than 100 km from the scenario's origin"),
-    Reason("early",           False, False, "measured before the run started"),
+    Reason("early",           False, False, "measured before the start of the run"),
     Reason("past",            False, True,  "measured more than 60 s ago"),
     Reason("future",          False, False, "measured more than 60 s ahead"),
     Reason("sequence",        False, False, "numbered ahead of the sender's schedule"),
-    Reason("duplicate",       False, False, "the number was received before"),
-    Reason("overflow",        False, False, "more than the receiver's queue holds"),
+    Reason("duplicate",       False, False, "number was received before"),
+    Reason("overflow",        False, False, "the receiver's queue was full"),
 )
 # fmt: on
 REASONS: Mapping[str, Reason] = {row.word: row for row in _ROWS}
 
 
 def counts_as_loss(word: str) -> bool:
-    """Whether a message dropped for this reason is lost; so are unknown ones of later logs."""
+    """Whether messages dropped for this reason count as lost; unknown reasons of later logs do."""
     reason = REASONS.get(word)
     return reason is None or reason.counts_as_loss
 
 
 def counts_as_late(word: str) -> bool:
-    """Whether a message refused for this reason came too late."""
+    """Whether messages refused for this reason count as late."""
     reason = REASONS.get(word)
     return reason is not None and reason.counts_as_late

@@ -1,7 +1,7 @@
-"""Batches of messages for log and picture alone, from several ticks.
+"""Batches of messages that only the log and the picture need, from several ticks.
 
-Each message on the wire has a constant cost: two hundred a second and vehicle are too many for
-forty vehicles. A batch holds the unchanged bytes of each message.
+Each message on the wire has a constant cost; 200 messages per second and vehicle are too many for
+40 vehicles. A batch holds the unchanged bytes of each message.
 """
 
 from collections.abc import Iterable, Iterator
@@ -14,7 +14,7 @@ from transport.convoy_pb2 import Records
 from transport.topics import TOPICS
 
 MAX_RECORDS_BYTES = 65_535
-"""Largest size of a batch; larger ones are refused unread."""
+"""Maximum size of a batch; larger ones are refused without being parsed."""
 _HEAD_BYTES = 48
 """Upper bound on the bytes of a record without its message."""
 
@@ -22,7 +22,7 @@ _BATCHED = frozenset([topic.name for topic in TOPICS.values() if topic.batched])
 
 
 class BatchRecord(NamedTuple):
-    """A message in a batch: its topic, the instant (ns) at which it was valid, and its bytes."""
+    """A message in a batch: topic, instant of validity (ns) and bytes."""
 
     topic: str
     at: int
@@ -30,12 +30,12 @@ class BatchRecord(NamedTuple):
 
 
 def records_key(vehicle: str) -> str:
-    """Zenoh key expression of a vehicle's batches."""
+    """Zenoh key of a vehicle's batches."""
     return f"convoy/{vehicle}/records"
 
 
 def packed(records: Iterable[BatchRecord]) -> Iterator[bytes]:
-    """Yield batches of at most `MAX_RECORDS_BYTES` with all records, in order."""
+    """Yield batches of at most `MAX_RECORDS_BYTES` with all records in order."""
     batch, size = Records(), 0
     for topic, at, data in records:
         if size + len(data) + _HEAD_BYTES > MAX_RECORDS_BYTES:
@@ -48,9 +48,9 @@ def packed(records: Iterable[BatchRecord]) -> Iterator[bytes]:
 
 
 def unpacked(data: bytes) -> list[BatchRecord]:
-    """Records of a batch, with undecoded messages; raises RefusedMessageError for other bytes.
+    """Records of a batch, messages not decoded; raises RefusedMessageError for invalid bytes.
 
-    An invalid record gets an empty topic, so that it is refused alone.
+    Invalid records get an empty topic, so that they are refused one by one.
     """
     if len(data) > MAX_RECORDS_BYTES:
         raise RefusedMessageError("oversized", f"{len(data)} bytes, at most {MAX_RECORDS_BYTES}")

@@ -1,13 +1,13 @@
-"""Escaping of foreign texts for terminals and lines of the log."""
+"""Escape texts of other programs for terminals and log lines."""
 
 from unicodedata import category
 
 _CONTROL = {"Cc", "Cf", "Zl", "Zp"}
-"""Unicode categories of characters that control how text is displayed."""
+"""Unicode categories of control and formatting characters and line separators."""
 
 
 def printable(text: str) -> str:
-    """Escape control characters of terminals and writing directions, and line ends."""
+    """Escape control characters, writing directions and line ends."""
     if text.isprintable():
         return text
     return "".join(

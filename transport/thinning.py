@@ -6,9 +6,9 @@ from vehicles.schedule import SECOND
 
 
 class Thinning:
-    """Keeps of each vehicle's topic the first message in every period, by its valid instant.
+    """Keeps the first message per period of each vehicle and topic.
 
-    `rates_hz` are the highest rates by topic; with 0 no message is kept, without a rate all are.
+    `rates_hz` are the maximum rates by topic: 0 keeps no message, a missing rate keeps all.
     """
 
     def __init__(self, rates_hz: Mapping[str, float]) -> None:
@@ -22,7 +22,7 @@ class Thinning:
         return self._periods.get(topic) == 0
 
     def keeps(self, topic: str, vehicle: str, valid_at: int) -> bool:
-        """Whether to keep a message that was valid at an instant (ns); they come in order."""
+        """Whether to keep a message that was valid at an instant (ns); call in order of time."""
         period = self._periods.get(topic)
         if period is None:
             return True

@@ -104,7 +104,7 @@ def test_zeros_are_sent_and_are_not_taken_for_nothing() -> None:
     start = RunStart(vehicle="run", seq=0, start_at_ns=0, run_id="")
     assert decode(TOPICS["start"], encode(start)) == start
     lacking = PROTOBUF[RunStart](vehicle="run", start_at_ns=0, run_id="")
-    with pytest.raises(RefusedMessageError, match="whole"):
+    with pytest.raises(RefusedMessageError, match=r"garbage.*RunStart"):
         decode(TOPICS["start"], lacking.SerializeToString())
 
 
@@ -112,7 +112,7 @@ def test_fields_of_a_later_version_are_passed_over() -> None:
     start = RunStart(vehicle="run", seq=1, start_at_ns=2, run_id="x")
     later = bytes([15 << 3 | 1]) + struct.pack("<d", 1.5)
     assert decode(TOPICS["start"], encode(start) + later) == start
-    with pytest.raises(RefusedMessageError, match="more than a RunStart"):
+    with pytest.raises(RefusedMessageError, match=r"garbage.*RunStart"):
         decode(TOPICS["start"], encode(start) + later, exact=True)
 
 

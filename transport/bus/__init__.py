@@ -1,7 +1,7 @@
 """Publish and subscribe bytes by key.
 
-bus             what every bus does, and how it fails
-zenoh_bus       over Zenoh, and its router
+bus             interface of a bus
+zenoh_bus       bus over Zenoh, and the router
 zenoh_options   Zenoh's usual flags and the convoy's defaults
-memory_bus      within one process, in virtual time and in tests
+memory_bus      bus within one process, for virtual time and tests
 """

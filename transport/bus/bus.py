@@ -1,4 +1,4 @@
-"""The interface of a bus, which carries bytes between the vehicles of a convoy."""
+"""Interface of a bus, which carries bytes between the processes of a convoy."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,19 +6,19 @@ from types import TracebackType
 from typing import Protocol, Self
 
 Handler = Callable[[str, bytes], None]
-"""Takes a message's key and payload, on a thread of the bus; must be quick and never raise."""
+"""Takes the key and payload of a message, on a thread of the bus; must be quick and never raise."""
 Fetch = Callable[[], bool]
-"""Passes collected messages to a handler; returns whether some may have been lost."""
+"""Passes collected messages to a handler; returns whether some may have been dropped."""
 
 
 @dataclass(frozen=True, slots=True)
 class Member:
-    """A process that takes part in a run, as it announces itself.
+    """A process that takes part in a run, as announced.
 
     role         vehicle or recorder
-    name         the vehicle's name
+    name         name of the vehicle
     fingerprint  identifies the run, as one chunk of a key
-    session      identifier of its bus, which distinguishes two of the same name
+    session      identifier of the bus, which distinguishes processes of the same name
     """
 
     role: str
@@ -30,31 +30,31 @@ class Member:
 Answer = Callable[[bytes], bytes]
 """Answers a query, on a thread of the bus; must be quick and never raise."""
 AliveHandler = Callable[[Member, bool], None]
-"""Takes a member and whether it is alive; may be called twice with the same."""
+"""Takes a member and whether it is alive; may be called twice with the same arguments."""
 
 
 class BusError(Exception):
-    """A request that the bus cannot fulfil, in one line: what, where, and what is allowed."""
+    """A failure of the bus, in one line."""
 
 
 class Bus(Protocol):
-    """Publishes and subscribes bytes by key, and reports which members are alive."""
+    """Publishes bytes by key, subscribes to them, and reports which members are alive."""
 
     @property
     def zid(self) -> str:
         """Unique identifier of this session."""
 
     def publish(self, key: str, data: bytes, *, urgent: bool = False) -> None:
-        """Send `data` under `key`; never blocks for a slow or absent receiver."""
+        """Send `data` under `key`; never blocks for slow or absent receivers."""
 
     def subscribe(self, key_expression: str, handler: Handler) -> None:
-        """Call `handler` for every message whose key matches (`*` one chunk, `**` any tail)."""
+        """Call `handler` for every message whose key matches: `*` one chunk, `**` any tail."""
 
     def collect(self, key: str, handler: Handler, most: int) -> Fetch:
-        """Keep the newest `most` messages under `key` until they are fetched.
+        """Buffer the newest `most` messages under `key` until they are fetched.
 
-        The returned function passes them to `handler`, on the thread that calls it, and returns
-        whether some may have been lost because more came.
+        The returned function passes them to `handler`, on the calling thread, and returns whether
+        some may have been dropped because the buffer was full.
         """
 
     def connected(self) -> bool:
@@ -64,19 +64,19 @@ class Bus(Protocol):
         """Answer each query for `key`, until this bus closes."""
 
     def query(self, key: str, timeout_s: float, payload: bytes = b"") -> bytes | None:
-        """Answer to a query for `key`; None without an answer in time."""
+        """Answer to a query for `key`; None after `timeout_s` without an answer."""
 
     def announce(self, role: str, name: str, fingerprint: str) -> None:
-        """Announce a member as alive, until this bus closes or its process ends."""
+        """Announce a member as alive until this bus closes or its process ends."""
 
     def watch(self, handler: AliveHandler) -> None:
         """Call `handler` for every member alive now, and at every change."""
 
     def members(self) -> set[Member]:
-        """Members alive now; only for sessions that do not `watch` yet."""
+        """Members alive now; only for sessions that have not called `watch`."""
 
     def close(self) -> None:
-        """Deliver what was published, then leave the network."""
+        """Deliver pending publications, then leave the network."""
 
     def __enter__(self) -> Self: ...
 

@@ -1,4 +1,4 @@
-"""A bus within one process: synchronous and deterministic, for virtual time and for tests."""
+"""Bus within one process, synchronous and deterministic, for virtual time and tests."""
 
 from collections import deque
 from itertools import count
@@ -8,9 +8,9 @@ from transport.closing import Closing
 
 
 def matches(key_expression: str, key: str) -> bool:
-    """Whether `key` matches: `*` one chunk, a `**` at the end any number of chunks.
+    """Whether `key` matches: `*` one chunk, `**` at the end any number of chunks.
 
-    As in Zenoh neither matches a chunk that begins with `@`.
+    As in Zenoh, neither matches chunks that begin with `@`.
     """
     wanted, chunks = key_expression.split("/"), key.split("/")
     if wanted[-1] == "**":
@@ -25,7 +25,7 @@ def matches(key_expression: str, key: str) -> bool:
 
 
 class MemoryNetwork:
-    """Shared by the memory buses of one process: their subscriptions, and the members alive."""
+    """Subscriptions and members of the memory buses of one process."""
 
     def __init__(self) -> None:
         self._subscriptions: list[tuple[object, str, Handler]] = []
@@ -43,7 +43,7 @@ class MemoryNetwork:
         return f"{next(self._sessions):x}"
 
     def publish(self, key: str, data: bytes) -> None:
-        """Deliver `data` to every subscription of `key`, in the order of subscription."""
+        """Deliver `data` to every matching subscription, in the order of subscription."""
         route = self._routes.get(key)
         if route is None:
             route = tuple(h for _, wanted, h in self._subscriptions if matches(wanted, key))
@@ -87,7 +87,7 @@ class MemoryNetwork:
 
 
 class MemoryBus(Closing):
-    """A bus (`transport.bus.bus.Bus`) of a `MemoryNetwork`, by default one of its own."""
+    """A bus (`transport.bus.bus.Bus`) on a `MemoryNetwork`, by default on a new one."""
 
     def __init__(self, network: MemoryNetwork | None = None) -> None:
         self._network = network or MemoryNetwork()

@@ -1,7 +1,7 @@
-"""The bus over Eclipse Zenoh; no other module imports it.
+"""The bus over Eclipse Zenoh, the only module that imports zenoh.
 
-A star is the ordinary shape: one router and every process a client of it. A router does not
-forward between two peers, so peers need each other's endpoints (or gossip through a third).
+Usually all processes are clients of one router. A router does not forward between two peers, so
+peers need each other's endpoints, or gossip through a third peer.
 """
 
 import json
@@ -32,27 +32,28 @@ __all__ = [
 ]
 
 FLUSH_S = 1.0
-"""Longest wait at closing until the router has received all publications."""
+"""Maximum wait at closing for the router to receive all publications."""
 
 ALL_MEMBERS = alive_key("*", "*", "*", "*")
-"""Matches the tokens of all members."""
+"""Matches the liveliness tokens of all members."""
 MEMBERS_S = 2.0
-"""Time limit (s) of the query for members."""
+"""Timeout of the query for members."""
 
 _LOG_FILTER = "error,zenoh::api::session=off"
-"""Zenoh's default log filter, unless RUST_LOG is set. Its sessions log errors about messages that
-arrive while they close."""
+"""Zenoh's log filter, unless RUST_LOG is set. Sessions log errors for messages that arrive while
+they close."""
 _URGENT = zenoh.Priority.DATA_HIGH
 _SLICE_S = 1.0
 _SETTLE_S = 0.01
-"""`connected()` is False within 3 ms after a lost router makes members seem dead (measured)."""
+"""After the loss of the router all tokens disappear, and `connected()` is False within 3 ms
+(measured)."""
 
 _ONE_THREAD = (
     "(app: (worker_threads: 1), acc: (handover: app), tx: (handover: app), "
     "rx: (handover: app), net: (handover: app))"
 )
-"""By default Zenoh has a thread for each of its tasks, and two to receive. In forty processes on 2
-cores five times more ticks are late with them (measured)."""
+"""All tasks of Zenoh on one thread: with its default of a thread per task, five times as many ticks
+are late in forty processes on two cores (measured)."""
 
 logger = logging.getLogger(__name__)
 _SOURCE_LINE = re.compile(r" at /\S+?\.rs:\d+\.?")
@@ -69,40 +70,40 @@ class ZenohBus(Closing):
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
         self._publishers: dict[tuple[str, bool], zenoh.Publisher] = {}
-        self._declared: list[object] = []  # a subscriber or token ends when it is deleted
+        self._declared: list[object] = []  # subscribers and tokens end when they are deleted
         self._announced: set[str] = set()
         self._published = False
         self.close_timeout_s = FLUSH_S
         self.zid = str(session.zid())  # as Zenoh's own tools print it
 
     def connected(self) -> bool:
-        """Whether a router or peer is linked; after a lost router every member is reported dead."""
+        """Whether a router or peer is linked; on the loss of the router all members disappear."""
         return bool(self._session.info.transports())
 
     def publish(self, key: str, data: bytes, *, urgent: bool = False) -> None:
         publisher = self._publishers.get((key, urgent))
         if publisher is None:
             publisher = self._publishers[key, urgent] = self._declare(key, urgent=urgent)
-        try:  # a context manager costs too much at 200 messages a second
+        try:  # not _as_bus_error, which is too slow for 200 messages a second
             publisher.put(data)
         except zenoh.ZError as error:
             raise BusError(f"cannot publish {key}: {_reason(error)}") from None
         self._published = True
 
     def subscribe(self, key_expression: str, handler: Handler) -> None:
-        """Call `handler`, on a thread of its own, for every message whose key matches."""
+        """Call `handler` for every matching message, on a thread of Zenoh."""
 
         def receive(sample: zenoh.Sample) -> None:
             try:
                 handler(str(sample.key_expr), sample.payload.to_bytes())
-            except Exception:  # a handler's error must not end the subscription
+            except Exception:  # an error must not end the subscription
                 logger.exception("handler of %s failed", key_expression)
 
         with _as_bus_error(f"cannot subscribe {key_expression}"):
             self._declared.append(self._session.declare_subscriber(key_expression, receive))
 
     def collect(self, key: str, handler: Handler, most: int) -> Fetch:
-        """As `Bus.collect`; meanwhile no thread of Zenoh's has to wait for the interpreter."""
+        """As `Bus.collect`, in a buffer of Zenoh, whose threads need no interpreter lock."""
         with _as_bus_error(f"cannot subscribe {key}"):
             subscriber = self._session.declare_subscriber(key, zenoh.handlers.RingChannel(most))
         self._declared.append(subscriber)
@@ -117,20 +118,20 @@ class ZenohBus(Closing):
         return fetch
 
     def answer(self, key: str, answer: Answer) -> None:
-        """Answer each query for `key`, on a thread of its own."""
+        """Answer each query for `key`, on a thread of Zenoh."""
 
         def reply(query: zenoh.Query) -> None:
             payload = b"" if query.payload is None else query.payload.to_bytes()
             try:
                 query.reply(key, answer(payload))
-            except Exception:  # an error must not end the answers
+            except Exception:  # as above
                 logger.exception("answer for %s failed", key)
 
         with _as_bus_error(f"cannot answer for {key}"):
             self._declared.append(self._session.declare_queryable(key, reply))
 
     def query(self, key: str, timeout_s: float, payload: bytes = b"") -> bytes | None:
-        with _as_bus_error(f"cannot ask for {key}"):
+        with _as_bus_error(f"cannot query {key}"):
             replies = self._session.get(
                 key, timeout=timeout_s, priority=_URGENT, payload=payload or None
             )
@@ -150,8 +151,8 @@ class ZenohBus(Closing):
     def watch(self, handler: AliveHandler) -> None:
         """Call `handler` for every member alive now, and once for every change.
 
-        When the router is lost, every member is reported dead, and `connected()` is False by then;
-        those alive are reported again once the router is back.
+        On the loss of the router every member is reported as gone, and `connected()` is already
+        False; members are reported again when the router is back.
         """
         alive: set[Member] = set()
 
@@ -168,23 +169,23 @@ class ZenohBus(Closing):
             except Exception:  # as above
                 logger.exception("handler of liveliness failed")
 
-        with _as_bus_error("cannot watch liveliness"):
+        with _as_bus_error("cannot watch the members of the run"):
             self._declared.append(
                 self._session.liveliness().declare_subscriber(ALL_MEMBERS, receive, history=True)
             )
 
     def members(self) -> set[Member]:
-        """Members alive now, from the router.
+        """Query the router for the members alive now.
 
-        In a session that watches the answer is mostly empty while Zenoh delivers the history
-        (measured; without a watch 800 of 800 answers were right).
+        In a session that has called `watch` the answer is often empty while Zenoh delivers the
+        history (measured; without a watch 800 of 800 answers were right).
         """
-        with _as_bus_error("cannot ask who is alive"):
+        with _as_bus_error("cannot query the members of the run"):
             replies = self._session.liveliness().get(ALL_MEMBERS, timeout=MEMBERS_S)
             return {_member(reply.ok.key_expr) for reply in replies if reply.ok is not None}
 
     def close(self) -> None:
-        """Wait until the router has read all publications, then leave the network."""
+        """Wait until the router has received all publications, then close the session."""
         if self._session.is_closed():
             return
         if self._published:
@@ -194,7 +195,7 @@ class ZenohBus(Closing):
         self._session.close()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
 
     def _flush(self) -> None:
-        """Wait until the router has read the queue, by a query without an answer behind it."""
+        """Wait for the queue to be received, with a query that nobody answers behind it."""
         unanswered = f"convoy/@flush/{self.zid}"
         try:
             list(
@@ -215,13 +216,13 @@ class ZenohBus(Closing):
                 if topic
                 else encoding,
                 congestion_control=zenoh.CongestionControl.DROP,
-                # Not "express": ten poses of one instant would each fill a place of the queue.
+                # Not "express": ten poses of one instant would take ten batches of the queue.
                 priority=zenoh.Priority.DATA_HIGH if urgent else zenoh.Priority.DATA,
             )
 
 
 class Router(Closing):
-    """A Zenoh router in this process, which listens on `endpoints`."""
+    """A Zenoh router in this process that listens on `endpoints`."""
 
     def __init__(self, session: zenoh.Session, endpoints: tuple[str, ...]) -> None:
         self._session = session
@@ -229,7 +230,6 @@ class Router(Closing):
         self.zid = str(session.zid())
 
     def has_clients(self) -> bool:
-        """Whether a process is linked to this router."""
         return bool(self._session.info.transports())
 
     def close(self) -> None:
@@ -242,12 +242,12 @@ def _member(token: zenoh.KeyExpr) -> Member:
 
 
 def open_bus(options: ZenohOptions, own: Mapping[str, str] = VEHICLE_DEFAULTS) -> ZenohBus:
-    """Join the convoy's network; raises BusError. `own` are defaults of this kind of process."""
+    """Open a session; raises BusError. `own` are the defaults of this kind of process."""
     config = prepare_bus(options, own)
     os.environ.setdefault("ZENOH_RUNTIME", _ONE_THREAD)
     zenoh.init_log_from_env_or(_LOG_FILTER)
     if config.get_json("mode") != '"client"':
-        # A peer opens without others: they may come later.
+        # A peer opens without other members, which may start later.
         with _as_bus_error("cannot open a peer"):
             return ZenohBus(zenoh.open(config))
     endpoints = config.get_json("connect/endpoints").strip("[]").replace('"', "")
@@ -259,9 +259,9 @@ def open_bus(options: ZenohOptions, own: Mapping[str, str] = VEHICLE_DEFAULTS) -
 
 
 def prepare_bus(options: ZenohOptions, own: Mapping[str, str] = VEHICLE_DEFAULTS) -> zenoh.Config:
-    """Build the configuration for `open_bus` once for all processes that are forked afterwards.
+    """Build the configuration of `open_bus` before processes are forked; raises BusError.
 
-    This saves half a megabyte in each. Raises BusError.
+    This saves half a megabyte in each process.
     """
     return _prepared(options, tuple(own.items()))
 
@@ -272,7 +272,7 @@ def _prepared(options: ZenohOptions, own: tuple[tuple[str, str], ...]) -> zenoh.
 
 
 def _open_with_retries(config: zenoh.Config, timeout_s: float) -> zenoh.Session:
-    """Open a client in slices of time, so that signals are handled in between."""
+    """Open a client in slices of time, between which signals are handled."""
     give_up_at = time.monotonic() + timeout_s
     while True:
         left_s = min(give_up_at - time.monotonic(), _SLICE_S)
@@ -293,10 +293,10 @@ def open_router(
 ) -> Router:
     """Start a router; port 0 selects a free one. Raises BusError, for example for a port in use.
 
-    It joins the routers at the endpoints `connect`, and retries while they are absent.
+    The router connects to the routers at `connect` and retries while they are absent.
     """
     options = ZenohOptions(listen=listen, connect=connect, config=config, cfg=cfg)
-    # A router scouts for no peers, so it does not wait half a second for answers.
+    # Scouting is off, so there is no need to wait half a second for answers.
     chosen = configuration(options, DEFAULTS | {"scouting/delay": "0"})
     _insert(chosen, "mode", '"router"')
     any_port = any(endpoint.endswith(":0") for endpoint in listen)
@@ -312,11 +312,11 @@ def _locators(session: zenoh.Session) -> tuple[str, ...]:
     for reply in session.get(f"@/{session.zid()}/router"):
         if reply.ok is not None:
             return tuple(json.loads(reply.ok.payload.to_bytes())["locators"])
-    raise BusError("the router does not say where it listens")
+    raise BusError("the router does not report the endpoints on which it listens")
 
 
 def configuration(options: ZenohOptions, defaults: Mapping[str, str]) -> zenoh.Config:
-    """Combine flags, the user's file and `defaults`, in this order of precedence.
+    """Merge flags, the user's file and `defaults`, in this order of precedence.
 
     Raises BusError for settings that Zenoh refuses.
     """
@@ -348,12 +348,12 @@ def _insert(config: zenoh.Config, setting: str, value: str) -> None:
 
 
 @contextmanager
-def _as_bus_error(what: str) -> Iterator[None]:
-    """Turn Zenoh's errors into BusError, in one line and without its source files."""
+def _as_bus_error(failure: str) -> Iterator[None]:
+    """Turn Zenoh's errors into a BusError of one line, without the names of source files."""
     try:
         yield
     except zenoh.ZError as error:
-        raise BusError(f"{what}: {_reason(error)}") from None
+        raise BusError(f"{failure}: {_reason(error)}") from None
 
 
 def _reason(error: zenoh.ZError) -> str:
