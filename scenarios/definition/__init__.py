@@ -5,9 +5,9 @@ extends          a file laid over the one that it extends
 overrides        `--set` laid over both
 renamed          old names of keys and values
 schema/          the tables of a file: keys with units, defaults and limits
+errors           the exceptions of invalid scenarios
+validation/      their lines, with hints
 contradictions   keys that contradict each other
-error_messages   validation errors, one line each
-errors           the exceptions that carry those lines
 topology         the vehicles that each vehicle receives from
 channel/         the settings of each directed link, and its effects
 run_limits       limits of a run, from a scenario or the command line

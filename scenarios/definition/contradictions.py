@@ -12,12 +12,13 @@ from scenarios.definition.channel.rules import (
     requested_link,
     ties,
 )
-from scenarios.definition.error_messages import toml_repr
+from scenarios.definition.errors import Problem
 from scenarios.definition.road.route import LONGEST, Route, longest_run, vehicle_names
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.definition.schema.path_tables import SegmentTable
 from scenarios.definition.schema.scenario_tables import CONTROLLERS, OriginTable, ScenarioTables
 from scenarios.definition.topology import directed_links
+from scenarios.definition.validation.wording import did_you_mean, toml_repr
 from scenarios.definition.vehicle_setup import vehicle_setup
 from transport.links.laws.link_law import LinkLaw
 from transport.topics import RUN_SENDER
@@ -31,9 +32,6 @@ car has 206 in its tyres. One of a lorry's mass on a toy's inertia would take ho
 
 MARGIN = 1000.0
 """The road keeps so far (m) within the plane's reach: nobody's noise or swerve leaves it."""
-
-Problem = tuple[str, str]
-"""Key, and what is wrong with it."""
 
 
 def between_keys(tables: ScenarioTables) -> Iterator[Problem]:
@@ -232,8 +230,13 @@ def controllers(tables: ScenarioTables) -> Iterator[Problem]:
         try:
             try_out(load_controller(setup.controller, setup.assumed_parameters, setup.gains))
         except ControllerError as error:
+            given = setup.controller
+            why = str(error) if "." in given else f"given {toml_repr(given)}"
             allowed = ", ".join(map(toml_repr, CONTROLLERS))
-            refused[f"{table}.controller"] = f"{error}, allowed {allowed} or a class of your own"
+            hint = did_you_mean(given, CONTROLLERS)
+            refused[f"{table}.controller"] = (
+                f"{why}, allowed {allowed} or your own package.module.Class{hint}"
+            )
     yield from refused.items()
 
 

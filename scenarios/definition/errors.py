@@ -1,8 +1,12 @@
 """Exceptions for invalid scenarios; `error_messages` writes their lines."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 from transport.texts import printable
+
+Problem = tuple[str, str]
+"""A key, and what is wrong with its value."""
 
 
 class ScenarioError(ValueError):
@@ -24,5 +28,13 @@ class SettingError(ValueError):
         super().__init__(f"{key}: {why}")
 
     def __reduce__(self) -> tuple[type["SettingError"], tuple[str, str]]:
-        """Let it cross from a worker process."""
         return type(self), (self.key, self.why)
+
+
+@contextmanager
+def collected(problems: list[Problem]) -> Iterator[None]:
+    """Append the SettingError of a block to `problems`."""
+    try:
+        yield
+    except SettingError as error:
+        problems.append((error.key, error.why))

@@ -29,13 +29,15 @@ class MergedScenario:
     """The tables of a scenario file, its bases and the overrides, not yet validated.
 
     `files` are those read, the base of all first; `given_in` is the file that each value is
-    from, where an array is one value; `overridden` are the keys that `--set` changed.
+    from, where an array is one value; `overridden` are the keys that `--set` changed. An error line
+    for each override that cannot be applied is in `invalid_overrides`.
     """
 
     raw: Raw
     files: tuple[ScenarioFile, ...]
     given_in: dict[Key, ScenarioFile]
     overridden: tuple[str, ...]
+    invalid_overrides: tuple[str, ...] = ()
 
     def source(self, key: str) -> str:
         """Name where a problem of `key` (such as `link[0].sender`) comes from.
@@ -85,8 +87,8 @@ def merged(file: ScenarioFile, overrides: Sequence[str]) -> MergedScenario:
         given_in |= dict.fromkeys(_values(tables), one)
     kept = set(_values(raw))
     given_in = {key: one for key, one in given_in.items() if key in kept}
-    overridden = _override(raw, overrides)
-    return MergedScenario(raw, tuple(one for one, _ in chain), given_in, overridden)
+    overridden, invalid = _override(raw, overrides)
+    return MergedScenario(raw, tuple(one for one, _ in chain), given_in, overridden, invalid)
 
 
 def _with_bases(file: ScenarioFile) -> list[tuple[ScenarioFile, Raw]]:
@@ -146,21 +148,23 @@ def _values(tables: Raw, inside: Key = ()) -> Iterator[Key]:
             yield (*inside, key)
 
 
-def _override(raw: Raw, overrides: Sequence[str]) -> tuple[str, ...]:
-    """Lay `overrides` over the tables; gives the keys overridden.
+def _override(raw: Raw, overrides: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Apply `overrides` to the tables; returns the keys changed, and lines for invalid ones.
 
-    A preset takes the place of all that the files say in its table.
+    A preset replaces everything that the files have in its table.
     """
     changed: list[str] = []
-    for one in overrides:
+    invalid: list[str] = []
+    for text in overrides:
         try:
-            parts, value = parse_override(one)
+            parts, value = parse_override(text)
+            if parts[0] == EXTENDS:
+                invalid.append(f"--set {text}: allowed in a scenario file only")
+                continue
             override(raw, parts, value)
             if parts[-1] == PRESET:
                 clear(raw, parts, changed)
+            changed.append(".".join(parts))
         except OverrideError as error:
-            raise ScenarioError([f"--set {one}: {error}"]) from error
-        if parts[0] == EXTENDS:
-            raise ScenarioError([f"--set {one}: allowed in a scenario file only"])
-        changed.append(".".join(parts))
-    return tuple(changed)
+            invalid.append(f"--set {text}: {error}")
+    return tuple(changed), tuple(invalid)

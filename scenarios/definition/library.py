@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
-from scenarios.definition.error_messages import did_you_mean, toml_repr
 from scenarios.definition.errors import ScenarioError
+from scenarios.definition.validation.wording import did_you_mean, toml_repr
 
 LIBRARY = Path(str(files("scenarios"))) / "library"
 TRACES = LIBRARY / "traces"

@@ -10,6 +10,9 @@ Raw = dict[str, Any]
 """A parsed TOML table, not yet validated."""
 
 
+_PART = re.compile(r"\w[\w-]*")
+"""Name or index in an overridden key."""
+
 DEEPEST = 20
 """Tables and lists inside one another; a scenario has no use for more than five."""
 TOO_DEEP = f"tables or lists more than {DEEPEST} deep inside one another"
@@ -42,8 +45,9 @@ def parse_override(text: str) -> tuple[tuple[str, ...], Any]:
     """Key parts and value of `key.path=value`; a value that is not TOML is taken as a text."""
     key, equals, value = text.partition("=")
     parts = tuple(re.sub(r"\[(\d+)\]", r".\1", key.strip()).split("."))
-    if not equals or not all(parts):
-        raise OverrideError(f"given {json.dumps(text)}, allowed key=value, such as seed=7")
+    if not equals or not all(map(_PART.fullmatch, parts)):
+        hint = _intended(text)
+        raise OverrideError(f"given {json.dumps(text)}, allowed key=value, such as seed=7{hint}")
     if len(parts) > DEEPEST:
         raise OverrideError(f"given {TOO_DEEP}, allowed a key such as links.loss_ratio")
     try:
@@ -54,7 +58,24 @@ def parse_override(text: str) -> tuple[tuple[str, ...], Any]:
         raise OverrideError(str(error)) from error
 
 
+def _intended(text: str) -> str:
+    """Return ", did you mean …?" for texts such as "--links/loss_ratio: 0.4"."""
+    match = re.fullmatch(r"-*([A-Za-z][\w./-]*?)\s*(?:=+|:|\s)\s*(\S+)", text.strip())
+    return f", did you mean {match[1].replace('/', '.')}={match[2]}?" if match else ""
+
+
 def override(table: Raw, parts: Sequence[str], value: object) -> None:
+    """Set the value of a key in `table`, with the tables and lists around it that are missing."""
+    is_new = parts[0] not in table
+    try:
+        _set(table, parts, value)
+    except OverrideError:
+        if is_new:
+            table.pop(parts[0], None)
+        raise
+
+
+def _set(table: Raw, parts: Sequence[str], value: object) -> None:
     here: Any = table
     for depth, part in enumerate(parts):
         last = depth == len(parts) - 1
@@ -87,7 +108,9 @@ def clear(table: Raw, parts: Sequence[str], kept: Iterable[str]) -> None:
 def _index(entries: list[Any], parts: Sequence[str]) -> int:
     if not parts[-1].isdecimal() or int(parts[-1]) > len(entries):
         allowed = f"0 to {len(entries)}"
-        raise OverrideError(f"given index {parts[-1]} of {'.'.join(parts[:-1])}, allowed {allowed}")
+        key = ".".join(parts[:-1])
+        hint = f", did you mean vehicle.v{parts[1]}?" if key == "vehicle" else ""
+        raise OverrideError(f"given index {parts[-1]} of {key}, allowed {allowed}{hint}")
     if int(parts[-1]) == len(entries):
         entries.append({})
     return int(parts[-1])

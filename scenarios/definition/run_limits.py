@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from math import isfinite, nan
 from typing import Any
 
-from scenarios.definition.error_messages import did_you_mean, toml_repr
-from scenarios.definition.errors import ScenarioError
+from scenarios.definition.errors import Problem, ScenarioError
 from scenarios.definition.road.route import vehicle_names
 from scenarios.definition.schema.limit_rows import LIMITS, WORDS, LimitRow, words_with_examples
 from scenarios.definition.schema.limit_tables import (
@@ -16,13 +15,11 @@ from scenarios.definition.schema.limit_tables import (
     SourceLimit,
 )
 from scenarios.definition.schema.scenario_tables import ScenarioTables
+from scenarios.definition.validation.wording import did_you_mean, toml_repr
 
 SLACK_S = 1e-9
 OF_TWO = {"composite", "predecessor"}
 """Modes of a follower that hears somebody besides the lead."""
-
-Problem = tuple[str, str]
-"""Key, and what is wrong with it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,7 @@
 import hashlib
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -18,10 +19,10 @@ from scenarios.definition.channel.presets import with_presets
 from scenarios.definition.channel.recorded_delays import with_recorded_delays
 from scenarios.definition.channel.recordings import with_recordings
 from scenarios.definition.channel.rules import requested_link
-from scenarios.definition.error_messages import error_lines, toml_repr
-from scenarios.definition.errors import ScenarioError, SettingError
+from scenarios.definition.errors import Problem, ScenarioError, collected
 from scenarios.definition.extends import MergedScenario, merged
 from scenarios.definition.library import ScenarioFile, drills, library, read_file
+from scenarios.definition.overrides import Raw
 from scenarios.definition.road.replayed_drive import (
     ReplayedDrive,
     plan_replay,
@@ -39,6 +40,8 @@ from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.definition.schema.scenario_tables import ClockTable, OriginTable, ScenarioTables
 from scenarios.definition.topology import directed_links
 from scenarios.definition.traces.scenario_drives import with_points, with_replays
+from scenarios.definition.validation.problem_lines import error_lines
+from scenarios.definition.validation.wording import toml_repr
 from scenarios.definition.vehicle_setup import VehicleSetup, vehicle_setup
 from transport.links.laws.link_law import LinkSetting
 from vehicles.car.clock_error import VehicleClock
@@ -323,25 +326,24 @@ def scenario_from_text(
 def _scenario(file: ScenarioFile, overrides: Sequence[str], seed: int | None) -> Scenario:
     given, tables = _read(file, overrides, seed)
     scenario = Scenario(tables)
-    try:
-        problems = list(contradictions.on_the_road(tables, scenario.route))
+    problems: list[Problem] = []
+    with collected(problems):
+        problems += contradictions.on_the_road(tables, scenario.route)
         for name, drive in () if problems else scenario.replays.items():
             problems += replay_problems(tables, name, drive, scenario.duration_s)
-        problems = problems or list(vehicle_change_problems(tables, scenario.duration_s))
-        problems = problems or list(limit_problems(tables, scenario.duration_s))
-    except SettingError as error:
-        raise _refuse(given, [(error.key, error.why)]) from error
+        problems += vehicle_change_problems(tables, scenario.duration_s)
+        problems += limit_problems(tables, scenario.duration_s)
     if problems:
-        raise _refuse(given, problems)
+        raise _scenario_error(given, problems)
     return scenario
 
 
 def _read(
     file: ScenarioFile, overrides: Sequence[str], seed: int | None = None
 ) -> tuple[MergedScenario, ScenarioTables]:
-    """Read every key, and the files that are named; raises ScenarioError.
+    """Read all keys and the files that they name; raises ScenarioError with all problems.
 
-    What only shows on the road is not looked at.
+    Problems that depend on the road are not checked here.
     """
     given = merged(file, overrides)
     if seed is not None:
@@ -350,23 +352,64 @@ def _read(
     before = given.raw.get("overrides")
     if overrides and isinstance(before, list | None):  # anything else is refused below
         given.raw["overrides"] = [*(before or []), *overrides]
+    problems: list[Problem] = []
+    raw = with_presets(given.raw, problems)
+    tables: ScenarioTables | None
     try:
-        tables = ScenarioTables.model_validate(with_presets(given.raw))
-    except SettingError as error:
-        raise _refuse(given, [(error.key, error.why)]) from error
+        tables = ScenarioTables.model_validate(raw)
+        problems += contradictions.between_keys(tables)
     except ValidationError as error:
-        raise _refuse(given, error_lines(error)) from error
-    problems = list(contradictions.between_keys(tables)) or list(contradictions.controllers(tables))
-    if problems:
-        raise _refuse(given, problems)
+        problems += error_lines(error)
+        tables = _valid_part(raw, error)
+    if tables is not None:
+        problems += contradictions.controllers(tables)
+        tables = _with_files(tables, given, problems)
+    if tables is None or problems or given.invalid_overrides:
+        raise _scenario_error(given, problems)
+    return given, tables
+
+
+def _with_files(
+    tables: ScenarioTables, given: MergedScenario, problems: list[Problem]
+) -> ScenarioTables:
+    """Replace the files that keys name by their contents; appends what is wrong with them."""
+    with collected(problems):
+        tables = with_points(tables, given.folder("path.file"))
+    with collected(problems):
+        tables = with_recordings(tables, given.folder)
+    with collected(problems):
+        tables = with_recorded_delays(tables, given.folder)
+    with collected(problems):
+        return with_replays(tables, given.folder)
+    return tables
+
+
+def _valid_part(raw: Raw, error: ValidationError) -> ScenarioTables | None:
+    """Return the scenario without its invalid keys, so that its files can be checked too.
+
+    None where nothing valid is left.
+    """
+    rest = deepcopy(raw)
+    for problem in error.errors(include_url=False):
+        _delete(rest, problem["loc"])
     try:
-        placed = with_points(tables, given.folder("path.file"))
-        placed = with_recordings(placed, given.folder)
-        placed = with_recorded_delays(placed, given.folder)
-        return given, with_replays(placed, given.folder)
-    except SettingError as error:
-        raise _refuse(given, [(error.key, error.why)]) from error
+        return ScenarioTables.model_validate(rest)
+    except ValidationError:
+        return None
 
 
-def _refuse(given: MergedScenario, problems: Iterable[tuple[str, str]]) -> ScenarioError:
-    return ScenarioError(f"{given.source(key)}: {key}: {why}" for key, why in problems)
+def _delete(raw: Raw, location: Sequence[str | int]) -> None:
+    """Delete the innermost key of a location, or the whole list that it is inside."""
+    table, key = raw, ""
+    for part in location:
+        inner = table.get(key) if key else table
+        if not isinstance(inner, dict):
+            break  # a list, or the value itself
+        if part in inner:  # else a union tag, or a missing key
+            table, key = inner, str(part)
+    table.pop(key, None)
+
+
+def _scenario_error(given: MergedScenario, problems: Iterable[Problem]) -> ScenarioError:
+    lines = (f"{given.source(key)}: {key}: {why}" for key, why in problems)
+    return ScenarioError((*given.invalid_overrides, *lines))

@@ -8,11 +8,11 @@ from typing import Any, get_origin
 import tomli_w
 from pydantic import BaseModel
 
-from scenarios.definition.error_messages import models_of
 from scenarios.definition.library import LIBRARY, TEMPLATE
 from scenarios.definition.schema.limit_rows import LIMITS, LimitRow
 from scenarios.definition.schema.scenario_tables import ScenarioTables
 from scenarios.definition.schema.settings_table import SettingField, SettingsTable, fields_of
+from scenarios.definition.validation.model_fields import models_of
 
 COLUMN, WIDTH = 32, 100
 """Column of the comments behind keys, and width of lines."""

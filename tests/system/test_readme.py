@@ -16,8 +16,8 @@ from pydantic import BaseModel
 
 from scenarios.cli.main import cli
 from scenarios.definition.channel.presets import presets
-from scenarios.definition.error_messages import models_of
 from scenarios.definition.schema.link_tables import LinkTable
+from scenarios.definition.validation.model_fields import models_of
 from scenarios.studies.channel import cost_drives
 from scenarios.studies.cuts import campaign
 from scenarios.studies.paper.experiments import RUNS_OF_CASE, Experiment

@@ -112,9 +112,9 @@ def show(
 def _loaded(name: str, overrides: tuple[str, ...], seed: int | None) -> "Scenario":
     """Load a scenario, or a shipped channel in the default one; raises ScenarioError."""
     from scenarios.definition.channel.presets import presets
-    from scenarios.definition.error_messages import did_you_mean, toml_repr
     from scenarios.definition.errors import ScenarioError
     from scenarios.definition.scenario import library, load_scenario
+    from scenarios.definition.validation.wording import did_you_mean, toml_repr
 
     if name in presets():
         return load_scenario(completion.DEFAULT, [f"links.preset={name}", *overrides], seed)
@@ -139,8 +139,8 @@ def _selected_links(
     given: str | None, links: "Iterable[tuple[str, str]]", place: str
 ) -> list[tuple[str, str]]:
     """Return all links, or the one given as sender:receiver; raises ScenarioError."""
-    from scenarios.definition.error_messages import toml_repr
     from scenarios.definition.errors import ScenarioError
+    from scenarios.definition.validation.wording import toml_repr
 
     known = {f"{sender}:{receiver}": (sender, receiver) for sender, receiver in links}
     if not known:

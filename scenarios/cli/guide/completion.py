@@ -150,7 +150,7 @@ def _keys(vehicles: Sequence[str]) -> dict[str, list[str]]:
 def _keys_of(
     table: "type[BaseModel]", inside: str, vehicles: Sequence[str]
 ) -> Iterator[tuple[str, list[str]]]:
-    from scenarios.definition.error_messages import models_by_name, models_of
+    from scenarios.definition.validation.model_fields import models_by_name, models_of
 
     for inner in models_by_name(table):
         for vehicle in vehicles:

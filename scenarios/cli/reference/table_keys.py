@@ -10,9 +10,9 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from scenarios.definition.error_messages import models_of
 from scenarios.definition.schema.scenario_tables import ScenarioTables
 from scenarios.definition.schema.settings_table import SettingsTable
+from scenarios.definition.validation.model_fields import models_of
 
 KEY_LINE = re.compile(r"^(\w+) {2,}(\S.*)$")
 BOUNDS = {"ge": "at least", "gt": "more than", "le": "at most", "lt": "less than"}

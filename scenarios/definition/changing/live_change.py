@@ -9,7 +9,6 @@ from pydantic import ValidationError
 
 from scenarios.definition.changing.link_changes import LINK_CHANGES, link_change_errors, links_of
 from scenarios.definition.changing.vehicle_changes import vehicle_change_problems
-from scenarios.definition.error_messages import error_lines
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.schema.base_table import Table
 from scenarios.definition.schema.change_tables import (
@@ -20,6 +19,7 @@ from scenarios.definition.schema.change_tables import (
     LinkChangeTable,
 )
 from scenarios.definition.schema.scenario_tables import ScenarioTables
+from scenarios.definition.validation.problem_lines import error_lines
 
 MOST_BYTES = 4096
 """Of a question."""

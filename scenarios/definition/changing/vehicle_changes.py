@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 from math import inf
 
-from scenarios.definition.error_messages import toml_repr
+from scenarios.definition.errors import Problem
 from scenarios.definition.road.route import vehicle_names
 from scenarios.definition.schema.change_tables import (
     AnyChange,
@@ -15,14 +15,13 @@ from scenarios.definition.schema.change_tables import (
     VehicleChangeTable,
 )
 from scenarios.definition.schema.scenario_tables import ScenarioTables
+from scenarios.definition.validation.wording import toml_repr
 
 CLOCK_MS_MAX = 10_000.0
 """By more a vehicle's clock may not be off at any time: its stamps would be refused."""
 
 VEHICLE_CHANGES = frozenset({"gnss", "stall", "crash", "leave", "join"})
 """Kinds of what is done to a vehicle itself."""
-
-Problem = tuple[str, str]
 
 
 def joins_late(changes: Iterable[AnyChange], name: str) -> bool:

@@ -10,11 +10,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from scenarios.definition.error_messages import did_you_mean, toml_repr
-from scenarios.definition.errors import SettingError
+from scenarios.definition.errors import Problem
 from scenarios.definition.extends import PRESET, laid_over
 from scenarios.definition.library import PRESETS
 from scenarios.definition.overrides import Raw
+from scenarios.definition.validation.wording import did_you_mean, toml_repr
 
 INLINED = "preset_source"
 """The key that says that a preset's keys are in the table already."""
@@ -51,39 +51,45 @@ def _read(path: Path) -> ChannelPreset:
     return ChannelPreset(path.stem, raw["description"], raw["source"], raw["links"], entries)
 
 
-def with_presets(raw: Raw) -> Raw:
-    """Return a scenario's tables with the keys of each preset that they name; raises Refused.
+def with_presets(raw: Raw, problems: list[Problem]) -> Raw:
+    """Return a scenario's tables with the keys of each preset that they name.
 
-    Entries of a preset come behind the scenario's own.
+    Entries of a preset follow the scenario's own. An unknown preset is added to `problems`.
     """
     changed, links, entries = dict(raw), raw.get("links"), raw.get("link", [])
     if not isinstance(entries, list):  # which is refused later
         entries = []
     whole = [
-        _whole(entry, _preset(f"link[{index}]", entry, alone=True))
+        _whole(entry, _preset(f"link[{index}]", entry, problems, alone=True))
         for index, entry in enumerate(entries)
     ]
-    if (preset := _preset("links", links)) is not None:
+    if (preset := _preset("links", links, problems)) is not None:
         changed["links"] = _whole(links, preset)
         whole += preset.entries
     return changed | {"link": whole} if whole else changed
 
 
-def _preset(key: str, table: object, *, alone: bool = False) -> ChannelPreset | None:
-    """Return the preset whose keys a table lacks, if any; raises Refused.
+def _preset(
+    key: str, table: object, problems: list[Problem], *, alone: bool = False
+) -> ChannelPreset | None:
+    """Return the preset whose keys a table lacks, if any; a problem is added to `problems`.
 
-    For a link `alone` it may not be one that treats some links apart.
+    For one link `alone` it may not be a preset with entries for single links.
     """
     if not isinstance(table, dict) or PRESET not in table or INLINED in table:
         return None
     name = table[PRESET]
-    if not isinstance(name, str) or name not in presets():
-        close = did_you_mean(name, presets()) if isinstance(name, str) else ""
-        allowed = ", ".join(presets())
-        raise SettingError(f"{key}.{PRESET}", f"given {toml_repr(name)}, allowed {allowed}{close}")
+    if not isinstance(name, str):
+        return None  # reported by the validation
+    if name not in presets():
+        close = did_you_mean(name, presets())
+        allowed = close or f", allowed {', '.join(presets())}"
+        problems.append((f"{key}.{PRESET}", f"given {toml_repr(name)}{allowed}"))
+        return None
     preset = read_preset(name)
     if alone and preset.entries:
-        raise SettingError(f"{key}.{PRESET}", f"given {toml_repr(name)}, allowed in [links] only")
+        problems.append((f"{key}.{PRESET}", f"given {toml_repr(name)}, allowed in [links] only"))
+        return None
     return preset
 
 

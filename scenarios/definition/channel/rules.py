@@ -3,11 +3,11 @@
 from collections.abc import Iterator, Sequence
 from typing import Protocol
 
-from scenarios.definition.error_messages import toml_repr
 from scenarios.definition.schema.base_table import overlay
 from scenarios.definition.schema.link_tables import LinkEntry, LinkTable
 from scenarios.definition.schema.scenario_tables import ScenarioTables
 from scenarios.definition.topology import directed_links
+from scenarios.definition.validation.wording import toml_repr
 
 ANY = "*"
 """Stands for every vehicle in a link's `sender` or `receiver`."""

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 from scenarios.definition.channel.rules import ANY, ROLES
-from scenarios.definition.error_messages import toml_repr
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.run_limits import Limit
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.limit_rows import WORDS
+from scenarios.definition.validation.wording import toml_repr
 from scenarios.results.limits.evaluation import severity
 from scenarios.studies.engine.engine import Engine
 from scenarios.studies.engine.job import Job

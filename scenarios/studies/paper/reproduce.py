@@ -7,9 +7,9 @@ from pathlib import Path
 from shutil import rmtree
 from typing import Any
 
-from scenarios.definition.error_messages import did_you_mean
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario
+from scenarios.definition.validation.wording import did_you_mean
 from scenarios.results.drives import Trial
 from scenarios.runs.virtual.logged_run import record_trial
 from scenarios.runs.virtual.unlogged_run import drive_trial

@@ -10,11 +10,11 @@ import pytest
 from pydantic import BaseModel, TypeAdapter
 
 from scenarios.definition.check.findings import check
-from scenarios.definition.error_messages import models_of
 from scenarios.definition.scenario import library, load_scenario, scenario_from_text
 from scenarios.definition.schema.path_tables import PathTable
 from scenarios.definition.schema.scenario_tables import ScenarioTables
 from scenarios.definition.template import template
+from scenarios.definition.validation.model_fields import models_of
 from scenarios.definition.vehicle_setup import vehicle_setup
 from vehicles.car.parameters import LINCOLN_MKZ
 

@@ -194,9 +194,10 @@ def scenario(text: str) -> None:
          "followers hear v1 and the vehicle ahead of them"),
         ('kind = "link"', "change[0]: changes nothing, allowed at least one of loss_ratio, "
          "latency_ms, jitter_ms"),
-        ('kind = "link"\nloss_ratio = 2.0', "change[0].loss_ratio: given 2.0, allowed 0 to 1"),
+        ('kind = "link"\nloss_ratio = 2.0', "change[0].loss_ratio: given 2.0, allowed 0 to 1, "
+         "did you mean 0.02 (for 2 per cent)?"),
         ('kind = "link"\nloss_percent = 2.0', "change[0].loss_percent: unknown key, did you mean "
-         "change[0].loss_ratio?"),
+         "change[0].loss_ratio = 0.02?"),
         ('kind = "cut"\nfor_s = 0.0', "change[0].for_s: given 0.0, allowed more than 0, at most "
          "86400"),
         ('kind = "sever"', 'change[0].kind: given "sever", allowed "link", "cut", "heal", "gnss", '

@@ -17,7 +17,7 @@ REFUSED = {
     "number": (f"{CONTENT}.filter_duplicates=1", "filter_duplicates", "given 1", "true or false"),
     "too noisy": (f"{CONTENT}.bit_error_ratio=0.2", "bit_error_ratio", "given 0.2", "0 to 0.1"),
     "no number": (f"{CONTENT}.bit_error_ratio=nan", "bit_error_ratio", "given nan", "a finite"),
-    "unit": (f"{CONTENT}.duplicate_delay_s=1", "duplicate_delay_s", "unknown", "delay_ms?"),
+    "unit": (f"{CONTENT}.duplicate_delay_s=1", "duplicate_delay_s", "unknown", "delay_ms = 1000?"),
     "no list": (f"{CONTENT}.false=3", f"{CONTENT}.false", "given 3", "a list"),
     "unknown kind": (
         f"{CONTENT}.false=[{{kind='lie'}}]", f"{FALSE}.kind", 'given "lie"',

@@ -156,14 +156,11 @@ def test_a_preset_is_a_tie_with_any_key_of_an_entry_as_specific() -> None:
     ("links", "key"),
     [
         ('[links]\npreset = "jam"\n', "links.preset"),
-        ("[links]\npreset = 3\n", "links.preset"),
-        ('[[link]]\nsender = "v1"\nreceiver = "*"\npreset = "los"\n', r"link\[0\].preset"),
+        ('[[link]]\nsender = "v1"\nreceiver = "*"\npreset = "jam"\n', r"link\[0\].preset"),
     ],
 )
 def test_an_unknown_preset_is_refused_with_the_names(links: str, key: str) -> None:
-    with pytest.raises(
-        ScenarioError, match=f"scenario: {key}: given .*, allowed bursty, clear"
-    ) as no:
+    with pytest.raises(ScenarioError, match=f"scenario: {key}: given .*, allowed bursty") as no:
         with_links(links)
     (line,) = no.value.lines
     assert all(name in line for name in SHIPPED)

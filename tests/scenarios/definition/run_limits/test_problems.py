@@ -61,7 +61,7 @@ REFUSED = {
     ),
     "an unknown key": (
         ("recovery", RECOVERY, {"error_cm": "3.0"}),
-        "limits.recovery[0].error_cm: unknown key, did you mean limits.recovery[0].error_m?",
+        "limits.recovery[0].error_cm: unknown key, did you mean limits.recovery[0].error_m = 0.03?",
     ),
 }
 
@@ -75,7 +75,7 @@ def test_what_cannot_be_kept_is_refused(case: str) -> None:
 
 
 def test_a_vehicle_that_moves_as_recorded_has_no_deadline() -> None:
-    with pytest.raises(ScenarioError, match=r"modes\[0\].vehicle: .* moves as it was recorded"):
+    with pytest.raises(ScenarioError, match=r"modes\[0\].vehicle: .* replays a drive"):
         load_scenario(
             "highway",
             [

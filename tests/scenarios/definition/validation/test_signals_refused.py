@@ -16,7 +16,7 @@ BROKEN = {
         ("sending={kind='fixed'}",), "sending.rate_hz", "missing", "rate_hz",
     ),
     "a key of another rule": (
-        ("sending={kind='cam', rate_hz=5}",), "sending.rate_hz", "unknown key", "control.rate_hz?",
+        ("sending={kind='cam', rate_hz=5}",), "sending.rate_hz", "unknown key", '"fixed"',
     ),
     "no rate": (("sending={kind='fixed', rate_hz=0}",), "sending.rate_hz", "given 0", "0.01"),
     "a phase beyond the period": (

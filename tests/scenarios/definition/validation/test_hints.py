@@ -1,0 +1,89 @@
+"""Hints for keys and values whose intention is clear, and all mistakes reported at once."""
+
+import pytest
+
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.scenario import load_scenario
+
+HINTS = {
+    "links.loss_ratio=40": "0.4",
+    "links.loss_ratio=40%": "0.4",
+    "links.loss_ratio=0,4": "0.4",
+    "links.loss_ratio==0.4": "0.4",
+    "links.loss=0.4": "links.loss_ratio",
+    "links.loss_percent=40": "links.loss_ratio = 0.4",
+    "links.latency_ms=20ms": "20",
+    "links.latency_s=0.02": "links.latency_ms = 20",
+    "links.loss-ratio=0.4": "links.loss_ratio",
+    "link.loss_ratio=0.3": "links.loss_ratio",
+    "Links.loss_ratio=0.4": "links.loss_ratio",
+    "links.loss={kind='gilbert'}": '"gilbert_elliott"',
+    "links.preset=burst": "bursty",
+    "loss=0.4": "links.loss_ratio",
+    "latency_ms=20": "links.latency_ms",
+    "control.controller=stanly": "stanley",
+    "control.controler=stanley": "control.controller",
+    "controller=stanley": "control.controller",
+    "conovy.gap_m=12": "convoy.gap_m",
+    "conovy.gap=12": "convoy.gap_m",
+    "gap=12": "convoy.gap_m",
+    "vehicles=6": "convoy.vehicles",
+    "vehicles.v2.gap_m=12": "vehicle.v2.gap_m",
+    "vehicle.2.gap_m=12": "vehicle.v2",
+    "convoy.vehicles=4.0": "4",
+    "speed=20": "speed.set_mps",
+    "speed_kmh=72": "speed.set_mps = 20",
+    "speed.speed_kmh=72": "speed.set_mps = 20",
+    "speed.set_mps=120": "33.3",
+    "speed.set_mps=72km/h": "20",
+    "duration_ms=30000": "duration_s = 30",
+    "limits.error_m=0.5": "limits.cross_track_error_m_max",
+    "limits.cross_track_error_cm_max=50": "limits.cross_track_error_m_max = 0.5",
+    "speed.followers=gaps": '"gap"',
+    "links.loss_ratio 0.4": "links.loss_ratio=0.4",
+    "links.loss_ratio:0.4": "links.loss_ratio=0.4",
+    "--links/loss_ratio=0.4": "links.loss_ratio=0.4",
+}
+
+
+def error_lines(*overrides: str) -> tuple[str, ...]:
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario("lane_change", overrides)
+    return caught.value.lines
+
+
+@pytest.mark.parametrize(("override", "hint"), HINTS.items())
+def test_a_clear_intention_gets_a_hint(override: str, hint: str) -> None:
+    (line,) = error_lines(override)
+    assert f", did you mean {hint}" in line
+    assert len(line) < 250
+
+
+@pytest.mark.parametrize("override", ["links.loss_ratio=1.5", "links.loss_ratio=-1", "seed=x"])
+def test_an_unclear_intention_gets_none(override: str) -> None:
+    (line,) = error_lines(override)
+    assert "did you mean" not in line
+
+
+def test_a_key_of_another_kind_of_table_is_not_offered_as_itself() -> None:
+    (line,) = error_lines("path.file=a.csv")
+    assert 'allowed only with path.kind = "trace"' in line
+
+
+def test_all_mistakes_are_reported_at_once() -> None:
+    lines = error_lines(
+        "path={kind='trace', file='nothing.csv'}",
+        "vehicle.v2.replay=missing.gpx",
+        "links.loss={kind='pattern', file='absent.csv'}",
+        "links.loss_ratio=40",
+        "convoy.gap=8",
+        "link=[{sender='v1', receiver='v2', preset='burst'}]",
+        "control.controller=stanly",
+        "seed:3",
+    )
+    for fact in (
+        "nothing.csv", "missing.gpx", "absent.csv", "0.4", "convoy.gap_m", "bursty", "stanley",
+        "seed=3",
+    ):  # fmt: skip
+        assert sum(fact in line for line in lines) == 1, (fact, lines)
+    assert len(lines) == 8
