@@ -1,9 +1,9 @@
-"""Innovation of a pose against its prediction by earlier poses of its source.
+"""Innovation of a pose: its difference from the prediction by earlier poses of its source.
 
 As in a Kalman filter (Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and
-Navigation, 2001, 5.4): measured minus predicted, over its deviation. The prediction holds for any
-manoeuvre: the displacement between two poses is their mean velocity times the time between them,
-and with an acceleration of at most A no car is further from there than A T² / 4.
+Navigation, 2001, 5.4), normalised by its standard deviation. The prediction holds for any
+manoeuvre: the displacement between two poses is their mean velocity times the time T between them,
+and with an acceleration of at most A the error is at most A T² / 4.
 """
 
 from functools import lru_cache
@@ -15,31 +15,31 @@ from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
 BRAKING: Final = 8.0
-"""Acceleration along the road (m/s²) beyond which no car drives or brakes."""
+"""Largest acceleration of a car along the road (m/s²)."""
 CORNERING: Final = 9.0
-"""Acceleration across the road (m/s²) beyond which no car corners: the limit of dry tyres."""
+"""Largest acceleration of a car across the road (m/s²): the limit of dry tyres."""
 MAX_YAW_ACCELERATION: Final = 8.0
-"""Yaw acceleration (rad/s²) of a car with all friction used at one axle, rounded up."""
+"""Yaw acceleration (rad/s²) with all friction used at one axle, rounded up."""
 SLIP_ARM: Final = 1.5
 """Lateral speed over yaw rate (m) at walking pace: from the rear axle to the antenna."""
 SLIP_ARM_GROWTH: Final = 0.002
-"""Its growth (s²/m) with the squared speed by slipping tyres, of the steady-state model."""
+"""Growth of that lever (s²/m) with the squared speed, by the steady-state slip of the tyres."""
 ANCHOR_TIME: Final = SECOND
-"""Time (ns) over which announced places are compared with announced speeds."""
+"""Time (ns) over which announced positions are compared with announced speeds."""
 MIN_DEVIATION: Final = 0.01
-"""Least deviation (m) assumed of a receiver, whatever it states."""
+"""Smallest standard deviation (m) assumed of a receiver, whatever it states."""
 MAX_DEVIATION: Final = 5.0
-"""Largest deviation (m) assumed: with a larger one every pose would pass."""
+"""Largest one (m): with a larger one every pose would pass."""
 
 
 class Innovation(NamedTuple):
     """Innovation of a pose against another one of its source.
 
-    `span` (s) lies between them, negative for an earlier pose. `east`, `north` (m) are the place
-    less the prediction, `along` and `across` (m) the same by the direction of travel; their
-    variances (m²) are those of the manoeuvre in between, `stated` (m²) that of both places as the
-    source states it. `east_driven`, `north_driven` (m) are the predicted displacement. `square` is
-    the squared normalised innovation, chi-squared of 2.
+    `span` (s) lies between them, negative for an earlier pose. `east`, `north` (m) are the position
+    minus the prediction, `along` and `across` (m) the same in the direction of travel; their
+    variances (m²) are those of the manoeuvre in between, `stated` (m²) is that of both positions as
+    stated by the source. `east_driven`, `north_driven` (m) are the predicted displacement. `square`
+    is the squared normalised innovation, chi-squared with 2 degrees of freedom.
     """
 
     span: float
@@ -55,7 +55,7 @@ class Innovation(NamedTuple):
     square: float
 
     def deviations(self, inflation: float = 1.0) -> float:
-        """Innovation in its deviations, the larger axis; stated ones are inflated by the ratio."""
+        """Innovation of the larger axis in standard deviations; stated ones times `inflation`."""
         noise = self.stated * inflation * inflation
         along = abs(self.along) / sqrt(self.along_variance + noise)
         across = abs(self.across) / sqrt(self.across_variance + noise)
@@ -64,15 +64,15 @@ class Innovation(NamedTuple):
 
 @lru_cache(maxsize=64)  # receivers mostly state the same accuracy
 def stated_variance(accuracy: float) -> float:
-    """Variance (m²) of a place per axis for a stated deviation `accuracy` (m), within reason."""
+    """Variance (m²) per axis for a stated standard deviation `accuracy` (m), clipped."""
     return min(max(accuracy, MIN_DEVIATION), MAX_DEVIATION) ** 2
 
 
 def innovation(before: ReceivedPose, pose: ReceivedPose, noise: GnssNoise) -> Innovation:
-    """Innovation of the place of `pose` against `before`.
+    """Innovation of the position of `pose` against `before`.
 
-    `noise` is that of all but places. The manoeuvre is normal, its deviation a third of the
-    extreme.
+    `noise` is that of all but positions. The manoeuvre is assumed normal, with a third of the
+    extreme as standard deviation.
     """
     span = (pose.measured_at - before.measured_at) / SECOND
     size, half = abs(span), 0.5 * span
@@ -107,7 +107,7 @@ def innovation(before: ReceivedPose, pose: ReceivedPose, noise: GnssNoise) -> In
 
 
 def heading_innovation(before: ReceivedPose, pose: ReceivedPose, noise: GnssNoise) -> float:
-    """Innovation of the heading of `pose` against `before`, in its deviations."""
+    """Innovation of the heading of `pose` against `before`, in standard deviations."""
     span = (pose.measured_at - before.measured_at) / SECOND
     size = abs(span)
     turn = remainder(
@@ -125,31 +125,33 @@ def heading_innovation(before: ReceivedPose, pose: ReceivedPose, noise: GnssNois
 class PoseTrack:
     """Consistent poses of a source, and the sum of their innovations.
 
-    Innovations of consecutive poses hide slow drifts. Their sum since a pose of up to a second ago,
-    the anchor, has the noise of two places alone (CUSUM; Page, 1954).
+    Innovations of consecutive poses hide slow drifts. Their sum since the anchor, a pose of up to a
+    second ago, has only the noise of two positions (CUSUM; Page, 1954).
     """
 
     def __init__(self, pose: ReceivedPose, inflation: float) -> None:
-        """Begin at `pose`, whose deviation is the stated one times `inflation`."""
+        """Begin at `pose`, whose standard deviation is the stated one times `inflation`."""
         self.last = pose
         self._anchor = pose
         self._anchor_inflation = inflation
         self._east = self._north = self._spread = self._turned = 0.0
 
-    def cumulative_deviation(self, one: Innovation, pose: ReceivedPose, inflation: float) -> float:
-        """Sum of innovations up to `pose`, in deviations; the anchor keeps its own inflation."""
-        along, across = one.along_variance, one.across_variance
+    def cumulative_deviation(
+        self, residual: Innovation, pose: ReceivedPose, inflation: float
+    ) -> float:
+        """Sum of innovations up to `pose`, in standard deviations."""
+        along, across = residual.along_variance, residual.across_variance
         spread = self._spread + sqrt(across if across > along else along)
         at_anchor = self._anchor_inflation
         at_anchor = inflation if inflation > at_anchor else at_anchor
         anchored = stated_variance(self._anchor.accuracy) * at_anchor * at_anchor
         noise = anchored + stated_variance(pose.accuracy) * inflation * inflation
         deviation = sqrt(spread * spread + noise)
-        east, north = abs(self._east + one.east), abs(self._north + one.north)
+        east, north = abs(self._east + residual.east), abs(self._north + residual.north)
         return (north if north > east else east) / deviation
 
     def lateral_acceleration(self, pose: ReceivedPose) -> float:
-        """Mean acceleration across the road (m/s²) up to `pose`, 0 over less than half a second.
+        """Mean acceleration across the road (m/s²) up to `pose`; 0 over less than half a second.
 
         Speed times the change of heading: over half a second the lateral speed of eq. (1), which
         dominates the yaw rate of a swerving car, averages out.
@@ -160,15 +162,15 @@ class PoseTrack:
         turned = self._turned + remainder(pose.yaw - self.last.yaw, tau)
         return min(self._anchor.speed, pose.speed) * abs(turned) * SECOND / span
 
-    def push(self, one: Innovation, pose: ReceivedPose, inflation: float) -> None:
-        """Continue with a newer pose and its innovation."""
+    def push(self, residual: Innovation, pose: ReceivedPose, inflation: float) -> None:
+        """Append a newer pose and its innovation."""
         self._turned += remainder(pose.yaw - self.last.yaw, tau)
         self.last = pose
         if pose.measured_at - self._anchor.measured_at >= ANCHOR_TIME:
             self._anchor, self._anchor_inflation = pose, inflation
             self._east = self._north = self._spread = self._turned = 0.0
             return
-        self._east += one.east
-        self._north += one.north
-        along, across = one.along_variance, one.across_variance
+        self._east += residual.east
+        self._north += residual.north
+        along, across = residual.along_variance, residual.across_variance
         self._spread += sqrt(across if across > along else along)

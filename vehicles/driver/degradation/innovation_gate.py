@@ -1,8 +1,8 @@
-"""The gate of one source: whether a car can have driven to a pose from its earlier poses.
+"""Gate of one source: whether a car can have driven to a pose from its earlier poses.
 
-As estimators reject measurements (PX4's EKF2: 5 deviations of the position), but of a source that
-states its place, its speed and its heading, which can be compared with each other. A source that is
-consistently wrong is not detected: beside the road all the time, or at a new place for good.
+Similar to the measurement rejection of estimators (PX4's EKF2: 5 standard deviations of position),
+but the stated position, speed and heading are compared with each other. A source that is
+consistently wrong is not detected: always beside the road, or permanently displaced.
 """
 
 from collections import Counter, deque
@@ -26,51 +26,51 @@ from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
 Distrust = Literal["", "frozen", "jumping", "impossible", "ghost", "over-confident"]
-"""Why a source is not trusted, or not wholly.
+"""Verdict on a pose; empty if it is trusted.
 
-frozen          the same place repeatedly, at a speed
-jumping         a place, or a heading, that it cannot have reached
-impossible      beyond any car: its acceleration, or a displacement that contradicts its speeds
-ghost           two tracks under one name; this pose is not of the trusted one
-over-confident  used, but its places scatter more than it states
+frozen          the position repeats although the speed is not zero
+jumping         a position or heading that the car cannot have reached
+impossible      an impossible acceleration, or a displacement that contradicts the speeds
+ghost           two tracks under one name, and the pose is not on the trusted one
+over-confident  used, but positions scatter more than stated
 """
 REFUSED: tuple[Distrust, ...] = ("frozen", "jumping", "impossible", "ghost")
 """Poses that are not used."""
 
 WINDOW: Final = 32
-"""Number of poses from which over-confidence is judged."""
+"""Number of poses from which over-confidence is estimated."""
 MAX_SQUARE: Final = 15.0
 """Bound on a squared innovation, so that two or three jumps do not look like over-confidence."""
 OVERCONFIDENT_SUM: Final = 95.0
-"""Sum of the window that means over-confidence. An honest source's is 36.3 with a deviation of 7.8,
-nearly chi-squared (of 43 degrees of freedom after scaling), which is beyond 90 as rarely as a
-normal number beyond 5 deviations (Wilson and Hilferty, 1931)."""
+"""Sum over the window above which a source is over-confident. The sum of an honest source is 36.3
+with a standard deviation of 7.8, nearly chi-squared (43 degrees of freedom after scaling), which
+exceeds 90 as rarely as a normal number exceeds 5 deviations (Wilson and Hilferty, 1931)."""
 CONFIDENT_SUM: Final = 60.0
-"""Sum below which over-confidence ends: 3 deviations."""
+"""Sum below which over-confidence ends: 3 standard deviations above the mean."""
 HONEST_THIRD: Final = 0.41
-"""A third of an honest source's squared innovations, the smaller one of those against the two poses
-before, lie below. So do a third of two tracks', if one is honest."""
+"""Lower tertile of an honest source's squared innovations, each the smaller one against the last
+two poses. It also holds for two tracks of which one is honest."""
 MIN_INFLATION: Final = 1.5
-"""Below this no source is over-confident."""
+"""Below this inflation a source is not over-confident."""
 MAX_INFLATION: Final = 30.0
-"""Beyond this it is no noise: one solver stated a twentieth of its true deviation."""
+"""Largest inflation due to noise: one solver stated a twentieth of its true deviation."""
 HEADING_MISSES: Final = 3
-"""Headings in a row beyond their gate, against each of the last two accepted ones: by chance once
-in 2e7 poses at most."""
+"""Consecutive headings beyond their gate, against each of the last two accepted ones, that refuse a
+pose: by chance at most once in 2e7 poses."""
 RESTART_POSES: Final = 3
-"""Poses that agree on a new place before it is accepted, at least."""
+"""Smallest number of poses that must agree on a new position."""
 RECENT_POSES: Final = 12
 RETURNS: Final = 2
-"""Among the last `LATELY` poses of two tracks a trusted one follows a refused one this often."""
+"""Two tracks: this often among the last `RECENT_POSES` a trusted pose follows a refused one."""
 SUSPECT_LIFETIME: Final = 3 * SECOND
 """Age (ns) beyond which a refused pose no longer supports a new one."""
 
 
 class InnovationGate:
-    """Judges the poses of one source in the order in which they are received.
+    """Checks the poses of one source in the order in which they are received.
 
     A pose is compared with the newest trusted one. Refused poses that agree with one another for
-    `settle` are the source's new place, so no source is excluded for good. `refused` counts by
+    `settle` become the trusted track, so no source is excluded forever. `refused` counts poses by
     reason.
     """
 
@@ -82,30 +82,30 @@ class InnovationGate:
         heading_gate: float = 3.0,
         settle: float = 1.0,
     ) -> None:
-        """`noise` is assumed of all but positions; gates are in deviations, `settle` in s."""
+        """`noise` applies to all but positions; gates are in standard deviations, `settle` in s."""
         self._noise = noise or GnssNoise()
         self._gate = gate
         self._heading_gate = heading_gate
         self._settle = round(settle * SECOND)
         self._trusted: PoseTrack | None = None
-        self._heading_references: deque[ReceivedPose] = deque(maxlen=2)
+        self._aligned: deque[ReceivedPose] = deque(maxlen=2)
         self._heading_misses = 0
         self._suspect: PoseTrack | None = None
         self._suspected: Distrust = ""
         self._agreed = 0
         self._agreed_since = 0
-        self._lately: deque[bool] = deque(maxlen=RECENT_POSES)
+        self._accepted: deque[bool] = deque(maxlen=RECENT_POSES)
         self._last: deque[ReceivedPose] = deque(maxlen=2)
         self._squares: deque[float] = deque(maxlen=WINDOW)
         self._counted: deque[float] = deque(maxlen=WINDOW)
         self._inflation = 1.0
         self._confidence: Distrust = ""
-        self._place: ReceivedPose | None = None
+        self._reference: ReceivedPose | None = None
         self._predicted = (0.0, 0.0, 0.0)
         self.refused: Counter[Distrust] = Counter()
 
     def judge(self, pose: ReceivedPose) -> Distrust:
-        """Judge a pose by its innovations; a pose with a reason of `REFUSED` must not be used."""
+        """Verdict on a pose by its innovations; with a reason in `REFUSED` it must not be used."""
         if not isfinite(pose.east + pose.north + pose.yaw + pose.speed + pose.yaw_rate):
             return self._refuse("impossible")
         last = innovation(self._last[-1], pose, self._noise) if self._last else None
@@ -122,21 +122,21 @@ class InnovationGate:
         if not reason and (self._heading_misses or turn > self._heading_gate):
             reason = self._check_heading(pose)
         elif not reason:
-            self._heading_references.append(pose)
+            self._aligned.append(pose)
         if not reason:
             self._trusted.push(last, pose, self._inflation)
             self._agreed = 0
-            self._lately.append(True)
+            self._accepted.append(True)
             return self._confidence
-        self._lately.append(False)
+        self._accepted.append(False)
         if reason != "frozen":
-            turns = [after and not before for before, after in pairwise(self._lately)]
-            if sum(turns) >= RETURNS:  # trusted and refused in turn: two tracks
+            returns = [after and not before for before, after in pairwise(self._accepted)]
+            if sum(returns) >= RETURNS:  # alternately trusted and refused: two tracks
                 reason = "ghost"
         return self._handle_suspect(pose, reason)
 
     def deviation(self, pose: ReceivedPose) -> float:
-        """Standard deviation (m, per axis) to assume of a pose instead of the stated one."""
+        """Standard deviation (m, per axis) to assume for a pose instead of the stated one."""
         if self._inflation == 1.0:
             return pose.accuracy
         return min(self._inflation * max(pose.accuracy, MIN_DEVIATION), MAX_DEVIATION)
@@ -147,23 +147,23 @@ class InnovationGate:
 
     def _accept(self, track: PoseTrack) -> Distrust:
         self._trusted, self._suspect = track, None
-        self._heading_references.clear()
-        self._heading_references.append(track.last)
+        self._aligned.clear()
+        self._aligned.append(track.last)
         self._heading_misses = 0
         return self._confidence
 
     def _fault(
-        self, track: PoseTrack, one: Innovation, turn: float, pose: ReceivedPose
+        self, track: PoseTrack, residual: Innovation, turn: float, pose: ReceivedPose
     ) -> Distrust:
-        """How a pose contradicts a track; empty if it does not."""
+        """Contradiction between a pose and a track; empty if there is none."""
         noise = self._noise
-        if one.deviations(self._inflation) > self._gate:
+        if residual.deviations(self._inflation) > self._gate:
             return "jumping"
-        gain = abs(pose.speed - track.last.speed) - BRAKING * abs(one.span)
+        gain = abs(pose.speed - track.last.speed) - BRAKING * abs(residual.span)
         if gain > 0.0 and gain / (sqrt(2.0) * noise.speed + 1e-3) > self._gate:
             return "impossible"
-        if one.span > 0.0 and (
-            track.cumulative_deviation(one, pose, self._inflation) > self._gate
+        if residual.span > 0.0 and (
+            track.cumulative_deviation(residual, pose, self._inflation) > self._gate
             or track.lateral_acceleration(pose)
             > CORNERING + self._gate * pose.speed * noise.heading
         ):
@@ -171,31 +171,27 @@ class InnovationGate:
         return "jumping" if turn > self._gate else ""
 
     def _check_heading(self, pose: ReceivedPose) -> Distrust:
-        """Refuse a pose once the heading was wrong several times in a row."""
-        if (
-            min(
-                heading_innovation(before, pose, self._noise) for before in self._heading_references
-            )
-            <= self._heading_gate
-        ):
-            self._heading_references.append(pose)
+        """Refuse a pose after several consecutive wrong headings."""
+        smallest = min(heading_innovation(before, pose, self._noise) for before in self._aligned)
+        if smallest <= self._heading_gate:
+            self._aligned.append(pose)
             self._heading_misses = 0
             return ""
         self._heading_misses += 1
         return "jumping" if self._heading_misses >= HEADING_MISSES else ""
 
     def _handle_suspect(self, pose: ReceivedPose, reason: Distrust) -> Distrust:
-        """Refuse a pose, unless it completes those of a new place."""
+        """Refuse a pose, unless it completes the poses that restart the track."""
         track, now = self._suspect, pose.received_at
         if track is not None and pose.measured_at - track.last.measured_at > SUSPECT_LIFETIME:
             track = None
         if track is not None:
-            one = innovation(track.last, pose, self._noise)
+            residual = innovation(track.last, pose, self._noise)
             turn = heading_innovation(track.last, pose, self._noise)
-            if reason == "frozen" or self._fault(track, one, turn, pose):
+            if reason == "frozen" or self._fault(track, residual, turn, pose):
                 track = None
-            elif one.span > 0.0:
-                track.push(one, pose, self._inflation)
+            elif residual.span > 0.0:
+                track.push(residual, pose, self._inflation)
         if track is None:
             self._suspect, self._suspected = PoseTrack(pose, self._inflation), reason
             self._agreed, self._agreed_since = 1, now
@@ -207,24 +203,23 @@ class InnovationGate:
             return self._accept(track)
         return self._refuse("ghost" if reason == "ghost" else self._suspected)
 
-    def _update_inflation(self, pose: ReceivedPose, one: Innovation | None) -> bool:
-        """Update the inflation by a pose and its innovation; returns whether the pose is frozen."""
-        if one is None:
+    def _update_inflation(self, pose: ReceivedPose, residual: Innovation | None) -> bool:
+        """Update the inflation by a pose and its innovation, and return whether it is frozen."""
+        if residual is None:
             self._last.append(pose)
-            self._place = pose
+            self._reference = pose
             return False
-        if one.span <= 0.0:
+        if residual.span <= 0.0:
             return False
-        frozen = self._is_frozen(one, pose)
+        frozen = self._is_frozen(residual, pose)
         if not frozen:
-            square = one.square
+            square = residual.square
             if len(self._last) > 1:
                 square = min(square, innovation(self._last[0], pose, self._noise).square)
             self._squares.append(square)
             self._counted.append(MAX_SQUARE if square > MAX_SQUARE else square)
-            if sum(self._counted) > (
-                OVERCONFIDENT_SUM if self._inflation == 1.0 else CONFIDENT_SUM
-            ):
+            limit = OVERCONFIDENT_SUM if self._inflation == 1.0 else CONFIDENT_SUM
+            if sum(self._counted) > limit:
                 third = sorted(self._squares)[len(self._squares) // 3]
                 inflation = min(sqrt(third / HONEST_THIRD), MAX_INFLATION)
                 self._inflation = inflation if inflation >= MIN_INFLATION else 1.0
@@ -234,18 +229,18 @@ class InnovationGate:
         self._last.append(pose)
         return frozen
 
-    def _is_frozen(self, one: Innovation, pose: ReceivedPose) -> bool:
-        """Whether the place is constant although the stated speed must have changed it."""
-        place, noise = self._place or pose, self._noise
-        stated = stated_variance(place.accuracy) + stated_variance(pose.accuracy)
+    def _is_frozen(self, residual: Innovation, pose: ReceivedPose) -> bool:
+        """Whether the position is constant although the stated speeds must have changed it."""
+        reference, noise = self._reference or pose, self._noise
+        stated = stated_variance(reference.accuracy) + stated_variance(pose.accuracy)
         limit = self._gate * self._inflation * sqrt(stated)
-        if hypot(pose.east - place.east, pose.north - place.north) > limit:
-            self._place, self._predicted = pose, (0.0, 0.0, 0.0)
+        if hypot(pose.east - reference.east, pose.north - reference.north) > limit:
+            self._reference, self._predicted = pose, (0.0, 0.0, 0.0)
             return False
         east, north, variance = self._predicted
         if pose.speed > self._gate * noise.speed:
-            along, across = one.along_variance, one.across_variance
+            along, across = residual.along_variance, residual.across_variance
             variance += across if across > along else along
-            east, north = east + one.east_driven, north + one.north_driven
+            east, north = east + residual.east_driven, north + residual.north_driven
             self._predicted = east, north, variance
         return hypot(east, north) > 2.0 * limit + self._gate * sqrt(variance)

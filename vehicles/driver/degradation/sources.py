@@ -18,14 +18,14 @@ from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
 AWAITED = ("unheard", *RELIED_ON)
-"""Statuses of a source whose samples may still give a trajectory."""
+"""Statuses of a source whose samples may still determine a trajectory."""
 
 
 class SourcePair:
-    """Lead and predecessor (Section III-A), and which of them make the trajectory.
+    """Lead and predecessor (Section III-A), and their use for the trajectory.
 
-    `used` are those, by the mode of a follower that steers along one alone; `relied` are those of
-    them that were relied on at the last control instant.
+    `used` are the sources of the trajectory, by the mode of a follower that steers along one alone;
+    `relied` are those relied on at the last control instant.
     """
 
     def __init__(
@@ -42,18 +42,18 @@ class SourcePair:
         if lead is not predecessor:
             self.used["predecessor"] = predecessor
             predecessor.may_leave_path = len(self.used) > 1 and settings.reaction == "degrade"
-        wanted = predecessor.may_leave_path and settings.predecessor_path == "intended"
-        if wanted:
+        enabled = predecessor.may_leave_path and settings.predecessor_path == "intended"
+        if enabled:
             predecessor.intended = IntendedPath()
-        self._intended = IntendedShare(settings.probation, wanted=wanted)
+        self._intended = IntendedShare(settings.probation, enabled=enabled)
         self._degrades = settings.reaction == "degrade"
         self._comfortable, self._firm = settings.comfortable, settings.firm
         self._emergency = settings.emergency
         self._assessed_at = 0
-        self._alone_at = 0
+        self._all_lost_at = 0
 
     def receive(self, pose: ReceivedPose) -> Trace:
-        """Take a pose to its source; returns the trace of that source."""
+        """Pass a pose to its source, and return the source's trace."""
         source = self.all[pose.message.vehicle]
         source.receive(pose)
         return source.trace
@@ -61,8 +61,8 @@ class SourcePair:
     def windows(self, pose: Pose, settings: FitSettings, *, runs_out: bool) -> dict[Mode, Window]:
         """Preview data (Section III-A) of the sources that reach ahead of the ego.
 
-        While the known path `runs_out`, more of it behind replaces what is missing ahead, so that
-        the curve stays as certain.
+        While the known path `runs_out`, the window extends behind by what is missing ahead, so that
+        the fit stays equally certain.
         """
         behind, ahead = settings.behind(pose.speed), settings.ahead(pose.speed)
         windows: dict[Mode, Window] = {}
@@ -83,27 +83,27 @@ class SourcePair:
         return windows
 
     def have_bridge_points(self, windows: Mapping[Mode, Window]) -> bool:
-        """Whether some of the samples only bridge a hole in the trace."""
+        """Whether some of the samples are bridge points."""
         return any(
             self.used[mode].trace.has_bridge_points(window) for mode, window in windows.items()
         )
 
     def sample_count(self, windows: Mapping[Mode, Window]) -> int:
-        """Number of samples received of these sources since their traces began."""
+        """Number of samples received from these sources since their traces began."""
         return sum([self.used[mode].trace.sample_count for mode in windows])
 
     def _without_bridges(self, windows: dict[Mode, Window], behind: float) -> dict[Mode, Window]:
-        """Leave out bridges of holes where a source with a weight has the path beside the car.
+        """Remove bridge points if a source has received samples around the car.
 
-        That is up to `behind` (m) ahead and behind: within a longer hole a bridge is the better
-        guess. Where no samples behind are used, as in the paper, only the path ahead is needed.
+        Samples within `behind` (m) ahead and behind are required: within a longer hole a bridge is
+        the better guess. If no samples behind are used, as in the paper, the path ahead suffices.
         """
         received: dict[Mode, Window] = {}
         bridged = False
         for mode, window in windows.items():
             received[mode] = self.used[mode].trace.without_bridges(window)
             bridged = bridged or received[mode] is not window
-        if not bridged:  # the usual case
+        if not bridged:
             return windows
         received = {mode: window for mode, window in received.items() if reaches_ahead(window)}
         if behind == 0.0:
@@ -116,14 +116,14 @@ class SourcePair:
         return windows
 
     def steer_along(self, mode: Mode, span: float) -> None:
-        """Steer along `mode` for `span` (s), which may move the path to the lead's.
+        """Blend between driven and intended path while steering along `mode` for `span` (s).
 
         The paper's followers without lead data follow the path driven (Section V-D.1).
         """
         self._intended.advance(mode, span)
 
     def alpha(self, alpha: float) -> float:
-        """Weight of the predecessor, α of eq. (5), scaled by both sources' weights."""
+        """Weight of the predecessor, α of eq. (5), scaled by the weights of both sources."""
         lead, ahead = self.lead.weight, self.predecessor.weight
         if lead == ahead or lead + ahead == 0.0:
             return alpha
@@ -131,7 +131,7 @@ class SourcePair:
         return alpha * ahead / total if total > 0.0 else alpha
 
     def assess(self, now: int, pose: Pose, acceleration: float, *, refit: bool) -> Situation:
-        """Judge all sources at a control instant `now` (ns), after a command of `acceleration`."""
+        """Update all sources at a control instant `now` (ns); `acceleration` is the last one."""
         span = (now - self._assessed_at) / SECOND if self._assessed_at else 0.0
         self._assessed_at = now
         speed = pose.speed
@@ -154,27 +154,27 @@ class SourcePair:
 
     @property
     def path_runs_out(self) -> bool:
-        """Whether no source that is relied on extends the known path."""
+        """Whether no source relied on extends the known path."""
         return all(source.path_ends for source in self.relied.values())
 
     def stops_at(self, mode: Mode, brakes_at: int) -> int:
-        """Instant (ns) from which a car that steers along `mode` stops without new data; or 0.
+        """Instant (ns) at which a car in `mode` begins to stop without new data, or 0.
 
-        That is when the last source that it relies on, or waits for, is lost, as soon as a message
-        of each is overdue; or when its guard has to brake behind the predecessor (`brakes_at`, 0
-        for not); and not later than the predecessor's, behind which it stops too.
+        The earliest of three: the loss of the last source that it relies on or waits for, once a
+        message of each is overdue; `brakes_at`, at which its guard brakes behind the predecessor (0
+        for never); and the predecessor's own announced stop.
         """
         if not self._degrades:
             return 0
         awaited: Iterable[Source] = self.relied.values()
         if not self.relied:
             awaited = [source for source in self.used.values() if source.status in AWAITED]
-        lost_at, misses_all = 0, mode != "coast"
+        lost_at, all_overdue = 0, mode != "coast"
         for source in awaited:
             lost_at = max(lost_at, source.freshness.lost_at)
-            misses_all = misses_all and source.is_overdue
-        self._alone_at = lost_at or self._alone_at
-        earliest = self._alone_at if misses_all else 0
+            all_overdue = all_overdue and source.is_overdue
+        self._all_lost_at = lost_at or self._all_lost_at
+        earliest = self._all_lost_at if all_overdue else 0
         for at in (brakes_at, self.predecessor.freshness.stops_at):
             if at and (at < earliest or not earliest):
                 earliest = at
@@ -182,10 +182,10 @@ class SourcePair:
 
 
 def _stop(speed: float, acceleration: float, braking: Braking, period: float = 0.0) -> float:
-    """Braking distance (m); a car that brakes harder already does not release the brake first.
+    """Braking distance (m), without releasing a brake that is already applied harder.
 
-    Commands held for a `period` (s) are on average half a period ahead of the ramp of the jerk:
-    0.3 m at 30 m/s and 50 Hz.
+    Commands held for a `period` (s) are on average half a period ahead of the jerk ramp: 0.3 m at
+    30 m/s and 50 Hz.
     """
     sooner = acceleration - 0.5 * braking.jerk * period
     emergency = -braking.deceleration

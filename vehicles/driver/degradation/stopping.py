@@ -1,4 +1,4 @@
-"""Braking distances, the deceleration that a distance requires, and announced stops; SI units.
+"""Braking distances, required decelerations, and announced stops; SI units.
 
 Accelerations are signed, decelerations positive; instants in ns.
 """
@@ -12,18 +12,18 @@ from vehicles.driver.degradation.situation import LOST, SourceFreshness
 from vehicles.schedule import SECOND
 
 HARDEST: Final = 100.0
-"""Upper end (m/s²) of the bisection; tyres end at a tenth of it."""
+"""Upper end (m/s²) of the bisection, ten times the limit of tyres."""
 
 HALVINGS: Final = 40
-"""Halvings of that interval, to 1e-10 m/s²."""
+"""Number of bisection steps, to 1e-10 m/s²."""
 
 
 def stopping_distance(speed: float, acceleration: float, braking: Braking) -> float:
     """Distance (m) to a standstill from `speed` (m/s) and the present acceleration (m/s²).
 
     The acceleration changes at the jerk of `braking` until its deceleration is reached, which is
-    then held: s = v t + a t²/2 ∓ j t³/6 on the way there, v²/(2 b) from there (kinematics,
-    elementary algebra; the stop profile of Autoware's planners).
+    then held: s = v t + a t²/2 ∓ j t³/6 during the ramp, then v²/(2 b) (kinematics; the stop
+    profile of Autoware's planners).
     """
     if speed <= 0.0:
         return 0.0
@@ -48,11 +48,10 @@ def stopping_distance(speed: float, acceleration: float, braking: Braking) -> fl
 def needed_deceleration(
     speed: float, distance: float, acceleration: float = 0.0, jerk: float = math.inf
 ) -> float:
-    """Mildest deceleration (m/s²) with which a car at `speed` (m/s) stands within `distance` (m).
+    """Smallest deceleration (m/s²) that stops a car at `speed` (m/s) within `distance` (m).
 
-    Without a limit of the jerk (m/s³) it is v²/(2 s); with one, it is that which the present
-    acceleration (m/s²) is changed to at this jerk (see `stopping_distance`), by bisection. Infinite
-    if none suffices (elementary kinematics).
+    Without a jerk limit (m/s³) it is v²/(2 s). With one it is found by bisection of
+    `stopping_distance` from the present acceleration (m/s²). Infinite if none suffices.
     """
     if speed <= 0.0:
         return 0.0
@@ -73,7 +72,7 @@ def needed_deceleration(
 
 
 def friction_left(friction: float, lateral: float) -> float:
-    """Deceleration (m/s²) that `friction` allows beside the lateral acceleration `lateral` (m/s²).
+    """Deceleration (m/s²) that `friction` leaves at the lateral acceleration `lateral` (m/s²).
 
     Friction circle of Pacejka's Tire and Vehicle Dynamics: a_x² + a_y² <= (μ g)².
     """
@@ -83,10 +82,10 @@ def friction_left(friction: float, lateral: float) -> float:
 
 
 class AnnouncedStop:
-    """Whether the predecessor is assumed to stop as hard as it can, and where.
+    """Assumes that the predecessor stops as announced, as hard as it can.
 
-    Without this assumption cars that lose all data one after the other at the same place would
-    begin to brake there one after the other, and collide.
+    Without this assumption cars that lose all data at the same position would brake there one after
+    the other, and collide.
     """
 
     def __init__(self, emergency: Braking) -> None:
@@ -94,9 +93,9 @@ class AnnouncedStop:
         self._received_at = 0
 
     def is_expected(self, now: int, predecessor: SourceFreshness) -> bool:
-        """Whether it is assumed to stop at `now`, as it announced, until its poses show otherwise.
+        """Whether an announced stop is assumed at `now`, until received poses contradict it.
 
-        While it is received, that is until its brakes have built up.
+        While the predecessor is received the assumption ends when its brakes must have built up.
         """
         stops_at = predecessor.stops_at
         if not stops_at or now < stops_at:
@@ -111,9 +110,9 @@ class AnnouncedStop:
         return now - self._received_at <= emergency.deceleration / emergency.jerk * SECOND
 
     def distance(self, now: int, speed: float, predecessor: SourceFreshness) -> float:
-        """Stopping distance (m) from its newest sample on, at `speed` (m/s) then.
+        """Stopping distance (m) from the predecessor's newest sample, at `speed` (m/s) there.
 
-        It drives at that speed until the announced instant, or brakes already.
+        It keeps that speed until the announced instant, or is already braking.
         """
         free = (predecessor.stops_at - now) / SECOND + predecessor.age
         if free > 0.0:

@@ -233,7 +233,7 @@ def test_a_trace_knows_the_instants_of_a_window() -> None:
 
 
 def test_the_share_comes_and_goes_without_a_step() -> None:
-    share, seen = IntendedShare(1.0, wanted=True), []
+    share, seen = IntendedShare(1.0, enabled=True), []
     spells: list[tuple[Mode, float]] = [
         ("composite", 1.0), ("predecessor", 0.6), ("composite", 0.2), ("predecessor", 2.0),
         ("coast", 1.0), ("stop", 1.0), ("predecessor", 0.5), ("lead", 2.0),
@@ -246,7 +246,7 @@ def test_the_share_comes_and_goes_without_a_step() -> None:
 
 
 def test_who_does_not_want_it_follows_the_way_that_was_driven() -> None:
-    share = IntendedShare(1.0, wanted=False)
+    share = IntendedShare(1.0, enabled=False)
     share.advance("predecessor", 5.0)
     assert share.value == 0.0
 
