@@ -32,7 +32,7 @@ def run_scenario(
 ) -> int:
     """Run a scenario; returns the exit code.
 
-    Processes are forked and do `be_part`; without it each is a new program.
+    Processes are forked and do `prepare_command`; without it each is a new program.
     """
     scenario = load_scenario(name, overrides, seed)
     common = checked_run_name(run_name or f"{scenario.name}-{secrets.token_hex(3)}")

@@ -184,7 +184,7 @@ class VehicleProcess:
         return self._stop.requested or self._announced.end is not None
 
     def await_start(self, report: Report, wait_s: float) -> None:
-        """Wait for the start; raises RunOffError if there will be none for this vehicle.
+        """Wait for the start; raises RunCancelledError if there will be none for this vehicle.
 
         Returns at once after a restart.
         """
@@ -227,8 +227,8 @@ class VehicleProcess:
     def drive(self, report: Report) -> None:
         """Drive to the end of the run, send the final counters, wait for the recorder's end.
 
-        Raises RunOffError when the run cannot continue, VehicleFaultError after announcing a fault
-        of the vehicle, and SoftwareLostError when the process has to restart.
+        Raises RunCancelledError when the run cannot continue, VehicleFaultError after announcing a fault
+        of the vehicle, and RestartRequestedError when the process has to restart.
         """
         start_at = self._start_at
         if start_at is None:  # stopped before
@@ -323,7 +323,7 @@ class VehicleProcess:
             )
 
     def _check_router_and_recorder(self, now: int) -> None:
-        """Raise RunOffError if router or recorder are lost."""
+        """Raise RunCancelledError if router or recorder are lost."""
         self._router.look(now, connected=self._bus.connected())
         if self._router.is_lost_for_good(now):
             raise RunCancelledError(f"{self._run} failed: the router is gone")
@@ -333,7 +333,7 @@ class VehicleProcess:
     def _has_waited_enough(self, end_at: int) -> bool:
         """Repeat the final counters; whether the vehicle may stop waiting for the end.
 
-        Raises RunOffError when no end will come.
+        Raises RunCancelledError when no end will come.
         """
         now = self._clock.now()
         if not self._watching.is_due(now):
@@ -360,7 +360,7 @@ def queue_limit(link: IncomingLink) -> int:
 def paced_ticks(
     ticks: Iterable[Tick], clock: Clock, probe: ProcessProbe, *, stagger_ns: int, back_at: int
 ) -> Iterator[Tick]:
-    """Yield each tick `turn_ns` after its instant.
+    """Yield each tick `stagger_ns` after its instant.
 
     Missed ticks follow at once. None counts as late before `back_at` (ns), the end of a requested
     absence. After a hold-up of the whole process the transport first gets SETTLING_S to deliver:

@@ -26,7 +26,7 @@ with claimed(Path(sys.argv[1])):
 """
 INTERRUPTED = f"""
 from scenarios.runs.stop import end_on_signals
-end_on_signals(say=False)
+end_on_signals(report=False)
 {HOLDER}"""
 
 

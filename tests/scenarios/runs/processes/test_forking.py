@@ -24,7 +24,7 @@ from scenarios.runs.processes.forking import can_fork
 from scenarios.runs.processes.supervisor import Supervisor, describe
 from scenarios.runs.stop import end_on_signals, stop_on_request
 
-end_on_signals(say=True)
+end_on_signals(report=True)
 
 def wait_for_the_end(arguments):
     stop = stop_on_request(with_launcher=True)
