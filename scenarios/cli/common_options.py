@@ -142,9 +142,20 @@ def override_options(command: Command) -> Command:
     return chosen
 
 
+def tables_option(default: str) -> Callable[[Command], Command]:
+    return click.option(
+        "--tables",
+        type=click.Choice(["news", "all"]),
+        default=default,
+        show_default=True,
+        help="Print the table of vehicles and those with news, or all tables.",
+    )
+
+
 def log_options(command: Command) -> Command:
     for decorate in (
         click.option("--quiet", is_flag=True, help="Print errors and warnings only."),
+        tables_option("news"),
         rerun_option("off", "Show the run in Rerun while it is recorded"),
         click.option(
             "--out",

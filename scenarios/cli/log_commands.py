@@ -1,10 +1,12 @@
 """Commands that read recorded runs: review, report, explain."""
 
+from functools import partial
 from pathlib import Path
 
 import click
 
-from scenarios.cli.common_options import json_option, rerun_option, time_option
+from scenarios.cli.common_options import json_option, rerun_option, tables_option, time_option
+from scenarios.cli.display_options import Tables
 from scenarios.cli.error_lines import clear_errors, require
 
 
@@ -44,24 +46,29 @@ def review(log: Path, *, rerun: str) -> None:
 @click.command(epilog="Example: convoy report runs/20260101-120000-lane_change/run.mcap")
 @click.argument("log", type=click.Path(path_type=Path))
 @json_option("Print the summary as JSON.")
-def report(log: Path, *, as_json: bool) -> None:
+@tables_option("all")
+def report(log: Path, *, as_json: bool, tables: Tables) -> None:
     """Print the tables of a recorded run.
 
-    LOG is a run.mcap or its folder. It may be incomplete or damaged.
+    LOG is a run.mcap or its folder. It may be incomplete, damaged, or of a run that still runs.
     """
     from rich.console import Console
 
     from scenarios.cli.summary_tables import print_summary
+    from scenarios.results.files import LOG_NAME
     from scenarios.results.log_summary import log_in, summary_of
     from scenarios.results.summary import to_json
+    from scenarios.runs.run_folder import is_claimed
 
     with clear_errors():
         log = log_in(log)
-        summary = summary_of(log, warn=lambda line: click.echo(f"warning: {line}", err=True))
+        running = log.name == LOG_NAME and is_claimed(log.parent)
+        warn = partial(click.echo, err=True)
+        summary = summary_of(log, lambda line: warn(f"warning: {line}"), running=running)
         if as_json:
             click.echo(to_json(summary), nl=False)
         else:
-            print_summary(summary, log, Console())
+            print_summary(summary, log, Console(), tables)
 
 
 @click.command(

@@ -1,24 +1,33 @@
 """The figures of a run as tables for a person; `summary.json` holds the same for machines."""
 
+import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
 from scenarios.cli.columns import Column, figure, print_whole, table_of, worst_rows
+from scenarios.cli.display_options import Tables
 from scenarios.results.channel.link_summary import LinkSummary
 from scenarios.results.events.encounters import EventKind
 from scenarios.results.events.run_event import RunEvent, road_known
 from scenarios.results.holes import hole_lines
+from scenarios.results.outcome import with_outcome_line
+from scenarios.results.run_changes import RunChange
 from scenarios.results.summary import RunSummary
 from scenarios.results.vehicles.reaction import NO_REACTION
 from scenarios.results.vehicles.vehicle_figures import VehicleSummary
+from transport.reasons import counts_as_loss
 
-MOST_EVENTS = 40
+MOST_CHANGES = 3
+"""Changes in the title."""
+REQUESTED_LOSS = re.compile(r", loss [\d.]+( to [\d.]+)? %")
+"""Part of a scenario's title."""
+LATE_NEWS_RATIO, LATE_LINK_RATIO = 0.001, 0.01
+MOST_EVENTS, MOST_NEW_EVENTS = 40, 10
 MOST_HOLES = 10
 MOST_LINKS = 40
 """Printed rows at most, of links those that lost most; the summary has them all."""
@@ -53,11 +62,6 @@ def _pair(largest: float | None, rms: float | None) -> tuple[float, float] | Non
     return None if largest is None or rms is None else (largest, rms)
 
 
-def _grip(row: VehicleSummary) -> str | None:
-    across, share = row.lateral_acceleration_mps2_max, row.friction_ratio_max
-    return None if across is None or share is None else f"{across:.1f} / {share * 100:.0f}"
-
-
 def _figures_of(event: RunEvent) -> str:
     known = ((name, value) for name, value in event.figures.items() if name in FIGURES)
     return ", ".join(FIGURES[name](value) for name, value in known)
@@ -81,28 +85,34 @@ def _fresh_column(age_ms: str) -> Column[LinkSummary]:
 VEHICLE_COLUMNS: Sequence[Column[VehicleSummary]] = (
     Column("vehicle", lambda row: row.name, left=True),
     Column(
-        "true\nerror cm\nmax / rms",
+        "true\nerror, cm\nmax / rms",
         lambda row: _pair(row.cross_track_error_m_max, row.cross_track_error_m_rms),
         ".1f",
         100.0,
     ),
-    Column("true\ngap m\nmin", lambda row: row.true_gap_m_min, ".1f"),
+    Column("true\ngap, m\nmin", lambda row: row.true_gap_m_min, ".1f"),
     Column(
-        "believed\nerror cm\nmax / rms",
+        "self-estimated\nerror, cm\nmax / rms",
         lambda row: _pair(row.lateral_error_m_max, row.lateral_error_m_rms),
         ".1f",
         100.0,
     ),
-    Column(
-        "difference\nof errors\ncm, max",
-        lambda row: row.self_estimate_error_m_max,
-        ".1f",
-        100.0,
-    ),
-    Column("believed\ngap m\nmin", lambda row: row.estimated_gap_m_min, ".1f"),
-    Column("sideways\nm/s², % of\nfriction", _grip),
+    Column("estimated\ngap, m\nmin", lambda row: row.estimated_gap_m_min, ".1f"),
+    Column("friction\nused, %\nmax", lambda row: row.friction_ratio_max, ".0f", 100.0),
 )
-"""True figures of each vehicle, then its self-estimates."""
+"""True figures of each vehicle next to its estimates."""
+MODES_COLUMN: Column[VehicleSummary] = Column(
+    "mode\nchanges", lambda row: None if row.role == "lead" else row.reaction.mode_changes
+)
+DETAIL_COLUMNS: Sequence[Column[VehicleSummary]] = (
+    Column("vehicle", lambda row: row.name, left=True),
+    Column("largest\nerror at, s", lambda row: row.cross_track_error_max_at_s, ".2f"),
+    Column("smallest\ngap at, s", lambda row: row.true_gap_min_at_s, ".2f"),
+    Column("error of\nestimate, cm", lambda row: row.self_estimate_error_m_max, ".1f", 100.0),
+    Column("sideways\nm/s²", lambda row: row.lateral_acceleration_mps2_max, ".1f"),
+    Column("sliding\ns", lambda row: row.sliding_s, ".1f"),
+    Column("distance\nm", lambda row: row.distance_m, ".0f"),
+)
 PROCESS_COLUMNS: Sequence[Column[VehicleSummary]] = (
     Column("vehicle", lambda row: row.name, left=True),
     Column("poses\nrecorded", lambda row: row.poses),
@@ -165,7 +175,7 @@ LINK_COLUMNS: Sequence[Column[LinkSummary]] = (
         wraps=True,
     ),
     Column("sent", lambda row: row.sent, wraps=True),
-    Column("heard", lambda row: row.delivered, wraps=True),
+    Column("delivered", lambda row: row.delivered, wraps=True),
     Column("dropped", _dropped, wraps=True),
     Column("late", lambda row: row.late, wraps=True),
 )
@@ -187,46 +197,121 @@ FRESHNESS_COLUMNS: Sequence[Column[LinkSummary]] = (
 ALARM_COLUMN: Column[LinkSummary] = Column("false\nalarms", lambda row: row.false_alarms.counted)
 
 
-def print_summary(summary: RunSummary, log: Path | None, console: Console) -> None:
-    """Print tables of vehicles, links and events, then holes, warnings and the log's path."""
+def print_summary(
+    summary: RunSummary, log: Path | None, console: Console, tables: Tables = "all"
+) -> None:
+    """Print the title, tables, warnings, the outcome line and the log's path, in this order.
+
+    `tables` are all, or only that of the vehicles and those with news.
+    """
     console.print(Text(title_of(summary), style="bold"), highlight=False, soft_wrap=True)
-    print_whole(table_of(VEHICLE_COLUMNS, summary.vehicles), console)
-    print_whole(table_of(PROCESS_COLUMNS, summary.vehicles), console)
-    if any(row.reaction != NO_REACTION for row in summary.vehicles):
-        followers = [row for row in summary.vehicles if row.role != "lead"]
-        print_whole(table_of(REACTION_COLUMNS, followers, title="when messages failed"), console)
+    for is_news, table in _tables(summary, tables):
+        if is_news or tables == "all":
+            print_whole(table, console)
+    for line in (*_unrecorded(summary), *summary.warnings, *_all_reasons(summary)):
+        _print_line(line, console)
+    outcome = Text(with_outcome_line(summary).outcome_line)
+    outcome.highlight_regex(r"^FAILED:", "bold red")
+    outcome.highlight_regex(r"^OK\b", "bold green")
+    console.print(outcome, highlight=False, soft_wrap=True)
+    if log is not None:
+        _print_line(f"log: {log}", console)
+
+
+def _print_line(line: str, console: Console) -> None:
+    console.print(line, highlight=False, markup=False, emoji=False, soft_wrap=True)
+
+
+def _tables(summary: RunSummary, tables: Tables) -> Iterator[tuple[bool, Table]]:
+    """Yield the tables of a summary, each with whether it carries news."""
+    followers = [row for row in summary.vehicles if row.role != "lead"]
+    columns = list(VEHICLE_COLUMNS)
+    if any(row.reaction.mode_changes > 1 for row in followers):  # the first one begins the drive
+        columns.append(MODES_COLUMN)
+    yield True, table_of(columns, summary.vehicles)
+    yield False, table_of(DETAIL_COLUMNS, summary.vehicles)
+    yield any(map(_has_process_news, summary.vehicles)), table_of(PROCESS_COLUMNS, summary.vehicles)
+    if any(row.reaction != NO_REACTION for row in followers):
+        is_news = any(row.reaction.stops or row.reaction.blind_m >= 0.05 for row in followers)
+        yield is_news, table_of(REACTION_COLUMNS, followers, title="degradation")
     if summary.links:
+        is_news = any(_has_link_news(row, summary.warnings) for row in summary.links)
+        yield is_news, _link_table(summary, LINK_COLUMNS, "links, requested / achieved")
         counts = any(row.false_alarms.counted is not None for row in summary.links)
         freshness = (*FRESHNESS_COLUMNS, *([ALARM_COLUMN] if counts else []))
-        print_whole(_link_table(summary, LINK_COLUMNS, "links, requested / achieved"), console)
-        print_whole(_link_table(summary, freshness, "freshness: mean / 95 % / longest"), console)
+        yield False, _link_table(summary, freshness, "freshness: mean / 95 % / longest")
     if summary.events:
-        print_whole(event_table(summary), console)
-    for line in (*_unrecorded(summary), *summary.warnings):
-        console.print(line, highlight=False, markup=False, emoji=False, soft_wrap=True)
-    if summary.reason:
-        word = "ended early" if summary.ran_s < summary.duration_s else "failed"
-        console.print(
-            f"[bold red]{word}:[/] {escape(summary.reason)}", highlight=False, soft_wrap=True
-        )
-    if log is not None:
-        console.print(f"log: {log}", highlight=False, markup=False, emoji=False, soft_wrap=True)
+        yield True, event_table(summary, MOST_EVENTS if tables == "all" else MOST_NEW_EVENTS)
+
+
+def _has_process_news(row: VehicleSummary) -> bool:
+    """Whether poses are missing, messages were refused, or more than 0.1 % of the ticks late."""
+    return bool(
+        row.missing_poses or row.rejected_messages or row.late_ticks > LATE_NEWS_RATIO * row.ticks
+    )
+
+
+def _has_link_news(row: LinkSummary, warnings: Sequence[str]) -> bool:
+    """Whether a link was cut, altered messages, was late, or deviated from its request."""
+    deviates = any(line.startswith(f"{_link_name(row)}: ") for line in warnings)
+    return bool(
+        deviates or row.false or "cut" in row.dropped or row.late > LATE_LINK_RATIO * row.judged
+    )
+
+
+def _all_reasons(summary: RunSummary) -> Sequence[str]:
+    """All reasons of a failure, if the outcome line does not have them all."""
+    reasons = summary.reason.split("; ")
+    return [f"failed: {one}" for one in reasons] if len(reasons) > 1 else []
 
 
 def title_of(summary: RunSummary) -> str:
+    """Name of the run, changes made to it, its clock and its duration.
+
+    Losses under changed links are counted, instead of the loss that the scenario requests.
+    """
     about = summary.identity
     name = about.title or f"{about.scenario}, seed {about.seed}"
-    return f"{name}, {about.clock} clock, {summary.ran_s:.1f} s"
+    parts = []
+    if lost := _changed_loss(summary):
+        name = REQUESTED_LOSS.sub("", name)
+        parts.append(lost)
+    made = [one for one in summary.changes if one.kind not in {"cut", "heal"}]
+    parts += [_change_words(one) for one in made[:MOST_CHANGES]]
+    if len(made) > MOST_CHANGES:
+        parts.append(f"{len(made) - MOST_CHANGES} more changes")
+    return ", ".join([name, *parts, f"{about.clock} clock", f"{summary.ran_s:.1f} s"])
 
 
-def event_table(summary: RunSummary) -> Table:
+def _changed_loss(summary: RunSummary) -> str:
+    """Count the messages lost in a run whose links were changed; empty for other runs."""
+    cut = sum(row.dropped.get("cut", 0) for row in summary.links)
+    if not cut and not any(one.kind == "link" for one in summary.changes):
+        return ""
+    judged = sum(row.judged for row in summary.links)
+    lost = sum(
+        count
+        for row in summary.links
+        for word, count in row.dropped.items()
+        if counts_as_loss(word)
+    )
+    by_cuts = "" if not cut else " by cuts" if cut == lost else f", {cut} by cuts"
+    return f"{lost} of {judged} messages lost{by_cuts}"
+
+
+def _change_words(change: RunChange) -> str:
+    by_hand = " by hand" if change.by_hand else ""
+    return " ".join(filter(None, (change.kind, change.target, f"at {change.at_s:.2f} s{by_hand}")))
+
+
+def event_table(summary: RunSummary, most: int) -> Table:
     kinds = Counter(event.kind for event in summary.events)
     title = "events: " + ", ".join(
         f"{count} {NAMES[kind][count > 1]}" for kind, count in kinds.items()
     )
-    table = table_of(EVENT_COLUMNS, summary.events[:MOST_EVENTS], title=title)
-    if len(summary.events) > MOST_EVENTS:
-        table.add_row("", f"{len(summary.events) - MOST_EVENTS} more", "", "see summary.json")
+    table = table_of(EVENT_COLUMNS, summary.events[:most], title=title)
+    if len(summary.events) > most:
+        table.add_row("", f"{len(summary.events) - most} more", "", "see summary.json")
     return table
 
 
@@ -245,9 +330,6 @@ def _unrecorded(summary: RunSummary) -> Iterator[str]:
     yield from hole_lines(summary.holes, MOST_HOLES)
     silent = [row for row in summary.vehicles if row.silent_from_s is not None]
     for row in silent:
-        yield (
-            f"silent: {row.name} from {row.silent_from_s:.2f} s after the start on; it left, died "
-            "or was not heard"
-        )
+        yield f"silent: {row.name} from {row.silent_from_s:.2f} s after the start on"
     if summary.holes or silent:
-        yield "the figures are of what was recorded"
+        yield "the figures cover only what was recorded"

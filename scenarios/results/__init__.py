@@ -5,11 +5,13 @@ metrics       gathers the figures of a run
 vehicles/     figures of single vehicles
 channel/      achieved against requested behaviour of links
 events/       collisions, near misses, lane departures, paths lost, slides, stops, distrust
+run_changes   changes to a running convoy, as the summary lists them
 holes         missing poses in the log
 deviations    true errors and gaps for plots of the log
 limits/       results of the scenario's limits
 files         names of the files of a run
 versions      installed versions of packages
+outcome       the outcome of a run in one line
 summary       the typed summary, its JSON, and the documentation of its fields
 summarise     figures put together as a summary, and its file
 log_summary   summary and scenario from a log alone

@@ -8,6 +8,7 @@ from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.metrics import Metrics
+from scenarios.results.outcome import with_outcome_line
 from scenarios.results.summarise import METADATA_NAME, summarise
 from scenarios.results.summary import RunIdentity, RunSummary, from_json
 from transport.log.reader import LogReader
@@ -20,10 +21,12 @@ def log_in(path: Path) -> Path:
     return path / LOG_NAME if path.is_dir() else path
 
 
-def summary_of(log: Path, warn: Callable[[str], None] = lambda _: None) -> RunSummary:
-    """The summary inside `log`; for a log that breaks off or was repaired, computed from messages.
+def summary_of(
+    log: Path, warn: Callable[[str], None] = lambda _: None, *, running: bool = False
+) -> RunSummary:
+    """The summary inside `log`; for an incomplete or repaired log, computed from its messages.
 
-    `warn` gets a line about damage.
+    `warn` gets a line about damage. The log of a `running` run is still being written.
     """
     reader = LogReader(log)
     attachments = reader.attachments()
@@ -33,7 +36,7 @@ def summary_of(log: Path, warn: Callable[[str], None] = lambda _: None) -> RunSu
         warn(reader.damage)
     if SUMMARY_NAME in attachments and REPAIRED not in reader.metadata():
         try:
-            return from_json(attachments[SUMMARY_NAME].decode())
+            return with_outcome_line(from_json(attachments[SUMMARY_NAME].decode()))
         except ValueError as error:
             raise LogError(f"{log} ({SUMMARY_NAME}): {error}") from error
     scenario = scenario_in(log, attachments)
@@ -51,17 +54,20 @@ def summary_of(log: Path, warn: Callable[[str], None] = lambda _: None) -> RunSu
         identity = RunIdentity.of_values(reader.metadata().get(METADATA_NAME, {}))
     except ValueError as error:
         raise LogError(f"{log} (metadata {METADATA_NAME}): {error}") from error
+    breaks_off = "" if running else "the log breaks off"
     summary = summarise(
         identity,
         scenario,
         metrics,
         ran_ns=max(reader.last_at - start_at, 0) if start_at else 0,
-        reason="the log is damaged" if reader.damage else "the log breaks off",
+        reason="the log is damaged" if reader.damage else breaks_off,
         rejected={},
     )
+    holes = summary.holes
     if "truth" in thinned:  # thinned true poses are no holes
-        return replace(summary, holes=tuple(one for one in summary.holes if one.kind == "pose"))
-    return summary
+        holes = tuple(hole for hole in holes if hole.kind == "pose")
+    outcome = "running" if running else summary.outcome
+    return with_outcome_line(replace(summary, outcome=outcome, outcome_line="", holes=holes))
 
 
 def scenario_of(log: Path) -> Scenario:

@@ -13,6 +13,7 @@ from scenarios.results.events.bodies import BodySize
 from scenarios.results.events.run_event import EventLog
 from scenarios.results.holes import RecordHole
 from scenarios.results.limits.deadlines import Deadlines
+from scenarios.results.run_changes import ChangeLog, RunChange
 from scenarios.results.stream import FigureStream
 from scenarios.results.vehicles.vehicle_figures import (
     USUAL_CONTROL_RATE_HZ,
@@ -89,6 +90,7 @@ class Metrics:
         self._links = LinkFigures(self._names, requested)
         self.links = self._links.tallies
         self.deadlines = deadlines or Deadlines()
+        self._changes = ChangeLog()
         self._has_deadlines = bool(self.deadlines)
         takes: Mapping[type[Message], Callable[[VehicleFigures, Any, int], None]] = {
             TruePose: self._add_truth,
@@ -197,6 +199,7 @@ class Metrics:
         if change.kind in VEHICLE_CHANGES:
             figures.rate_hz = None
         self._links.add_change(change)
+        self._changes.add(change)
 
     def _add_verdict(self, _receiver: VehicleFigures, verdict: LinkVerdict, _at: int) -> None:
         self._links.add_verdict(verdict)
@@ -228,6 +231,9 @@ class Metrics:
     def link_summaries(self) -> tuple[LinkSummary, ...]:
         sent = {name: (one.poses, one.last_at) for name, one in self.vehicles.items()}
         return self._links.summaries(sent)
+
+    def changes(self) -> tuple[RunChange, ...]:
+        return self._changes.changes(self.stream.seconds)
 
     def request_deviations(self) -> Iterator[str]:
         return self._links.request_deviations()

@@ -8,6 +8,7 @@ from scenarios.definition.scenario import Scenario
 from scenarios.results.files import SUMMARY_NAME
 from scenarios.results.limits.evaluation import failure_reason, limit_figures
 from scenarios.results.metrics import Metrics
+from scenarios.results.outcome import LATE_RATIO, late_ratio, with_outcome_line
 from scenarios.results.summary import RunIdentity, RunSummary, to_json
 from scenarios.results.vehicles.vehicle_figures import VehicleSummary
 from transport.log.records import LogError
@@ -17,8 +18,6 @@ METADATA_NAME = "convoy"
 """Name of the log's metadata that identify the run."""
 SILENT_LINK_S = 1.0
 """A link without loss that delivers nothing for this time is reported."""
-LATE_SHARE = 0.01
-"""Share of late ticks above which a run is not in real time."""
 
 
 def write_summary(folder: Path, summary: RunSummary) -> None:
@@ -53,7 +52,7 @@ def summarise(
     deadlines = metrics.deadlines.figures(ran_ns)
     limits = limit_figures(scenario.tables.limits, events, vehicles, deadlines)
     reason = failure_reason(reason, [one.message for one in limits if one.broken])
-    return RunSummary(
+    summary = RunSummary(
         identity=identity,
         outcome="failed" if reason else "completed",
         reason=reason,
@@ -71,17 +70,19 @@ def summarise(
             *metrics.out_of_linear.values(),
             *metrics.request_deviations(),
         ),
+        changes=metrics.changes(),
     )
+    return with_outcome_line(summary)
 
 
 def late_lines(vehicles: Sequence[VehicleSummary]) -> Iterator[str]:
     """Warn if the vehicles did not keep up with the wall clock."""
-    ticks, late = sum([one.ticks for one in vehicles]), sum([one.late_ticks for one in vehicles])
-    if late <= LATE_SHARE * ticks:
+    late = late_ratio(vehicles)
+    if late <= LATE_RATIO:
         return
     worst = max(vehicles, key=lambda one: one.lateness_ms_max)
     yield (
-        f"{100.0 * late / ticks:.2g} % of the ticks began late, by up to "
+        f"{100.0 * late:.2g} % of the ticks began late, by up to "
         f"{worst.lateness_ms_max:.0f} ms ({worst.name}), and with them messages and commands: the "
         f"machine is too slow or too busy to drive {len(vehicles)} vehicles in real time; "
         "--clock virtual takes the time that it needs"

@@ -21,6 +21,7 @@ from scenarios.definition.scenario import Scenario
 from scenarios.results.channel.link_summary import LinkSummary
 from scenarios.results.events.run_event import RunEvent
 from scenarios.results.holes import RecordHole
+from scenarios.results.run_changes import RunChange
 from scenarios.results.vehicles.reaction import ReactionSummary
 from scenarios.results.vehicles.vehicle_figures import VehicleSummary
 from scenarios.results.versions import installed_versions
@@ -124,8 +125,11 @@ class RunSummary:
     """Figures of a run; an empty `reason` means that it was completed."""
 
     identity: RunIdentity
-    outcome: Literal["completed", "failed"]
-    """completed or failed."""
+    outcome: Literal["completed", "failed", "running"]
+    """completed, failed, or running (of a log that is still being written)."""
+    outcome_line: str = ""
+    """The outcome in one line, as printed at the end. "OK: ..." is a completed run without events;
+    "FAILED: ..." begins with the reason; any other line begins with the worst incident."""
     reason: str
     """Why the run failed; empty if it was completed."""
     duration_s: float
@@ -139,6 +143,7 @@ class RunSummary:
     events: tuple[RunEvent, ...] = field(default=())
     holes: tuple[RecordHole, ...] = field(default=())
     limits: tuple[LimitFigure, ...] = field(default=())
+    changes: tuple[RunChange, ...] = field(default=())
     warnings: tuple[str, ...] = field(default=())
     """Vehicles that refused a hundred messages, or ten times as many, because of their time stamps;
     the first time that tyres left their linear range; links that did not do what was requested; and
@@ -152,6 +157,7 @@ ENTRIES: Mapping[str, type] = {
     "events[]": RunEvent,
     "holes[]": RecordHole,
     "limits[]": LimitFigure,
+    "changes[]": RunChange,
 }
 """Types of the entries of the summary's lists and tables."""
 

@@ -5,7 +5,7 @@ The log, the figures, the picture, the progress table and the limits of a run ar
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from transport.topics import TOPIC_OF
 from vehicles.messages import Change, LogText, Message, RunEnd, RunStart
@@ -47,18 +47,30 @@ def kinds_of(observers: Sequence[Observer]) -> Kinds:
     return frozenset[type[Message]]().union(*(one.kinds for one in observers))
 
 
+@runtime_checkable
+class ShowsBacklog(Protocol):
+    """Observer that shows how far the log is behind, instead of the messages that it misses."""
+
+    def show_backlog(self, at: int, waiting: int, /) -> None:
+        """Take the instant (ns) of the latest recorded message and the number of waiting ones."""
+        ...
+
+
 class ThrottledObservers:
     """Observer that passes messages to others, but only a few while the log is behind.
 
     So a slow picture loses messages; the log never does.
     """
 
-    def __init__(self, observers: Sequence[Observer], is_behind: Callable[[], bool]) -> None:
-        """`is_behind` returns whether too many messages wait to be recorded."""
+    def __init__(
+        self, observers: Sequence[Observer], waiting: Callable[[], int], most_waiting: int
+    ) -> None:
+        """`waiting` counts messages to be recorded; beyond `most_waiting` the log is behind."""
         self._listeners = listeners_by_kind(observers)
         self.kinds = kinds_of(observers)
         """Messages that at least one observer wants."""
-        self._is_behind = is_behind
+        self._waiting, self._most_waiting = waiting, most_waiting
+        self._shows_backlog = [one for one in observers if isinstance(one, ShowsBacklog)]
         self.skipped = 0
         """Number of messages not passed on."""
 
@@ -66,8 +78,11 @@ class ThrottledObservers:
         listeners = self._listeners[type(message)]
         if not listeners:
             return
-        if self._is_behind() and not isinstance(message, ALWAYS):
+        waiting = self._waiting()
+        if waiting > self._most_waiting and not isinstance(message, ALWAYS):
             self.skipped += 1
+            for observer in self._shows_backlog:
+                observer.show_backlog(at, waiting)
             return
         for listener in listeners:
             listener(at, message)

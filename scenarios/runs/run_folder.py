@@ -62,6 +62,20 @@ def claimed(folder: Path, *, fresh: bool = False) -> Iterator[None]:
         os.close(descriptor)
 
 
+def is_claimed(folder: Path) -> bool:
+    """Whether a run is writing into `folder`."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:  # a file system without locks
+        return False
+    finally:
+        os.close(descriptor)
+    return False
+
+
 def refuse_used(folder: Path) -> None:
     """Raise ScenarioError if `folder` holds the log or the summary of a run."""
     for path in (folder / LOG_NAME, folder / SUMMARY_NAME):

@@ -20,6 +20,7 @@ from mcap.reader import make_reader
 
 from scenarios.cli.main import cli
 from scenarios.results.log_summary import summary_of
+from scenarios.results.outcome import with_outcome_line
 from scenarios.results.summary import from_json, to_json
 from scenarios.runs.virtual.recorded_vehicle import read_recorded_vehicle
 from scenarios.studies.many.blame.losses import read_run
@@ -93,7 +94,7 @@ def test_the_first_generation_has_messages_dropped_and_refused() -> None:
 
 
 def test_the_summary_is_read(folder: Path) -> None:
-    beside = from_json((folder / "summary.json").read_text(encoding="utf-8"))
+    beside = with_outcome_line(from_json((folder / "summary.json").read_text(encoding="utf-8")))
     assert summary_of(folder / "run.mcap") == beside
     assert json.loads(convoy("report", folder, "--json")) == json.loads(to_json(beside))
     assert "v3" in convoy("report", folder)

@@ -125,6 +125,7 @@ def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[Dril
     import time
     from dataclasses import replace
 
+    from scenarios.cli.display_options import DisplayOptions
     from scenarios.cli.running.commands import prepare_command
     from scenarios.cli.running.launching import run_scenario
     from scenarios.definition.errors import ScenarioError
@@ -148,8 +149,7 @@ def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[Dril
             prepare_command=prepare_command,
             run_name=None,
             out=folder,
-            rerun="off",
-            quiet=True,
+            display=DisplayOptions(quiet=True),
         )
         if exit_code not in {0, EXIT_FAILED}:
             sys.exit(exit_code)

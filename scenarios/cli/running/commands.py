@@ -17,6 +17,7 @@ from scenarios.cli.common_options import (
     zenoh_from,
     zenoh_options,
 )
+from scenarios.cli.display_options import DisplayOptions, Tables
 from scenarios.cli.error_lines import clear_errors
 from scenarios.cli.guide import completion
 from scenarios.cli.output import unwritable_output_reported
@@ -63,6 +64,7 @@ def run(
     out: Path | None,
     rerun: str,
     quiet: bool,
+    tables: Tables,
 ) -> None:
     """Run a scenario.
 
@@ -81,8 +83,7 @@ def run(
                 prepare_command=prepare_command if start == "fork" else None,
                 run_name=run_name,
                 out=out,
-                rerun=rerun,
-                quiet=quiet,
+                display=DisplayOptions(rerun, quiet, tables),
             )
         )
 
@@ -203,6 +204,7 @@ def record(
     out: Path | None,
     rerun: str,
     quiet: bool,
+    tables: Tables,
     wait_s: float,
     launched: bool,
     **flags: Any,
@@ -227,8 +229,7 @@ def record(
                 zenoh_from(flags, checked_run_name(run_name or convoy.name)),
                 stop,
                 out=out,
-                rerun=rerun,
-                quiet=quiet,
+                display=DisplayOptions(rerun, quiet, tables),
                 gather_s=wait_s,
                 launched=launched,
             )

@@ -4,8 +4,10 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
 
+import click
 from rich.console import Console
 
+from scenarios.cli.display_options import DisplayOptions, start_line
 from scenarios.cli.running.progress import Progress
 from scenarios.cli.summary_tables import print_summary
 from scenarios.definition.scenario import Scenario
@@ -19,31 +21,40 @@ from transport.picture.option import parse_rerun_option
 
 
 def layout(
-    folder: Path, scenario: Scenario, rerun: str, *, quiet: bool
+    folder: Path, scenario: Scenario, display: DisplayOptions
 ) -> AbstractContextManager[None]:
     """Write Rerun's layout for the log, but not for quiet runs: it takes a while."""
-    return nullcontext() if quiet and rerun == "off" else rerun_layout(folder, scenario)
+    return (
+        nullcontext()
+        if display.quiet and display.rerun == "off"
+        else rerun_layout(folder, scenario)
+    )
 
 
 @contextmanager
 def observers(
-    scenario: Scenario, metrics: Metrics, rerun: str, *, run_id: str, quiet: bool
+    scenario: Scenario, metrics: Metrics, display: DisplayOptions, *, run_id: str
 ) -> Iterator[list[Observer]]:
     """Open the viewer and the progress line, which receive each recorded message."""
     with ExitStack() as stack:
-        option = parse_rerun_option(rerun)
+        option = parse_rerun_option(display.rerun)
         view = stack.enter_context(open_drawing(option, scenario, run_id, metrics))
         found: list[Observer] = [] if option.sink == "off" else [OnMessage(view.draw)]
-        if view.destination and not quiet:
+        if view.destination and not display.quiet:
             Console(stderr=True).print(
                 f"watch it: {view.destination}", soft_wrap=True, highlight=False, markup=False
             )
-        if not quiet:
+        if not display.quiet:
             progress = stack.enter_context(Progress(metrics, scenario.duration_s))
             found.append(progress)
         yield found
 
 
-def show(summary: RunSummary, folder: Path, *, quiet: bool) -> None:
-    if not quiet:
-        print_summary(summary, folder / LOG_NAME, Console())
+def print_start(run: str, folder: Path, display: DisplayOptions) -> None:
+    if not display.quiet:
+        click.echo(start_line(run, folder), err=True)
+
+
+def show(summary: RunSummary, folder: Path, display: DisplayOptions) -> None:
+    if not display.quiet:
+        print_summary(summary, folder / LOG_NAME, Console(), display.tables)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from scenarios.cli.display_options import DisplayOptions
 from scenarios.cli.running.destination import refuse_picture, run_folder
 from scenarios.definition.check.findings import warnings
 from scenarios.definition.scenario import load_scenario
@@ -27,8 +28,7 @@ def run_scenario(
     prepare_command: "PrepareCommand | None",
     run_name: str | None,
     out: Path | None,
-    rerun: str,
-    quiet: bool,
+    display: DisplayOptions,
 ) -> int:
     """Run a scenario; returns the exit code.
 
@@ -38,22 +38,21 @@ def run_scenario(
     common = checked_run_name(run_name or f"{scenario.name}-{secrets.token_hex(3)}")
     for line in warnings(scenario):
         click.echo(f"warning: {line}", err=True)
-    refuse_picture(rerun, out)  # in one line here, before the recorder starts
+    refuse_picture(display.rerun, out)  # in one line here, before the recorder starts
     folder = run_folder(scenario, out)
     with claimed(folder, fresh=out is None):
         if clock == "virtual":
             stop = stop_on_signals()
             from scenarios.cli.running.virtual_run import run_virtually
 
-            return run_virtually(scenario, folder, stop, rerun, quiet=quiet)
+            return run_virtually(scenario, folder, stop, common, display)
         from scenarios.cli.running.wall_clock_run import run_processes
         from scenarios.runs.processes.launcher import LaunchPlan
 
-        recorder_flags = ["--rerun", rerun, *(["--quiet"] if quiet else [])]
         plan = LaunchPlan(
-            scenario, scenario_arguments(name, overrides, seed), folder, recorder_flags, common
+            scenario, scenario_arguments(name, overrides, seed), folder, display.arguments, common
         )
-        return run_processes(plan, prepare_command, quiet=quiet)
+        return run_processes(plan, prepare_command, display)
 
 
 def scenario_arguments(name: str, overrides: Sequence[str], seed: int | None) -> list[str]:

@@ -31,7 +31,7 @@ class _Row(NamedTuple):
     figures: VehicleFigures
     gap: float
     delivered: int
-    lost: int
+    dropped: int
     late: int
 
     @property
@@ -46,14 +46,14 @@ def _metres(gap: float) -> str:
 
 COLUMNS: Sequence[Column[_Row]] = (
     Column("vehicle", lambda row: row.name, left=True),
-    Column("true\nerror cm", lambda row: row.error.latest if row.error else None, ".1f", 100),
-    Column("largest\ncm", lambda row: row.error.largest if row.error else None, ".1f", 100),
-    Column("true\ngap m", lambda row: _metres(row.gap)),
-    Column("believed\nerror cm", lambda row: row.figures.lateral_error.latest, ".1f", 100),
-    Column("steers\nalong", lambda row: row.figures.mode, left=True),
+    Column("true\nerror\ncm", lambda row: row.error.latest if row.error else None, ".1f", 100),
+    Column("max\nerror\ncm", lambda row: row.error.largest if row.error else None, ".1f", 100),
+    Column("true\ngap\nm", lambda row: _metres(row.gap)),
+    Column("estimated\nerror\ncm", lambda row: row.figures.lateral_error.latest, ".1f", 100),
+    Column("mode", lambda row: row.figures.mode, left=True),
     Column("speed\nm/s", lambda row: row.figures.speed, ".1f"),
-    Column("heard", lambda row: row.delivered),
-    Column("lost", lambda row: row.lost),
+    Column("delivered", lambda row: row.delivered),
+    Column("dropped", lambda row: row.dropped),
     Column("late", lambda row: row.late),
 )
 
@@ -72,6 +72,7 @@ class Progress:
         self._duration_s = duration_s
         self._start_at: int | None = None
         self._now = 0
+        self._backlog = 0
         self._drawn = 0.0
         self._console = Console(stderr=True)
         self._terminal = self._console.is_terminal
@@ -99,6 +100,12 @@ class Progress:
                 )
             case TruePose() if known:
                 self._now = max(self._now, message.true_at_ns)
+        self._backlog = 0
+        self._refresh()
+
+    def show_backlog(self, at: int, waiting: int) -> None:
+        """Take the instant (ns) of the latest recorded message, and the number of waiting ones."""
+        self._now, self._backlog = max(self._now, at), waiting
         self._refresh()
 
     def _refresh(self) -> None:
@@ -111,7 +118,7 @@ class Progress:
         if self._terminal:
             self._live.update(self._table(), refresh=True)
         else:
-            line = f"{self._seconds():6.1f} of {self._duration_s:.1f} s  {self._of_all()}"
+            line = f"{self._title()} · {self._of_all()}"
             self._console.print(line, highlight=False, soft_wrap=True)
 
     def _of_all(self) -> str:
@@ -119,13 +126,13 @@ class Progress:
         figures = self._metrics.vehicles.values()
         worst = max(abs(one.cross_track_error.latest) for one in figures)
         largest = max(one.cross_track_error.largest for one in figures)
-        gap = _metres(min(map(self._gap, self._metrics.vehicles)))
-        delivered, lost, late = map(
-            sum, zip(*map(self._messages, self._metrics.vehicles), strict=True)
-        )
+        gaps = [one.min_m for one in self._metrics.stream.gaps.values()]
+        counts = map(self._messages, self._metrics.vehicles)
+        delivered, dropped, late = map(sum, zip(*counts, strict=True))
         return (
-            f"true lateral error {worst * 100:.1f} cm, largest {largest * 100:.1f} cm"
-            f"  true gap {gap} m  heard {delivered}  lost {lost}  late {late}"
+            f"true error now {worst * 100:.1f} cm, max {largest * 100:.1f} cm"
+            f" · min gap {_metres(min(gaps, default=inf))} m"
+            f" · delivered {delivered} · dropped {dropped} · late {late}"
         )
 
     def _gap(self, name: str) -> float:
@@ -134,7 +141,7 @@ class Progress:
         return known.now_m if known else inf
 
     def _messages(self, name: str) -> tuple[int, int, int]:
-        """Count the received, lost and late messages of a vehicle; late ticks count as late."""
+        """Count delivered, dropped and late messages of a vehicle; late ticks count as late."""
         links = [link for (_, receiver), link in self._metrics.links.items() if receiver == name]
         health = self._metrics.vehicles[name].health
         return (
@@ -146,8 +153,11 @@ class Progress:
     def _seconds(self) -> float:
         return max(self._now - (self._start_at or 0), 0) / SECOND
 
+    def _title(self) -> str:
+        backlog = f", log behind by {self._backlog} messages" if self._backlog else ""
+        return f"{self._seconds():.1f} of {self._duration_s:.1f} s{backlog}"
+
     def _table(self) -> Table:
-        title = f"{self._seconds():.1f} of {self._duration_s:.1f} s"
         vehicles = self._metrics.vehicles
         names = worst_rows(
             list(vehicles), lambda name: vehicles[name].cross_track_error.largest, MOST_ROWS
@@ -159,4 +169,4 @@ class Progress:
             _Row(name, vehicles[name], self._gap(name), *self._messages(name)) for name in names
         ]
         # without lines, which would cost columns
-        return table_of(COLUMNS, rows, title=title, caption=caption, box=None)
+        return table_of(COLUMNS, rows, title=self._title(), caption=caption, box=None)

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import click
 
+from scenarios.cli.display_options import DisplayOptions
 from scenarios.cli.running.destination import refuse_picture, run_folder
-from scenarios.cli.running.display import layout, observers, show
+from scenarios.cli.running.display import layout, observers, print_start, show
 from scenarios.definition.scenario import Scenario
 from scenarios.results.files import LOG_NAME
 from scenarios.results.log_summary import summary_of
@@ -26,8 +27,7 @@ def record_run(
     stop: Stop,
     *,
     out: Path | None,
-    rerun: str,
-    quiet: bool,
+    display: DisplayOptions,
     gather_s: float,
     launched: bool,
 ) -> int:
@@ -35,8 +35,10 @@ def record_run(
 
     `launched` by `convoy run`, which holds the folder.
     """
-    refuse_picture(rerun, out)
+    refuse_picture(display.rerun, out)
     folder = run_folder(scenario, out)
+    if not launched:
+        print_start(options.run, folder, display)
     with (
         nullcontext() if launched else claimed(folder, fresh=out is None),
         open_bus(options, RECORDER_DEFAULTS) as bus,
@@ -45,8 +47,8 @@ def record_run(
         member.join()
         metrics = Metrics.of(scenario)
         with (
-            layout(folder, scenario, rerun, quiet=quiet),
-            observers(scenario, metrics, rerun, run_id=folder.name, quiet=quiet) as watchers,
+            layout(folder, scenario, display),
+            observers(scenario, metrics, display, run_id=folder.name) as watchers,
         ):
             stop.begun = True
             recorder = RecorderProcess(
@@ -60,20 +62,20 @@ def record_run(
                 observers=watchers,
             )
             summary = recorder.record_until_over()
-        show(summary, folder, quiet=quiet)
+        show(summary, folder, display)
         # Last of all: the vehicles wait for it, and the end of one container may stop all others.
         # Signals are ignored from here, as the result is complete.
         ignore_signals()
         recorder.announce_completion()
-    if quiet and summary.reason not in {"", stop.reason}:
+    if display.quiet and summary.reason not in {"", stop.reason}:
         click.echo(summary.reason, err=True)
     return (stop.exit_code or EXIT_FAILED) if summary.reason else 0
 
 
-def summarise_repaired_log(folder: Path, *, quiet: bool) -> None:
+def summarise_repaired_log(folder: Path, display: DisplayOptions) -> None:
     """Write and show the summary of a run whose recorder could not; raises LogError."""
     summary = summary_of(folder / LOG_NAME)
     try:
         write_summary(folder, summary)
     finally:
-        show(summary, folder, quiet=quiet)
+        show(summary, folder, display)

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import click
 
-from scenarios.cli.running.display import layout, observers, show
+from scenarios.cli.display_options import DisplayOptions
+from scenarios.cli.running.display import layout, observers, print_start, show
 from scenarios.definition.scenario import Scenario
 from scenarios.results.metrics import Metrics
 from scenarios.runs.stop import EXIT_FAILED, Stop
@@ -15,18 +16,18 @@ def run_virtually(
     scenario: Scenario,
     folder: Path,
     stop: Stop,
-    rerun: str,
-    *,
-    quiet: bool,
+    run: str,
+    options: DisplayOptions,
 ) -> int:
+    print_start(run, folder, options)
     metrics = Metrics.of(scenario)
     with (
-        layout(folder, scenario, rerun, quiet=quiet),
-        observers(scenario, metrics, rerun, run_id=folder.name, quiet=quiet) as watchers,
+        layout(folder, scenario, options),
+        observers(scenario, metrics, options, run_id=folder.name) as watchers,
     ):
         stop.begun = True
         summary = run_virtual(scenario, folder, stop, metrics=metrics, observers=watchers)
-    show(summary, folder, quiet=quiet)
-    if quiet and stop.exit_code == EXIT_FAILED:  # signals are reported when they arrive
+    show(summary, folder, options)
+    if options.quiet and stop.exit_code == EXIT_FAILED:  # signals are reported when they arrive
         click.echo(summary.reason, err=True)
     return stop.exit_code if summary.reason else 0

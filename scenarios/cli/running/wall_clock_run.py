@@ -10,6 +10,9 @@ from functools import partial
 from importlib import import_module
 from pathlib import Path
 
+import click
+
+from scenarios.cli.display_options import DisplayOptions, start_line
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.node.sink import BatchingSink
 from scenarios.runs.processes.forking import Task
@@ -26,14 +29,22 @@ PARTS = ("scenarios.runs.processes.router", "scenarios.runs.processes.vehicle_pr
 """Modules of the processes of a run other than the recorder."""
 
 
-def run_processes(plan: LaunchPlan, prepare_command: PrepareCommand | None, *, quiet: bool) -> int:
+def run_processes(
+    plan: LaunchPlan, prepare_command: PrepareCommand | None, display: DisplayOptions
+) -> int:
     """Run on the wall clock; returns the exit code."""
     stop = stop_on_signals()
     prepare_task = None
     if prepare_command is not None:
         prepare_parts(plan.scenario)
         prepare_task = partial(prepare_command, plan.scenario)
-    outcome = launch(plan, stop, Supervisor(prepare_task), _complete)
+    outcome = launch(
+        plan,
+        stop,
+        Supervisor(prepare_task),
+        _complete,
+        on_router=lambda endpoint: _print_start(plan, endpoint, display),
+    )
     if outcome.reason and not outcome.is_reported:
         from rich.console import Console
         from rich.text import Text
@@ -43,8 +54,13 @@ def run_processes(plan: LaunchPlan, prepare_command: PrepareCommand | None, *, q
         from scenarios.cli.running.recorder_run import summarise_repaired_log
 
         with suppress(LogError):  # killed before the first message
-            summarise_repaired_log(plan.folder, quiet=quiet)
+            summarise_repaired_log(plan.folder, display)
     return outcome.exit_code
+
+
+def _print_start(plan: LaunchPlan, endpoint: str, display: DisplayOptions) -> None:
+    if not display.quiet:
+        click.echo(start_line(plan.run, plan.folder, endpoint), err=True)
 
 
 def _complete(log: Path) -> bool:

@@ -15,7 +15,7 @@ CERTAINTY = 0.9999
 
 
 @dataclass(frozen=True, slots=True)
-class Interval:
+class ConfidenceInterval:
     value: float
     low: float
     high: float
@@ -26,18 +26,18 @@ def quantile_of_normal(confidence: float) -> float:
     return NormalDist().inv_cdf(0.5 + 0.5 * confidence)
 
 
-def share(count: float, of: float, confidence: float, inflation: float = 1.0) -> Interval:
+def share(count: float, of: float, confidence: float, inflation: float = 1.0) -> ConfidenceInterval:
     """Wilson's interval of a share (E. B. Wilson, JASA 22, 1927) of `of` events.
 
     `inflation` divides the number of independent events: for a chain with the lag-one correlation r
     it is (1 + r) / (1 - r). Without events the interval is [0, 1].
     """
     if of <= 0.0:
-        return Interval(0.0, 0.0, 1.0)
+        return ConfidenceInterval(0.0, 0.0, 1.0)
     ratio, n, z = count / of, max(of / inflation, 1.0), quantile_of_normal(confidence)
     centre = (ratio + z * z / (2.0 * n)) / (1.0 + z * z / n)
     half = z / (1.0 + z * z / n) * sqrt(ratio * (1.0 - ratio) / n + z * z / (4.0 * n * n))
-    return Interval(ratio, max(0.0, centre - half), min(1.0, centre + half))
+    return ConfidenceInterval(ratio, max(0.0, centre - half), min(1.0, centre + half))
 
 
 def inflation(loss_ratio: float, burst: float) -> float:
@@ -59,7 +59,7 @@ def bursts(lost: NDArray[np.bool_]) -> NDArray[np.int_]:
     return lengths
 
 
-def mean_length(lengths: NDArray[np.int_], confidence: float) -> Interval | None:
+def mean_length(lengths: NDArray[np.int_], confidence: float) -> ConfidenceInterval | None:
     """Mean of lengths with its interval, None without any; a single one has no upper bound.
 
     The standard error of the mean b of m geometric lengths is sqrt(b (b - 1) / m), or that of the
@@ -74,7 +74,9 @@ def mean_length(lengths: NDArray[np.int_], confidence: float) -> Interval | None
     scatter = (count * second - first * first) / (count * (count - 1)) if count > 1 else 0.0
     spread = sqrt(max(scatter, mean * (mean - 1.0))) / sqrt(count)
     half = quantile_of_normal(confidence) * spread
-    return Interval(mean, max(1.0, mean - half), mean + half if count > 1 else float("inf"))
+    return ConfidenceInterval(
+        mean, max(1.0, mean - half), mean + half if count > 1 else float("inf")
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.channel.estimates import (
     CERTAINTY,
     CONFIDENCE,
-    Interval,
+    ConfidenceInterval,
     Spread,
     bursts,
     inflation,
@@ -229,7 +229,9 @@ def describe_link(row: LinkSummary) -> str:
     return "; ".join(parts)
 
 
-def _losses(tally: LinkTally, confidence: float) -> tuple[Interval, Interval | None, int]:
+def _losses(
+    tally: LinkTally, confidence: float
+) -> tuple[ConfidenceInterval, ConfidenceInterval | None, int]:
     """Loss and mean burst length with their intervals, and the longest burst."""
     lost = tally.lost
     lengths = bursts(lost)
@@ -283,7 +285,7 @@ def request_deviations(
 
 
 def _burst_miss(
-    name: str, expected: ExpectedChannel, burst: Interval, tally: LinkTally
+    name: str, expected: ExpectedChannel, burst: ConfidenceInterval, tally: LinkTally
 ) -> Iterator[str]:
     """Compare mean bursts. Where losses are clustered, their count varies as well.
 

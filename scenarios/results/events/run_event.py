@@ -59,8 +59,8 @@ def _what(event: RunEvent) -> str:
 def road_known(known: float) -> str:
     """Known length (m) of road ahead in words; a negative one ends behind the vehicle."""
     if known >= 0.0:
-        return f"{known:.1f} m of the road known"
-    return f"the road known ends {-known:.1f} m behind"
+        return f"{known:.1f} m of known path"
+    return f"the known path ends {-known:.1f} m behind"
 
 
 class EventLog:

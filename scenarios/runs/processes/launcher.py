@@ -58,15 +58,18 @@ def launch(
     supervisor: Supervisor,
     complete: Callable[[Path], bool],
     *,
+    on_router: Callable[[str], None] = lambda _: None,
     sleep: Callable[[float], object] = time.sleep,
 ) -> RunOutcome:
     """Run the convoy to its end and leave no process behind.
 
     `complete` completes the log where the recorder could not; it returns whether that was needed.
+    `on_router` gets the router's endpoint.
     """
     outcome = RunOutcome()
     try:
         endpoint = supervisor.start_router()
+        on_router(endpoint)
         common = (*plan.scenario_arguments, "--parent-watch", "--run", plan.run, "-e", endpoint)
         recorder = supervisor.start(
             RECORDER,

@@ -80,7 +80,7 @@ class RecorderProcess:
             gather_until=self._clock.now() + round(gather_s * SECOND),
         )
         metrics = metrics or Metrics.of(scenario)
-        self._watchers = ThrottledObservers(observers, lambda: len(self._arrivals) > MOST_WAITING)
+        self._watchers = ThrottledObservers(observers, lambda: len(self._arrivals), MOST_WAITING)
         self._board = StatusBoard(scenario, membership.run, metrics)
         self._run = RunLog(
             scenario,

@@ -227,8 +227,8 @@ class VehicleProcess:
     def drive(self, report: Report) -> None:
         """Drive to the end of the run, send the final counters, wait for the recorder's end.
 
-        Raises RunCancelledError when the run cannot continue, VehicleFaultError after announcing a fault
-        of the vehicle, and RestartRequestedError when the process has to restart.
+        Raises RunCancelledError when the run cannot continue, VehicleFaultError after announcing a
+        fault of the vehicle, and RestartRequestedError when the process has to restart.
         """
         start_at = self._start_at
         if start_at is None:  # stopped before

@@ -1,17 +1,22 @@
 import io
 import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 from rich.console import Console
 
+from scenarios.cli.display_options import Tables
 from scenarios.cli.summary_tables import print_summary
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.channel.link_summary import AlarmSummary
 from scenarios.results.events.run_event import RunEvent
 from scenarios.results.holes import RecordHole
 from scenarios.results.metrics import Metrics
+from scenarios.results.outcome import with_outcome_line
+from scenarios.results.run_changes import RunChange
 from scenarios.results.summary import ClockName, RunIdentity, RunSummary
 from scenarios.results.vehicles.reaction import ReactionSummary
 from tests.made.scenarios.messages import gps, health, tracking, truth, verdict
@@ -59,10 +64,17 @@ def summary(reason: str = "", clock: ClockName = "wall") -> RunSummary:
     )
 
 
-def printed(figures: RunSummary, log: Path | None = None, width: int = 80) -> str:
+def printed(
+    figures: RunSummary, log: Path | None = None, width: int = 80, tables: Tables = "all"
+) -> str:
     out = io.StringIO()
-    print_summary(figures, log, Console(file=out, width=width))
+    print_summary(figures, log, Console(file=out, width=width), tables)
     return out.getvalue()
+
+
+def tables_of(text: str) -> int:
+    """Number of printed tables, by the line below each heading."""
+    return len(re.findall(r"^ *─+ *$", text, re.MULTILINE))
 
 
 def row(text: str, begin: str, table: int = 0) -> list[str]:
@@ -71,23 +83,22 @@ def row(text: str, begin: str, table: int = 0) -> list[str]:
     return re.sub("[│┃]", " ", lines[table]).split()
 
 
-def test_a_vehicle_s_row_tells_what_is_true_then_what_it_believed() -> None:
+def test_a_vehicle_s_row_has_true_figures_next_to_estimates() -> None:
     text = printed(summary())
     assert "trial, seed 11, wall clock, 1.0 s" in text
-    assert row(text, "v2 ") == [
-        *("v2", "12.5", "/", "12.5", "10.1"),
-        *("9.0", "/", "9.0", "21.5", "14.0", "0.0", "/", "0"),
-    ]
+    assert row(text, "v2 ") == ["v2", "12.5", "/", "12.5", "10.1", "9.0", "/", "9.0", "14.0", "0"]
     headings = [re.split(r"  +", line.strip()) for line in text.splitlines()[2:5]]
     assert headings == [
-        ["true", "true", "believed", "difference", "believed", "sideways"],
-        ["error cm", "gap m", "error cm", "of errors", "gap m", "m/s², % of"],
-        ["vehicle", "max / rms", "min", "max / rms", "cm, max", "min", "friction"],
+        ["true", "true", "self-estimated", "estimated", "friction"],
+        ["error, cm", "gap, m", "error, cm", "gap, m", "used, %"],
+        ["vehicle", "max / rms", "min", "max / rms", "min", "max"],
     ]
 
 
-def test_a_second_row_tells_poses_and_how_the_process_did() -> None:
-    assert row(printed(summary()), "v2 ", 1) == ["v2", "1", "2", "12", "7", "64", "4.3"]
+def test_further_tables_have_details_and_figures_of_the_process() -> None:
+    text = printed(summary())
+    assert row(text, "v2 ", 1)[3:5] == ["21.5", "0.0"]
+    assert row(text, "v2 ", 2) == ["v2", "1", "2", "12", "7", "64", "4.3"]
 
 
 def test_who_drove_along_nothing_believes_no_error() -> None:
@@ -99,12 +110,12 @@ def test_who_drove_along_nothing_believes_no_error() -> None:
 
 def test_a_lead_has_no_distance_from_its_own_path() -> None:
     text = printed(summary())
-    assert row(text, "v1 ") == ["v1", "-", "-", "-", "-", "-", "0.0", "/", "0"]
-    assert row(text, "v1 ", 1) == ["v1", "21", "0", "0", "0"]
+    assert row(text, "v1 ") == ["v1", "-", "-", "-", "-", "0"]
+    assert row(text, "v1 ", 2) == ["v1", "21", "0", "0", "0"]
 
 
 def test_nor_has_a_follower_that_was_never_on_the_road() -> None:
-    assert row(printed(summary()), "v3 ") == ["v3", "-", "-", "-", "-", "-", "-"]
+    assert row(printed(summary()), "v3 ") == ["v3", "-", "-", "-", "-", "-"]
 
 
 def test_the_title_is_the_run_s_own_and_printed_as_it_is() -> None:
@@ -116,14 +127,14 @@ def test_the_title_is_the_run_s_own_and_printed_as_it_is() -> None:
 
 def test_what_followers_did_when_messages_failed_is_a_table_of_its_own() -> None:
     figures = summary()
-    assert "when messages failed" not in printed(figures)
+    assert "degradation" not in printed(figures)
     did = ReactionSummary(
         mode_changes=7, recoveries=2, recovery_s_mean=3.25, recovery_s_max=4.0, stops=1,
         blind_m=12.34, predicted_blind_m_max=12.5, hazards=1,
     )  # fmt: skip
     lead, second, third = figures.vehicles
     text = printed(replace(figures, vehicles=(lead, replace(second, reaction=did), third)))
-    table = text[text.index("when messages failed") : text.index("links,")]
+    table = text[text.index("degradation") : text.index("links,")]
     assert row(table, "v2 ") == ["v2", "7", "2", "3.2", "/", "4.0", "1", "1", "12.3", "/", "12.5"]
     assert row(table, "v3 ") == ["v3", "0", "0", "-", "/", "-", "0", "0", "0.0", "/", "-"]
     assert "v1" not in table
@@ -149,7 +160,7 @@ def test_events_are_rows_with_their_figures() -> None:
     many = printed(replace(summary(), events=EVENTS[:1] * 50))
     assert "10 more" in many
     assert "events: 50 near misses" in many
-    assert "events" not in printed(summary())
+    assert "events:" not in printed(summary())
 
 
 def test_of_very_many_links_those_that_lost_most_are_printed() -> None:
@@ -168,8 +179,8 @@ def test_what_was_not_recorded_is_said_below() -> None:
     silent = replace(figures.vehicles[2], silent_from_s=0.5)
     text = printed(replace(figures, holes=(hole,), vehicles=(*figures.vehicles[:2], silent)))
     assert "not recorded: 95 poses of v1, 2.00 to 6.70 s after the start\n" in text
-    assert "silent: v3 from 0.50 s after the start on; it left, died or was not heard\n" in text
-    assert "the figures are of what was recorded\n" in text
+    assert "silent: v3 from 0.50 s after the start on\n" in text
+    assert "the figures cover only what was recorded\n" in text
     assert "recorded\n" not in printed(figures).split("links")[1]
 
 
@@ -180,9 +191,17 @@ def test_a_link_s_row_puts_achieved_beside_requested() -> None:
 
 
 def test_tables_fit_a_terminal_of_eighty_columns() -> None:
-    text = printed(summary())
-    assert max(map(len, text.splitlines())) <= 80
-    assert "…" not in text
+    busy = ReactionSummary(mode_changes=12, stops=2, blind_m=12.34)
+    figures = summary()
+    lead, *followers = figures.vehicles
+    followers = [
+        replace(one, reaction=busy, cross_track_error_m_max=3.733, cross_track_error_m_rms=1.12)
+        for one in followers
+    ]
+    for vehicles in (figures.vehicles, (lead, *followers)):
+        text = printed(replace(figures, vehicles=vehicles))
+        assert max(map(len, text.splitlines()[:-1])) <= 80  # without the outcome line
+        assert "…" not in text
 
 
 def test_figures_that_need_more_columns_are_not_cut() -> None:
@@ -202,20 +221,69 @@ def test_in_virtual_time_no_process_is_measured() -> None:
     figures = summary(clock="virtual")
     vehicles = tuple(replace(vehicle, memory_bytes_max=0) for vehicle in figures.vehicles)
     figures = replace(figures, vehicles=vehicles)
-    assert row(printed(figures), "v2 ", 1) == ["v2", "1", "2", "12", "7"]
+    assert row(printed(figures), "v2 ", 2) == ["v2", "1", "2", "12", "7"]
 
 
 def test_one_vehicle_alone_has_no_table_of_links() -> None:
     assert "links" not in printed(replace(summary(), links=()))
 
 
-def test_why_it_ended_and_where_the_log_is() -> None:
-    text = printed(summary("v2 died 3.0 s after the start"), Path("runs/today/run.mcap"))
-    assert "ended early: v2 died 3.0 s after the start" in text
-    assert text.endswith("log: runs/today/run.mcap\n")
-    assert "ended early" not in printed(summary())
-    whole = replace(summary("limits.collisions_max = 0: v2"), ran_s=5.0)
-    assert "failed: limits.collisions_max = 0: v2" in printed(whole)
+def test_the_outcome_line_and_the_log_come_last() -> None:
+    failed = summary("v2 failed 3.0 s after the start")
+    *_, outcome, log = printed(failed, Path("runs/today/run.mcap")).splitlines()
+    assert outcome == with_outcome_line(failed).outcome_line
+    assert outcome.startswith("FAILED: v2 failed 3.0 s after the start")
+    assert log == "log: runs/today/run.mcap"
+    assert "failed: " not in printed(failed)
+    two = printed(summary("v2 failed; limits.collisions_max = 0: v2"))
+    assert "failed: v2 failed\nfailed: limits.collisions_max = 0: v2\nFAILED: v2 failed; " in two
+
+
+def test_a_quiet_run_prints_one_table_and_others_only_with_news() -> None:
+    figures = summary()
+    lead, second, third = (
+        replace(one, late_ticks=0, missing_poses=0, rejected_messages=0) for one in figures.vehicles
+    )
+    calm = replace(figures, vehicles=(lead, second, third))
+    assert tables_of(printed(calm)) == 5
+    assert tables_of(printed(calm, tables="news")) == 1
+
+    def news(**changed: Any) -> int:
+        return tables_of(printed(replace(calm, **changed), tables="news"))
+
+    assert news(events=EVENTS) == 2
+    assert news(warnings=("v1 → v2: lost 33 % of 21 messages",)) == 2
+    assert news(links=(replace(calm.links[0], dropped={"cut": 3}),)) == 2
+    assert news(links=(replace(calm.links[0], late=4),)) == 2
+    disturbed = replace(third, ticks=1000, late_ticks=12)
+    for one in (disturbed, replace(third, missing_poses=1), replace(third, rejected_messages=1)):
+        assert news(vehicles=(lead, second, one)) == 2
+    few, stop = ReactionSummary(mode_changes=1), ReactionSummary(stops=1)
+    assert news(vehicles=(lead, replace(second, reaction=few), third)) == 1
+    assert news(vehicles=(lead, replace(second, reaction=stop), third)) == 2
+
+
+def test_the_title_counts_losses_under_changes_instead_of_the_requested_loss() -> None:
+    figures = summary()
+    change = partial(RunChange, for_s=1.0, by_hand=True, vehicles=("v3",))
+    identity = replace(figures.identity, title="trial, seed 11, loss 0 %, channel lossy")
+    changed = replace(
+        figures,
+        identity=identity,
+        changes=(
+            change(at_s=7.0, kind="cut", target="* → *"),
+            change(at_s=9.0, kind="stall", target="v3"),
+        ),
+        links=(replace(figures.links[0], judged=3500, dropped={"cut": 180, "rate": 9}),),
+    )  # fmt: skip
+    assert printed(changed, width=200).splitlines()[0] == (
+        "trial, seed 11, channel lossy, 180 of 3500 messages lost by cuts, "
+        "stall v3 at 9.00 s by hand, wall clock, 1.0 s"
+    )
+    mixed = replace(changed, links=(replace(changed.links[0], dropped={"cut": 180, "loss": 20}),))
+    assert ", 200 of 3500 messages lost, 180 by cuts, " in printed(mixed, width=200)
+    unchanged = printed(replace(changed, changes=(), links=figures.links), width=200)
+    assert "loss 0 %" in unchanged.splitlines()[0]
 
 
 @pytest.mark.parametrize("folder", ["runs[old]", "a[/b]", ":smile:", "x" * 120])

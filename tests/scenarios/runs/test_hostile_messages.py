@@ -11,6 +11,7 @@ from random import Random
 
 import pytest
 
+from scenarios.cli.display_options import DisplayOptions
 from scenarios.cli.running.display import observers
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.metrics import Metrics
@@ -219,8 +220,9 @@ def test_what_may_be_a_vehicle_s_own_is_used_or_counted(tmp_path: Path, campaign
         drawn = stranger.plausible(heard)
         return drawn if len(drawn[1]) % 2 else stranger.refusable(heard)
 
-    metrics, picture = Metrics.of(trial()), f"save={tmp_path / 'run.rrd'}"
-    with observers(trial(), metrics, picture, run_id="x", quiet=False) as watchers:
+    metrics = Metrics.of(trial())
+    display = DisplayOptions(rerun=f"save={tmp_path / 'run.rrd'}")
+    with observers(trial(), metrics, display, run_id="x") as watchers:
         run = drive(tmp_path, anything, campaign, metrics, watchers)
     came = run.honest.total() + run.hostile.total()
     assert run.recorded + sum(run.summary.recorder_rejected_messages.values()) == came

@@ -7,9 +7,9 @@ from vehicles.messages import Message
 
 def test_while_the_log_is_behind_only_the_few_that_matter_are_shown() -> None:
     shown: list[Message] = []
-    behind = [False]
+    waiting = [10]
     watchers = ThrottledObservers(
-        [OnMessage(lambda _, message: shown.append(message))], lambda: behind[0]
+        [OnMessage(lambda _, message: shown.append(message))], lambda: waiting[0], 10
     )
     ordinary: list[Message] = [truth("v1", 0, 0.0, 0.0), tracking("v1", 0)]
     important: list[Message] = [start(), text("run", 0, "all are present")]
@@ -17,18 +17,18 @@ def test_while_the_log_is_behind_only_the_few_that_matter_are_shown() -> None:
         watchers.listen(START, message)
     assert shown == [*ordinary, *important]
     assert watchers.skipped_line() == ""
-    behind[0] = True
+    waiting[0] = 11
     shown.clear()
     for message in (*ordinary, *important):
         watchers.listen(START, message)
     assert shown == important
     assert "leave out 2 messages" in watchers.skipped_line()
-    behind[0] = False
+    waiting[0] = 0
     watchers.listen(START, ordinary[0])
     assert shown == [*important, ordinary[0]]
 
 
 def test_nothing_is_left_out_where_nobody_watches() -> None:
-    watchers = ThrottledObservers([], lambda: True)
+    watchers = ThrottledObservers([], lambda: 11, 10)
     watchers.listen(START, truth("v1", 0, 0.0, 0.0))
     assert watchers.skipped_line() == ""

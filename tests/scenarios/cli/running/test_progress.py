@@ -10,8 +10,10 @@ from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.events.bodies import BodySize
 from scenarios.results.metrics import Metrics
 from scenarios.results.stream import FigureStream
+from scenarios.runs.observer import ThrottledObservers
 from tests.made.scenarios.messages import START, gps, health, start, text, tracking, truth, verdict
 from vehicles.messages import Message
+from vehicles.schedule import SECOND
 
 CONVOY = dict.fromkeys(("v1", "v2"), BodySize(5.0, 2.0, 0.0))
 
@@ -104,8 +106,8 @@ def test_without_a_terminal_a_plain_line_now_and_then(
 ) -> None:
     plain.listen(START, start())
     assert capsys.readouterr().err == (
-        "   0.0 of 35.0 s  true lateral error 0.0 cm, largest 0.0 cm  true gap - m"
-        "  heard 0  lost 0  late 0\n"
+        "0.0 of 35.0 s · true error now 0.0 cm, max 0.0 cm · min gap - m"
+        " · delivered 0 · dropped 0 · late 0\n"
     )
     drive(plain)
     clock.now += PLAIN_EVERY_S - 0.1
@@ -116,10 +118,10 @@ def test_without_a_terminal_a_plain_line_now_and_then(
     plain.listen(START, gps("v1", 2))
     out, err = capsys.readouterr()
     assert out == ""  # standard output is for what the command is asked for
-    # lost is what was lost, not what the link's rate held back; late are messages and ticks
+    # dropped: without messages above the link's rate; late: messages and ticks
     assert err == (
-        "  12.0 of 35.0 s  true lateral error 10.0 cm, largest 34.5 cm  true gap 10.0 m"
-        "  heard 6  lost 1  late 4\n"
+        "12.0 of 35.0 s · true error now 10.0 cm, max 34.5 cm · min gap 10.0 m"
+        " · delivered 6 · dropped 1 · late 4\n"
     )
 
 
@@ -173,8 +175,8 @@ def test_of_a_long_convoy_the_worst_have_a_row_and_all_a_line(
     rows = [line.split()[0] for line in map(str.strip, err.splitlines()) if re.match(r"v\d", line)]
     assert rows == [*(f"v{place}" for place in (*range(16, 21), *range(36, 41)))]
     words = " ".join(err.split())
-    assert "the worst 10 of 40; all: true lateral error 19.0 cm, largest 19.0 cm" in words
-    assert "true gap 10.0 m heard 0 lost 0 late 0" in words
+    assert "the worst 10 of 40; all: true error now 19.0 cm, max 19.0 cm" in words
+    assert "min gap 10.0 m · delivered 0 · dropped 0 · late 0" in words
 
 
 def test_the_live_table_fits_a_terminal_of_eighty_columns(
@@ -188,8 +190,27 @@ def test_the_live_table_fits_a_terminal_of_eighty_columns(
     live.listen(START, gps("v1", 0))
     err = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", capsys.readouterr().err)
     assert "…" not in err
-    for words in ("true", "believed", "error cm", "largest", "gap m", "predecessor", "late"):
+    for words in ("true", "estimated", "error", "cm", "max", "gap", "predecessor", "late"):
         assert words in err
+
+
+def test_while_the_log_catches_up_the_time_goes_on_and_the_backlog_is_shown(
+    clock: FakeTime, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
+    waiting = [0]
+    metrics = Metrics(tuple(CONVOY), {}, stream=FigureStream(CONVOY))
+    with Progress(metrics, 35.0) as progress:
+        throttled = ThrottledObservers([progress], lambda: waiting[0], 2000)
+        throttled.listen(START, start())
+        waiting[0] = 12345
+        clock.now += PLAIN_EVERY_S
+        throttled.listen(START + 3 * SECOND, truth("v1", 150, 0.0, 0.0))
+        assert "3.0 of 35.0 s, log behind by 12345 messages · " in capsys.readouterr().err
+        waiting[0] = 0
+        clock.now += PLAIN_EVERY_S
+        throttled.listen(START + 4 * SECOND, truth("v1", 200, 0.0, 0.0))
+        assert "4.0 of 35.0 s · " in capsys.readouterr().err
 
 
 def test_a_terminal_is_redrawn_at_most_so_often(

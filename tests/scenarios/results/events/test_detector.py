@@ -209,11 +209,11 @@ def test_a_stop_is_an_event_with_what_was_known_and_what_will_be_blind() -> None
     assert first.figures == pytest.approx(
         {"known_m": 12.5, "predicted_blind_m": 3.25, "duration_s": 1.0}
     )
-    assert first.line.startswith("stop: v2 brakes to a standstill, 12.5 m of the road known, 3.2 m")
+    assert first.line.startswith("stop: v2 brakes to a standstill, 12.5 m of known path, 3.2 m")
     assert second.at_s == pytest.approx(54 / 50)
     outrun = {"mode": "stop", "known_m": -23.25, "blind_m": 40.0}
     (event,) = detected(tracking("v2", 0, **outrun))
-    assert ", the road known ends 23.2 m behind, 40.0 m beyond it" in event.line
+    assert ", the known path ends 23.2 m behind, 40.0 m beyond it" in event.line
     untold = {"mode": "stop", "known_m": nan, "blind_m": nan}
     (event,) = detected(tracking("v2", 0, **untold))
     assert event.line == "stop: v2 brakes to a standstill, 0.00 s after the start"

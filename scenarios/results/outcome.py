@@ -1,0 +1,186 @@
+"""The outcome of a run in one line, with the most important fact first."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from scenarios.results.events.encounters import EventKind
+from scenarios.results.events.run_event import RunEvent
+from scenarios.results.summary import RunSummary
+from scenarios.results.vehicles.vehicle_figures import VehicleSummary
+
+LATE_RATIO = 0.01
+"""Share of late ticks above which a run was not in real time."""
+
+
+def with_outcome_line(summary: RunSummary) -> RunSummary:
+    """Fill in the outcome line, unless the summary has one."""
+    return summary if summary.outcome_line else replace(summary, outcome_line=_line(summary))
+
+
+def late_ratio(vehicles: Sequence[VehicleSummary]) -> float:
+    """Share of the ticks of all vehicles that began late."""
+    ticks = sum([one.ticks for one in vehicles])
+    return sum([one.late_ticks for one in vehicles]) / ticks if ticks else 0.0
+
+
+def _line(summary: RunSummary) -> str:
+    incidents = list(_incidents(summary))
+    if summary.outcome == "completed" and not incidents:
+        caveats = list(_caveats(summary))
+        ok = f"OK ({', '.join(caveats)})" if caveats else "OK"
+        facts = [_count(summary), _duration(summary), _worst_error(summary), "no events"]
+        return f"{ok}: {', '.join(filter(None, (*facts, _limits_kept(summary))))}"
+    facts = incidents[:]
+    if not any(event.kind == "lane_departure" for event in summary.events):
+        facts.append(_worst_error(summary))
+    facts.append(_collisions(summary) if incidents else "no events")
+    match summary.outcome:
+        case "failed":
+            head = f"FAILED: {_reasons(summary.reason)}"
+            facts = [head, f"ran {_duration(summary)}", *facts]
+        case "running":
+            facts = [f"RUNNING: {_duration(summary)}", *facts]
+        case "completed":
+            facts.append(f"limits: {_limits_kept(summary) or 'none set'}")
+    return "; ".join(filter(None, (*facts, *_caveats(summary))))
+
+
+def _count(summary: RunSummary) -> str:
+    count = len(summary.vehicles)
+    return "1 vehicle" if count == 1 else f"{count} vehicles"
+
+
+def _duration(summary: RunSummary) -> str:
+    planned = f"{summary.duration_s:.1f} s"
+    ran = f"{summary.ran_s:.1f} s"
+    return ran if ran == planned else f"{summary.ran_s:.1f} of {planned}"
+
+
+def _reasons(reason: str) -> str:
+    """The first reason of a failure, and the number of the others."""
+    first, *others = reason.split("; ")
+    more = f"{len(others)} more {'reason' if len(others) == 1 else 'reasons'}"
+    return f"{first}; {more}" if others else first
+
+
+def _limits_kept(summary: RunSummary) -> str:
+    """State of the limits of a run that broke none; empty without limits."""
+    names = dict.fromkeys(one.limit for one in summary.limits)
+    measured = {one.limit for one in summary.limits if one.value is not None}
+    if not names:
+        return ""
+    kept = "1 limit kept" if len(measured) == 1 else f"{len(measured)} limits kept"
+    missing = len(names) - len(measured)
+    return f"{kept}, {missing} not measured" if missing else kept
+
+
+def _caveats(summary: RunSummary) -> Iterator[str]:
+    """Facts that make the figures incomplete or the run slower than real time."""
+    missing = sum(hole.poses for hole in summary.holes)
+    if missing:
+        yield f"{missing} {'pose' if missing == 1 else 'poses'} not recorded"
+    late = late_ratio(summary.vehicles)
+    if late > LATE_RATIO:
+        yield f"{100.0 * late:.2g} % of the ticks late"
+
+
+def length(metres: float) -> str:
+    return f"{100.0 * metres:.1f} cm" if metres < 0.9995 else f"{metres:.2f} m"
+
+
+def _furthest_off(vehicles: Sequence[VehicleSummary]) -> VehicleSummary | None:
+    measured = [one for one in vehicles if one.cross_track_error_m_max is not None]
+    return max(measured, key=lambda one: one.cross_track_error_m_max or 0.0, default=None)
+
+
+def _worst_error(summary: RunSummary) -> str:
+    worst = _furthest_off(summary.vehicles)
+    if worst is None:
+        return ""
+    return f"worst error {length(worst.cross_track_error_m_max or 0.0)} ({worst.name})"
+
+
+def _of(summary: RunSummary, kind: EventKind) -> list[RunEvent]:
+    return [event for event in summary.events if event.kind == kind]
+
+
+def _vehicles_of(events: Sequence[RunEvent], place: int = 0) -> list[str]:
+    return list(dict.fromkeys(event.vehicles[place] for event in events))
+
+
+def _share(summary: RunSummary, names: Sequence[str]) -> str:
+    return f"{len(names)} of {_count(summary)}"
+
+
+def _collisions(summary: RunSummary) -> str:
+    """The number of collisions, if none of them is among the incidents."""
+    return "" if _of(summary, "collision") else "0 collisions"
+
+
+def _incidents(summary: RunSummary) -> Iterator[str]:
+    """Yield what went wrong on the road, the worst first."""
+    yield from _collided(summary)
+    yield from _silent(summary)
+    yield from _departed(summary)
+    if lost := _vehicles_of(_of(summary, "path_lost")):
+        yield f"{_share(summary, lost)} lost {'its' if len(lost) == 1 else 'their'} path"
+    yield from _stopped(summary)
+    yield from _nearly_collided(summary)
+    if slid := _vehicles_of(_of(summary, "slide")):
+        yield f"{_share(summary, slid)} slid"
+    if doubtful := _vehicles_of(_of(summary, "distrust")):
+        yield f"sources distrusted: {', '.join(doubtful)}"
+
+
+def _collided(summary: RunSummary) -> Iterator[str]:
+    if events := _of(summary, "collision"):
+        first = events[0]
+        pair = f"{' and '.join(first.vehicles)} at {first.at_s:.2f} s"
+        many = f"{len(events)} collisions, first {pair}"
+        yield many if len(events) > 1 else f"1 collision, {pair}"
+
+
+def _silent(summary: RunSummary) -> Iterator[str]:
+    silent = [one for one in summary.vehicles if one.silent_from_s is not None]
+    if silent and summary.outcome != "running":
+        first = min(silent, key=lambda one: one.silent_from_s or 0.0)
+        since = f"{first.name} silent from {first.silent_from_s:.2f} s"
+        names = [one.name for one in silent]
+        yield since if len(silent) == 1 else f"{_share(summary, names)} silent, first {since}"
+
+
+def _departed(summary: RunSummary) -> Iterator[str]:
+    left = _vehicles_of(_of(summary, "lane_departure"))
+    if not left:
+        return
+    worst = _furthest_off([one for one in summary.vehicles if one.name in left])
+    furthest = ""
+    if worst is not None:
+        furthest = f", worst {worst.name} {length(worst.cross_track_error_m_max or 0.0)}"
+        if worst.cross_track_error_max_at_s is not None:
+            furthest += f" at {worst.cross_track_error_max_at_s:.2f} s"
+    yield f"{_share(summary, left)} left the lane{furthest}"
+
+
+def _stopped(summary: RunSummary) -> Iterator[str]:
+    events = _of(summary, "stop")
+    if not events:
+        return
+    stopped = _vehicles_of(events)
+    first = events[0]
+    blind = max((one.reaction.blind_m for one in summary.vehicles), default=0.0)
+    beyond = f", up to {blind:.1f} m blind" if blind >= 0.05 else ""
+    yield (
+        f"{_share(summary, stopped)} stopped for lack of data, first {first.vehicles[0]} at "
+        f"{first.at_s:.2f} s{beyond}"
+    )
+
+
+def _nearly_collided(summary: RunSummary) -> Iterator[str]:
+    events = _of(summary, "near_miss")
+    if events:
+        closest = min(events, key=lambda event: event.figures.get("gap_m_min", 0.0))
+        gap = closest.figures.get("gap_m_min", 0.0)
+        count = "1 near miss" if len(events) == 1 else f"{len(events)} near misses"
+        pair = f"{' and '.join(closest.vehicles)} at {closest.at_s:.2f} s"
+        yield f"{count}, closest {gap:.2f} m, {pair}"

@@ -1,0 +1,129 @@
+"""The outcome line: the most important fact first, for every way in which a run can end."""
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from scenarios.results.events.run_event import RunEvent
+from scenarios.results.holes import RecordHole
+from scenarios.results.metrics import Metrics
+from scenarios.results.outcome import with_outcome_line
+from scenarios.results.summary import LimitFigure, RunIdentity, RunSummary
+from scenarios.results.vehicles.reaction import ReactionSummary
+
+
+def vehicles(*errors: float | None) -> tuple[Any, ...]:
+    """Summaries of v1 and of followers with these largest errors (m)."""
+    names = [f"v{place}" for place in range(1, len(errors) + 2)]
+    lead, *followers = Metrics(names, {}).vehicle_summaries()
+    return lead, *(
+        replace(one, cross_track_error_m_max=error, cross_track_error_max_at_s=8.18, ticks=1000)
+        for one, error in zip(followers, errors, strict=True)
+    )
+
+
+def event(kind: Any, at_s: float, *names: str, **figures: float) -> RunEvent:
+    return RunEvent(kind=kind, at_s=at_s, vehicles=names, figures=figures)
+
+
+def line(errors: tuple[float | None, ...] = (0.02, 0.05, 0.062), **changed: Any) -> str:
+    run = RunSummary(
+        identity=RunIdentity(scenario="trial", seed=1, clock="wall", run_id="x", versions={}),
+        outcome="failed" if changed.get("reason") else changed.get("outcome", "completed"),
+        reason="",
+        duration_s=35.0,
+        ran_s=35.0,
+        recorder_rejected_messages={},
+        vehicles=vehicles(*errors),
+    )
+    return with_outcome_line(replace(run, **changed)).outcome_line
+
+
+LEFT = tuple(event("lane_departure", 6.0, name) for name in ("v2", "v3", "v2", "v4"))
+STOPS = (event("stop", 7.5, "v3"), event("stop", 7.9, "v2"))
+KEPT = LimitFigure(limit="collisions_max", bound=0, value=0)
+UNMEASURED = LimitFigure(limit="modes[0]", bound=1.0, value=None)
+
+
+def test_a_run_without_events_is_ok() -> None:
+    assert line() == "OK: 4 vehicles, 35.0 s, worst error 6.2 cm (v4), no events"
+    assert line(limits=(KEPT,)).endswith(", no events, 1 limit kept")
+    assert line(limits=(KEPT, UNMEASURED)).endswith(", 1 limit kept, 1 not measured")
+    assert line(()) == "OK: 1 vehicle, 35.0 s, no events"
+    assert line((None,)) == "OK: 2 vehicles, 35.0 s, no events"
+
+
+def test_incomplete_figures_and_lateness_stand_with_the_ok() -> None:
+    hole = RecordHole(vehicle="v1", from_s=2.0, to_s=6.7, poses=95)
+    assert line(holes=(hole,)).startswith("OK (95 poses not recorded): 4 vehicles")
+    lead, *followers = vehicles(0.02)
+    late = (lead, *(replace(one, late_ticks=20) for one in followers))
+    assert line(vehicles=late).startswith("OK (2 % of the ticks late): 2 vehicles")
+
+
+def test_the_worst_incident_comes_first() -> None:
+    errors = (2.8, 0.9, 1.2)
+    assert line(errors, events=LEFT) == (
+        "3 of 4 vehicles left the lane, worst v2 2.80 m at 8.18 s; 0 collisions; limits: none set"
+    )
+    collided = event("collision", 9.0, "v2", "v3", closing_speed_mps=3.0)
+    assert line(errors, events=(*LEFT, collided), limits=(UNMEASURED,)) == (
+        "1 collision, v2 and v3 at 9.00 s; 3 of 4 vehicles left the lane, worst v2 2.80 m at "
+        "8.18 s; limits: 0 limits kept, 1 not measured"
+    )
+    assert line(errors, events=(collided, collided)).startswith("2 collisions, first v2 and v3 at")
+
+
+@pytest.mark.parametrize(
+    ("events", "begin"),
+    [
+        (STOPS, "2 of 4 vehicles stopped for lack of data, first v3 at 7.50 s"),
+        ((event("path_lost", 1.0, "v2"),), "1 of 4 vehicles lost its path"),
+        ((event("slide", 1.0, "v2"),), "1 of 4 vehicles slid"),
+        ((event("distrust", 1.0, "v1", "v2"),), "sources distrusted: v1"),
+        (
+            (event("near_miss", 1.5, "v1", "v2", gap_m_min=0.25),),
+            "1 near miss, closest 0.25 m, v1 and v2 at 1.50 s",
+        ),
+    ],
+)
+def test_every_kind_of_event_is_named(events: tuple[RunEvent, ...], begin: str) -> None:
+    found = line(events=events)
+    assert found == f"{begin}; worst error 6.2 cm (v4); 0 collisions; limits: none set"
+
+
+def test_the_blind_distance_stands_with_the_stops() -> None:
+    lead, second, *others = vehicles(0.02, 0.05, 0.062)
+    blind = replace(second, reaction=ReactionSummary(stops=1, blind_m=72.94))
+    assert ", first v3 at 7.50 s, up to 72.9 m blind; " in line(
+        vehicles=(lead, blind, *others), events=STOPS
+    )
+
+
+def test_a_vehicle_without_messages_is_no_ok_unless_the_run_goes_on() -> None:
+    lead, second, *others = vehicles(0.02, 0.05)
+    silent = (lead, replace(second, silent_from_s=7.0), *others)
+    assert line(vehicles=silent).startswith("v2 silent from 7.00 s; worst error 5.0 cm (v3)")
+    assert "silent" not in line(vehicles=silent, outcome="running")
+
+
+def test_a_failure_begins_with_its_reason() -> None:
+    assert line(reason="v2 failed 12.3 s after the start", ran_s=12.34) == (
+        "FAILED: v2 failed 12.3 s after the start; ran 12.3 of 35.0 s; worst error 6.2 cm (v4); "
+        "no events"
+    )
+    assert line((2.8, 0.9, 1.2), reason="stopped by SIGINT; a; b", events=LEFT) == (
+        "FAILED: stopped by SIGINT; 2 more reasons; ran 35.0 s; 3 of 4 vehicles left the lane, "
+        "worst v2 2.80 m at 8.18 s; 0 collisions"
+    )
+
+
+def test_a_run_that_goes_on_is_running() -> None:
+    assert line(outcome="running", ran_s=12.3) == (
+        "RUNNING: 12.3 of 35.0 s; worst error 6.2 cm (v4); no events"
+    )
+
+
+def test_a_line_that_is_there_stays() -> None:
+    assert line(outcome_line="as it was") == "as it was"
