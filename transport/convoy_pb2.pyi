@@ -412,7 +412,6 @@ class Tracking(_message.Message):
     HEADING_ERROR_RAD_FIELD_NUMBER: _builtins.int
     YAW_RATE_ERROR_RADPS_FIELD_NUMBER: _builtins.int
     CURVATURE_PER_M_FIELD_NUMBER: _builtins.int
-    GAP_M_FIELD_NUMBER: _builtins.int
     LEAD_AGE_S_FIELD_NUMBER: _builtins.int
     PREDECESSOR_AGE_S_FIELD_NUMBER: _builtins.int
     LEAD_PERIOD_S_FIELD_NUMBER: _builtins.int
@@ -429,6 +428,7 @@ class Tracking(_message.Message):
     BLIND_M_FIELD_NUMBER: _builtins.int
     PREDECESSOR_WEIGHT_RATIO_FIELD_NUMBER: _builtins.int
     HAZARD_FIELD_NUMBER: _builtins.int
+    ESTIMATED_GAP_M_FIELD_NUMBER: _builtins.int
     vehicle: _builtins.str
     seq: _builtins.int
     decided_at_ns: _builtins.int
@@ -438,7 +438,6 @@ class Tracking(_message.Message):
     heading_error_rad: _builtins.float
     yaw_rate_error_radps: _builtins.float
     curvature_per_m: _builtins.float
-    gap_m: _builtins.float
     lead_age_s: _builtins.float
     predecessor_age_s: _builtins.float
     lead_period_s: _builtins.float
@@ -455,6 +454,7 @@ class Tracking(_message.Message):
     blind_m: _builtins.float
     predecessor_weight_ratio: _builtins.float
     hazard: _builtins.bool
+    estimated_gap_m: _builtins.float
     def __init__(
         self,
         *,
@@ -467,7 +467,6 @@ class Tracking(_message.Message):
         heading_error_rad: _builtins.float | None = ...,
         yaw_rate_error_radps: _builtins.float | None = ...,
         curvature_per_m: _builtins.float | None = ...,
-        gap_m: _builtins.float | None = ...,
         lead_age_s: _builtins.float | None = ...,
         predecessor_age_s: _builtins.float | None = ...,
         lead_period_s: _builtins.float | None = ...,
@@ -484,10 +483,11 @@ class Tracking(_message.Message):
         blind_m: _builtins.float | None = ...,
         predecessor_weight_ratio: _builtins.float | None = ...,
         hazard: _builtins.bool | None = ...,
+        estimated_gap_m: _builtins.float | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _typing.Literal["_blind_m", b"_blind_m", "_comfortable_stop_m", b"_comfortable_stop_m", "_curvature_per_m", b"_curvature_per_m", "_decided_at_ns", b"_decided_at_ns", "_firm_stop_m", b"_firm_stop_m", "_gap_m", b"_gap_m", "_hazard", b"_hazard", "_heading_error_rad", b"_heading_error_rad", "_known_m", b"_known_m", "_lateral_error_m", b"_lateral_error_m", "_lead_age_s", b"_lead_age_s", "_lead_known_m", b"_lead_known_m", "_lead_period_s", b"_lead_period_s", "_lead_received_ratio", b"_lead_received_ratio", "_lead_status", b"_lead_status", "_mode", b"_mode", "_predecessor_age_s", b"_predecessor_age_s", "_predecessor_known_m", b"_predecessor_known_m", "_predecessor_period_s", b"_predecessor_period_s", "_predecessor_received_ratio", b"_predecessor_received_ratio", "_predecessor_status", b"_predecessor_status", "_predecessor_weight_ratio", b"_predecessor_weight_ratio", "_reason", b"_reason", "_seq", b"_seq", "_vehicle", b"_vehicle", "_yaw_rate_error_radps", b"_yaw_rate_error_radps", "blind_m", b"blind_m", "comfortable_stop_m", b"comfortable_stop_m", "curvature_per_m", b"curvature_per_m", "decided_at_ns", b"decided_at_ns", "firm_stop_m", b"firm_stop_m", "gap_m", b"gap_m", "hazard", b"hazard", "heading_error_rad", b"heading_error_rad", "known_m", b"known_m", "lateral_error_m", b"lateral_error_m", "lead_age_s", b"lead_age_s", "lead_known_m", b"lead_known_m", "lead_period_s", b"lead_period_s", "lead_received_ratio", b"lead_received_ratio", "lead_status", b"lead_status", "mode", b"mode", "predecessor_age_s", b"predecessor_age_s", "predecessor_known_m", b"predecessor_known_m", "predecessor_period_s", b"predecessor_period_s", "predecessor_received_ratio", b"predecessor_received_ratio", "predecessor_status", b"predecessor_status", "predecessor_weight_ratio", b"predecessor_weight_ratio", "reason", b"reason", "seq", b"seq", "vehicle", b"vehicle", "yaw_rate_error_radps", b"yaw_rate_error_radps"]  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_blind_m", b"_blind_m", "_comfortable_stop_m", b"_comfortable_stop_m", "_curvature_per_m", b"_curvature_per_m", "_decided_at_ns", b"_decided_at_ns", "_estimated_gap_m", b"_estimated_gap_m", "_firm_stop_m", b"_firm_stop_m", "_hazard", b"_hazard", "_heading_error_rad", b"_heading_error_rad", "_known_m", b"_known_m", "_lateral_error_m", b"_lateral_error_m", "_lead_age_s", b"_lead_age_s", "_lead_known_m", b"_lead_known_m", "_lead_period_s", b"_lead_period_s", "_lead_received_ratio", b"_lead_received_ratio", "_lead_status", b"_lead_status", "_mode", b"_mode", "_predecessor_age_s", b"_predecessor_age_s", "_predecessor_known_m", b"_predecessor_known_m", "_predecessor_period_s", b"_predecessor_period_s", "_predecessor_received_ratio", b"_predecessor_received_ratio", "_predecessor_status", b"_predecessor_status", "_predecessor_weight_ratio", b"_predecessor_weight_ratio", "_reason", b"_reason", "_seq", b"_seq", "_vehicle", b"_vehicle", "_yaw_rate_error_radps", b"_yaw_rate_error_radps", "blind_m", b"blind_m", "comfortable_stop_m", b"comfortable_stop_m", "curvature_per_m", b"curvature_per_m", "decided_at_ns", b"decided_at_ns", "estimated_gap_m", b"estimated_gap_m", "firm_stop_m", b"firm_stop_m", "hazard", b"hazard", "heading_error_rad", b"heading_error_rad", "known_m", b"known_m", "lateral_error_m", b"lateral_error_m", "lead_age_s", b"lead_age_s", "lead_known_m", b"lead_known_m", "lead_period_s", b"lead_period_s", "lead_received_ratio", b"lead_received_ratio", "lead_status", b"lead_status", "mode", b"mode", "predecessor_age_s", b"predecessor_age_s", "predecessor_known_m", b"predecessor_known_m", "predecessor_period_s", b"predecessor_period_s", "predecessor_received_ratio", b"predecessor_received_ratio", "predecessor_status", b"predecessor_status", "predecessor_weight_ratio", b"predecessor_weight_ratio", "reason", b"reason", "seq", b"seq", "vehicle", b"vehicle", "yaw_rate_error_radps", b"yaw_rate_error_radps"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["_blind_m", b"_blind_m", "_comfortable_stop_m", b"_comfortable_stop_m", "_curvature_per_m", b"_curvature_per_m", "_decided_at_ns", b"_decided_at_ns", "_firm_stop_m", b"_firm_stop_m", "_gap_m", b"_gap_m", "_hazard", b"_hazard", "_heading_error_rad", b"_heading_error_rad", "_known_m", b"_known_m", "_lateral_error_m", b"_lateral_error_m", "_lead_age_s", b"_lead_age_s", "_lead_known_m", b"_lead_known_m", "_lead_period_s", b"_lead_period_s", "_lead_received_ratio", b"_lead_received_ratio", "_lead_status", b"_lead_status", "_mode", b"_mode", "_predecessor_age_s", b"_predecessor_age_s", "_predecessor_known_m", b"_predecessor_known_m", "_predecessor_period_s", b"_predecessor_period_s", "_predecessor_received_ratio", b"_predecessor_received_ratio", "_predecessor_status", b"_predecessor_status", "_predecessor_weight_ratio", b"_predecessor_weight_ratio", "_reason", b"_reason", "_seq", b"_seq", "_vehicle", b"_vehicle", "_yaw_rate_error_radps", b"_yaw_rate_error_radps", "blind_m", b"blind_m", "comfortable_stop_m", b"comfortable_stop_m", "curvature_per_m", b"curvature_per_m", "decided_at_ns", b"decided_at_ns", "firm_stop_m", b"firm_stop_m", "gap_m", b"gap_m", "hazard", b"hazard", "heading_error_rad", b"heading_error_rad", "known_m", b"known_m", "lateral_error_m", b"lateral_error_m", "lead_age_s", b"lead_age_s", "lead_known_m", b"lead_known_m", "lead_period_s", b"lead_period_s", "lead_received_ratio", b"lead_received_ratio", "lead_status", b"lead_status", "mode", b"mode", "predecessor_age_s", b"predecessor_age_s", "predecessor_known_m", b"predecessor_known_m", "predecessor_period_s", b"predecessor_period_s", "predecessor_received_ratio", b"predecessor_received_ratio", "predecessor_status", b"predecessor_status", "predecessor_weight_ratio", b"predecessor_weight_ratio", "reason", b"reason", "seq", b"seq", "vehicle", b"vehicle", "yaw_rate_error_radps", b"yaw_rate_error_radps"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_blind_m", b"_blind_m", "_comfortable_stop_m", b"_comfortable_stop_m", "_curvature_per_m", b"_curvature_per_m", "_decided_at_ns", b"_decided_at_ns", "_estimated_gap_m", b"_estimated_gap_m", "_firm_stop_m", b"_firm_stop_m", "_hazard", b"_hazard", "_heading_error_rad", b"_heading_error_rad", "_known_m", b"_known_m", "_lateral_error_m", b"_lateral_error_m", "_lead_age_s", b"_lead_age_s", "_lead_known_m", b"_lead_known_m", "_lead_period_s", b"_lead_period_s", "_lead_received_ratio", b"_lead_received_ratio", "_lead_status", b"_lead_status", "_mode", b"_mode", "_predecessor_age_s", b"_predecessor_age_s", "_predecessor_known_m", b"_predecessor_known_m", "_predecessor_period_s", b"_predecessor_period_s", "_predecessor_received_ratio", b"_predecessor_received_ratio", "_predecessor_status", b"_predecessor_status", "_predecessor_weight_ratio", b"_predecessor_weight_ratio", "_reason", b"_reason", "_seq", b"_seq", "_vehicle", b"_vehicle", "_yaw_rate_error_radps", b"_yaw_rate_error_radps", "blind_m", b"blind_m", "comfortable_stop_m", b"comfortable_stop_m", "curvature_per_m", b"curvature_per_m", "decided_at_ns", b"decided_at_ns", "estimated_gap_m", b"estimated_gap_m", "firm_stop_m", b"firm_stop_m", "hazard", b"hazard", "heading_error_rad", b"heading_error_rad", "known_m", b"known_m", "lateral_error_m", b"lateral_error_m", "lead_age_s", b"lead_age_s", "lead_known_m", b"lead_known_m", "lead_period_s", b"lead_period_s", "lead_received_ratio", b"lead_received_ratio", "lead_status", b"lead_status", "mode", b"mode", "predecessor_age_s", b"predecessor_age_s", "predecessor_known_m", b"predecessor_known_m", "predecessor_period_s", b"predecessor_period_s", "predecessor_received_ratio", b"predecessor_received_ratio", "predecessor_status", b"predecessor_status", "predecessor_weight_ratio", b"predecessor_weight_ratio", "reason", b"reason", "seq", b"seq", "vehicle", b"vehicle", "yaw_rate_error_radps", b"yaw_rate_error_radps"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     _WhichOneofReturnType__blind_m: _TypeAlias = _typing.Literal["blind_m"]  # noqa: Y015
     _WhichOneofArgType__blind_m: _TypeAlias = _typing.Literal["_blind_m", b"_blind_m"]  # noqa: Y015
@@ -497,10 +497,10 @@ class Tracking(_message.Message):
     _WhichOneofArgType__curvature_per_m: _TypeAlias = _typing.Literal["_curvature_per_m", b"_curvature_per_m"]  # noqa: Y015
     _WhichOneofReturnType__decided_at_ns: _TypeAlias = _typing.Literal["decided_at_ns"]  # noqa: Y015
     _WhichOneofArgType__decided_at_ns: _TypeAlias = _typing.Literal["_decided_at_ns", b"_decided_at_ns"]  # noqa: Y015
+    _WhichOneofReturnType__estimated_gap_m: _TypeAlias = _typing.Literal["estimated_gap_m"]  # noqa: Y015
+    _WhichOneofArgType__estimated_gap_m: _TypeAlias = _typing.Literal["_estimated_gap_m", b"_estimated_gap_m"]  # noqa: Y015
     _WhichOneofReturnType__firm_stop_m: _TypeAlias = _typing.Literal["firm_stop_m"]  # noqa: Y015
     _WhichOneofArgType__firm_stop_m: _TypeAlias = _typing.Literal["_firm_stop_m", b"_firm_stop_m"]  # noqa: Y015
-    _WhichOneofReturnType__gap_m: _TypeAlias = _typing.Literal["gap_m"]  # noqa: Y015
-    _WhichOneofArgType__gap_m: _TypeAlias = _typing.Literal["_gap_m", b"_gap_m"]  # noqa: Y015
     _WhichOneofReturnType__hazard: _TypeAlias = _typing.Literal["hazard"]  # noqa: Y015
     _WhichOneofArgType__hazard: _TypeAlias = _typing.Literal["_hazard", b"_hazard"]  # noqa: Y015
     _WhichOneofReturnType__heading_error_rad: _TypeAlias = _typing.Literal["heading_error_rad"]  # noqa: Y015
@@ -550,9 +550,9 @@ class Tracking(_message.Message):
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__decided_at_ns) -> _WhichOneofReturnType__decided_at_ns | None: ...
     @_typing.overload
-    def WhichOneof(self, oneof_group: _WhichOneofArgType__firm_stop_m) -> _WhichOneofReturnType__firm_stop_m | None: ...
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__estimated_gap_m) -> _WhichOneofReturnType__estimated_gap_m | None: ...
     @_typing.overload
-    def WhichOneof(self, oneof_group: _WhichOneofArgType__gap_m) -> _WhichOneofReturnType__gap_m | None: ...
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__firm_stop_m) -> _WhichOneofReturnType__firm_stop_m | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__hazard) -> _WhichOneofReturnType__hazard | None: ...
     @_typing.overload

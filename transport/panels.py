@@ -58,9 +58,9 @@ class Panel:
     colours `states`. Values are drawn in `unit`, `factor` times those of the messages, every
     `period_ns` (0: each of them). A vehicle that is not drawn in detail has no series, except in a
     panel of `every_vehicle`. `lead` states whether the lead has series and whether the panel shows
-    them. `marked` plots show the events. The y axis reaches to `range_gaps` gaps of the convoy
-    (0: fits the data). `plain_row` is the row in the layout for a plain log in Rerun (0: absent),
-    `foxglove` whether Foxglove's layout has the panel.
+    them. `marked` plots show the events. The y axis reaches to `range_spacings` spacings of the
+    convoy (0: fits the data). `plain_row` is the row in the layout for a plain log in Rerun (0:
+    absent), `foxglove` whether Foxglove's layout has the panel.
     """
 
     name: str
@@ -75,7 +75,7 @@ class Panel:
     states: Mapping[str, Colour] = field(default_factory=dict)
     marked: bool = False
     legend: bool = False
-    range_gaps: float = 0.0
+    range_spacings: float = 0.0
     plain_row: int = 0
     foxglove: bool = False
 
@@ -159,19 +159,19 @@ ROWS = (
                 Series("tracking", "known_m", name="known",
                        label="road known", colour=(0xF2, 0xF2, 0xF2), width=2.5),
             ),
-            period_ns=CURVE_NS, marked=True, legend=True, range_gaps=3.0,
+            period_ns=CURVE_NS, marked=True, legend=True, range_spacings=3.0,
             plain_row=3, foxglove=True,
         ),
     )),
     Row(4, (
-        Panel(  # between bodies
+        Panel(
             name="true_gap", title="True gap", unit="m",
             kind="plot", series=(Series("deviation", "true_gap_m"),),
             marked=True, plain_row=4, foxglove=True,
         ),
-        Panel(  # between centres of mass along the path
-            name="gap", title="Believed gap", unit="m",
-            kind="plot", series=(Series("tracking", "gap_m"),),
+        Panel(
+            name="gap", title="Estimated gap", unit="m",
+            kind="plot", series=(Series("tracking", "estimated_gap_m"),),
             plain_row=4, foxglove=True,
         ),
         Panel(

@@ -142,6 +142,8 @@ class Tracking:
     speed with comfortable and with firm braking. `blind_m` is the distance the car would drive
     beyond the known path if it stopped now as hard as it may. `predecessor_weight_ratio` is the
     predecessor's weight in the trajectory. `hazard`: the vehicle warns its followers.
+    `estimated_gap_m` is along the path from the predecessor's rear bumper to the own front bumper;
+    the lengths of both cars are those of the scenario. Logs before version 0.2 lack it.
     """
 
     vehicle: str
@@ -153,7 +155,6 @@ class Tracking:
     heading_error_rad: float
     yaw_rate_error_radps: float
     curvature_per_m: float
-    gap_m: FloatOrNan
     lead_age_s: FloatOrNan
     predecessor_age_s: FloatOrNan
     lead_period_s: FloatOrNan
@@ -170,6 +171,7 @@ class Tracking:
     blind_m: FloatOrNan
     predecessor_weight_ratio: FloatOrNan
     hazard: bool
+    estimated_gap_m: FloatOrNan = float("nan")
 
 
 @dataclass(slots=True, kw_only=True)

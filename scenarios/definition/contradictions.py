@@ -241,24 +241,7 @@ def controllers(tables: ScenarioTables) -> Iterator[Problem]:
 
 
 def on_the_road(tables: ScenarioTables, route: Route) -> Iterator[Problem]:
-    """Give what does not fit once the path is made: gaps that touch, and a path too short."""
-    names = vehicle_names(tables)
-    lengths = [vehicle_setup(tables, name).parameters.length for name in names]
-    found: list[Problem] = []
-    for place in range(1, len(names)):
-        least = 0.5 * (lengths[place - 1] + lengths[place])
-        own, kept = tables.vehicle.get(names[place]), tables.speed.gap
-        keys = (
-            {"speed.gap.standstill_m": kept.standstill_m} if tables.speed.followers == "gap" else {}
-        )
-        keys[
-            f"vehicle.{names[place]}.gap_m" if own and own.gap_m is not None else "convoy.gap_m"
-        ] = route.gaps[place]
-        for key, given in keys.items():
-            if given <= least:
-                why = f"given {given:g}, allowed more than {least:g}, the length of a vehicle"
-                found.append((key, why))
-    yield from dict.fromkeys(found)  # a value of the convoy is wrong once, not for each vehicle
+    """Yield problems that show on the road, such as a path that is too short."""
     duration = tables.duration_s
     if duration is None and not 0.0 < longest_run(route) < LONGEST:
         yield "duration_s", "missing, needed where the lead does not reach the end of its path"

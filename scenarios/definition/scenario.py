@@ -31,10 +31,10 @@ from scenarios.definition.road.replayed_drive import (
 )
 from scenarios.definition.road.route import (
     Route,
-    gap_policy,
     plan_route,
     vehicle_names,
 )
+from scenarios.definition.road.spacing import least_spacings, spacing_policy
 from scenarios.definition.run_limits import limit_problems
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.definition.schema.scenario_tables import ClockTable, OriginTable, ScenarioTables
@@ -45,7 +45,7 @@ from scenarios.definition.validation.wording import toml_repr
 from scenarios.definition.vehicle_setup import VehicleSetup, vehicle_setup
 from transport.links.laws.link_law import LinkSetting
 from vehicles.car.clock_error import VehicleClock
-from vehicles.driver.speed import GapLimits, GapPolicy
+from vehicles.driver.speed import GapLimits, SpacingPolicy
 from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.schedule import MILLISECOND, SECOND
 
@@ -202,9 +202,13 @@ class Scenario:
             if own.replay is not None
         }
 
-    @property
-    def gap_policy(self) -> GapPolicy:
-        return gap_policy(self.tables)
+    @cached_property
+    def least_spacings(self) -> tuple[float, ...]:
+        """Spacing (m) of each vehicle to its predecessor at which their bumpers touch."""
+        return least_spacings(self.tables)
+
+    def spacing_policy(self, place: int) -> SpacingPolicy:
+        return spacing_policy(self.tables, self.least_spacings[place])
 
     @property
     def gap_limits(self) -> GapLimits:

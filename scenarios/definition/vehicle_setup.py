@@ -3,7 +3,6 @@
 import math
 from dataclasses import dataclass, replace
 
-from scenarios.definition.road.route import vehicle_names
 from scenarios.definition.schema.base_table import overlay
 from scenarios.definition.schema.scenario_tables import (
     CONTROLLERS,
@@ -87,10 +86,10 @@ class VehicleSetup:
 
 def vehicle_setup(tables: ScenarioTables, name: str) -> VehicleSetup:
     """Collect what `tables` say of the vehicle `name`; raises ValueError if there is none."""
-    names = vehicle_names(tables)
+    names = tables.convoy.vehicle_names
     place, own = names.index(name), tables.vehicle.get(name)
     steering = overlay(tables.control, own and own.control)
-    empty = _car(overlay(tables.parameters, own and own.parameters))
+    empty = empty_car(tables, name)
     full = loaded(empty, overlay(tables.loading, own and own.loading).value)
     predecessor = names[place - 1] if place else None
     imu = overlay(tables.imu, own and own.imu).value
@@ -114,6 +113,12 @@ def vehicle_setup(tables: ScenarioTables, name: str) -> VehicleSetup:
         imu=imu,
         imu_rate_hz=imu.rate or tables.control.rate_hz,
     )
+
+
+def empty_car(tables: ScenarioTables, name: str) -> VehicleParameters:
+    """The car of the vehicle `name` without its load."""
+    own = tables.vehicle.get(name)
+    return _car(overlay(tables.parameters, own and own.parameters))
 
 
 def _car(table: ParametersTable) -> VehicleParameters:

@@ -1,10 +1,11 @@
 """The summary and the scenario of a run, from its log alone."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 from scenarios.definition.library import ATTACHED_AS
+from scenarios.definition.road.earlier_gaps import with_bumper_gaps
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.metrics import Metrics
@@ -39,7 +40,7 @@ def summary_of(
             return with_outcome_line(from_json(attachments[SUMMARY_NAME].decode()))
         except ValueError as error:
             raise LogError(f"{log} ({SUMMARY_NAME}): {error}") from error
-    scenario = scenario_in(log, attachments)
+    scenario = scenario_in(reader)
     metrics = Metrics.of(scenario)
     start_at = 0
     for at, _, message in reader.messages(metrics.topics):
@@ -71,15 +72,21 @@ def summary_of(
 
 
 def scenario_of(log: Path) -> Scenario:
-    return scenario_in(log, LogReader(log).attachments())
+    return scenario_in(LogReader(log))
 
 
-def scenario_in(log: Path, attachments: Mapping[str, bytes]) -> Scenario:
-    """The scenario inside a log with the lead's path or trace, ready to run again."""
-    if ATTACHED_AS not in attachments:
+def scenario_in(reader: LogReader) -> Scenario:
+    """The scenario inside a log with the lead's path or trace, ready to run again.
+
+    In logs of versions before 0.2 its gaps were between centres of mass: they are converted.
+    """
+    log, attached = reader.path, reader.attachments().get(ATTACHED_AS)
+    if attached is None:
         raise LogError(f"{log}: holds no scenario; was it written by `convoy`?")
     try:
-        text = attachments[ATTACHED_AS].decode()
+        text = attached.decode()
     except UnicodeDecodeError as error:
         raise LogError(f"{log} ({ATTACHED_AS}): is no text") from error
+    if reader.metadata().get(METADATA_NAME, {}).get("schema") == "convoy.summary/1":
+        text = with_bumper_gaps(text)
     return scenario_from_text(text, label=f"{log} ({ATTACHED_AS})", recorded=True)

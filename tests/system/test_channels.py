@@ -82,7 +82,7 @@ latency_ms = 100.0
 radio = { power_dbm = -8.0 }
 """
 FLOOR_MS = 100.0
-GAP_M = 220.0
+GAP_M = 215.0
 """So that radios lose something within seconds."""
 USUAL_S = 4.0
 LONGER_S = {"lead_lost": 11.5, "tunnel": 11.5}

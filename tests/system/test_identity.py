@@ -114,7 +114,7 @@ def test_those_that_do_not_belong_are_refused_and_harm_nobody(place: Place, tmp_
         "run lane_change: v1 has seed 1, here it is 7",
     )
     assert_refused(
-        place.try_out("record", *SHORT, "--set=convoy.gap_m=9", "--out=run"),
+        place.try_out("record", *SHORT, "--set=convoy.gap_m=4", "--out=run"),
         "run lane_change: v1 has another content of scenario lane_change (file or --set)",
     )
     assert_refused(

@@ -20,7 +20,7 @@ followers = "gap"
 profile = [{ at_s = 0.0, speed_mps = 25.0 }, { at_s = 1.0, speed_mps = 25.0 },
            { at_s = 4.0, speed_mps = 5.0 }]
 [speed.gap]
-standstill_m = 6.0
+standstill_m = 1.0
 headway_s = 0.05
 [control.degradation]
 reaction = "extrapolate"    # who degrades does not collide

@@ -190,7 +190,7 @@ def test_the_longest_message_fits() -> None:
 
 NOT_FINITE = (math.nan, math.inf, -math.inf)
 MAY_BE_NAN = {
-    "gap_m",
+    "estimated_gap_m",
     "lead_age_s",
     "predecessor_age_s",
     "lead_period_s",

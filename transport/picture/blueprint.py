@@ -60,16 +60,16 @@ MARKS = {"change": ((0xFF, 0xFF, 0xFF), "Circle", 5.0), **EVENTS}
 MIN_RANGE_M = 40.0
 
 
-def blueprint(vehicles: Sequence[str], *, gap_m: float, road: Road | None) -> rrb.Blueprint:
-    """Layout for `vehicles`, lead first, that drive about `gap_m` apart on `road`."""
+def blueprint(vehicles: Sequence[str], *, spacing_m: float, road: Road | None) -> rrb.Blueprint:
+    """Layout for `vehicles`, lead first, that drive about `spacing_m` apart on `road`."""
     flat = road is not None and _is_flat(road)
     detail = Detail(vehicles)
-    rows = [(row, tabs) for row in ROWS if (tabs := _tabs(row, vehicles, detail, gap_m))]
+    rows = [(row, tabs) for row in ROWS if (tabs := _tabs(row, vehicles, detail, spacing_m))]
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(
-                _convoy_view(vehicles, Reach.of(detail.shown, gap_m, road)),
-                _plan_view(vehicles, gap_m, road),
+                _convoy_view(vehicles, Reach.of(detail.shown, spacing_m, road)),
+                _plan_view(vehicles, spacing_m, road),
                 _log_view(),
                 row_shares=[4, 2, 2] if flat else [3, 4, 2],
             ),
@@ -92,10 +92,10 @@ class Reach(NamedTuple):
     aside: float
 
     @classmethod
-    def of(cls, count: int, gap_m: float, road: Road | None) -> "Reach":
-        """Room for `count` vehicles about `gap_m` apart."""
-        ahead = middle(count) * gap_m
-        behind = (count - 1) * gap_m - ahead
+    def of(cls, count: int, spacing_m: float, road: Road | None) -> "Reach":
+        """Room for `count` vehicles about `spacing_m` apart."""
+        ahead = middle(count) * spacing_m
+        behind = (count - 1) * spacing_m - ahead
         flat = road is not None and _is_flat(road)
         aside = 8.0 if flat else min(max(8.0, 0.5 * (ahead + behind)), 25.0)
         return cls(behind + 8.0, ahead + 25.0, aside)
@@ -121,9 +121,9 @@ def _convoy_view(vehicles: Sequence[str], reach: Reach) -> rrb.Spatial2DView:
     )
 
 
-def _plan_view(vehicles: Sequence[str], gap_m: float, road: Road | None) -> rrb.Spatial2DView:
+def _plan_view(vehicles: Sequence[str], spacing_m: float, road: Road | None) -> rrb.Spatial2DView:
     """The convoy on the road, as dots where cars would be too small."""
-    small = road is not None and gap_m < 0.04 * _extent(road)
+    small = road is not None and spacing_m < 0.04 * _extent(road)
     hidden = (
         [f"- /world/cars/{name}/name" for name in vehicles[1:]]
         if small
@@ -196,7 +196,7 @@ def middle(count: int) -> int:
     return count // 2
 
 
-def _tabs(row: Row, vehicles: Sequence[str], detail: Detail, gap_m: float) -> rrb.Tabs | None:
+def _tabs(row: Row, vehicles: Sequence[str], detail: Detail, spacing_m: float) -> rrb.Tabs | None:
     """Panels of a row; None without any. Of plots by follower that of the followed one is open."""
     tabs: list[rrb.View] = []
     active = None
@@ -208,7 +208,7 @@ def _tabs(row: Row, vehicles: Sequence[str], detail: Detail, gap_m: float) -> rr
                 tabs.append(_states(panel, lead=vehicles[0]))
             case "plot_of_one":
                 active = len(tabs) + middle(len(detail.names)) - 1
-                most = max(panel.range_gaps * (detail.shown - 1) * gap_m, MIN_RANGE_M)
+                most = max(panel.range_spacings * (detail.shown - 1) * spacing_m, MIN_RANGE_M)
                 tabs += [_plot_of_one(panel, name, most) for name in detail.names[1:]]
     return rrb.Tabs(*tabs, active_tab=active) if tabs else None
 
@@ -227,7 +227,7 @@ def _plot_of_one(panel: Panel, vehicle: str, most: float) -> rrb.TimeSeriesView:
         name=panel.heading(vehicle),
         origin=f"plots/{panel.name}/{vehicle}",
         plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop, visible=panel.legend),
-        axis_y=rrb.ScalarAxis(range=(-0.2 * most, most)) if panel.range_gaps else None,
+        axis_y=rrb.ScalarAxis(range=(-0.2 * most, most)) if panel.range_spacings else None,
     )
 
 

@@ -42,18 +42,18 @@ def save_log_layout(
     log: str,
     cars: Mapping[str, tuple[float, float, float]],
     *,
-    gap_m: float,
+    spacing_m: float,
 ) -> None:
     """Write the layout for the log named `log` (without its ending).
 
-    `cars` are the vehicles, the lead first, usually `gap_m` apart: length, width, and distance of
-    the middle ahead of the pose (m).
+    `cars` are the vehicles, the lead first, usually `spacing_m` apart: length, width, and distance
+    of the middle ahead of the pose (m).
     """
     names = list(cars)
     beside = path.with_name(path.name + ".part")
     rrb.Blueprint(
         rrb.Horizontal(
-            rrb.Vertical(_scene(cars, gap_m), _text(names), row_shares=[3, 1]),
+            rrb.Vertical(_scene(cars, spacing_m), _text(names), row_shares=[3, 1]),
             rrb.Vertical(*_rows(names)),
             column_shares=[5, 4],
         ),
@@ -66,14 +66,14 @@ def save_log_layout(
     beside.replace(path)
 
 
-def _scene(cars: Mapping[str, tuple[float, float, float]], gap_m: float) -> rrb.Spatial3DView:
+def _scene(cars: Mapping[str, tuple[float, float, float]], spacing_m: float) -> rrb.Spatial3DView:
     """Cars, their composite trajectories, and the lead's path."""
     tracked = list(cars)[middle(len(cars))]
     overrides: dict[Any, Any] = {"convoy/run/path": _dots(ROAD, (0.8, 0.05, 0.02))}
     for place, (name, (length, width, forward)) in enumerate(cars.items()):
         colour = colour_of(place)
         # The viewer keeps the distance that shows the whole entity that it tracks.
-        reach = max(MIN_REACH_M, 0.5 * gap_m * len(cars))
+        reach = max(MIN_REACH_M, 0.5 * spacing_m * len(cars))
         room = [[-reach, 0.0, 0.0], [reach, 0.0, 0.0]] if name == tracked else []
         body = rr.Boxes3D(
             centers=[[forward, 0.0, 0.5 * HEIGHT_M], *room],

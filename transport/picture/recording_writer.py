@@ -78,7 +78,7 @@ class RecordingWriter:
         recording: rr.RecordingStream,
         vehicles: Sequence[str],
         *,
-        gap_m: float,
+        spacing_m: float,
         cars: Mapping[str, CarShape],
         path: Road | None = None,
         lane_m: float | None = None,
@@ -87,7 +87,7 @@ class RecordingWriter:
         self._cars = cars
         self._lead = vehicles[0]
         self.detail = Detail(vehicles)
-        self._reach = Reach.of(self.detail.shown, gap_m, path)
+        self._reach = Reach.of(self.detail.shown, spacing_m, path)
         self._start: int | None = None
         self._waiting: list[tuple[int, Message]] = []
         self._places: dict[str, int] = {}
@@ -115,7 +115,7 @@ class RecordingWriter:
             LogText: self._log_line,
             Change: self._change,
         }
-        recording.send_blueprint(blueprint(vehicles, gap_m=gap_m, road=path))
+        recording.send_blueprint(blueprint(vehicles, spacing_m=spacing_m, road=path))
         self._marks = Marks(recording, vehicles[1:])
         recording.log("world/plan", turn_about(0.0, 0.0, 0.0), static=True)
         for name in vehicles:

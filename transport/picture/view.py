@@ -32,7 +32,7 @@ FLUSH_TICK_S = 0.1
 class RerunView(Closing):
     """Shows a run, live or from its log: `draw` takes every recorded message.
 
-    `vehicles` are in order, the lead first; `gap_m` is their usual distance; `cars` are their
+    `vehicles` are in order, the lead first; `spacing_m` is their usual spacing; `cars` are their
     lengths and widths (m), and the distances of their middles ahead of their poses; `path` is the
     lead's, as east and north in metres; `lane_m` is the width of its lane; `title` is the name of
     the recording. Raises ViewerError if the picture cannot be shown. `destination` describes it
@@ -45,7 +45,7 @@ class RerunView(Closing):
         *,
         run_id: str,
         vehicles: Sequence[str],
-        gap_m: float = 15.0,
+        spacing_m: float = 15.0,
         cars: Mapping[str, tuple[float, float, float]] | None = None,
         path: tuple[Sequence[float], Sequence[float]] | None = None,
         lane_m: float | None = None,
@@ -74,7 +74,7 @@ class RerunView(Closing):
         self._writer = RecordingWriter(
             self._recording,
             vehicles,
-            gap_m=gap_m,
+            spacing_m=spacing_m,
             cars={name: CarShape(*size) for name, size in (cars or {}).items()},
             path=path,
             lane_m=lane_m,

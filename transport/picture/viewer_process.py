@@ -71,14 +71,14 @@ def start_log_layout(
     *,
     log: str,
     cars: Mapping[str, tuple[float, float, float]],
-    gap_m: float,
+    spacing_m: float,
 ) -> "subprocess.Popen[bytes]":
     """Write the layout for a log to `path`; see `save_log_layout`.
 
     A process of low priority, which ends with this one, writes it, so that this one does not load
     Rerun. Without Rerun, or on a full disk, there is no layout.
     """
-    arguments = {"path": str(path), "log": log, "cars": cars, "gap_m": gap_m}
+    arguments = {"path": str(path), "log": log, "cars": cars, "spacing_m": spacing_m}
     command = [sys.executable, "-m", "transport.picture.log_layout", json.dumps(arguments)]
     return _start([*_ends_with_parent(nice=LAYOUT_NICENESS), *command])
 

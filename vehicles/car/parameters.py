@@ -22,8 +22,8 @@ class VehicleParameters:
     axle distances (m) from the centre of mass; steering_frequency (rad/s) and steering_damping
     (ratio) of the second-order actuation, paper eq. (4); steering_limit (rad) and
     steering_rate_limit (rad/s, may be infinite) at the road wheels; length and width (m) of the
-    body, for gaps and pictures only; tyre model; friction coefficient (ratio) between tyres and
-    road, unused by linear tyres.
+    body, for gaps and pictures only, with equal overhangs in front and behind; tyre model; friction
+    coefficient (ratio) between tyres and road, unused by linear tyres.
     """
 
     mass: float
@@ -58,6 +58,11 @@ class VehicleParameters:
         return self.front_axle_distance + self.rear_axle_distance
 
     @property
+    def body_offset(self) -> float:
+        """Distance (m) of the body's centre ahead of the centre of mass, with equal overhangs."""
+        return 0.5 * (self.front_axle_distance - self.rear_axle_distance)
+
+    @property
     def steer_gradient(self) -> float:
         """K_sg of eq. (6), delta = L/R + K_sg v²/R (s² rad/m); positive for an understeering car.
 
@@ -77,6 +82,15 @@ class VehicleParameters:
         """
         sag = self.mass * self.front_axle_distance * speed * speed
         return self.rear_axle_distance - sag / (self.wheelbase * self.rear_cornering_stiffness)
+
+
+def least_spacing(ahead: VehicleParameters, behind: VehicleParameters) -> float:
+    """Spacing (m) of two cars, between their centres of mass, at which their bumpers touch.
+
+    At least 0: otherwise a centre of mass would be outside its body.
+    """
+    touching = 0.5 * (ahead.length + behind.length) + (behind.body_offset - ahead.body_offset)
+    return max(touching, 0.0)
 
 
 LINCOLN_MKZ = VehicleParameters(

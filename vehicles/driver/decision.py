@@ -26,10 +26,10 @@ from vehicles.received_pose import ReceivedPose
 class Decision:
     """Commands for steering and drive, and their inputs (Fig. 1, Sections III-A to III-C).
 
-    Units: gap m, target_speed m/s. `path_offset` (m, left positive) is the offset of the last own
-    fix from the lead's path, NaN if unknown. `fresh` is False between two control instants, where
-    the last decision is held. `fit` is the trajectory if it was refitted. `remarks` are lines for
-    the log.
+    Units: target_speed m/s; estimated_gap m, between bumpers. `path_offset` (m, left positive) is
+    the offset of the last own fix from the lead's path, NaN if unknown. `fresh` is False between
+    two control instants, where the last decision is held. `fit` is the trajectory if it was
+    refitted. `remarks` are lines for the log.
     """
 
     actuation: Actuation
@@ -39,7 +39,7 @@ class Decision:
     reason: str = ""
     fit: Fit | None = None
     target_speed: float = 0.0
-    gap: float = nan
+    estimated_gap: float = nan
     path_offset: float = nan
     situation: Situation = field(default_factory=Situation)
     remarks: tuple[str, ...] = ()
@@ -55,7 +55,7 @@ class Decision:
         reason: str = "",
         fit: Fit | None = None,
         target_speed: float = 0.0,
-        gap: float = nan,
+        estimated_gap: float = nan,
         path_offset: float = nan,
         situation: Situation | None = None,
         remarks: tuple[str, ...] = (),
@@ -68,7 +68,7 @@ class Decision:
         self.reason = reason
         self.fit = fit
         self.target_speed = target_speed
-        self.gap = gap
+        self.estimated_gap = estimated_gap
         self.path_offset = path_offset
         self.situation = Situation() if situation is None else situation
         self.remarks = remarks
@@ -87,7 +87,7 @@ class Decision:
             heading_error_rad=self.errors.heading,
             yaw_rate_error_radps=self.errors.yaw_rate,
             curvature_per_m=self.errors.curvature,
-            gap_m=self.gap,
+            estimated_gap_m=self.estimated_gap,
             lead_age_s=lead.age,
             predecessor_age_s=ahead.age,
             lead_period_s=lead.period,
@@ -129,7 +129,7 @@ class Decision:
             reason=self.reason,
             fit=self.fit,
             target_speed=self.target_speed,
-            gap=self.gap,
+            estimated_gap=self.estimated_gap,
             situation=self.situation,
             remarks=self.remarks,
             fresh=False,

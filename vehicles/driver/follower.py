@@ -64,6 +64,7 @@ class Follower:
         control: Cadence,
         lead: str,
         predecessor: str,
+        least_spacing: float,
         periods: Mapping[str, float],
         delays: Mapping[str, float] | None = None,
         alpha: float,
@@ -77,12 +78,14 @@ class Follower:
         """`alpha` in [0, 1] is the weight of the predecessor, 1 - alpha that of the lead.
 
         `periods` (s) between messages, `delays` (s) of the first message and `gates` are by source;
-        without a gate only jumps are refused.
+        without a gate only jumps are refused. `least_spacing` (m) to the predecessor is that at
+        which the bumpers touch.
         """
         self._own_state = own_state
         self._controller = controller
         self._speed_guard = speed_guard
         self._control = control
+        self._least_spacing = least_spacing
         self._rate_hz, self._period = control.rate_hz, 1.0 / control.rate_hz
         self._alpha = alpha
         # The first follower's predecessor is the lead: one source, whatever the fusion.
@@ -117,7 +120,7 @@ class Follower:
         self._rejoining = Rejoining()
         self._mode: Mode = "straight"
         self._refit = Timer(REFIT_AFTER)
-        self._gap, self._gap_at = nan, 0
+        self._spacing, self._spacing_at = nan, 0
         self._decision: Decision | None = None
 
     def step(
@@ -186,7 +189,7 @@ class Follower:
             reason=reason,
             fit=self._trajectories[0][1] if refit and self._fitted else None,
             target_speed=speed.target_speed,
-            gap=ahead.gap,
+            estimated_gap=ahead.spacing - self._least_spacing,
             situation=situation,
             remarks=remarks,
         )
@@ -215,7 +218,7 @@ class Follower:
             self._rejoining.begin()
         self._fitted = bool(along)
         self._trajectories = along or self._trajectories
-        self._gap, self._gap_at = self._measured_gap(now, pose), now
+        self._spacing, self._spacing_at = self._measured_spacing(now, pose), now
 
     def _settings_for(self, windows: Mapping[Mode, Window]) -> FitSettings:
         """Settings of the fit; bridge points weaken the evidence for a bend."""
@@ -247,23 +250,23 @@ class Follower:
         errors.behind = behind
         return errors
 
-    def _measured_gap(self, now: int, pose: Pose) -> float:
-        """Gap (m) from the predecessor's last received place and speed; or NaN."""
+    def _measured_spacing(self, now: int, pose: Pose) -> float:
+        """Spacing (m) from the predecessor's last received place and speed; or NaN."""
         trace = self._sources.predecessor.trace
-        gap = trace.gap(pose.east, pose.north)
-        if gap is None or trace.newest is None:
+        spacing = trace.spacing(pose.east, pose.north)
+        if spacing is None or trace.newest is None:
             return nan
         age = (now - trace.newest.measured_at) / SECOND
-        return gap + trace.newest.speed * age
+        return spacing + trace.newest.speed * age
 
     def _vehicles_ahead(self, now: int, pose: Pose, errors: TrackingErrors) -> VehiclesAhead:
         lead, predecessor = self._sources.lead.trace.newest, self._sources.predecessor.trace.newest
         if predecessor is None:
             return VehiclesAhead(curvature_ahead=errors.curvature_ahead)
-        opened = (predecessor.speed - pose.speed) * (now - self._gap_at) / SECOND
+        opened = (predecessor.speed - pose.speed) * (now - self._spacing_at) / SECOND
         lead_speed = nan if lead is None else lead.speed
         return VehiclesAhead(
-            self._gap + opened, predecessor.speed, lead_speed, errors.curvature_ahead
+            self._spacing + opened, predecessor.speed, lead_speed, errors.curvature_ahead
         )
 
 

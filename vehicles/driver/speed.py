@@ -1,4 +1,7 @@
-"""Speed of a vehicle: a profile over time, or the gap to the vehicle ahead; SI units."""
+"""Speed of a vehicle: a profile over time, or the gap to the vehicle ahead; SI units.
+
+A gap is between bumpers; a *spacing*, by which it is kept, is between centres of mass.
+"""
 
 import math
 from bisect import bisect_right
@@ -17,7 +20,7 @@ CORRECTION_MAX: Final = 2.0
 """Limit of that correction (m/s²), as for a car that has fallen behind and starts again."""
 
 GAP_STIFFNESS: Final = 3.0
-"""k_p, acceleration per metre of gap error (1/s²)."""
+"""k_p, acceleration per metre of spacing error (1/s²)."""
 
 DAMPING: Final = 4.0
 """k_v + k_l, acceleration per m/s of speed difference to predecessor and lead (1/s)."""
@@ -29,7 +32,7 @@ STABLE_HEADWAY: Final = 0.35
 """Headway (s) from which on the lead's speed is neither needed nor used."""
 
 CATCH_UP_DISTANCE: Final = 5.0
-"""Gap error (m) beyond which the acceleration does not grow."""
+"""Spacing error (m) beyond which the acceleration does not grow."""
 
 BEND_RATE: Final = 2.0
 """Share of the excess of speed in a bend taken back each second (1/s)."""
@@ -94,8 +97,8 @@ class SpeedProfile:
 
 
 @dataclass(frozen=True, slots=True)
-class GapPolicy:
-    """The gap to keep (m): `standstill` (m) plus `headway` (s) times speed.
+class SpacingPolicy:
+    """The spacing to keep (m): `standstill` (m) plus `headway` (s) times speed.
 
     Constant time headway policy; a headway of 0 keeps a constant distance.
     """
@@ -127,7 +130,7 @@ class GapLimits:
         _require_not_negative(self)
 
 
-def _require_not_negative(values: GapPolicy | GapLimits) -> None:
+def _require_not_negative(values: SpacingPolicy | GapLimits) -> None:
     for field in fields(values):
         value = getattr(values, field.name)
         if not (value >= 0.0 and (math.isfinite(value) or field.name == "lateral")):
@@ -136,17 +139,17 @@ def _require_not_negative(values: GapPolicy | GapLimits) -> None:
 
 def gap_acceleration(
     *,
-    gap: float,
+    spacing: float,
     own_speed: float,
     predecessor_speed: float,
     lead_speed: float,
-    policy: GapPolicy,
+    policy: SpacingPolicy,
     limits: GapLimits,
 ) -> float:
     """Acceleration (m/s²) that keeps the gap, from the speeds received of the vehicles ahead.
 
-    a = k_p (gap - desired) + k_v (v_pred - v) + k_l (v_lead - v). At constant distance errors pass
-    from one vehicle to the next as (k_v s + k_p) / (s² + (k_v + k_l) s + k_p), which nowhere
+    a = k_p (spacing - desired) + k_v (v_pred - v) + k_l (v_lead - v). At constant distance errors
+    pass from one vehicle to the next as (k_v s + k_p) / (s² + (k_v + k_l) s + k_p), which nowhere
     exceeds 1 if (k_v + k_l)² - k_v² >= 2 k_p: here 12 >= 6, the margin being for the delay of a
     radio. Without the lead's speed (k_l = 0) it exceeds 1 at some frequencies (Swaroop and
     Hedrick, 1996).
@@ -155,16 +158,16 @@ def gap_acceleration(
     and the lead's speed would do harm: in steady braking the i-th vehicle is i h a faster than the
     lead, so errors would grow with i. Its share therefore fades out towards STABLE_HEADWAY.
 
-    `gap` (m) is that of now: extrapolate a received position by its speed and age. A lead speed of
-    NaN (nothing received) counts as the predecessor's. Accelerations are not known: while all
-    brake at b, gaps are off by (1 - (k_v + k_l) h) b / k_p, at constant distance 1 m too short for
-    b = 3 m/s², and stay so if the convoy stops. Speeds in m/s; the result is within `limits`.
+    `spacing` (m) is that of now: extrapolate a received position by its speed and age. A lead speed
+    of NaN (nothing received) counts as the predecessor's. Accelerations are not known: while all
+    brake at b, spacings are off by (1 - (k_v + k_l) h) b / k_p, at constant distance 1 m too short
+    for b = 3 m/s², and stay so if the convoy stops. Speeds in m/s; the result is within `limits`.
     """
     if math.isnan(lead_speed):
         lead_speed = predecessor_speed
     share = LEAD_SHARE * max(0.0, 1.0 - policy.headway / STABLE_HEADWAY)
     ahead = predecessor_speed + share * (lead_speed - predecessor_speed)
-    error = min(gap - policy.desired(own_speed), CATCH_UP_DISTANCE)
+    error = min(spacing - policy.desired(own_speed), CATCH_UP_DISTANCE)
     wanted = GAP_STIFFNESS * error + DAMPING * (ahead - own_speed)
     return min(max(wanted, -limits.deceleration), limits.acceleration)
 
@@ -193,30 +196,31 @@ def bend_acceleration(
 class VehiclesAhead:
     """Received state of the vehicles ahead, NaN where unknown.
 
-    The gap to the predecessor (m) is along its trace, extrapolated to now; speeds (m/s) are those
-    received last. `curvature_ahead` gives the curvature (1/m) of the path at a distance (m) ahead.
+    The spacing to the predecessor (m) is along its trace, extrapolated to now; speeds (m/s) are
+    those received last. `curvature_ahead` gives the curvature (1/m) of the path at a distance (m)
+    ahead.
     """
 
-    gap: float = math.nan
+    spacing: float = math.nan
     predecessor_speed: float = math.nan
     lead_speed: float = math.nan
     curvature_ahead: Callable[[float], float] | None = None
 
     def __init__(
         self,
-        gap: float = math.nan,
+        spacing: float = math.nan,
         predecessor_speed: float = math.nan,
         lead_speed: float = math.nan,
         curvature_ahead: Callable[[float], float] | None = None,
     ) -> None:
-        self.gap = gap
+        self.spacing = spacing
         self.predecessor_speed = predecessor_speed
         self.lead_speed = lead_speed
         self.curvature_ahead = curvature_ahead
 
-    def replaced(self, *, gap: float, lead_speed: float) -> "VehiclesAhead":
-        """Copy with another gap (m) and lead's speed (m/s); `replace` costs 1 % of a tick."""
-        return VehiclesAhead(gap, self.predecessor_speed, lead_speed, self.curvature_ahead)
+    def replaced(self, *, spacing: float, lead_speed: float) -> "VehiclesAhead":
+        """Copy with another spacing (m) and lead's speed (m/s); `replace` costs 1 % of a tick."""
+        return VehiclesAhead(spacing, self.predecessor_speed, lead_speed, self.curvature_ahead)
 
 
 @dataclass(slots=True)
@@ -270,16 +274,16 @@ class ProfileSpeed:
 class GapKeeping:
     """Keeps a constant distance or time gap (see `gap_acceleration`)."""
 
-    def __init__(self, policy: GapPolicy, limits: GapLimits) -> None:
+    def __init__(self, policy: SpacingPolicy, limits: GapLimits) -> None:
         self._policy = policy
         self._limits = limits
 
     def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:  # noqa: ARG002
         """Keep the gap; no acceleration until the predecessor is received."""
-        if math.isnan(ahead.gap):
+        if math.isnan(ahead.spacing):
             return SpeedCommand(0.0, pose.speed)
         wanted = gap_acceleration(
-            gap=ahead.gap,
+            spacing=ahead.spacing,
             own_speed=pose.speed,
             predecessor_speed=ahead.predecessor_speed,
             lead_speed=ahead.lead_speed,

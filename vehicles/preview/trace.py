@@ -294,7 +294,7 @@ class Trace:
         last = max(last, min(index + half, len(self._line.at)))
         return max(min(first, last - self.settings.min_samples, index - half), 0), last
 
-    def gap(self, east: float, north: float) -> float | None:
+    def spacing(self, east: float, north: float) -> float | None:
         """Arc length (m) from the ego at (east, north) to the source's newest place.
 
         For keeping gaps. None before the first sample. The caller adds the distance driven since

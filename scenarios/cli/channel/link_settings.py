@@ -53,7 +53,7 @@ def _rows(link: LinkForecast) -> Iterator[Row]:
         yield "source", link.preset_source or "not said"
     for place, law in enumerate(link.laws):
         yield "laws" if not place else "", f"{law.words} · {law.key}"
-    at = "" if link.distance_m is None else f" at {link.distance_m:.3g} m, the gap at first"
+    at = "" if link.distance_m is None else f" at {link.distance_m:.3g} m, as far as at the start"
     if link.loss_ratio is None:
         yield "loss", UNKNOWN
     else:

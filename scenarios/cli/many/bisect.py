@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 Examples:
   convoy bisect lossy_lane_change links.loss_ratio --limit error_m=0.3 --range 0:0.9 --any
   convoy bisect lossy_lane_change links.loss_ratio --set control.degradation.reaction=extrapolate
-  convoy bisect lane_change convoy.gap_m --range 6:30 --precision 0.5 --set links.loss_ratio=0.8
+  convoy bisect lane_change convoy.gap_m --range 1:25 --precision 0.5 --set links.loss_ratio=0.8
 """
 )
 @click.argument("scenario", shell_complete=completion.scenarios)

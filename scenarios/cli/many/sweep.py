@@ -33,7 +33,7 @@ WIDEST = 14
     epilog="""\b
 Examples:
   convoy sweep lossy_lane_change --vary links.loss_ratio=0:0.9:0.1 --limit lane
-  convoy sweep lane_change --vary links.loss_ratio=0.5:0.9:0.1 --vary convoy.gap_m=8,15,35
+  convoy sweep lane_change --vary links.loss_ratio=0.5:0.9:0.1 --vary convoy.gap_m=3,10,30
   convoy sweep lane_change --vary links.preset=clear,lossy --figure v4.distance_m
   convoy sweep my.toml --seeds 200 --limit collision --limit error_m=0.5 --out night
   convoy sweep lane_change --vary gnss.rate_hz=5,10 --scheduler tcp://127.0.0.1:8786

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.definition.check.link_sample import StraightDrive
-from scenarios.definition.check.preview import gap_to
+from scenarios.definition.check.preview import spacing_to
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.schedule import SECOND
@@ -43,7 +43,7 @@ def longest_silence_s(source: VehicleSetup, receiver: VehicleSetup) -> float:
 def first_distance_m(scenario: Scenario, link: tuple[str, str]) -> float:
     sender, receiver = link
     speed = scenario.route.profile.at(0.0)[0]
-    return gap_to(scenario, scenario.vehicle(receiver).place, sender, speed)
+    return spacing_to(scenario, scenario.vehicle(receiver).place, sender, speed)
 
 
 def sampled_alarms(

@@ -260,7 +260,7 @@ def _trace_warnings(scenario: Scenario) -> Iterator[str]:
             f"(rms {smoothed.deviation_rms:.2f} m, their noise {smoothed.noise:.2f} m): noisy "
             f"points, or path.smoothing_m = {table.smoothing_m:g} is too wide"
         )
-    convoy = sum(scenario.route.gaps)
+    convoy = sum(scenario.route.spacings)
     if table.closed and convoy > smoothed.lap_length:
         yield f"the convoy is {convoy:.0f} m long, more than a lap of {smoothed.lap_length:.0f} m"
 

@@ -13,7 +13,7 @@ from scenarios.definition.check.false_alarms import (
     longest_silence_s,
     sampled_alarms,
 )
-from scenarios.definition.check.preview import gap_to
+from scenarios.definition.check.preview import spacing_to
 from scenarios.definition.scenario import Scenario
 from vehicles.schedule import MILLISECOND
 
@@ -33,7 +33,7 @@ class LinkForecast:
     """What is requested of one directed link, and what follows in the long run.
 
     `rules` are those about the link, the most specific first. Figures are None where they depend on
-    more than the laws; those of a radio are for `distance_m`, the gap at the lead's first speed,
+    more than the laws; those of a radio are for `distance_m`, that of the lead's first speed,
     with all vehicles in between in the way. `age_ms_mean` is that of the newest message at a
     command, where messages are sent evenly; losses are taken as those of a two-state chain.
     `false_alarms_per_h` is how often the receiver receives nothing from the sender for more than
@@ -97,7 +97,7 @@ def link_forecast(scenario: Scenario, link: tuple[str, str]) -> LinkForecast:
         scenario.vehicle(receiver),
     )
     speed = scenario.route.profile.at(0.0)[0]
-    distance_m = gap_to(scenario, setup.place, sender, speed) if table.radio else None
+    distance_m = spacing_to(scenario, setup.place, sender, speed) if table.radio else None
     between = partial(vehicles_between, scenario.route, source.place, setup.place)
     expected = expected_channel(table, source.highest_rate_hz, distance_m, between)
     if scenario.link_setting(sender, receiver, 0).off:

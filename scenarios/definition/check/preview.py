@@ -41,7 +41,7 @@ def preview_warnings(scenario: Scenario, speeds: tuple[float, float]) -> Iterato
     """Give a line for each kind of preview (paper, Section III-A) that is too short or thin.
 
     `speeds` (m/s) are the least and the greatest that are planned. The path is known up to the last
-    pose received of a source: a gap ahead, less the distance driven during latency and the time
+    pose received of a source: its spacing less the distance driven during latency and the time
     between two poses. Where that is less than the fit keeps behind the ego, curves are recognised
     late, and errors may grow; where fewer samples lie ahead than a fit takes, it joins rarer ones.
     """
@@ -56,18 +56,20 @@ def preview_warnings(scenario: Scenario, speeds: tuple[float, float]) -> Iterato
                 thin.setdefault(name, seen)
             elif seen.reach < seen.behind:
                 short.setdefault(name, seen)
+    keeps_gap = scenario.tables.speed.followers == "gap"
+    gap_key = "speed.gap.standstill_m" if keeps_gap else "convoy.gap_m"
     for names, sight in _alike(thin):
         yield (
             f"{names}: at {sight.speed:g} m/s {sight.samples:.1f} poses of {sight.source} lie in "
             f"the preview, {sight.preview:.1f} m of which are known, and a trajectory takes "
             f"{MIN_SAMPLES}: it joins poses {sight.spacing:.3g} m apart from further away, cuts "
-            f"the curves between them and is extrapolated; raise {sight.remedy} or widen the gap"
+            f"the curves between them and is extrapolated; raise {sight.remedy} or {gap_key}"
         )
     for names, sight in _alike(short):
         yield (
             f"{names}: at {sight.speed:g} m/s the path of {sight.source} is known "
             f"{sight.reach:.1f} m ahead, less than the {sight.behind:.1f} m behind that the fit "
-            "keeps: curves are recognised late, and errors may grow; widen the gap or lower the "
+            f"keeps: curves are recognised late, and errors may grow; raise {gap_key} or lower the "
             "latency"
         )
 
@@ -94,15 +96,15 @@ def _sight(
     settings = FitSettings(preview_time=steering.preview_s, trajectory=steering.trajectory)
     sender = scenario.vehicle(source)
     sent = sender.usual_rate_hz(speed)
-    gap = gap_to(scenario, setup.place, source, speed)
+    distance = spacing_to(scenario, setup.place, source, speed)
     between = partial(vehicles_between, scenario.route, sender.place, setup.place)
     source_hz = sender.highest_rate_hz
-    loss = expected_channel(link, source_hz, gap, between).loss_ratio
+    loss = expected_channel(link, source_hz, distance, between).loss_ratio
     # Without a number, as in a tunnel: what is known of it where it carries anything at all.
     rate = min(sent, link.rate_hz or sent) * (1.0 - (link.loss_ratio if loss is None else loss))
     late_ms = sender.gnss.latency / MILLISECOND + usual_delay_ms(link)
     age = late_ms / 1000.0 + (1.0 / rate if rate else float("inf"))
-    reach = gap - speed * age
+    reach = distance - speed * age
     preview = min(settings.ahead(speed), max(reach, 0.0))
     return _Sight(
         source=source,
@@ -116,9 +118,10 @@ def _sight(
     )
 
 
-def gap_to(scenario: Scenario, place: int, source: str, speed: float) -> float:
-    """Distance (m) to a source, ahead or behind: that of the start, or the one that is kept."""
+def spacing_to(scenario: Scenario, place: int, source: str, speed: float) -> float:
+    """Distance (m) between the centres of a vehicle and a source, at the start or as kept."""
     first, place = sorted((scenario.vehicle_names.index(source), place))
     if scenario.tables.speed.followers == "gap":
-        return (place - first) * scenario.gap_policy.desired(speed)
-    return sum(scenario.route.gaps[first + 1 : place + 1])
+        between = range(first + 1, place + 1)
+        return sum(scenario.spacing_policy(one).desired(speed) for one in between)
+    return sum(scenario.route.spacings[first + 1 : place + 1])

@@ -39,8 +39,8 @@ LOOK = 0.5
 NEAR = 50.0
 """It is looked for on the lead's path within this way (m) of where it is expected."""
 
-LEAST_GAP = 5.0
-"""Neighbours that are planned closer than this (m) touch each other."""
+LEAST_SPACING = 5.0
+"""Neighbours whose centres are planned closer than this (m) touch each other."""
 
 RUN_IN = 50.0
 """The straight before a replayed drive's first point (m)."""
@@ -209,7 +209,7 @@ def replay_warnings(
     if aside.aside > BESIDE:
         yield f"{name}: is replayed {aside.aside:.1f} m beside the lead's path at {aside.at:.1f} s"
     early = max(seen, key=lambda look: look.station - look.lead)
-    if early.lead - early.station < LEAST_GAP:
+    if early.lead - early.station < LEAST_SPACING:
         by = f"{abs(early.lead - early.station):.1f} m"
         way = "ahead of" if early.station > early.lead else "behind"
         where = f"{by} {way} the lead at {early.at:.1f} s"
@@ -219,13 +219,14 @@ def replay_warnings(
         return
     # Followers that keep a gap come after it wherever it is.
     compared = seen if tables.speed.followers == "same" else seen[:1]
-    gap = route.start - route.start_station(names.index(behind))
+    place = names.index(behind)
+    distance = route.start - route.start_station(place)
     late = min(compared, key=lambda look: look.station - look.lead)
-    left = late.station - (late.lead - gap)
-    if left < LEAST_GAP:
+    left = late.station - (late.lead - distance)
+    if left < LEAST_SPACING:
         where = f"{abs(left):.1f} m {'ahead of' if left > 0.0 else 'behind'} {behind}"
-        usual = route.gaps[names.index(behind)]
-        remedy = f"set vehicle.{behind}.gap_m to {math.ceil(2.0 * usual - left)}"
+        wider = route.gaps[place] + route.spacings[place] - left
+        remedy = f"set vehicle.{behind}.gap_m to {math.ceil(wider)}"
         yield (
             f"{name}: is replayed {where}, which follows it, at {late.at:.1f} s: {remedy}, or see "
             f"vehicle.{name}.replay_offset_s"

@@ -9,16 +9,14 @@ import numpy as np
 from scenarios.definition.errors import SettingError
 from scenarios.definition.road.lead_speed import Limits, recorded, slowed
 from scenarios.definition.road.set_speed import SpeedPlan, with_changes
+from scenarios.definition.road.spacing import gaps_at, spacings_at
 from scenarios.definition.schema.path_tables import PointsPath, SegmentsPath, SegmentTable
 from scenarios.definition.schema.scenario_tables import ScenarioTables, SpeedTable
-from vehicles.driver.speed import GapPolicy, SpeedProfile
+from vehicles.driver.speed import SpeedProfile
 from vehicles.geometry.bridges import find_holes, step_lengths
 from vehicles.geometry.geodesy import yaw_from_heading
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.geometry.smoothing import NoPathError, SmoothedPath, smooth_path
-
-DEFAULT_GAP = 15.0
-"""Metres between two vehicles at the start where nothing else says so (half a second at 30 m/s)."""
 
 RUN_UP = 10.0
 """The straight before the path reaches this far (m) behind the last vehicle."""
@@ -48,7 +46,8 @@ class Route:
     """A drivable path, the station at which the lead starts, and the lead's speed over time.
 
     `start` (m) is that station: the path begins with a straight for the vehicles behind the lead.
-    `gaps` (m) are those to the vehicle ahead, 0 for the lead. `profile` is the lead's speed from
+    `gaps` (m) are between the bumpers of a vehicle and its predecessor at the start, `spacings` (m)
+    between their centres of mass; both are 0 for the lead. `profile` is the lead's speed from
     the start on. `smoothed` holds how far the path lies from recorded points, None where it is
     made of segments. `speed_ratio` is the factor by which recorded speeds were multiplied to cover
     the path. The lead reaches the first point of a recorded drive `run_in` s after the start.
@@ -58,6 +57,7 @@ class Route:
     path: SampledPath
     start: float
     gaps: tuple[float, ...]
+    spacings: tuple[float, ...]
     profile: SpeedProfile
     smoothed: SmoothedPath | None
     speed_ratio: float
@@ -66,7 +66,7 @@ class Route:
 
     def start_station(self, place: int) -> float:
         """Station (m) on the path at which the vehicle at `place` (0 is the lead) starts."""
-        return self.start - sum(self.gaps[: place + 1])
+        return self.start - sum(self.spacings[: place + 1])
 
     @property
     def first_point(self) -> float:
@@ -88,27 +88,13 @@ def vehicle_names(tables: ScenarioTables) -> tuple[str, ...]:
     return tables.convoy.vehicle_names
 
 
-def gap_policy(tables: ScenarioTables) -> GapPolicy:
-    return GapPolicy(tables.speed.gap.standstill_m, tables.speed.gap.headway_s)
-
-
-def gaps_at(tables: ScenarioTables, speed: float) -> tuple[float, ...]:
-    """Return each vehicle's gap at the start (m): its own, the convoy's, or the policy's."""
-    usual = tables.convoy.gap_m
-    if usual is None:
-        kept = tables.speed.followers == "gap"
-        usual = gap_policy(tables).desired(speed) if kept else DEFAULT_GAP
-    own = [tables.vehicle.get(name) for name in vehicle_names(tables)[1:]]
-    return (0.0, *(usual if t is None or t.gap_m is None else t.gap_m for t in own))
-
-
 def plan_route(tables: ScenarioTables) -> Route:
     """Make path and speed of a scenario whose trace has been read; raises Refused."""
     if tables.speed.lead == "recorded" and isinstance(tables.path, PointsPath):
         key = f"path ({tables.path.source})" if tables.path.source else "path.time_s"
         check_span(key, tables.path)
     fastest = _first_speed_at_most(tables)
-    lead_in = sum(gaps_at(tables, fastest)) + RUN_UP
+    lead_in = sum(spacings_at(tables, fastest)) + RUN_UP
     path, start, smoothed = _path(tables, lead_in)
     if tables.speed.lead == "recorded":
         wanted, start, ratio = _recorded(tables, start, smoothed)
@@ -119,6 +105,7 @@ def plan_route(tables: ScenarioTables) -> Route:
         wanted, ratio = _wanted(tables.speed), 1.0
         until = tables.duration_s or LONGEST
         profile = slowed(wanted, path, start, _limits(tables.speed), until)
+    first_speed = profile.at(0.0)[0]
     plan = SpeedPlan(
         path=path,
         start=start,
@@ -130,7 +117,8 @@ def plan_route(tables: ScenarioTables) -> Route:
     return Route(
         path=path,
         start=start,
-        gaps=gaps_at(tables, profile.at(0.0)[0]),
+        gaps=gaps_at(tables, first_speed),
+        spacings=spacings_at(tables, first_speed),
         profile=with_changes(plan, tables.change).profile,
         smoothed=smoothed,
         speed_ratio=ratio,

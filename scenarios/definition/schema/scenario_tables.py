@@ -59,9 +59,9 @@ class OriginTable(Table):
 class ConvoyTable(Table):
     """Who drives, in order from the lead, and how far apart.
 
-    A gap is the distance along the path from one vehicle's centre of mass to the next one's.
-    Without `gap_m` the convoy starts at 15 m, or at the gap that its policy keeps. A run on the
-    wall clock does not start while a vehicle's clock is further from the recorder's than
+    A gap is the distance along the path from the rear bumper of a vehicle to the front bumper of
+    its follower. Without `gap_m` the convoy starts at 10 m, or at the gap that it keeps. A
+    wall-clock run does not start while a vehicle's clock is further from the recorder's than
     `clock_offset_ms_max`.
     """
 
@@ -122,7 +122,7 @@ class GapTable(Table):
     Followers may brake harder than their lead, to compensate for the delay of what they receive.
     """
 
-    standstill_m: float = Field(default=8.0, gt=0, le=1000)
+    standstill_m: float = Field(default=3.0, gt=0, le=1000)
     headway_s: float = Field(default=0.5, ge=0, le=10)
     acceleration_mps2_max: float = Field(default=GAP_LIMITS.acceleration, ge=0.1, le=10)
     braking_mps2_max: float = Field(default=GAP_LIMITS.deceleration, ge=0.1, le=12)
@@ -179,8 +179,8 @@ class EventsTable(Table):
 
     lane_width_m       a corner of a body further than half of it from the lead's driven path has
                        left the lane; lanes of motorways are 3.5 to 3.75 m wide
-    near_miss_gap_m    distance between the bodies of neighbours; convoys that ship keep 3 m
-    near_miss_time_s   that distance over the speed at which it shrinks; conflicts below 1.5 s count
+    near_miss_gap_m    gap of neighbours; convoys that ship keep 2 m at least
+    near_miss_time_s   that gap over the speed at which it shrinks; conflicts below 1.5 s count
                        as severe in traffic research
     path_lost_s        time without a path from what was received: 1 s is more than the preview,
                        so nothing is left of what was known of the road

@@ -20,9 +20,7 @@ class BodySize(NamedTuple):
 
     @classmethod
     def of(cls, car: VehicleParameters) -> "BodySize":
-        """Size of the body of `car`, with equal overhangs (assumed) in front and behind."""
-        forward = 0.5 * (car.front_axle_distance - car.rear_axle_distance)
-        return cls(car.length, car.width, forward)
+        return cls(car.length, car.width, car.body_offset)
 
 
 @dataclass(slots=True)

@@ -127,7 +127,7 @@ class RecordedKnowledge:
     def of(cls, log: Path, vehicle: str) -> "RecordedKnowledge":
         """Read a log; raises LogError for a vehicle that is not in it."""
         reader = LogReader(log)
-        scenario = scenario_in(log, reader.attachments())
+        scenario = scenario_in(reader)
         names = scenario.vehicle_names
         if vehicle not in names:
             raise LogError(f"{log}: no vehicle {vehicle!r}, allowed {', '.join(names)}")

@@ -29,7 +29,7 @@ def session_of(log: Path) -> Scenario:
     Each receiver of a link carries a change out by itself; equal ones at one instant are joined.
     """
     reader = LogReader(log)
-    scenario = scenario_in(log, reader.attachments())
+    scenario = scenario_in(reader)
     start_at: int | None = None
     done: dict[tuple[int, str], _Done] = {}
     for _, _, message in reader.messages(("start", "change")):

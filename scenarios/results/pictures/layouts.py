@@ -7,7 +7,7 @@ from subprocess import TimeoutExpired
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.files import LOG_NAME
-from scenarios.results.pictures.run_drawing import widest_gap
+from scenarios.results.pictures.run_drawing import widest_spacing
 from scenarios.results.stream import sizes_of
 from transport.log.foxglove_layout import foxglove_layout
 from transport.picture.viewer_process import start_log_layout
@@ -41,7 +41,7 @@ def rerun_layout(folder: Path, scenario: Scenario) -> Iterator[None]:
         path,
         log=Path(LOG_NAME).stem,
         cars=sizes_of(scenario),
-        gap_m=widest_gap(scenario),
+        spacing_m=widest_spacing(scenario),
     )
     try:
         yield

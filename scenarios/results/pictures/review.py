@@ -8,8 +8,9 @@ import click
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.library import ATTACHED_AS
-from scenarios.definition.scenario import Scenario, scenario_from_text
+from scenarios.definition.scenario import Scenario
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
+from scenarios.results.log_summary import scenario_in
 from scenarios.results.metrics import Metrics
 from scenarios.results.pictures.layouts import rerun_layout
 from scenarios.results.pictures.run_drawing import RunDrawing, open_drawing
@@ -55,12 +56,11 @@ def review(
 
 
 def _scenario_in(reader: LogReader, warn: Callable[[str], None]) -> Scenario | None:
-    text = reader.attachments().get(ATTACHED_AS)
-    if text is None:
+    if ATTACHED_AS not in reader.attachments():
         return None
     try:
-        return scenario_from_text(text.decode(), label="scenario", recorded=True)
-    except (ScenarioError, UnicodeDecodeError) as error:  # damaged, or of another version
+        return scenario_in(reader)
+    except (LogError, ScenarioError) as error:  # damaged, or of another version
         warn(f"{reader.path}: the road is left out: {error}")
         return None
 

@@ -12,7 +12,7 @@ from transport.picture.view import RerunView
 from vehicles.geometry.driven_path import CrossTrack
 from vehicles.messages import Message, TruePose
 
-DEFAULT_GAP_M = 15.0
+DEFAULT_SPACING_M = 15.0
 MAX_PENDING_ERRORS = 10_000
 """True errors kept for the picture while it is behind."""
 
@@ -85,7 +85,7 @@ def open_drawing(
         option,
         run_id=run_id,
         vehicles=scenario.vehicle_names,
-        gap_m=widest_gap(scenario),
+        spacing_m=widest_spacing(scenario),
         cars=sizes_of(scenario),
         path=(path.east.tolist(), path.north.tolist()),
         lane_m=scenario.tables.events.lane_width_m,
@@ -94,11 +94,12 @@ def open_drawing(
     return RunDrawing(view, metrics or Metrics.of(scenario), gathered=metrics is not None)
 
 
-def widest_gap(scenario: Scenario) -> float:
-    """Largest gap (m) between two vehicles, at the start or at top speed."""
-    gaps = [*scenario.route.gaps[1:], 0.0]
+def widest_spacing(scenario: Scenario) -> float:
+    """Largest spacing (m) of two vehicles, at the start or at top speed."""
+    spacings = [*scenario.route.spacings[1:], 0.0]
     if scenario.tables.speed.followers == "gap":
         profile = scenario.route.profile
         top = max(profile.at(float(second))[0] for second in range(int(scenario.duration_s) + 2))
-        gaps.append(scenario.gap_policy.desired(top))
-    return max(gaps) or DEFAULT_GAP_M
+        places = range(1, len(scenario.vehicle_names))
+        spacings += [scenario.spacing_policy(place).desired(top) for place in places]
+    return max(spacings) or DEFAULT_SPACING_M

@@ -62,7 +62,7 @@ class VehicleSummary:
     true_gap_min_at_s: float | None = None
     """Time of the smallest true gap."""
     estimated_gap_m_min: float | None
-    """Smallest gap to the predecessor (self-estimate), between centres of mass along the path."""
+    """Smallest estimated gap to the predecessor, bumper to bumper; null in runs before 0.2."""
     distance_m: float
     """Distance driven."""
     lateral_acceleration_mps2_max: float | None = None
@@ -132,7 +132,7 @@ class VehicleFigures:
         self.cross_track_error = Extremes()
         self.self_estimate = SelfEstimateErrors()
         self.tyres = TyreFigures()
-        self.gap_min = inf
+        self.estimated_gap_min = inf
         self.reaction = Reaction()
         self.health: Health | None = None
         self._memory_max = 0
@@ -163,8 +163,8 @@ class VehicleFigures:
         self.heading_error.add(tracking.heading_error_rad)
         self.mode = mode
         self.modes[mode] += 1
-        if -inf < tracking.gap_m < self.gap_min:  # false for NaN, which means no gap
-            self.gap_min = tracking.gap_m
+        if -inf < tracking.estimated_gap_m < self.estimated_gap_min:  # false for NaN: no gap
+            self.estimated_gap_min = tracking.estimated_gap_m
 
     def add_pose(self, pose: GpsPose) -> None:
         self.numbers.add(pose.seq)
@@ -255,7 +255,9 @@ class VehicleFigures:
             self_estimate_error_m_max=estimate.largest if estimate.count else None,
             true_gap_m_min=gap.min_m if gap else None,
             true_gap_min_at_s=seconds(gap.min_at_ns) if gap else None,
-            estimated_gap_m_min=self.gap_min if isfinite(self.gap_min) else None,
+            estimated_gap_m_min=self.estimated_gap_min
+            if isfinite(self.estimated_gap_min)
+            else None,
             distance_m=self.distance,
             lateral_acceleration_mps2_max=tyres.lateral_acceleration if tyres.poses else None,
             front_slip_rad_max=tyres.front_slip if tyres.poses else None,

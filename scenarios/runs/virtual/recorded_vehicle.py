@@ -99,12 +99,12 @@ def read_recorded_vehicle(log: Path, vehicle: str) -> RecordedVehicle:
 
 
 def head_start(
-    recorded: RecordedVehicle, plane: LocalPlane, place: tuple[float, float], gap: float
+    recorded: RecordedVehicle, plane: LocalPlane, place: tuple[float, float], distance: float
 ) -> float:
-    """Time (s) after its start at which the recorded vehicle was `gap` (m) ahead of `place`.
+    """Time (s) after its start at which the recorded vehicle was `distance` (m) ahead of `place`.
 
     `place` (east, north, m) is where the vehicle behind it will start, beside the first part of
-    the recorded drive or behind it. 0 if that begins further ahead than `gap` already.
+    the recorded drive or behind it. 0 if that begins further ahead than `distance` already.
     """
     fixes = [receive(pose, plane, pose.sent_at_ns) for pose in recorded.poses]
     first = fixes[0]
@@ -119,7 +119,9 @@ def head_start(
     if nearest == 0:
         ux, uy = cos(first.yaw), sin(first.yaw)
         station = (place[0] - first.east) * ux + (place[1] - first.north) * uy
-    return max(_time_at(stations, [fix.measured_at for fix in fixes], station + gap, recorded), 0.0)
+    return max(
+        _time_at(stations, [fix.measured_at for fix in fixes], station + distance, recorded), 0.0
+    )
 
 
 def _time_at(

@@ -34,7 +34,7 @@ class Plan:
     Mean bursts begin with 1 / (1 - loss), where messages are lost independently.
     """
 
-    gaps_m: tuple[float, ...] = (8.0, 15.0)
+    gaps_m: tuple[float, ...] = (3.0, 10.0)
     loss_ratios: tuple[float, ...] = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
     latencies_ms: tuple[float, ...] = (20.0, 60.0, 100.0, 150.0, 200.0, 300.0, 400.0)
     bursts_messages: tuple[float, ...] = (1.25, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0)

@@ -98,7 +98,7 @@ def drawn(costs: Sequence[Cost], lane_margin_m: float) -> Figure:
         maps = [one for one in here if one.channel.burst_messages is None]
         bursts = [one for one in here if one.channel.burst_messages is not None]
         images.append(_map(axes[0, column], maps))
-        axes[0, column].set_title(f"{gap:g} m from car to car")
+        axes[0, column].set_title(f"gaps of {gap:g} m")
         _bursts(axes[1, column], bursts, lane_margin_m)
     axes[0, 0].set_ylabel("latency, ms")
     axes[1, 0].set_ylabel("largest true error of the last car, m")

@@ -238,7 +238,7 @@ def _base() -> dict[RunKey, Experiment]:
         BASE.varied("slip_compensated"): _changed(*SLIP_COMPENSATED),
         BASE.varied("slip_compensated_knows_loading"): _changed(*SLIP_COMPENSATED, knows_loading),
         BASE.varied("knows_loading"): _changed(knows_loading),
-        BASE.varied("gap_25_m"): _changed("convoy.gap_m=25.0"),
+        BASE.varied("gap_20_m"): _changed("convoy.gap_m=20.07"),
         BASE.varied("own_state_estimated"): _changed(*OWN_STATE_ESTIMATED),
         BASE.varied("paper_prefix"): _changed(f'{TRAJECTORY_KEY}"paper_prefix"'),
     }

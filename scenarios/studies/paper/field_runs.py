@@ -87,14 +87,14 @@ def as_run(scenario: Scenario, place: int, fusion: Fusion = WITH_LEAD_DATA) -> S
 
 
 def _replays(run: Scenario, logs: Sequence[Path]) -> list[Replay]:
-    """Replays of lead and predecessor, each its gaps ahead of the car that drives."""
+    """Replays of lead and predecessor, each at its distance ahead of the car that drives."""
     names, route = run.vehicle_names, run.route
     ego = len(names) - 1
     replays = []
     for place in sorted({0, ego - 1}) if ego else []:
         recorded = read_recorded_vehicle(logs[place] / LOG_NAME, names[place])
         start = route.path.at(route.start_station(ego))
-        gap = sum(route.gaps[place + 1 : ego + 1])
-        ahead = head_start(recorded, LocalPlane(run.origin), (start.east, start.north), gap)
+        distance = sum(route.spacings[place + 1 : ego + 1])
+        ahead = head_start(recorded, LocalPlane(run.origin), (start.east, start.north), distance)
         replays.append(recorded.replay(start_at=run.start_at_ns, ahead=ahead))
     return replays

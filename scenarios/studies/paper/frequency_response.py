@@ -85,9 +85,9 @@ def sine_scenario(
     )
     base = load_scenario("paper_base", (*alone, f"control.preview_s={preview_s}"))
     speed = base.tables.speed.set_mps
-    gaps = sum(base.route.gaps)
+    convoy = sum(base.route.spacings)
     driven = STRAIGHT + RISE + max(TRANSIENT, 2.0 * pi / frequency)
-    duration = ceil(driven + PERIODS * 2.0 * pi / frequency + gaps / speed) + 1.0
+    duration = ceil(driven + PERIODS * 2.0 * pi / frequency + convoy / speed) + 1.0
     east = np.arange(0.0, speed * duration + 60.0, SPACING)
     since = east / speed - STRAIGHT
     rise = np.clip(since / RISE, 0.0, 1.0)

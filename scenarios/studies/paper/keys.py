@@ -23,7 +23,7 @@ Setup = Literal[
 Variant = Literal[
     "as_is",
     "blend",
-    "gap_25_m",
+    "gap_20_m",
     "knows_loading",
     "lead_only",
     "no_lead_data",

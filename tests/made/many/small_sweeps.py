@@ -10,7 +10,7 @@ from scenarios.studies.many.sweeps.sweep import carry_out_sweep
 from scenarios.studies.many.sweeps.table import SweepTable
 
 SETS = ("duration_s=0.5", "convoy.vehicles=2")
-VARY = ("links.loss_ratio=0:0.8:0.8", "convoy.gap_m=8,15")
+VARY = ("links.loss_ratio=0:0.8:0.8", "convoy.gap_m=3,10")
 FIGURES = ("cross_track_error_m_max", "true_gap_m_min")
 LIMITS = ("lane", "error_m=0.02")
 TABLES = ("sweep.csv", "runs.csv", "sweep.json")

@@ -1,7 +1,7 @@
 """Whole scenarios drawn at random over the schema: every key that it has, its limits included.
 
-What is drawn is meant to be run: gaps are longer than the cars, paths longer than the drive, and no
-run costs more than some hundred steps.
+What is drawn is meant to be run: paths are longer than the drive, and no run costs more than some
+hundred steps.
 """
 
 import math
@@ -111,8 +111,8 @@ def drawn_scenario(chance: Random) -> DrawnScenario:
         tables["seed"] = chance.choice([0, 2**63 - 1, chance.getrandbits(40)])
     if chance.random() < 0.3:
         tables["start_at"] = chance.choice([EPOCH, LATEST - timedelta(seconds=1)])
-    tables["convoy"] = _convoy(chance, names, _longest_car(tables))
-    tables["speed"] = _speed(chance, _longest_car(tables))
+    tables["convoy"] = _convoy(chance, names)
+    tables["speed"] = _speed(chance)
     tables["duration_s"] = _duration_s(chance, tables, names)
     tables["path"] = _path(chance, tables, files)
     return _spread(chance, tables, files)
@@ -201,21 +201,12 @@ def _names(chance: Random) -> list[str]:
     return [f"{chance.choice('aZx')}{'_-9'[place % 3] * (place + 1)}" for place in range(count)]
 
 
-def _convoy(chance: Random, names: Sequence[str], longest_m: float) -> Raw:
+def _convoy(chance: Random, names: Sequence[str]) -> Raw:
     usual = list(names) == [f"v{place}" for place in range(1, len(names) + 1)]
     table: Raw = {"vehicles": len(names)} if usual else {"names": list(names)}
-    if longest_m > 14.9 or chance.random() < 0.7:
-        table["gap_m"] = longest_m + chance.choice([0.01, 1.0, 10.0, chance.uniform(0.1, 100.0)])
+    if chance.random() < 0.7:
+        table["gap_m"] = chance.choice([0.01, 1.0, 10.0, chance.uniform(0.1, 100.0)])
     return table | drawn_table(chance, ConvoyTable, ("vehicles", "names", "gap_m"))
-
-
-def _longest_car(tables: Raw) -> float:
-    """Length (m) of the longest car of the convoy."""
-    own = [vehicle.get("parameters", {}) for vehicle in tables.get("vehicle", {}).values()]
-    lengths: list[float] = [
-        table.get("length_m", LINCOLN_MKZ.length) for table in (tables.get("parameters", {}), *own)
-    ]
-    return max(lengths)
 
 
 def _vehicle(chance: Random, *, lead: bool) -> Raw:
@@ -316,7 +307,7 @@ def _links(chance: Random, table: type[Table], share: float) -> Raw:
     return drawn_table(chance, table, apart) | drawn_channel(chance, share)
 
 
-def _speed(chance: Random, longest_m: float) -> Raw:
+def _speed(chance: Random) -> Raw:
     table = drawn_table(chance, SpeedTable, ("lead", "profile", "gap"))
     table["lead"] = chance.choice(["set", "set", "profile", "recorded"])
     if table["lead"] == "profile":
@@ -325,10 +316,7 @@ def _speed(chance: Random, longest_m: float) -> Raw:
             {"at_s": at, "speed_mps": chance.choice([0.0, 100.0, chance.uniform(0.0, 30.0)])}
             for at in times
         ]
-    gap = drawn_table(chance, GapTable)
-    if gap.get("standstill_m", 8.0) <= longest_m:
-        gap["standstill_m"] = longest_m + 1.0
-    _put(table, "gap", gap)
+    _put(table, "gap", drawn_table(chance, GapTable))
     return table
 
 

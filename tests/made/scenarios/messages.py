@@ -96,7 +96,7 @@ def tracking(vehicle: str, seq: int, **more: object) -> Tracking:
         heading_error_rad=0.0,
         yaw_rate_error_radps=0.0,
         curvature_per_m=0.0,
-        gap_m=15.0,
+        estimated_gap_m=15.0,
         lead_age_s=0.02,
         predecessor_age_s=0.02,
         lead_period_s=0.05,

@@ -21,14 +21,14 @@ from vehicles.messages import (
 START = 1_700_000_000_000_000_000
 RADIUS = 50.0
 SPEED = 10.0
-GAP = 12.0
+SPACING = 12.0
 VEHICLES = ("v1", "v2", "v3")
 TICK = 20_000_000
 
 
 def angle(place: int, seconds: float) -> float:
     """Polar angle on the circle about the origin of the vehicle at `place`."""
-    return (SPEED * seconds - GAP * place) / RADIUS
+    return (SPEED * seconds - SPACING * place) / RADIUS
 
 
 def offset_of(place: int) -> float:
@@ -118,7 +118,7 @@ def tracking(vehicle: str, tick: int) -> Tracking:
         heading_error_rad=0.0,
         yaw_rate_error_radps=0.0,
         curvature_per_m=1 / RADIUS,
-        gap_m=GAP,
+        estimated_gap_m=SPACING,
         lead_age_s=0.03,
         predecessor_age_s=0.02,
         lead_period_s=0.05,

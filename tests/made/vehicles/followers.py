@@ -12,7 +12,7 @@ from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.speed_guard import GuardedCar, SpeedGuard
 from vehicles.driver.ego.pose_estimator import PoseEstimator
 from vehicles.driver.follower import Follower
-from vehicles.driver.speed import GapLimits, GapPolicy, ProfileSpeed, SpeedLaw, SpeedProfile
+from vehicles.driver.speed import GapLimits, ProfileSpeed, SpacingPolicy, SpeedLaw, SpeedProfile
 from vehicles.driver.steering import SlipCompensated
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.messages import GpsPose
@@ -24,7 +24,7 @@ from vehicles.schedule import Cadence
 FUSIONS: list[Fusion] = ["composite", "predecessor", "blend"]
 STRAIGHT = path_from_segments([Segment(600.0, 0.0)])
 BEND = path_from_segments([Segment(60.0, 0.0), Segment(500.0, 1 / 100)])
-GAP = 15.0
+SPACING = 15.0
 EXTRAPOLATES = DegradationSettings(reaction="extrapolate")
 Spans = Sequence[tuple[float, float]]
 ALWAYS: Spans = ((0.0, math.inf),)
@@ -49,17 +49,18 @@ def follower(
             law,
             degradation,
             GuardedCar(
-                length=CAR.length,
+                least_spacing=CAR.length,
                 friction=CAR.friction,
-                policy=GapPolicy(GAP),
+                policy=SpacingPolicy(SPACING),
                 limits=GapLimits(),
-                initial_gap=GAP,
+                initial_spacing=SPACING,
                 period=1.0 / GNSS_HZ,
             ),
         ),
         control=Cadence(START, CONTROL_HZ),
         lead=lead,
         predecessor=predecessor,
+        least_spacing=CAR.length,
         periods={lead: 1.0 / GNSS_HZ, predecessor: 1.0 / GNSS_HZ},
         alpha=alpha,
         fusion=fusion,
@@ -69,11 +70,11 @@ def follower(
 
 
 def lead_of(path: SampledPath, speed: float = 10.0, delivered: Spans = ALWAYS) -> Source:
-    return Source("v1", path, 2 * GAP, speed, delivered)
+    return Source("v1", path, 2 * SPACING, speed, delivered)
 
 
 def predecessor_of(path: SampledPath, speed: float = 10.0, delivered: Spans = ALWAYS) -> Source:
-    return Source("v2", path, GAP, speed, delivered)
+    return Source("v2", path, SPACING, speed, delivered)
 
 
 def lateral(path: SampledPath, steps: Sequence[Step]) -> list[float]:

@@ -9,8 +9,8 @@ from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.speed import (
     GapKeeping,
     GapLimits,
-    GapPolicy,
     ProfileSpeed,
+    SpacingPolicy,
     SpeedCommand,
     SpeedLaw,
     SpeedProfile,
@@ -21,7 +21,7 @@ from vehicles.schedule import MILLISECOND, SECOND
 
 TICK, PERIOD, LATENCY = 20 * MILLISECOND, 50 * MILLISECOND, 20 * MILLISECOND
 LENGTH, LIMITS = 4.93, GapLimits(2.0, 6.0)
-POLICY = GapPolicy(8.0, 0.5)
+POLICY = SpacingPolicy(8.0, 0.5)
 EMERGENCY = DegradationSettings().emergency
 
 
@@ -36,23 +36,23 @@ class Road:
         law: SpeedLaw,
         *,
         speed: float = 25.0,
-        gap: float | None = None,
+        spacing: float | None = None,
         reaction: Reaction = "degrade",
         friction: float = 0.9,
-        policy: GapPolicy = POLICY,
+        policy: SpacingPolicy = POLICY,
     ) -> None:
-        self.gap = policy.desired(speed) if gap is None else gap
+        self.spacing = policy.desired(speed) if spacing is None else spacing
         car = GuardedCar(
-            length=LENGTH,
+            least_spacing=LENGTH,
             friction=friction,
             policy=policy,
             limits=LIMITS,
-            initial_gap=self.gap,
+            initial_spacing=self.spacing,
             period=PERIOD / SECOND,
         )
         self.guard = SpeedGuard(law, DegradationSettings(reaction=reaction), car)
         self.law = law
-        self.ahead, self.place = self.gap, 0.0
+        self.ahead, self.place = self.spacing, 0.0
         self.ahead_speed = self.speed = speed
         self.ahead_acceleration = 0.0
         self.now = 0

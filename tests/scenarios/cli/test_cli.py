@@ -217,7 +217,7 @@ def test_new_into_no_folder_is_refused(tmp_path: Path) -> None:
 
 def test_check_tells_what_a_scenario_asks_for(tmp_path: Path) -> None:
     before = sorted(tmp_path.iterdir())
-    result = convoy("check", "lane_change", "--set", "convoy.gap_m=12", "--set", "duration_s=30")
+    result = convoy("check", "lane_change", "--set", "convoy.gap_m=7", "--set", "duration_s=30")
     assert result.exit_code == 0
     assert "v1, v2, v3, v4" in result.stdout
     assert "30.0 s" in result.stdout

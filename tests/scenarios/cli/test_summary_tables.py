@@ -42,7 +42,7 @@ def summary(reason: str = "", clock: ClockName = "wall") -> RunSummary:
     for seq in range(21):
         metrics.listen(0, truth("v1", seq, 0.6 * seq, 0.0))
         metrics.listen(0, truth("v2", seq, 0.6 * seq - 15.0, 0.125))
-        metrics.listen(0, tracking("v2", seq, lateral_error_m=-0.09, gap_m=14.0 + seq))
+        metrics.listen(0, tracking("v2", seq, lateral_error_m=-0.09, estimated_gap_m=14.0 + seq))
         metrics.listen(0, gps("v1", seq))
         metrics.listen(
             0, verdict("v1", "v2", seq, latency_ms=42.0, dropped="" if seq % 3 else "loss")

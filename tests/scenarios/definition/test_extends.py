@@ -21,7 +21,7 @@ name = "curved"
 duration_s = 10.0
 [convoy]
 vehicles = 3
-gap_m = 12.0
+gap_m = 7.0
 [path]
 kind = "segments"
 laps = 2
@@ -34,7 +34,7 @@ sender = "v1"
 receiver = "v3"
 loss_ratio = 0.5
 [vehicle.v2]
-gap_m = 20.0
+gap_m = 15.0
 [vehicle.v2.loading]
 rear_passengers = 2
 """
@@ -65,7 +65,7 @@ def test_tables_are_merged_key_by_key_and_the_extending_file_s_keys_win(tmp_path
     text = """
 name = "mine"
 [convoy]
-gap_m = 30.0
+gap_m = 25.0
 [links]
 loss_ratio = 0.0
 [vehicle.v2.loading]
@@ -75,7 +75,7 @@ lateral_offset_m = 0.5
 """
     scenario = extending(tmp_path, CURVED, text)
     assert (scenario.name, scenario.duration_s) == ("mine", 10.0)
-    assert scenario.route.gaps == (0.0, 20.0, 30.0)
+    assert scenario.route.gaps == (0.0, 15.0, 25.0)
     assert scenario.links["v1", "v2"].latency_ms == 30.0
     assert scenario.links["v1", "v2"].loss_ratio == 0.0
     assert scenario.links["v1", "v3"].loss_ratio == 0.5
@@ -246,7 +246,7 @@ def test_a_base_that_is_no_toml_is_named(tmp_path: Path) -> None:
             "mine.toml: speed.profile:",
         ),
         ("[speed]\nlead = 'profile'\n", "seed = 3\n", (), "base.toml: speed.profile: missing"),
-        ("[convoy]\ngap_m = 2.0\n", "[convoy]\nvehicles = 2\n", (), "base.toml: convoy.gap_m:"),
+        ("[convoy]\ngap_m = -2.0\n", "[convoy]\nvehicles = 2\n", (), "base.toml: convoy.gap_m:"),
         ("seed = 1\n", "[path]\nkind = 'trace'\n", (), "mine.toml: path.file: missing"),
     ],
 )

@@ -79,7 +79,7 @@ def test_the_lane_change_is_the_paper_s() -> None:
     scenario = load_scenario("lane_change")
     path, start = scenario.route.path, scenario.route.start
     report = check("lane_change")
-    assert (len(report.vehicles), report.gaps_m) == (4, (15.0, 15.0, 15.0))
+    assert (len(report.vehicles), report.gaps_m) == (4, (10.0, 10.0, 10.0))
     assert report.speed_mps_min == report.speed_mps_max == 30.0
     assert report.duration_s == pytest.approx(35.0)
     for name in report.vehicles:  # one passenger in front, three in the rear: 4 x (70 + 50) kg
@@ -136,7 +136,7 @@ def test_losses_act_where_the_lossy_scenario_says() -> None:
     links = list(scenario.links.values())
     assert len(links) == 5
     assert all(link.loss_ratio >= 0.2 and link.jitter_ms > 0.0 for link in links)
-    assert max(scenario.route.gaps) < 10.0
+    assert max(scenario.route.gaps) < 5.0
 
 
 def test_the_template_is_a_scenario() -> None:

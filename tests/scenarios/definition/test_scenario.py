@@ -24,7 +24,7 @@ COORDINATES = "t_s,x_m,y_m\n" + "".join(f"{k},{10 * k},0\n" for k in range(20))
 def test_defaults_are_the_paper_s() -> None:
     scenario = scenario_from_text(STRAIGHT)
     assert scenario.vehicle_names == ("v1", "v2", "v3", "v4")
-    assert scenario.route.gaps == (0.0, 15.0, 15.0, 15.0)
+    assert scenario.route.gaps == (0.0, 10.0, 10.0, 10.0)
     assert (scenario.control_rate_hz, scenario.vehicle("v2").gnss.rate) == (50.0, 20.0)
     steering = scenario.vehicle("v3").steering
     gains = steering.gains
@@ -50,7 +50,7 @@ def test_followers_hear_the_lead_and_the_vehicle_ahead() -> None:
 
 def test_vehicles_start_behind_each_other_on_a_straight_through_the_origin() -> None:
     scenario = scenario_from_text(
-        STRAIGHT, overrides=["vehicle.v3.gap_m=40", "convoy.gap_m=10", "path.heading_deg=0"]
+        STRAIGHT, overrides=["vehicle.v3.gap_m=35.07", "convoy.gap_m=5.07", "path.heading_deg=0"]
     )
     places = [scenario.route.path.at(scenario.route.start_station(k)) for k in range(4)]
     assert [(round(p.east, 9), round(p.north, 9)) for p in places] == [
@@ -209,13 +209,13 @@ def test_a_scenario_names_itself_by_what_was_asked_of_it() -> None:
     plain = load_scenario("lane_change")
     assert plain.title == "lane_change, seed 1, α 0.5, loss 0 %"
     assert (plain.overrides, plain.slug) == ((), "lane_change")
-    settings = ["convoy.gap_m=8", "links.loss_ratio=0.4"]
+    settings = ["convoy.gap_m=3", "links.loss_ratio=0.4"]
     asked = load_scenario("lane_change", settings, seed=7)
     assert asked.overrides == (*settings, "seed=7")
     assert asked.title == (
-        "lane_change, seed 7, α 0.5, loss 40 %, convoy.gap_m=8, links.loss_ratio=0.4"
+        "lane_change, seed 7, α 0.5, loss 40 %, convoy.gap_m=3, links.loss_ratio=0.4"
     )
-    assert asked.slug == "lane_change-convoy.gap_m=8-links.loss_ratio=0.4-seed=7"
+    assert asked.slug == "lane_change-convoy.gap_m=3-links.loss_ratio=0.4-seed=7"
     some = ["vehicle.v3.control.alpha_ratio=0.8", 'link=[{sender="v1",receiver="v2",loss_ratio=1}]']
     mixed = load_scenario("lane_change", some)
     assert mixed.title.startswith("lane_change, seed 1, α 0.5 to 0.8, loss 0 to 100 %, vehicle.v3")
@@ -227,8 +227,8 @@ def test_a_scenario_names_itself_by_what_was_asked_of_it() -> None:
 
 
 def test_a_scenario_knows_its_overrides_from_its_own_text_and_adds_more() -> None:
-    asked = load_scenario("lane_change", ["convoy.gap_m=8"], seed=7)
+    asked = load_scenario("lane_change", ["convoy.gap_m=3"], seed=7)
     again = scenario_from_text(asked.text)
     assert (again.title, again.slug, again.text) == (asked.title, asked.slug, asked.text)
-    more = scenario_from_text(asked.text, overrides=["convoy.gap_m=9"])
-    assert more.overrides == ("convoy.gap_m=8", "seed=7", "convoy.gap_m=9")
+    more = scenario_from_text(asked.text, overrides=["convoy.gap_m=4"])
+    assert more.overrides == ("convoy.gap_m=3", "seed=7", "convoy.gap_m=4")

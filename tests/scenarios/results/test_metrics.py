@@ -133,13 +133,13 @@ def test_modes_are_counted_and_the_smallest_gap_kept() -> None:
     row = vehicle(
         "v2",
         *(
-            tracking("v2", seq, mode=mode, gap_m=gap)
+            tracking("v2", seq, mode=mode, estimated_gap_m=gap)
             for seq, (mode, gap) in enumerate(modes_and_gaps)
         ),
     )
     assert row.ticks_by_mode == {"composite": 1, "lead": 2, "straight": 1}
     assert row.estimated_gap_m_min == 12.5
-    alone = vehicle("v2", tracking("v2", 0, gap_m=math.nan))
+    alone = vehicle("v2", tracking("v2", 0, estimated_gap_m=math.nan))
     assert alone.estimated_gap_m_min is None
 
 

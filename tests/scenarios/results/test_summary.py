@@ -178,7 +178,7 @@ def test_the_scenario_of_a_log_is_the_one_that_ran(scenario: Scenario, tmp_path:
     run.end(at(5.0), "")
     run.close(at(5.0))
     log = tmp_path / LOG_NAME
-    again = scenario_in(log, LogReader(log).attachments())
+    again = scenario_in(LogReader(log))
     assert again.tables == scenario.tables
     assert again.text == scenario.text
 

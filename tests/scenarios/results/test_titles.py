@@ -32,12 +32,12 @@ def test_title_and_overrides_are_in_summary_and_log(tmp_path: Path) -> None:
 def test_other_settings_give_another_title_and_slug() -> None:
     ways = [
         ([], None),
-        (["convoy.gap_m=8"], None),
-        (["convoy.gap_m=9"], None),
+        (["convoy.gap_m=3"], None),
+        (["convoy.gap_m=4"], None),
         (["control.alpha_ratio=0.7"], None),
         (["links.loss_ratio=0.1"], None),
         ([], 2),
-        (["convoy.gap_m=8"], 2),
+        (["convoy.gap_m=3"], 2),
     ]
     found = [load_scenario("lane_change", [SHORT, *more], seed) for more, seed in ways]
     assert len({scenario.title for scenario in found}) == len(ways)
@@ -77,7 +77,7 @@ def test_without_overrides_a_virtual_run_is_known_by_name_and_seed() -> None:
 def test_files_of_one_name_are_told_apart(tmp_path: Path) -> None:
     """Also those that have taken the name of a shipped scenario."""
     files = []
-    for place, gap in enumerate((8, 9)):
+    for place, gap in enumerate((3, 4)):
         files.append(tmp_path / str(place) / "lane_change.toml")
         files[-1].parent.mkdir()
         files[-1].write_text(f'extends = "lane_change"\nconvoy.gap_m = {gap}\n', encoding="utf-8")

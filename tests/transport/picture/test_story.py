@@ -141,7 +141,7 @@ def views(part: Any) -> Iterator[Any]:
 @pytest.mark.parametrize(("count", "followed"), [(2, "v2"), (4, "v3"), (9, "v5")])
 def test_the_story_of_one_follower_is_seen_without_a_click(count: int, followed: str) -> None:
     names = [f"v{place}" for place in range(1, count + 1)]
-    seen = {one.origin for one in views(blueprint(names, gap_m=15.0, road=None).root_container)}
+    seen = {one.origin for one in views(blueprint(names, spacing_m=15.0, road=None).root_container)}
     assert seen >= {
         "plots/cross_track", f"plots/closing/{followed}", "plots/true_gap", "mode", "plots/age",
         "links", "log", "world/convoy",
@@ -150,7 +150,7 @@ def test_the_story_of_one_follower_is_seen_without_a_click(count: int, followed:
 
 def test_a_lead_alone_has_no_road_ahead() -> None:
     column: Any
-    _, column = blueprint(["v1"], gap_m=15.0, road=None).root_container.contents
+    _, column = blueprint(["v1"], spacing_m=15.0, road=None).root_container.contents
     assert len(column.contents) == len(column.row_shares)
 
 

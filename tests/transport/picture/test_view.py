@@ -110,7 +110,7 @@ def test_left_turns_turn_left_in_the_view_that_rides_along(
             [0.0, 0.0], abs=1e-4
         )
         right, down = seen_from(convoy, row, lead.east_m, lead.north_m)
-        turn = drive.GAP / drive.RADIUS
+        turn = drive.SPACING / drive.RADIUS
         assert right == pytest.approx(drive.RADIUS * math.sin(turn), abs=1e-3)
         inside = drive.offset_of(1)
         assert down == pytest.approx(drive.RADIUS * (math.cos(turn) - 1.0) + inside, abs=1e-3)
@@ -143,7 +143,7 @@ def test_curves_are_those_of_the_messages(drawn: Table) -> None:
     }
     assert values == {tick * drive.TICK: pytest.approx(0.01 * tick) for tick in range(100)}
     assert "/plots/gap/v1" not in drawn
-    assert [v[0] for v in drawn["/plots/gap/v2"]["Scalars:scalars"] if v] == [drive.GAP] * 100
+    assert [v[0] for v in drawn["/plots/gap/v2"]["Scalars:scalars"] if v] == [drive.SPACING] * 100
     for source, age in (("lead", 0.03), ("predecessor", 0.02)):
         ages = drawn[f"/plots/age/v2/{source}"]["Scalars:scalars"]
         assert [v[0] for v in ages if v] == [age] * 10
@@ -253,7 +253,7 @@ def test_the_lead_is_in_the_view_that_moves_along(tmp_path: Path, lead: str) -> 
     """However far away it is: then the view shows more."""
     option = parse_rerun_option(f"save={tmp_path / 'run.rrd'}")
     reach = Reach.of(3, 15.0, None)
-    with RerunView(option, run_id="x", vehicles=("v1", "v2", "v3"), gap_m=15.0) as view:
+    with RerunView(option, run_id="x", vehicles=("v1", "v2", "v3"), spacing_m=15.0) as view:
         for seq in range(20):
             far = FAR if seq >= 10 else 30.0
             first = (far, 0.0) if lead == "ahead" else (30.0, far - 30.0)

@@ -35,7 +35,7 @@ DECISION = Decision(
     reason="for once",
     fit=FIT,
     target_speed=29.5,
-    gap=14.8,
+    estimated_gap=14.8,
     path_offset=-0.12,
     situation=Situation(
         lead=SourceFreshness(
@@ -66,7 +66,7 @@ def test_a_decision_tells_what_was_tracked_and_asked() -> None:
         heading_error_rad=-0.02,
         yaw_rate_error_radps=0.003,
         curvature_per_m=0.004,
-        gap_m=14.8,
+        estimated_gap_m=14.8,
         lead_age_s=0.07,
         predecessor_age_s=0.02,
         lead_period_s=0.05,
@@ -135,7 +135,7 @@ def test_what_is_not_known_is_not_a_number() -> None:
     )
     tracking = log_messages(plain, "v2", 0, NOW)[0]
     assert isinstance(tracking, Tracking)
-    for value in (tracking.gap_m, tracking.lead_age_s, tracking.predecessor_age_s):
+    for value in (tracking.estimated_gap_m, tracking.lead_age_s, tracking.predecessor_age_s):
         assert math.isnan(value)
     assert plain.fresh
 

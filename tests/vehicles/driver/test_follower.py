@@ -20,7 +20,7 @@ from tests.made.vehicles.exact_drives import (
 from tests.made.vehicles.followers import (
     BEND,
     FUSIONS,
-    GAP,
+    SPACING,
     STRAIGHT,
     follower,
     lateral,
@@ -34,7 +34,7 @@ from vehicles.car.imu import Motion
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.decision import Decision
 from vehicles.driver.degradation.modes import NOTHING_RECEIVED
-from vehicles.driver.speed import GapKeeping, GapLimits, GapPolicy
+from vehicles.driver.speed import GapKeeping, GapLimits, SpacingPolicy
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.preview.trajectory import Fusion
 from vehicles.received_pose import ReceivedPose
@@ -55,7 +55,7 @@ def test_a_follower_that_hears_nothing_drives_straight_on(yaw: float) -> None:
         assert step.decision.reason == NOTHING_RECEIVED
         assert step.decision.actuation.steering == pytest.approx(0.0, abs=1e-12)
         assert step.decision.actuation.acceleration == pytest.approx(0.0, abs=1e-12)
-        assert math.isnan(step.decision.gap)
+        assert math.isnan(step.decision.estimated_gap)
     assert max(map(abs, lateral(path, steps))) < 1e-9
 
 
@@ -171,7 +171,9 @@ def test_bends_to_both_sides_are_followed_in_all_headings(yaw: float, sign: int)
 def test_the_first_follower_hears_the_lead_alone_whatever_the_fusion(fusion: Fusion) -> None:
     def drive_behind(chosen: Fusion) -> list[Step]:
         first = follower(lead="v1", predecessor="v1", fusion=chosen, alpha=0.3)
-        return drive(first, on(BEND, 0.0, 10.0), 8.0, received_from(Source("v1", BEND, GAP, 10.0)))
+        return drive(
+            first, on(BEND, 0.0, 10.0), 8.0, received_from(Source("v1", BEND, SPACING, 10.0))
+        )
 
     steps = drive_behind(fusion)
     assert [mode for mode, _ in modes(steps)] == ["straight", "lead"]
@@ -257,9 +259,9 @@ def test_gap_and_ages_are_those_of_the_moment() -> None:
         age = (step.now - newest) / SECOND
         assert step.decision.situation.lead.age == pytest.approx(age)
         assert step.decision.situation.predecessor.age == pytest.approx(age)
-        ahead = GAP + 10.0 * step.seconds
+        ahead = SPACING + 10.0 * step.seconds
         place = BEND.project(step.body.east, step.body.north, step.body.distance).station
-        assert step.decision.gap == pytest.approx(ahead - place, abs=0.05)
+        assert step.decision.estimated_gap + CAR.length == pytest.approx(ahead - place, abs=0.05)
 
 
 def test_a_gap_that_opens_is_known_between_messages_too() -> None:
@@ -270,19 +272,20 @@ def test_a_gap_that_opens_is_known_between_messages_too() -> None:
         received_from(lead_of(STRAIGHT, 12.0), predecessor_of(STRAIGHT, 12.0)),
     )
     for step in (step for step in steps if step.decision.fresh and step.seconds > 1.0):
-        gap = GAP + 12.0 * step.seconds - step.body.distance
-        assert step.decision.gap == pytest.approx(gap, abs=0.02)
+        gap = SPACING + 12.0 * step.seconds - step.body.distance - CAR.length
+        assert step.decision.estimated_gap == pytest.approx(gap, abs=0.02)
 
 
 def test_a_gap_is_closed_to_what_the_policy_asks() -> None:
-    law = GapKeeping(GapPolicy(6.0, 0.4), GapLimits())
+    law = GapKeeping(SpacingPolicy(6.0, 0.4), GapLimits())
     steps = drive(
         follower(law=law),
         on(BEND, 0.0, 10.0),
         20.0,
         received_from(lead_of(BEND), predecessor_of(BEND)),
     )
-    assert steps[-1].decision.gap == pytest.approx(6.0 + 0.4 * 10.0, abs=0.1)
+    gap = 6.0 + 0.4 * 10.0 - CAR.length
+    assert steps[-1].decision.estimated_gap == pytest.approx(gap, abs=0.1)
     assert steps[-1].body.speed == pytest.approx(10.0, abs=0.02)
     assert steps[-1].decision.target_speed == pytest.approx(10.0)
 

@@ -35,7 +35,7 @@ from tests.made.vehicles.followers import (
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
-from vehicles.driver.speed import GapKeeping, GapLimits, GapPolicy
+from vehicles.driver.speed import GapKeeping, GapLimits, SpacingPolicy
 from vehicles.geometry.geodesy import heading_from_yaw
 from vehicles.messages import GpsPose
 from vehicles.preview.trajectory import Fusion
@@ -207,7 +207,7 @@ def test_whatever_is_heard_commands_stay_finite_and_within_the_limits(
     *,
     keeps_gap: bool,
 ) -> None:
-    law = GapKeeping(GapPolicy(8.0, 0.5), GapLimits()) if keeps_gap else None
+    law = GapKeeping(SpacingPolicy(8.0, 0.5), GapLimits()) if keeps_gap else None
     driver = follower(fusion=fusion, alpha=alpha, speed=speed, law=law)
     body = on(BEND, 0.0, speed)
     true = {"v1": lead_of(BEND), "v2": predecessor_of(BEND)}

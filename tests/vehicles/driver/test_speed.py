@@ -18,8 +18,8 @@ from vehicles.driver.speed import (
     STABLE_HEADWAY,
     GapKeeping,
     GapLimits,
-    GapPolicy,
     ProfileSpeed,
+    SpacingPolicy,
     SpeedProfile,
     VehiclesAhead,
     bend_acceleration,
@@ -96,21 +96,21 @@ def test_a_distance_beyond_the_last_stop_is_never_driven() -> None:
 
 
 def test_gap_grows_with_headway_and_not_without() -> None:
-    assert GapPolicy(standstill=5.0, headway=0.6).desired(20.0) == 17.0
-    assert GapPolicy(standstill=10.0).desired(30.0) == 10.0
+    assert SpacingPolicy(standstill=5.0, headway=0.6).desired(20.0) == 17.0
+    assert SpacingPolicy(standstill=10.0).desired(30.0) == 10.0
     with pytest.raises(ValueError, match="headway"):
-        GapPolicy(standstill=5.0, headway=-0.1)
+        SpacingPolicy(standstill=5.0, headway=-0.1)
     with pytest.raises(ValueError, match="deceleration"):
         GapLimits(deceleration=math.nan)
 
 
-def ask(gap: float, own: float, predecessor: float, lead: float) -> float:
+def ask(spacing: float, own: float, predecessor: float, lead: float) -> float:
     return gap_acceleration(
-        gap=gap,
+        spacing=spacing,
         own_speed=own,
         predecessor_speed=predecessor,
         lead_speed=lead,
-        policy=GapPolicy(standstill=8.0),
+        policy=SpacingPolicy(standstill=8.0),
         limits=GapLimits(acceleration=2.0, deceleration=6.0),
     )
 
@@ -126,13 +126,13 @@ def test_each_term_pulls_the_right_way() -> None:
 
 
 @given(
-    gap=st.floats(-100, 1000), own=st.floats(0, 50), predecessor=st.floats(0, 50),
+    spacing=st.floats(-100, 1000), own=st.floats(0, 50), predecessor=st.floats(0, 50),
     lead=st.one_of(st.floats(0, 50), st.just(math.nan)),
 )  # fmt: skip
 def test_limits_hold_whatever_was_heard(
-    gap: float, own: float, predecessor: float, lead: float
+    spacing: float, own: float, predecessor: float, lead: float
 ) -> None:
-    assert -6.0 <= ask(gap, own, predecessor, lead) <= 2.0
+    assert -6.0 <= ask(spacing, own, predecessor, lead) <= 2.0
 
 
 def test_lead_that_was_not_heard_counts_as_the_predecessor() -> None:
@@ -164,7 +164,7 @@ class String:
     Gaps are measured from what was heard, extrapolated by its speed and age, as followers do.
     """
 
-    def __init__(self, policy: GapPolicy, speed: float, *, hears_lead: bool = True) -> None:
+    def __init__(self, policy: SpacingPolicy, speed: float, *, hears_lead: bool = True) -> None:
         pitch = policy.desired(speed)
         self.policy, self.hears_lead = policy, hears_lead
         self.places = [-pitch * k for k in range(5)]
@@ -191,12 +191,12 @@ class String:
             self.speeds[i] = speed
         gaps = [a - b for a, b in pairwise(self.places)]
         desired = [self.policy.desired(speed) for speed in self.speeds[1:]]
-        self.errors.append([gap - want for gap, want in zip(gaps, desired, strict=True)])
+        self.errors.append([spacing - want for spacing, want in zip(gaps, desired, strict=True)])
 
     def command(self, i: int, now: float) -> float:
         at, place, speed = self.heard[i - 1]
         return gap_acceleration(
-            gap=place + speed * (now - at) - self.places[i],
+            spacing=place + speed * (now - at) - self.places[i],
             own_speed=self.speeds[i],
             predecessor_speed=speed,
             lead_speed=self.heard[0][2] if self.hears_lead else math.nan,
@@ -208,11 +208,11 @@ class String:
         return [max(abs(row[i]) for row in self.errors) for i in range(4)]
 
 
-POLICIES = [GapPolicy(standstill=8.0), GapPolicy(standstill=4.0, headway=0.5)]
+POLICIES = [SpacingPolicy(standstill=8.0), SpacingPolicy(standstill=4.0, headway=0.5)]
 
 
 @pytest.mark.parametrize("policy", POLICIES)
-def test_nobody_is_hit_when_the_lead_brakes_to_a_stop(policy: GapPolicy) -> None:
+def test_nobody_is_hit_when_the_lead_brakes_to_a_stop(policy: SpacingPolicy) -> None:
     string = String(policy, 30.0)
     for k in range(3000):
         string.step(k, -3.0 if 100 <= k < 1100 else 0.0)
@@ -227,7 +227,7 @@ def test_nobody_is_hit_when_the_lead_brakes_to_a_stop(policy: GapPolicy) -> None
 @pytest.mark.parametrize("policy", POLICIES)
 @pytest.mark.parametrize("period", [2.0, 5.0, 10.0, 20.0])
 def test_spacing_errors_do_not_amplify_when_the_lead_s_speed_waves(
-    policy: GapPolicy, period: float
+    policy: SpacingPolicy, period: float
 ) -> None:
     string = String(policy, 20.0)
     for k in range(round(max(40.0, 3 * period) / STEP)):
@@ -236,14 +236,14 @@ def test_spacing_errors_do_not_amplify_when_the_lead_s_speed_waves(
 
 
 def test_without_the_lead_s_speed_a_constant_distance_amplifies() -> None:
-    string = String(GapPolicy(standstill=8.0), 20.0, hears_lead=False)
+    string = String(SpacingPolicy(standstill=8.0), 20.0, hears_lead=False)
     for k in range(6000):
         string.step(k, 0.5 * math.sin(2.0 * math.pi * k * STEP / 10.0))
     assert all(later > earlier for earlier, later in pairwise(string.worst()))
 
 
 def test_vehicle_far_behind_catches_up_without_a_crash() -> None:
-    string = String(GapPolicy(standstill=8.0), 15.0)
+    string = String(SpacingPolicy(standstill=8.0), 15.0)
     string.places[1:] = [place - 150.0 for place in string.places[1:]]
     for k in range(8000):
         string.step(k, 0.0)
@@ -321,7 +321,7 @@ def test_a_car_that_does_as_told_is_on_the_profile_at_every_tick(
 
 
 def keeper(headway: float = 0.5) -> GapKeeping:
-    return GapKeeping(GapPolicy(8.0, headway), GapLimits(acceleration=2.0, deceleration=6.0))
+    return GapKeeping(SpacingPolicy(8.0, headway), GapLimits(acceleration=2.0, deceleration=6.0))
 
 
 def test_without_a_predecessor_heard_the_speed_is_kept() -> None:
@@ -333,34 +333,34 @@ def test_without_a_predecessor_heard_the_speed_is_kept() -> None:
 
 
 def test_at_the_right_gap_and_speed_nothing_is_asked() -> None:
-    ahead = VehiclesAhead(gap=8.0 + 0.5 * 20.0, predecessor_speed=20.0, lead_speed=20.0)
+    ahead = VehiclesAhead(spacing=8.0 + 0.5 * 20.0, predecessor_speed=20.0, lead_speed=20.0)
     command = keeper().command(tick(0), at_speed(20.0), ahead)
     assert command.acceleration == pytest.approx(0.0)
     assert command.target_speed == 20.0
 
 
 def test_the_speed_aimed_at_is_the_predecessor_s() -> None:
-    ahead = VehiclesAhead(gap=18.0, predecessor_speed=17.0, lead_speed=22.0)
+    ahead = VehiclesAhead(spacing=18.0, predecessor_speed=17.0, lead_speed=22.0)
     assert keeper().command(tick(0), at_speed(20.0), ahead).target_speed == 17.0
 
 
 @pytest.mark.parametrize(
-    ("gap", "predecessor_speed", "sign"),
+    ("spacing", "predecessor_speed", "sign"),
     [(16.0, 20.0, -1), (20.0, 20.0, 1), (18.0, 19.0, -1), (18.0, 21.0, 1)],
 )
 def test_too_near_or_too_fast_brakes_too_far_or_too_slow_hurries(
-    gap: float, predecessor_speed: float, sign: int
+    spacing: float, predecessor_speed: float, sign: int
 ) -> None:
     ahead = VehiclesAhead(
-        gap=gap, predecessor_speed=predecessor_speed, lead_speed=predecessor_speed
+        spacing=spacing, predecessor_speed=predecessor_speed, lead_speed=predecessor_speed
     )
     assert math.copysign(1, keeper().command(tick(0), at_speed(20.0), ahead).acceleration) == sign
 
 
 @pytest.mark.parametrize("headway", [0.0, 0.5])
 def test_a_lead_that_was_not_heard_counts_as_fast_as_the_predecessor(headway: float) -> None:
-    unheard = VehiclesAhead(gap=15.0, predecessor_speed=19.5)
-    heard = VehiclesAhead(gap=15.0, predecessor_speed=19.5, lead_speed=19.5)
+    unheard = VehiclesAhead(spacing=15.0, predecessor_speed=19.5)
+    heard = VehiclesAhead(spacing=15.0, predecessor_speed=19.5, lead_speed=19.5)
     law = keeper(headway)
     assert law.command(tick(0), at_speed(20.0), unheard) == law.command(
         tick(0), at_speed(20.0), heard
@@ -368,29 +368,29 @@ def test_a_lead_that_was_not_heard_counts_as_fast_as_the_predecessor(headway: fl
 
 
 @given(
-    gap=st.floats(-50.0, 500.0),
+    spacing=st.floats(-50.0, 500.0),
     own=st.floats(0.0, 60.0),
     predecessor=st.floats(0.0, 60.0),
     lead=st.floats(0.0, 60.0) | st.just(math.nan),
 )
 @examples(33, 100)
 def test_no_more_is_asked_than_the_limits_allow(
-    gap: float, own: float, predecessor: float, lead: float
+    spacing: float, own: float, predecessor: float, lead: float
 ) -> None:
-    command = keeper().command(tick(0), at_speed(own), VehiclesAhead(gap, predecessor, lead))
+    command = keeper().command(tick(0), at_speed(own), VehiclesAhead(spacing, predecessor, lead))
     assert -6.0 <= command.acceleration <= 2.0
 
 
 def test_a_follower_settles_at_the_gap_of_the_policy() -> None:
     law = keeper()
-    speed, gap = 15.0, 40.0
+    speed, spacing = 15.0, 40.0
     for k in range(1500):
-        ahead = VehiclesAhead(gap=gap, predecessor_speed=20.0, lead_speed=20.0)
+        ahead = VehiclesAhead(spacing=spacing, predecessor_speed=20.0, lead_speed=20.0)
         command = law.command(tick(k), at_speed(speed), ahead)
-        gap += PERIOD * (20.0 - speed)
+        spacing += PERIOD * (20.0 - speed)
         speed += PERIOD * command.acceleration
     assert speed == pytest.approx(20.0, abs=1e-3)
-    assert gap == pytest.approx(18.0, abs=1e-3)
+    assert spacing == pytest.approx(18.0, abs=1e-3)
 
 
 def test_a_bend_slows_a_follower_down_before_it_and_in_it() -> None:
@@ -409,7 +409,7 @@ def test_a_bend_slows_a_follower_down_before_it_and_in_it() -> None:
 
 
 def test_a_follower_takes_a_bend_at_the_speed_that_it_allows() -> None:
-    law = GapKeeping(GapPolicy(8.0, 0.5), GapLimits(lateral=3.0))
+    law = GapKeeping(SpacingPolicy(8.0, 0.5), GapLimits(lateral=3.0))
     speed = 12.0
     for _ in range(500):  # its predecessor is far ahead and fast
         ahead = VehiclesAhead(60.0, 20.0, 20.0, lambda _: 0.05)

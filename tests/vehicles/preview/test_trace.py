@@ -53,7 +53,7 @@ def test_a_source_heard_rarely_is_seen_further_away() -> None:
 def test_nothing_heard_is_an_empty_window_and_no_gap() -> None:
     trace = Trace()
     assert len(trace.window(1.0, 2.0, 5.0, 20.0).station) == 0
-    assert trace.gap(1.0, 2.0) is None
+    assert trace.spacing(1.0, 2.0) is None
     assert trace.newest is None
 
 
@@ -61,7 +61,7 @@ def test_one_sample_is_seen_at_its_distance() -> None:
     trace = Trace()
     send(trace, 0, (10.0, 0.0, 0.0))
     assert trace.window(0.0, 0.0, 5.0, 20.0).station.tolist() == [10.0]
-    assert trace.gap(0.0, 0.0) == 10.0
+    assert trace.spacing(0.0, 0.0) == 10.0
 
 
 def test_the_gap_is_arc_length_to_the_newest_place() -> None:
@@ -71,7 +71,7 @@ def test_the_gap_is_arc_length_to_the_newest_place() -> None:
         place = path.at(0.5 * k)
         send(trace, k, (place.east, place.north, place.yaw))
     for station in (3.0, 10.0, 18.0, 25.0, 31.0, 40.0):
-        assert trace.gap(*beside(path, station, 0.5)) == pytest.approx(50.0 - station, abs=0.01)
+        assert trace.spacing(*beside(path, station, 0.5)) == pytest.approx(50.0 - station, abs=0.01)
     assert trace.newest is not None
     assert trace.newest.measured_at == 101 * TICK
 
@@ -126,13 +126,13 @@ def test_a_stopped_source_repeats_itself_without_piling_up() -> None:
     assert len(trace) == 50
     assert trace.newest is not None
     assert trace.newest.measured_at == 4000 * TICK
-    assert trace.gap(20.0, 0.0) == pytest.approx(4.5, abs=0.1)
+    assert trace.spacing(20.0, 0.0) == pytest.approx(4.5, abs=0.1)
 
 
 def test_a_crawling_source_is_followed() -> None:
     trace = driven(600, step=0.05)
     assert len(trace) == pytest.approx(600 * 0.05 / 0.25, rel=0.05)
-    assert trace.gap(10.0, 0.0) == pytest.approx(19.95)
+    assert trace.spacing(10.0, 0.0) == pytest.approx(19.95)
 
 
 @pytest.mark.parametrize("far", [1.0, 2.0, 3.0])
@@ -144,8 +144,8 @@ def test_a_small_jump_neither_lengthens_the_way_nor_holds_the_ego(far: float, to
     for k in range(41, 80):
         send(trace, k, straight(0.5 * k))
     for ego in np.arange(0.0, 36.0, 0.2):
-        gap = trace.gap(ego, 0.1)
-        assert gap == pytest.approx(39.5 - ego, abs=0.2 if abs(ego - 20.0) > 4.0 else far)
+        spacing = trace.spacing(ego, 0.1)
+        assert spacing == pytest.approx(39.5 - ego, abs=0.2 if abs(ego - 20.0) > 4.0 else far)
 
 
 def test_a_noisy_trace_is_not_longer_than_the_road() -> None:
@@ -154,7 +154,7 @@ def test_a_noisy_trace_is_not_longer_than_the_road() -> None:
         noise = 0.3 * random.standard_normal(2)
         send(trace, k, (0.5 * k + noise[0], noise[1], 0.005 * random.standard_normal()))
     for ego in np.arange(0.0, 190.0, 0.2):
-        assert trace.gap(ego, 0.0) == pytest.approx(199.5 - ego, abs=1.5)
+        assert trace.spacing(ego, 0.0) == pytest.approx(199.5 - ego, abs=1.5)
 
 
 def test_a_source_that_turned_round_unheard_is_followed_on() -> None:
@@ -186,7 +186,7 @@ def test_a_late_pose_beside_its_neighbours_is_left_out() -> None:
 def test_a_source_is_where_it_can_be_after_silence() -> None:
     trace = driven(40)
     send(trace, 240, straight(119.5))  # 10 s at 10 m/s later
-    assert trace.gap(15.0, 0.0) == pytest.approx(104.5)
+    assert trace.spacing(15.0, 0.0) == pytest.approx(104.5)
 
 
 def test_memory_is_bounded() -> None:
@@ -266,18 +266,18 @@ COURSES: dict[str, tuple[Place, float, float]] = {
 
 @pytest.mark.spread(4)
 @pytest.mark.parametrize("name", COURSES)
-@pytest.mark.parametrize("gap", [6.0, 25.0])
-def test_the_wrong_leg_is_never_seen(name: str, gap: float) -> None:
+@pytest.mark.parametrize("spacing", [6.0, 25.0])
+def test_the_wrong_leg_is_never_seen(name: str, spacing: float) -> None:
     place, length, left = COURSES[name]
     random, trace, aside = np.random.default_rng(1), Trace(), 0.0
     speed = 6.0
-    for k in range(int((length + gap) / (speed * 0.05))):
+    for k in range(int((length + spacing) / (speed * 0.05))):
         station = speed * 0.05 * k
         noise = 0.02 * random.standard_normal(2)
         if station <= length and k % 40 > 5:  # and a third of a second of silence in two seconds
             east, north, yaw = place(station)
             send(trace, k, (east + noise[0], north + noise[1], yaw), speed)
-        own = station - gap
+        own = station - spacing
         if own < 1.0:
             continue
         aside = 0.9 * aside + 0.1 * random.standard_normal()  # the ego does not keep to it well

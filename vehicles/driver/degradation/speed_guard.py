@@ -22,7 +22,7 @@ from vehicles.driver.speed import (
     STABLE_HEADWAY,
     GapKeeping,
     GapLimits,
-    GapPolicy,
+    SpacingPolicy,
     SpeedCommand,
     SpeedLaw,
     VehiclesAhead,
@@ -47,10 +47,10 @@ FALLEN_BEHIND: Final = 1.0
 """A predecessor slower than the common speed by more than this (m/s) does not drive it."""
 
 CAUGHT_UP: Final = 0.5
-"""Errors of gap (m) and speed (m/s) below which the common speed is driven again."""
+"""Errors of spacing (m) and speed (m/s) below which the common speed is driven again."""
 
 CLOSER: Final = 0.5
-"""A gap that is narrower than at the start by more than this (m) is not kept by a common speed."""
+"""A spacing that is this much (m) less than at the start is not kept by a common speed."""
 
 STOPS_BEFORE: Final = 0.5
 """Distance (m) before the end of the known road at which a stop ends."""
@@ -63,16 +63,16 @@ STANDING: Final = 0.2
 class GuardedCar:
     """Constants of a guarded car and of its place in the convoy.
 
-    `length` (m) of a car, `friction` of the road, `policy` and `limits` of gap keeping (where the
-    convoy drives a common speed: the gap at the start), `initial_gap` (m) to the predecessor at the
-    start, centre to centre, and the expected `period` (s) between its messages.
+    `least_spacing` (m) to the predecessor, at which the bumpers touch; `friction` of the road;
+    `policy` and `limits` of gap keeping (at a common speed: the spacing at the start);
+    `initial_spacing` (m) at the start; expected `period` (s) between the predecessor's messages.
     """
 
-    length: float
+    least_spacing: float
     friction: float
-    policy: GapPolicy
+    policy: SpacingPolicy
     limits: GapLimits
-    initial_gap: float
+    initial_spacing: float
     period: float
 
 
@@ -80,7 +80,7 @@ class GuardedCar:
 class _Instant:
     """Inputs at a control instant `now` (ns), `span` (s) after the last one.
 
-    `gap` (m, arc length), `speed` (m/s) and `age` (s) are of the predecessor's newest sample.
+    `spacing` (m, arc length), `speed` (m/s) and `age` (s) are of the predecessor's newest sample.
     """
 
     now: int
@@ -90,7 +90,7 @@ class _Instant:
     situation: Situation
     wanted: SpeedCommand
     emergency: Braking
-    gap: float
+    spacing: float
     speed: float
     age: float
 
@@ -166,7 +166,10 @@ class SpeedGuard:
         self.brakes_at = self._brakes_at(tick, reserve)
         # Without any source it stops within the known road, whatever the gap.
         free = wanted = self._kept_gap(tick, 0.0 if blind else opening)
-        if warned and ahead.gap < self._car.policy.desired(pose.speed) + self._car.length:
+        if (
+            warned
+            and ahead.spacing < self._car.policy.desired(pose.speed) + self._car.least_spacing
+        ):
             wanted = min(wanted, predecessor.acceleration)
         if awake:
             wanted = min(wanted, self._guarded(tick, reserve))
@@ -178,15 +181,15 @@ class SpeedGuard:
         return self._released(tick, wanted, free)
 
     def _sample(self, now: int, ahead: VehiclesAhead, age: float) -> tuple[float, float, float]:
-        """Gap (m), speed (m/s) and age (s) of the predecessor's newest sample.
+        """Spacing (m), speed (m/s) and age (s) of the predecessor's newest sample.
 
         Before the first message it is assumed at its initial place, as fast as the car itself.
         """
-        if isnan(ahead.gap) or isnan(age):
+        if isnan(ahead.spacing) or isnan(age):
             age = (now - (self._first_at or 0)) / SECOND
-            return self._car.initial_gap - self._driven, self._first_speed, age
+            return self._car.initial_spacing - self._driven, self._first_speed, age
         speed = ahead.predecessor_speed
-        return ahead.gap - speed * age, 0.0 if speed < 0.0 else speed, age
+        return ahead.spacing - speed * age, 0.0 if speed < 0.0 else speed, age
 
     def _emergency(self, pose: Pose) -> Braking:
         """Hardest braking beside the lateral acceleration, by the friction circle."""
@@ -204,9 +207,9 @@ class SpeedGuard:
             harder = announced
         if harder > self._friction:
             harder = self._friction
-        stands_at = tick.gap + tick.speed**2 / (2.0 * harder)
+        stands_at = tick.spacing + tick.speed**2 / (2.0 * harder)
         own = stopping_distance(tick.pose.speed, self._last, tick.emergency)
-        return stands_at - self._car.length - GUARD_MARGIN - own
+        return stands_at - self._car.least_spacing - GUARD_MARGIN - own
 
     def _guarded(self, tick: _Instant, reserve: float) -> float:
         """Largest acceleration (m/s²) that keeps the safe distance of RSS.
@@ -262,7 +265,7 @@ class SpeedGuard:
     def _stopping_behind(self, tick: _Instant) -> float:
         """Mildest braking (m/s²) to stand behind a predecessor that stops as it announced."""
         distance = self._announced.distance(tick.now, tick.speed, tick.situation.predecessor)
-        left = tick.gap + distance - self._car.length - GUARD_MARGIN
+        left = tick.spacing + distance - self._car.least_spacing - GUARD_MARGIN
         emergency = tick.emergency
         needed = needed_deceleration(tick.pose.speed, left, self._last, emergency.jerk)
         return max(-min(needed, emergency.deceleration), self._last - emergency.jerk * tick.span)
@@ -275,7 +278,7 @@ class SpeedGuard:
         speed, policy = tick.pose.speed, self._car.policy
         worst = self._hard.deceleration
         own = stopping_distance(speed, 0.0, tick.emergency) - speed * speed / (2.0 * worst)
-        needed = self._car.length + GUARD_MARGIN + own + speed * (self._ages.usual + growth)
+        needed = self._car.least_spacing + GUARD_MARGIN + own + speed * (self._ages.usual + growth)
         return max(speed * growth, needed - policy.desired(speed), 0.0)
 
     def _without_lead(self, tick: _Instant) -> VehiclesAhead:
@@ -292,28 +295,28 @@ class SpeedGuard:
             known = self._lead_speed if isfinite(self._lead_speed) else ahead.predecessor_speed
             share = min(tick.span / LEAD_FORGOTTEN, 1.0)
             self._lead_speed = known + share * (ahead.predecessor_speed - known)
-            ahead = ahead.replaced(gap=ahead.gap, lead_speed=self._lead_speed)
+            ahead = ahead.replaced(spacing=ahead.spacing, lead_speed=self._lead_speed)
         else:
             self._lead_speed = ahead.lead_speed
         if not self._headway:
             return ahead
         left = 1.0 - self._headway / STABLE_HEADWAY
         lead = ahead.predecessor_speed + left * (ahead.lead_speed - ahead.predecessor_speed)
-        return ahead.replaced(gap=ahead.gap - self._headway * speed, lead_speed=lead)
+        return ahead.replaced(spacing=ahead.spacing - self._headway * speed, lead_speed=lead)
 
     def _kept_gap(self, tick: _Instant, opening: float) -> float:
         """Acceleration (m/s²) that keeps the wanted gap; it is opened at comfortable braking."""
         ahead = self._without_lead(tick)
-        if isnan(ahead.gap) or not (self._keeps_gap or self._following):
+        if isnan(ahead.spacing) or not (self._keeps_gap or self._following):
             return tick.wanted.acceleration
         if opening or self._following:
             # A lead that drives on while the predecessor falls back must not draw the car closer.
             slower = min(ahead.lead_speed, ahead.predecessor_speed)
-            ahead = ahead.replaced(gap=ahead.gap, lead_speed=slower)
+            ahead = ahead.replaced(spacing=ahead.spacing, lead_speed=slower)
         usual = self._keeping.command(tick.now, tick.pose, ahead).acceleration
         if not opening:
             return usual
-        wider = ahead.replaced(gap=ahead.gap - opening, lead_speed=ahead.lead_speed)
+        wider = ahead.replaced(spacing=ahead.spacing - opening, lead_speed=ahead.lead_speed)
         opened = self._keeping.command(tick.now, tick.pose, wider).acceleration
         comfortable = self._comfortable
         eased = min(self._last, 0.0) - comfortable.jerk * tick.span
@@ -321,20 +324,20 @@ class SpeedGuard:
 
     def _update_following(self, tick: _Instant, *, awake: bool) -> None:
         """Decide whether a car of a convoy with a common speed keeps its gap, until caught up."""
-        gap = tick.ahead.gap
-        if self._keeps_gap or isnan(gap):
+        spacing = tick.ahead.spacing
+        if self._keeps_gap or isnan(spacing):
             return
         common = tick.wanted.target_speed
-        initial = self._car.initial_gap
+        initial = self._car.initial_spacing
         slower = tick.ahead.predecessor_speed < common - FALLEN_BEHIND
-        apart = slower or gap < initial - CLOSER
+        apart = slower or spacing < initial - CLOSER
         if not self._following:
             if not (awake or apart):
                 return
             self._following = True
         settled = (
             not (awake or apart or self._ages.growth(tick.now))
-            and abs(gap - initial) < CAUGHT_UP
+            and abs(spacing - initial) < CAUGHT_UP
             and abs(tick.pose.speed - common) < CAUGHT_UP
         )
         if not settled:

@@ -15,7 +15,7 @@ from vehicles.driver.ego.pose_estimator import PoseEstimator
 from vehicles.driver.ego.slip_estimator import LoadWatch, ParameterUser, SlipEstimator
 from vehicles.driver.follower import Follower
 from vehicles.driver.leader import ConvoyWatch, Leader, WaitingProfile
-from vehicles.driver.speed import GapKeeping, GapPolicy, ProfileSpeed, SpeedLaw
+from vehicles.driver.speed import GapKeeping, ProfileSpeed, SpacingPolicy, SpeedLaw
 from vehicles.driver.steering import LateralController, load_controller
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.preview.curve_fit import FitSettings
@@ -39,7 +39,8 @@ class DriverBuilder:
         """Driver that starts at `now` (ns) without memory, and its speed profile, if any."""
         own = self._setup.predecessor is None or self._scenario.tables.speed.followers == "same"
         law = self._own_profile(context.start_at) if own else None
-        gap_keeping = GapKeeping(self._scenario.gap_policy, self._scenario.gap_limits)
+        policy = self._scenario.spacing_policy(self._setup.place)
+        gap_keeping = GapKeeping(policy, self._scenario.gap_limits)
         return self._driver(context, now, law or gap_keeping), law
 
     def human(self, context: VehicleContext) -> tuple[Driver, ProfileSpeed]:
@@ -89,6 +90,7 @@ class DriverBuilder:
             control=control,
             lead=setup.lead,
             predecessor=setup.predecessor,
+            least_spacing=self._scenario.least_spacings[setup.place],
             periods={sender: self._least_period(sender) for sender in setup.senders},
             delays={sender: self._usual_delay(sender) for sender in setup.senders},
             alpha=steering.alpha_ratio,
@@ -194,20 +196,18 @@ class DriverBuilder:
         )
 
     def _speed_guard(self, law: SpeedLaw, predecessor: str) -> SpeedGuard:
-        """Build the guard that overrides `law` while messages fail.
-
-        The car ahead is as long as this one: both bodies end half their length from their places.
-        """
+        """Build the guard that overrides `law` while messages fail."""
         scenario, setup = self._scenario, self._setup
-        ahead = scenario.vehicle(predecessor)
-        initial_gap = self._route.gaps[setup.place]
+        initial_spacing = self._route.spacings[setup.place]
         common = scenario.tables.speed.followers == "same"
         car = GuardedCar(
-            length=0.5 * (setup.parameters.length + ahead.parameters.length),
+            least_spacing=scenario.least_spacings[setup.place],
             friction=setup.parameters.friction,
-            policy=GapPolicy(initial_gap) if common else scenario.gap_policy,
+            policy=SpacingPolicy(initial_spacing)
+            if common
+            else scenario.spacing_policy(setup.place),
             limits=scenario.gap_limits,
-            initial_gap=initial_gap,
+            initial_spacing=initial_spacing,
             period=self._usual_period(predecessor),
         )
         return SpeedGuard(law, setup.degradation, car)

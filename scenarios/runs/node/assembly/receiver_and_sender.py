@@ -31,7 +31,7 @@ def make_receiver(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Gns
     gnss, random = setup.gnss, white_noise(scenario.seed, setup.place)
     start = ReceiverContext(
         start_at,
-        distance_behind_lead=sum(scenario.route.gaps[: setup.place + 1]),
+        distance_behind_lead=sum(scenario.route.spacings[: setup.place + 1]),
         own_streams=_streams(scenario.seed, setup.place),
         shared_streams=_streams(scenario.seed, SHARED_STREAM),
     )

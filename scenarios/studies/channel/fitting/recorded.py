@@ -53,7 +53,7 @@ def recorded_links(log: Path) -> tuple[RecordedLink, ...]:
     """
     reader = LogReader(log)
     reader.require_all("verdict", "truth")
-    scenario = scenario_in(log, reader.attachments())
+    scenario = scenario_in(reader)
     start_at = 0
     verdicts: defaultdict[tuple[str, str], dict[int, LinkVerdict]] = defaultdict(dict)
     senders: defaultdict[str, dict[int, tuple[float, float]]] = defaultdict(dict)

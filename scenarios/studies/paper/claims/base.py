@@ -19,8 +19,8 @@ from scenarios.studies.paper.keys import (
 )
 from scenarios.studies.paper.linear_prediction import linear, why_growing
 
-GAP_S = 0.5
-"""The convoy's gap (s)."""
+SPACING_S = 0.5
+"""Time (s) from a car's centre of mass to the next one's."""
 
 CHANGES = (5.0, 6.0, 7.0, 8.0, 20.0, 21.0, 22.0, 23.0)
 """When (s) the lead of the base case reaches a change of curvature."""
@@ -75,7 +75,7 @@ def _lags(trial: Trial) -> list[float]:
     """Time (s) from the nearest change of the road's curvature to each car's largest error."""
     after = []
     for place, drive in enumerate(trial.followers, start=1):
-        peak = float(drive.at[int(np.argmax(np.abs(drive.lateral_error)))]) - place * GAP_S
+        peak = float(drive.at[int(np.argmax(np.abs(drive.lateral_error)))]) - place * SPACING_S
         after.append(min((peak - at for at in CHANGES), key=abs))
     return after
 

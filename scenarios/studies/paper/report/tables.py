@@ -30,7 +30,7 @@ CHANGED = {
     BASE.varied("paper_prefix"): "the paper's trajectory with the longest straight prefix first",
     BASE.varied("stanley"): "Stanley's law (both lane changes)",
     BASE.varied("pure_pursuit"): "pure pursuit (both lane changes)",
-    BASE.varied("gap_25_m"): "gaps of 25 m: the predecessor, too, is beyond the preview",
+    BASE.varied("gap_20_m"): "gaps of 20 m: the predecessor, too, is beyond the preview",
 }
 
 

@@ -48,7 +48,7 @@ ASKED = {
     "control.alpha_ratio=0.9": ("fusion", "α 0.9"),
     "vehicle.v3.control.alpha_ratio=0.8": ("fusion", "α 0.8, .*: v3"),
     "control.preview_s=1.1": ("fusion", "preview 1.1 s"),
-    "speed.followers=gap": ("followers drive", r"a gap of 8 m \+ 0.5 s · speed"),
+    "speed.followers=gap": ("followers drive", r"a gap of 3 m \+ 0.5 s · speed"),
     "vehicle.v2.lateral_offset_m=0.4": ("start off the path", "v2: 0.4 m left"),
     "convoy.on_vehicle_failure=continue": ("on vehicle failure", "continue"),
     "convoy.clock_offset_ms_max=9": ("clocks", "9 ms"),
@@ -124,7 +124,7 @@ def test_a_vehicle_alone_has_neither_gaps_nor_links() -> None:
 
 def test_the_same_is_there_for_machines() -> None:
     figures = json.loads(checked("church_lot", "--json", "--set", "limits.near_misses_max=3"))
-    assert figures["gap_policy"]["standstill_m"] == 7.0
+    assert figures["gap_policy"]["standstill_m"] == 2.0
     assert figures["control"]["v4"]["controller"] == "slip_compensated"
     assert figures["gnss"]["v1"]["rate_hz"] == 20.0
     assert figures["limits"]["near_misses_max"] == 3

@@ -101,7 +101,7 @@ def test_a_run_and_its_log_say_the_same_of_limits_as_the_drill(tmp_path: Path) -
     told = summary_of(log)
     assert [one.limit for one in told.limits if one.broken] == ["cross_track_error_m_max"]
     assert to_json(run_unlogged(load_scenario(file))) == to_json(told)
-    scenario = scenario_in(log, LogReader(log).attachments())
+    scenario = scenario_in(LogReader(log))
     metrics = Metrics.of(scenario)
     for _, _, message in LogReader(log).messages(metrics.topics):
         metrics.listen(0, message)

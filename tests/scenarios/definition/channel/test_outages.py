@@ -36,14 +36,15 @@ def test_each_kind_is_its_outage_in_the_order_given() -> None:
     assert found == [
         window(SECOND, 5 * SECOND // 2, START, 10 * SECOND),
         random_outage(4 * SECOND, SECOND // 2, START, 1),
-        stretch((100.0, 160.0), "both", 0.0, -30.0),
+        stretch((100.0, 160.0), "both", 0.0, -29.86),
         circle(30.0, -4.0, 9.0, "either"),
     ]
     settings = [one.setting for one in found if isinstance(one, LinkLaw)]
     assert {one.start_at for one in settings} == {START}
     assert [one.place for one in settings] == [0, 1, 2, 3]
-    # Starts 15 m apart; the path's first segment begins where the lead starts.
-    assert (settings[2].sender_station, settings[2].receiver_station) == (0.0, -30.0)
+    # Starts 14.93 m apart; the path's first segment begins where the lead starts.
+    assert settings[2].sender_station == 0.0
+    assert settings[2].receiver_station == pytest.approx(-29.86)
 
 
 def test_the_first_recorded_point_is_where_stations_begin() -> None:

@@ -70,16 +70,16 @@ def test_a_vehicle_s_own_silence_is_a_key_of_the_vehicle() -> None:
     assert link("v1", "v3", silent).loss_ratio == 0.0
 
 
-def test_a_radio_s_figures_are_for_the_gap_at_first() -> None:
+def test_figures_of_a_radio_are_for_the_distance_at_the_start() -> None:
     preset = read_preset("ieee80211p_jam").links["radio"]
-    asked = link("v1", "v3", "links.preset=ieee80211p_jam", "convoy.gap_m=25")
+    asked = link("v1", "v3", "links.preset=ieee80211p_jam", "convoy.gap_m=20.07")
     assert asked.distance_m == 50.0
     ratio = dict(zip(preset["distance_m"], preset["delivery_ratio"], strict=True))[50.0]
     assert asked.loss_ratio == pytest.approx(1.0 - ratio)
 
 
 def test_more_vehicles_in_between_lose_more() -> None:
-    settings = ("links.preset=nlosv_etsi", "convoy.vehicles=8", "convoy.gap_m=20")
+    settings = ("links.preset=nlosv_etsi", "convoy.vehicles=8", "convoy.gap_m=15")
     near, far = (link("v1", name, *settings).loss_ratio for name in ("v5", "v8"))
     assert near is not None
     assert far is not None

@@ -14,26 +14,26 @@ GAP_KEPT = ('speed.followers="gap"', "speed.gap.headway_s=0.3")
     ("changes", "who", "why"),
     [
         ((), "", ""),
-        (("convoy.gap_m=8.0",), "v2:", "known 5.9 m ahead, less than the 10.5 m behind"),
-        (("convoy.gap_m=8.0", *ALONE), "v2, v3, v4:", "known 5.9 m ahead"),
-        # 15 m less 30 m/s for 0.18 + 0.05 s
-        (LATE, "v2:", "known 8.1 m ahead"),
-        ((*LATE, *ALONE), "v2, v3, v4:", "known 8.1 m ahead"),
-        ((*LATE, 'control.fusion="blend"'), "v2, v3, v4:", "known 8.1 m ahead"),
-        (("links.latency_ms=600.0",), "v2:", "0.0 poses of v1 lie in the preview"),
+        (("convoy.gap_m=3.0",), "v2:", "known 5.8 m ahead, less than the 10.5 m behind"),
+        (("convoy.gap_m=3.0", *ALONE), "v2, v3, v4:", "known 5.8 m ahead"),
+        # 10 m and a car's length less 30 m/s for 0.18 + 0.05 s
+        (LATE, "v2:", "known 8.0 m ahead"),
+        ((*LATE, *ALONE), "v2, v3, v4:", "known 8.0 m ahead"),
+        ((*LATE, 'control.fusion="blend"'), "v2, v3, v4:", "known 8.0 m ahead"),
+        (("links.latency_ms=590.0",), "v2:", "0.0 poses of v1 lie in the preview"),
         (("links.loss_ratio=1.0",), "v2, v3, v4:", "0.0 poses"),
         (SLOW_POSES, "v2, v3, v4:", "a trajectory takes 3"),
-        (("convoy.gap_m=60.0", *SLOW_POSES), "v2, v3, v4:", "1.6 poses"),
+        (("convoy.gap_m=55.0", *SLOW_POSES), "v2, v3, v4:", "1.6 poses"),
         # At least 5 m are looked ahead.
         (("control.preview_s=0.1", "gnss.rate_hz=14.0"), "v2, v3, v4:", "2.3 poses"),
         # What is sent counts, not what is measured: a CAM each 200 ms, 6 m apart.
-        (("sending.kind=cam", "convoy.gap_m=16.0"), "v2:", "9.4 m of which are known"),
+        (("sending.kind=cam", "convoy.gap_m=11.0"), "v2:", "9.3 m of which are known"),
         (("sending={kind='fixed', rate_hz=2.0}",), "v2, v3, v4:", "a trajectory takes 3"),
         (("sending={kind='intervals', table='cam_vw_highway'}",), "v2, v3, v4:", "a trajectory"),
-        (("gnss.latency_ms=150.0", "links.latency_ms=30.0"), "v2:", "known 8.1 m ahead"),
-        # 8 m and 0.3 s: 17 m at 30 m/s
+        (("gnss.latency_ms=150.0", "links.latency_ms=30.0"), "v2:", "known 8.0 m ahead"),
+        # 3 m and 0.3 s: 12 m at 30 m/s, 17 m between the centres
         (GAP_KEPT, "", ""),
-        ((*GAP_KEPT, *LATE), "v2:", "known 10.1 m ahead"),
+        ((*GAP_KEPT, *LATE), "v2:", "known 10.0 m ahead"),
     ],
 )
 def test_too_short_a_preview_is_said_in_one_line(
@@ -49,7 +49,7 @@ def test_too_short_a_preview_is_said_in_one_line(
 
 GILBERT = 'links.loss={kind="gilbert_elliott",loss_ratio=0.5,burst_messages_mean=2.0}'
 RADIO = (
-    'links.radio={kind="table",distance_m=[0.0,15.0,30.0,60.0],delivery_ratio=[1.0,0.5,0.5,0.0]}'
+    'links.radio={kind="table",distance_m=[0.0,14.0,30.0,60.0],delivery_ratio=[1.0,0.5,0.5,0.0]}'
 )
 
 
@@ -71,7 +71,7 @@ def test_only_the_link_that_is_late_counts() -> None:
 
 
 def test_at_walking_pace_the_preview_is_never_too_short() -> None:
-    assert check("lane_change", ["convoy.gap_m=5.0", "speed.set_mps=1.5"]).warnings == ()
+    assert check("lane_change", ["convoy.gap_m=0.1", "speed.set_mps=1.5"]).warnings == ()
 
 
 def test_the_remedy_is_the_rate_that_lacks() -> None:

@@ -72,10 +72,11 @@ def test_gap_keeping_vehicles_start_at_the_gap_that_they_keep() -> None:
         STRAIGHT,
         overrides=[
             "speed.followers='gap'",
-            "speed.gap.standstill_m=6",
+            "speed.gap.standstill_m=1",
             "speed.gap.headway_s=0.8",
             "speed.set_mps=10",
         ],
     )
-    assert scenario.route.gaps == (0.0, 14.0, 14.0, 14.0)
-    assert scenario.gap_policy.desired(10.0) == 14.0
+    assert scenario.route.gaps == (0.0, 9.0, 9.0, 9.0)
+    assert scenario.spacing_policy(1).desired(10.0) == pytest.approx(9.0 + 4.93)
+    assert scenario.route.spacings[1:] == (scenario.spacing_policy(1).desired(10.0),) * 3

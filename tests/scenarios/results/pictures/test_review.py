@@ -14,7 +14,7 @@ from scenarios.results.events.bodies import BodySize
 from scenarios.results.events.encounters import EventKind
 from scenarios.results.metrics import Metrics
 from scenarios.results.pictures.review import review
-from scenarios.results.pictures.run_drawing import open_drawing, widest_gap
+from scenarios.results.pictures.run_drawing import open_drawing, widest_spacing
 from scenarios.results.summary import RunSummary
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.stop import Stop
@@ -33,7 +33,7 @@ name = "circle"
 duration_s = 2.0
 [convoy]
 vehicles = 3
-gap_m = 12.0
+gap_m = 7.0
 [speed]
 set_mps = 10.0
 [path]
@@ -86,10 +86,10 @@ def test_a_reviewed_log_is_drawn_as_the_run_was(tmp_path: Path) -> None:
 
 def test_the_picture_has_the_title_of_the_run(tmp_path: Path) -> None:
     """So that two runs of other settings can be told apart in the viewer."""
-    asked = scenario_from_text(SCENARIO, overrides=["convoy.gap_m=8"], seed=7)
+    asked = scenario_from_text(SCENARIO, overrides=["convoy.gap_m=3"], seed=7)
     write_log(tmp_path / "run.mcap", attached=asked.text.encode())
     said = str(reviewed(tmp_path / "run.mcap")["/__properties"])
-    assert f"circle ({asked.fingerprint}), seed 7, α 0.5, loss 0 %, convoy.gap_m=8" in said
+    assert f"circle ({asked.fingerprint}), seed 7, α 0.5, loss 0 %, convoy.gap_m=3" in said
 
 
 @pytest.mark.parametrize("attached", [None, b'name = "written by a later version"\nx = 1\n'])
@@ -122,7 +122,7 @@ BRAKING = """
 name = "braking"
 duration_s = 6.0
 [convoy]
-gap_m = 10.0
+gap_m = 5.0
 vehicles = 3
 [path]
 kind = "segments"
@@ -327,7 +327,7 @@ def test_a_log_without_vehicles_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_view_leaves_room_for_the_widest_gap() -> None:
-    assert widest_gap(scenario()) == 12.0
-    keeping = 'followers = "gap"\ngap = { standstill_m = 8.0, headway_s = 0.5 }\n'
-    assert widest_gap(scenario(keeping)) == pytest.approx(8.0 + 0.5 * 10.0, abs=0.2)
-    assert widest_gap(scenario_from_text(SCENARIO.replace("vehicles = 3", "vehicles = 1"))) > 0
+    assert widest_spacing(scenario()) == pytest.approx(7.0 + 4.93)
+    keeping = 'followers = "gap"\ngap = { standstill_m = 3.0, headway_s = 0.5 }\n'
+    assert widest_spacing(scenario(keeping)) == pytest.approx(3.0 + 4.93 + 0.5 * 10.0, abs=0.2)
+    assert widest_spacing(scenario_from_text(SCENARIO.replace("vehicles = 3", "vehicles = 1"))) > 0

@@ -52,7 +52,7 @@ DECISION = Decision(
     errors=TrackingErrors(0.1, 0.0, 0.0, 0.0),
     mode="lead",
     reason="v2 never heard",
-    gap=14.0,
+    estimated_gap=14.0,
     situation=Situation(
         lead=SourceFreshness(
             status="fresh", age=0.02, silence=0.01, period=0.05, share=1.0, known=28.0

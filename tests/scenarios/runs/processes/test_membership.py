@@ -87,7 +87,7 @@ def test_a_second_of_one_name_is_refused_and_the_first_stays(
         (scenario(seed=7), "the recorder has seed 1, here it is 7"),
         (scenario(name="highway"), "the recorder has scenario lane_change, here it is highway"),
         (
-            scenario("convoy.gap_m=9"),
+            scenario("convoy.gap_m=4"),
             "the recorder has another content of scenario lane_change (file or --set)",
         ),
     ],

@@ -16,7 +16,7 @@ CASES = {
     "lossy": ("lossy_lane_change", [SHORT]),
     "ends at a collision": (
         "lane_change",
-        [LONGER, "links.loss_ratio=0.95", "limits.collisions_max=0", "convoy.gap_m=6"],
+        [LONGER, "links.loss_ratio=0.95", "limits.collisions_max=0", "convoy.gap_m=1"],
     ),
     "breaks a limit": ("lossy_lane_change", [SHORT, "limits.cross_track_error_m_max=0.001"]),
     "links that are silent": (

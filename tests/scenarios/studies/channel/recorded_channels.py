@@ -24,7 +24,7 @@ name = "long"
 duration_s = 2000.0
 [convoy]
 vehicles = 4
-gap_m = 10.0
+gap_m = 5.0
 [speed]
 lead = "set"
 set_mps = 30.0

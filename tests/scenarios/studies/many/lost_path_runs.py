@@ -12,7 +12,7 @@ from tests.made.many.known_runs import small_convoy
 MESSAGES, ROW, LAST = 20, 9, 18
 """Messages of a run, how many lost ones in a row break the limit, and the last that may be it."""
 SETTINGS = (
-    "duration_s=4.0", "path.segments=[{length_m=200.0}]", "convoy.gap_m=32",
+    "duration_s=4.0", "path.segments=[{length_m=200.0}]", "convoy.gap_m=27",
     "control.degradation.reaction='extrapolate'", "events.path_lost_s=0.2",
 )  # fmt: skip
 

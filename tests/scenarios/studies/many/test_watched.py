@@ -17,7 +17,7 @@ RUNS = {
     "broken": [*SHORT, "links.loss_ratio=0.93", "control.degradation.reaction='extrapolate'",
                "path.segments=[{length_m=20.0}, {length_m=200.0, radius_m=500.0, turn='left'}]"],
     "held": [*SHORT, "links.loss_ratio=0.2"],
-    "a collision ends it": [*SHORT, "links.loss_ratio=0.93", "convoy.gap_m=5.02",
+    "a collision ends it": [*SHORT, "links.loss_ratio=0.93", "convoy.gap_m=0.09",
                             "limits.collisions_max=0"],
     "a driver that fails": [*SHORT, "links.loss_ratio=1.0"],
 }  # fmt: skip

@@ -165,7 +165,7 @@ def test_the_field_runs_are_a_convoy_one_car_at_a_time(tmp_path: Path) -> None:
         starts.append(start.start_at_ns)
     assert np.diff(starts).tolist() == [300_000_000_000] * 2
     last = tmp_path / runs.logs[2] / LOG_NAME
-    assert scenario_in(last, LogReader(last).attachments()).vehicle_names == ("PL1", "PL2", "PL3")
+    assert scenario_in(LogReader(last)).vehicle_names == ("PL1", "PL2", "PL3")
 
 
 def test_a_run_of_the_field_experiment_has_only_the_cars_up_to_its_own() -> None:

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from tests.made.vehicles.two_cars import LATENCY, LENGTH, PERIOD, TICK, Road, profile
 from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.speed import GapPolicy
+from vehicles.driver.speed import SpacingPolicy
 from vehicles.schedule import SECOND
 
 SILENT_AT = 3 * SECOND
@@ -16,8 +16,8 @@ LATE = SILENT_AT + 4 * PERIOD
 
 def convoy(speed: float, gap: float) -> Road:
     """Two cars of a convoy at a common speed, which is to keep the gap (m) between the bodies."""
-    policy = GapPolicy(LENGTH + gap, 0.0)
-    return Road(profile(speed), speed=speed, gap=LENGTH + gap, policy=policy)
+    policy = SpacingPolicy(LENGTH + gap, 0.0)
+    return Road(profile(speed), speed=speed, spacing=LENGTH + gap, policy=policy)
 
 
 def announced(road: Road, until: int, *, heard_again: int = 10**12) -> dict[int, int]:

@@ -26,7 +26,7 @@ from vehicles.driver.degradation.stopping import friction_left
 from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.speed import (
     GapKeeping,
-    GapPolicy,
+    SpacingPolicy,
     SpeedLaw,
     VehiclesAhead,
 )
@@ -48,7 +48,7 @@ def test_a_common_speed_is_given_up_when_the_gap_has_become_narrower() -> None:
         road.tick(
             -0.5 if 200 < step < 280 else 0.0, received=True
         )  # 0.8 m/s slower than the common
-    assert road.gap > 14.0
+    assert road.spacing > 14.0
 
 
 @pytest.mark.parametrize("reaction", ["extrapolate", "hold", "straight"])
@@ -94,7 +94,7 @@ def test_never_more_than_the_hardest_braking_or_than_friction_leaves(
 def test_a_wider_gap_never_brakes_harder(gap: float, wider: float, speed: float) -> None:
     asked = []
     for apart in (gap, gap + wider):
-        road = Road(keeping(), speed=speed, gap=apart)
+        road = Road(keeping(), speed=speed, spacing=apart)
         road.tick(0.0, received=True)
         road.known = (0, apart, speed, 0.0)
         road.now = 400 * MILLISECOND
@@ -103,8 +103,8 @@ def test_a_wider_gap_never_brakes_harder(gap: float, wider: float, speed: float)
 
 
 def test_the_gap_opens_comfortably_while_little_is_heard_and_closes_again() -> None:
-    road = Road(GapKeeping(GapPolicy(8.0, 1.5), LIMITS), policy=GapPolicy(8.0, 1.5))
-    usual = road.gap
+    road = Road(GapKeeping(SpacingPolicy(8.0, 1.5), LIMITS), policy=SpacingPolicy(8.0, 1.5))
+    usual = road.spacing
     for step in range(1500):  # one message in ten
         road.tick(0.0, received=step % 25 == 0)
     comfortable = DegradationSettings().comfortable
@@ -119,7 +119,7 @@ def test_the_gap_opens_comfortably_while_little_is_heard_and_closes_again() -> N
 
 @pytest.mark.parametrize("known", [15.0, 60.0, 120.0, 400.0])
 def test_a_car_that_hears_nobody_stops_within_the_road_it_knows(known: float) -> None:
-    road = Road(profile(20.0), speed=20.0, gap=1000.0)
+    road = Road(profile(20.0), speed=20.0, spacing=1000.0)
     road.tick(0.0, received=True)
     road.path = known
     road.mode = "coast" if known > 300.0 else "stop"
@@ -148,7 +148,7 @@ def test_a_stopping_predecessor_that_says_so_is_answered_at_once() -> None:
 
 def test_a_car_that_fell_behind_the_common_speed_catches_up_and_drives_it_again() -> None:
     law = profile()
-    road = Road(law, gap=40.0, policy=GapPolicy(40.0))
+    road = Road(law, spacing=40.0, policy=SpacingPolicy(40.0))
     for step in range(4000):
         road.tick(0.0, received=not 100 <= step < 300)
     assert min(road.commands) < -0.5
@@ -168,7 +168,7 @@ def test_a_car_that_fell_behind_the_common_speed_catches_up_and_drives_it_again(
 def test_without_the_lead_a_constant_distance_becomes_a_headway_that_is_stable(
     headway: float,
 ) -> None:
-    policy = GapPolicy(12.0, headway)
+    policy = SpacingPolicy(12.0, headway)
     road = Road(GapKeeping(policy, LIMITS), policy=policy, speed=20.0)
     for step in range(2000):
         road.lead = "lost" if step > 100 else "fresh"
@@ -193,7 +193,9 @@ def test_behind_one_that_was_never_heard_it_brakes_hard_when_that_would_be_lost(
 ) -> None:
     """Where the convoy begins closer than is safe; and says so beforehand."""
     lost_at = SECOND // 2
-    road = Road(profile(speed), speed=speed, gap=LENGTH + gap, policy=GapPolicy(LENGTH + gap, 0.0))
+    road = Road(
+        profile(speed), speed=speed, spacing=LENGTH + gap, policy=SpacingPolicy(LENGTH + gap, 0.0)
+    )
     road.predecessor_lost_at = lost_at
     said = {}
     for _ in range(200):

@@ -17,7 +17,7 @@ from vehicles.messages import SourceStatus
 from vehicles.schedule import SECOND, instant
 
 TICK = SECOND // 50
-SPEED, GAP = 20.0, 15.0
+SPEED, SPACING = 20.0, 15.0
 DEGRADE = DegradationSettings()
 
 
@@ -46,7 +46,7 @@ def watched(
         now = START + tick * TICK
         while (at := instant(START, sent, GNSS_HZ)) + latency <= now:
             if comes(sent):
-                east = GAP + SPEED * (at - START) / SECOND
+                east = SPACING + SPEED * (at - START) / SECOND
                 source.receive(received(at, east, 0.0, 0.0, SPEED, seq=sent, received_at=now))
             sent += 1
         pose = Pose(own_speed * tick / 50, 0.0, 0.0, own_speed, 0.0)

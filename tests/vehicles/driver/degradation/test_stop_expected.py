@@ -48,7 +48,7 @@ class Announced(Road):
 def test_it_stands_behind_the_one_that_brakes_unheard(
     speed: float, gap: float, silence: float
 ) -> None:
-    road = Announced(profile(speed), speed=speed, gap=LENGTH + gap)
+    road = Announced(profile(speed), speed=speed, spacing=LENGTH + gap)
     while road.speed > 0.0 and road.now < 30 * SECOND:
         road.tick(road.braking(), received=road.now < ANNOUNCED - silence * SECOND)
     # Both brake alike from one instant on: the follower's is the next tick, as is its margin.
@@ -57,7 +57,7 @@ def test_it_stands_behind_the_one_that_brakes_unheard(
 
 
 def test_without_the_announcement_it_hits_it() -> None:
-    road = Announced(profile(30.0), speed=30.0, gap=LENGTH + 3.0)
+    road = Announced(profile(30.0), speed=30.0, spacing=LENGTH + 3.0)
     road.stops_at = 0
     for _ in range(500):
         road.tick(road.braking(), received=road.now < ANNOUNCED - 0.3 * SECOND)
@@ -90,7 +90,7 @@ def test_it_stops_bracing_itself_once_the_one_ahead_is_heard_to_go_on() -> None:
 def test_one_that_is_heard_to_brake_more_mildly_is_braced_for_only_shortly(
     milder: float, speed: float
 ) -> None:
-    road = Announced(profile(speed), speed=speed, gap=LENGTH + 10.0)
+    road = Announced(profile(speed), speed=speed, spacing=LENGTH + 10.0)
     while road.speed > 1.0 and road.ahead_speed > 1.0:
         road.tick(-milder if road.now >= ANNOUNCED else 0.0, received=True, hazard=True)
         if road.now > ANNOUNCED + 2 * SECOND:

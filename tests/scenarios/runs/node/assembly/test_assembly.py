@@ -46,7 +46,7 @@ def fixes(made: Scenario, name: str, count: int = 20) -> list[Fix]:
 
 
 def test_vehicles_start_behind_each_other_at_the_lead_s_speed() -> None:
-    made = scenario("convoy.gap_m=12")
+    made = scenario("convoy.gap_m=7")
     bodies = [node(made, name).car.body for name in made.vehicle_names]
     assert len(bodies) == 4
     for before, body in pairwise(bodies):
@@ -207,9 +207,9 @@ def test_the_car_is_the_loaded_one_whatever_its_controller_knows() -> None:
 
 
 def test_followers_keep_the_profile_or_a_gap() -> None:
-    same = scenario("convoy.gap_m=30")
+    same = scenario("convoy.gap_m=25")
     gap = scenario(
-        "convoy.gap_m=30", 'speed.followers="gap"', "speed.gap.standstill_m=8",
+        "convoy.gap_m=25", 'speed.followers="gap"', "speed.gap.standstill_m=3",
         "speed.gap.headway_s=0.5",
     )  # fmt: skip
     asked = {}
@@ -224,12 +224,12 @@ def test_followers_keep_the_profile_or_a_gap() -> None:
             second.step(tick)
         asked[made.tables.speed.followers] = second.car.body.speed
     assert asked["same"] == pytest.approx(30.0, abs=0.05)
-    assert asked["gap"] > 30.3  # 30 m are more than 8 + 0.5 * 30
+    assert asked["gap"] > 30.3  # 25 m are more than 3 + 0.5 * 30
 
 
 @pytest.mark.parametrize("vehicles", [2, 3, 7, 40])
 def test_vehicles_take_turns_after_those_that_they_hear(vehicles: int) -> None:
-    made = scenario(f"convoy.vehicles={vehicles}", "control.rate_hz=50", "convoy.gap_m=10")
+    made = scenario(f"convoy.vehicles={vehicles}", "control.rate_hz=50", "convoy.gap_m=5")
     turns = {name: VehicleBuilder(made, name).stagger_ns for name in made.vehicle_names}
     assert turns["v1"] == 0
     assert max(turns.values()) < SECOND // 50

@@ -13,7 +13,7 @@ from scenarios.runs.virtual.logged_run import run_virtual
 from vehicles.car.tyres import GRAVITY, SLIDING_SHARE
 from vehicles.messages import Command, LogText, Message, TruePose
 
-LOSSES, GAPS, ALPHAS = (0.9, 0.6, 0.4, 0.2, 0.0), (6.0, 9.0, 15.0, 35.0), (0.0, 0.5, 1.0)
+LOSSES, GAPS, ALPHAS = (0.9, 0.6, 0.4, 0.2, 0.0), (1.0, 4.0, 10.0, 30.0), (0.0, 0.5, 1.0)
 FUSIONS = ("composite", "predecessor", "blend")
 CASES = [
     (loss, gap, ALPHAS[(place + number) % 3], fusion)

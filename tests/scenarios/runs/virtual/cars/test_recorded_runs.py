@@ -214,7 +214,7 @@ def test_where_a_follower_starts_ahead_of_who_is_replayed_check_says_what_to_set
     ahead = (
         set_so.route.path.project(second.east, second.north, place, window=100.0).station - place
     )
-    assert ahead == pytest.approx(early.route.gaps[2], abs=1.5)
+    assert ahead == pytest.approx(early.route.spacings[2], abs=1.5)
 
 
 def test_relative_times_of_both_count_from_one_instant(tmp_path: Path) -> None:

@@ -93,7 +93,7 @@ profile = [
     {{ at_s = 27.0, speed_mps = 25.0 }},
 ]
 [speed.gap]
-standstill_m = 12.0
+standstill_m = 7.0
 headway_s = 0.0
 {links}
 """

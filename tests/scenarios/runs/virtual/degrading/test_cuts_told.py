@@ -59,7 +59,7 @@ class Cut:
 @lru_cache(maxsize=12)
 def cut(case: int) -> Cut:
     chance = Random(case)
-    speed, gap = chance.uniform(8.0, 30.0), chance.choice([8.0, 15.0, 30.0])
+    speed, gap = chance.uniform(8.0, 30.0), chance.choice([3.0, 10.0, 25.0])
     cut_s = chance.uniform(2.0, 720.0 / speed)
     back_s = cut_s + chance.uniform(0.6, 12.0)
     off = f"[{{from_s={cut_s:.3f}, to_s={back_s:.3f}}}]"

@@ -42,7 +42,7 @@ def speed_at(driven: Driven, scenario: Scenario, vehicle: str, seconds: float) -
     return min(driven.truth[vehicle], key=off).speed_mps
 
 
-@pytest.mark.parametrize("gap_m", [8, 15])
+@pytest.mark.parametrize("gap_m", [3, 10])
 def test_all_that_hear_nobody_stop_alike_and_drive_on_when_they_hear(gap_m: float) -> None:
     dark = f"change=[{{kind='cut', at_s=0, for_s={DARK_S}}}]"
     scenario = convoy(5, gap_m, dark, "duration_s=24")
@@ -57,7 +57,7 @@ def test_all_that_hear_nobody_stop_alike_and_drive_on_when_they_hear(gap_m: floa
         assert speeds[3] > 5.0
         assert all(abs(one.steering_rad) < 0.01 for one in driven.truth[name][: int(DARK_S * 50)])
     assert collisions(run) == 0
-    assert min(row.true_gap_m_min or 99.0 for row in run.vehicles) > 0.7 * (gap_m - 4.93)
+    assert min(row.true_gap_m_min or 99.0 for row in run.vehicles) > 0.7 * gap_m
 
 
 @pytest.mark.campaign(1, 100)
@@ -85,7 +85,7 @@ def test_if_nobody_missed_first_messages_some_would_be_hit(
 
 
 @pytest.mark.spread(2)
-@pytest.mark.parametrize("gap_m", [15, 35])
+@pytest.mark.parametrize("gap_m", [10, 30])
 @pytest.mark.parametrize("latency_ms", [400, 700, 1000])
 def test_a_latency_is_no_silence(gap_m: float, latency_ms: float) -> None:
     """The first message is waited for as long as a message takes to come, and then some."""

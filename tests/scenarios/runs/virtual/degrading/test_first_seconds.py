@@ -13,7 +13,7 @@ from scenarios.runs.virtual.unlogged_run import run_unlogged
 def test_a_car_that_has_heard_little_stays_on_the_straight_road(
     loss_ratio: float, seed: int
 ) -> None:
-    asked = (f"links.loss_ratio={loss_ratio}", "convoy.gap_m=8", "duration_s=6")
+    asked = (f"links.loss_ratio={loss_ratio}", "convoy.gap_m=3", "duration_s=6")
     for row in run_unlogged(load_scenario("lane_change", asked, seed)).vehicles[1:]:
         assert row.cross_track_error_m_max is not None
         assert row.cross_track_error_m_max < 0.45, row.name  # it was 0.55 to 4.9 m

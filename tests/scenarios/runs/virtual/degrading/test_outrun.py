@@ -7,7 +7,7 @@ from scenarios.runs.virtual.unlogged_run import run_unlogged
 
 SETTINGS = (
     *("convoy.vehicles=3", "gnss.rate_hz=10", "duration_s=11", "links.jitter_ms=0"),
-    *("convoy.gap_m=8", "links.latency_ms=300"),
+    *("convoy.gap_m=3", "links.latency_ms=300"),
 )
 """At 30 m/s what is heard of the lead 8 m ahead ends a metre behind the first follower."""
 
@@ -30,7 +30,7 @@ def test_who_hears_only_of_road_behind_falls_back_and_then_follows(
 
 
 def test_who_knows_road_ahead_does_not_fall_back() -> None:
-    asked = (*SETTINGS, "convoy.gap_m=15", "links.loss_ratio=0")
+    asked = (*SETTINGS, "convoy.gap_m=10", "links.loss_ratio=0")
     summary = run_unlogged(load_scenario("lossy_lane_change", asked, 1))
     for row in summary.vehicles[1:]:
         assert "coast" not in row.ticks_by_mode

@@ -18,7 +18,7 @@ NAMES = ("v1", "v2", "v3")
 @cache
 def run() -> RunSummary:
     """A short run with losses and an event: v3 does not hear anybody for a while."""
-    overrides = ["duration_s=4", "convoy.vehicles=3", "links.loss_ratio=0.9", "convoy.gap_m=6"]
+    overrides = ["duration_s=4", "convoy.vehicles=3", "links.loss_ratio=0.9", "convoy.gap_m=1"]
     return run_unlogged(load_scenario("lane_change", overrides))
 
 

@@ -122,8 +122,8 @@ def test_files_of_somebody_else_are_not_overwritten(tmp_path: Path) -> None:
     [
         ({"vary": ["links.loss_ratio=0:1.2:0.3"]}, "--vary: links.loss_ratio: given 1.2, allowed"),
         ({"vary": ["links.los_ratio=0,1"]}, "unknown key, did you mean links.loss_ratio?"),
-        ({"vary": ["convoy.gap_m=8,15", "convoy.vehicles=2,none"]}, "--vary: convoy.vehicles: giv"),
-        ({"vary": ["convoy.gap_m=8,15"], "sets": ["convoy.gap_m=9"]}, "given by --set as well"),
+        ({"vary": ["convoy.gap_m=3,10", "convoy.vehicles=2,none"]}, "--vary: convoy.vehicles: giv"),
+        ({"vary": ["convoy.gap_m=3,10"], "sets": ["convoy.gap_m=4"]}, "given by --set as well"),
         ({"vary": [], "sets": ["convoy.gap_m=no"]}, "--set: convoy.gap_m: given"),
         ({"vary": [], "limits": ["lanes"]}, "--limit: given 'lanes', allowed"),
         ({"vary": [], "figures": ["v9.distance_m"]}, "--figure: unknown figure 'v9.distance_m'"),

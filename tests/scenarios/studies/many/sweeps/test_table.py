@@ -135,7 +135,7 @@ def test_without_runs_every_share_is_possible() -> None:
     assert wilson(0, 0) == (0.0, 1.0)
 
 
-THREE = ("links.loss_ratio=0,0.5", "convoy.gap_m=8,15", "gnss.rate_hz=5,10")
+THREE = ("links.loss_ratio=0,0.5", "convoy.gap_m=3,10", "gnss.rate_hz=5,10")
 PNG = b"\x89PNG"
 
 
