@@ -1,8 +1,8 @@
 """Stability at every constant speed of an interval, proven in exact arithmetic (Proposition 1).
 
-The paper checks seven speeds and argues from continuity; between them nothing is shown. Here
-Hurwitz's minors are polynomials in gamma = 1/v with rational coefficients, and their signs over the
-whole interval are settled without rounding.
+The paper checks seven speeds and argues by continuity, which proves nothing between them. Here
+Hurwitz's minors are polynomials in gamma = 1/v with rational coefficients. Their signs over the
+whole interval are determined without rounding.
 """
 
 from fractions import Fraction
@@ -24,7 +24,7 @@ from vehicles.theory.polynomials import (
 def exact_coefficients(parameters: VehicleParameters, gains: Gains) -> list[Exact]:
     """Coefficients of Delta(s, K), descending in s, as exact polynomials in gamma = 1/v (s/m).
 
-    Paper, Section III-F (the floats of the parameters are taken at their exact binary values).
+    Paper, Section III-F. The floating-point parameters are used at their exact binary values.
     """
     mass, inertia = Fraction(parameters.mass), Fraction(parameters.yaw_inertia)
     front = Fraction(parameters.front_cornering_stiffness)
@@ -65,9 +65,9 @@ def is_stable_over(
     fastest: float,
     decay: float = 0.0,
 ) -> bool:
-    """Whether at every constant speed in [slowest, fastest] all roots lie left of -decay (1/s).
+    """Whether all roots lie left of -decay (1/s) at every constant speed of an interval (m/s).
 
-    Speeds in m/s. Proves the hypothesis of Proposition 1 for the whole interval, not on a grid.
+    Proves the hypothesis of Proposition 1 for the whole interval, not on a grid.
     """
     if not 0.0 < slowest <= fastest:
         raise ValueError(f"speeds must satisfy 0 < slowest <= fastest: {slowest}, {fastest}")
@@ -80,9 +80,9 @@ def is_stable_over(
 def guaranteed_decay(
     parameters: VehicleParameters, gains: Gains, slowest: float, fastest: float
 ) -> float:
-    """Proven decay sigma (1/s) of Proposition 1 at every constant speed in the interval.
+    """Proven decay sigma (1/s) of Proposition 1 over an interval of constant speeds (m/s).
 
-    Speeds in m/s. Within 1 % below the true one; 0 if the loop is not stable over the interval.
+    At most 1 % below the true value; 0 if the loop is not stable over the interval.
     """
     if not is_stable_over(parameters, gains, slowest, fastest):
         return 0.0

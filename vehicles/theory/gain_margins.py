@@ -1,4 +1,4 @@
-"""Distance of chosen gains from instability: the largest ball around them, and intervals.
+"""Margins of chosen gains: the largest ball of stabilising gains around them, and intervals.
 
 Both use the boundary of `vehicles.theory.gain_sets` in closed form, not grids of gains or
 frequencies.
@@ -19,10 +19,10 @@ Array = NDArray[np.float64]
 
 
 class Ball(NamedTuple):
-    """The largest ball of stabilising gains around a choice, which exists by Section V-A.
+    """The largest ball of stabilising gains around chosen ones, which exists by Section V-A.
 
     `radius` in the chosen metric, `nearest` the gains where it touches the boundary, `frequency`
-    (rad/s) of the root there (0: the plane k_e = 0), and the speed (m/s) that limits it.
+    (rad/s) of the root there (0: the plane k_e = 0), and the limiting speed (m/s).
     """
 
     radius: float
@@ -39,11 +39,11 @@ def stability_ball(
 ) -> Ball:
     """Distance from `gains` to the boundary of the stabilising set at one speed.
 
-    The metric is Euclid's on (k_e, k_theta, k_omega) / scale; with scale = gains the radius is the
-    relative change that all gains together may suffer. For each frequency the boundary is a line,
-    so its distance squared is a ratio of polynomials in w², and all its stationary points are roots
-    of one polynomial: the minimum is global. Relative accuracy 1e-6.
-    Radius 0 if the gains do not stabilise. Paper, Section V-A (which gives no radius).
+    The metric is Euclidean on (k_e, k_theta, k_omega) / scale; with scale = gains the radius is a
+    relative change of all gains. For each frequency the boundary is a line, so the squared distance
+    is a ratio of polynomials in w². Its stationary points are roots of one polynomial, so the
+    minimum is global. Relative accuracy 1e-6. Radius 0 if the gains do not stabilise. Paper,
+    Section V-A (which gives no radius).
     """
     centre = np.array(gains)
     if not is_stabilising(parameters, speed, centre):
@@ -65,7 +65,7 @@ def stability_ball(
 
 
 def _squared_distance(residuals: list[Array], slopes: list[Array]) -> tuple[Array, Array]:
-    """Numerator and denominator in x of the squared distance to the line of that frequency."""
+    """Numerator and denominator in x of the squared distance to the boundary line."""
 
     def gram(i: int, j: int) -> Array:
         products = [np.polymul(slopes[i][:, k], slopes[j][:, k]) for k in range(3)]
@@ -80,7 +80,7 @@ def _squared_distance(residuals: list[Array], slopes: list[Array]) -> tuple[Arra
 
 
 def _shortest_step(residuals: list[Array], slopes: list[Array], x: float) -> Array:
-    """Shortest change of the scaled gains that puts a root at that frequency; shape (3,)."""
+    """Shortest change of the scaled gains that moves a root to this frequency; shape (3,)."""
     p, q = (float(np.polyval(residual, x)) for residual in residuals)
     u, w = (np.array([np.polyval(rows[:, column], x) for column in range(3)]) for rows in slopes)
     uu, uw, ww = float((u * u).sum()), float((u * w).sum()), float((w * w).sum())
@@ -94,7 +94,7 @@ def common_ball(
     gains: Gains,
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0),
 ) -> Ball:
-    """Largest ball inside the intersection (Section V-A) over cars and speeds: their smallest."""
+    """Largest ball in the intersection over cars and speeds (Section V-A): the smallest of all."""
     balls = [stability_ball(car, speed, gains, scale) for car, speed in product(cars, speeds)]
     return min(balls, key=lambda ball: ball.radius)
 
@@ -105,13 +105,12 @@ def gain_interval(
     gains: Gains,
     direction: tuple[float, float, float],
 ) -> tuple[float, float]:
-    """Largest moves of the gains along `direction`, backward (negative) and forward.
+    """Largest changes of the gains along `direction`, backward (negative) and forward.
 
-    With (1, 0, 0) the changes that k_e alone may suffer, and so on. On a line the two equations of
-    the boundary share one unknown; eliminating it leaves a polynomial in w², whose roots are the
-    candidates. The first candidate beyond which the loop is unstable ends the interval. Infinite
-    if there is none; (0, 0) if the gains do not stabilise. The boundary is that of
-    Section III-F; the interval is beyond the paper.
+    With (1, 0, 0) only k_e changes. On a line the two equations of the boundary share one unknown;
+    eliminating it leaves a polynomial in w², whose roots are the candidates. The first candidate
+    beyond which the loop is unstable ends the interval. Infinite without such a candidate; (0, 0)
+    if the gains do not stabilise. The boundary is that of Section III-F.
     """
     centre, step = np.array(gains), np.array(direction)
     if not is_stabilising(parameters, speed, centre):
@@ -133,7 +132,7 @@ def gain_interval(
 def _crossings(
     parameters: VehicleParameters, speed: float, centre: Array, step: Array
 ) -> list[float]:
-    """List moves t at which centre + t step may have a root on the axis; some may be spurious."""
+    """List values t for which centre + t step may have a root on the axis; some may be spurious."""
     real, imaginary = crossing_equations(parameters, speed)
     at_centre, along = np.concatenate([[1.0], centre]), np.concatenate([[0.0], step])
     fixed_p, fixed_q = ((equation * at_centre).sum(axis=1) for equation in (real, imaginary))

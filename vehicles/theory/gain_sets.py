@@ -1,12 +1,12 @@
-"""The feedback gains that stabilise the car: the set, its boundary, its extent.
+"""The set of feedback gains that stabilise the car: membership, boundary, extent.
 
 D-decomposition (paper, Section III-F): a root leaves the left half-plane only where Delta(0, K) = 0
-or Delta(j w, K) = 0. The first is the plane k_e = 0. The second is linear in the gains: for each
-frequency a straight line in the space of (k_e, k_theta, k_omega), and these lines sweep the other
-surface. A6 does not depend on the gains, so there is no third boundary (a root at infinity).
+or Delta(j w, K) = 0. The first is the plane k_e = 0. The second is linear in the gains: a line in
+the space of (k_e, k_theta, k_omega) for each frequency; these lines form the other surface. A6 does
+not depend on the gains, so there is no third boundary (a root at infinity).
 
-Gains are arrays (..., 3) of (k_e in rad/m, k_theta, k_omega in s), or `Gains`. A set belongs to a
-list of cars (loadings) and speeds (m/s): gains are members if they stabilise all of them.
+Gains are arrays (..., 3) of (k_e in rad/m, k_theta, k_omega in s), or `Gains`. A set is defined for
+a list of cars (loadings) and speeds (m/s): its members stabilise all of them.
 """
 
 from collections.abc import Sequence
@@ -50,11 +50,11 @@ def stabilises_all(
     """Membership in the intersection over cars and speeds (paper, Sections III-F and V-A)."""
     gains = np.asarray(gains, dtype=np.float64)
     flat = gains.reshape(-1, 3)
-    left = np.arange(len(flat))  # those that stabilise every case so far
+    remaining = np.arange(len(flat))  # indices of gains that stabilise all cases so far
     for car, speed in product(cars, speeds):
-        left = left[is_stabilising(car, speed, flat[left])]
+        remaining = remaining[is_stabilising(car, speed, flat[remaining])]
     inside = np.zeros(len(flat), dtype=np.bool_)
-    inside[left] = True
+    inside[remaining] = True
     return inside.reshape(gains.shape[:-1])
 
 
@@ -65,7 +65,7 @@ def abscissa(parameters: VehicleParameters, gains: Gains, speeds: Sequence[float
 
 
 def singular_frequency(parameters: VehicleParameters) -> float | None:
-    """Frequency (rad/s) at which the boundary in a (k_e, k_theta) plane runs to infinity, if any.
+    """Frequency (rad/s) at which the boundary in a (k_e, k_theta) plane is at infinity, if any.
 
     The determinant of the two equations of `boundary_curve` (Section III-F) is proportional to
     C_r (a + b) + (m a b - I_z) w², whatever the speed; it vanishes if I_z > m a b. The paper's car
@@ -83,9 +83,9 @@ def singular_frequency(parameters: VehicleParameters) -> float | None:
 def crossing_equations(parameters: VehicleParameters, speed: float) -> tuple[Array, Array]:
     """Delta(j w, K) = 0 as two equations in x = (w / w_n)², linear in (1, k_e, k_theta, k_omega).
 
-    Condition (b) of the D-decomposition in Section III-F.
-    Coefficients in descending powers of x: real part (4, 4), imaginary part over w (3, 4); columns
-    are the constant and the three gains. Each equation is scaled to a largest constant of one.
+    Condition (b) of the D-decomposition in Section III-F. Coefficients in descending powers of x:
+    real part (4, 4), imaginary part over w (3, 4); columns are the constant and the three gains.
+    Each equation is scaled to a largest constant of one.
     """
     constant, slopes = affine_coefficients(parameters, speed)
     frequency_powers = parameters.steering_frequency ** np.arange(6.0, -1.0, -1.0)
@@ -101,7 +101,7 @@ def boundary_curve(
     """Gains (k_e, k_theta) with a root at j w for each frequency (rad/s) > 0; shape (n, 2).
 
     Paper, Section III-F: Delta(j w, K) = 0 at fixed k_omega, two linear equations solved in closed
-    form. Rows are NaN at the singular frequency, where they contradict each other. The line
+    form. Rows are NaN at the singular frequency, where the equations have no solution. The line
     k_e = 0 completes the boundary.
     """
     real, imaginary = crossing_equations(parameters, speed)
@@ -126,11 +126,11 @@ def gain_box(
 ) -> tuple[tuple[float, float], ...]:
     """Rough bounds of k_e, k_theta and k_omega around the intersection over cars and speeds.
 
-    The set of Section V-A, searched on grids that grow while members lie on their outer faces and
-    shrink onto the members otherwise, so exact to a cell (about 1/20 of the extent) and widened by
-    one; tips thinner than a cell stick out (`gain_extremes` follows them). The grid is skew, along
-    b k_e + k_theta, because A1 > 0 makes the set at low speed a thin wedge along that plane.
-    Raises ValueError if no member is found or the set has no bounds within reach.
+    The set of Section V-A, searched on grids that grow while members are on their outer faces and
+    otherwise shrink to the members. The result is accurate to a cell (about 1/20 of the extent) and
+    widened by one; tips thinner than a cell may stick out (see `gain_extremes`). The grid is skew,
+    along b k_e + k_theta, because A1 > 0 makes the set at low speed a thin wedge along that plane.
+    Raises ValueError if no member is found or the set is not bounded by any grid.
     """
     skew = min(car.rear_axle_distance for car in cars)
     low, high = np.array([0.0, 0.0, -0.5]), np.array([0.5, 2.0, 0.5])
@@ -155,7 +155,7 @@ def gain_box(
         shrunk = np.where(low == 0.0, 0.0, low + np.maximum(first - 2, 0) * cell)
         low = np.where(short, low - step, shrunk)
         high = np.where(long, high + step, start + np.minimum(last + 2, points - 1) * cell)
-    raise ValueError("no stabilising gains found, or no bounds to them")
+    raise ValueError("no stabilising gains found, or no bounds of them")
 
 
 SPREAD = np.array(list(product((-1.0, -0.5, 0.0, 0.5, 1.0), repeat=3)))
@@ -165,20 +165,20 @@ SPREAD = np.array(list(product((-1.0, -0.5, 0.0, 0.5, 1.0), repeat=3)))
 def gain_extremes(
     cars: Sequence[VehicleParameters], speeds: Sequence[float]
 ) -> tuple[tuple[Gains, Gains], ...]:
-    """Members of the intersection with the least and the greatest k_e, k_theta and k_omega.
+    """Members of the intersection with the smallest and the largest k_e, k_theta and k_omega.
 
-    Extent of the stabilising set of Section V-A, of which Fig. 6 is a picture at one speed. The set
-    runs out into tips thinner than a cell of any grid, so the search starts from the outermost
-    members of `gain_box` and moves to better ones, near and far at once, until there is none within
-    1e-5 of the box. All six are members, and the set extends at most 1 or 2 % further.
-    Raises ValueError as `gain_box` does.
+    Extent of the stabilising set of Section V-A, shown at one speed in Fig. 6. The set has tips
+    thinner than a cell of any grid. So the search starts from the outermost members of `gain_box`
+    and moves to better ones at several distances, until there is none within 1e-5 of the box. All
+    six results are members; the set extends at most 1 or 2 % further. Raises ValueError as
+    `gain_box` does.
     """
     low, high = np.array(gain_box(cars, speeds)).T
     axes = [np.linspace(low[k], high[k], 24) for k in range(3)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     members = grid[stabilises_all(cars, speeds, grid)]
     if not len(members):
-        raise ValueError("the stabilising gains are too thin a set for its extent to be found")
+        raise ValueError("the set of stabilising gains is too thin to find its extent")
     pairs = []
     for axis in range(3):
         least, most = members[members[:, axis].argmin()], members[members[:, axis].argmax()]
@@ -197,7 +197,7 @@ def _climbed(
     direction: Array,
     extent: Array,
 ) -> Array:
-    """Move from a member to others that lie further along `direction`; shapes (3,)."""
+    """Move from a member to members further along `direction`; shapes (3,)."""
     best, reach = start, 0.1
     while reach > 1e-5:
         steps = np.concatenate([reach * 0.3**k * SPREAD for k in range(6)]) * extent
@@ -213,10 +213,10 @@ def _climbed(
 def non_convex_pair(
     cars: Sequence[VehicleParameters], speeds: Sequence[float], points: int = 10
 ) -> tuple[Gains, Gains] | None:
-    """Two stabilising gains whose midpoint does not stabilise: proof that the set is not convex.
+    """Find two stabilising gains whose midpoint does not stabilise: proof of a non-convex set.
 
-    Section V-A states this of the paper's car. Searches all pairs of members of a grid and returns
-    the pair whose midpoint is furthest into instability; None if there is no pair.
+    Section V-A states this for the paper's car. Searches all pairs of members of a grid and returns
+    the pair whose midpoint is the most unstable; None if there is no pair.
     """
     axes = [np.linspace(low, high, points + 2)[1:-1] for low, high in gain_box(cars, speeds)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)

@@ -4,14 +4,14 @@ State z = (e_lat, theta~, their rates, steering angle, steering rate) in m, rad,
 With gamma = 1/v the matrix is A(gamma) = A0 + gamma A1. Derived from eqs. (1), (2) with
 v_y = e' - v theta~ and yaw rate = theta~' + v kappa. Differences from the paper's text:
 
-- Its state equation lacks M^-1 before L, C_0, B and F (Section IV-A). The second-order form (3) has
-  the mass matrix and is right, units included: m v² and a C_f - b C_r are both N m per radian.
+- The state equation lacks M^-1 before L, C_0, B and F (Section IV-A). The second-order form (3) has
+  the mass matrix and is correct, units included: m v² and a C_f - b C_r are both N m per radian.
 - Eq. (3) holds on arcs only. Where curvature changes, theta~'' also contains -v kappa'.
 - Eq. (3) holds at constant speed only. Since e' = v_y + v theta~, a changing speed adds v' theta~
-  to e'' (`speed_change_matrix`), which A(gamma(t)) of Proposition 1 leaves out.
-- The coefficients A6...A0 are right, but are those of Delta(s, K) / w_n²: the polynomial of the
-  equation before them is w_n² times as large. The roots are the same.
-- Delta_o(s) has a double root at the origin, so it can never have all roots in the open left
+  to e'' (`speed_change_matrix`), which A(gamma(t)) of Proposition 1 omits.
+- The coefficients A6...A0 are those of Delta(s, K) / w_n²: the polynomial of the equation before
+  them is w_n² times as large. The roots are the same.
+- Delta_o(s) has a double root at the origin, so its roots are never all in the open left
   half-plane; the figure of roots over masses must show Delta(s, K).
 """
 
@@ -72,7 +72,7 @@ def closed_loop_at(parameters: VehicleParameters, gains: Gains, speed: float) ->
 def speed_change_matrix() -> Array:
     """E with z' = (A(1/v) + v' E) z while the speed changes at rate v' (m/s²): v' theta~ in e''.
 
-    From e' = v_y + v theta~; the paper's Section IV-A leaves it out.
+    From e' = v_y + v theta~; the paper's Section IV-A omits it.
     """
     matrix = np.zeros((6, 6))
     matrix[2, 1] = 1.0
@@ -84,15 +84,15 @@ def steady_cornering(
     gains: Gains,
     speed: float,
     curvature: float,
-    known: VehicleParameters | None = None,
+    assumed: VehicleParameters | None = None,
 ) -> tuple[float, float]:
-    """Lateral error (m) and heading error (rad) on an endless arc, eqs. (3), (6), (7) at rest.
+    """Steady lateral error (m) and heading error (rad) on an arc, eqs. (3), (6), (7).
 
-    The car keeps theta~ = -(b - m a v² / (L C_r)) kappa on an arc, to which k_theta responds with
-    steering, so e_lat settles where k_e cancels that: not at zero unless the slip is. With a
-    feedforward for `known` instead of the true car, its error is left over as well.
+    The car has theta~ = -(b - m a v² / (L C_r)) kappa on an arc. The feedback of theta~ causes a
+    steady e_lat, which is zero only if the slip is. With a feedforward for the parameters
+    `assumed`, its error adds to it.
     """
-    assumed = known or parameters
+    assumed = assumed or parameters
     surplus = (assumed.wheelbase - parameters.wheelbase) + speed * speed * (
         assumed.steer_gradient - parameters.steer_gradient
     )
@@ -103,7 +103,7 @@ def steady_cornering(
 def handling_polynomial(parameters: VehicleParameters, speed: float) -> Array:
     """R(s) in Delta_o(s) = s² R(s), the open loop without its double root at 0; shape (3,).
 
-    Delta_o is given in Section III-F, R named in Section IV-B.
+    Delta_o is defined in Section III-F, R in Section IV-B.
     """
     front, rear = parameters.front_cornering_stiffness, parameters.rear_cornering_stiffness
     a, b = parameters.front_axle_distance, parameters.rear_axle_distance

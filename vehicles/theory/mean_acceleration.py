@@ -4,15 +4,15 @@ With V = w(v) z'P(v)z, A'P + PA = -Q and z' = (A(1/v) + v'E) z (see `varying_spe
 
     dV/dt = w(v) z' (-Q + v' (S + h P)) z  <=  (-c + k |v'|) V,    h = (dw/dv) / w,
 
-c being the least rate at which V falls at constant speed and k the largest share by which an
-acceleration of 1 m/s² makes it grow, both over all speeds of the interval. The eigenvalues of S in
-terms of P are moved by h, so the best h centres them. So
+where c is the smallest decay rate of V at constant speed and k the largest relative growth rate of
+V per 1 m/s² of acceleration, both over all speeds of the interval. h shifts the eigenvalues of S
+relative to P, so the best h centres them. So
 
     V(t) <= V(0) exp(-c t + k * integral of |v'|),
 
-and V falls in the long run if the mean of |v'| stays below mu* = c / k: condition (i). By the
-Cauchy-Schwarz inequality a mean of v'² below mu*² is enough, condition (ii), and so is a finite
-integral of v'², whose mean goes to zero.
+and V decays in the long run if the mean of |v'| is below mu* = c / k: condition (i). By the
+Cauchy-Schwarz inequality a mean of v'² below mu*² is sufficient, condition (ii). A finite integral
+of v'² is also sufficient, as its mean tends to zero.
 """
 
 from dataclasses import dataclass
@@ -29,26 +29,26 @@ Array = NDArray[np.float64]
 Weights = tuple[float, ...]
 
 SPEEDS = 60
-"""Speeds at which c and k are taken, evenly spaced in ln v; both change little between two."""
+"""Number of speeds at which c and k are computed, evenly spaced in ln v."""
 
 STEPS = 100
-"""Steps of a transition matrix; an integrator differs by less than 5e-3 of its size."""
+"""Steps of a transition matrix; within 5e-3 (relative) of a numerical integrator."""
 
 
 @dataclass(frozen=True, slots=True)
 class IntegralBound:
-    """c (1/s) and k (s/m) of one car and one choice of gains (Proposition 1, beyond its text)."""
+    """c (1/s) and k (s/m) of one car with given gains, for Proposition 1 (not in the paper)."""
 
     decay: float
     sensitivity: float
 
     @property
     def mean_acceleration(self) -> float:
-        """The mu* (m/s²) of Proposition 1, (i) and (ii): bound on the mean of |v'|."""
+        """mu* (m/s²) of Proposition 1, (i) and (ii): bound on the mean of |v'|."""
         return self.decay / self.sensitivity
 
     def energy_ratio(self, span: float, change: float) -> float:
-        """Bound on V after `span` (s) over V before, if |v'| adds up to `change` (m/s) meanwhile.
+        """Bound on the growth of V over `span` (s), given the integral `change` (m/s) of |v'|.
 
         Lyapunov's method, for Proposition 1.
         """
@@ -65,12 +65,12 @@ def integral_bound(
 ) -> IntegralBound:
     """Bounds c and k over [slowest, fastest] (m/s), for Proposition 1, with the Q of `certify`.
 
-    Without `speed_term` for the system as the paper has it, without E. Raises ValueError if the
-    loop is not stable at every constant speed between.
+    Without `speed_term` the system is that of the paper, without E. Raises ValueError if the loop
+    is not stable at all constant speeds of the interval.
     """
     certificate = certify(parameters, gains, slowest, fastest)
     if not certificate.holds:
-        raise ValueError(f"not stable at every speed from {slowest} to {fastest} m/s")
+        raise ValueError(f"not stable at all speeds from {slowest} to {fastest} m/s")
     decay, sensitivity = np.inf, 0.0
     for speed in np.geomspace(slowest, fastest, SPEEDS).tolist():
         change, energy = lyapunov_change(
@@ -85,10 +85,10 @@ def integral_bound(
 def transition(
     parameters: VehicleParameters, gains: Gains, before: float, after: float, acceleration: float
 ) -> Array:
-    """Transition matrix of Proposition 1's system while the speed changes evenly; shape (6, 6).
+    """Transition matrix of Proposition 1's system over a linear change of speed; shape (6, 6).
 
     From `before` to `after` (m/s) by `acceleration` (m/s², positive), with the term v' E. In STEPS
-    steps, each with the speed of its middle (matrix exponential).
+    steps, each a matrix exponential at the speed of its middle.
     """
     span = abs(after - before) / acceleration / STEPS
     rate = (after - before) / (span * STEPS)
@@ -111,10 +111,10 @@ def energy_root(
 def error_growth(
     parameters: VehicleParameters, gains: Gains, before: float, after: float, acceleration: float
 ) -> float:
-    """Largest norm of an error after an even change of speed, over its norm before.
+    """Largest growth of the norm of an error over a linear change of speed; see `transition`.
 
-    Both norms are those of P at the first speed; see `transition`. For comparison with the bound of
-    Lyapunov's method, for Proposition 1.
+    The norm is that of P at the first speed. For comparison with the bound of Lyapunov's method,
+    for Proposition 1.
     """
     certificate = certify(parameters, gains, min(before, after), max(before, after))
     root = energy_root(parameters, gains, before, certificate.weights)

@@ -1,7 +1,7 @@
 """Polynomials of a closed loop: Hurwitz stability, and stationary points of a ratio.
 
 Floating-point polynomials are arrays of coefficients in descending powers, as for numpy.roots.
-Exact ones are tuples of fractions in ascending powers.
+Exact polynomials are tuples of fractions in ascending powers.
 """
 
 from collections.abc import Sequence
@@ -17,18 +17,17 @@ Exact = tuple[Fraction, ...]
 """A polynomial with rational coefficients, constant term first."""
 
 DEEPEST_SUBDIVISION = 40
-"""Halvings after which an exact positivity check gives up and returns False."""
+"""Number of bisections after which an exact positivity check returns False."""
 
 
 def is_hurwitz(coefficients: Array) -> NDArray[np.bool_]:
     """Whether all roots have negative real parts, by Routh's array (Routh-Hurwitz criterion).
 
-    Shape (..., n + 1) gives shape (...), computed elementwise.
-    A polynomial on the boundary (a root on the axis: a zero in the first column) is not Hurwitz.
+    Maps shape (..., n + 1) to (...). A polynomial with a root on the imaginary axis (a zero in the
+    first column) is not Hurwitz.
     """
     count = coefficients.shape[-1]
     sign = np.sign(coefficients[..., 0])
-    # Column by column, each an array of its own.
     columns = [np.asarray(coefficients[..., k] * sign, dtype=np.float64) for k in range(count)]
     upper, lower = columns[0::2], columns[1::2]
     stable = upper[0] > 0.0
@@ -55,7 +54,7 @@ def spectral_abscissa(coefficients: Array) -> Array:
 def squared_magnitude(polynomial: Array) -> Array:
     """|p(j w)|² as a polynomial in x = w²: p(s) p(-s) has even powers only, and s² = -x.
 
-    The product that spectral factorisation decomposes.
+    The inverse of spectral factorisation.
     """
     powers = np.arange(len(polynomial))[::-1]
     product = np.convolve(polynomial, polynomial * (-1.0) ** powers)[::2]
@@ -63,11 +62,11 @@ def squared_magnitude(polynomial: Array) -> Array:
 
 
 def stationary_points(numerator: Array, denominator: Array) -> Array:
-    """Candidates on x > 0 for stationary points of numerator / denominator, none missed.
+    """Candidates on x > 0 for stationary points of numerator / denominator; none is missed.
 
-    The real parts of all roots of N' D - N D' (quotient rule) in the right half-plane. A spurious
-    candidate is harmless to a caller that evaluates the ratio and takes the extreme, so no
-    tolerance is needed to tell a real root from a nearly real pair. The array may be empty.
+    The real parts of all roots of N' D - N D' (quotient rule) in the right half-plane. Callers
+    evaluate the ratio and take the extreme, so spurious candidates are harmless and no tolerance
+    is needed to distinguish real roots. The array may be empty.
     """
     slope: Array = np.polysub(
         np.polymul(np.polyder(numerator), denominator),
@@ -87,7 +86,7 @@ def multiply(left: Exact, right: Exact) -> Exact:
 
 
 def add(left: Exact, right: Exact, factor: int = 1) -> Exact:
-    """Sum left + factor * right, exactly: elementary algebra, term by term."""
+    """Sum left + factor * right, exactly (elementary algebra)."""
     length = max(len(left), len(right))
     a = left + (Fraction(0),) * (length - len(left))
     b = right + (Fraction(0),) * (length - len(right))
@@ -97,9 +96,9 @@ def add(left: Exact, right: Exact, factor: int = 1) -> Exact:
 def is_positive_between(polynomial: Exact, low: Fraction, high: Fraction) -> bool:
     """Whether polynomial(x) > 0 for every x in [low, high], proven in exact arithmetic.
 
-    Bernstein coefficients on an interval bound the polynomial from below, and the first and last
-    are its end values. Where they do not decide, the interval is halved (de Casteljau). False
-    where the polynomial touches zero within 2^-40 of the interval.
+    Bernstein coefficients on an interval bound the polynomial from below; the first and last are
+    its end values. If they do not decide, the interval is halved (de Casteljau). False if the
+    polynomial touches zero within 2^-40 of the interval.
     """
     degree = len(polynomial) - 1
     moved = _affine_argument(polynomial, low, high - low)
@@ -127,7 +126,7 @@ def _affine_argument(polynomial: Exact, offset: Fraction, factor: Fraction) -> E
 
 
 def _halves(values: Sequence[Fraction]) -> tuple[list[Fraction], list[Fraction]]:
-    """De Casteljau's split of Bernstein coefficients at the middle of their interval."""
+    """Split Bernstein coefficients at the middle of their interval (de Casteljau)."""
     left, right, row = [], [], list(values)
     while row:
         left.append(row[0])
@@ -139,9 +138,9 @@ def _halves(values: Sequence[Fraction]) -> tuple[list[Fraction], list[Fraction]]
 def hurwitz_minors(coefficients: Sequence[Exact]) -> list[Exact]:
     """Leading minors of Hurwitz's matrix of a polynomial in s whose coefficients depend on x.
 
-    `coefficients` in descending powers of s, each an exact polynomial in x, and so are the minors,
-    of order 1 to n - 1. With a positive first and last coefficient all roots lie in the open left
-    half-plane exactly where all of these are positive (Hurwitz's criterion).
+    `coefficients` are in descending powers of s. They are exact polynomials in x, and so are the
+    minors, of order 1 to n - 1. With a positive first and last coefficient, all roots lie in the
+    open left half-plane if and only if all minors are positive (Hurwitz's criterion).
     """
     degree = len(coefficients) - 1
     zero: Exact = (Fraction(0),)
@@ -156,7 +155,7 @@ def hurwitz_minors(coefficients: Sequence[Exact]) -> list[Exact]:
 
 
 def shifted(coefficients: Sequence[Exact], decay: Fraction) -> list[Exact]:
-    """Coefficients of p(s - decay): Hurwitz exactly where all roots of p lie left of -decay.
+    """Coefficients of p(s - decay), which is Hurwitz if all roots of p lie left of -decay.
 
     By Horner's scheme, in exact arithmetic.
     """
@@ -171,7 +170,7 @@ def shifted(coefficients: Sequence[Exact], decay: Fraction) -> list[Exact]:
 
 
 def _determinant(rows: list[list[Exact]]) -> Exact:
-    """Laplace expansion along the first row; these matrices are 5 by 5 at most and sparse."""
+    """Laplace expansion along the first row; the matrices are sparse, and at most 5 by 5."""
     if len(rows) == 1:
         return rows[0][0]
     total: Exact = (Fraction(0),)

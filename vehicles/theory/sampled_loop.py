@@ -1,13 +1,13 @@
-"""Stability of the steered car as it is run: sampled, held, and estimated by a filter.
+"""Stability of the sampled steering loop, with hold and filter.
 
 The theory of the paper is continuous: the law knows the state at every instant. A vehicle decides
-at the rate of control and holds the command; its yaw rate comes at the rate of its inertial sensor,
-its place and heading at that of its receiver, and a filter joins them. On a straight at constant
-speed all of this is linear and repeats after a common period of the three rates, so the loop is
-stable exactly if the eigenvalues of its map over that period lie inside the unit circle.
+at the control rate and holds the command. Its yaw rate has the rate of the inertial sensor, its
+position and heading that of the receiver, and a filter fuses them. On a straight at constant speed
+this is linear and periodic with a common period of the three rates. So the loop is stable if and
+only if the eigenvalues of its map over that period lie inside the unit circle.
 
-Received messages do not enter: they locate the path, not the car. A late or rare message may bend
-the path, but cannot make the loop around it unstable.
+Received messages are not part of the loop: they locate the path, not the car. Late or rare messages
+may bend the path, but cannot make the loop unstable.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -25,35 +25,35 @@ from vehicles.car.positioning.noise import GnssNoise
 from vehicles.theory.linear_model import Array, open_loop, steering_input
 
 FINENESS, MAX_INSTANTS = (100, 10, 2, 1), 4000
-"""Rates are rounded to 1/100 Hz, so that a common period exists, or to a coarser part, at last to
-whole hertz, if that period would hold too many instants.
+"""Rates are rounded to 1/100 Hz, so that a common period exists, or more coarsely, up to whole
+hertz, if that period has too many instants.
 """
 
 LARGE, LARGEST_LOG = 1e100, 700.0
-"""A larger matrix is scaled; e to `LARGEST_LOG` is near the largest floating number."""
+"""Larger matrices are scaled; e to the power of `LARGEST_LOG` is near the largest float."""
 
 CHECKED_EVERY = 16
-"""Steps between two size checks, which together do not multiply the matrix by 1e200."""
+"""Steps between size checks, too few to multiply the matrix by 1e200."""
 
 MIN_NOISE = 1e-6
-"""Noise (m, rad) of a receiver that has none; its fixes are then followed almost exactly."""
+"""Noise (m, rad) assumed for a receiver without noise."""
 
 DOUBLINGS, TERMS = 24, 14
-"""Enough for both series: 2^24 fixes, and 0.5^14 / 14! is no more than rounding."""
+"""Sufficient for both series: 2^24 fixes; 0.5^14 / 14! is below the rounding error."""
 
 CAR, COMMAND, PLACE, HEADING, SLIP, READING = slice(0, 6), 6, 7, 8, 9, 10
 """The state: z of `linear_model`, the command, and the filter's e_lat, theta~, v_y and last reading
-of the yaw rate. Its biases are assumed known, and no part of the loop.
+of the yaw rate. The biases are assumed to be known and are not part of the loop.
 """
 SIZE = 11
 
 
 @dataclass(frozen=True, slots=True)
 class SampledLoop:
-    """A loop as it is run (Section V-D): rates (Hz) and noises; `imu_hz` None for exact own state.
+    """Rates (Hz) and noises of a sampled loop (Section V-D); `imu_hz` None for exact own state.
 
-    `parameters` are the car's, `assumed` those of its estimator. `filter_gains` replace the
-    stationary ones of Kalman's filter by shares of place and heading that a fix corrects.
+    `parameters` are those of the car, `assumed` those of its estimator. `filter_gains` (for
+    position and heading) replace the stationary gains of the Kalman filter.
     """
 
     parameters: VehicleParameters
@@ -69,14 +69,14 @@ class SampledLoop:
 
 @dataclass(frozen=True, slots=True)
 class SampledStability:
-    """Spectral radius of the map over the common period (s), as its logarithm (Section III-F)."""
+    """Logarithm of the spectral radius of the map over the common period (s) (Section III-F)."""
 
     log_radius: float
     period: float
 
     @property
     def radius(self) -> float:
-        """Spectral radius: stable below 1 (Section III-F); infinite beyond all floating numbers."""
+        """Spectral radius: stable below 1 (Section III-F); infinite on overflow."""
         return exp(self.log_radius) if self.log_radius < LARGEST_LOG else inf
 
     @property
@@ -85,7 +85,7 @@ class SampledStability:
 
     @property
     def decay(self) -> float:
-        """Rate (1/s) at which errors die out, negative where they grow (elementary algebra)."""
+        """Decay rate (1/s) of errors, negative if they grow (elementary algebra)."""
         return -self.log_radius / self.period
 
 
@@ -96,7 +96,7 @@ def sampled_stability(loop: SampledLoop, speed: float) -> SampledStability:
     for number, step in enumerate(steps.over_a_period()):
         total = step @ total
         if number % CHECKED_EVERY == 0 and (size := float(np.max(np.abs(total)))) > LARGE:
-            # Of a loop that is far from stable over a long period.
+            # Only for a very unstable loop over a long period.
             total, scale = total / size, scale + log(size)
     if loop.imu_hz is None:
         total = total[:PLACE, :PLACE]  # there is no filter
@@ -105,26 +105,26 @@ def sampled_stability(loop: SampledLoop, speed: float) -> SampledStability:
 
 
 def lowest_stable_rate(
-    loop_at: Callable[[float], SampledLoop], speed: float, most: int
+    loop_at: Callable[[float], SampledLoop], speed: float, highest: int
 ) -> int | None:
-    """Lowest whole rate (Hz) such that `loop_at(rate)` is stable from there up to `most`.
+    """Lowest whole rate (Hz) such that `loop_at(rate)` is stable from there up to `highest`.
 
-    Stability of eqs. (3), (4), (7) as run. The search goes downwards, since below an unstable rate
-    others may be stable because all readings happen to come just before a decision.
-    None if the loop is not stable at `most`.
+    Stability of eqs. (3), (4), (7), sampled. The search goes downwards, since below an unstable
+    rate there may be stable ones, where all readings happen to precede a decision. None if the loop
+    is not stable at `highest`.
     """
     unstable = (
-        rate for rate in range(most, 0, -1) if not sampled_stability(loop_at(rate), speed).stable
+        rate for rate in range(highest, 0, -1) if not sampled_stability(loop_at(rate), speed).stable
     )
     lowest = next(unstable, 0) + 1
-    return lowest if lowest <= most else None
+    return lowest if lowest <= highest else None
 
 
 def stationary_gains(loop: SampledLoop, speed: float) -> Array:
-    """Gains of Kalman's filter on a straight, once biases are known; shape (2, 2).
+    """Stationary gains of the Kalman filter on a straight, with known biases; shape (2, 2).
 
-    Of place (m) and heading (rad), rows, from the innovations of both, columns. Between two fixes
-    errors walk with the densities of `DriftModel`.
+    Rows are position (m) and heading (rad), columns are the innovations of both. Between two fixes
+    errors are random walks with the densities of `DriftModel`.
     """
     if loop.filter_gains is not None:
         return np.diag(loop.filter_gains)
@@ -156,7 +156,7 @@ def _stationary_gains(  # noqa: PLR0917 - all that they depend on
 
 
 def _riccati(moved: Array, walk: Array, noise: Array) -> Array:
-    """P = F (P - P (P + R)^-1 P) F' + Q by doubling: as if 2^k fixes had been taken; (2, 2)."""
+    """P = F (P - P (P + R)^-1 P) F' + Q by doubling, equivalent to 2^k fixes; shape (2, 2)."""
     step, known, predicted = moved.T, np.linalg.inv(noise), walk
     for _ in range(DOUBLINGS):
         shared = np.linalg.inv(np.eye(2) + known @ predicted)
@@ -167,7 +167,7 @@ def _riccati(moved: Array, walk: Array, noise: Array) -> Array:
 
 
 def _exponential(matrix: Array) -> Array:
-    """Matrix exponential by Taylor's series of a small part of it, squared again and again."""
+    """Matrix exponential by scaling and squaring, with Taylor's series."""
     halvings = max(ceil(log2(max(float(np.abs(matrix).sum(axis=1).max()), 1e-9))) + 1, 0)
     part, term = np.eye(len(matrix)), np.eye(len(matrix))
     for k in range(1, TERMS):
@@ -179,7 +179,7 @@ def _exponential(matrix: Array) -> Array:
 
 
 class _Steps:
-    """The linear maps of one loop at one speed, in the order of a common period."""
+    """The linear maps of one loop at one speed over a common period."""
 
     def __init__(self, loop: SampledLoop, speed: float) -> None:
         self._loop, self._speed = loop, speed
@@ -188,7 +188,7 @@ class _Steps:
             rates += [loop.imu_hz, loop.gnss_hz]
         rounded = _rounded(rates)
         self.period = 1 / _common(rounded)
-        # Instants are whole numbers of a unit that all rates share: 1 / `_per_s` seconds.
+        # Instants are integers in a unit of 1 / `_per_s` seconds, common to all rates.
         self._per_s = lcm(*(rate.numerator for rate in rounded))
         self._every = [round(self._per_s / rate) for rate in rounded]
         self._slip = SlipModel(loop.assumed)
@@ -198,13 +198,12 @@ class _Steps:
         self._motion[CAR, COMMAND] = steering_input(loop.parameters)
 
     def over_a_period(self) -> Iterator[Array]:
-        """Yield the maps of the events and of the time between them, in their order."""
+        """Yield the maps of the events and of the time between them, in order."""
         end = round(self.period * self._per_s)
         instants = sorted({at for every in self._every for at in range(0, end, every)})
-        # A period ends as it begins, with a reading, so the filter has to come to its first instant
-        # from the last one at which it was moved.
+        # The period is preceded by the last reading or fix of the previous one.
         estimated_at = -min(self._every[1:], default=end)
-        # A period repeats the same few spans.
+        # Few different spans occur in a period.
         flow, moved, decided = cache(self._flow), cache(self._moved), cache(self._decided)
         for now, after in zip(instants, [*instants[1:], end], strict=True):
             kinds = [now % every == 0 for every in self._every]
@@ -224,7 +223,7 @@ class _Steps:
         return flow
 
     def _moved(self, ticks: int, *, read: bool) -> Array:
-        """Dead reckoning over a span, up to a reading or by the last one."""
+        """Dead reckoning over a span, up to a new reading or with the last one."""
         span = ticks / self._per_s
         step = np.eye(SIZE)
         if read:
@@ -269,7 +268,7 @@ class _Steps:
 
 
 def _rounded(rates: Sequence[float]) -> list[Fraction]:
-    """Rates as fractions whose common period holds few enough instants."""
+    """Rates as fractions whose common period has at most MAX_INSTANTS instants."""
     rounded: list[Fraction] = []
     for fineness in FINENESS:
         rounded = [
@@ -281,7 +280,7 @@ def _rounded(rates: Sequence[float]) -> list[Fraction]:
 
 
 def _common(rates: Sequence[Fraction]) -> Fraction:
-    """Greatest rate of which all are multiples."""
+    """Greatest common divisor of the rates."""
     common = rates[0]
     for rate in rates[1:]:
         common = Fraction(

@@ -1,4 +1,4 @@
-"""Propagation of errors along a chain of linear loops that is simulated in time."""
+"""Propagation of errors along a chain of linear loops, simulated in time."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +16,13 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 SIMULATED_FREQUENCIES = np.geomspace(0.3, 25.0, 10)
-"""Frequencies (rad/s) of the simulation that confirms the closed form."""
+"""Frequencies (rad/s) of the simulation that verifies the closed form."""
 
 TRANSIENT = 14.0
-"""Time before the evaluation, in time constants of the slowest root."""
+"""Settling time before the evaluation, in time constants of the slowest root."""
 
 STEP_PER_RATE = 0.2
-"""Integration step, in units of the fastest rate."""
+"""Integration step, in units of the shortest time constant."""
 
 
 def simulated_propagation(
@@ -32,17 +32,17 @@ def simulated_propagation(
     frequencies: Array,
     steering: SteeringModel = "second order",
 ) -> ComplexArray:
-    """Second follower's e_lat over the first's, measured on a simulated chain; shape (n,).
+    """Ratio of the second follower's e_lat to the first's on a simulated chain; shape (n,).
 
-    Lead, two followers, feedback on x_i - x_(i-1) (Section IV-B); the lead drives a sine of each
-    frequency (rad/s). Integrated in time (Runge-Kutta, order 4); once settled, a sine is fitted to
-    each car by least squares. Agrees with `propagation.propagation` within 1e-3; the
-    first follower's own ratio to the lead is not G, as the lead moves sideways without turning.
+    Lead and two followers with feedback on x_i - x_(i-1) (Section IV-B); the lead drives a sine of
+    each frequency (rad/s). Integrated in time (Runge-Kutta, order 4); after settling, a sine is
+    fitted to each car by least squares. Agrees with `propagation.propagation` within 1e-3. The
+    first follower's ratio to the lead is not G, as the lead moves sideways without turning.
     """
     single, column, row = _loop(parameters, gains, speed, steering)
     eigenvalues = np.linalg.eigvals(single)
     if eigenvalues.real.max() >= 0.0:
-        raise ValueError("the loop is not stable: nothing settles")
+        raise ValueError("the loop is not stable and does not settle")
     frequencies = np.asarray(frequencies, dtype=np.float64)
     step = STEP_PER_RATE / max(float(np.abs(eigenvalues).max()), float(frequencies.max()))
     settled = TRANSIENT / -float(eigenvalues.real.max())
@@ -69,7 +69,7 @@ def simulated_propagation(
 def _loop(
     parameters: VehicleParameters, gains: Gains, speed: float, steering: SteeringModel
 ) -> tuple[Array, Array, Array]:
-    """The closed loop, its steering input and feedback row: six states, four if instantaneous."""
+    """Closed loop, steering input and feedback row: six states, or four without actuation."""
     row = feedback_row(gains)
     if steering == "second order":
         return closed_loop_at(parameters, gains, speed), steering_input(parameters), row

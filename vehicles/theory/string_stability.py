@@ -1,4 +1,4 @@
-"""Norms of propagation and of recorded errors, and string stability by them (Section IV-B).
+"""String stability: norms of propagation and of recorded errors (Section IV-B).
 
 The H-infinity norm is the gain in L2. The paper's Definition 1 is in L-infinity, whose gain (the L1
 norm of the impulse response) is at least as large.
@@ -20,19 +20,19 @@ from vehicles.theory.propagation import Transfer, propagation
 Array = NDArray[np.float64]
 
 LANE_CHANGE_BAND = 2.0 * pi
-"""Frequencies (rad/s) up to 1 Hz: the content of a lane change, well below the steering's mode."""
+"""Upper frequency (rad/s) of a lane change, 1 Hz, well below the steering's mode."""
 
 
 @dataclass(frozen=True, slots=True)
 class Peak:
-    """Largest magnitude over all frequencies (H-infinity norm, Section IV-B) and where (rad/s)."""
+    """Largest magnitude over all frequencies (H-infinity norm, Section IV-B), and its frequency."""
 
     magnitude: float
     frequency: float
 
 
 def peak(transfer: Transfer, highest: float = np.inf) -> Peak:
-    """Largest magnitude on frequencies from 0 to `highest` (rad/s); over all: the H-infinity norm.
+    """Largest magnitude at frequencies up to `highest` (rad/s); by default the H-infinity norm.
 
     Section IV-B. |T|² is a ratio of polynomials in w², and its stationary points are roots of one
     polynomial, so none is missed. The transfer function must be stable and proper.
@@ -59,9 +59,9 @@ def peak(transfer: Transfer, highest: float = np.inf) -> Peak:
 
 
 def amplified_band(transfer: Transfer) -> list[tuple[float, float]]:
-    """Frequency intervals (rad/s) on which |T| > 1: where errors grow (Section IV-B for G).
+    """Frequency intervals (rad/s) with |T| > 1, in which errors grow (Section IV-B for G).
 
-    For transfer functions with T(0) = 1. Their ends are real roots of |numerator|² -
+    For transfer functions with T(0) = 1. The ends are real roots of |numerator|² -
     |denominator|², which has a root at zero.
     """
     excess = np.polysub(
@@ -79,9 +79,9 @@ def amplified_band(transfer: Transfer) -> list[tuple[float, float]]:
 def maximum_gain(transfer: Transfer) -> float:
     """Gain in L-infinity: bound on the growth of a signal's largest value from car to car.
 
-    The norm of the paper's Definition 1 (Section IV-B), of which the H-infinity norm is a lower
-    bound. The integral of the impulse response's magnitude, by its partial fractions (simple poles)
-    and the trapezoidal rule; within 1e-4. The transfer function must be stable and fall off.
+    The norm of the paper's Definition 1 (Section IV-B); the H-infinity norm is a lower bound. It is
+    the integral of the impulse response's magnitude, from partial fractions (simple poles) and the
+    trapezoidal rule, within 1e-4. The transfer function must be stable and strictly proper.
     """
     poles = np.roots(transfer.denominator)
     residues = np.polyval(transfer.numerator, poles) / np.polyval(
@@ -100,7 +100,7 @@ def largest_weight(transfer: Transfer) -> float:
     """Largest alpha below which alpha |T| < 1 at every frequency, at most 1.
 
     Alpha is the predecessor's weight of eq. (5). Below this value the chain with the lead's data
-    contracts: an error that a vehicle adds is not amplified behind it.
+    contracts: an error added by a vehicle is not amplified behind it.
     """
     return min(1.0, 1.0 / peak(transfer).magnitude)
 
@@ -110,8 +110,9 @@ def largest_singular_value(
 ) -> Array:
     """sigma_max of (M_0 + B K)^-1 B K at each frequency (rad/s), Section IV-B; shape (n,).
 
-    From the states of one vehicle to those of the next, steered without lag. A matrix of rank one,
-    b k, has the singular value |b| |k|. It adds metres to radians, as the paper's norm does.
+    From the states of one vehicle to those of the next, with instantaneous steering. The matrix has
+    rank one, b k, and the singular value |b| |k|. As in the paper, the norm mixes metres and
+    radians.
     """
     s = 1j * np.asarray(frequencies, dtype=np.float64)
     plain = propagation(parameters, gains, speed, "instantaneous")
@@ -122,9 +123,9 @@ def largest_singular_value(
 
 
 def is_string_stable(norms: Sequence[float], slack: float = 0.0) -> bool:
-    """Definition 1 of Section IV-B: norms of the followers, first to last, do not increase.
+    """Whether norms do not increase from follower to follower (Definition 1, Section IV-B).
 
-    `slack` is the growth from one to the next, in the unit of the norms, that counts as none.
+    Growth from one follower to the next of up to `slack`, in the unit of the norms, is ignored.
     """
     return all(behind <= ahead + slack for ahead, behind in pairwise(norms))
 

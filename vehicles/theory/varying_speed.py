@@ -1,18 +1,18 @@
-"""Stability while the speed changes: accelerations that are certain to be harmless.
+"""Stability while the speed changes: accelerations with a stability certificate.
 
-Beyond Proposition 1 of the paper (Section IV-A), which states that some bound exists, this gives
-the number. While the speed v changes, z' = (A(1/v) + v' E) z (see `linear_model`; the paper leaves
-E out). Take V = w(v) z'P(v)z with A'P + PA = -Q for one fixed diagonal Q. Then
+Proposition 1 of the paper (Section IV-A) states that a bound exists; this module computes one.
+While the speed v changes, z' = (A(1/v) + v' E) z (see `linear_model`; the paper omits E). Let
+V = w(v) z'P(v)z with A'P + PA = -Q for one fixed diagonal Q. Then
 
     dV/dt = w(v) z' (-Q + v' (S + h P)) z,   S = dP/dv + PE + E'P,   h = (dw/dv) / w,
 
-and dP/dv = -P_gamma / v² from A'P_gamma + P_gamma A = -(A1'P + PA1). So V falls as long as
-v' (S + h P) < Q, for any v(t) within [slowest, fastest]: pointwise bounds on v', one for braking
-and one for accelerating, from the extreme eigenvalues. The weight w(v) > 0 is free; h is chosen at
-each speed so that both bounds are equal, which gains up to an order of magnitude over w = 1. Q is
-tuned so that the smallest bound over all speeds is large.
+and dP/dv = -P_gamma / v² from A'P_gamma + P_gamma A = -(A1'P + PA1). So V decreases as long as
+v' (S + h P) < Q, for any v(t) in [slowest, fastest]. The extreme eigenvalues give pointwise bounds
+on v', one for braking and one for accelerating. The weight w(v) > 0 is free. h makes both bounds
+equal at each speed, which increases them by up to an order of magnitude over w = 1. Q is tuned to
+make the smallest bound over all speeds large.
 
-The certificate covers the linear loop with continuous, undelayed measurement and unlimited
+The certificate is for the linear loop with continuous, undelayed measurement and unlimited
 steering.
 """
 
@@ -31,23 +31,23 @@ from vehicles.theory.linear_model import closed_loop, speed_change_matrix
 Array = NDArray[np.float64]
 
 SLOWEST = 2.0
-"""Default lower end (m/s) of the speeds a certificate covers: below it the plant model changes."""
+"""Default lowest speed (m/s) of a certificate; below it the plant model changes."""
 
 FASTEST = 36.0
-"""Default upper end (m/s), a little above a motorway's 130 km/h."""
+"""Default highest speed (m/s) of a certificate, 130 km/h."""
 
 UNIT_WEIGHTS = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
-"""Diagonal of Q = I, for comparison: far from the best."""
+"""Diagonal of Q = I, for comparison; far from optimal."""
 
 _TUNING_SPEEDS = 7
-"""Speeds at which Q is tuned, evenly spaced in ln v."""
+"""Number of speeds at which Q is tuned, evenly spaced in ln v."""
 
 
 @dataclass(frozen=True, slots=True)
 class AccelerationBounds:
     """Magnitudes (m/s²) below which braking and accelerating are certified; may be infinite.
 
-    Counterpart of mu* of Proposition 1, condition (iii), for which the paper has no number.
+    Counterpart of mu* of Proposition 1, condition (iii), for which the paper has no value.
     """
 
     braking: float
@@ -56,11 +56,11 @@ class AccelerationBounds:
 
 @dataclass(frozen=True, slots=True)
 class SpeedCertificate:
-    """Certified accelerations of one car and one choice of gains over an interval of speeds (m/s).
+    """Certified accelerations of one car with given gains over an interval of speeds (m/s).
 
     A sufficient bound for Proposition 1, condition (iii), by Lyapunov's method. `weights` is the
-    diagonal of Q in the units of the state. `holds` is whether the loop is stable at every constant
-    speed of the interval; if not, all bounds are zero.
+    diagonal of Q in the units of the state. `holds`: the loop is stable at every constant speed of
+    the interval; otherwise all bounds are zero.
     """
 
     parameters: VehicleParameters
@@ -73,7 +73,7 @@ class SpeedCertificate:
     def bounds(self, speed: float) -> AccelerationBounds:
         """Certified braking and acceleration (m/s²) at `speed` (m/s); zero outside the interval.
 
-        By Lyapunov's method, see the module; Proposition 1 has no number.
+        By Lyapunov's method, see the module; for Proposition 1 (iii).
         """
         if not (self.holds and self.slowest <= speed <= self.fastest):
             return AccelerationBounds(0.0, 0.0)
@@ -88,9 +88,9 @@ def certify(
     slowest: float = SLOWEST,
     fastest: float = FASTEST,
 ) -> SpeedCertificate:
-    """Certificate over [slowest, fastest] (m/s) with a tuned Q, for Proposition 1 (iii).
+    """Compute a certificate over [slowest, fastest] (m/s) with tuned Q, for Proposition 1 (iii).
 
-    A narrower interval gives larger bounds. Takes some 50 ms; cached.
+    A narrower interval gives larger bounds. Takes about 50 ms; cached.
     """
     if not is_stable_over(parameters, gains, slowest, fastest):
         return SpeedCertificate(parameters, gains, slowest, fastest, UNIT_WEIGHTS, holds=False)
@@ -108,7 +108,7 @@ def certified_acceleration(
 ) -> tuple[float, float]:
     """Certified (braking, accelerating) in m/s² at `speed` (m/s), for Proposition 1 (iii).
 
-    (0, 0) if the speed is outside [slowest, fastest] or the loop is not stable all over it.
+    (0, 0) if the speed is outside [slowest, fastest] or the loop is not stable in all of it.
     """
     bounds = certify(parameters, gains, slowest, fastest).bounds(speed)
     return bounds.braking, bounds.accelerating
@@ -122,10 +122,10 @@ def lyapunov_change(
     *,
     speed_term: bool = True,
 ) -> tuple[Array, Array]:
-    """Q^-1/2 S Q^-1/2 and Q^-1/2 P Q^-1/2 of the module's text, each (6, 6), at `speed`.
+    """Q^-1/2 S Q^-1/2 and Q^-1/2 P Q^-1/2 (see the module), each (6, 6), at `speed` (m/s).
 
-    P solves Lyapunov's equation, and so does its derivative in gamma. Without `speed_term` E is
-    left out, as in the A(gamma(t)) of Proposition 1.
+    P and its derivative with respect to gamma solve Lyapunov's equation. Without `speed_term` E is
+    omitted, as in the A(gamma(t)) of Proposition 1.
     """
     constant, inverse_speed = closed_loop(parameters, gains)
     root = np.sqrt(np.array(weights))
@@ -157,9 +157,9 @@ def bounds_from(change: Array) -> AccelerationBounds:
 def balancing_growth(change: Array, energy: Array) -> float:
     """Growth rate h (s/m) of the weight w(v) that makes both bounds at this speed equal.
 
-    The largest eigenvalue of S + h P rises with h and so does the smallest, P being positive
-    (Weyl's inequality); their sum has one zero, and there the larger of the two magnitudes is
-    least. Found by Brent's method.
+    The largest and the smallest eigenvalue of S + h P increase with h, as P is positive definite
+    (Weyl's inequality). Their sum has one zero, which minimises the larger magnitude. Uses Brent's
+    method.
     """
 
     def imbalance(growth: float) -> float:
@@ -175,9 +175,9 @@ def tuned_weights(
 ) -> tuple[float, ...]:
     """Diagonal of Q for which the smallest balanced bound over `speeds` is large.
 
-    Minimises a high norm of all eigenvalues of Q^-1/2 (S + h P) Q^-1/2 over ln Q and the h of every
-    speed (BFGS method), raising the norm in steps towards the maximum. Deterministic, and rounded
-    to three digits so that the last bits of a linear algebra library do not matter. Any Q > 0 is
+    Minimises a high p-norm of all eigenvalues of Q^-1/2 (S + h P) Q^-1/2 over ln Q and the h of
+    every speed (BFGS method), with increasing p. The result is deterministic: it is rounded to
+    three digits, so that the last bits of a linear algebra library do not matter. Any Q > 0 is
     valid.
     """
     changes, energies = _basis(parameters, gains, speeds)

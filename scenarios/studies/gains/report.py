@@ -232,7 +232,7 @@ def _at_loading(subject: Subject, loading: Loading) -> AtLoading:
     car, speed = loaded(parameters, loading), subject.reference
     roots = np.sort_complex(np.roots(characteristic_polynomial(car, gains, speed)))
     moved = loaded_with_moved_centre(parameters, loading)
-    unknown_load = steady_cornering(car, gains, speed, CURVE, known=parameters)
+    unknown_load = steady_cornering(car, gains, speed, CURVE, assumed=parameters)
     return AtLoading(
         front_passengers=loading.front_passengers,
         rear_passengers=loading.rear_passengers,

@@ -25,7 +25,9 @@ CARS = {
 def transfer(key: RunKey) -> Transfer:
     """F(jω) of a case, from the path a car follows to its own; its controller knows no load."""
     speed, loading = CARS.get(key, BASE_CAR)
-    return trace_propagation(loaded(LINCOLN_MKZ, loading), NOMINAL_GAINS, speed, known=LINCOLN_MKZ)
+    return trace_propagation(
+        loaded(LINCOLN_MKZ, loading), NOMINAL_GAINS, speed, assumed=LINCOLN_MKZ
+    )
 
 
 def linear(findings: Findings, key: RunKey) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -159,7 +159,7 @@ def test_place_beyond_the_centre_of_a_bend_gives_a_finite_projection() -> None:
 
 def test_impossible_paths_are_refused() -> None:
     ramp, flat = np.arange(3.0), np.zeros(3)
-    with pytest.raises(ValueError, match="one length"):
+    with pytest.raises(ValueError, match="same length"):
         SampledPath(ramp, flat, flat, flat, np.zeros(2))
     with pytest.raises(ValueError, match="two samples"):
         SampledPath(np.zeros(1), np.zeros(1), np.zeros(1), np.zeros(1), np.zeros(1))

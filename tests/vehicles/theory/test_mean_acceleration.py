@@ -85,5 +85,5 @@ def test_accelerations_of_a_constant_speed_do_nothing() -> None:
 
 
 def test_unstable_gains_have_no_bound() -> None:
-    with pytest.raises(ValueError, match="not stable at every speed"):
+    with pytest.raises(ValueError, match="not stable"):
         integral_bound(LINCOLN_MKZ, Gains(0.06, -0.5, 0.08), SLOWEST, FASTEST)

@@ -95,7 +95,7 @@ def test_trace_propagation_from_the_error_model(
         column = curvature_input(car, speed, known) + s * curvature_rate_input(speed)
         curvature = s**2 / speed**2
         error = np.linalg.solve(s * np.eye(6) - matrix, column * curvature)
-        found = trace_propagation(car, gains, speed, known=known).at(np.array([s.imag]))[0]
+        found = trace_propagation(car, gains, speed, assumed=known).at(np.array([s.imag]))[0]
         assert found == pytest.approx(1.0 + error[0], rel=1e-7)
 
 
