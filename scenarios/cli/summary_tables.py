@@ -26,7 +26,8 @@ MOST_CHANGES = 3
 """Changes in the title."""
 REQUESTED_LOSS = re.compile(r", loss [\d.]+( to [\d.]+)? %")
 """Part of a scenario's title."""
-LATE_NEWS_RATIO, LATE_LINK_RATIO = 0.001, 0.01
+LATE_NEWS_RATIO = 0.01
+"""Share of late ticks or messages from which a table carries news."""
 MOST_EVENTS, MOST_NEW_EVENTS = 40, 10
 MOST_HOLES = 10
 MOST_LINKS = 40
@@ -245,7 +246,7 @@ def _tables(summary: RunSummary, tables: Tables) -> Iterator[tuple[bool, Table]]
 
 
 def _has_process_news(row: VehicleSummary) -> bool:
-    """Whether poses are missing, messages were refused, or more than 0.1 % of the ticks late."""
+    """Whether poses are missing, messages were refused, or more than 1 % of the ticks late."""
     return bool(
         row.missing_poses or row.rejected_messages or row.late_ticks > LATE_NEWS_RATIO * row.ticks
     )
@@ -255,7 +256,7 @@ def _has_link_news(row: LinkSummary, warnings: Sequence[str]) -> bool:
     """Whether a link was cut, altered messages, was late, or deviated from its request."""
     deviates = any(line.startswith(f"{_link_name(row)}: ") for line in warnings)
     return bool(
-        deviates or row.false or "cut" in row.dropped or row.late > LATE_LINK_RATIO * row.judged
+        deviates or row.false or "cut" in row.dropped or row.late > LATE_NEWS_RATIO * row.judged
     )
 
 

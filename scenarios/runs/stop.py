@@ -154,6 +154,11 @@ def stop_on_signals() -> Stop:
     return stop
 
 
+def ignore_hangup() -> None:
+    """Let the run go on when its terminal goes away; what cannot be printed fails the command."""
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+
+
 def ignore_signals() -> None:
     """Ignore SIGINT and SIGTERM between the end of the work and the exit.
 

@@ -21,7 +21,7 @@ from scenarios.cli.display_options import DisplayOptions, Tables
 from scenarios.cli.error_lines import clear_errors
 from scenarios.cli.guide import completion
 from scenarios.cli.output import unwritable_output_reported
-from scenarios.runs.stop import stop_on_request
+from scenarios.runs.stop import ignore_hangup, stop_on_request
 
 if TYPE_CHECKING:  # help needs none of these slow imports
     from scenarios.definition.scenario import Scenario
@@ -73,6 +73,7 @@ def run(
     """
     from scenarios.cli.running.launching import run_scenario
 
+    ignore_hangup()
     with clear_errors():
         sys.exit(
             run_scenario(
@@ -160,6 +161,7 @@ def vehicle(
     from scenarios.runs.processes.vehicle_process import run_vehicle
 
     name_process(name)
+    ignore_hangup()
     with clear_errors():
         # A forked process inherits the scenario.
         convoy = known or load_scenario(scenario, overrides, seed)
@@ -221,6 +223,7 @@ def record(
     from scenarios.runs.processes.membership import checked_run_name
 
     name_process("recorder")
+    ignore_hangup()
     with clear_errors():
         convoy = known or load_scenario(scenario, overrides, seed)
         sys.exit(
