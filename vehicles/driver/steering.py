@@ -20,24 +20,24 @@ class SteeringCommand:
 
 
 class LateralController(Protocol):
-    """Interface of a lateral controller (Fig. 1), for the shipped ones and a user's own.
+    """Interface of a lateral controller (Fig. 1), shipped or user-defined.
 
-    A controller is a class in a module that Python can import; a module in the working folder is
-    found. A scenario names it by its dotted name, `module.Class`, in `control.controller` or for
-    one vehicle in `vehicle.NAME.control.controller`. Every vehicle has an object of its own, built
-    as `Class(parameters, gains)`:
+    A controller is a class in a module that Python can import, for example from the working folder.
+    A scenario selects it by its dotted name, `module.Class`, in `control.controller`, or for one
+    vehicle in `vehicle.NAME.control.controller`. Each vehicle has its own instance, constructed as
+    `Class(parameters, gains)`:
 
-    parameters   `VehicleParameters` that are assumed of the car (SI units)
-    gains        `Gains` of the table `control.gains`; a law may ignore them
+    parameters   `VehicleParameters` assumed of the car (SI units)
+    gains        `Gains` of the table `control.gains`; a controller may ignore them
 
-    It may keep a state. It has no clock of its own and should draw no random numbers, so that the
-    same seed gives the same run: `steer` is called once at every control instant, every
-    1/`control.rate_hz` seconds of the run; with `fusion = "blend"` once for each of the two
-    trajectories. The car turns its wheels no further than `parameters.steering_limit` (rad).
+    A controller may keep state. It must not use a clock and should not draw random numbers, so that
+    the same seed gives the same run. `steer` is called once per control instant, every
+    1/`control.rate_hz` seconds of the run; with `fusion = "blend"` once per trajectory. Wheel
+    angles are limited to `parameters.steering_limit` (rad).
 
-    Before a run it is built and called once, on a straight at 10 m/s without errors; a controller
-    that fails is refused. In a run an exception, or a command that is not finite, ends the run with
-    one line, or only its vehicle where `convoy.on_vehicle_failure = "continue"`.
+    Before a run the controller is constructed and called once, on a straight at 10 m/s without
+    errors; if this fails the scenario is refused. During a run an exception or a non-finite command
+    ends the run with one line, or only its vehicle if `convoy.on_vehicle_failure = "continue"`.
     """
 
     def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
@@ -51,7 +51,7 @@ class LateralController(Protocol):
 
 
 class ControllerError(ValueError):
-    """A controller that breaks the contract of `LateralController`, in one line."""
+    """A controller violates the contract of `LateralController`; the message is one line."""
 
 
 def limited(feedforward: float, feedback: float, limit: float) -> SteeringCommand:
@@ -67,7 +67,7 @@ class FeedforwardFeedback:
         self.assume(parameters)
 
     def assume(self, parameters: VehicleParameters) -> None:
-        """Assume other parameters of the car for K_sg, eq. (6)."""
+        """Replace the assumed parameters of the car for K_sg, eq. (6)."""
         self._wheelbase = parameters.wheelbase
         self._steer_gradient = parameters.steer_gradient
         self._limit = parameters.steering_limit
@@ -85,32 +85,30 @@ class FeedforwardFeedback:
 
 
 class SlipCompensated:
-    """The paper's law, eqs. (6) and (7), about the motion that keeps the car on its path.
+    """The paper's law, eqs. (6) and (7), relative to the motion that keeps the car on its path.
 
-    A car that corners does not point along its path: on an arc of curvature κ its body stands at
-    the slip angle β = κ l, l = b - m a v²/((a+b) C_r), to it (eqs. (1), (2) at rest). The paper's
-    heading error θ̃ therefore settles at -β, and since the feedback then balances itself, e_lat at
-    k_θ β / k_e: 2 cm at 30 m/s on 500 m, but 3 m at walking pace on a radius of 8 m. Where the
-    curvature changes, slip and steering take a while to settle as well. So θ̃ is compared with that
-    of a car that keeps to the path behind and ahead (`path_keeping`), and the feedforward is the
-    steering of that car.
+    A cornering car does not point along its path: on an arc of curvature κ its body has the slip
+    angle β = κ l, l = b - m a v²/((a+b) C_r) (eqs. (1), (2), steady state). The paper's heading
+    error θ̃ therefore settles at -β, and e_lat at k_θ β / k_e: 2 cm at 30 m/s on a radius of 500 m,
+    but 3 m at walking pace on 8 m. So θ̃ is compared with that of a car that keeps to the path
+    behind and ahead (`path_keeping`), and the feedforward is the steering of that car.
 
-    To first order in the distance driven its yaw rate is vκ for the curvature l behind it, with
-    which dθ/dt is compared. Where l < 0, in fast cars, that would be ahead, and the curvature
-    beside the car is used: followers learn late of a change, and there the difference is a lead.
+    To first order the yaw rate of that car is v times the curvature at the distance l behind it. If
+    l < 0, in fast cars, the curvature beside the car is used instead, because followers learn of a
+    change late.
 
-    Where the bend of a trajectory begins too early or too late, the errors of its heading beside
-    the car and of its curvature behind have opposite signs, so that in θ̃ both add up if l > 0, as
-    below 24 to 27 m/s, and cancel in part if l < 0. In slower cars the curvature behind is
-    therefore that of the path followed there, in fast ones that of the trajectory.
+    If the bend of a trajectory begins too early or too late, its errors of heading beside the car
+    and of curvature behind it add up in θ̃ for l > 0 (below 24 to 27 m/s), and partly cancel for
+    l < 0. Slower cars therefore use the curvature of the path as it was followed, faster ones that
+    of the trajectory.
 
-    Eq. (4) responds to a command late by 2ζ/ω_n, and being underdamped sharpens it: to second order
-    it is exp(-2ζ s/ω_n) exp(-(1 - 2ζ²) s²/ω_n²). The wheels are therefore commanded that much
-    ahead, and each command is a mean, with weights 1/4, 1/2, 1/4, over three places v times
-    2 sqrt(1 - 2ζ²)/ω_n apart, whose second-order term is the inverse. That rounds off a jump Δa of
-    the lateral acceleration by Δa (1 - 2ζ²)/(2 ω_n²): 1.3 mm at 1.8 m/s².
+    The steering actuator, eq. (4), lags by 2ζ/ω_n and, being underdamped, overshoots: to second
+    order it is exp(-2ζ s/ω_n) exp(-(1 - 2ζ²) s²/ω_n²). Commands are therefore issued that much
+    earlier, each as a mean with weights 1/4, 1/2, 1/4 over three stations v 2 sqrt(1 - 2ζ²)/ω_n
+    apart, which inverts the second-order term. This rounds off a jump Δa of the lateral
+    acceleration by Δa (1 - 2ζ²)/(2 ω_n²): 1.3 mm at 1.8 m/s².
 
-    On straights the law is the paper's, and so are the closed loop's poles everywhere.
+    On straights the law equals the paper's; the poles of the closed loop are the same everywhere.
     """
 
     HOLD = 0.01
@@ -124,12 +122,12 @@ class SlipCompensated:
         self._apart = 2.0 * sqrt(max(1.0 - 2.0 * damping * damping, 0.0)) / frequency
 
     def assume(self, parameters: VehicleParameters) -> None:
-        """Assume other parameters of the car for eqs. (1), (2) and (6)."""
+        """Replace the assumed parameters of the car for eqs. (1), (2) and (6)."""
         self._keeping = PathKeeping(parameters)
         self._limit = parameters.steering_limit
 
     def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
-        """Steer by eqs. (6) and (7), with θ̃ and dθ̃/dt against those of a car on the path."""
+        """Steer by eqs. (6) and (7), with θ̃ and dθ̃/dt relative to a car that keeps to the path."""
         keeping, gains = self._keeping, self._gains
         delay, apart = speed * self._delay, speed * self._apart
         slip = keeping.slip(speed)
@@ -148,22 +146,22 @@ class SlipCompensated:
 
 
 class Stanley:
-    """The law of the robot Stanley, to compare the paper's against.
+    """The law of the robot Stanley, for comparison.
 
     G. M. Hoffmann, C. J. Tomlin, M. Montemerlo, S. Thrun, "Autonomous automobile trajectory
     tracking for off-road driving", American Control Conference 2007; S. Thrun et al., "Stanley: the
-    robot that won the DARPA Grand Challenge", Journal of Field Robotics 23(9), 2006. It looks at
-    the front axle: wheels along the path there, plus the arctangent of its lateral error over
-    speed, plus yaw damping, plus the slip angle that the front tyres need on a steady curve. The
-    paper's gains are ignored.
+    robot that won the DARPA Grand Challenge", Journal of Field Robotics 23(9), 2006. The wheels
+    point along the path at the front axle, plus the arctangent of its lateral error over speed,
+    plus yaw damping, plus the slip angle of the front tyres on a steady curve. The paper's gains
+    are ignored.
     """
 
     CROSS_TRACK = 2.5
     """Rate at which the front axle's lateral error decays (1/s)."""
     SOFTENING = 1.0
-    """Keeps the arctangent gentle near standstill (m/s)."""
+    """Limits the arctangent near standstill (m/s)."""
     DAMPING = 0.06
-    """Share of the yaw-rate error taken back (s)."""
+    """Steering per yaw-rate error (s)."""
 
     def __init__(self, parameters: VehicleParameters, gains: Gains = NOMINAL_GAINS) -> None:  # noqa: ARG002 - every controller is built alike
         self._parameters = parameters
@@ -175,8 +173,8 @@ class Stanley:
     def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
         """Bring the front axle back to the path (Hoffmann et al., 2007).
 
-        The path at the front axle is taken from its curvature at the centre of gravity: it has
-        turned by κa and lies aside by κa²/2. The feedforward is all that stems from κ.
+        The path at the front axle is extrapolated from its curvature κ at the centre of gravity: it
+        has turned by κa and is offset by κa²/2. The feedforward are all terms with κ.
         """
         ahead, kappa = self._parameters.front_axle_distance, errors.curvature
         front = errors.lateral + ahead * sin(errors.heading) - 0.5 * kappa * ahead * ahead
@@ -190,21 +188,21 @@ class Stanley:
 
 
 class PurePursuit:
-    """Pure pursuit, to compare the paper's law against.
+    """Pure pursuit, for comparison.
 
     R. C. Coulter, "Implementation of the pure pursuit path tracking algorithm", CMU-RI-TR-92-01,
     1992; J. M. Snider, "Automatic steering methods for autonomous automobile path tracking",
     CMU-RI-TR-09-08, 2009, for the bicycle and a look-ahead distance that grows with speed. The rear
-    axle is to drive the circle that touches the car's axis and passes a goal point ahead on the
-    path. It knows neither the slip of the tyres nor the yaw rate; the paper's gains are ignored.
+    axle follows the circle that is tangent to the car's axis and passes through a goal point ahead
+    on the path. Tyre slip, yaw rate and the paper's gains are ignored.
     """
 
     LOOK_AHEAD = 0.5
     """Look-ahead distance over speed (s)."""
     LOOK_AHEAD_LEAST = 1.5
-    """Least look-ahead distance, in wheelbases."""
+    """Smallest look-ahead distance, in wheelbases."""
     STEPS = 16
-    """Points per look-ahead distance at which the goal point is sought."""
+    """Search points for the goal per look-ahead distance."""
 
     def __init__(self, parameters: VehicleParameters, gains: Gains = NOMINAL_GAINS) -> None:  # noqa: ARG002 - every controller is built alike
         self._parameters = parameters
@@ -212,7 +210,7 @@ class PurePursuit:
     def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
         """δ = atan(2 (a+b) sin α / l_d), α being the goal's bearing from the rear axle (Coulter).
 
-        The feedforward is what the path's curvature beside the car asks for, the feedback the rest.
+        The feedforward follows from the path's curvature beside the car, the feedback is the rest.
         """
         car, heading = self._parameters, errors.heading
         reach = max(self.LOOK_AHEAD_LEAST * car.wheelbase, self.LOOK_AHEAD * abs(speed))
@@ -227,10 +225,10 @@ class PurePursuit:
     def _goal(
         self, errors: TrackingErrors, x: float, y: float, reach: float
     ) -> tuple[float, float]:
-        """Go along the path to the first place `reach` (m) from (x, y), in the foot point's frame.
+        """First point of the path at distance `reach` (m) from (x, y), in the foot point's frame.
 
-        The foot point itself if the car is further away than that; half a turn on a circle that is
-        too small.
+        The foot point itself if the car is further away than `reach`; the search ends at twice
+        `reach` if the path turns in a smaller circle.
         """
         step = reach / self.STEPS
         goal_x = goal_y = turned = 0.0
@@ -252,10 +250,9 @@ class PurePursuit:
 
 
 class GuardedController:
-    """A user's own controller (Section III-C): its faults become a ControllerError."""
+    """Wraps a user's controller (Section III-C), and converts its faults to ControllerError."""
 
     def __init__(self, controller: LateralController, name: str) -> None:
-        """`name` is the dotted name under which it was loaded."""
         self._controller = controller
         self._name = name
 
@@ -269,16 +266,16 @@ class GuardedController:
         if not isinstance(command, SteeringCommand):
             given = type(command).__name__
             raise ControllerError(
-                f"controller {self._name!r}: steer() returned {given}, needed is a SteeringCommand"
+                f"controller {self._name!r}: steer() returned {given}, expected a SteeringCommand"
             )
         for part in ("steering", "feedforward", "feedback"):
             value: object = getattr(command, part)
             if not isinstance(value, (int, float)) or not isfinite(value):
                 raise ControllerError(
-                    f"controller {self._name!r}: steer() returned {part} = {value!r}, needed is a "
+                    f"controller {self._name!r}: steer() returned {part} = {value!r}, expected a "
                     "finite number of radians"
                 )
-        # Plain numbers, also where the controller returns NumPy's.
+        # The controller may return NumPy scalars.
         return SteeringCommand(
             float(command.steering), float(command.feedforward), float(command.feedback)
         )
@@ -291,8 +288,8 @@ def _described(error: BaseException) -> str:
 def load_controller(name: str, parameters: VehicleParameters, gains: Gains) -> LateralController:
     """Build the controller class of a dotted name such as `vehicles.driver.steering.Stanley`.
 
-    Raises ControllerError if there is no such class, or if it cannot be built. A class of another
-    module is guarded.
+    A class of another module is wrapped in a `GuardedController`. Raises ControllerError if there
+    is no such class, or if it cannot be built.
     """
     module_name, _, class_name = name.rpartition(".")
     if not module_name or not class_name:
@@ -317,5 +314,5 @@ def load_controller(name: str, parameters: VehicleParameters, gains: Gains) -> L
 
 
 def try_out(controller: LateralController) -> None:
-    """Call it once, on a straight at 10 m/s without errors; raises ControllerError."""
+    """Call `steer` once, on a straight at 10 m/s without errors; raises ControllerError."""
     controller.steer(TrackingErrors(lateral=0.0, heading=0.0, yaw_rate=0.0, curvature=0.0), 10.0)

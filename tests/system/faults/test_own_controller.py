@@ -30,7 +30,7 @@ class Other(FeedforwardFeedback):
         pass
 """
 RAISED = "v2: controller 'own.Raising': steer() raised RuntimeError: lost my way, "
-DIZZY = "v3: controller 'own.Dizzy': steer() returned steering = nan, needed is a finite number"
+DIZZY = "v3: controller 'own.Dizzy': steer() returned steering = nan"
 GOES_ON = "; the convoy goes on without it"
 
 

@@ -1,8 +1,8 @@
-"""What a driver knows of its own car.
+"""State estimation of the own car.
 
-own_state        interface of the own pose; exact knowledge of it
-pose_estimator   from its sensors: a Kalman filter
+own_state        interface of the own pose, and the exact state
+pose_estimator   Kalman filter of the own sensors
 late_fixes       the same filter for fixes that arrive late
 covariance       covariance of the estimate
-slip_estimator   how heavily it is laden, from how it answers its steering
+slip_estimator   load of the car, from its response to steering
 """

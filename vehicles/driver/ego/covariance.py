@@ -1,23 +1,20 @@
-"""Covariance of a pose estimate, and how it grows and shrinks: two small Kalman filters.
+"""Covariance of a pose estimate: two small Kalman filters with explicit formulas.
 
-In the frame of the body, errors along it and across it are estimated apart from one another: the
-position error is alike in both to begin with, and what they have in common afterwards (a turn of
-the body by half a radian while an error lasts) is left out. All formulas are written out; an error
-is true value minus estimate.
-
-A gain is the covariance of the measured state with the one to correct, over the variance of the
-measured state and that of the measurement.
+In the body frame, errors along and across are estimated separately. Their correlation, which arises
+if the body turns by half a radian while an error lasts, is neglected. An error is true value minus
+estimate. A gain is the covariance of the measured state with the one to correct, divided by the
+variances of measured state plus measurement.
 """
 
 from dataclasses import dataclass
 
 EXACT = 1.0, 0.0, 0.0
-"""Gains of a measurement without noise, of a state that is known exactly: taken over as it is."""
+"""Gains for a noise-free measurement of an exactly known state."""
 
 
 @dataclass(slots=True)
 class AlongCovariance:
-    """Covariance of the place along the body (a, m) and the speed's bias (s, m/s); a' = -s.
+    """Covariance of the position along the body (a, m) and the speed bias (s, m/s); a' = -s.
 
     Source: Kalman, Journal of Basic Engineering 82, 1960.
     """
@@ -31,8 +28,8 @@ class AlongCovariance:
         self.aa += span * (density + span * self.ss - 2.0 * self.sa)
         self.sa -= span * self.ss
 
-    def by_place(self, innovation: float, variance: float) -> tuple[float, float]:
-        """Correct by a measured place; returns the corrections of place and bias."""
+    def by_position(self, innovation: float, variance: float) -> tuple[float, float]:
+        """Correct by a measured position; returns the corrections of position and bias."""
         total = self.aa + variance
         gain, bias_gain = (self.aa / total, self.sa / total) if total > 0.0 else EXACT[:2]
         ss = self.ss - bias_gain * self.sa
@@ -42,7 +39,7 @@ class AlongCovariance:
         return gain * innovation, bias_gain * innovation
 
     def by_bias(self, innovation: float, variance: float) -> tuple[float, float]:
-        """Correct by a measured bias; returns the corrections of place and bias."""
+        """Correct by a measured bias; returns the corrections of position and bias."""
         total = self.ss + variance
         gain, place_gain = (self.ss / total, self.sa / total) if total > 0.0 else EXACT[:2]
         aa = self.aa - place_gain * self.sa
@@ -54,9 +51,9 @@ class AlongCovariance:
 
 @dataclass(slots=True)
 class AcrossCovariance:
-    """Covariance of place across the body (c, m), heading (h, rad) and gyroscope bias (g, rad/s).
+    """Covariance of position across the body (c, m), heading (h, rad), gyroscope bias (g, rad/s).
 
-    c' = v h + l h', h' = -g with the speed v and the steady slip per yaw rate l.
+    c' = v h + l h', h' = -g with the speed v and the steady slip l per yaw rate.
     Source: Kalman, Journal of Basic Engineering 82, 1960.
     """
 
@@ -70,9 +67,9 @@ class AcrossCovariance:
     def grow(
         self, span: float, distance: float, slip: float, across: float, heading: float
     ) -> None:
-        """Predict over `span` (s) and `distance` (m), at `slip` l (m).
+        """Predict over `span` (s) and `distance` (m), with `slip` l (m).
 
-        With random walks of density `across` (m²/s) and of `heading` (rad²/s).
+        The random walks have the densities `across` (m²/s) and `heading` (rad²/s).
         """
         across, heading = across * span, heading * span
         g, gh = -span * (0.5 * distance + slip), self.gh
@@ -86,8 +83,8 @@ class AcrossCovariance:
         self.hh += span * (span * self.gg - 2.0 * gh) + heading
         self.gh = gh - span * self.gg
 
-    def by_place(self, innovation: float, variance: float) -> tuple[float, float, float]:
-        """Correct by a measured place; returns the corrections of place, heading, bias."""
+    def by_position(self, innovation: float, variance: float) -> tuple[float, float, float]:
+        """Correct by a measured position; returns the corrections of position, heading, bias."""
         total = self.cc + variance
         c, h, g = (self.cc / total, self.hc / total, self.gc / total) if total > 0.0 else EXACT
         hh = self.hh - h * self.hc
@@ -101,7 +98,7 @@ class AcrossCovariance:
         return c * innovation, h * innovation, g * innovation
 
     def by_heading(self, innovation: float, variance: float) -> tuple[float, float, float]:
-        """Correct by a measured heading; returns as `by_place`."""
+        """Correct by a measured heading; returns as `by_position`."""
         total = self.hh + variance
         h, c, g = (self.hh / total, self.hc / total, self.gh / total) if total > 0.0 else EXACT
         cc = self.cc - c * self.hc
@@ -115,7 +112,7 @@ class AcrossCovariance:
         return c * innovation, h * innovation, g * innovation
 
     def by_bias(self, innovation: float, variance: float) -> tuple[float, float, float]:
-        """Correct by a measured bias of the gyroscope; returns as `by_place`."""
+        """Correct by a measured bias of the gyroscope; returns as `by_position`."""
         total = self.gg + variance
         g, c, h = (self.gg / total, self.gc / total, self.gh / total) if total > 0.0 else EXACT
         cc = self.cc - c * self.gc

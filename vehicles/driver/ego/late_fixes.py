@@ -1,9 +1,9 @@
-"""Own fixes that arrive late: the estimate of their instant is corrected, and predicted to now.
+"""Own fixes that arrive late.
 
-A Kalman filter takes measurements in order of time. So one filter waits at the last fix, with the
-readings since then stored; a late fix finds it moved to its own instant, and the readings after it
-are applied again (out-of-sequence measurements by recomputation; Y. Bar-Shalom, X. R. Li,
-T. Kirubarajan, "Estimation with Applications to Tracking and Navigation", 2001).
+A Kalman filter needs measurements in order of time. So one filter stays at the instant of the last
+fix, and later readings are stored. A late fix corrects it at the fix's own instant, and the stored
+readings are then applied again (out-of-sequence measurements by recomputation; Y. Bar-Shalom,
+X. R. Li, T. Kirubarajan, "Estimation with Applications to Tracking and Navigation", 2001).
 """
 
 from collections import deque
@@ -17,20 +17,20 @@ from vehicles.driver.ego.pose_estimator import PoseEstimator
 
 
 class LatePoseEstimator:
-    """A `PoseEstimator` (Kalman, Section V-D) of a car whose fixes come `latency` (ns) late."""
+    """A `PoseEstimator` (Kalman, Section V-D) for fixes that arrive `latency` (ns) late."""
 
     def __init__(self, estimator: PoseEstimator, latency: int) -> None:
-        """`estimator` has a start, if the first fix comes after the start."""
+        """`estimator` needs a `start` if the first fix arrives after the first reading."""
         self._past, self._present = estimator, estimator.copy()
         self._latency = latency
         self._readings: deque[tuple[int, Motion]] = deque()
 
     def update(self, now: int, fix: Fix | None, motion: Motion | Body | None) -> None:
-        """Take in a reading of `now` (ns) and an earlier fix."""
+        """Process a reading of `now` (ns) and an earlier fix."""
         if motion is not None:
             self._readings.append((now, Motion(motion.speed, motion.yaw_rate)))
             self._present.move(now, motion.speed, motion.yaw_rate)
-        # No later fix is older, so the stored readings do not grow in a tunnel.
+        # No later fix is older than this, so stored readings do not accumulate in a tunnel.
         until = now - self._latency if fix is None else fix.measured_at
         while self._readings and self._readings[0][0] <= until:
             at, reading = self._readings.popleft()

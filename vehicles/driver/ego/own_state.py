@@ -1,4 +1,4 @@
-"""The own pose of a car: its interface, and the car that knows it exactly."""
+"""The own pose of a car: interface of its estimators, and the exact state."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -38,7 +38,7 @@ class OwnState(Protocol):
     """Estimates the own pose: the vehicle block of Fig. 1, with the integration of V-D."""
 
     def update(self, now: int, fix: Fix | None, motion: Motion | Body | None) -> None:
-        """Take in what the car measured at `now` (ns): an own fix, a reading, or none."""
+        """Process the measurements at `now` (ns): an own fix, a reading, both or none."""
         ...
 
     def at(self, now: int) -> Pose:
@@ -47,7 +47,7 @@ class OwnState(Protocol):
 
 
 class ExactState:
-    """The true state of the car, as an exact sensor gives it (the simulations of Section V-C)."""
+    """The true state of the car, from an exact sensor (the simulations of Section V-C)."""
 
     def __init__(self) -> None:
         self._pose: Pose | None = None

@@ -1,16 +1,16 @@
 """Pose estimate of the own car: dead reckoning, corrected by its own fixes.
 
-An error-state Kalman filter. The pose moves on by the readings of the inertial sensor, sideways
-with the slip that the single-track model has at that yaw rate (`vehicles.car.dead_reckoning`). A
-fix corrects position, heading and the biases of the sensor; by how much follows from the stated
-noise of both and from the growth since the last fix, so nothing is to be tuned.
+An error-state Kalman filter. The pose is predicted from the readings of the inertial sensor, with
+the lateral slip of the single-track model (`vehicles.car.dead_reckoning`). A fix corrects position,
+heading and the sensor biases. The gains follow from the stated noise of both and the covariance
+since the last fix, so there is nothing to tune.
 
-At 30 m/s with the usual sensors (50 Hz; fixes of 2 cm and 0.1 deg at 20 Hz) a fix has a gain of a
-tenth on a straight and of a third on an arc of 500 m, where the slip may be wrong because the load
-is unknown.
+At 30 m/s with the usual sensors (50 Hz; fixes of 2 cm and 0.1 deg at 20 Hz) the gain of a fix is
+0.1 on a straight, and 0.3 on an arc of 500 m, where the slip is uncertain because the load is
+unknown.
 
-Errors of fixes are assumed white. Lasting ones (drift, a bias) cannot be distinguished from the
-car's own motion: the estimate follows them, smoothed, and its covariance is too small.
+Errors of fixes are assumed white. Lasting errors (drift, bias) cannot be distinguished from the
+car's motion: the estimate follows them, smoothed, and its covariance is too small.
 """
 
 import math
@@ -29,32 +29,31 @@ from vehicles.geometry.geodesy import wrap_angle
 from vehicles.schedule import SECOND
 
 GATE: Final = 6.0
-"""An innovation of more than this number of standard deviations is no noise."""
+"""Innovations beyond this number of standard deviations are outliers."""
 
 JUMP_DISTANCE: Final = 0.5
 JUMP_GROWTH: Final = 3.0
-"""Largest distance (m, and m/s times the age of the last fix) of a sliding car from dead
-reckoning."""
+"""Largest distance of a sliding car from dead reckoning (m, and m/s times the age of the last fix).
+"""
 
 JUMP_HEADING: Final = 0.1
 JUMP_TURNING: Final = 0.5
-"""The same of its heading (rad, rad/s)."""
+"""The same for its heading (rad, rad/s)."""
 
 JUMPS_ACCEPTED: Final = 3
-"""After this number of outliers in a row that agree with one another the filter restarts there."""
+"""After this number of consecutive outliers that agree with one another the filter restarts."""
 
 ACCELERATION: Final = 3.0
 YAW_ACCELERATION: Final = 1.0
-"""By how much (m/s², rad/s²) speed and yaw rate may have changed since the last reading."""
+"""Assumed rates of change (m/s², rad/s²) of speed and yaw rate since the last reading."""
 
 
 class PoseEstimator:
-    """Estimates the pose of the vehicle that has `parameters` from its own sensors.
+    """Kalman filter for the pose of a vehicle with `parameters` (integrated GPS and IMU of V-D).
 
-    A Kalman filter, in place of the integrated GPS and IMU of Section V-D. `imu_rate_hz` is the
-    rate of the readings. Until there is one, speed and yaw rate are those of the first fix. With
-    `by_accuracy` each fix counts by the accuracy that its receiver states, in place of `gnss`.
-    `start` serves as the first fix if the pose is requested before there is one.
+    `imu_rate_hz` is the rate of the readings. Before the first reading, speed and yaw rate are
+    those of the first fix. `by_accuracy` weights each fix by the accuracy stated by its receiver,
+    instead of `gnss`. `start` serves as the first fix if the pose is requested before there is one.
     """
 
     def __init__(
@@ -77,16 +76,16 @@ class PoseEstimator:
         self._rival: _Track | None = None
 
     def update(self, now: int, fix: Fix | None, motion: Motion | Body | None) -> None:
-        """Take in what was measured at `now` (ns): first the reading, then the fix."""
+        """Process the measurements at `now` (ns): first the reading, then the fix."""
         if motion is not None:
             self.move(now, motion.speed, motion.yaw_rate)
         if fix is not None:
             self.correct(fix)
 
     def move(self, now: int, speed: float, yaw_rate: float) -> None:
-        """Predict to a reading at `now` (ns) by eqs. (1), (2); both change evenly in between.
+        """Predict to a reading at `now` (ns) by eqs. (1), (2), interpolating linearly.
 
-        A reading that is not finite, or older than the estimate, is ignored.
+        Readings that are not finite, or older than the estimate, are ignored.
         """
         if not math.isfinite(speed + yaw_rate):
             return
@@ -104,19 +103,18 @@ class PoseEstimator:
         self._model.drift = DriftModel(slip, self._model.imu, self._imu_rate_hz)
 
     def copy(self) -> "PoseEstimator":
-        """Copy the estimate, with the same model, for readings alone: without the outliers."""
+        """Copy the estimate without its outliers; the copies share the model."""
         other = PoseEstimator(self._parameters, imu_rate_hz=self._imu_rate_hz, start=self._start)
         other._model, other._motion = self._model, self._motion
         other._track = self._track and self._track.copy()
         return other
 
     def correct(self, fix: Fix) -> None:
-        """Correct by a fix of the own receiver; they come in the order of measurement.
+        """Correct by a fix of the own receiver; fixes are in order of measurement.
 
-        The first initialises the filter. Fixes that are not finite, or not newer than the last one
-        or than the estimate, are ignored. So is an outlier (see GATE), unless it is the third in a
-        row of outliers that agree with one another by dead reckoning: then the filter restarts
-        there.
+        The first one initialises the filter. Fixes that are not finite, older than the estimate or
+        not newer than the last fix are ignored, as are outliers (see GATE). The third consecutive
+        outlier that agrees with the others by dead reckoning restarts the filter.
         """
         if not math.isfinite(fix.east + fix.north + fix.yaw + fix.speed + fix.yaw_rate):
             return
@@ -124,13 +122,13 @@ class PoseEstimator:
             motion = self._motion or Motion(fix.speed, fix.yaw_rate)
             self._track = _Track.from_fix(fix, motion, self._model)
         elif fix.measured_at > self._track.fixed_at and fix.measured_at >= self._track.at:
-            self._take(self._track, fix)
+            self._correct(self._track, fix)
 
-    def _take(self, track: "_Track", fix: Fix) -> None:
-        if track.take(fix):
+    def _correct(self, track: "_Track", fix: Fix) -> None:
+        if track.correct(fix):
             self._rival = None
             return
-        if self._rival is None or not self._rival.take(fix):
+        if self._rival is None or not self._rival.correct(fix):
             self._rival = track.restarted(fix)
         if self._rival.fixes >= JUMPS_ACCEPTED:
             self._track, self._rival = self._rival, None
@@ -157,7 +155,7 @@ class PoseEstimator:
 
 @dataclass(slots=True)
 class _Model:
-    """How the car moves, how wrong dead reckoning becomes, and how wrong the sensors are."""
+    """Models of the car's slip, of the drift of dead reckoning, and of the sensor noise."""
 
     slip: SlipModel
     drift: DriftModel
@@ -175,7 +173,7 @@ class _Model:
         self.yaw_rate = gnss.yaw_rate**2 + imu.yaw_rate**2
 
     def position(self, fix: Fix) -> float:
-        """Standard deviation (m) per axis of the place of a fix."""
+        """Standard deviation (m) per axis of the position of a fix."""
         return fix.accuracy if self.by_accuracy else self.gnss.position
 
 
@@ -222,7 +220,7 @@ class _Track:
         return replace(self, along=replace(self.along), across=replace(self.across))
 
     def restarted(self, fix: Fix) -> "_Track":
-        """Begin another track at `fix`; a jump of the place changes nothing of the sensors."""
+        """Start another track at `fix`, keeping the sensor biases."""
         other = _Track.from_fix(fix, Motion(self._speed, self._yaw_rate), self._model)
         other._speed_bias, other._yaw_rate_bias = self._speed_bias, self._yaw_rate_bias
         other.along.ss, other.across.gg = self.along.ss, self.across.gg
@@ -247,7 +245,7 @@ class _Track:
         return Pose(*self._moved(span, speed, sideways, yaw_rate), speed, yaw_rate)
 
     def move(self, now: int, speed: float, yaw_rate: float) -> None:
-        """Predict to `now`, where these are read; the covariance grows."""
+        """Predict pose and covariance to a reading at `now` (ns)."""
         span = (now - self.at) / SECOND
         if span > 0.0:
             slip, drift = self._model.slip, self._model.drift
@@ -269,9 +267,9 @@ class _Track:
     def _moved(
         self, span: float, speed: float, sideways: float, yaw_rate: float
     ) -> tuple[float, float, float]:
-        """East, north, yaw after `span` (s) at these speeds and this yaw rate, exactly."""
+        """East, north, yaw after `span` (s) at constant speeds and yaw rate, exactly."""
         half = 0.5 * yaw_rate * span
-        # A body that turns evenly covers its chord, which points half the turn ahead.
+        # At a constant yaw rate the displacement is the chord, turned by half the change of yaw.
         chord = span * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
         cos, sin = math.cos(self.yaw + half), math.sin(self.yaw + half)
         return (
@@ -280,56 +278,56 @@ class _Track:
             wrap_angle(self.yaw + 2.0 * half),
         )
 
-    def take(self, fix: Fix) -> bool:
-        """Correct by `fix`, which is not older; False, and unchanged, if it is an outlier."""
+    def correct(self, fix: Fix) -> bool:
+        """Correct by `fix`, which is not older; returns False, uncorrected, for an outlier."""
         since = (fix.measured_at - self.fixed_at) / SECOND
         self.move(fix.measured_at, self._speed, self._yaw_rate)
         east, north = fix.east - self.east, fix.north - self.north
         turned = wrap_angle(fix.yaw - self.yaw)
-        place = self._model.position(fix) ** 2
-        if not self._plausible(math.hypot(east, north), turned, since, place):
+        variance = self._model.position(fix) ** 2
+        if not self._is_plausible(math.hypot(east, north), turned, since, variance):
             return False
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
-        ahead = self._correct_along(east * cos + north * sin, fix, place)
-        aside = self._correct_across(north * cos - east * sin, turned, fix, place)
-        self.east += ahead * cos - aside * sin
-        self.north += ahead * sin + aside * cos
+        along = self._correct_along(east * cos + north * sin, fix, variance)
+        across = self._correct_across(north * cos - east * sin, turned, fix, variance)
+        self.east += along * cos - across * sin
+        self.north += along * sin + across * cos
         self.fixed_at = fix.measured_at
         self.fixes += 1
         return True
 
-    def _plausible(self, away: float, turned: float, since: float, place: float) -> bool:
-        """Whether a fix of variance `place` (m²) may be so far away (m) and turned (rad)."""
-        position = self.along.aa + self.across.cc + 2.0 * place
+    def _is_plausible(self, away: float, turned: float, since: float, variance: float) -> bool:
+        """Whether a fix of this position variance (m²) may be `away` (m) and `turned` (rad)."""
+        position = self.along.aa + self.across.cc + 2.0 * variance
         heading = self.across.hh + self._model.heading
         reach = JUMP_DISTANCE + JUMP_GROWTH * since + GATE * math.sqrt(position)
         turn = JUMP_HEADING + JUMP_TURNING * since + GATE * math.sqrt(heading)
         return away <= reach and abs(turned) <= turn
 
-    def _correct_along(self, ahead: float, fix: Fix, variance: float) -> float:
-        """Correct the speed's bias; returns by how much to correct the place along the body."""
-        place, bias = self.along.by_place(ahead, variance)
+    def _correct_along(self, innovation: float, fix: Fix, variance: float) -> float:
+        """Correct the speed bias; returns the correction (m) of the position along the body."""
+        position, bias = self.along.by_position(innovation, variance)
         self._speed_bias += bias
         age = (self.at - self.read_at) / SECOND
-        found = self._speed - fix.speed - self._speed_bias
+        residual = self._speed - fix.speed - self._speed_bias
         variance = self._model.speed + (ACCELERATION * age) ** 2
-        if found * found <= GATE**2 * (variance + self.along.ss):
-            more, bias = self.along.by_bias(found, variance)
+        if residual * residual <= GATE**2 * (variance + self.along.ss):
+            more, bias = self.along.by_bias(residual, variance)
             self._speed_bias += bias
-            place += more
-        return place
+            position += more
+        return position
 
-    def _correct_across(self, aside: float, turned: float, fix: Fix, variance: float) -> float:
-        """Correct yaw and the gyroscope's bias; returns the correction across the body."""
-        place, heading, bias = self.across.by_place(aside, variance)
+    def _correct_across(self, innovation: float, turned: float, fix: Fix, variance: float) -> float:
+        """Correct yaw and gyroscope bias; returns the correction (m) across the body."""
+        position, heading, bias = self.across.by_position(innovation, variance)
         more = self.across.by_heading(turned - heading, self._model.heading)
-        place, heading, bias = place + more[0], heading + more[1], bias + more[2]
+        position, heading, bias = position + more[0], heading + more[1], bias + more[2]
         age = (self.at - self.read_at) / SECOND
-        found = self._yaw_rate - fix.yaw_rate - self._yaw_rate_bias - bias
+        residual = self._yaw_rate - fix.yaw_rate - self._yaw_rate_bias - bias
         variance = self._model.yaw_rate + (YAW_ACCELERATION * age) ** 2
-        if found * found <= GATE**2 * (variance + self.across.gg):
-            more = self.across.by_bias(found, variance)
-            place, heading, bias = place + more[0], heading + more[1], bias + more[2]
+        if residual * residual <= GATE**2 * (variance + self.across.gg):
+            more = self.across.by_bias(residual, variance)
+            position, heading, bias = position + more[0], heading + more[1], bias + more[2]
         self.yaw = wrap_angle(self.yaw + heading)
         self._yaw_rate_bias += bias
-        return place
+        return position

@@ -1,15 +1,15 @@
 """The load of the car, estimated from its response to steering.
 
 The understeer gradient K_sg of eq. (6) and the steady slip l = b - m a v²/(L C_r) both change with
-the load, which the paper's controller does not know (Section V-B). One number holds both: the ratio
-of the true mass to the assumed one, or, equivalently, of assumed to true stiffness.
+the load, which the paper's controller does not know (Section V-B). One number describes both: the
+ratio of true to assumed mass or, equivalently, of assumed to true stiffness.
 
-Two linear models of the car (eqs. (1), (2), (4)), one as it is assumed and one laden, are fed with
-the same commands. The position of the measured yaw rate between theirs is the ratio; on straights
-it is undetermined, and there the gyroscope's bias is learned. Ratio and bias are the states of a
-Kalman filter (R. E. Kalman, "A new approach to linear filtering and prediction problems", Journal
-of Basic Engineering 82, 1960) with one measurement, so it needs no steady state, and states its
-uncertainty. Tyres near their limit respond as if the car were heavier, and need the same steering.
+Two linear models of the car (eqs. (1), (2), (4)), one with assumed parameters and one laden, follow
+the same commands. Interpolating the measured yaw rate between theirs gives the ratio; on straights
+it is undetermined, and the gyroscope bias is estimated instead. Ratio and bias are the states of a
+Kalman filter with one measurement (R. E. Kalman, "A new approach to linear filtering and prediction
+problems", Journal of Basic Engineering 82, 1960), so no steady state is needed. Tyres near their
+limit respond as if the car were heavier, and need the same steering.
 """
 
 import math
@@ -25,34 +25,34 @@ from vehicles.car.tyres import lateral_coefficients
 from vehicles.schedule import SECOND
 
 LADEN = 1.3
-"""Mass of the second model, as a ratio; a full car of Section V-B has 1.25."""
+"""Mass ratio of the second model; a full car of Section V-B has 1.25."""
 INERTIA_PER_MASS = 1.5
-"""Growth of the yaw inertia with a load, relative to the mass (Section V-B: 1.4 to 1.6)."""
+"""Relative growth of the yaw inertia over that of the mass (Section V-B: 1.4 to 1.6)."""
 PRIOR = 0.3
-"""Standard deviation of the ratio before anything is known."""
+"""Initial standard deviation of the ratio."""
 DRIFT = 0.003
-"""Random walk of the ratio, per square root of a second: passengers stay seated."""
+"""Random walk of the ratio, per square root of a second."""
 BIAS_PRIOR, BIAS_DRIFT = 0.002, 5e-5
-"""Bias of the yaw rate (rad/s) and its wander per square root of a second."""
-LEAST_NOISE = 2e-4
-"""Noise (rad/s) assumed even of exact measurements: the models are approximations."""
+"""Bias of the yaw rate (rad/s) and its random walk per square root of a second."""
+MIN_NOISE = 2e-4
+"""Noise (rad/s) assumed even of exact measurements, as the models are approximations."""
 DELAY = 0.01
-"""Unmodelled delay (s), by which a change of the yaw rate counts as noise."""
+"""Unmodelled delay (s); the change of the yaw rate within it counts as noise."""
 LINEAR_LIMIT = 4.0
-"""Lateral acceleration (m/s²) beyond which tyres are not linear and nothing is learned."""
+"""Above this lateral acceleration (m/s²) tyres are not linear, and measurements are ignored."""
 MIN_RATIO, MAX_RATIO = 0.7, 1.6
 UPDATE_THRESHOLD = 0.002
-"""Change of the ratio that is announced to controllers and filters."""
+"""Change of the ratio that is passed on to controllers and filters."""
 LONGEST_STEP = 0.01
-"""Longest step (s) of the models: at 20 ms the trapezoidal rule costs 5 % of load."""
+"""Longest step (s) of the models: at 20 ms the trapezoidal rule biases the load by 5 %."""
 KINEMATIC_BELOW = 3.0
-"""Speed (m/s) below which the models are the kinematic one."""
+"""Below this speed (m/s) the kinematic model is used."""
 MIN_LEARNING_SPEED = 8.0
-"""Speed (m/s) from which a load shows: below, K_sg v² is less than a hundredth of the wheelbase."""
+"""Below this speed (m/s) a load has no effect: K_sg v² is less than 1 % of the wheelbase."""
 
 
 def with_load(p: VehicleParameters, ratio: float) -> VehicleParameters:
-    """Scale the mass by `ratio`, and the yaw inertia as a load does (Section V-B)."""
+    """Scale mass and yaw inertia by a load with the mass `ratio` (Section V-B)."""
     inertia = p.yaw_inertia * (1.0 + INERTIA_PER_MASS * (ratio - 1.0))
     return replace(p, mass=p.mass * ratio, yaw_inertia=inertia)
 
@@ -65,7 +65,7 @@ class _LinearModel:
         self.lateral_speed = self.yaw_rate = 0.0
 
     def move(self, h: float, v: float, steering: float) -> None:
-        """Move on by h (s) at speed v (m/s) with the mean steering angle (rad) of the step."""
+        """Advance by h (s) at speed v (m/s) with the mean steering angle (rad) of the step."""
         half = 0.5 * h
         a, b, d, e = (
             half * self._a / v, half * (self._b / v - v), half * self._d / v, half * self._e / v
@@ -79,16 +79,15 @@ class _LinearModel:
 
 
 class SlipEstimator:
-    """Learns the load, and with it K_sg of eq. (6) and the steady slip, from yaw rate and commands.
+    """Estimates the load, and thus K_sg of eq. (6) and the slip, from yaw rate and commands.
 
-    `ratio` is the true mass over the assumed one as far as known, `deviation` its standard
-    deviation.
+    `ratio` is the estimated mass over the assumed one, `deviation` its standard deviation.
     """
 
     def __init__(self, parameters: VehicleParameters, yaw_rate_noise: float) -> None:
-        """`parameters` are those assumed; the noise (rad/s) is that of the measured yaw rate."""
+        """`parameters` are the assumed ones, `yaw_rate_noise` (rad/s) is that of measurements."""
         self._assumed = parameters
-        self._noise = max(yaw_rate_noise, LEAST_NOISE)
+        self._noise = max(yaw_rate_noise, MIN_NOISE)
         self._models = (_LinearModel(parameters), _LinearModel(with_load(parameters, LADEN)))
         self._steering = self._steering_rate = 0.0
         self.ratio = 1.0
@@ -126,19 +125,19 @@ class SlipEstimator:
         self._turning = (self._models[0].yaw_rate - before) / span
 
     def _steer(self, span: float, command: float) -> float:
-        """Move the wheels by eq. (4), by the trapezoidal rule; returns their mean angle (rad)."""
+        """Steer by eq. (4), by the trapezoidal rule; returns the mean angle (rad) of the wheels."""
         car, half = self._assumed, 0.5 * span
         square, damping = actuator(car)
         angle, rate = self._steering, self._steering_rate
         push = rate + half * (square * (2.0 * command - 2.0 * angle - half * rate) - damping * rate)
         after = push / (1.0 + half * (damping + half * square))
-        most = car.steering_rate_limit
-        self._steering_rate = min(max(after, -most), most)
+        limit = car.steering_rate_limit
+        self._steering_rate = min(max(after, -limit), limit)
         self._steering = angle + half * (rate + self._steering_rate)
         return 0.5 * (angle + self._steering)
 
     def correct(self, yaw_rate: float, speed: float) -> None:
-        """Correct by a yaw rate (rad/s) measured now at a speed (m/s)."""
+        """Correct by a measured yaw rate (rad/s) at a speed (m/s)."""
         empty, laden = self._models[0].yaw_rate, self._models[1].yaw_rate
         if speed < MIN_LEARNING_SPEED or abs(yaw_rate) * speed > LINEAR_LIMIT:
             return
@@ -147,10 +146,10 @@ class SlipEstimator:
         p, q, c = self._variance, self._bias_variance, self._covariance
         with_ratio, with_bias = gain * p + c, gain * c + q
         total = gain * with_ratio + with_bias + self._noise * self._noise + late * late
-        off = yaw_rate - empty - (self.ratio - 1.0) * gain - self._bias
+        innovation = yaw_rate - empty - (self.ratio - 1.0) * gain - self._bias
         to_ratio, to_bias = with_ratio / total, with_bias / total
-        self.ratio = min(max(self.ratio + to_ratio * off, MIN_RATIO), MAX_RATIO)
-        self._bias += to_bias * off
+        self.ratio = min(max(self.ratio + to_ratio * innovation, MIN_RATIO), MAX_RATIO)
+        self._bias += to_bias * innovation
         self._variance = p - to_ratio * with_ratio
         self._bias_variance = q - to_bias * with_bias
         self._covariance = c - to_ratio * with_bias
@@ -158,18 +157,17 @@ class SlipEstimator:
 
 @runtime_checkable
 class ParameterUser(Protocol):
-    """Works with assumed parameters of the car, which may be replaced (Section V-B)."""
+    """Uses assumed parameters of the car, which may be replaced (Section V-B)."""
 
     def assume(self, parameters: VehicleParameters) -> None: ...
 
 
 class LoadWatch:
-    """Keeps the assumed parameters of a driver's car up to date, if it has an estimator."""
+    """Keeps the parameters assumed by controllers and filters up to date, given an estimator."""
 
     def __init__(
         self, estimator: SlipEstimator | None = None, users: Sequence[ParameterUser] = ()
     ) -> None:
-        """`users` are to assume the parameters as they are estimated."""
         self._estimator = estimator
         self._users = users
         self._ratio = 1.0
@@ -177,7 +175,7 @@ class LoadWatch:
         self._at: int | None = None
 
     def observe(self, now: int, motion: Motion | Body | None) -> None:
-        """Predict to `now` (ns), correct by the reading, if any; at every step, before deciding."""
+        """Predict to `now` (ns), and correct by a reading; call at every step before deciding."""
         if self._estimator is None:
             return
         if self._at is not None:
@@ -194,5 +192,5 @@ class LoadWatch:
                 user.assume(parameters)
 
     def record_command(self, steering: float) -> None:
-        """Note the steering command (rad), δ_c of eq. (4), that holds from now on."""
+        """Set the steering command (rad), δ_c of eq. (4), that holds from now on."""
         self._command = steering
