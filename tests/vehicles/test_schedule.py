@@ -13,7 +13,7 @@ rates = st.sampled_from([1.0, 5.0, 10.0, 20.0, 30.0, 50.0, 99.9, 500.0]) | st.fl
 
 @given(rate_hz=rates, k=st.integers(0, 10_000_000))
 @examples(66, 200)
-def test_every_instant_lies_within_half_a_nanosecond_of_its_place(rate_hz: float, k: int) -> None:
+def test_instants_are_exact_within_half_a_nanosecond(rate_hz: float, k: int) -> None:
     exact = Fraction(k * SECOND) / Fraction(rate_hz)
     # Ten million periods of a tenth of a hertz are three years: a float holds that to 16 ns.
     tolerance = Fraction(1, 2) + exact * Fraction(1, 2**52)
@@ -22,7 +22,7 @@ def test_every_instant_lies_within_half_a_nanosecond_of_its_place(rate_hz: float
 
 @given(rate_hz=rates, k=st.integers(0, 1_000_000))
 @examples(66, 200)
-def test_a_cadence_knows_the_numbers_of_its_instants_and_no_others(rate_hz: float, k: int) -> None:
+def test_a_cadence_indexes_its_instants_and_no_others(rate_hz: float, k: int) -> None:
     cadence = Cadence(START, rate_hz)
     at = instant(START, k, rate_hz)
     assert cadence.index(at) == k
@@ -39,7 +39,7 @@ def test_nothing_is_due_before_the_start() -> None:
         assert cadence.index(START - k * SECOND // 50) is None
 
 
-def test_control_at_50_hz_and_gnss_at_20_hz_meet_every_tenth_of_a_second() -> None:
+def test_50_hz_and_20_hz_coincide_every_tenth_of_a_second() -> None:
     control, gnss = Cadence(START, 50.0), Cadence(START, 20.0)
     both = [k for k in range(500) if gnss.due(instant(START, k, 50.0))]
     assert both == list(range(0, 500, 5))
@@ -53,7 +53,7 @@ def test_instants_do_not_drift_over_a_day() -> None:
 
 
 @given(st.lists(st.integers(0, 10 * SECOND), min_size=1, max_size=50))
-def test_a_timer_is_due_a_period_after_it_was_done(asked: list[int]) -> None:
+def test_a_timer_is_due_a_period_after_it_fired(asked: list[int]) -> None:
     timer = Timer(SECOND, due_at=SECOND)
     done = [at for at in sorted(asked) if timer.is_due(at)]
     assert all(at >= SECOND for at in done)
@@ -62,7 +62,7 @@ def test_a_timer_is_due_a_period_after_it_was_done(asked: list[int]) -> None:
     assert all(any(at - SECOND < one <= at for one in done) for at in missed)
 
 
-def test_a_steady_timer_does_not_drift_with_whoever_asks() -> None:
+def test_a_steady_timer_does_not_drift_with_its_polling() -> None:
     timer = Timer(SECOND, due_at=START, steady=True)
     asked = [START + k * 150 * MILLISECOND for k in range(40)]
     late = [(at - START) % SECOND for at in asked if timer.is_due(at)]
@@ -70,7 +70,7 @@ def test_a_steady_timer_does_not_drift_with_whoever_asks() -> None:
     assert max(late) < 150 * MILLISECOND
 
 
-def test_a_timer_can_be_called_for_earlier() -> None:
+def test_a_timer_can_be_set_due_earlier() -> None:
     timer = Timer(SECOND)
     assert timer.is_due(START)
     timer.due_at = START + 5

@@ -204,17 +204,21 @@ class _Steps:
         # The period is preceded by the last reading or fix of the previous one.
         estimated_at = -min(self._every[1:], default=end)
         # Few different spans occur in a period.
-        flow, moved, decided = cache(self._flow), cache(self._moved), cache(self._decided)
+        flow, dead_reckoning, decision = (
+            cache(self._flow),
+            cache(self._dead_reckoning),
+            cache(self._decision),
+        )
         for now, after in zip(instants, [*instants[1:], end], strict=True):
             kinds = [now % every == 0 for every in self._every]
             if len(kinds) > 1:
                 if kinds[1] or kinds[2]:
-                    yield moved(now - estimated_at, read=kinds[1])
+                    yield dead_reckoning(now - estimated_at, read=kinds[1])
                     estimated_at = now
                 if kinds[2]:
-                    yield self._fixed()
+                    yield self._correction()
             if kinds[0]:
-                yield decided(now - estimated_at)
+                yield decision(now - estimated_at)
             yield flow(after - now)
 
     def _flow(self, span: int) -> Array:
@@ -222,7 +226,7 @@ class _Steps:
         flow[:7, :7] = _exponential(self._motion * (span / self._per_s))
         return flow
 
-    def _moved(self, ticks: int, *, read: bool) -> Array:
+    def _dead_reckoning(self, ticks: int, *, read: bool) -> Array:
         """Dead reckoning over a span, up to a new reading or with the last one."""
         span = ticks / self._per_s
         step = np.eye(SIZE)
@@ -247,14 +251,14 @@ class _Steps:
         step[PLACE, SLIP] += 0.5 * span
         return step
 
-    def _fixed(self) -> Array:
+    def _correction(self) -> Array:
         step, gains = np.eye(SIZE), stationary_gains(self._loop, self._speed)
         for row, gain in zip((PLACE, HEADING), gains, strict=True):
             step[row, [PLACE, HEADING]] -= gain
             step[row, :2] += gain
         return step
 
-    def _decided(self, span: int) -> Array:
+    def _decision(self, span: int) -> Array:
         """The command from the estimate, or from the state itself."""
         step, gains = np.eye(SIZE), self._loop.gains
         row = np.zeros(SIZE)
@@ -262,7 +266,7 @@ class _Steps:
             row[:4] = gains.lateral, gains.heading, 0.0, gains.yaw_rate
         else:
             row[[PLACE, HEADING, READING]] = gains
-            row = row @ self._moved(span, read=False)
+            row = row @ self._dead_reckoning(span, read=False)
         step[COMMAND] = -row
         return step
 

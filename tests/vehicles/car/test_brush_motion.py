@@ -59,7 +59,7 @@ def steady(speed: float, share: float) -> tuple[Body, float]:
 
 @pytest.mark.parametrize("speed", [5.0, 15.0, 30.0])
 @pytest.mark.parametrize("share", [0.05, 0.3, 0.6, 0.9, 0.99])
-def test_steady_cornering_up_to_the_limit_is_the_brush_s_closed_form(
+def test_steady_cornering_matches_the_closed_form_of_the_brush_model(
     speed: float, share: float
 ) -> None:
     body, steering = steady(speed, share)
@@ -81,7 +81,7 @@ def test_steady_cornering_up_to_the_limit_is_the_brush_s_closed_form(
 
 
 @pytest.mark.parametrize("speed", [10.0, 20.0, 30.0])
-def test_understeer_at_small_lateral_acceleration_is_that_of_the_linear_tyre(speed: float) -> None:
+def test_small_accelerations_have_the_understeer_of_linear_tyres(speed: float) -> None:
     """δ = L κ + K_sg v² κ of eq. (6), as the curvature goes to zero."""
     off = []
     for share in (1e-3, 1e-4):
@@ -93,7 +93,7 @@ def test_understeer_at_small_lateral_acceleration_is_that_of_the_linear_tyre(spe
     assert off[1] == pytest.approx(off[0] / 10.0, rel=0.2)
 
 
-def test_it_settles_where_the_closed_form_says() -> None:
+def test_it_settles_at_the_closed_form() -> None:
     body, steering = steady(15.0, 0.7)
     settled = drive(replace(body, lateral_speed=0.0, yaw_rate=0.0), steer(steering), 3.0, car=CAR)[
         -1
@@ -104,7 +104,7 @@ def test_it_settles_where_the_closed_form_says() -> None:
     assert settled.lateral_speed == pytest.approx(again[0].lateral_speed, abs=0.02)
 
 
-def test_no_steering_gives_more_than_friction_and_the_most_is_reached() -> None:
+def test_lateral_acceleration_reaches_but_does_not_exceed_friction() -> None:
     most = 0.0
     for steering in (0.05, 0.1, 0.2, 0.54):
         for body in drive(Body(0.0, 0.0, 0.0, 20.0), steer(steering), 2.0, car=CAR):
@@ -121,7 +121,7 @@ def test_braking_in_a_turn_shares_the_friction(braking: float) -> None:
     assert told.friction_share == pytest.approx(1.0)
 
 
-def test_brakes_give_what_friction_allows_and_no_more() -> None:
+def test_braking_reaches_but_does_not_exceed_friction() -> None:
     for asked in (5.0, 8.0, 12.0, 30.0):
         bodies = drive(Body(0.0, 0.0, 0.0, 20.0), steer(0.0, -asked), 1.0, car=CAR)
         assert 20.0 - bodies[-1].speed == pytest.approx(min(asked, MOST), rel=1e-9)
@@ -131,7 +131,7 @@ def test_brakes_give_what_friction_allows_and_no_more() -> None:
 @given(commands=COMMANDS, speed=st.floats(0.0, 40.0), lateral=st.floats(-5.0, 5.0),
        yaw_rate=st.floats(-2.0, 2.0))  # fmt: skip
 @examples(20, 60)
-def test_friction_is_never_exceeded_whatever_is_asked(
+def test_friction_is_never_exceeded(
     commands: list[tuple[float, float]], speed: float, lateral: float, yaw_rate: float
 ) -> None:
     body = Body(0.0, 0.0, 0.0, speed, lateral, yaw_rate)

@@ -12,9 +12,7 @@ drifts = st.sampled_from([-1000.0, -20.0, 0.0, 3.5, 1000.0])
 
 
 @given(errors, drifts, st.integers(0, 10**13))
-def test_it_is_off_by_its_offset_and_what_has_drifted_since(
-    offset: int, drift: float, since: int
-) -> None:
+def test_the_error_is_offset_plus_drift(offset: int, drift: float, since: int) -> None:
     clock = VehicleClock(START, offset, drift)
     assert clock.error(START) == offset
     assert abs(clock.error(START + since) - offset - drift * since / 1e6) <= 1
@@ -22,7 +20,7 @@ def test_it_is_off_by_its_offset_and_what_has_drifted_since(
 
 
 @given(errors, errors, drifts, st.integers(0, 10**12))
-def test_an_age_is_the_difference_of_two_clocks(
+def test_an_age_is_the_difference_of_two_clock_readings(
     mine: int, theirs: int, drift: float, since: int
 ) -> None:
     sender, receiver = VehicleClock(START, theirs), VehicleClock(START, mine, drift)
@@ -33,6 +31,6 @@ def test_an_age_is_the_difference_of_two_clocks(
     assert restamped.message == pose.message
 
 
-def test_a_true_clock_leaves_all_as_it_is() -> None:
+def test_a_true_clock_changes_nothing() -> None:
     poses = [received(START, 0.0, 0.0)]
     assert VehicleClock(START).restamped(START, poses) is poses

@@ -32,7 +32,7 @@ def test_steady_cornering_has_the_paper_s_radius(speed: float, steering: float) 
 
 
 @pytest.mark.parametrize("speed", [1.0, 8.0, 30.0])
-def test_steady_cornering_runs_round_a_circle(speed: float) -> None:
+def test_steady_cornering_follows_a_circle(speed: float) -> None:
     settled = drive(Body(0.0, 0.0, 0.0, speed), steer(0.05), 6.0)[-1]
     lap = 2.0 * math.pi / settled.yaw_rate
     bodies = drive(settled, steer(0.05), lap, tick=lap / 1000)
@@ -52,7 +52,7 @@ def test_an_overdamped_steering_is_integrated_finely_enough() -> None:
 
 
 @given(yaw=st.floats(-10.0, 10.0), speed=st.floats(0.0, 40.0), acceleration=st.floats(-3.0, 2.0))
-def test_unsteered_it_goes_straight(yaw: float, speed: float, acceleration: float) -> None:
+def test_without_steering_it_goes_straight(yaw: float, speed: float, acceleration: float) -> None:
     body = advance(Body(5.0, -7.0, yaw, speed), Actuation(0.0, acceleration), 0.5, CAR)
     rolling = min(0.5, speed / -acceleration) if acceleration < 0.0 else 0.5
     way = speed * rolling + acceleration * rolling**2 / 2.0
@@ -155,7 +155,7 @@ def test_braking_car_stops_within_the_span_and_stays() -> None:
     assert advance(stopped, Actuation(0.0, -5.0), TICK, CAR) == stopped
 
 
-def test_wheels_turn_on_for_the_rest_of_the_span_after_a_stop() -> None:
+def test_wheels_turn_for_the_rest_of_the_span_after_a_stop() -> None:
     """The steering actuation does not depend on speed, so a parked car's wheels move alike."""
     command = Actuation(0.3, -5.0)
     stopped = advance(Body(0.0, 0.0, 0.0, 0.25), command, 0.1, CAR)
@@ -163,7 +163,7 @@ def test_wheels_turn_on_for_the_rest_of_the_span_after_a_stop() -> None:
     assert stopped.steering == pytest.approx(parked.steering, rel=1e-6)
 
 
-def test_turning_car_that_stops_comes_to_rest() -> None:
+def test_a_turning_car_stops_completely() -> None:
     moving = drive(Body(0.0, 0.0, 0.0, 3.0), steer(0.4), 2.0)[-1]
     bodies = drive(moving, steer(0.4, -3.0), 1.5)
     assert bodies[-1].speed == 0.0
@@ -177,7 +177,7 @@ def test_turning_car_that_stops_comes_to_rest() -> None:
     share=st.floats(0.1, 0.9),
 )  # fmt: skip
 @examples(15, 40)
-def test_two_spans_in_a_row_are_one(
+def test_two_successive_spans_equal_one(
     speed: float, steering: float, acceleration: float, share: float
 ) -> None:
     command, body = Actuation(steering, acceleration), Body(0.0, 0.0, 0.0, speed)
@@ -200,7 +200,7 @@ def test_steering_stops_at_its_limit(asked: float) -> None:
     assert abs(back.steering) < 1e-3
 
 
-def test_no_time_no_change() -> None:
+def test_a_span_of_zero_changes_nothing() -> None:
     body = Body(1.0, 2.0, 3.0, 4.0, 0.1, 0.2, 0.05, 0.0, 9.0)
     assert advance(body, Actuation(0.1, 1.0), 0.0, CAR) == body
 
@@ -214,14 +214,14 @@ def test_no_time_no_change() -> None:
         (Actuation(0.0, 0.0), math.nan),
     ],
 )
-def test_nonsense_is_refused(command: Actuation, span: float) -> None:
+def test_invalid_commands_and_spans_are_rejected(command: Actuation, span: float) -> None:
     with pytest.raises(ValueError, match="must be finite"):
         advance(Body(0.0, 0.0, 0.0, 10.0), command, span, CAR)
 
 
 @pytest.mark.parametrize("tyres", ["linear", "brush"])
 @pytest.mark.parametrize("speed", [0.0, 4.0, 25.0])
-def test_the_steering_turns_no_faster_than_it_can(tyres: TyreModel, speed: float) -> None:
+def test_the_steering_rate_is_limited(tyres: TyreModel, speed: float) -> None:
     slow = replace(CAR, tyres=tyres, steering_rate_limit=0.4)
     bodies = drive(Body(0.0, 0.0, 0.0, speed), steer(0.3), 1.5, car=slow)
     assert max(abs(body.steering_rate) for body in bodies) == 0.4
@@ -230,7 +230,7 @@ def test_the_steering_turns_no_faster_than_it_can(tyres: TyreModel, speed: float
     assert bodies[-1].steering == pytest.approx(0.3, abs=0.002)
 
 
-def test_a_limit_that_is_never_reached_changes_no_bit() -> None:
+def test_an_unreached_rate_limit_changes_no_bit() -> None:
     """An infinite one never is; this one neither, in a lane change."""
     free = drive(Body(0.0, 0.0, 0.0, 30.0), lane_change, 5.0)
     limited = replace(CAR, steering_rate_limit=5.0)
@@ -238,7 +238,7 @@ def test_a_limit_that_is_never_reached_changes_no_bit() -> None:
 
 
 @pytest.mark.parametrize("speed", [0.5, 1.99, 2.0, 10.0, 30.0])
-def test_on_both_kinds_of_tyres_gentle_driving_is_the_same(speed: float) -> None:
+def test_gentle_driving_is_the_same_on_both_tyre_models(speed: float) -> None:
     brush = replace(CAR, tyres="brush")
     linear = drive(Body(0.0, 0.0, 0.0, speed), steer(0.002), 3.0)[-1]
     other = drive(Body(0.0, 0.0, 0.0, speed), steer(0.002), 3.0, car=brush)[-1]

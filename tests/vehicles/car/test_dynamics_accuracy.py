@@ -43,7 +43,7 @@ def test_at_constant_speed_it_is_the_matrix_exponential(speed: float) -> None:
 
 
 @pytest.mark.parametrize(("speed", "acceleration"), [(30.0, 0.0), (30.0, -3.0), (5.0, 2.0)])
-def test_path_agrees_with_an_adaptive_solver_to_five_thousandths_of_a_millimetre(
+def test_path_agrees_with_an_adaptive_solver_within_five_micrometres(
     speed: float, acceleration: float
 ) -> None:
     def slope(_: float, y: np.ndarray, command: float) -> list[float]:
@@ -69,7 +69,7 @@ def test_path_agrees_with_an_adaptive_solver_to_five_thousandths_of_a_millimetre
 
 
 @pytest.mark.parametrize("speed", [40.0, 30.0, 20.0, 8.0, 3.0])
-def test_however_short_the_step_the_lane_change_moves_by_under_five_thousandths_of_a_millimetre(
+def test_shorter_steps_move_the_lane_change_by_less_than_five_micrometres(
     speed: float,
 ) -> None:
     start = Body(0.0, 0.0, 0.0, speed)

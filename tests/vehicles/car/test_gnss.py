@@ -47,7 +47,7 @@ def test_yaw_of_a_fix_is_wrapped() -> None:
     assert fix.yaw == pytest.approx(2.5)
 
 
-def test_same_seed_same_noise_and_another_seed_another() -> None:
+def test_noise_depends_on_the_seed_only() -> None:
     fixes = [receiver(GnssNoise(), seed=seed).measure(BODY, START) for seed in (5, 5, 6)]
     assert fixes[0] == fixes[1] != fixes[2]
 
@@ -93,7 +93,7 @@ def as_message(fix: Fix) -> GpsPose:
     speed=st.floats(0, 60),
     yaw_rate=st.floats(-2, 2),
 )
-def test_over_the_wire_and_back(
+def test_a_round_trip_over_the_wire_preserves_a_fix(
     east: float, north: float, yaw: float, speed: float, yaw_rate: float
 ) -> None:
     fix = Fix(7, START, east, north, yaw, speed, yaw_rate)
@@ -115,13 +115,13 @@ def test_wire_carries_a_compass_course() -> None:
 
 
 @pytest.mark.parametrize("altitude_m", [math.nan, math.inf, 1e9])
-def test_poses_far_from_the_plane_are_refused(altitude_m: float) -> None:
+def test_poses_far_from_the_plane_are_rejected(altitude_m: float) -> None:
     message = as_message(Fix(3, START, 10.0, 20.0, 0.0, 5.0, 0.0))
     with pytest.raises(ValueError, match="further than"):
         receive(replace(message, altitude_m=altitude_m), PLANE, START)
 
 
-def test_impossible_receivers_are_refused() -> None:
+def test_invalid_receivers_are_rejected() -> None:
     for rate_hz in (0.0, -1.0, math.nan, math.inf):
         with pytest.raises(ValueError, match="measuring rate"):
             receiver(rate_hz=rate_hz)

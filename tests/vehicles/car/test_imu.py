@@ -23,7 +23,7 @@ def readings(noise: InertialNoise, count: int, seed: int = 1) -> list[Motion]:
     return [motion for motion in taken if motion is not None]
 
 
-def test_without_noise_it_measures_what_is() -> None:
+def test_without_noise_it_measures_the_true_state() -> None:
     assert readings(SILENT, 3) == [Motion(20.0, 0.2)] * 3
 
 
@@ -33,7 +33,7 @@ def test_it_measures_at_its_own_instants_only() -> None:
     assert taken == [k % 5 == 0 for k in range(11)]  # 50 and 150 ms are no instants of 50 Hz
 
 
-def test_noise_is_white_and_as_large_as_stated() -> None:
+def test_noise_is_white_and_of_the_stated_size() -> None:
     noise = replace(SILENT, speed=0.05, yaw_rate=0.002)
     for values, mean, deviation in (
         ([motion.speed for motion in readings(noise, 4000)], 20.0, 0.05),
@@ -66,21 +66,21 @@ def test_readings_do_not_depend_on_how_many_are_drawn_at_once(
     assert readings(InertialNoise(), 200) == drawn
 
 
-def test_a_standing_car_is_never_measured_as_going_backwards() -> None:
+def test_measured_speed_is_never_negative() -> None:
     one = sensor(InertialNoise())
     taken = [one.measure(Body(0.0, 0.0, 0.0, 0.0), k * TICK) for k in range(200)]
     assert min(motion.speed for motion in taken if motion) == 0.0
 
 
 @pytest.mark.parametrize("rate_hz", [0.0, -1.0, math.nan, math.inf])
-def test_a_rate_that_is_none_is_refused(rate_hz: float) -> None:
+def test_invalid_rates_are_rejected(rate_hz: float) -> None:
     with pytest.raises(ValueError, match="rate"):
         sensor(SILENT, rate_hz=rate_hz)
 
 
 @pytest.mark.parametrize("value", [-0.1, math.nan, math.inf])
 @pytest.mark.parametrize("field", ["speed", "yaw_rate", "speed_bias", "yaw_rate_bias"])
-def test_noise_that_is_none_is_refused(field: str, value: float) -> None:
+def test_invalid_noise_is_rejected(field: str, value: float) -> None:
     with pytest.raises(ValueError, match=field):
         InertialNoise(**{field: value})
 

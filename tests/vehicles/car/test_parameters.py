@@ -21,7 +21,7 @@ def steady_state(car: VehicleParameters, speed: float) -> tuple[float, float]:
     return float(lateral), float(yaw_rate)
 
 
-def test_the_table_s_wheelbase_and_steer_gradient() -> None:
+def test_wheelbase_and_steer_gradient_of_table_i() -> None:
     assert LINCOLN_MKZ.wheelbase == pytest.approx(2.85)
     assert LINCOLN_MKZ.steer_gradient == pytest.approx(4.216e-4, rel=1e-4)
 
@@ -48,17 +48,17 @@ def test_load_adds_mass_and_inertia_as_in_the_paper() -> None:
     assert replace(car, mass=1896.0, yaw_inertia=3803.0) == LINCOLN_MKZ
 
 
-def test_nobody_aboard_changes_nothing() -> None:
+def test_an_empty_load_changes_nothing() -> None:
     assert loaded(LINCOLN_MKZ, Loading()) == LINCOLN_MKZ
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
-def test_impossible_parameters_are_refused(value: float) -> None:
+def test_invalid_parameters_are_rejected(value: float) -> None:
     with pytest.raises(ValueError, match="mass must be a positive number"):
         replace(LINCOLN_MKZ, mass=value)
 
 
-def test_impossible_loads_are_refused() -> None:
+def test_invalid_loads_are_rejected() -> None:
     with pytest.raises(ValueError, match="rear_passengers"):
         Loading(rear_passengers=-1)
     with pytest.raises(ValueError, match="luggage_mass"):

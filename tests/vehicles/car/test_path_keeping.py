@@ -52,9 +52,7 @@ def test_the_slip_is_that_of_the_parameters_to_the_bit(speed: float) -> None:
 
 @pytest.mark.parametrize("speed", [1.5, 4.0, 6.0])
 @pytest.mark.parametrize("radius", [-7.0, 12.0])
-def test_steering_so_the_simulated_car_drives_a_tight_arc_at_large_slip(
-    speed: float, radius: float
-) -> None:
+def test_the_simulated_car_follows_a_tight_arc_at_large_slip(speed: float, radius: float) -> None:
     """Radius, slip and yaw rate are those of the car at rest in its states, angles not small."""
     motion = PathKeeping(CAR).motion(sampled(lambda _: 1.0 / radius), (0.0, 5.0), speed)
     body = Body(0.0, 0.0, 0.0, speed)
@@ -70,9 +68,7 @@ def test_steering_so_the_simulated_car_drives_a_tight_arc_at_large_slip(
 
 @pytest.mark.parametrize("car", [CAR, FULL])
 @pytest.mark.parametrize("speed", SPEEDS)
-def test_on_a_clothoid_it_lags_and_leads_by_the_terms_of_first_order(
-    car: VehicleParameters, speed: float
-) -> None:
+def test_on_a_clothoid_it_has_the_first_order_terms(car: VehicleParameters, speed: float) -> None:
     """Lateral force m v² κ, moment I v² κ' of a path whose curvature grows evenly by κ'."""
     rate, length = 2e-4, car.wheelbase
     slip, steering = steady(car, speed)
@@ -133,7 +129,7 @@ def road() -> ArcSpline:
 @pytest.mark.spread(3)
 @pytest.mark.parametrize("car", [CAR, FULL])
 @pytest.mark.parametrize("speed", [10.0, 20.0, 30.0])
-def test_the_simulated_car_keeps_to_the_road_by_steering_so_without_feedback(
+def test_the_simulated_car_follows_the_road_without_feedback(
     car: VehicleParameters, speed: float
 ) -> None:
     """It slips as told, far closer than by steady cornering, and hardly leaves the road in 150 m.

@@ -14,7 +14,7 @@ SLIPS = st.floats(-1.0, 1.0)
 
 
 @given(slip=SLIPS)
-def test_a_brush_never_gives_more_than_its_capacity_nor_than_the_linear_tyre(slip: float) -> None:
+def test_a_brush_force_is_at_most_its_capacity_and_the_linear_force(slip: float) -> None:
     force = brush_force(slip, STIFFNESS, CAPACITY)
     assert abs(force) <= CAPACITY
     assert abs(force) <= STIFFNESS * abs(slip)
@@ -23,7 +23,7 @@ def test_a_brush_never_gives_more_than_its_capacity_nor_than_the_linear_tyre(sli
 
 
 @given(slip=SLIPS, further=st.floats(0.0, 0.5))
-def test_more_slip_never_gives_less_force(slip: float, further: float) -> None:
+def test_force_does_not_decrease_with_slip(slip: float, further: float) -> None:
     more = brush_force(slip + further, STIFFNESS, CAPACITY)
     assert more <= brush_force(slip, STIFFNESS, CAPACITY) + 1e-9
 
@@ -36,7 +36,7 @@ def test_at_small_slip_it_is_the_linear_tyre_to_first_order() -> None:
         )
 
 
-def test_it_slides_fully_without_a_kink() -> None:
+def test_full_sliding_begins_without_a_kink() -> None:
     full = 3.0 * CAPACITY / STIFFNESS
     assert brush_force(full, STIFFNESS, CAPACITY) == pytest.approx(-CAPACITY)
     assert brush_force(full * 0.999, STIFFNESS, CAPACITY) == pytest.approx(-CAPACITY, rel=2e-9)
@@ -47,13 +47,13 @@ def test_without_any_capacity_there_is_no_force() -> None:
     assert brush_force(0.0, STIFFNESS, 0.0) == 0.0
 
 
-def test_the_axles_carry_the_car_about_its_centre_of_mass() -> None:
+def test_axle_loads_balance_about_the_centre_of_mass() -> None:
     front, rear = axle_loads(CAR)
     assert front + rear == pytest.approx(CAR.mass * GRAVITY)
     assert front * CAR.front_axle_distance == pytest.approx(rear * CAR.rear_axle_distance)
 
 
-def test_the_linear_range_ends_where_a_fifth_of_the_force_is_missing() -> None:
+def test_the_linear_range_ends_at_20_percent_less_force() -> None:
     for slip, stiffness, load in zip(
         linear_range(CAR), (CAR.front_cornering_stiffness, CAR.rear_cornering_stiffness),
         axle_loads(CAR), strict=True,
@@ -63,7 +63,7 @@ def test_the_linear_range_ends_where_a_fifth_of_the_force_is_missing() -> None:
         assert abs(force) / (CAR.friction * load) == pytest.approx(0.517, abs=1e-3)
 
 
-def test_linear_tyres_may_use_more_than_there_is() -> None:
+def test_linear_tyres_may_exceed_the_friction() -> None:
     """90 m/s² sideways, which the linear model carries, is ten times what a road gives."""
     yaw_rate = 3.0
     told = tyre_use(Body(0.0, 0.0, 0.0, 30.0, 0.0, yaw_rate, 0.0), 0.0, CAR)
@@ -75,7 +75,7 @@ def test_linear_tyres_may_use_more_than_there_is() -> None:
     assert (brush.front_slip, brush.rear_slip) == (told.front_slip, told.rear_slip)
 
 
-def test_a_standing_car_uses_no_friction_however_hard_it_brakes() -> None:
+def test_a_standing_car_uses_no_friction_for_braking() -> None:
     assert tyre_use(Body(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.3), -6.0, CAR).friction_share == 0.0
     driving_off = tyre_use(Body(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.3), 2.0, CAR)
     assert driving_off.friction_share == pytest.approx(2.0 / GRAVITY / CAR.friction)
@@ -93,6 +93,6 @@ def test_a_left_turn_has_negative_slip_and_accelerates_to_the_left() -> None:
     assert math.isclose(told.friction_share, speed * yaw_rate / GRAVITY / CAR.friction)
 
 
-def test_a_car_that_slides_broadside_has_a_slip_angle_near_a_right_one() -> None:
+def test_a_car_that_slides_sideways_has_a_slip_angle_near_90_degrees() -> None:
     told = tyre_use(Body(0.0, 0.0, 0.0, 0.0, 15.0), 0.0, replace(CAR, tyres="brush"))
     assert 1.4 < told.rear_slip < math.pi / 2

@@ -15,7 +15,7 @@ CURVATURES = st.one_of(st.just(0.0), st.floats(-0.125, 0.125))
 
 @given(east=COORDINATES, north=COORDINATES, yaw=YAWS, radius=st.floats(5.0, 5000.0))
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_a_piece_runs_round_its_centre(
+def test_a_piece_turns_about_its_centre(
     east: float, north: float, yaw: float, radius: float, side: float
 ) -> None:
     piece = Piece(east, north, yaw, side / radius, 10.0)
@@ -36,7 +36,7 @@ def test_a_piece_runs_round_its_centre(
     left=st.floats(-6.0, 6.0),
     east=st.floats(-1e3, 1e3),
 )
-def test_projection_undoes_the_placing_of_a_point(
+def test_projection_inverts_the_offset_of_a_point(
     yaw: float, curvature: float, station: float, left: float, east: float
 ) -> None:
     path = course([(curvature, 10.0)], (east, -3.0, yaw))
@@ -79,7 +79,7 @@ def test_several_pieces_project_like_one_path(
     assert foot.lateral == pytest.approx(left, abs=1e-8)
 
 
-def test_stations_and_curvatures_run_through_the_joins() -> None:
+def test_stations_and_curvatures_continue_through_joints() -> None:
     path = course([(0.0, 10.0), (0.1, 5.0), (0.0, 5.0)])
     assert path.length == 20.0
     assert path.at(10.0).east == pytest.approx(10.0)
@@ -89,7 +89,9 @@ def test_stations_and_curvatures_run_through_the_joins() -> None:
     ]
 
 
-def laid_by_steps(piece: Piece, station: float, steps: int = 20_000) -> tuple[float, float, float]:
+def integrated_in_steps(
+    piece: Piece, station: float, steps: int = 20_000
+) -> tuple[float, float, float]:
     """Second method: the curvature summed up in small steps."""
     step = station / steps
     along = step * (np.arange(steps) + 0.5)
@@ -111,8 +113,8 @@ CLOTHOIDS = st.builds(
 
 
 @given(piece=CLOTHOIDS, station=st.floats(0.0, 20.0))
-def test_a_clothoid_is_where_its_curvature_leads(piece: Piece, station: float) -> None:
-    east, north, yaw = laid_by_steps(piece, station)
+def test_a_clothoid_integrates_its_curvature(piece: Piece, station: float) -> None:
+    east, north, yaw = integrated_in_steps(piece, station)
     place = piece.at(station)
     assert math.hypot(place.east - east, place.north - north) < 1e-5
     assert math.remainder(place.yaw - yaw, math.tau) == pytest.approx(0.0, abs=1e-9)
@@ -124,7 +126,7 @@ def test_a_clothoid_is_where_its_curvature_leads(piece: Piece, station: float) -
     station=st.floats(-10.0, 30.0),
     left=st.floats(-4.0, 4.0),
 )
-def test_projection_on_a_clothoid_undoes_the_placing_of_a_point(
+def test_projection_on_a_clothoid_inverts_the_offset_of_a_point(
     piece: Piece, station: float, left: float
 ) -> None:
     path = ArcSpline((piece,))
@@ -134,14 +136,14 @@ def test_projection_on_a_clothoid_undoes_the_placing_of_a_point(
     assert foot.curvature == pytest.approx(path.curvature_at(station), abs=1e-5)
 
 
-def test_beyond_its_ends_a_clothoid_goes_on_as_an_arc() -> None:
+def test_beyond_its_ends_a_clothoid_continues_as_an_arc() -> None:
     piece = Piece(0.0, 0.0, 0.0, 0.01, 10.0, 0.004)
     assert [piece.curvature_at(s) for s in (-5.0, 0.0, 10.0, 99.0)] == [0.01, 0.01, 0.05, 0.05]
     end = piece.at(10.0)
     assert piece.at(13.0) == Piece(end.east, end.north, end.yaw, 0.05, 5.0).at(3.0)
 
 
-def test_no_pieces_are_no_path() -> None:
+def test_a_spline_without_pieces_is_rejected() -> None:
     with pytest.raises(ValueError, match="at least one piece"):
         ArcSpline([])
 
@@ -153,7 +155,7 @@ def test_no_pieces_are_no_path() -> None:
     ),
     st.floats(-40.0, 60.0), st.floats(0.1, 5.0), st.integers(1, 40),
 )  # fmt: skip
-def test_curvatures_at_many_places_are_those_at_each(
+def test_curvatures_at_many_stations_equal_those_at_each(
     shapes: list[tuple[float, float, float]], start: float, step: float, count: int
 ) -> None:
     pieces = [Piece(0.0, 0.0, 0.0, curvature, length, rate) for curvature, length, rate in shapes]

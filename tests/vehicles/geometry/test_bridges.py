@@ -26,14 +26,12 @@ def without(points: Points, begin: int, count: int) -> Points:
 
 @pytest.mark.parametrize("spacing", [0.3, 1.0, 3.0, 12.0])
 @pytest.mark.parametrize("size", [0.0, 0.02, 0.5, 2.5])
-def test_the_noise_of_points_is_found_on_arcs_whatever_their_spacing(
-    spacing: float, size: float
-) -> None:
+def test_noise_is_estimated_on_arcs_with_any_spacing(spacing: float, size: float) -> None:
     found = noise_deviation(noisy(circle(100.0, 1500.0 * spacing, spacing, yaw=1.0), size))
     assert found == pytest.approx(size, rel=0.15, abs=0.01 * spacing)
 
 
-def test_uneven_steps_and_jumps_are_no_noise() -> None:
+def test_uneven_steps_and_jumps_do_not_count_as_noise() -> None:
     along = np.cumsum(np.random.default_rng(3).uniform(0.2, 3.0, 400))
     points = np.stack((along * math.cos(0.7), along * math.sin(0.7)))
     assert noise_deviation(points) < 1e-9
@@ -82,7 +80,7 @@ def test_an_arc_is_bridged_by_an_arc(  # noqa: PLR0917 - what is drawn
     assert np.all(np.abs(np.diff(course)) < 3.0 * step_lengths(bridge)[1:].max() / radius + 0.05)
 
 
-def test_sides_that_point_apart_are_not_joined() -> None:
+def test_diverging_sides_are_not_joined() -> None:
     points = circle(10.0, 80.0, 0.5)
     with pytest.raises(UnbridgedError, match=r"a hole of .* point 1\d\d° away"):
         fill_holes(without(points, 20, 95), 8.0)
@@ -96,7 +94,7 @@ def test_a_side_of_few_points_is_a_line() -> None:
         assert np.max(np.abs(bridge.points[1])) < 1e-9
 
 
-def test_a_single_point_is_passed_in_the_direction_of_those_around_it() -> None:
+def test_a_single_point_takes_the_direction_of_its_neighbours() -> None:
     points = circle(60.0, 120.0, 0.5)
     kept = [*range(60), 100, *range(140, 200)]
     bridged = fill_holes(points[:, kept], 8.0).points
@@ -108,7 +106,7 @@ def test_a_single_point_is_passed_in_the_direction_of_those_around_it() -> None:
 
 
 @pytest.mark.parametrize("length", [10, 20, 30, 50])
-def test_a_path_over_a_hole_is_the_arc_and_its_figures_say_so(length: int) -> None:
+def test_a_path_over_a_hole_is_the_arc(length: int) -> None:
     worst, stated = 0.0, 0.0
     for seed in range(8):
         points = without(noisy(circle(60.0, 180.0, 0.5), seed=seed), 150, 2 * length)
@@ -124,7 +122,7 @@ def test_a_path_over_a_hole_is_the_arc_and_its_figures_say_so(length: int) -> No
     assert stated < 0.1
 
 
-def test_without_a_bridge_the_figures_would_tell(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_bridge_the_deviation_is_large(monkeypatch: pytest.MonkeyPatch) -> None:
     points = without(noisy(circle(60.0, 180.0, 0.5), 0.05), 150, 80)
     bridged = smooth(points, 8.0)
     monkeypatch.setattr(bridges, "HOLE", math.inf)
@@ -150,7 +148,7 @@ def test_holes_of_a_closed_drive_are_bridged_on_every_lap() -> None:
     assert len(smoothed.holes) == 1
 
 
-def test_the_point_to_blame_is_named() -> None:
+def test_the_error_has_the_index_of_the_cause() -> None:
     x = np.concatenate((np.arange(0.0, 30.0), np.arange(30.0, 0.0, -1.0)))
     with pytest.raises(NoPathError) as caught:
         smooth(np.stack((x, np.zeros(x.size))), 5.0)

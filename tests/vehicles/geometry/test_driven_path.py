@@ -78,7 +78,7 @@ def feet(path: SampledPath, stations: Sequence[float], aside: float) -> list[Cro
 
 @pytest.mark.parametrize("yaw", HEADINGS)
 @pytest.mark.parametrize("aside", [0.7, 0.0, -0.7])
-def test_beside_a_straight_left_is_positive(yaw: float, aside: float) -> None:
+def test_left_of_a_straight_is_positive(yaw: float, aside: float) -> None:
     path = path_from_segments([Segment(200.0, 0.0)], 30.0, -40.0, yaw)
     stations = every(STEP, -45.0, 190.0)
     found = feet(path, stations, aside)
@@ -90,9 +90,7 @@ def test_beside_a_straight_left_is_positive(yaw: float, aside: float) -> None:
 
 @pytest.mark.parametrize("turn", [1, -1])
 @pytest.mark.parametrize("inwards", [2.0, -2.0])
-def test_a_concentric_circle_lies_beside_by_the_difference_of_radii(
-    turn: int, inwards: float
-) -> None:
+def test_a_concentric_circle_has_the_difference_of_radii(turn: int, inwards: float) -> None:
     path = path_from_segments([Segment(300.0, turn / 100.0)])
     sagitta = STEP**2 / (8 * 100.0)
     found = feet(path, every(0.4, 0.0, 290.0), turn * inwards)
@@ -104,9 +102,7 @@ def test_a_concentric_circle_lies_beside_by_the_difference_of_radii(
 
 @pytest.mark.parametrize("name", SELF_MEETING)
 @pytest.mark.parametrize("aside", [1.2, 0.0, -1.2])
-def test_a_path_that_meets_itself_never_attracts_to_the_wrong_branch(
-    name: str, aside: float
-) -> None:
+def test_on_a_path_that_meets_itself_the_foot_stays_on_its_branch(name: str, aside: float) -> None:
     path = path_from_segments(SELF_MEETING[name])
     stations = every(0.3, -30.0, path.length - 2.0)
     found = feet(path, stations, aside)
@@ -129,7 +125,7 @@ def test_standing_still_changes_nothing() -> None:
     assert len(standing) == 1
 
 
-def test_a_lead_that_creeps_still_drives_a_path() -> None:
+def test_a_creeping_lead_extends_its_path() -> None:
     path = path_from_segments([Segment(20.0, 1 / 30)])
     stations = every(0.3, 0.0, 19.9)
     found = cross_track(driven(path, stations), driven(path, every(0.004, 0.0, 20.0)))
@@ -137,7 +133,7 @@ def test_a_lead_that_creeps_still_drives_a_path() -> None:
     assert [foot.lateral for foot in found] == pytest.approx([0.0] * len(stations), abs=1e-4)
 
 
-def test_a_lead_that_shivers_at_rest_drives_no_further() -> None:
+def test_noise_of_a_standing_lead_does_not_extend_its_path() -> None:
     path = path_from_segments([Segment(100.0, 0.0)])
     at_rest = [50.0 + 0.004 * (-1) ** k for k in range(500)]
     lead = driven(path, [*every(STEP, 0.0, 50.0), *at_rest, *every(STEP, 50.0, 99.0)])
@@ -155,7 +151,7 @@ def test_noise_of_a_standing_vehicle_moves_its_foot_back_and_forth() -> None:
         assert foot.lateral == pytest.approx(0.0, abs=0.003)
 
 
-def test_behind_the_lead_s_first_pose_its_line_counts_however_far_behind() -> None:
+def test_behind_the_lead_s_first_pose_the_path_is_an_infinite_line() -> None:
     path = path_from_segments([Segment(100.0, 0.0)], yaw=0.3)
     lead = driven(path, every(STEP, 0.0, 99.0))
     stations = [-5000.0, -20.5, -19.5, -10.0, -0.1, 0.1]
@@ -165,7 +161,7 @@ def test_behind_the_lead_s_first_pose_its_line_counts_however_far_behind() -> No
 
 
 @pytest.mark.parametrize("yaw", HEADINGS)
-def test_where_the_road_behind_the_lead_is_known_it_does_not_matter_where_the_lead_faced(
+def test_with_a_known_road_yaw_the_lead_s_initial_yaw_does_not_matter(
     yaw: float,
 ) -> None:
     path = path_from_segments([Segment(100.0, 0.0)], yaw=yaw)
@@ -178,7 +174,7 @@ def test_where_the_road_behind_the_lead_is_known_it_does_not_matter_where_the_le
     assert max(foot.lateral for foot in cross_track(own, lead)) > 5.0
 
 
-def test_where_a_lead_was_first_seen_on_its_way_the_road_at_the_start_does_not_count() -> None:
+def test_the_road_yaw_is_ignored_if_the_record_begins_after_the_start() -> None:
     path = path_from_segments([Segment(100.0, 0.0)])
     lead = driven(path, every(STEP, 0.0, 99.0))
     lead[0] = replace(lead[0], distance_m=80.0)
@@ -186,7 +182,7 @@ def test_where_a_lead_was_first_seen_on_its_way_the_road_at_the_start_does_not_c
     assert [foot.lateral for foot in found] == pytest.approx([0.5] * 2)
 
 
-def test_past_the_lead_s_last_pose_there_is_nothing_to_compare_with() -> None:
+def test_beyond_the_lead_s_last_pose_there_is_no_foot_point() -> None:
     path = path_from_segments([Segment(100.0, 0.0)])
     lead = driven(path, every(1.0, 0.0, 51.0))
     found = cross_track(driven(path, every(1.0, 0.0, 80.0), lambda _: 3.0), lead)
@@ -194,7 +190,7 @@ def test_past_the_lead_s_last_pose_there_is_nothing_to_compare_with() -> None:
     assert max(foot.station for foot in found) == pytest.approx(50.0)
 
 
-def test_who_drives_on_in_circles_past_the_lead_s_last_pose_is_never_beside_it_again() -> None:
+def test_a_follower_that_circles_beyond_the_lead_s_last_pose_has_no_foot_point() -> None:
     path = path_from_segments([Segment(200.0, 1 / 20)])
     lead = driven(path, every(1.0, 0.0, 51.0))
     found = cross_track(driven(path, every(1.0, 0.0, 190.0), lambda _: 0.5), lead)
@@ -202,7 +198,7 @@ def test_who_drives_on_in_circles_past_the_lead_s_last_pose_is_never_beside_it_a
     assert {round(foot.lateral, 1) for foot in found} == {0.5}
 
 
-def test_a_lead_that_never_moved_has_but_its_run_in() -> None:
+def test_a_lead_that_never_moved_has_only_the_line_behind_it() -> None:
     path = path_from_segments([Segment(100.0, 0.0)], yaw=1.0)
     found = cross_track(driven(path, [-15.0, -8.0, 8.0], lambda _: -0.2), driven(path, [0.0] * 10))
     assert [foot.station for foot in found] == pytest.approx([-15.0, -8.0])
@@ -216,7 +212,7 @@ LAPS = 2
 TICKS = math.ceil(LAPS * 2 * math.pi * drive.RADIUS / drive.SPEED / (drive.TICK * 1e-9))
 
 
-def test_a_car_further_in_on_a_left_circle_is_left_of_the_path() -> None:
+def test_inside_of_a_left_circle_is_left_of_the_path() -> None:
     """Two laps: the first lap of the path lies under the second one and must not attract it."""
     error = CrossTrackError("v1")
     both = (drive.truth(name, tick) for tick in range(TICKS) for name in drive.VEHICLES)
@@ -243,7 +239,7 @@ def test_left_of_a_straight_is_positive_in_all_headings(heading: int) -> None:
     assert error.add(driven(path, [40.0], lambda _: -0.2, "v3")[0]) == []
 
 
-def test_without_a_lead_nothing_is_known_and_a_standing_one_does_for_those_behind() -> None:
+def test_foot_points_need_a_lead_which_may_be_standing() -> None:
     error = CrossTrackError("v1")
     assert error.add(drive.truth("v2", 0)) == []
     (foot,) = error.add(drive.truth("v1", 0))
@@ -252,7 +248,7 @@ def test_without_a_lead_nothing_is_known_and_a_standing_one_does_for_those_behin
     assert len(error.add(drive.truth("v2", 1))) == 1
 
 
-def test_a_pose_beyond_the_end_of_the_path_waits_until_the_lead_gets_there() -> None:
+def test_a_pose_beyond_the_end_of_the_path_waits_for_the_lead() -> None:
     path = path_from_segments([Segment(60.0, 0.0)])
     error = CrossTrackError("v1")
     first, second, third = driven(path, [4.5, 5.5, 5.0], lambda _: 0.3, "v2")
@@ -262,7 +258,7 @@ def test_a_pose_beyond_the_end_of_the_path_waits_until_the_lead_gets_there() -> 
     assert [[foot.station for foot in step] for step in found] == [[4.5], [5.5, 5.0], []]
 
 
-def test_no_more_poses_wait_than_a_minute_s() -> None:
+def test_at_most_one_minute_of_poses_waits() -> None:
     path = path_from_segments([Segment(60.0, 0.0)])
     error = CrossTrackError("v1")
     added(error, driven(path, every(0.01, 0.0, 40.0), vehicle="v2"))
@@ -343,7 +339,7 @@ def projected(own: Sequence[TruePose], lead: Sequence[TruePose], yaw: float) -> 
     seed=st.integers(0, 2**32),
 )
 @examples(15, 40)
-def test_in_whatever_order_vehicles_are_heard_the_values_are_those_of_a_plain_projection(
+def test_the_order_of_vehicles_does_not_change_the_foot_points(
     course: str, aside: float, askew: float | None, stops: tuple[int, int, int], seed: int
 ) -> None:
     path = path_from_segments(COURSES[course], 40.0, -7.0, 0.4)
@@ -388,7 +384,7 @@ curves = st.lists(
     north=st.floats(-1000.0, 1000.0),
 )
 @settings(max_examples=30)
-def test_turning_or_moving_the_world_changes_nothing(
+def test_rotation_and_translation_change_nothing(
     segments: list[Segment], turn: float, east: float, north: float
 ) -> None:
     here = path_from_segments(segments)
@@ -412,7 +408,7 @@ def test_turning_or_moving_the_world_changes_nothing(
 
 @given(segments=curves)
 @settings(max_examples=30)
-def test_it_is_the_distance_to_the_nearest_place_where_the_path_does_not_meet_itself(
+def test_on_a_simple_path_it_is_the_distance_to_the_nearest_point(
     segments: list[Segment],
 ) -> None:
     if sum(abs(s.curvature) * s.length for s in segments) > math.pi / 2:
@@ -439,9 +435,7 @@ def nearest(pose: TruePose, path: Sequence[TruePose]) -> float:
 
 @interpreted_only
 @pytest.mark.parametrize("road", SELF_MEETING)
-def test_what_all_followers_have_passed_is_forgotten_and_nothing_changes(
-    road: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_dropping_passed_chords_changes_nothing(road: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("vehicles.geometry.driven_path.DROP_EVERY", 50)
     path = path_from_segments(SELF_MEETING[road])
     lead = driven(path, every(STEP, 0.0, path.length))
@@ -461,7 +455,7 @@ def test_what_all_followers_have_passed_is_forgotten_and_nothing_changes(
 
 
 @interpreted_only
-def test_nobody_who_stays_behind_keeps_the_whole_path_known(
+def test_a_follower_left_behind_does_not_keep_the_whole_path(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("vehicles.geometry.driven_path.DROP_EVERY", 50)

@@ -47,7 +47,7 @@ def test_plane_agrees_with_the_rotation_of_earth_centred_coordinates() -> None:
 
 
 @given(east=st.floats(-20_000, 20_000), north=st.floats(-20_000, 20_000))
-def test_there_and_back_again(east: float, north: float) -> None:
+def test_a_round_trip_is_exact(east: float, north: float) -> None:
     back = PLANE.to_plane(*PLANE.to_geodetic(east, north))
     assert back == pytest.approx((east, north), abs=1e-7)
 
@@ -74,7 +74,7 @@ def test_origin_is_the_plane_s_zero_and_axes_point_east_and_north() -> None:
         (50.0, 11.575, 519.0),
     ],
 )
-def test_points_far_from_the_origin_are_refused(point: tuple[float, float, float]) -> None:
+def test_points_far_from_the_origin_are_rejected(point: tuple[float, float, float]) -> None:
     with pytest.raises(ValueError, match="further than 100 km"):
         PLANE.to_plane(*point)
 
@@ -88,7 +88,9 @@ def test_points_far_from_the_origin_are_refused(point: tuple[float, float, float
         ((0.0, 0.0, math.inf), "altitude"),
     ],
 )
-def test_origins_off_the_earth_are_refused(place: tuple[float, float, float], message: str) -> None:
+def test_origins_off_the_earth_are_rejected(
+    place: tuple[float, float, float], message: str
+) -> None:
     with pytest.raises(ValueError, match=message):
         Origin(*place)
 
@@ -109,7 +111,7 @@ def test_courses_of_the_compass_rose(heading_deg: float, yaw: float) -> None:
 
 
 @given(st.floats(-100.0, 100.0))
-def test_heading_is_within_a_turn_and_gives_the_yaw_back(yaw: float) -> None:
+def test_heading_is_within_a_turn_and_inverts_to_the_yaw(yaw: float) -> None:
     heading_deg = heading_from_yaw(yaw)
     assert 0.0 <= heading_deg < 360.0
     assert abs(wrap_angle(yaw_from_heading(heading_deg) - yaw)) < 1e-9
@@ -121,7 +123,7 @@ def test_heading_just_west_of_north_does_not_round_to_a_full_turn() -> None:
 
 
 @given(st.floats(-1000.0, 1000.0))
-def test_wrapping_keeps_the_direction(angle: float) -> None:
+def test_wrapping_preserves_the_direction(angle: float) -> None:
     wrapped = wrap_angle(angle)
     assert -math.pi < wrapped <= math.pi
     assert math.cos(wrapped) == pytest.approx(math.cos(angle), abs=1e-9)

@@ -16,7 +16,7 @@ from vehicles.geometry.local_regression import NEIGHBOURS, local_cubic
     cubic=st.tuples(*[st.floats(-1.0, 1.0)] * 4),
 )
 @examples(20, 60)
-def test_cubics_pass_unchanged_up_to_the_ends_however_the_points_lie(
+def test_cubics_are_reproduced_up_to_the_ends_with_any_spacing(
     seed: int, count: int, reach: float, cubic: tuple[float, ...]
 ) -> None:
     t = np.cumsum(np.random.default_rng(seed).uniform(0.2, 2.0, count))
@@ -51,7 +51,7 @@ def test_circle_moves_inwards_as_stated(radius: float, reach: float) -> None:
     assert radius - math.hypot(x, y) == pytest.approx(0.0009 * reach**4 / radius**3, rel=0.1)
 
 
-def test_widening_towards_an_end_leaves_no_corner() -> None:
+def test_widening_towards_an_end_causes_no_corner() -> None:
     t = np.arange(0.0, 60.0, 1.0)
     circle = 10.0 * np.stack([np.cos(t / 10.0), np.sin(t / 10.0)])
     at = np.arange(0.0, 59.0, 0.25)

@@ -48,7 +48,7 @@ segments_drawn = st.lists(
 
 @given(segments=segments_drawn, yaw=st.floats(-3.0, 3.0), share=st.floats(0.0, 1.0))
 @examples(20, 60)
-def test_path_runs_exactly_along_straights_and_arcs(
+def test_path_follows_straights_and_arcs_exactly(
     segments: list[Segment], yaw: float, share: float
 ) -> None:
     path = path_from_segments(segments, 10.0, -20.0, yaw)
@@ -87,7 +87,7 @@ def test_left_is_positive_in_all_four_headings() -> None:
     off=st.floats(-4.0, 4.0),
 )  # fmt: skip
 @examples(26, 80)
-def test_projection_finds_the_foot_it_was_built_from(
+def test_projection_inverts_the_offset_of_a_point(
     segments: list[Segment], share: float, lateral: float, off: float
 ) -> None:
     path = path_from_segments(segments)
@@ -100,14 +100,14 @@ def test_projection_finds_the_foot_it_was_built_from(
 
 
 @pytest.mark.parametrize("lateral", [-20.0, -5.0, 5.0, 6.0])
-def test_foot_on_a_tight_bend_is_exact_even_far_from_it(lateral: float) -> None:
+def test_projection_on_a_tight_bend_is_exact_at_any_distance(lateral: float) -> None:
     path = path_from_segments([Segment(40.0, 1 / 8)])
     foot = path.project(*beside(path.at(20.1), lateral), 18.0)
     assert foot.station == pytest.approx(20.1, abs=1e-7)
     assert foot.lateral == pytest.approx(lateral, abs=1e-7)
 
 
-def test_beyond_its_ends_a_path_goes_on_straight() -> None:
+def test_beyond_its_ends_a_path_continues_straight() -> None:
     path = path_from_segments([Segment(10.0, 0.1)], yaw=1.0)
     start, end = path.at(-4.0), path.at(13.0)
     assert (start.east, start.north) == pytest.approx((-4 * math.cos(1.0), -4 * math.sin(1.0)))
@@ -122,7 +122,7 @@ def test_beyond_its_ends_a_path_goes_on_straight() -> None:
         assert foot.lateral == pytest.approx(0.7, abs=1e-9)
 
 
-def test_figure_of_eight_is_followed_in_order_through_its_crossing() -> None:
+def test_a_figure_of_eight_is_followed_in_order_through_its_crossing() -> None:
     path = path_from_segments(FIGURE_OF_EIGHT * 2)
     near, last = 0.0, -1.0
     for k in range(1, round(path.length / 0.4)):
@@ -132,7 +132,7 @@ def test_figure_of_eight_is_followed_in_order_through_its_crossing() -> None:
         near = last = foot.station
 
 
-def test_laps_over_the_same_ground_are_told_apart_by_where_the_vehicle_was() -> None:
+def test_laps_are_distinguished_by_the_last_station() -> None:
     lap = 2 * math.pi * 15
     path = path_from_segments([Segment(3 * lap, 1 / 15)])
     place = beside(path.at(20.0), 0.5)
@@ -149,7 +149,7 @@ def test_projection_stays_within_its_window() -> None:
     assert path.project(50.0, 1.0, None).station == pytest.approx(50.0)
 
 
-def test_place_beyond_the_centre_of_a_bend_gives_a_finite_projection() -> None:
+def test_a_point_beyond_the_centre_of_a_bend_has_a_finite_projection() -> None:
     path = path_from_segments([Segment(40.0, 1 / 8)])
     for lateral in (7.9, 8.0, 8.1, 20.0, -500.0):
         foot = path.project(*beside(path.at(20.0), lateral), 20.0)
@@ -157,7 +157,7 @@ def test_place_beyond_the_centre_of_a_bend_gives_a_finite_projection() -> None:
         assert 15.0 <= foot.station <= 25.0
 
 
-def test_impossible_paths_are_refused() -> None:
+def test_invalid_paths_are_rejected() -> None:
     ramp, flat = np.arange(3.0), np.zeros(3)
     with pytest.raises(ValueError, match="same length"):
         SampledPath(ramp, flat, flat, flat, np.zeros(2))
@@ -174,7 +174,7 @@ def test_impossible_paths_are_refused() -> None:
             path_from_segments([segment])
 
 
-def test_a_path_takes_little_beside_its_numbers() -> None:
+def test_a_path_takes_little_more_memory_than_its_numbers() -> None:
     """Eleven numbers a sample are held; six of them as objects of Python would take 256 bytes."""
     tracemalloc.start()
     path = path_from_segments([Segment(5000.0, 0.0), Segment(5000.0, 0.001)])

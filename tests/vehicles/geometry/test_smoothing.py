@@ -49,7 +49,7 @@ def test_straight_stays_straight_in_every_heading(yaw: float) -> None:
 
 
 @pytest.mark.parametrize("mirrored", [False, True])
-def test_tight_turn_keeps_its_place_and_bend(mirrored: bool) -> None:
+def test_a_tight_turn_keeps_its_position_and_curvature(mirrored: bool) -> None:
     x, y = circle(8.0, 40.0, 1.0)
     smoothed = smooth_path(x, -y if mirrored else y, 4.5)
     sign = -1.0 if mirrored else 1.0
@@ -96,7 +96,7 @@ def test_noise_on_a_motorway_bend_is_reduced_as_stated(spacing: float) -> None:
     assert np.std(np.concatenate(yaws)) < 0.001 * spacing**0.5
 
 
-def test_deviation_is_the_distance_of_the_given_points() -> None:
+def test_deviation_is_the_distance_from_the_given_points() -> None:
     points = noisy(circle(300.0, 400.0, 0.5))
     smoothed = smooth(points, 20.0)
     # Across the path only one axis of the noise shows, a little less what the path follows.
@@ -126,7 +126,7 @@ def test_uneven_points_give_the_same_path() -> None:
     assert smoothed.deviation_max < 0.02
 
 
-def test_car_that_stood_still_leaves_no_knot() -> None:
+def test_a_standstill_causes_no_knot() -> None:
     points = circle(20.0, 50.0, 1.0)
     stop = np.repeat(points[:, 25:26], 200, axis=1)
     record = noisy(np.concatenate((points[:, :26], stop, points[:, 26:]), axis=1))
@@ -166,7 +166,7 @@ def test_lead_in_is_a_straight_that_bends_gradually_into_the_drive(radius: float
     assert path.at(55.0).curvature == pytest.approx(1.0 / radius, rel=0.01)
 
 
-def test_points_that_make_no_path_are_refused_in_one_line() -> None:
+def test_points_without_a_path_are_rejected_in_one_line() -> None:
     x, y = circle(50.0, 40.0, 1.0)
     for arguments, message in [
         ((x[:5], y[:5], 5.0), "at least 8 points"),
@@ -188,7 +188,7 @@ def test_points_that_make_no_path_are_refused_in_one_line() -> None:
         smooth_path(x, y, 5.0, lead_in=-1.0)
 
 
-def test_drive_that_turns_back_on_the_spot_is_refused() -> None:
+def test_a_drive_that_doubles_back_is_rejected() -> None:
     x = np.concatenate((np.arange(0.0, 30.0), np.arange(30.0, 0.0, -1.0)))
     with pytest.raises(ValueError, match="double back near east 29"):
         smooth_path(x, np.zeros(x.size), 5.0)

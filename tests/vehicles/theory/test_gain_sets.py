@@ -110,7 +110,7 @@ def test_nominal_gains_are_in_the_intersection() -> None:
     assert not stabilises_all([CAR], PAPER_SPEEDS, np.array([[-0.01, 0.96, 0.08]]))[0]
 
 
-def test_intersection_is_what_every_case_contains() -> None:
+def test_the_intersection_is_contained_in_every_case() -> None:
     gains = np.random.default_rng(2).uniform([0.0, 0.0, -0.1], [1.5, 2.0, 0.3], (2000, 3))
     every = np.all([is_stabilising(CAR, speed, gains) for speed in PAPER_SPEEDS], axis=0)
     together = stabilises_all([CAR], PAPER_SPEEDS, gains)
@@ -118,7 +118,7 @@ def test_intersection_is_what_every_case_contains() -> None:
     assert 100 < together.sum() < 1900
 
 
-def test_the_box_holds_the_set() -> None:
+def test_the_box_contains_the_set() -> None:
     """The set at 30 m/s is bounded, as in the paper, and a wider search finds no more of it."""
     box = gain_box([CAR], [30.0])
     random = np.random.default_rng(4)
@@ -133,7 +133,7 @@ def test_the_box_holds_the_set() -> None:
     assert (inside.max(axis=0) - inside.min(axis=0) > 12.0 * cell).all()
 
 
-def test_the_set_runs_out_into_tips_that_no_grid_finds() -> None:
+def test_extremes_follow_tips_that_no_grid_finds() -> None:
     """All extremes are members; the surface itself, in closed form, reaches no further."""
     extremes = np.array(gain_extremes([CAR], [30.0]))
     assert is_stabilising(CAR, 30.0, extremes).all()
@@ -153,7 +153,7 @@ def test_the_set_runs_out_into_tips_that_no_grid_finds() -> None:
         assert points.max() < most + room
 
 
-def test_the_intersection_reaches_no_further_than_its_parts() -> None:
+def test_the_intersection_is_within_its_parts() -> None:
     one = np.array(gain_extremes([CAR], [30.0]))
     both = np.array(gain_extremes([CAR], [10.0, 30.0]))
     for k in range(3):
@@ -161,7 +161,7 @@ def test_the_intersection_reaches_no_further_than_its_parts() -> None:
         assert both[k, 1, k] < one[k, 1, k] + 0.01
 
 
-def test_an_unstabilisable_case_is_refused() -> None:
+def test_a_case_without_stabilising_gains_is_rejected() -> None:
     with pytest.raises(ValueError, match="no stabilising gains"):
         gain_box([CAR], [2000.0])
 

@@ -175,7 +175,7 @@ def test_steady_cornering_is_the_equilibrium(
         assert rest[2:4] == pytest.approx([0.0, 0.0], abs=1e-9)
 
 
-def test_steady_cornering_runs_wide_at_speed() -> None:
+def test_steady_cornering_is_outside_the_path_at_speed() -> None:
     lateral, heading = steady_cornering(CAR, NOMINAL_GAINS, 30.0, 1.0 / 300.0)
     assert lateral == pytest.approx(-0.02168, abs=1e-5)
     assert heading > 0.0

@@ -77,7 +77,7 @@ def test_the_transition_is_that_of_an_integrator() -> None:
     assert found == pytest.approx(exact.reshape(6, 6), abs=5e-3 * float(np.abs(exact).max()))
 
 
-def test_accelerations_of_a_constant_speed_do_nothing() -> None:
+def test_a_constant_speed_has_no_growth() -> None:
     bound = integral_bound(LINCOLN_MKZ, NOMINAL_GAINS, SLOWEST, FASTEST)
     assert bound.energy_ratio(10.0, 0.0) < 1.0
     assert bound.mean_acceleration == pytest.approx(bound.decay / bound.sensitivity)

@@ -22,7 +22,7 @@ REAL_PARTS = st.lists(st.floats(-5.0, 5.0).filter(lambda x: abs(x) > 1e-3), min_
 
 
 @given(REAL_PARTS, st.floats(0.1, 10.0))
-def test_routh_says_what_the_roots_say(real_parts: list[float], imaginary: float) -> None:
+def test_routh_agrees_with_the_roots(real_parts: list[float], imaginary: float) -> None:
     roots = [part + 1j * imaginary for part in real_parts]
     polynomial = np.array(np.poly(roots + np.conj(roots).tolist()).real, dtype=float)
     assert bool(is_hurwitz(polynomial)) == (max(real_parts) < 0.0)
@@ -82,7 +82,7 @@ def test_positivity_is_decided_exactly() -> None:
 
 
 @given(st.lists(small, min_size=1, max_size=6), small, st.integers(1, 12))
-def test_positivity_never_claims_what_a_sample_refutes(
+def test_positivity_is_never_refuted_by_a_sample(
     coefficients: list[Fraction], low: Fraction, width: int
 ) -> None:
     high = low + Fraction(width, 3)

@@ -99,7 +99,7 @@ def test_trace_propagation_from_the_error_model(
         assert found == pytest.approx(1.0 + error[0], rel=1e-7)
 
 
-def test_running_wide_amplifies_at_low_frequency() -> None:
+def test_an_error_to_the_outside_amplifies_at_low_frequency() -> None:
     for speed in (10.0, 20.0, 30.0):
         transfer = trace_propagation(CAR, NOMINAL_GAINS, speed)
         wide = -steady_cornering(CAR, NOMINAL_GAINS, speed, 1.0)[0]
@@ -130,7 +130,7 @@ def test_chain_by_following_the_recursion(alpha: float) -> None:
         assert found_row == pytest.approx(offset - 1.0, abs=1e-12)
 
 
-def test_lead_data_level_the_growth_off() -> None:
+def test_lead_data_limit_the_growth() -> None:
     """Predecessor only: the offset from the lead's path grows car by car. Half lead: it settles."""
     transfer = trace_propagation(CAR, NOMINAL_GAINS, 30.0)
     slow = np.array([1.0])

@@ -39,9 +39,7 @@ OLD = (0.25, 0.1)
 
 @pytest.mark.parametrize("speed", [5.0, 15.0, 30.0, 36.0])
 @pytest.mark.parametrize("car", [CAR, FULL], ids=["empty", "full"])
-def test_sampled_ever_faster_it_becomes_the_continuous_loop(
-    speed: float, car: VehicleParameters
-) -> None:
+def test_it_converges_to_the_continuous_loop(speed: float, car: VehicleParameters) -> None:
     continuous = -float(np.max(np.linalg.eigvals(closed_loop_at(car, NOMINAL_GAINS, speed)).real))
     errors = []
     for rate in (200.0, 400.0, 800.0):
@@ -51,7 +49,7 @@ def test_sampled_ever_faster_it_becomes_the_continuous_loop(
     assert errors[0] > 1.8 * errors[1] > 3.2 * errors[2]  # a hold is a delay of half a period
 
 
-def test_exponential_and_riccati_are_those_of_a_library() -> None:
+def test_exponential_and_riccati_agree_with_scipy() -> None:
     random = np.random.default_rng(4)
     for size in (0.01, 1.0, 40.0):
         matrix = size * random.standard_normal((7, 7))
@@ -156,7 +154,7 @@ def exactly(body: Body) -> Pose:
         (60.0, 10.0, None, 20.0, 12),
     ],
 )
-def test_a_car_that_is_driven_decays_and_diverges_as_computed(
+def test_a_simulated_car_decays_and_diverges_as_computed(
     speed: float, control_hz: float, imu_hz: float | None, gnss_hz: float, seconds: float
 ) -> None:
     """The nonlinear car, the filter of a vehicle and its law, on both sides of the boundary."""
@@ -167,7 +165,7 @@ def test_a_car_that_is_driven_decays_and_diverges_as_computed(
     assert computed.stable == (driven > 0.0)
 
 
-def test_own_state_at_the_rate_of_fixes_is_as_unstable_as_it_was() -> None:
+def test_own_state_at_the_rate_of_fixes_is_unstable() -> None:
     """What was seen of convoys whose yaw rate came with their fixes, at those very rates."""
 
     def stable(rate: float, speed: float) -> bool:
@@ -184,14 +182,14 @@ def test_own_state_at_the_rate_of_fixes_is_as_unstable_as_it_was() -> None:
 
 @pytest.mark.parametrize("speed", [4.0, 10.0, 20.0, 30.0, 36.0])
 @pytest.mark.parametrize("car", [CAR, FULL], ids=["empty", "full"])
-def test_with_an_inertial_sensor_at_the_rate_of_control_any_receiver_will_do(
+def test_with_an_inertial_sensor_at_the_control_rate_any_receiver_is_stable(
     speed: float, car: VehicleParameters
 ) -> None:
     for gnss_hz in (1.0, 2.0, 5.0, 10.0, 20.0):
         assert sampled_stability(replace(LOOP, parameters=car, gnss_hz=gnss_hz), speed).stable
 
 
-def test_from_the_lowest_stable_rate_on_every_rate_is_stable() -> None:
+def test_all_rates_above_the_lowest_stable_rate_are_stable() -> None:
     def at(rate: float) -> SampledLoop:
         return replace(LOOP, imu_hz=rate)
 
@@ -215,13 +213,13 @@ def test_faster_cars_need_faster_sensors() -> None:
     assert rates[0] < rates[-1]
 
 
-def test_rates_that_hardly_nest_have_a_period_all_the_same() -> None:
+def test_incommensurate_rates_have_a_common_period() -> None:
     stability = sampled_stability(replace(LOOP, gnss_hz=19.9), 20.0)
     assert stability.period == pytest.approx(10.0)
     assert stability.decay == pytest.approx(sampled_stability(LOOP, 20.0).decay, abs=0.25)
 
 
-def test_a_loop_that_explodes_within_its_period_is_unstable_and_no_error() -> None:
+def test_overflow_within_a_period_is_unstable_not_an_error() -> None:
     """Growth beyond all floating numbers within a period, at the rate of a shorter one."""
     wild = replace(LOOP, gains=Gains(2.0, 20.0, 2.0), control_hz=10.0, imu_hz=10.0)
     often, seldom = (replace(wild, gnss_hz=rate) for rate in (1.0, 0.01))

@@ -64,7 +64,7 @@ def test_peak_at_infinity() -> None:
 
 @pytest.mark.parametrize("steering", BOTH)
 @pytest.mark.parametrize("speed", [6.0, 15.0, 30.0])
-def test_attenuation_is_paid_for_by_amplification(speed: float, steering: SteeringModel) -> None:
+def test_attenuation_requires_amplification(speed: float, steering: SteeringModel) -> None:
     """Bode's integral of ln|G| / w² over all frequencies is zero: the loop has two integrators and
     no zeros in the right half-plane."""
     transfer = propagation(CAR, NOMINAL_GAINS, speed, steering)
@@ -118,7 +118,7 @@ def test_maximum_gain_of_known_systems() -> None:
 
 
 @pytest.mark.parametrize("speed", [10.0, 20.0, 30.0])
-def test_maximum_gain_by_driving_the_worst_signal(speed: float) -> None:
+def test_maximum_gain_is_reached_by_the_worst_signal(speed: float) -> None:
     """At least the gain in L2, and reached by an input with the impulse response's sign."""
     transfer = propagation(CAR, NOMINAL_GAINS, speed)
     gain = maximum_gain(transfer)

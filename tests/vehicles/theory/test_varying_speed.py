@@ -41,7 +41,7 @@ def test_reaches_far_more_than_six_at_thirty() -> None:
     assert braking == pytest.approx(accelerating)
 
 
-def test_no_road_car_leaves_the_certificate_of_the_nominal_gains() -> None:
+def test_the_certificate_of_the_nominal_gains_covers_road_cars() -> None:
     """At every covered speed and loading the bound exceeds what dry asphalt allows (9.8 m/s²)."""
     for loading in all_loadings():
         certificate = certify(loaded(CAR, loading), NOMINAL_GAINS)
@@ -97,7 +97,7 @@ def test_bound_is_where_the_lyapunov_function_stops_falling(speed: float, sign: 
         assert (worst < 0.0) == falls
 
 
-def test_energy_falls_along_driven_speed_profiles() -> None:
+def test_energy_decreases_along_simulated_speed_profiles() -> None:
     """Swinging between the ends at 99 % of the bound: w(v) z'Pz falls all the way, from any state.
 
     Second method: the time-varying system is integrated, w(v) is the integral of h, and the value

@@ -31,7 +31,7 @@ def autocorrelation(values: NDArray[np.float64], lag: int) -> float:
 
 
 @pytest.mark.campaign(4, 40)
-def test_the_autocorrelation_is_the_law_s(campaign: int) -> None:
+def test_the_autocorrelation_is_exponential(campaign: int) -> None:
     """At lags up to two time constants, within 0.1: that of all paths together, each 20 000 s."""
     time_constant = 100.0
     paths = [path(time_constant, 1.0, 20_000.0, seed) for seed in range(campaign)]
@@ -41,7 +41,7 @@ def test_the_autocorrelation_is_the_law_s(campaign: int) -> None:
         assert found == pytest.approx(math.exp(-lag / time_constant), abs=0.1), lag
 
 
-def test_the_rate_changes_nothing() -> None:
+def test_the_process_does_not_depend_on_the_rate() -> None:
     """At 5, 10 and 20 Hz the same autocorrelation to 1 %, and at equal instants the same path."""
     paths = {rate: path(100.0, rate, 4000.0) for rate in (5, 10, 20)}
     assert np.array_equal(paths[20][::2], paths[10])
@@ -53,7 +53,7 @@ def test_the_rate_changes_nothing() -> None:
         assert whole[rate] == pytest.approx(whole[20], abs=0.01)
 
 
-def test_it_is_stationary_from_the_first_instant_on() -> None:
+def test_it_is_stationary_from_the_start() -> None:
     """Deviation 1 in both axes, which have nothing to do with one another, at any age."""
     count = 1000
     for seconds in (0.0, 3.0, 12.0):  # 12 s: beyond two blocks of the grid
@@ -67,7 +67,7 @@ def test_it_is_stationary_from_the_first_instant_on() -> None:
         assert np.max(np.abs(covariance - np.eye(2))) < 5.0 * math.sqrt(2.0 / count)
 
 
-def test_it_is_the_plain_recursion() -> None:
+def test_it_equals_the_plain_recursion() -> None:
     """The blocks are a rearrangement of x[k] = r x[k-1] + sqrt(1 - r²) w[k]."""
     time_constant = 0.5
     process = GaussMarkov(time_constant, START, np.random.default_rng(7))
@@ -82,7 +82,7 @@ def test_it_is_the_plain_recursion() -> None:
             assert process.at(now) == pytest.approx(tuple(x), abs=1e-10)
 
 
-def test_it_keeps_its_value_between_two_points_of_the_grid() -> None:
+def test_it_is_constant_between_grid_points() -> None:
     process = GaussMarkov(10.0, START, np.random.default_rng(1))
     first = process.at(START)
     assert process.at(START + GRID - 1) == first != process.at(START + GRID)
@@ -92,7 +92,7 @@ def test_it_keeps_its_value_between_two_points_of_the_grid() -> None:
 
 
 @pytest.mark.parametrize("time_constant", [0.0, 0.01, -1.0, math.inf, math.nan])
-def test_impossible_time_constants_are_refused(time_constant: float) -> None:
+def test_invalid_time_constants_are_rejected(time_constant: float) -> None:
     with pytest.raises(ValueError, match="time constant"):
         GaussMarkov(time_constant, START, np.random.default_rng(1))
 
@@ -107,13 +107,13 @@ def uniform(random: np.random.Generator, count: int) -> Iterator[tuple[float, fl
     most=st.floats(0.0, 10.0),
     draws=st.tuples(st.floats(0, 1, exclude_max=True), st.floats(0, 1, exclude_max=True)),
 )
-def test_an_entry_is_within_its_circle(
+def test_an_entry_jump_is_within_its_circle(
     deviation: float, most: float, draws: tuple[float, float]
 ) -> None:
     assert math.hypot(*draw_truncated(deviation, most, draws)) <= most * (1.0 + 1e-12)
 
 
-def test_an_entry_has_the_law_of_the_drift_where_the_circle_is_wide() -> None:
+def test_in_a_wide_circle_an_entry_jump_has_the_distribution_of_the_drift() -> None:
     places = np.array(
         [draw_truncated(0.3, 100.0, draws) for draws in uniform(np.random.default_rng(3), 8000)]
     )
@@ -125,7 +125,7 @@ def test_an_entry_has_the_law_of_the_drift_where_the_circle_is_wide() -> None:
     assert np.mean(narrow**2) == pytest.approx(0.03**2 / 4.0, rel=0.05)
 
 
-def test_what_a_drift_began_with_fades() -> None:
+def test_the_initial_value_of_a_drift_decays() -> None:
     assert restarted((0.3, -0.2), (0.1, 0.1), (0.5, 0.0), 1.0) == pytest.approx((0.7, -0.3))
     assert restarted((0.1, 0.1), (0.1, 0.1), (0.5, 0.0), 1.0) == pytest.approx((0.5, 0.0))
     assert restarted((0.3, -0.2), (0.1, 0.1), (0.5, 0.0), 0.0) == (0.3, -0.2)

@@ -35,7 +35,7 @@ def stays(states: FixStates, count: int) -> list[tuple[ReceiverState, float]]:
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_stays_of_a_chain_are_exponential(seed: int) -> None:
+def test_times_in_a_state_of_a_chain_are_exponential(seed: int) -> None:
     """Kolmogorov and Smirnov at 0.1 %."""
     found = stays(StateChain("fixed", CHAIN, START, np.random.default_rng(seed)), 4000)
     for state, mean in (("fixed", 890.0), ("float", 14.0)):
@@ -44,7 +44,7 @@ def test_stays_of_a_chain_are_exponential(seed: int) -> None:
         assert stats.kstest(lengths, "expon", args=(0.0, mean)).pvalue > 0.001
 
 
-def test_of_several_transitions_each_has_its_rate() -> None:
+def test_competing_transitions_have_their_rates() -> None:
     means: dict[ReceiverState, dict[ReceiverState, float]] = {
         "fixed": {"float": 10.0, "none": 30.0},
         "float": {"fixed": 1.0},
@@ -57,7 +57,7 @@ def test_of_several_transitions_each_has_its_rate() -> None:
     assert lost == pytest.approx(1000, abs=5 * (4000 * 0.25 * 0.75) ** 0.5)  # a quarter of 4000
 
 
-def test_a_chain_does_not_depend_on_when_it_is_asked() -> None:
+def test_a_chain_does_not_depend_on_the_instants_of_queries() -> None:
     often, seldom = (StateChain("fixed", CHAIN, START, np.random.default_rng(5)) for _ in range(2))
     for second in range(0, 5000, 100):
         for step in range(100):
@@ -65,7 +65,7 @@ def test_a_chain_does_not_depend_on_when_it_is_asked() -> None:
         assert now == seldom.at(START + (second + 99) * SECOND)
 
 
-def test_a_state_that_nothing_leaves_lasts() -> None:
+def test_a_state_without_transitions_lasts() -> None:
     chain = StateChain("single", CHAIN, START, np.random.default_rng(1))
     assert chain.at(START + 10**6 * SECOND).until == NO_END
 
@@ -78,14 +78,14 @@ def test_a_schedule_is_followed() -> None:
     assert StateSchedule("fixed", [(0.0, "single")], START).at(START).state == "single"
 
 
-def test_states_last_in_the_latest_of_runs_too() -> None:
+def test_states_last_in_the_latest_possible_run() -> None:
     start = 7_258_118_399 * SECOND  # the last second of 2199
     now = start + 86_400 * SECOND
     assert StateSchedule("float", (), start).at(now).state == "float"
     assert StateChain("single", CHAIN, start, np.random.default_rng(1)).at(now).state == "single"
 
 
-def test_outages_cover_what_they_say() -> None:
+def test_outages_cover_their_time_stretch_or_circle() -> None:
     def car(driven: float = 0.0, east: float = 0.0, north: float = 0.0) -> Body:
         return Body(east=east, north=north, yaw=0.0, speed=20.0, distance=driven)
 

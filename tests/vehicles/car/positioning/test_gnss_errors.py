@@ -77,7 +77,7 @@ def off(fix: Fix) -> tuple[float, float]:
     return fix.east - BODY.east, fix.north - BODY.north
 
 
-def test_what_is_common_cancels_between_vehicles() -> None:
+def test_common_drift_cancels_between_vehicles() -> None:
     """At equal instants, also for a receiver of another rate: to the bit, so far below 1e-9 m."""
     common = replace(model(), common_drift=CommonDrift(3.0, 50.0))
     here = {fix.measured_at: off(fix) for fix in fixes(errors(common, 1), 30.0)}
@@ -91,7 +91,7 @@ def test_what_is_common_cancels_between_vehicles() -> None:
         assert first.at(BODY, now) == second.at(BODY, now)
 
 
-def test_own_errors_stay_their_own_beside_what_is_common() -> None:
+def test_own_errors_are_independent_of_common_drift() -> None:
     own = model(StateErrors(0.0, Drift(0.2, 20.0)))
     both = replace(own, common_drift=CommonDrift(3.0, 50.0))
     apart = [
@@ -120,7 +120,7 @@ def test_white_noise_is_that_of_a_plain_receiver() -> None:
         assert replace(fix, east=0.0, north=0.0) == replace(before, east=0.0, north=0.0)
 
 
-def test_a_bias_is_constant_and_partly_drawn() -> None:
+def test_a_bias_is_constant_and_partly_random() -> None:
     given = replace(model(), bias=Bias(0.0, 1.0, -2.0))
     assert {off(fix) for fix in fixes(errors(given), 3.0)} == {(1.0, -2.0)}
     drawn = replace(model(), bias=Bias(0.5))
@@ -136,7 +136,7 @@ def test_positions_are_rounded() -> None:
         assert (fix.north / 0.25).is_integer()
 
 
-def test_a_fix_is_known_after_its_latency() -> None:
+def test_a_fix_is_available_after_its_latency() -> None:
     late = replace(model(), latency=70 * MILLISECOND)
     gnss = GnssReceiver(SILENT, 20.0, START, np.random.default_rng(1), errors(late))
     known = {}
@@ -147,7 +147,7 @@ def test_a_fix_is_known_after_its_latency() -> None:
     assert known == {70: 0, 120: 50, 170: 100, 220: 150, 270: 200, 320: 250, 370: 300}
 
 
-def test_entry_jumps_are_bounded_and_fade() -> None:
+def test_entry_jumps_are_bounded_and_decay() -> None:
     """Whenever float is entered the drift starts within half a metre, also after an outage."""
     floating = StateErrors(0.0, Drift(2.0, 10.0), entry_jump=0.5)
     entries: list[tuple[float, ReceiverState]] = []
@@ -173,14 +173,14 @@ def test_entry_jumps_are_bounded_and_fade() -> None:
     ]
 
 
-def test_a_receiver_that_is_on_for_long_does_not_jump_at_the_start() -> None:
+def test_the_drift_does_not_restart_at_the_start_of_a_run() -> None:
     floating = StateErrors(0.0, Drift(2.0, 10.0), entry_jump=0.01)
     made = replace(model(floating), fix="float")
     firsts = [math.hypot(*off(fixes(errors(made, place), 0.04)[0])) for place in range(20)]
     assert max(firsts) > 1.0
 
 
-def test_the_accuracy_is_the_deviation_or_a_part_of_it() -> None:
+def test_the_reported_accuracy_is_a_share_of_the_deviation() -> None:
     honest = StateErrors(0.3, Drift(0.4, 10.0))
     lying = replace(honest, accuracy=0.05)
     made = replace(model(honest, lying), fix_states=scheduled((1.0, "float")))
@@ -195,7 +195,7 @@ def test_the_accuracy_is_the_deviation_or_a_part_of_it() -> None:
 
 
 @pytest.mark.campaign(150, 2000)
-def test_the_stated_deviation_is_what_errors_scatter_by(campaign: int) -> None:
+def test_errors_have_the_stated_deviation(campaign: int) -> None:
     made = replace(model(StateErrors(0.3, Drift(0.4, 10.0))), bias=Bias(0.5), quantisation=1.0)
     each = [off(fixes(errors(made, place), 0.04, seed=place)[0]) for place in range(campaign)]
     size = 2 * campaign
@@ -210,7 +210,7 @@ def forced_between(found: ReceiverErrors, state: ReceiverState) -> list[Fix | No
 
 
 @pytest.mark.parametrize("state", ["float", "none"])
-def test_a_plain_receiver_is_itself_again_after_a_forced_state(state: ReceiverState) -> None:
+def test_a_plain_receiver_recovers_after_a_forced_state(state: ReceiverState) -> None:
     plain = GnssReceiver(GnssNoise(), 20.0, START, np.random.default_rng(1))
     usual = [plain.measure(BODY, now) for now in instants(START, START + 3 * SECOND, 20.0)]
     poor = model(StateErrors(0.02), StateErrors(0.4))
@@ -227,7 +227,7 @@ def test_a_plain_receiver_is_itself_again_after_a_forced_state(state: ReceiverSt
         assert off(fix) == pytest.approx(tuple(20.0 * one for one in off(before)))
 
 
-def test_a_law_of_states_goes_on_unseen_while_another_one_is_forced() -> None:
+def test_a_law_of_states_continues_while_a_state_is_forced() -> None:
     law = scheduled((0.5, "float"), (1.5, "single"), (2.5, "fixed"))
     found = forced_between(errors(replace(model(), fix_states=law)), "fixed")
     states = [fix.state for fix in found if fix is not None]
@@ -237,7 +237,7 @@ def test_a_law_of_states_goes_on_unseen_while_another_one_is_forced() -> None:
     )
 
 
-def test_force_ends_when_it_is_said_so() -> None:
+def test_a_forced_state_ends_on_request() -> None:
     gnss = GnssReceiver(SILENT, 20.0, START, np.random.default_rng(1), errors(model()))
     gnss.force("none", START)
     assert gnss.measure(BODY, START) is None

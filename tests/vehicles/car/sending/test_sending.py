@@ -56,11 +56,11 @@ def gaps(found: list[tuple[float, float]]) -> list[float]:
     return [later - earlier for (earlier, _), (later, _) in pairwise(found)]
 
 
-def test_every_fix_is_sent_as_it_comes() -> None:
+def test_every_fix_is_sent_at_once() -> None:
     assert sent(None, 0.3, gnss_hz=20.0) == [(t, t) for t in (0, 50, 100, 150, 200, 250)]
 
 
-def test_a_rate_of_its_own_takes_the_newest_fix() -> None:
+def test_a_fixed_rate_sends_the_newest_fix() -> None:
     rule = PeriodicTrigger(Cadence(START + 30 * MILLISECOND, 8.0))
     assert sent(rule, 0.6, gnss_hz=20.0) == [
         (30, 0),
@@ -131,12 +131,12 @@ def test_awareness_intervals_at_constant_speed(
     assert cam_interval(speed, check_ms / 1000.0) == pytest.approx(interval / 1000.0)
 
 
-def test_a_standing_car_says_so_each_second() -> None:
+def test_a_standing_car_sends_each_second() -> None:
     rule = CamTrigger(Cadence(START, 10.0))
     assert gaps(sent(rule, 5.0, speed=0.0)) == [1000.0] * 4
 
 
-def test_turning_and_braking_ask_for_messages() -> None:
+def test_turning_and_braking_trigger_messages() -> None:
     """0.5 rad/s pass 4 deg in 140 ms, 2 m/s² pass 0.5 m/s in 250 ms."""
     turning = CamTrigger(Cadence(START, 50.0))
     assert set(gaps(sent(turning, 4.0, speed=1.0, yaw_rate=0.5))) == {140.0}
@@ -159,12 +159,12 @@ def test_three_messages_keep_the_interval_of_the_last_change() -> None:
 # ---- TS 102 687
 
 
-def test_congestion_control_has_the_table_s_spans() -> None:
+def test_congestion_control_has_the_intervals_of_the_table() -> None:
     spans = {0.0: 100, 0.29: 100, 0.3: 200, 0.4: 400, 0.5: 500, 0.59: 500, 0.6: 1000, 1.0: 1000}
     assert {ratio: min_interval_at(ratio) / MILLISECOND for ratio in spans} == spans
 
 
-def test_congestion_control_goes_one_state_at_a_time() -> None:
+def test_congestion_control_changes_one_state_at_a_time() -> None:
     control = ReactiveControl([(1.0, 0.9), (3.0, 0.0)], START, 100 * MILLISECOND)
     at = (0.0, 0.99, 1.0, 1.1, 1.2, 1.3, 2.9, 3.0, 3.1, 3.2, 3.3, 5.0)
     found = [control.min_interval(START + round(t * SECOND)) // MILLISECOND for t in at]
@@ -200,7 +200,9 @@ def test_no_interval_is_shorter_than_congestion_control_allows(
     ("name", "mean_ms"), [("cam_vw_highway", 335), ("cam_renault_highway", 441)]
 )
 @pytest.mark.campaign(20_000, 200_000)
-def test_drawn_intervals_have_the_shares_measured(name: str, mean_ms: float, campaign: int) -> None:
+def test_random_intervals_have_the_measured_shares(
+    name: str, mean_ms: float, campaign: int
+) -> None:
     shares = CAM_SHARES[name]
     assert sum(shares) == pytest.approx(1.0, abs=0.0011)
     table = IntervalDistribution(CAM_INTERVALS, shares, 3 * MILLISECOND)
@@ -218,7 +220,7 @@ def test_drawn_intervals_have_the_shares_measured(name: str, mean_ms: float, cam
     assert min(drawn) * MILLISECOND >= table.shortest
 
 
-def test_drawn_intervals_keep_their_mean_though_ticks_are_rare() -> None:
+def test_random_intervals_keep_their_mean_with_rare_ticks() -> None:
     """What is due waits for the next tick, and the interval after it is not longer for that."""
     shares = IntervalDistribution(
         [130 * MILLISECOND, 170 * MILLISECOND], [1.0, 1.0], 3 * MILLISECOND
@@ -230,7 +232,7 @@ def test_drawn_intervals_keep_their_mean_though_ticks_are_rare() -> None:
 
 
 @given(seed=st.integers(0, 50), jitter=st.integers(0, 3))
-def test_numbers_never_run_ahead_of_the_shortest_interval(seed: int, jitter: int) -> None:
+def test_sequence_numbers_never_exceed_the_shortest_interval(seed: int, jitter: int) -> None:
     """What the gate of receivers counts on."""
     shares = IntervalDistribution([50 * MILLISECOND], [1.0], jitter * MILLISECOND)
     rule = DrawnIntervalTrigger(shares, START, np.random.default_rng(seed))
