@@ -273,6 +273,12 @@ def open_run_options(command: Command) -> Command:
     return named(zenoh_options(command))
 
 
+def confirmation_option(command: Command) -> Command:
+    return click.option(
+        "--yes", "confirmed", is_flag=True, help="Run settings that need confirmation."
+    )(command)
+
+
 def parent_watch_option(command: Command) -> Command:
     """Hidden option of processes that must not outlive their parent."""
     return click.option(

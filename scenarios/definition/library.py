@@ -19,6 +19,9 @@ DRILLS = LIBRARY / "drills"
 ATTACHED_AS = "scenario.toml"
 """Name of the scenario of a run among the attachments of its log."""
 
+MAX_BYTES = 200_000_000
+"""Largest scenario file: one with the points of a long drive has a tenth of this."""
+
 TEMPLATE = "_template"
 """The file in the library that `convoy new` writes; it is not listed."""
 
@@ -87,6 +90,10 @@ def read_base(extending: ScenarioFile, given: object) -> ScenarioFile:
 def _text(path: Path) -> str:
     """Text of a file; raises FileNotFoundError, or ValueError with the reason in words."""
     try:
+        if path.is_char_device():  # such as /dev/zero, which never ends
+            raise ValueError("not a file")
+        if path.stat().st_size > MAX_BYTES:
+            raise ValueError(f"larger than {MAX_BYTES // 1_000_000} MB")
         text = path.read_bytes().decode("utf-8-sig")
     except FileNotFoundError:
         raise

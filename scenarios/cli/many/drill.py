@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarios.cli.columns import Column, table_of
-from scenarios.cli.common_options import override_options
+from scenarios.cli.common_options import confirmation_option, override_options
 from scenarios.cli.error_lines import clear_errors
 from scenarios.cli.guide import completion
 from scenarios.cli.many.study_options import engine_options, selected_fleet
@@ -51,6 +51,7 @@ Examples:
     "--out", type=click.Path(file_okay=False, path_type=Path),
     help="Folder for drills.json and, with --clock wall, for the logs.",
 )  # fmt: skip
+@confirmation_option
 def drill(
     *,
     names: tuple[str, ...],
@@ -62,6 +63,7 @@ def drill(
     scheduler: str,
     junit: Path | None,
     out: Path | None,
+    confirmed: bool,
 ) -> None:
     """Run failure drills.
 
@@ -70,6 +72,7 @@ def drill(
     """
     from rich.console import Console
 
+    from scenarios.definition.check.confirmation import confirmed_lines
     from scenarios.definition.scenario import drills, load_scenario
     from scenarios.runs.stop import EXIT_FAILED
     from scenarios.studies.drills.drill import (
@@ -94,6 +97,8 @@ def drill(
             for name in dict.fromkeys(names or drills())
             for one in drill_variants(name, overrides, chosen)
         ]
+        for first in {variant.name: variant for variant in reversed(variants)}.values():
+            confirmed_lines(first.scenario, wall_clock=clock == "wall", confirmed=confirmed)
         with study_engine(
             selected_fleet(workers, scheduler),
             _print_to_stderr,
@@ -150,6 +155,7 @@ def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[Dril
             run_name=None,
             out=folder,
             display=DisplayOptions(quiet=True),
+            confirmed=True,
         )
         if exit_code not in {0, EXIT_FAILED}:
             sys.exit(exit_code)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from scenarios.cli.common_options import (
+    confirmation_option,
     log_options,
     parent_watch_option,
     run_option,
@@ -53,6 +54,7 @@ Examples:
 )
 @run_option
 @log_options
+@confirmation_option
 def run(
     *,
     scenario: str,
@@ -65,6 +67,7 @@ def run(
     rerun: str,
     quiet: bool,
     tables: Tables,
+    confirmed: bool,
 ) -> None:
     """Run a scenario.
 
@@ -85,6 +88,7 @@ def run(
                 run_name=run_name,
                 out=out,
                 display=DisplayOptions(rerun, quiet, tables),
+                confirmed=confirmed,
             )
         )
 
@@ -192,6 +196,7 @@ Examples:
 @run_option
 @zenoh_options
 @log_options
+@confirmation_option
 @time_option("--wait", default=60.0, help_text="Longest wait for all vehicles. Default: 60s.")
 @parent_watch_option
 @click.pass_obj
@@ -209,6 +214,7 @@ def record(
     tables: Tables,
     wait_s: float,
     launched: bool,
+    confirmed: bool,
     **flags: Any,
 ) -> None:
     """Start a convoy and record its run.
@@ -218,6 +224,7 @@ def record(
     """
     stop = stop_on_request(with_launcher=launched)
     from scenarios.cli.running.recorder_run import record_run
+    from scenarios.definition.check.confirmation import confirmed_lines
     from scenarios.definition.scenario import load_scenario
     from scenarios.runs.processes.forking import name_process
     from scenarios.runs.processes.membership import checked_run_name
@@ -226,6 +233,7 @@ def record(
     ignore_hangup()
     with clear_errors():
         convoy = known or load_scenario(scenario, overrides, seed)
+        confirmed_lines(convoy, wall_clock=True, confirmed=confirmed or launched)
         sys.exit(
             record_run(
                 convoy,

@@ -9,6 +9,7 @@ import click
 
 from scenarios.cli.display_options import DisplayOptions
 from scenarios.cli.running.destination import refuse_picture, run_folder
+from scenarios.definition.check.confirmation import confirmed_lines
 from scenarios.definition.check.findings import warnings
 from scenarios.definition.scenario import load_scenario
 from scenarios.runs.processes.membership import checked_run_name
@@ -29,6 +30,7 @@ def run_scenario(
     run_name: str | None,
     out: Path | None,
     display: DisplayOptions,
+    confirmed: bool,
 ) -> int:
     """Run a scenario; returns the exit code.
 
@@ -36,7 +38,8 @@ def run_scenario(
     """
     scenario = load_scenario(name, overrides, seed)
     common = checked_run_name(run_name or f"{scenario.name}-{secrets.token_hex(3)}")
-    for line in warnings(scenario):
+    unusual = confirmed_lines(scenario, wall_clock=clock == "wall", confirmed=confirmed)
+    for line in (*unusual, *warnings(scenario)):
         click.echo(f"warning: {line}", err=True)
     refuse_picture(display.rerun, out)  # in one line here, before the recorder starts
     folder = run_folder(scenario, out)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from scenarios.definition.check.confirmation import confirmation_lines
 from scenarios.definition.check.link_forecast import laws_in_brief
 from scenarios.definition.check.preview import preview_warnings
 from scenarios.definition.check.receivers import receiver_warnings
@@ -170,7 +171,7 @@ def report_of(scenario: Scenario) -> CheckReport:
         coordinates_offset_m=(trace.east_offset_m, trace.north_offset_m) if trace else None,
         deviation_m_rms=road.deviation_rms if road else None,
         deviation_m_max=road.deviation_max if road else None,
-        warnings=_warnings(scenario, run),
+        warnings=(*confirmation_lines(scenario, wall_clock=True), *_warnings(scenario, run)),
     )
 
 
@@ -260,9 +261,6 @@ def _trace_warnings(scenario: Scenario) -> Iterator[str]:
             f"(rms {smoothed.deviation_rms:.2f} m, their noise {smoothed.noise:.2f} m): noisy "
             f"points, or path.smoothing_m = {table.smoothing_m:g} is too wide"
         )
-    convoy = sum(scenario.route.spacings)
-    if table.closed and convoy > smoothed.lap_length:
-        yield f"the convoy is {convoy:.0f} m long, more than a lap of {smoothed.lap_length:.0f} m"
 
 
 def _hole_warnings(table: PointsPath, smoothed: SmoothedPath) -> Iterator[str]:

@@ -75,7 +75,8 @@ def strict(text: str) -> Any:
 
 
 def run(file: Path, drawn: DrawnScenario, folder: Path) -> Result:
-    return convoy("run", file, *drawn.settings, "--clock=virtual", "--quiet", f"--out={folder}")
+    options = ("--clock=virtual", "--quiet", "--yes", f"--out={folder}")
+    return convoy("run", file, *drawn.settings, *options)
 
 
 @pytest.mark.campaign(12, 300)

@@ -249,6 +249,8 @@ def test_a_file_that_cannot_be_read_is_refused_in_one_line(
 
 
 def test_a_folder_and_a_misspelt_name_are_refused_helpfully(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match="not a file"):
+        load_scenario("/dev/zero")
     with pytest.raises(ScenarioError, match="is a directory"):
         load_scenario(tmp_path)
     with pytest.raises(

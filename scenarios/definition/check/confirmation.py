@@ -1,0 +1,102 @@
+"""Settings that hardly anybody means, which a command runs only with `--yes`."""
+
+import os
+from collections.abc import Iterator
+from math import cos, hypot
+
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.scenario import Scenario
+from scenarios.definition.schema.path_tables import SegmentsPath
+
+VEHICLES_PER_CORE = 20
+"""A core carries ten vehicles in real time, and twenty with compiled modules (measured)."""
+
+LATENCY_MS_MIN = 1.0
+"""Messages between two processes take about this long."""
+
+CLOSED_M = 1.0
+"""A lap ends within this distance of its beginning."""
+
+
+def confirmation_lines(scenario: Scenario, *, wall_clock: bool) -> tuple[str, ...]:
+    """Return a line for each setting of a run that needs `--yes`."""
+    lines = [*_too_few_vehicles(scenario), *_longer_than_lap(scenario)]
+    if wall_clock:
+        lines += [*_too_many_vehicles(scenario), *_too_little_latency(scenario)]
+    return tuple(lines)
+
+
+def confirmed_lines(scenario: Scenario, *, wall_clock: bool, confirmed: bool) -> tuple[str, ...]:
+    """Return the same lines as warnings if they are `confirmed`; else raise ScenarioError."""
+    lines = confirmation_lines(scenario, wall_clock=wall_clock)
+    if lines and not confirmed:
+        raise ScenarioError(f"{scenario.name}: {line} (--yes runs it anyway)" for line in lines)
+    return lines
+
+
+def _too_few_vehicles(scenario: Scenario) -> Iterator[str]:
+    if len(scenario.vehicle_names) == 1:
+        yield "convoy.vehicles = 1 is a lead without followers: nothing is followed, set 2 or more"
+
+
+def _too_many_vehicles(scenario: Scenario) -> Iterator[str]:
+    count, cores = len(scenario.vehicle_names), _cores()
+    if count > VEHICLES_PER_CORE * cores:
+        yield (
+            f"{count} vehicles in real time on {cores} {'core' if cores == 1 else 'cores'}, which "
+            f"carry up to {VEHICLES_PER_CORE * cores}: ticks will be late; use --clock virtual, "
+            f"more machines (convoy vehicle), or convoy.vehicles = {VEHICLES_PER_CORE * cores}"
+        )
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0))
+
+
+def _too_little_latency(scenario: Scenario) -> Iterator[str]:
+    links = {
+        pair: table.latency_ms
+        for pair, table in scenario.links.items()
+        if not (table.loss and table.loss.replaces_others)
+    }
+    pair = min(links, key=lambda pair: links[pair], default=None)
+    if pair is not None and (latency := links[pair]) < LATENCY_MS_MIN:
+        meant = f" (did you mean {1000.0 * latency:g}?)" if latency else ""
+        yield (
+            f"latency_ms = {latency:g} on link {pair[0]} → {pair[1]}{meant}: messages between "
+            "processes take about 1 ms and will count as late; set 5 or more, or use "
+            "--clock virtual"
+        )
+
+
+def _longer_than_lap(scenario: Scenario) -> Iterator[str]:
+    """Report a convoy whose lead catches up with its last vehicle on a closed path."""
+    lap = _lap_length(scenario)
+    route, vehicles = scenario.route, len(scenario.vehicle_names)
+    if not lap or route.profile.distance(scenario.duration_s) < lap:
+        return
+    length = route.start - route.start_station(vehicles - 1)
+    if scenario.tables.speed.followers == "gap":
+        first, fastest = route.profile.at(0.0)[0], max(route.profile.speeds)
+        length += (vehicles - 1) * scenario.tables.speed.gap.headway_s * (fastest - first)
+    if length >= lap:
+        most = int(lap * (vehicles - 1) / length)
+        yield (
+            f"the convoy is {length:.0f} m long and a lap {lap:.0f} m: its lead runs into its last "
+            f"vehicle; set convoy.vehicles = {max(most, 2)} or less, smaller gaps, or path.laps = 1"
+        )
+
+
+def _lap_length(scenario: Scenario) -> float:
+    """Length (m) of a lap of a closed path that is driven several times; 0 for other paths."""
+    table, route = scenario.tables.path, scenario.route
+    if table.laps == 1:
+        return 0.0
+    if route.smoothed is not None:
+        return route.smoothed.lap_length
+    if not isinstance(table, SegmentsPath):
+        return 0.0
+    lap = sum(segment.length_m for segment in table.segments)
+    begin, end = route.path.at(route.start), route.path.at(route.start + lap)
+    is_closed = hypot(end.east - begin.east, end.north - begin.north) < CLOSED_M
+    return lap if is_closed and cos(end.yaw - begin.yaw) > 0.99 else 0.0

@@ -1,0 +1,65 @@
+"""Settings that run only with `--yes`."""
+
+import pytest
+
+from scenarios.definition.check import confirmation
+from scenarios.definition.check.confirmation import confirmation_lines, confirmed_lines
+from scenarios.definition.check.findings import report_of
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.scenario import drills, library, load_scenario
+
+LOOP = (
+    "path={kind='segments', laps=3, segments=[{length_m=157.08, radius_m=25.0, turn='left'}]}",
+    "speed.set_mps=5",
+    "duration_s=60",
+    "convoy.gap_m=20",
+)
+UNUSUAL = {
+    "one vehicle": ("lane_change", ("convoy.vehicles=1",), "convoy.vehicles = 1", False),
+    "church_lot": ("church_lot", ("convoy.vehicles=20",), "lap 82 m", False),
+    "a circle": ("lane_change", (*LOOP, "convoy.vehicles=10"), "lap 157 m", False),
+    "microseconds": ("lane_change", ("links.latency_ms=0.02",), "did you mean 20?", True),
+    "no latency": ("lane_change", ("links.latency_ms=0",), "latency_ms = 0", True),
+    "one link": (
+        "lane_change", ("link=[{sender='v1', receiver='v3', latency_ms=0.5}]",), "v1 → v3", True,
+    ),
+    "too many for real time": ("lane_change", ("convoy.vehicles=200",), "200 vehicles", True),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "overrides", "fact", "only_wall"), UNUSUAL.values(), ids=UNUSUAL)
+def test_it_needs_confirmation(
+    name: str,
+    overrides: tuple[str, ...],
+    fact: str,
+    only_wall: bool,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(confirmation, "_cores", lambda: 4)
+    scenario = load_scenario(name, overrides)
+    (line,) = confirmation_lines(scenario, wall_clock=True)
+    assert fact in line
+    assert (line in confirmation_lines(scenario, wall_clock=False)) == (not only_wall)
+    assert line in report_of(scenario).warnings
+    with pytest.raises(ScenarioError, match="--yes"):
+        confirmed_lines(scenario, wall_clock=True, confirmed=False)
+    assert confirmed_lines(scenario, wall_clock=True, confirmed=True) == (line,)
+
+
+@pytest.mark.parametrize(
+    ("name", "overrides"),
+    [
+        ("church_lot", ("convoy.vehicles=8",)),
+        ("church_lot", ("convoy.vehicles=20", "duration_s=10")),
+        ("lane_change", (*LOOP, "convoy.vehicles=7")),
+        ("lane_change", (*LOOP, "convoy.vehicles=10", "duration_s=30")),
+        ("lane_change", ("convoy.vehicles=2", "links.latency_ms=1")),
+        ("lane_change", ("convoy.vehicles=80",)),
+        *((name, ()) for name in (*library(), *drills())),
+    ],
+)
+def test_it_needs_none(
+    name: str, overrides: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(confirmation, "_cores", lambda: 4)
+    assert confirmation_lines(load_scenario(name, overrides), wall_clock=True) == ()
