@@ -251,7 +251,7 @@ class Follower:
         return errors
 
     def _measured_spacing(self, now: int, pose: Pose) -> float:
-        """Spacing (m) from the predecessor's last received place and speed; or NaN."""
+        """Spacing (m) extrapolated from the predecessor's newest pose, NaN before the first."""
         trace = self._sources.predecessor.trace
         spacing = trace.spacing(pose.east, pose.north)
         if spacing is None or trace.newest is None:

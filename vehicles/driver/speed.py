@@ -14,10 +14,10 @@ from vehicles.driver.ego.own_state import Pose
 from vehicles.schedule import SECOND
 
 PROFILE_CORRECTION: Final = 0.5
-"""Share of the speed error taken back each second when a profile is followed (1/s)."""
+"""Acceleration per speed error when following a profile (1/s)."""
 
 CORRECTION_MAX: Final = 2.0
-"""Limit of that correction (m/s²), as for a car that has fallen behind and starts again."""
+"""Limit (m/s²) of that correction, reached for example after a restart."""
 
 GAP_STIFFNESS: Final = 3.0
 """k_p, acceleration per metre of spacing error (1/s²)."""
@@ -26,19 +26,19 @@ DAMPING: Final = 4.0
 """k_v + k_l, acceleration per m/s of speed difference to predecessor and lead (1/s)."""
 
 LEAD_SHARE: Final = 0.5
-"""Share of the damping that counts from the lead, k_l, at constant distance."""
+"""Share of k_l in the damping at constant distance."""
 
 STABLE_HEADWAY: Final = 0.35
-"""Headway (s) from which on the lead's speed is neither needed nor used."""
+"""From this headway (s) on the lead's speed is neither needed nor used."""
 
 CATCH_UP_DISTANCE: Final = 5.0
-"""Spacing error (m) beyond which the acceleration does not grow."""
+"""Limit (m) of the spacing error."""
 
 BEND_RATE: Final = 2.0
-"""Share of the excess of speed in a bend taken back each second (1/s)."""
+"""Deceleration per excess speed in a bend (1/s)."""
 
 BEND_TIMES = (0.0, 0.4, 0.8)
-"""Times ahead (s) at which a follower evaluates its path, up to the paper's preview."""
+"""Times ahead (s) at which a follower evaluates the curvature, up to the paper's preview."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,8 +118,8 @@ class GapLimits:
     """Limits of acceleration and braking (m/s²) for the constant time headway policy.
 
     Both are positive. 2 m/s² is brisk driving; 6 m/s² is hard braking on a dry road with some grip
-    in reserve, twice what a lead should use, so that followers can compensate their delay.
-    `lateral` (m/s²) is the largest lateral acceleration in bends, infinite for no limit.
+    in reserve, twice the braking of a lead, so that followers can compensate their delay. `lateral`
+    (m/s²) is the largest lateral acceleration in bends, infinite for no limit.
     """
 
     acceleration: float = 2.0
@@ -146,22 +146,21 @@ def gap_acceleration(
     policy: SpacingPolicy,
     limits: GapLimits,
 ) -> float:
-    """Acceleration (m/s²) that keeps the gap, from the speeds received of the vehicles ahead.
+    """Acceleration (m/s²) that keeps the gap, from the received speeds of the vehicles ahead.
 
-    a = k_p (spacing - desired) + k_v (v_pred - v) + k_l (v_lead - v). At constant distance errors
-    pass from one vehicle to the next as (k_v s + k_p) / (s² + (k_v + k_l) s + k_p), which nowhere
-    exceeds 1 if (k_v + k_l)² - k_v² >= 2 k_p: here 12 >= 6, the margin being for the delay of a
-    radio. Without the lead's speed (k_l = 0) it exceeds 1 at some frequencies (Swaroop and
-    Hedrick, 1996).
+    a = k_p (spacing - desired) + k_v (v_pred - v) + k_l (v_lead - v). At constant distance the
+    transfer of errors from one vehicle to the next, (k_v s + k_p) / (s² + (k_v + k_l) s + k_p),
+    never exceeds 1 if (k_v + k_l)² - k_v² >= 2 k_p: here 12 >= 6, with a margin for radio delay.
+    Without the lead's speed (k_l = 0) it exceeds 1 at some frequencies (Swaroop and Hedrick, 1996).
 
-    With a headway h the predecessor alone suffices, if k_p h² + 2 k_v h >= 2 (h >= 0.23 s here),
-    and the lead's speed would do harm: in steady braking the i-th vehicle is i h a faster than the
+    With a headway h the predecessor alone suffices if k_p h² + 2 k_v h >= 2 (h >= 0.23 s here). The
+    lead's speed would even do harm: in steady braking the i-th vehicle is i h a faster than the
     lead, so errors would grow with i. Its share therefore fades out towards STABLE_HEADWAY.
 
-    `spacing` (m) is that of now: extrapolate a received position by its speed and age. A lead speed
-    of NaN (nothing received) counts as the predecessor's. Accelerations are not known: while all
-    brake at b, spacings are off by (1 - (k_v + k_l) h) b / k_p, at constant distance 1 m too short
-    for b = 3 m/s², and stay so if the convoy stops. Speeds in m/s; the result is within `limits`.
+    `spacing` (m) is the present one: extrapolate a received position by its speed and age. A lead
+    speed of NaN (nothing received) is replaced by the predecessor's. Accelerations are unknown:
+    while all brake at b, spacings are off by (1 - (k_v + k_l) h) b / k_p, at constant distance 1 m
+    too short for b = 3 m/s², also after a stop. Speeds in m/s; the result is within `limits`.
     """
     if math.isnan(lead_speed):
         lead_speed = predecessor_speed
@@ -177,9 +176,9 @@ def bend_acceleration(
 ) -> float:
     """Largest acceleration (m/s²) of a follower in the bends of its path (m/s, 1/m).
 
-    A predecessor that leaves a bend accelerates while those behind are still in it. At a distance s
-    the bend allows v² <= a_lat/|κ| + 2 b s with half the braking limit for b; an excess is taken
-    back at `BEND_RATE`.
+    A predecessor that leaves a bend accelerates while its followers are still in it. At a distance
+    s the bend allows v² <= a_lat/|κ| + 2 b s, where b is half the braking limit; an excess is
+    reduced at `BEND_RATE`.
     """
     if curvature_ahead is None or limits.lateral == math.inf:
         return math.inf
@@ -196,9 +195,8 @@ def bend_acceleration(
 class VehiclesAhead:
     """Received state of the vehicles ahead, NaN where unknown.
 
-    The spacing to the predecessor (m) is along its trace, extrapolated to now; speeds (m/s) are
-    those received last. `curvature_ahead` gives the curvature (1/m) of the path at a distance (m)
-    ahead.
+    `spacing` (m) to the predecessor is along its trace, extrapolated to now; speeds (m/s) are those
+    received last. `curvature_ahead` maps a distance (m) ahead to the curvature (1/m) of the path.
     """
 
     spacing: float = math.nan
@@ -219,13 +217,13 @@ class VehiclesAhead:
         self.curvature_ahead = curvature_ahead
 
     def replaced(self, *, spacing: float, lead_speed: float) -> "VehiclesAhead":
-        """Copy with another spacing (m) and lead's speed (m/s); `replace` costs 1 % of a tick."""
+        """Copy with another spacing (m) and lead speed (m/s); `replace` costs 1 % of a tick."""
         return VehiclesAhead(spacing, self.predecessor_speed, lead_speed, self.curvature_ahead)
 
 
 @dataclass(slots=True)
 class SpeedCommand:
-    """Command of acceleration (m/s²), dv_x/dt of Section IV-A, and target speed (m/s)."""
+    """Acceleration (m/s²), dv_x/dt of Section IV-A, and target speed (m/s)."""
 
     acceleration: float
     target_speed: float
@@ -236,21 +234,21 @@ class SpeedCommand:
 
 
 class SpeedLaw(Protocol):
-    """Decides the longitudinal command at a control instant: that of Section V-C.3 or another."""
+    """Longitudinal control, as in Section V-C.3 or another."""
 
     def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand: ...
 
 
 def profile_correction(wanted: float, speed: float) -> float:
-    """Acceleration (m/s²) that takes a speed error (m/s) back mildly."""
+    """Acceleration (m/s²) that gently reduces a speed error (m/s)."""
     correction = PROFILE_CORRECTION * (wanted - speed)
-    if -CORRECTION_MAX <= correction <= CORRECTION_MAX:  # the usual case
+    if -CORRECTION_MAX <= correction <= CORRECTION_MAX:  # usual, and faster than min and max
         return correction
     return min(max(correction, -CORRECTION_MAX), CORRECTION_MAX)
 
 
 class ProfileSpeed:
-    """Every vehicle follows the same speed over time (paper, Section V-C)."""
+    """Follows the same speed over time as all other vehicles (paper, Section V-C)."""
 
     def __init__(self, profile: SpeedProfile, start_at: int, period: float) -> None:
         """`period` (s) is the control period over which a command is held."""
@@ -259,7 +257,7 @@ class ProfileSpeed:
         self._period = period
 
     def follow(self, profile: SpeedProfile) -> None:
-        """Follow another profile from now on, by the same clock."""
+        """Replace the profile; its time still starts with the run."""
         self._profile = profile
 
     def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:  # noqa: ARG002
@@ -279,7 +277,7 @@ class GapKeeping:
         self._limits = limits
 
     def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:  # noqa: ARG002
-        """Keep the gap; no acceleration until the predecessor is received."""
+        """Keep the gap; keep the speed until the predecessor is received."""
         if math.isnan(ahead.spacing):
             return SpeedCommand(0.0, pose.speed)
         wanted = gap_acceleration(

@@ -295,18 +295,14 @@ class Trace:
         return max(min(first, last - self.settings.min_samples, index - half), 0), last
 
     def spacing(self, east: float, north: float) -> float | None:
-        """Arc length (m) from the ego at (east, north) to the source's newest place.
-
-        For keeping gaps. None before the first sample. The caller adds the distance driven since
-        then.
-        """
+        """Arc length (m) from the ego to the newest pose; None before the first one."""
         if self.newest is None:
             return None
-        here = self._locate(east, north)
+        ego = self._locate(east, north)
         beyond_east = self.newest.east - self._line.east[-1]
         beyond_north = self.newest.north - self._line.north[-1]
         beyond = beyond_east * cos(self.newest.yaw) + beyond_north * sin(self.newest.yaw)
-        return self._line.station[-1] + beyond - here
+        return self._line.station[-1] + beyond - ego
 
     def known_ahead(self, east: float, north: float) -> float:
         """Length (m) of the known path ahead of the ego, negative if it ends behind the ego.

@@ -135,7 +135,7 @@ class Reception:
 class Probation:
     """Time for which a source must be received before it is relied on again.
 
-    It doubles with each relapse and halves after each `forgiven_after` without one, similar to
+    It doubles with each relapse and halves after each `probation_halving` without one, similar to
     PX4's estimator EKF2.
     """
 

@@ -9,7 +9,7 @@ from vehicles.setting import Setting
 Reaction = Literal["degrade", "extrapolate", "hold", "straight"]
 """Reaction of a follower without data.
 
-degrade      slow down while the road is known, and stop
+degrade      slow down within the known path, and stop
 extrapolate  continue along the last trajectory at full speed
 hold         keep the last steering command, at full speed
 straight     turn the wheels straight, at full speed, as one production system does
@@ -17,8 +17,8 @@ straight     turn the wheels straight, at full speed, as one production system d
 PredecessorPath = Literal["intended", "driven"]
 """Path that a follower follows while it receives its predecessor alone.
 
-intended the lead's path, reconstructed from the offset that the predecessor reports
-driven   the predecessor's own path, with its errors, which add up along the convoy
+intended  the lead's path, reconstructed from the offset that the predecessor announces
+driven    the predecessor's own path, with its errors, which add up along the convoy
 """
 
 
@@ -32,25 +32,24 @@ class Braking:
 
 @lru_cache(maxsize=64)
 def _braking(deceleration: float, jerk: float) -> Braking:
-    """Construct each once: a guard reads them several times per tick."""
+    """Cached: a guard reads the braking levels several times per tick."""
     return Braking(deceleration, jerk)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DegradationSettings:
-    """Thresholds of degradation, and the braking of the car (s, m/s²; beyond the paper).
+    """Thresholds of degradation and braking levels (s, m/s²; beyond the paper).
 
-    The thresholds of a lost source are openpilot's, its growing probation is that of PX4's
-    estimator, the gates are those of PX4's EKF2, and comfortable and firm braking are Autoware's
-    comfortable and emergency stops.
+    The thresholds of a lost source follow openpilot, the growing probation and the gates PX4's
+    EKF2, and comfortable and firm braking Autoware's comfortable and emergency stops.
     """
 
     reaction: Annotated[
         Reaction,
         Setting(
-            "without data: slow down while the road is known, and stop; or a baseline to compare "
-            'with, at full speed: "extrapolate" the last trajectory, "hold" the last steering '
-            'command, or turn the wheels "straight"'
+            "reaction without data: slow down within the known path, and stop; or a baseline at "
+            'full speed: "extrapolate" the last trajectory, "hold" the last steering command, or '
+            'turn the wheels "straight"'
         ),
     ] = "degrade"
     late_periods: Annotated[
@@ -64,8 +63,7 @@ class DegradationSettings:
     probation_delivery: Annotated[
         float,
         Setting(
-            "share of its usual messages that a source must deliver during its probation before "
-            "it is relied on again",
+            "share of its usual messages that a source must deliver to pass its probation",
             unit="ratio",
             minimum=0,
             maximum=1,
@@ -81,19 +79,18 @@ class DegradationSettings:
     gate: Annotated[
         float,
         Setting(
-            "positions further from the expected one than this many standard deviations are "
-            "rejected",
+            "largest deviation of a position from the expected one, in standard deviations",
             unit="deviations",
             minimum=1,
             maximum=1000,
         ),
     ] = 5.0
-    heading_gate: Annotated[float, Setting("headings likewise", "deviations", 1, 1000)] = 3.0
+    heading_gate: Annotated[float, Setting("the same for headings", "deviations", 1, 1000)] = 3.0
     predecessor_path: Annotated[
         PredecessorPath,
         Setting(
             "path followed while the lead is lost: the lead's, reconstructed from the offset that "
-            'the predecessor reports; or the one "driven" by the predecessor'
+            'the predecessor announces; or the one "driven" by the predecessor'
         ),
     ] = "intended"
     comfortable_deceleration: Annotated[
@@ -105,7 +102,7 @@ class DegradationSettings:
     emergency_deceleration: Annotated[
         float,
         Setting(
-            "hardest braking, for stops that would otherwise end beyond the known road",
+            "emergency braking, for stops that would otherwise end beyond the known path",
             unit="mps2",
             minimum=0.1,
             maximum=12,
@@ -127,6 +124,6 @@ class DegradationSettings:
         return _braking(self.emergency_deceleration, self.emergency_jerk)
 
     def lost_after_silence(self, period: float) -> float:
-        """Silence (s) after which a source of such a `period` (s) is lost."""
+        """Silence (s) after which a source with this `period` (s) is lost."""
         silence, least = self.lost_periods * period, self.lost_after
         return least if least > silence else silence

@@ -1,7 +1,4 @@
-"""Speed of a follower while messages fail; SI units.
-
-As long as they come as usual its speed law decides alone.
-"""
+"""Speed of a follower while messages fail; SI units."""
 
 from dataclasses import dataclass, replace
 from math import inf, isfinite, isnan, nan
@@ -31,37 +28,37 @@ from vehicles.messages import Mode
 from vehicles.schedule import SECOND
 
 GUARD_MARGIN: Final = 1.0
-"""Distance (m) between the bodies that the guard keeps for errors of place and speed."""
+"""Gap (m) that the guard keeps for errors of position and speed."""
 
 GUARD_TIME: Final = 0.3
-"""The guard brakes when the last instant to do so is no further away than this (s)."""
+"""The guard begins to brake this time (s) before the last instant to do so."""
 
 HEADWAY_RATE: Final = 0.5
-"""Speed (m/s) at which a gap is opened to a stable headway, and closed again. All followers do so
-at once: the last one of eight falls back at seven times that speed."""
+"""Speed (m/s) at which gaps open to a stable headway and close again. All followers do so at once,
+so the last of eight vehicles falls back at seven times that speed."""
 
-LEAD_FORGOTTEN: Final = 1.0
-"""Time constant (s) with which the speed of a lost lead becomes the predecessor's."""
+LEAD_FADE_TIME: Final = 1.0
+"""Time constant (s) with which the predecessor's speed replaces that of a lost lead."""
 
 FALLEN_BEHIND: Final = 1.0
-"""A predecessor slower than the common speed by more than this (m/s) does not drive it."""
+"""A predecessor more than this (m/s) below the common speed does not drive it."""
 
 CAUGHT_UP: Final = 0.5
-"""Errors of spacing (m) and speed (m/s) below which the common speed is driven again."""
+"""Errors of spacing (m) and speed (m/s) below which the common speed is resumed."""
 
 CLOSER: Final = 0.5
-"""A spacing that is this much (m) less than at the start is not kept by a common speed."""
+"""Gap keeping replaces the common speed if the spacing shrinks by more than this (m)."""
 
-STOPS_BEFORE: Final = 0.5
-"""Distance (m) before the end of the known road at which a stop ends."""
+STOP_MARGIN: Final = 0.5
+"""Distance (m) before the end of the known path at which a stop ends."""
 
-STANDING: Final = 0.2
-"""A car slower than this (m/s) is held by its brake."""
+STANDSTILL: Final = 0.2
+"""Below this speed (m/s) a car is held by its brake."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuardedCar:
-    """Constants of a guarded car and of its place in the convoy.
+    """Constants of a guarded car and of its position in the convoy.
 
     `least_spacing` (m) to the predecessor, at which the bumpers touch; `friction` of the road;
     `policy` and `limits` of gap keeping (at a common speed: the spacing at the start);
@@ -96,14 +93,16 @@ class _Instant:
 
 
 class SpeedGuard:
-    """Decides the speed of a follower while messages fail; otherwise its speed law does.
+    """Overrides the speed law of a follower while messages fail.
 
-    Beyond the paper, whose followers drive the profile whatever they receive. It brakes within the
-    known road while no source is received; it opens the gap while the predecessor is late or the
-    lead is lost; it keeps the safe distance of Shalev-Shwartz, Shammah and Shashua, 2017 (RSS); and
-    it catches up. It `stops_behind` a predecessor that is assumed to stop as it announced, if this
-    takes more than comfortable braking. At `brakes_at` (ns, 0 for never) it has to brake hard
-    itself unless the predecessor is received.
+    Beyond the paper, whose followers drive the profile whatever they receive. The guard stops
+    within the known path while no source is received, opens the gap while the predecessor is late
+    or the lead is lost, keeps the safe distance of Shalev-Shwartz, Shammah and Shashua, 2017 (RSS),
+    and catches up afterwards.
+
+    `stops_behind` is True while the predecessor is assumed to stop as announced and this takes more
+    than comfortable braking. At `brakes_at` (ns, 0 for never) the car will brake hard unless the
+    predecessor is received.
     """
 
     def __init__(self, law: SpeedLaw, settings: DegradationSettings, car: GuardedCar) -> None:
@@ -111,7 +110,7 @@ class SpeedGuard:
         self._keeps_gap = isinstance(law, GapKeeping)
         self._keeping = law if self._keeps_gap else GapKeeping(car.policy, car.limits)
         self._settings = settings
-        self._comfortable, self._hard = settings.comfortable, settings.emergency
+        self._comfortable, self._emergency = settings.comfortable, settings.emergency
         self._degrades = settings.reaction == "degrade"
         self._car = car
         self._friction = car.friction * GRAVITY
@@ -124,8 +123,8 @@ class SpeedGuard:
         self._held = False
         self._following = False
         self._settled_at = 0
-        self._promised = False
-        self._announced = AnnouncedStop(self._hard)
+        self._was_safe = False
+        self._announced = AnnouncedStop(self._emergency)
         self.stops_behind = False
         self.brakes_at = 0
         self._headway = 0.0
@@ -144,7 +143,7 @@ class SpeedGuard:
         if not self._degrades:
             return usual
         self.stops_behind = False
-        predecessor, emergency = situation.predecessor, self._emergency(pose)
+        predecessor, emergency = situation.predecessor, self._available_braking(pose)
         sample = self._sample(now, ahead, predecessor.age)
         tick = _Instant(now, span, pose, ahead, situation, usual, emergency, *sample)
         self._ages.observe(now, tick.age, predecessor)
@@ -152,38 +151,38 @@ class SpeedGuard:
         warned = warned or 0 < predecessor.stops_at <= now
         blind = mode in SLOWING
         expects_stop = self._announced.is_expected(now, predecessor)
-        awake = blind or warned or self._ages.is_recently_late(now)
-        self._update_following(tick, awake=awake)
+        alert = blind or warned or self._ages.is_recently_late(now)
+        self._update_following(tick, alert=alert)
         reserve, opening = self._reserve(tick), self._opening(tick)
         alone = self._headway > 0.0 or situation.lead.status in LOST
-        if not (awake or self._following or self._held or opening or alone):
+        if not (alert or self._following or self._held or opening or alone):
             self._lead_speed = ahead.lead_speed
-            self._promised = reserve >= 0.0
+            self._was_safe = reserve >= 0.0
             self.brakes_at = 0
             self._last = usual.acceleration
             return usual
-        self._promised = self._promised or reserve >= 0.0
+        self._was_safe = self._was_safe or reserve >= 0.0
         self.brakes_at = self._brakes_at(tick, reserve)
-        # Without any source it stops within the known road, whatever the gap.
-        free = wanted = self._kept_gap(tick, 0.0 if blind else opening)
+        # Without any source it stops within the known path, whatever the gap.
+        free = wanted = self._keep_gap(tick, 0.0 if blind else opening)
         if (
             warned
             and ahead.spacing < self._car.policy.desired(pose.speed) + self._car.least_spacing
         ):
             wanted = min(wanted, predecessor.acceleration)
-        if awake:
-            wanted = min(wanted, self._guarded(tick, reserve))
+        if alert:
+            wanted = min(wanted, self._safe_acceleration(tick, reserve))
         if expects_stop:
-            wanted = min(wanted, self._stopping_behind(tick))
+            wanted = min(wanted, self._stop_behind(tick))
         self.stops_behind = expects_stop and wanted < -self._comfortable.deceleration
         if blind:
-            wanted = min(wanted, self._note_stop(tick, firmly=mode == "stop"))
-        return self._released(tick, wanted, free)
+            wanted = min(wanted, self._stop_within_known(tick, firmly=mode == "stop"))
+        return self._release_brake(tick, wanted, free)
 
     def _sample(self, now: int, ahead: VehiclesAhead, age: float) -> tuple[float, float, float]:
         """Spacing (m), speed (m/s) and age (s) of the predecessor's newest sample.
 
-        Before the first message it is assumed at its initial place, as fast as the car itself.
+        Before the first message it is assumed at its initial position, as fast as the car itself.
         """
         if isnan(ahead.spacing) or isnan(age):
             age = (now - (self._first_at or 0)) / SECOND
@@ -191,17 +190,17 @@ class SpeedGuard:
         speed = ahead.predecessor_speed
         return ahead.spacing - speed * age, 0.0 if speed < 0.0 else speed, age
 
-    def _emergency(self, pose: Pose) -> Braking:
-        """Hardest braking beside the lateral acceleration, by the friction circle."""
-        emergency = self._hard
+    def _available_braking(self, pose: Pose) -> Braking:
+        """Emergency braking that the lateral acceleration leaves, by the friction circle."""
+        emergency = self._emergency
         left = friction_left(self._car.friction, pose.speed * pose.yaw_rate)
         if 0.1 <= emergency.deceleration <= left:
             return emergency
         return replace(emergency, deceleration=max(min(emergency.deceleration, left), 0.1))
 
     def _reserve(self, tick: _Instant) -> float:
-        """Distance (m) left (RSS) if both brake hardest, the predecessor from its newest sample."""
-        harder = self._hard.deceleration
+        """Distance (m) left (RSS) if both brake hard, the predecessor from its newest sample."""
+        harder = self._emergency.deceleration
         announced = -tick.situation.predecessor.acceleration
         if announced > harder:
             harder = announced
@@ -211,59 +210,60 @@ class SpeedGuard:
         own = stopping_distance(tick.pose.speed, self._last, tick.emergency)
         return stands_at - self._car.least_spacing - GUARD_MARGIN - own
 
-    def _guarded(self, tick: _Instant, reserve: float) -> float:
+    def _safe_acceleration(self, tick: _Instant, reserve: float) -> float:
         """Largest acceleration (m/s²) that keeps the safe distance of RSS.
 
-        It approaches the hardest braking while the reserve (m) is used up, so that the last instant
-        to brake is never passed. A convoy that was closer already opens gently, so that those
-        behind can follow, unless the predecessor was never received.
+        Braking increases to the hardest while the reserve (m) is used up, so that the last instant
+        to brake is never missed. A convoy that is already closer opens gently, so that followers
+        can react, unless the predecessor was never received.
         """
         time = reserve / max(tick.pose.speed, 0.1)
         if time >= GUARD_TIME:
             return inf
         share = 1.0 - max(time, 0.0) / GUARD_TIME
         most, jerk = tick.emergency.deceleration, tick.emergency.jerk
-        if tick.pose.speed < STANDING:
+        if tick.pose.speed < STANDSTILL:
             most = self._comfortable.deceleration
-        elif not self._promised:
-            first = tick.situation.predecessor  # lost without a message?
-            if not (first.status == "unheard" and 0 < first.lost_at <= tick.now):
+        elif not self._was_safe:
+            predecessor = tick.situation.predecessor
+            lost_at_start = predecessor.status == "unheard" and 0 < predecessor.lost_at <= tick.now
+            if not lost_at_start:
                 most = min(most, self._comfortable.deceleration)
                 jerk = self._comfortable.jerk
         return max(-share * most, self._last - jerk * tick.span)
 
     def _brakes_at(self, tick: _Instant, reserve: float) -> int:
-        """When the guard has to brake hard (ns) unless the predecessor is received, or 0.
+        """Instant (ns) at which the guard will brake hard unless the predecessor is received, or 0.
 
-        Only a silence longer than any lately is announced: for shorter ones the gap was opened.
-        Where the safe distance was never kept, it brakes comfortably.
+        Announced only for a silence longer than any recent one: for shorter ones the gap was
+        opened. Without a safe distance in the first place it brakes comfortably.
         """
         if tick.now - round(tick.age * SECOND) < self.brakes_at <= tick.now:
-            return self.brakes_at  # it brakes, and has received no newer sample
+            return self.brakes_at  # braking, and no newer sample received
         predecessor = tick.situation.predecessor
         waits = predecessor.status == "unheard"
-        if not ((self._promised or waits) and self._ages.is_new_peak(tick.now)):
+        if not ((self._was_safe or waits) and self._ages.is_new_peak(tick.now)):
             return 0
         if self._last < -self._settings.firm.deceleration:
             return tick.now
         needed = tick.now + round(max(reserve, 0.0) / max(tick.pose.speed, 0.1) * SECOND)
         return max(needed, predecessor.lost_at) if waits else needed
 
-    def _note_stop(self, tick: _Instant, *, firmly: bool) -> float:
-        """Mildest braking (m/s²) that stops within the known road (see `needed_deceleration`)."""
+    def _stop_within_known(self, tick: _Instant, *, firmly: bool) -> float:
+        """Mildest acceleration (m/s²) that stops within the known path."""
         braking, emergency = self._comfortable, tick.emergency
-        if tick.pose.speed < STANDING:
+        if tick.pose.speed < STANDSTILL:
             return -braking.deceleration
         if firmly:
             braking = emergency
         known = 0.0 if isnan(tick.situation.known) else tick.situation.known
-        left = known - STOPS_BEFORE
+        left = known - STOP_MARGIN
         needed = needed_deceleration(tick.pose.speed, left, self._last, braking.jerk)
         most = min(needed, braking.deceleration, emergency.deceleration)
         return max(-most, self._last - braking.jerk * tick.span)
 
-    def _stopping_behind(self, tick: _Instant) -> float:
-        """Mildest braking (m/s²) to stand behind a predecessor that stops as it announced."""
+    def _stop_behind(self, tick: _Instant) -> float:
+        """Mildest acceleration (m/s²) that stops behind a predecessor that stops as announced."""
         distance = self._announced.distance(tick.now, tick.speed, tick.situation.predecessor)
         left = tick.spacing + distance - self._car.least_spacing - GUARD_MARGIN
         emergency = tick.emergency
@@ -271,20 +271,20 @@ class SpeedGuard:
         return max(-min(needed, emergency.deceleration), self._last - emergency.jerk * tick.span)
 
     def _opening(self, tick: _Instant) -> float:
-        """Widening of the gap (m): speed times growth of age, at least the RSS distance then."""
+        """Widening of the gap (m): speed times growth of age, at least to the RSS distance."""
         growth = self._ages.growth(tick.now)
         if growth <= 0.0:
             return 0.0
         speed, policy = tick.pose.speed, self._car.policy
-        worst = self._hard.deceleration
+        worst = self._emergency.deceleration
         own = stopping_distance(speed, 0.0, tick.emergency) - speed * speed / (2.0 * worst)
         needed = self._car.least_spacing + GUARD_MARGIN + own + speed * (self._ages.usual + growth)
         return max(speed * growth, needed - policy.desired(speed), 0.0)
 
     def _without_lead(self, tick: _Instant) -> VehiclesAhead:
-        """Reduce the weight of a lost lead's speed while the headway grows to a stable one.
+        """Fade out a lost lead's speed while the headway grows to a stable one.
 
-        That is the headway at which the lead's speed is not needed (Swaroop and Hedrick, 1996).
+        At that headway the lead's speed is not needed (Swaroop and Hedrick, 1996).
         """
         ahead, speed = tick.ahead, tick.pose.speed
         lost = tick.situation.lead.status in LOST and (self._keeps_gap or self._following)
@@ -293,7 +293,7 @@ class SpeedGuard:
         self._headway = min(max(missing, self._headway - step), self._headway + step)
         if lost:
             known = self._lead_speed if isfinite(self._lead_speed) else ahead.predecessor_speed
-            share = min(tick.span / LEAD_FORGOTTEN, 1.0)
+            share = min(tick.span / LEAD_FADE_TIME, 1.0)
             self._lead_speed = known + share * (ahead.predecessor_speed - known)
             ahead = ahead.replaced(spacing=ahead.spacing, lead_speed=self._lead_speed)
         else:
@@ -304,13 +304,13 @@ class SpeedGuard:
         lead = ahead.predecessor_speed + left * (ahead.lead_speed - ahead.predecessor_speed)
         return ahead.replaced(spacing=ahead.spacing - self._headway * speed, lead_speed=lead)
 
-    def _kept_gap(self, tick: _Instant, opening: float) -> float:
-        """Acceleration (m/s²) that keeps the wanted gap; it is opened at comfortable braking."""
+    def _keep_gap(self, tick: _Instant, opening: float) -> float:
+        """Acceleration (m/s²) that keeps the gap, or widens it comfortably by `opening` (m)."""
         ahead = self._without_lead(tick)
         if isnan(ahead.spacing) or not (self._keeps_gap or self._following):
             return tick.wanted.acceleration
         if opening or self._following:
-            # A lead that drives on while the predecessor falls back must not draw the car closer.
+            # A lead that continues while the predecessor falls back must not pull the car closer.
             slower = min(ahead.lead_speed, ahead.predecessor_speed)
             ahead = ahead.replaced(spacing=ahead.spacing, lead_speed=slower)
         usual = self._keeping.command(tick.now, tick.pose, ahead).acceleration
@@ -322,8 +322,8 @@ class SpeedGuard:
         eased = min(self._last, 0.0) - comfortable.jerk * tick.span
         return max(opened, min(usual, max(-comfortable.deceleration, eased)))
 
-    def _update_following(self, tick: _Instant, *, awake: bool) -> None:
-        """Decide whether a car of a convoy with a common speed keeps its gap, until caught up."""
+    def _update_following(self, tick: _Instant, *, alert: bool) -> None:
+        """Switch a car of a convoy with a common speed to gap keeping until it has caught up."""
         spacing = tick.ahead.spacing
         if self._keeps_gap or isnan(spacing):
             return
@@ -332,11 +332,11 @@ class SpeedGuard:
         slower = tick.ahead.predecessor_speed < common - FALLEN_BEHIND
         apart = slower or spacing < initial - CLOSER
         if not self._following:
-            if not (awake or apart):
+            if not (alert or apart):
                 return
             self._following = True
         settled = (
-            not (awake or apart or self._ages.growth(tick.now))
+            not (alert or apart or self._ages.growth(tick.now))
             and abs(spacing - initial) < CAUGHT_UP
             and abs(tick.pose.speed - common) < CAUGHT_UP
         )
@@ -345,15 +345,15 @@ class SpeedGuard:
         elif tick.now - self._settled_at >= self._settings.probation * SECOND:
             self._following = False
 
-    def _released(self, tick: _Instant, wanted: float, free: float) -> SpeedCommand:
-        """Release the brake, and return to the law, at a limited jerk."""
+    def _release_brake(self, tick: _Instant, wanted: float, free: float) -> SpeedCommand:
+        """Release the brake and return to the speed law at a limited jerk."""
         settings, usual = self._settings, tick.wanted
         jerk = settings.emergency.jerk if self._last < 0.0 else settings.firm.jerk
         upper = self._last + jerk * tick.span
         held = wanted < free or free != usual.acceleration
         if (held or self._held) and wanted > upper:
             wanted, held = upper, True
-        # Friction goes before the jerk, but the law may brake as it would without loss.
+        # Friction takes precedence over jerk, but the law may brake as it would without loss.
         wanted = max(wanted, min(-tick.emergency.deceleration, usual.acceleration))
         self._held, self._last = held, wanted
         if wanted == usual.acceleration:

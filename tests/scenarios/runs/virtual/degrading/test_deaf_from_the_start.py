@@ -75,12 +75,12 @@ def test_if_nobody_missed_first_messages_some_would_be_hit(
     own = ("links.loss_ratio=0.95", "duration_s=5")
     assert collisions(summary(3, 15.0, *own, seed=37)) == 0
     monkeypatch.setattr(Source, "never_received", property(lambda _: False))
-    guarded = SpeedGuard._guarded
+    guarded = SpeedGuard._safe_acceleration
 
     def before_any_is_lost(guard: SpeedGuard, tick: Any, reserve: float) -> float:
         return guarded(guard, replace(tick, now=-1), reserve)
 
-    monkeypatch.setattr(SpeedGuard, "_guarded", before_any_is_lost)
+    monkeypatch.setattr(SpeedGuard, "_safe_acceleration", before_any_is_lost)
     assert collisions(summary(3, 15.0, *own, seed=37)) > 0
 
 
