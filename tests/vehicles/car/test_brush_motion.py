@@ -1,4 +1,4 @@
-"""The car on tyres that saturate, against closed forms, energy and a second integrator."""
+"""The car on saturating tyres, against closed forms, energy and a second integrator."""
 
 import math
 from collections.abc import Callable
@@ -23,8 +23,8 @@ from vehicles.car.tyres import (
 )
 
 CAR = replace(LINCOLN_MKZ, tyres="brush", steering_rate_limit=0.59)
-MOST = CAR.friction * GRAVITY
-"""Acceleration (m/s²) that friction allows in any direction."""
+MAX_ACCELERATION = CAR.friction * GRAVITY
+"""Friction limit of the acceleration (m/s²)."""
 COMMANDS = st.lists(
     st.tuples(st.floats(-0.54, 0.54), st.floats(-10.0, 5.0)), min_size=1, max_size=60
 )
@@ -35,7 +35,7 @@ def use(body: Body, acceleration: float = 0.0, car: VehicleParameters = CAR) -> 
 
 
 def energy(body: Body) -> float:
-    """Energy of motion per mass, with the inertia's part."""
+    """Kinetic energy per mass, including rotation."""
     turning = CAR.yaw_inertia / CAR.mass * body.yaw_rate**2
     return 0.5 * (body.speed**2 + body.lateral_speed**2 + turning)
 
@@ -46,7 +46,7 @@ def steady(speed: float, share: float) -> tuple[Body, float]:
     F = capacity (1 - (1 - x)³), so s = 3 capacity (1 - (1 - share)^(1/3)) / C on either axle, since
     both use the same share of their load.
     """
-    yaw_rate = share * MOST / speed
+    yaw_rate = share * MAX_ACCELERATION / speed
     loads = axle_loads(CAR)
     x = 1.0 - (1.0 - share) ** (1.0 / 3.0)
     front = 3.0 * CAR.friction * loads[0] * x / CAR.front_cornering_stiffness
@@ -63,15 +63,15 @@ def test_steady_cornering_matches_the_closed_form_of_the_brush_model(
     speed: float, share: float
 ) -> None:
     body, steering = steady(speed, share)
-    told = use(body)
-    assert told.friction_share == pytest.approx(share, rel=1e-9)
-    assert told.lateral_acceleration == pytest.approx(share * MOST, rel=1e-9)
-    # What the slip costs of the speed has to be driven, or the car would slow down.
+    usage = use(body)
+    assert usage.friction_share == pytest.approx(share, rel=1e-9)
+    assert usage.lateral_acceleration == pytest.approx(share * MAX_ACCELERATION, rel=1e-9)
+    # Drive must compensate the drag of the slip, or the car slows down.
     lost = (
         -body.yaw_rate * body.lateral_speed
-        + told.lateral_acceleration * (CAR.rear_axle_distance / CAR.wheelbase) * steering
+        + usage.lateral_acceleration * (CAR.rear_axle_distance / CAR.wheelbase) * steering
     )
-    assert 0.0 < lost < 0.1 * MOST
+    assert 0.0 < lost < 0.1 * MAX_ACCELERATION
     after = advance(
         body, Actuation(steering, 0.0), 1e-4, replace(CAR, steering_rate_limit=math.inf)
     )
@@ -98,8 +98,8 @@ def test_it_settles_at_the_closed_form() -> None:
     settled = drive(replace(body, lateral_speed=0.0, yaw_rate=0.0), steer(steering), 3.0, car=CAR)[
         -1
     ]
-    again = steady(settled.speed, settled.yaw_rate * settled.speed / MOST)
-    # It has slowed down a little, which keeps it from being quite steady.
+    again = steady(settled.speed, settled.yaw_rate * settled.speed / MAX_ACCELERATION)
+    # The speed has decreased slightly, so the state is not exactly steady.
     assert again[1] == pytest.approx(steering, rel=0.02)
     assert settled.lateral_speed == pytest.approx(again[0].lateral_speed, abs=0.02)
 
@@ -109,23 +109,27 @@ def test_lateral_acceleration_reaches_but_does_not_exceed_friction() -> None:
     for steering in (0.05, 0.1, 0.2, 0.54):
         for body in drive(Body(0.0, 0.0, 0.0, 20.0), steer(steering), 2.0, car=CAR):
             most = max(most, abs(use(body).lateral_acceleration))
-    assert 0.97 * MOST < most <= MOST * (1.0 + 1e-12)
+    assert 0.97 * MAX_ACCELERATION < most <= MAX_ACCELERATION * (1.0 + 1e-12)
 
 
 @pytest.mark.parametrize("braking", [0.0, 3.0, 6.0, 8.0])
 def test_braking_in_a_turn_shares_the_friction(braking: float) -> None:
     sliding = Body(0.0, 0.0, 0.0, 20.0, steering=0.5)
-    told = use(sliding, -braking)
+    usage = use(sliding, -braking)
     front = axle_loads(CAR)[0] / (CAR.mass * GRAVITY)
-    assert told.lateral_acceleration == pytest.approx(front * math.sqrt(MOST**2 - braking**2))
-    assert told.friction_share == pytest.approx(1.0)
+    assert usage.lateral_acceleration == pytest.approx(
+        front * math.sqrt(MAX_ACCELERATION**2 - braking**2)
+    )
+    assert usage.friction_share == pytest.approx(1.0)
 
 
 def test_braking_reaches_but_does_not_exceed_friction() -> None:
-    for asked in (5.0, 8.0, 12.0, 30.0):
-        bodies = drive(Body(0.0, 0.0, 0.0, 20.0), steer(0.0, -asked), 1.0, car=CAR)
-        assert 20.0 - bodies[-1].speed == pytest.approx(min(asked, MOST), rel=1e-9)
-        assert use(bodies[-1], -asked).friction_share == pytest.approx(min(asked / MOST, 1.0))
+    for requested in (5.0, 8.0, 12.0, 30.0):
+        bodies = drive(Body(0.0, 0.0, 0.0, 20.0), steer(0.0, -requested), 1.0, car=CAR)
+        assert 20.0 - bodies[-1].speed == pytest.approx(min(requested, MAX_ACCELERATION), rel=1e-9)
+        assert use(bodies[-1], -requested).friction_share == pytest.approx(
+            min(requested / MAX_ACCELERATION, 1.0)
+        )
 
 
 @given(commands=COMMANDS, speed=st.floats(0.0, 40.0), lateral=st.floats(-5.0, 5.0),
@@ -138,10 +142,12 @@ def test_friction_is_never_exceeded(
     for steering, acceleration in commands:
         after = advance(body, Actuation(steering, acceleration), TICK, CAR)
         gain = np.subtract(ground_velocity(after), ground_velocity(body))
-        # In the small angles of the model the front's force has a part along the body besides.
-        assert np.hypot(*gain) <= MOST * TICK * 1.15
+        # The model's front force also has a component along the body.
+        assert np.hypot(*gain) <= MAX_ACCELERATION * TICK * 1.15
         assert use(after, acceleration).friction_share <= 1.0 + 1e-12
-        assert abs(use(after, acceleration).lateral_acceleration) <= MOST * (1.0 + 1e-12)
+        assert abs(use(after, acceleration).lateral_acceleration) <= MAX_ACCELERATION * (
+            1.0 + 1e-12
+        )
         assert after.speed >= 0.0
         assert abs(after.steering_rate) <= CAR.steering_rate_limit
         assert abs(after.steering) <= CAR.steering_limit
@@ -192,10 +198,14 @@ def test_left_and_right_are_mirror_images(
 
 
 def slope(_: float, state: np.ndarray, command: Actuation, held: bool) -> list[float]:
-    """The equations once more, written apart from the product's; `held` at the rate's limit."""
+    """Independent implementation of the equations; `held` at the rate limit."""
     _, _, yaw, v, y, r, s, w, _ = state
-    asked = command.acceleration
-    given_ = float(np.clip(asked, -MOST, MOST)) if v > 0.0 or asked > 0.0 else 0.0
+    requested = command.acceleration
+    given_ = (
+        float(np.clip(requested, -MAX_ACCELERATION, MAX_ACCELERATION))
+        if v > 0.0 or requested > 0.0
+        else 0.0
+    )
     left = math.sqrt(max(CAR.friction**2 - (given_ / GRAVITY) ** 2, 0.0))
     rolling = max(v, WALKING_PACE)
     front_slip = (y + CAR.front_axle_distance * r - v * s) / rolling
@@ -208,37 +218,44 @@ def slope(_: float, state: np.ndarray, command: Actuation, held: bool) -> list[f
     return [
         *(v * cos - y * sin, v * sin + y * cos, r),
         *(given_ + r * y - front * s / CAR.mass, (front + rear) / CAR.mass - r * v),
-        *(turn / CAR.yaw_inertia, w, 0.0 if held else wanted(state, command), math.hypot(v, y)),
+        *(
+            turn / CAR.yaw_inertia,
+            w,
+            0.0 if held else steering_acceleration(state, command),
+            math.hypot(v, y),
+        ),
     ]
 
 
 def cubic(slip: float, stiffness: float, top: float) -> float:
-    """The brush's force in its other form, top (1 - (1 - x)³)."""
+    """Brush force in another form, top (1 - (1 - x)³)."""
     x = min(stiffness * abs(slip) / (3.0 * top), 1.0) if top > 0.0 else 1.0
     return -math.copysign(top * (1.0 - (1.0 - x) ** 3), slip)
 
 
-def wanted(state: np.ndarray, command: Actuation) -> float:
+def steering_acceleration(state: np.ndarray, command: Actuation) -> float:
     """Change of the steering rate by eq. (4)."""
     frequency, damping = CAR.steering_frequency, CAR.steering_damping
     return float(frequency * (frequency * (command.steering - state[6]) - 2.0 * damping * state[7]))
 
 
 def exactly(body: Body, command: Actuation) -> np.ndarray:
-    """One span by an adaptive solver, stopped where the steering rate comes to its limit."""
+    """One span by an adaptive solver, interrupted where the steering rate reaches its limit."""
     state = np.array([
         *(body.east, body.north, body.yaw, body.speed, body.lateral_speed, body.yaw_rate),
         *(body.steering, body.steering_rate, body.distance),
     ])  # fmt: skip
     now, limit = 0.0, CAR.steering_rate_limit
     while now < TICK - 1e-12:
-        held = abs(state[7]) >= limit - 1e-9 and wanted(state, command) * state[7] > 0.0
+        held = (
+            abs(state[7]) >= limit - 1e-9 and steering_acceleration(state, command) * state[7] > 0.0
+        )
         side = math.copysign(1.0, state[7])
 
         def change(
             _: float, at: np.ndarray, *_args: object, side: float = side, held: bool = held
         ) -> float:
-            return side * wanted(at, command) if held else abs(at[7]) - limit
+            return side * steering_acceleration(at, command) if held else abs(at[7]) - limit
 
         change.terminal = True  # type: ignore[attr-defined]
         change.direction = -1.0 if held else 1.0  # type: ignore[attr-defined]
@@ -273,7 +290,7 @@ def test_every_span_agrees_with_an_adaptive_solver(
         exact = exactly(body, command)
         body = advance(body, command, TICK, CAR)
         if exact[3] < 0.2:
-            break  # at rest the solver would roll backwards
+            break  # the solver would roll backwards from rest
         assert math.dist((body.east, body.north), exact[:2]) < 1e-4
         assert body.yaw == pytest.approx(exact[2], abs=1e-4)
         moving = (body.speed, body.lateral_speed, body.yaw_rate)

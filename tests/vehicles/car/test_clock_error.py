@@ -1,4 +1,4 @@
-"""A clock that is off: what it reads, and how old it makes what is received."""
+"""A clock with an error: its readings, and the age of received poses."""
 
 from hypothesis import given
 from hypothesis import strategies as st

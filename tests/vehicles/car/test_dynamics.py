@@ -55,11 +55,11 @@ def test_an_overdamped_steering_is_integrated_finely_enough() -> None:
 def test_without_steering_it_goes_straight(yaw: float, speed: float, acceleration: float) -> None:
     body = advance(Body(5.0, -7.0, yaw, speed), Actuation(0.0, acceleration), 0.5, CAR)
     rolling = min(0.5, speed / -acceleration) if acceleration < 0.0 else 0.5
-    way = speed * rolling + acceleration * rolling**2 / 2.0
-    assert body.east == pytest.approx(5.0 + way * math.cos(yaw), abs=1e-9)
-    assert body.north == pytest.approx(-7.0 + way * math.sin(yaw), abs=1e-9)
+    distance = speed * rolling + acceleration * rolling**2 / 2.0
+    assert body.east == pytest.approx(5.0 + distance * math.cos(yaw), abs=1e-9)
+    assert body.north == pytest.approx(-7.0 + distance * math.sin(yaw), abs=1e-9)
     assert (body.yaw, body.yaw_rate, body.lateral_speed) == (yaw, 0.0, 0.0)
-    assert body.distance == pytest.approx(way, abs=1e-9)
+    assert body.distance == pytest.approx(distance, abs=1e-9)
 
 
 @pytest.mark.parametrize("yaw", [0.0, math.pi / 2, math.pi, -math.pi / 2])
@@ -105,7 +105,7 @@ def test_mirror_symmetry_and_rotation_invariance(
 
 @pytest.mark.parametrize("acceleration", [0.5, 2.0, -0.5, -3.0])
 def test_speed_ramps_pass_walking_pace_without_a_jump(acceleration: float) -> None:
-    """Yaw rate follows the steady state closely and its change per tick has no spike."""
+    """Yaw rate follows the steady state, and its change per tick has no spike."""
     start = 0.0 if acceleration > 0.0 else 4.0
     bodies = drive(
         Body(0.0, 0.0, 0.0, start),
@@ -113,7 +113,7 @@ def test_speed_ramps_pass_walking_pace_without_a_jump(acceleration: float) -> No
         4.0 / abs(acceleration),
     )
     assert min(b.speed for b in bodies) < WALKING_PACE < max(b.speed for b in bodies)
-    lag = 0.006  # s: the tyres' time constant at walking pace, with some reserve
+    lag = 0.006  # s: the tyres' time constant at walking pace, plus a margin
     for body in bodies:
         if body.speed < 2.5:
             rate = abs(body.steering_rate) * body.speed + abs(body.steering * acceleration)
@@ -135,7 +135,7 @@ def test_slow_car_is_the_kinematic_single_track_model() -> None:
     speed, steering = 0.2, 0.3
     body = drive(Body(0.0, 0.0, 0.0, speed), steer(steering), 3.0)[-1]
     assert body.yaw_rate == pytest.approx(speed * steering / CAR.wheelbase, rel=1e-5)
-    # The rear axle does not slip: its sideways speed is zero.
+    # The rear axle does not slip: its lateral speed is zero.
     sideways = body.lateral_speed - CAR.rear_axle_distance * body.yaw_rate
     assert abs(sideways) < 1e-5
 
@@ -156,7 +156,7 @@ def test_braking_car_stops_within_the_span_and_stays() -> None:
 
 
 def test_wheels_turn_for_the_rest_of_the_span_after_a_stop() -> None:
-    """The steering actuation does not depend on speed, so a parked car's wheels move alike."""
+    """The steering actuation does not depend on speed."""
     command = Actuation(0.3, -5.0)
     stopped = advance(Body(0.0, 0.0, 0.0, 0.25), command, 0.1, CAR)
     parked = advance(Body(0.0, 0.0, 0.0, 0.0), command, 0.1, CAR)
@@ -184,18 +184,18 @@ def test_two_successive_spans_equal_one(
     once = advance(body, command, 0.05, CAR)
     part = advance(body, command, 0.05 * share, CAR)
     twice = advance(part, command, 0.05 - 0.05 * share, CAR)
-    # Tyres at rest answer a full steering step; 5e-5 is the error of the integration there.
+    # For a full steering step at rest, 5e-5 is the integration error.
     assert astuple(twice)[:4] == pytest.approx(astuple(once)[:4], abs=5e-5)
     assert twice.speed >= 0.0
 
 
-@pytest.mark.parametrize("asked", [0.6, -0.6, 5.0])
-def test_steering_stops_at_its_limit(asked: float) -> None:
+@pytest.mark.parametrize("requested", [0.6, -0.6, 5.0])
+def test_steering_stops_at_its_limit(requested: float) -> None:
     limit = CAR.steering_limit
-    bodies = drive(Body(0.0, 0.0, 0.0, 5.0), steer(asked), 1.0)
+    bodies = drive(Body(0.0, 0.0, 0.0, 5.0), steer(requested), 1.0)
     assert all(abs(body.steering) <= limit for body in bodies)
-    assert bodies[-1].steering == pytest.approx(math.copysign(limit, asked), rel=1e-3)
-    assert bodies == drive(Body(0.0, 0.0, 0.0, 5.0), steer(math.copysign(limit, asked)), 1.0)
+    assert bodies[-1].steering == pytest.approx(math.copysign(limit, requested), rel=1e-3)
+    assert bodies == drive(Body(0.0, 0.0, 0.0, 5.0), steer(math.copysign(limit, requested)), 1.0)
     back = drive(bodies[-1], steer(0.0), 1.0)[-1]
     assert abs(back.steering) < 1e-3
 
@@ -231,7 +231,7 @@ def test_the_steering_rate_is_limited(tyres: TyreModel, speed: float) -> None:
 
 
 def test_an_unreached_rate_limit_changes_no_bit() -> None:
-    """An infinite one never is; this one neither, in a lane change."""
+    """Compares an infinite limit with one that a lane change does not reach."""
     free = drive(Body(0.0, 0.0, 0.0, 30.0), lane_change, 5.0)
     limited = replace(CAR, steering_rate_limit=5.0)
     assert drive(Body(0.0, 0.0, 0.0, 30.0), lane_change, 5.0, car=limited) == free

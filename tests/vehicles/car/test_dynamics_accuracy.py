@@ -74,7 +74,7 @@ def test_shorter_steps_move_the_lane_change_by_less_than_five_micrometres(
 ) -> None:
     start = Body(0.0, 0.0, 0.0, speed)
     shipped = drive(start, lane_change, 5.0)
-    for substeps in (32, 64):  # at 3 m/s eight are taken anyway
+    for substeps in (32, 64):  # at 3 m/s the default is eight
         finer = drive(start, lane_change, 5.0, substeps=substeps)
         assert max(map(apart, shipped, finer)) < 5e-6
 

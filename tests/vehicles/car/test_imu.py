@@ -18,8 +18,8 @@ def sensor(noise: InertialNoise, seed: int = 1, rate_hz: float = 50.0) -> Inerti
 
 
 def readings(noise: InertialNoise, count: int, seed: int = 1) -> list[Motion]:
-    one = sensor(noise, seed)
-    taken = [one.measure(BODY, k * TICK) for k in range(count)]
+    imu = sensor(noise, seed)
+    taken = [imu.measure(BODY, k * TICK) for k in range(count)]
     return [motion for motion in taken if motion is not None]
 
 
@@ -28,9 +28,9 @@ def test_without_noise_it_measures_the_true_state() -> None:
 
 
 def test_it_measures_at_its_own_instants_only() -> None:
-    one = sensor(SILENT, rate_hz=20.0)
-    taken = [one.measure(BODY, k * TICK) is not None for k in range(11)]
-    assert taken == [k % 5 == 0 for k in range(11)]  # 50 and 150 ms are no instants of 50 Hz
+    imu = sensor(SILENT, rate_hz=20.0)
+    taken = [imu.measure(BODY, k * TICK) is not None for k in range(11)]
+    assert taken == [k % 5 == 0 for k in range(11)]  # 50 and 150 ms are not instants of 50 Hz
 
 
 def test_noise_is_white_and_of_the_stated_size() -> None:
@@ -67,8 +67,8 @@ def test_readings_do_not_depend_on_how_many_are_drawn_at_once(
 
 
 def test_measured_speed_is_never_negative() -> None:
-    one = sensor(InertialNoise())
-    taken = [one.measure(Body(0.0, 0.0, 0.0, 0.0), k * TICK) for k in range(200)]
+    imu = sensor(InertialNoise())
+    taken = [imu.measure(Body(0.0, 0.0, 0.0, 0.0), k * TICK) for k in range(200)]
     assert min(motion.speed for motion in taken if motion) == 0.0
 
 

@@ -1,4 +1,4 @@
-"""The motion that keeps a car to a path, against closed forms and against the simulated car."""
+"""Motion that follows a path exactly, against closed forms and the simulated car."""
 
 import math
 from collections.abc import Callable
@@ -23,12 +23,12 @@ Curvatures = Callable[[float, float, int], list[float]]
 
 
 def sampled(curvature: Callable[[float], float]) -> Curvatures:
-    """Curvatures at places as the motion asks for them."""
+    """Sample a curvature function as `PathKeeping.motion` requires."""
     return lambda start, step, count: [curvature(start + k * step) for k in range(count)]
 
 
 def steady(car: VehicleParameters, speed: float) -> tuple[float, float]:
-    """Slip and steering per curvature on an arc, from forces and moments: all in closed form."""
+    """Slip and steering per curvature on an arc, in closed form from forces and moments."""
     a, b, length = car.front_axle_distance, car.rear_axle_distance, car.wheelbase
     front = car.mass * speed**2 * b / (length * car.front_cornering_stiffness)
     rear = car.mass * speed**2 * a / (length * car.rear_cornering_stiffness)
@@ -53,7 +53,7 @@ def test_the_slip_is_that_of_the_parameters_to_the_bit(speed: float) -> None:
 @pytest.mark.parametrize("speed", [1.5, 4.0, 6.0])
 @pytest.mark.parametrize("radius", [-7.0, 12.0])
 def test_the_simulated_car_follows_a_tight_arc_at_large_slip(speed: float, radius: float) -> None:
-    """Radius, slip and yaw rate are those of the car at rest in its states, angles not small."""
+    """Radius, slip and yaw rate are those of the steady state with large angles."""
     motion = PathKeeping(CAR).motion(sampled(lambda _: 1.0 / radius), (0.0, 5.0), speed)
     body = Body(0.0, 0.0, 0.0, speed)
     for _ in range(300):
@@ -69,11 +69,11 @@ def test_the_simulated_car_follows_a_tight_arc_at_large_slip(speed: float, radiu
 @pytest.mark.parametrize("car", [CAR, FULL])
 @pytest.mark.parametrize("speed", SPEEDS)
 def test_on_a_clothoid_it_has_the_first_order_terms(car: VehicleParameters, speed: float) -> None:
-    """Lateral force m v² κ, moment I v² κ' of a path whose curvature grows evenly by κ'."""
+    """Lateral force m v² κ and moment I v² κ' on a path whose curvature grows by κ'."""
     rate, length = 2e-4, car.wheelbase
     slip, steering = steady(car, speed)
     motion = PathKeeping(car).motion(sampled(lambda distance: rate * distance), (0.0, 40.0), speed)
-    there = 35.0  # what was assumed of the path before it was seen has faded
+    there = 35.0  # the assumed initial motion has decayed
     front, rear = car.front_cornering_stiffness, car.rear_cornering_stiffness
     moment = car.yaw_inertia * speed**2 / length
     lag = moment / rear - car.rear_axle_distance * slip
@@ -99,21 +99,20 @@ def test_before_the_curvature_changes_it_is_that_of_an_arc(speed: float, at: flo
     keeping, curvature = PathKeeping(CAR), 0.01
     bend = keeping.motion(sampled(lambda s: curvature + 0.02 * (s > at)), (-6.0, 6.0), speed)
     arc = keeping.motion(sampled(lambda _: curvature), (-6.0, 6.0), speed)
-    where = at - bend.heading.step  # the motion is linear between places
+    where = at - bend.heading.step  # the motion is linear between samples
     for changing, constant in zip(bend, arc, strict=True):
         assert changing.at(where) == pytest.approx(constant.at(where), rel=1e-12)
         assert changing.at(6.0) != constant.at(6.0)
 
 
 def bends(distance: float) -> float:
-    """Curvature (1/m) that grows to that of 400 m and falls again, with corners and without."""
+    """Curvature (1/m) up to a radius of 400 m, with corners and smooth."""
     if distance < 20.0:
         return 0.0
     return min((distance - 20.0) / 30.0, 1.0, max(0.0, (130.0 - distance) / 60.0)) / 400.0
 
 
 def road() -> ArcSpline:
-    """Lay the road of these bends."""
     pieces = [Piece(0.0, 0.0, 0.0, 0.0, 20.0)]
     for curvature, length, rate in (
         (0.0, 30.0, 1 / 12000),
@@ -132,7 +131,7 @@ def road() -> ArcSpline:
 def test_the_simulated_car_follows_the_road_without_feedback(
     car: VehicleParameters, speed: float
 ) -> None:
-    """It slips as told, far closer than by steady cornering, and hardly leaves the road in 150 m.
+    """Its slip is much closer than by steady cornering, and it stays on the road for 150 m.
 
     Without feedback a place is twice the integral of what is left.
     """
@@ -140,11 +139,11 @@ def test_the_simulated_car_follows_the_road_without_feedback(
     body, span, path = Body(0.0, 0.0, 0.0, speed), 0.005, road()
     off_road, off_slip, off_steady = [], [], []
     while body.distance < 150.0:
-        told = PathKeeping(quick).motion(seen_from(body.distance), (0.0, 2.0), speed)
+        motion = PathKeeping(quick).motion(seen_from(body.distance), (0.0, 2.0), speed)
         off_road.append(abs(path.project(body.east, body.north).lateral))
         slip = body.lateral_speed / speed
-        off_slip.append(abs(slip + told.heading.at(0.0)))
-        off_steady.append(abs(slip - steady(car, speed)[0] * told.curvature.at(0.0)))
+        off_slip.append(abs(slip + motion.heading.at(0.0)))
+        off_steady.append(abs(slip - steady(car, speed)[0] * motion.curvature.at(0.0)))
         halfway = PathKeeping(quick).motion(
             seen_from(body.distance + 0.5 * span * speed), (0.0, 2.0), speed
         )
@@ -154,7 +153,7 @@ def test_the_simulated_car_follows_the_road_without_feedback(
 
 
 def seen_from(place: float) -> Curvatures:
-    """Curvatures by the distance from a place on the road."""
+    """Curvatures by the distance from a point on the road."""
     return sampled(lambda distance: bends(place + distance))
 
 
@@ -163,8 +162,8 @@ def test_it_is_finite_and_mirrored_for_the_other_turn(
     speed: float, curvature: float, at: float
 ) -> None:
     def means(bend: float) -> list[float]:
-        told = PathKeeping(CAR).motion(sampled(lambda s: bend * (s > at)), (-1.0, 6.0), speed)
-        return [along.mean(1.0, 2.0) for along in told]
+        motion = PathKeeping(CAR).motion(sampled(lambda s: bend * (s > at)), (-1.0, 6.0), speed)
+        return [along.mean(1.0, 2.0) for along in motion]
 
     assert all(map(math.isfinite, means(curvature)))
     assert means(curvature) == pytest.approx([-value for value in means(-curvature)])

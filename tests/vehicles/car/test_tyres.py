@@ -64,15 +64,15 @@ def test_the_linear_range_ends_at_20_percent_less_force() -> None:
 
 
 def test_linear_tyres_may_exceed_the_friction() -> None:
-    """90 m/s² sideways, which the linear model carries, is ten times what a road gives."""
+    """The linear model allows 90 m/s² of lateral acceleration, ten times the friction limit."""
     yaw_rate = 3.0
-    told = tyre_use(Body(0.0, 0.0, 0.0, 30.0, 0.0, yaw_rate, 0.0), 0.0, CAR)
-    assert told.friction_share > 5.0
+    usage = tyre_use(Body(0.0, 0.0, 0.0, 30.0, 0.0, yaw_rate, 0.0), 0.0, CAR)
+    assert usage.friction_share > 5.0
     brush = tyre_use(
         Body(0.0, 0.0, 0.0, 30.0, 0.0, yaw_rate, 0.0), 0.0, replace(CAR, tyres="brush")
     )
     assert brush.friction_share == pytest.approx(1.0)
-    assert (brush.front_slip, brush.rear_slip) == (told.front_slip, told.rear_slip)
+    assert (brush.front_slip, brush.rear_slip) == (usage.front_slip, usage.rear_slip)
 
 
 def test_a_standing_car_uses_no_friction_for_braking() -> None:
@@ -86,13 +86,13 @@ def test_a_left_turn_has_negative_slip_and_accelerates_to_the_left() -> None:
     yaw_rate = speed * curvature
     lateral = CAR.steady_slip_per_curvature(speed) * yaw_rate
     steering = (CAR.wheelbase + CAR.steer_gradient * speed * speed) * curvature
-    told = tyre_use(Body(0.0, 0.0, 0.0, speed, lateral, yaw_rate, steering), 0.0, CAR)
-    assert told.lateral_acceleration == pytest.approx(speed * yaw_rate, rel=1e-9)
-    assert told.front_slip < 0.0
-    assert told.rear_slip < 0.0
-    assert math.isclose(told.friction_share, speed * yaw_rate / GRAVITY / CAR.friction)
+    usage = tyre_use(Body(0.0, 0.0, 0.0, speed, lateral, yaw_rate, steering), 0.0, CAR)
+    assert usage.lateral_acceleration == pytest.approx(speed * yaw_rate, rel=1e-9)
+    assert usage.front_slip < 0.0
+    assert usage.rear_slip < 0.0
+    assert math.isclose(usage.friction_share, speed * yaw_rate / GRAVITY / CAR.friction)
 
 
 def test_a_car_that_slides_sideways_has_a_slip_angle_near_90_degrees() -> None:
-    told = tyre_use(Body(0.0, 0.0, 0.0, 0.0, 15.0), 0.0, replace(CAR, tyres="brush"))
-    assert 1.4 < told.rear_slip < math.pi / 2
+    usage = tyre_use(Body(0.0, 0.0, 0.0, 0.0, 15.0), 0.0, replace(CAR, tyres="brush"))
+    assert 1.4 < usage.rear_slip < math.pi / 2

@@ -57,9 +57,9 @@ def test_the_station_alone_is_that_of_the_nearest_point(
 
 def test_a_hardly_bent_piece_is_a_line() -> None:
     line, bent = Piece(0.0, 0.0, 0.3, 0.0, 50.0), Piece(0.0, 0.0, 0.3, 1e-13, 50.0)
-    one, other = line.project(20.0, 30.0), bent.project(20.0, 30.0)
-    assert one.lateral == pytest.approx(other.lateral, abs=1e-9)
-    assert one.station == pytest.approx(other.station, abs=1e-9)
+    straight, curved = line.project(20.0, 30.0), bent.project(20.0, 30.0)
+    assert straight.lateral == pytest.approx(curved.lateral, abs=1e-9)
+    assert straight.station == pytest.approx(curved.station, abs=1e-9)
 
 
 @given(
@@ -92,7 +92,7 @@ def test_stations_and_curvatures_continue_through_joints() -> None:
 def integrated_in_steps(
     piece: Piece, station: float, steps: int = 20_000
 ) -> tuple[float, float, float]:
-    """Second method: the curvature summed up in small steps."""
+    """Second method: integration of the curvature in small steps."""
     step = station / steps
     along = step * (np.arange(steps) + 0.5)
     yaw = piece.yaw + piece.curvature * along + 0.5 * piece.rate * along * along
@@ -160,10 +160,10 @@ def test_curvatures_at_many_stations_equal_those_at_each(
 ) -> None:
     pieces = [Piece(0.0, 0.0, 0.0, curvature, length, rate) for curvature, length, rate in shapes]
     spline = ArcSpline(pieces)
-    found = spline.curvatures(start, step, count)
-    assert len(found) == count
+    result = spline.curvatures(start, step, count)
+    assert len(result) == count
     stations = [start + k * step for k in range(count)]
     ends = [sum(piece.length for piece in pieces[:n]) for n in range(1, len(pieces))]
-    for station, curvature in zip(stations, found, strict=True):
-        if all(abs(station - end) > 1e-6 for end in ends):  # at a joint either piece will do
+    for station, curvature in zip(stations, result, strict=True):
+        if all(abs(station - end) > 1e-6 for end in ends):  # at a joint either piece is correct
             assert curvature == pytest.approx(spline.curvature_at(station), abs=1e-9)

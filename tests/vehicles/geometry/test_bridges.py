@@ -1,4 +1,4 @@
-"""Holes in recorded points: found, bridged from both sides, and seen in the figures."""
+"""Holes in recorded points: detection, bridging, and deviations."""
 
 import math
 
@@ -27,8 +27,8 @@ def without(points: Points, begin: int, count: int) -> Points:
 @pytest.mark.parametrize("spacing", [0.3, 1.0, 3.0, 12.0])
 @pytest.mark.parametrize("size", [0.0, 0.02, 0.5, 2.5])
 def test_noise_is_estimated_on_arcs_with_any_spacing(spacing: float, size: float) -> None:
-    found = noise_deviation(noisy(circle(100.0, 1500.0 * spacing, spacing, yaw=1.0), size))
-    assert found == pytest.approx(size, rel=0.15, abs=0.01 * spacing)
+    result = noise_deviation(noisy(circle(100.0, 1500.0 * spacing, spacing, yaw=1.0), size))
+    assert result == pytest.approx(size, rel=0.15, abs=0.01 * spacing)
 
 
 def test_uneven_steps_and_jumps_do_not_count_as_noise() -> None:
@@ -67,15 +67,15 @@ def test_an_arc_is_bridged_by_an_arc(  # noqa: PLR0917 - what is drawn
     if not left:
         exact[1], centre[1] = -exact[1], -centre[1]
     points = without(noisy(exact, seed=seed), begin, count)
-    found = fill_holes(points, 8.0)
-    assert found.holes == (begin - 1,)
-    assert np.array_equal(found.points[:, found.indices], points)
-    bridge = np.delete(found.points, found.indices, axis=1)
+    result = fill_holes(points, 8.0)
+    assert result.holes == (begin - 1,)
+    assert np.array_equal(result.points[:, result.indices], points)
+    bridge = np.delete(result.points, result.indices, axis=1)
     off = np.hypot(*(bridge - centre)) - radius
-    # By the noise of the headings of both sides, which grows over the hole.
+    # The error comes from the noise of both headings and grows over the hole.
     assert np.max(np.abs(off)) < 0.05 + 0.004 * length
-    # No overshoot: every step goes on, and turns no more than the arc and noise.
-    steps = np.diff(found.points[:, begin - 1 : begin + bridge.shape[1] + 1])
+    # No overshoot: each step goes forwards, and turns no more than the arc and noise.
+    steps = np.diff(result.points[:, begin - 1 : begin + bridge.shape[1] + 1])
     course = np.unwrap(np.arctan2(steps[1], steps[0]))[1:-1]
     assert np.all(np.abs(np.diff(course)) < 3.0 * step_lengths(bridge)[1:].max() / radius + 0.05)
 
@@ -126,13 +126,13 @@ def test_without_a_bridge_the_deviation_is_large(monkeypatch: pytest.MonkeyPatch
     points = without(noisy(circle(60.0, 180.0, 0.5), 0.05), 150, 80)
     bridged = smooth(points, 8.0)
     monkeypatch.setattr(bridges, "HOLE", math.inf)
-    # Nor may the regression know that it has to rest on both sides of the hole.
+    # Also disable the regression's requirement of points on both sides of the hole.
     monkeypatch.setattr(local_regression, "ON_EACH_SIDE", 0)
     monkeypatch.setattr(local_regression, "SLOPE", 1e6)
     swung = smooth(points, 8.0)
     off = np.hypot(swung.path.east, swung.path.north - 60.0) - 60.0
     assert np.max(np.abs(off)) > 2.0
-    assert swung.deviation_rms < 0.1  # at the points nothing shows
+    assert swung.deviation_rms < 0.1  # the deviation at the points is small
     assert swung.deviation_max > 1.0
     assert bridged.deviation_max < 0.3
 

@@ -43,7 +43,7 @@ def driven(
     aside: Callable[[float], float] = lambda _: 0.0,
     vehicle: str = "v1",
 ) -> list[TruePose]:
-    """Poses at `stations` of `path`, moved to its left by `aside` of the station (m)."""
+    """Poses at `stations` of `path`, offset to the left by `aside(station)` (m)."""
     poses = []
     for seq, station in enumerate(stations):
         point = path.at(station)
@@ -65,7 +65,7 @@ def added(error: CrossTrackError, poses: Iterable[TruePose]) -> list[CrossTrack]
 def cross_track(
     own: Iterable[TruePose], lead: Iterable[TruePose], road_yaw: float | None = None
 ) -> list[CrossTrack]:
-    """Foot points of a follower whose poses come when the lead has driven all of its path."""
+    """Foot points of a follower whose poses are added after the lead's whole path."""
     error = CrossTrackError("v1", road_yaw)
     assert added(error, lead) == []
     return added(error, (replace(pose, vehicle="v2") for pose in own))
@@ -81,9 +81,9 @@ def feet(path: SampledPath, stations: Sequence[float], aside: float) -> list[Cro
 def test_left_of_a_straight_is_positive(yaw: float, aside: float) -> None:
     path = path_from_segments([Segment(200.0, 0.0)], 30.0, -40.0, yaw)
     stations = every(STEP, -45.0, 190.0)
-    found = feet(path, stations, aside)
-    assert [foot.at_ns for foot in found] == [at(seq / 50) for seq in range(len(stations))]
-    for foot, station in zip(found, stations, strict=True):
+    result = feet(path, stations, aside)
+    assert [foot.at_ns for foot in result] == [at(seq / 50) for seq in range(len(stations))]
+    for foot, station in zip(result, stations, strict=True):
         assert foot.lateral == pytest.approx(aside, abs=1e-9)
         assert foot.station == pytest.approx(station, abs=1e-9)
 
@@ -93,9 +93,9 @@ def test_left_of_a_straight_is_positive(yaw: float, aside: float) -> None:
 def test_a_concentric_circle_has_the_difference_of_radii(turn: int, inwards: float) -> None:
     path = path_from_segments([Segment(300.0, turn / 100.0)])
     sagitta = STEP**2 / (8 * 100.0)
-    found = feet(path, every(0.4, 0.0, 290.0), turn * inwards)
-    assert len(found) == 725
-    for foot, station in zip(found, every(0.4, 0.0, 290.0), strict=True):
+    result = feet(path, every(0.4, 0.0, 290.0), turn * inwards)
+    assert len(result) == 725
+    for foot, station in zip(result, every(0.4, 0.0, 290.0), strict=True):
         assert foot.lateral == pytest.approx(turn * inwards, abs=1.5 * sagitta)
         assert foot.station == pytest.approx(station, abs=0.02)
 
@@ -105,8 +105,8 @@ def test_a_concentric_circle_has_the_difference_of_radii(turn: int, inwards: flo
 def test_on_a_path_that_meets_itself_the_foot_stays_on_its_branch(name: str, aside: float) -> None:
     path = path_from_segments(SELF_MEETING[name])
     stations = every(0.3, -30.0, path.length - 2.0)
-    found = feet(path, stations, aside)
-    for foot, station in zip(found, stations, strict=True):
+    result = feet(path, stations, aside)
+    for foot, station in zip(result, stations, strict=True):
         assert foot.lateral == pytest.approx(aside, abs=0.01)
         assert foot.station == pytest.approx(station, abs=0.05)
 
@@ -117,20 +117,20 @@ def test_standing_still_changes_nothing() -> None:
     lead = driven(path, [*every(STEP, 0.0, 60.0), *stop, *every(STEP, 60.0, 140.0)])
     moving = driven(path, [*every(STEP, 0.0, 60.0), *every(STEP, 60.0, 140.0)])
     own = driven(path, [*every(0.5, 0.0, 45.0), *[45.0] * 300, *every(0.5, 45.0, 130.0)])
-    found = cross_track(own, lead)
-    assert found == cross_track(own, moving)
-    assert len(found) == len(own)
-    assert max(abs(foot.lateral) for foot in found) < 0.002
-    standing = {foot.station for foot in found[90:390]}
+    result = cross_track(own, lead)
+    assert result == cross_track(own, moving)
+    assert len(result) == len(own)
+    assert max(abs(foot.lateral) for foot in result) < 0.002
+    standing = {foot.station for foot in result[90:390]}
     assert len(standing) == 1
 
 
 def test_a_creeping_lead_extends_its_path() -> None:
     path = path_from_segments([Segment(20.0, 1 / 30)])
     stations = every(0.3, 0.0, 19.9)
-    found = cross_track(driven(path, stations), driven(path, every(0.004, 0.0, 20.0)))
-    assert [foot.station for foot in found] == pytest.approx(stations, abs=0.02)
-    assert [foot.lateral for foot in found] == pytest.approx([0.0] * len(stations), abs=1e-4)
+    result = cross_track(driven(path, stations), driven(path, every(0.004, 0.0, 20.0)))
+    assert [foot.station for foot in result] == pytest.approx(stations, abs=0.02)
+    assert [foot.lateral for foot in result] == pytest.approx([0.0] * len(stations), abs=1e-4)
 
 
 def test_noise_of_a_standing_lead_does_not_extend_its_path() -> None:
@@ -145,8 +145,8 @@ def test_noise_of_a_standing_vehicle_moves_its_foot_back_and_forth() -> None:
     path = path_from_segments([Segment(100.0, 1 / 20)])
     lead = driven(path, every(STEP, 0.0, 99.0))
     stations = [40.0 + 0.8 * math.sin(k) for k in range(200)]
-    found = cross_track(driven(path, [*every(1.0, 0.0, 40.0), *stations]), lead)
-    for foot, station in zip(found[40:], stations, strict=True):
+    result = cross_track(driven(path, [*every(1.0, 0.0, 40.0), *stations]), lead)
+    for foot, station in zip(result[40:], stations, strict=True):
         assert foot.station == pytest.approx(station, abs=0.01)
         assert foot.lateral == pytest.approx(0.0, abs=0.003)
 
@@ -155,9 +155,9 @@ def test_behind_the_lead_s_first_pose_the_path_is_an_infinite_line() -> None:
     path = path_from_segments([Segment(100.0, 0.0)], yaw=0.3)
     lead = driven(path, every(STEP, 0.0, 99.0))
     stations = [-5000.0, -20.5, -19.5, -10.0, -0.1, 0.1]
-    found = cross_track(driven(path, stations, lambda _: 0.5), lead)
-    assert [foot.station for foot in found] == pytest.approx(stations)
-    assert [foot.lateral for foot in found] == pytest.approx([0.5] * 6)
+    result = cross_track(driven(path, stations, lambda _: 0.5), lead)
+    assert [foot.station for foot in result] == pytest.approx(stations)
+    assert [foot.lateral for foot in result] == pytest.approx([0.5] * 6)
 
 
 @pytest.mark.parametrize("yaw", HEADINGS)
@@ -168,9 +168,9 @@ def test_with_a_known_road_yaw_the_lead_s_initial_yaw_does_not_matter(
     lead = driven(path, every(STEP, 0.0, 99.0))
     lead[0] = replace(lead[0], yaw_rad=yaw + 0.6)
     own = driven(path, [-19.5, -10.0, -0.1, 0.1], lambda _: 0.5)
-    found = cross_track(own, lead, road_yaw=yaw)
-    assert [foot.station for foot in found] == pytest.approx([-19.5, -10.0, -0.1, 0.1])
-    assert [foot.lateral for foot in found] == pytest.approx([0.5] * 4)
+    result = cross_track(own, lead, road_yaw=yaw)
+    assert [foot.station for foot in result] == pytest.approx([-19.5, -10.0, -0.1, 0.1])
+    assert [foot.lateral for foot in result] == pytest.approx([0.5] * 4)
     assert max(foot.lateral for foot in cross_track(own, lead)) > 5.0
 
 
@@ -178,34 +178,34 @@ def test_the_road_yaw_is_ignored_if_the_record_begins_after_the_start() -> None:
     path = path_from_segments([Segment(100.0, 0.0)])
     lead = driven(path, every(STEP, 0.0, 99.0))
     lead[0] = replace(lead[0], distance_m=80.0)
-    found = cross_track(driven(path, [-19.5, 0.1], lambda _: 0.5), lead, road_yaw=1.5)
-    assert [foot.lateral for foot in found] == pytest.approx([0.5] * 2)
+    result = cross_track(driven(path, [-19.5, 0.1], lambda _: 0.5), lead, road_yaw=1.5)
+    assert [foot.lateral for foot in result] == pytest.approx([0.5] * 2)
 
 
 def test_beyond_the_lead_s_last_pose_there_is_no_foot_point() -> None:
     path = path_from_segments([Segment(100.0, 0.0)])
     lead = driven(path, every(1.0, 0.0, 51.0))
-    found = cross_track(driven(path, every(1.0, 0.0, 80.0), lambda _: 3.0), lead)
-    assert len(found) == 51
-    assert max(foot.station for foot in found) == pytest.approx(50.0)
+    result = cross_track(driven(path, every(1.0, 0.0, 80.0), lambda _: 3.0), lead)
+    assert len(result) == 51
+    assert max(foot.station for foot in result) == pytest.approx(50.0)
 
 
 def test_a_follower_that_circles_beyond_the_lead_s_last_pose_has_no_foot_point() -> None:
     path = path_from_segments([Segment(200.0, 1 / 20)])
     lead = driven(path, every(1.0, 0.0, 51.0))
-    found = cross_track(driven(path, every(1.0, 0.0, 190.0), lambda _: 0.5), lead)
-    assert len(found) == 51
-    assert {round(foot.lateral, 1) for foot in found} == {0.5}
+    result = cross_track(driven(path, every(1.0, 0.0, 190.0), lambda _: 0.5), lead)
+    assert len(result) == 51
+    assert {round(foot.lateral, 1) for foot in result} == {0.5}
 
 
 def test_a_lead_that_never_moved_has_only_the_line_behind_it() -> None:
     path = path_from_segments([Segment(100.0, 0.0)], yaw=1.0)
-    found = cross_track(driven(path, [-15.0, -8.0, 8.0], lambda _: -0.2), driven(path, [0.0] * 10))
-    assert [foot.station for foot in found] == pytest.approx([-15.0, -8.0])
-    assert [foot.lateral for foot in found] == pytest.approx([-0.2, -0.2])
+    result = cross_track(driven(path, [-15.0, -8.0, 8.0], lambda _: -0.2), driven(path, [0.0] * 10))
+    assert [foot.station for foot in result] == pytest.approx([-15.0, -8.0])
+    assert [foot.lateral for foot in result] == pytest.approx([-0.2, -0.2])
 
 
-# ---- Pose by pose
+# ---- Single poses
 
 
 LAPS = 2
@@ -213,12 +213,12 @@ TICKS = math.ceil(LAPS * 2 * math.pi * drive.RADIUS / drive.SPEED / (drive.TICK 
 
 
 def test_inside_of_a_left_circle_is_left_of_the_path() -> None:
-    """Two laps: the first lap of the path lies under the second one and must not attract it."""
+    """Two laps: a foot point on the second lap must not jump to the first."""
     error = CrossTrackError("v1")
     both = (drive.truth(name, tick) for tick in range(TICKS) for name in drive.VEHICLES)
-    found = added(error, both)
+    result = added(error, both)
     for place, vehicle in enumerate(drive.VEHICLES[1:], start=1):
-        offsets = [foot.lateral for foot in found if foot.vehicle == vehicle]
+        offsets = [foot.lateral for foot in result if foot.vehicle == vehicle]
         assert len(offsets) == TICKS
         chord = drive.SPEED * drive.TICK * 1e-9  # the path is a polygon: its sagitta is c²/8R
         assert offsets[150:] == pytest.approx(
@@ -254,18 +254,18 @@ def test_a_pose_beyond_the_end_of_the_path_waits_for_the_lead() -> None:
     first, second, third = driven(path, [4.5, 5.5, 5.0], lambda _: 0.3, "v2")
     assert added(error, driven(path, every(1.0, 0.0, 5.0))) == []
     assert [error.add(pose) for pose in (first, second, third)] == [[], [], []]
-    found = [error.add(pose) for pose in driven(path, [5.0, 6.0, 7.0])]
-    assert [[foot.station for foot in step] for step in found] == [[4.5], [5.5, 5.0], []]
+    result = [error.add(pose) for pose in driven(path, [5.0, 6.0, 7.0])]
+    assert [[foot.station for foot in step] for step in result] == [[4.5], [5.5, 5.0], []]
 
 
 def test_at_most_one_minute_of_poses_waits() -> None:
     path = path_from_segments([Segment(60.0, 0.0)])
     error = CrossTrackError("v1")
     added(error, driven(path, every(0.01, 0.0, 40.0), vehicle="v2"))
-    found = added(error, driven(path, every(1.0, 0.0, 60.0)))
-    assert len(found) == MAX_WAITING
-    assert found[0].station == pytest.approx(40.0 - 0.01 * MAX_WAITING)
-    assert found[-1].station == pytest.approx(39.99)
+    result = added(error, driven(path, every(1.0, 0.0, 60.0)))
+    assert len(result) == MAX_WAITING
+    assert result[0].station == pytest.approx(40.0 - 0.01 * MAX_WAITING)
+    assert result[-1].station == pytest.approx(39.99)
 
 
 COURSES = {
@@ -283,12 +283,14 @@ def with_stop(stations: list[float], place: int, ticks: int) -> list[float]:
     return stations[:place] + [stations[place]] * ticks + stations[place:]
 
 
-def interleaved(one: Sequence[TruePose], *others: Sequence[TruePose], seed: int) -> list[TruePose]:
-    """Mix the poses of vehicles, each one's in their order."""
-    left = [list(poses) for poses in (one, *others)]
+def interleaved(
+    first: Sequence[TruePose], *others: Sequence[TruePose], seed: int
+) -> list[TruePose]:
+    """Interleave the poses of vehicles, keeping the order of each."""
+    left = [list(poses) for poses in (first, *others)]
     random, mixed = Random(seed), []
     while any(left):
-        # Not one pose at a time: a vehicle may be far ahead of another one.
+        # In blocks, so that a vehicle may be far ahead of another.
         poses = random.choice([poses for poses in left if poses])
         count = random.choice((1, 1, 5, 200))
         mixed += poses[:count]
@@ -297,7 +299,7 @@ def interleaved(one: Sequence[TruePose], *others: Sequence[TruePose], seed: int)
 
 
 def projected(own: Sequence[TruePose], lead: Sequence[TruePose], yaw: float) -> list[float]:
-    """Distances of `own` from the path, each the least on the metres around the place before.
+    """Distances of `own` from the path, each the smallest near the previous foot point.
 
     At the corners of a polyline, half a metre apart on a radius of 4 m, 1 cm depends on the rule.
     """
@@ -312,23 +314,23 @@ def projected(own: Sequence[TruePose], lead: Sequence[TruePose], yaw: float) -> 
         if step > 0.01:
             corners.append(pose)
             stations.append(stations[-1] + step)
-    found, here = [], -math.inf
+    result, here = [], -math.inf
     for pose in own:
         candidates = []
-        for station, one, other in zip(stations, corners, corners[1:], strict=False):
+        for station, first, second in zip(stations, corners, corners[1:], strict=False):
             near = here - 3.0 < station < max(here, 0.0) + 3.0
             if not near and not (station == -100.0 and here < 3.0):
                 continue
-            east, north = other.east_m - one.east_m, other.north_m - one.north_m
-            to_east, to_north = pose.east_m - one.east_m, pose.north_m - one.north_m
+            east, north = second.east_m - first.east_m, second.north_m - first.north_m
+            to_east, to_north = pose.east_m - first.east_m, pose.north_m - first.north_m
             square = east * east + north * north
             share = min(max((to_east * east + to_north * north) / square, 0.0), 1.0)
             away = math.hypot(to_east - share * east, to_north - share * north)
             side = math.copysign(1.0, east * to_north - north * to_east)
             candidates.append((away, side * away, station + share * math.sqrt(square)))
         _, lateral, here = min(candidates)
-        found.append(lateral)
-    return found
+        result.append(lateral)
+    return result
 
 
 @given(
@@ -394,15 +396,15 @@ def test_rotation_and_translation_change_nothing(
         lead = driven(path, every(STEP, 0.0, path.length))
         both.append(cross_track(driven(path, every(1.1, -20.0, path.length), swerving), lead))
     ones, others = ({foot.at_ns: foot for foot in feet} for feet in both)
-    assert len(ones.keys() ^ others.keys()) <= 2  # those on the very ends of the path
+    assert len(ones.keys() ^ others.keys()) <= 2  # those at both ends of the path
     together = [(ones[when], others[when]) for when in ones.keys() & others.keys()]
-    # Outside a corner of the driven polyline a foot lies on neither of two pieces: rounding decides
-    # which of them counts, and they differ by the lateral distance times half the turn squared.
+    # Outside a corner of the polyline a foot is on neither chord, and rounding decides which one
+    # counts. They differ by the lateral distance times half the turn squared.
     tolerance = 0.8 * 0.5 * (0.04 * 2.0 * STEP) ** 2
-    for one, other in together:
-        assert one.lateral == pytest.approx(other.lateral, abs=tolerance)
-        assert one.station == pytest.approx(other.station, abs=0.8 * 0.04 * 2.0 * STEP)
-    exact = sum(abs(one.lateral - other.lateral) < 1e-8 for one, other in together)
+    for first, second in together:
+        assert first.lateral == pytest.approx(second.lateral, abs=tolerance)
+        assert first.station == pytest.approx(second.station, abs=0.8 * 0.04 * 2.0 * STEP)
+    exact = sum(abs(first.lateral - second.lateral) < 1e-8 for first, second in together)
     assert exact >= 0.9 * len(together)
 
 
@@ -421,14 +423,14 @@ def test_on_a_simple_path_it_is_the_distance_to_the_nearest_point(
 
 
 def nearest(pose: TruePose, path: Sequence[TruePose]) -> float:
-    """Distance to the polyline, by trying a hundred places on each of its segments."""
+    """Distance to the polyline, by a hundred samples on each segment."""
     return min(
         math.hypot(
-            one.east_m + share * (other.east_m - one.east_m) - pose.east_m,
-            one.north_m + share * (other.north_m - one.north_m) - pose.north_m,
+            first.east_m + share * (second.east_m - first.east_m) - pose.east_m,
+            first.north_m + share * (second.north_m - first.north_m) - pose.north_m,
         )
-        for one, other in pairwise(path)
-        if math.hypot(one.east_m - pose.east_m, one.north_m - pose.north_m) < 5.0
+        for first, second in pairwise(path)
+        if math.hypot(first.east_m - pose.east_m, first.north_m - pose.north_m) < 5.0
         for share in (k / 100 for k in range(101))
     )
 
@@ -440,7 +442,7 @@ def test_dropping_passed_chords_changes_nothing(road: str, monkeypatch: pytest.M
     path = path_from_segments(SELF_MEETING[road])
     lead = driven(path, every(STEP, 0.0, path.length))
     late, later = (driven(path, every(STEP, 0.0, path.length), vehicle=n) for n in ("v2", "v3"))
-    keeping, forgetting = CrossTrackError("v1"), CrossTrackError("v1", None, ["v2", "v3"])
+    keeping, dropping = CrossTrackError("v1"), CrossTrackError("v1", None, ["v2", "v3"])
     most = 0
     for k, pose in enumerate(lead):
         poses = [
@@ -448,9 +450,9 @@ def test_dropping_passed_chords_changes_nothing(road: str, monkeypatch: pytest.M
             *late[max(k - 30, 0) : max(k - 29, 0)],
             *later[max(k - 60, 0) : max(k - 59, 0)],
         ]
-        for one in poses:
-            assert forgetting.add(one) == keeping.add(one)
-        most = max(most, len(forgetting._chords))
+        for added_pose in poses:
+            assert dropping.add(added_pose) == keeping.add(added_pose)
+        most = max(most, len(dropping._chords))
     assert most < 60 + 2 * 50 < len(keeping._chords)
 
 
@@ -472,6 +474,6 @@ def test_a_follower_left_behind_does_not_keep_the_whole_path(
         feet += error.add(stands[min(k, 100)])
         assert len(error._chords) <= 200 + 50
     assert {round(foot.lateral, 9) for foot in feet if foot.vehicle == "v2"} == {0.3}
-    # Where v3 stands is known for 200 to 250 chords, and then no more rather than wrong.
+    # v3 has foot points for 200 to 250 chords, then none instead of wrong ones.
     assert {round(foot.lateral, 9) for foot in feet if foot.vehicle == "v3"} == {-0.2}
     assert 300 <= sum(foot.vehicle == "v3" for foot in feet) < 400

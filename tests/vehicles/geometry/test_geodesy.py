@@ -143,9 +143,9 @@ def test_geodetic_coordinates_are_those_of_proj(east: float, north: float) -> No
         f"+lon_0={ORIGIN.longitude_deg} +lat_0={ORIGIN.latitude_deg} +h_0={ORIGIN.altitude_m}"
     )
     longitude, latitude, altitude = proj.transform(east, north, 0.0, direction="INVERSE")
-    found = PLANE.to_geodetic(east, north)
-    assert found[:2] == pytest.approx((latitude, longitude), abs=1e-12)  # 0.1 micrometres
-    assert found[2] == pytest.approx(altitude, abs=1e-7)
+    result = PLANE.to_geodetic(east, north)
+    assert result[:2] == pytest.approx((latitude, longitude), abs=1e-12)  # 0.1 micrometres
+    assert result[2] == pytest.approx(altitude, abs=1e-7)
 
 
 @given(
@@ -160,5 +160,5 @@ def test_the_plane_is_that_of_pymap3d(
     plane = LocalPlane(Origin(latitude, longitude, altitude))
     point = latitude + steps[0], longitude + steps[1], altitude + steps[2]
     east, north, _ = geodetic2enu(*point, latitude, longitude, altitude, ell=WGS84)
-    # The last digit of a sine may depend on the processor with NumPy, and is 1 nm on the earth.
+    # The last digit of NumPy's sine may depend on the processor; it is 1 nm on the earth.
     assert plane.to_plane(*point) == pytest.approx((east, north), rel=0.0, abs=5e-9)

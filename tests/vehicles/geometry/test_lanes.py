@@ -22,6 +22,6 @@ def test_a_straight_is_cut_at_the_spacing() -> None:
 
 
 def test_edges_are_half_a_lane_from_the_path() -> None:
-    left, right = lane_edges(ARC, 3.5)  # about the left: the left edge is the inner one
+    left, right = lane_edges(ARC, 3.5)  # in a left turn the left edge is the inner one
     assert np.hypot(*left.T) == pytest.approx(18.25, abs=0.01)
     assert np.hypot(*right.T) == pytest.approx(21.75, abs=0.01)

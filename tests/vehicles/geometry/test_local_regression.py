@@ -79,7 +79,7 @@ CLUSTERS = {
 
 @pytest.mark.parametrize("steps", CLUSTERS.values(), ids=CLUSTERS)
 def test_between_a_cluster_and_sparse_points_nothing_is_extrapolated(steps: list[float]) -> None:
-    """As where a car that is recorded twice a second starts, or stops."""
+    """As where a car recorded at 2 Hz starts or stops."""
     t = np.cumsum([0.0, *steps])
     at = np.arange(0.0, t[-1], 0.25)
     sharpest = 0.0

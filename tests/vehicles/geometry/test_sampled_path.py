@@ -24,7 +24,7 @@ def beside(point: PathPoint, lateral: float) -> tuple[float, float]:
 def exact(
     segments: Sequence[Segment], station: float, start: tuple[float, float, float]
 ) -> tuple[float, float, float]:
-    """East, north, yaw by turning about each segment's centre: another formula than the path's."""
+    """East, north, yaw by rotation about each segment's centre, an independent formula."""
     east, north, yaw = start
     for segment in segments:
         distance = min(station, segment.length)
@@ -58,7 +58,7 @@ def test_path_follows_straights_and_arcs_exactly(
     point = path.at(station)
     east, north, direction = exact(segments, station, (10.0, -20.0, yaw))
     assert math.hypot(point.east - east, point.north - north) < 1e-6
-    assert point.yaw == pytest.approx(direction, abs=1e-5)  # a corner lies within a millimetre
+    assert point.yaw == pytest.approx(direction, abs=1e-5)  # a corner is within a millimetre
 
 
 def test_curvature_changes_within_a_millimetre_before_a_corner() -> None:
@@ -175,7 +175,7 @@ def test_invalid_paths_are_rejected() -> None:
 
 
 def test_a_path_takes_little_more_memory_than_its_numbers() -> None:
-    """Eleven numbers a sample are held; six of them as objects of Python would take 256 bytes."""
+    """A sample has eleven numbers; six of them as Python objects would take 256 bytes."""
     tracemalloc.start()
     path = path_from_segments([Segment(5000.0, 0.0), Segment(5000.0, 0.001)])
     held, _ = tracemalloc.get_traced_memory()

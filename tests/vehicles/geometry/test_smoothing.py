@@ -16,7 +16,7 @@ def interior(smoothed: SmoothedPath, margin: float) -> NDArray[np.bool_]:
 
 
 def drift(path: SampledPath) -> tuple[float, float]:
-    """How far yaw (rad) and position (m) part when curvature alone is integrated."""
+    """Errors of yaw (rad) and position (m) after integrating the curvature."""
     ways = np.diff(path.station)
     turned = np.cumsum(0.5 * (path.curvature[1:] + path.curvature[:-1]) * ways)
     yaw = path.yaw[0] + np.concatenate(([0.0], turned))
@@ -58,7 +58,7 @@ def test_a_tight_turn_keeps_its_position_and_curvature(mirrored: bool) -> None:
     assert sign * 8.0 * path.curvature[inside] == pytest.approx(1.0, abs=0.005)
     off = np.hypot(path.east, path.north - sign * 8.0) - 8.0
     assert np.max(np.abs(off[inside])) < 0.001
-    assert smoothed.deviation_max < 0.005  # the ends included
+    assert smoothed.deviation_max < 0.005  # including the ends
     assert path.length == pytest.approx(39.0, abs=0.02)
 
 
@@ -70,7 +70,7 @@ def test_noise_on_a_tight_turn_is_reduced() -> None:
         errors.append((np.hypot(path.east, path.north - 8.0) - 8.0)[inside])
         bends.append(path.curvature[inside] - 0.125)
     errors_all, bends_all = np.concatenate(errors), np.concatenate(bends)
-    assert abs(np.mean(errors_all)) < 0.012  # 0.1 % of the radius, inwards, and little else
+    assert abs(np.mean(errors_all)) < 0.012  # mostly the bias of 0.1 % of the radius
     assert np.std(errors_all) < 0.011
     assert abs(np.mean(bends_all)) < 0.001
     assert np.std(bends_all) == pytest.approx(0.02 * 20.0 / 8.0**2.5, rel=0.3)
@@ -99,7 +99,7 @@ def test_noise_on_a_motorway_bend_is_reduced_as_stated(spacing: float) -> None:
 def test_deviation_is_the_distance_from_the_given_points() -> None:
     points = noisy(circle(300.0, 400.0, 0.5))
     smoothed = smooth(points, 20.0)
-    # Across the path only one axis of the noise shows, a little less what the path follows.
+    # Only the lateral component of the noise counts, and the path follows a part of it.
     assert smoothed.deviation_rms == pytest.approx(0.02, rel=0.1)
     assert smoothed.deviation_max == pytest.approx(
         max(distance(smoothed.path, x, y) for x, y in points.T), abs=1e-4

@@ -33,7 +33,7 @@ def test_overlap_past_the_start_is_cut_and_the_miss_shared_out() -> None:
     assert smoothed.lap_length == pytest.approx(lap, abs=0.5)
     assert smoothed.deviation_max < 0.2
     seam = (path.station > smoothed.lap_length - 8.0) & (path.station < smoothed.lap_length + 8.0)
-    assert np.max(np.abs(path.curvature[seam])) < 0.02  # the start lies on a straight
+    assert np.max(np.abs(path.curvature[seam])) < 0.02  # the start is on a straight
     assert path.yaw[-1] - path.yaw[0] == pytest.approx(4.0 * math.pi, abs=1e-3)
 
 
@@ -86,7 +86,7 @@ def test_small_wander_round_the_start_is_not_a_closed_drive() -> None:
 
 @pytest.mark.parametrize("spacing", [4.0, 9.0, 15.0, 22.0])
 def test_a_closed_drive_of_few_points_closes_in_a_curve_without_a_seam(spacing: float) -> None:
-    """As one that is recorded once a second: no two points are near the first one."""
+    """As recorded at 1 Hz: no other point is near the first one."""
     angle = np.arange(0.0, 2.3 * math.pi, spacing / 70.0)
     smoothed = smooth_path(70.0 * np.sin(angle), -70.0 * np.cos(angle), 8.0, closed=True, laps=2)
     assert smoothed.lap_length == pytest.approx(140.0 * math.pi, rel=0.002)

@@ -21,7 +21,7 @@ def _on_sphere(count: int) -> np.ndarray:
 @examples(26, 80)
 @given(CARS, GAINS, SPEEDS)
 def test_ball_of_any_car(car: VehicleParameters, gains: Gains, speed: float) -> None:
-    """All of the ball is stable, and where it touches the boundary a root sits on the axis."""
+    """The whole ball is stable, and a root is on the axis where it touches the boundary."""
     assume(gains.lateral > 1e-3)
     assume(bool(is_stabilising(car, speed, np.array(gains))))
     assume(abscissa(car, gains, [speed])[0] < -1e-3)

@@ -119,7 +119,7 @@ def test_the_intersection_is_contained_in_every_case() -> None:
 
 
 def test_the_box_contains_the_set() -> None:
-    """The set at 30 m/s is bounded, as in the paper, and a wider search finds no more of it."""
+    """The set at 30 m/s is bounded, as in the paper; a wider search finds no further members."""
     box = gain_box([CAR], [30.0])
     random = np.random.default_rng(4)
     gains = random.uniform([0.0, -20.0, -2.0], [20.0, 20.0, 2.0], (100_000, 3))
@@ -134,7 +134,7 @@ def test_the_box_contains_the_set() -> None:
 
 
 def test_extremes_follow_tips_that_no_grid_finds() -> None:
-    """All extremes are members; the surface itself, in closed form, reaches no further."""
+    """All extremes are members; the closed-form boundary extends no further."""
     extremes = np.array(gain_extremes([CAR], [30.0]))
     assert is_stabilising(CAR, 30.0, extremes).all()
     reached = [(extremes[k, 0, k], extremes[k, 1, k]) for k in range(3)]
@@ -154,11 +154,11 @@ def test_extremes_follow_tips_that_no_grid_finds() -> None:
 
 
 def test_the_intersection_is_within_its_parts() -> None:
-    one = np.array(gain_extremes([CAR], [30.0]))
+    single = np.array(gain_extremes([CAR], [30.0]))
     both = np.array(gain_extremes([CAR], [10.0, 30.0]))
     for k in range(3):
-        assert both[k, 0, k] > one[k, 0, k] - 0.01
-        assert both[k, 1, k] < one[k, 1, k] + 0.01
+        assert both[k, 0, k] > single[k, 0, k] - 0.01
+        assert both[k, 1, k] < single[k, 1, k] + 0.01
 
 
 def test_a_case_without_stabilising_gains_is_rejected() -> None:
@@ -186,6 +186,6 @@ def test_the_set_is_not_convex(speeds: tuple[float, ...]) -> None:
 
 
 def test_abscissa_of_the_nominal_gains() -> None:
-    found = abscissa(CAR, NOMINAL_GAINS, PAPER_SPEEDS)
+    result = abscissa(CAR, NOMINAL_GAINS, PAPER_SPEEDS)
     expected = [-0.327, -0.693, -1.130, -1.735, -2.758, -2.874, -2.599]
-    assert found == pytest.approx(np.array(expected), abs=1e-3)
+    assert result == pytest.approx(np.array(expected), abs=1e-3)

@@ -76,7 +76,7 @@ def test_open_loop_has_a_double_root_at_the_origin() -> None:
 
 
 def test_state_matrix_without_inverse_mass_is_not_the_model() -> None:
-    """The paper's text drops the inverse mass matrix; its roots would be off by orders."""
+    """The paper's text omits the inverse mass matrix, which gives very different roots."""
     constant, inverse_speed = closed_loop(CAR, NOMINAL_GAINS)
     mass = np.diag([1.0, 1.0, CAR.mass, CAR.yaw_inertia, 1.0, 1.0])
     printed = mass @ (constant + inverse_speed / 30.0)

@@ -1,4 +1,4 @@
-"""What accelerations may add up to, against the transition matrix of the system itself."""
+"""Bounds on the integral of the acceleration, against the system's transition matrix."""
 
 import numpy as np
 import pytest
@@ -37,7 +37,7 @@ HEAVY = loaded(LINCOLN_MKZ, Loading(front_passengers=1, rear_passengers=3))
 def test_the_bound_holds_over_a_cycle_of_speeds(
     car: VehicleParameters, low: float, high: float, acceleration: float
 ) -> None:
-    """Down and up again, so that the weight of the speed drops out: V after against V before."""
+    """The speed returns to its initial value, so the weight w(v) cancels in V."""
     bound = integral_bound(car, NOMINAL_GAINS, SLOWEST, FASTEST)
     weights = certify(car, NOMINAL_GAINS, SLOWEST, FASTEST).weights
     cycle = transition(car, NOMINAL_GAINS, low, high, acceleration) @ transition(
@@ -50,7 +50,7 @@ def test_the_bound_holds_over_a_cycle_of_speeds(
 
 
 def test_below_the_mean_every_cycle_decays() -> None:
-    """Short and violent changes among long rests: |v'| of 8 m/s², in the mean below mu*."""
+    """Short changes at 8 m/s² between long pauses, so that the mean of |v'| is below mu*."""
     bound = integral_bound(LINCOLN_MKZ, NOMINAL_GAINS, SLOWEST, FASTEST)
     swing = transition(LINCOLN_MKZ, NOMINAL_GAINS, 30.0, 22.0, 8.0)
     back = transition(LINCOLN_MKZ, NOMINAL_GAINS, 22.0, 30.0, 8.0)
@@ -73,8 +73,8 @@ def test_the_transition_is_that_of_an_integrator() -> None:
 
     span = (before - after) / acceleration
     exact = solve_ivp(slope, (0.0, span), np.eye(6).ravel(), rtol=1e-10, atol=1e-12).y[:, -1]
-    found = transition(LINCOLN_MKZ, NOMINAL_GAINS, before, after, acceleration)
-    assert found == pytest.approx(exact.reshape(6, 6), abs=5e-3 * float(np.abs(exact).max()))
+    result = transition(LINCOLN_MKZ, NOMINAL_GAINS, before, after, acceleration)
+    assert result == pytest.approx(exact.reshape(6, 6), abs=5e-3 * float(np.abs(exact).max()))
 
 
 def test_a_constant_speed_has_no_growth() -> None:

@@ -50,8 +50,8 @@ def test_squared_magnitude(coefficients: list[float], frequency: float) -> None:
     polynomial = np.array(coefficients)
     direct = abs(np.polyval(polynomial, 1j * frequency)) ** 2
     scale = np.polyval(np.abs(polynomial), frequency) ** 2 + 1e-300
-    found = np.polyval(squared_magnitude(polynomial), frequency**2)
-    assert abs(found - direct) <= 1e-12 * scale
+    result = np.polyval(squared_magnitude(polynomial), frequency**2)
+    assert abs(result - direct) <= 1e-12 * scale
 
 
 def test_stationary_points_hold_the_extremes_of_a_ratio() -> None:

@@ -56,8 +56,8 @@ def test_propagation_is_h_over_one_plus_h(
         wn, zeta = p.steering_frequency, p.steering_damping
         lag = wn**2 / (s**2 + 2 * zeta * wn * s + wn**2)
         for steering, loop in zip(BOTH, (h, lag * h), strict=True):
-            found = propagation(car, gains, speed, steering).at(np.array([frequency]))[0]
-            assert found == pytest.approx(loop / (1.0 + loop), rel=1e-8)
+            actual = propagation(car, gains, speed, steering).at(np.array([frequency]))[0]
+            assert actual == pytest.approx(loop / (1.0 + loop), rel=1e-8)
 
 
 @examples(20, 60)
@@ -65,7 +65,7 @@ def test_propagation_is_h_over_one_plus_h(
 def test_predecessor_only_amplifies_at_low_frequency(
     car: VehicleParameters, gains: Gains, speed: float
 ) -> None:
-    """The paper's result, for every stable loop with R(0) > 0, and how much."""
+    """The paper's result for every stable loop with R(0) > 0, and its size."""
     assume(gains.lateral > 1e-2)
     assume(abscissa(car, gains, [speed])[0] < -1e-2)
     growth = low_frequency_growth(car, gains, speed)
@@ -88,15 +88,15 @@ def test_trace_propagation_from_the_error_model(
 ) -> None:
     """Second derivation: error relative to the path bent by the predecessor, eq. (3) with F.
 
-    Closed loop driven by curvature and its rate; the path's own offset comes on top.
+    Closed loop driven by curvature and its rate; the path's own offset is added.
     """
     matrix = closed_loop_at(car, gains, speed)
     for s in 1j * np.array([0.2, 2.0, 9.0]):
         column = curvature_input(car, speed, known) + s * curvature_rate_input(speed)
         curvature = s**2 / speed**2
         error = np.linalg.solve(s * np.eye(6) - matrix, column * curvature)
-        found = trace_propagation(car, gains, speed, assumed=known).at(np.array([s.imag]))[0]
-        assert found == pytest.approx(1.0 + error[0], rel=1e-7)
+        actual = trace_propagation(car, gains, speed, assumed=known).at(np.array([s.imag]))[0]
+        assert actual == pytest.approx(1.0 + error[0], rel=1e-7)
 
 
 def test_an_error_to_the_outside_amplifies_at_low_frequency() -> None:
@@ -121,17 +121,17 @@ def test_instant_steering_from_the_matrices() -> None:
 @pytest.mark.parametrize("alpha", [0.0, 0.3, 0.5, 1.0])
 def test_chain_by_following_the_recursion(alpha: float) -> None:
     transfer = trace_propagation(CAR, NOMINAL_GAINS, 30.0)
-    found = chain_offsets(transfer, FREQUENCIES, alpha, 4)
+    actual = chain_offsets(transfer, FREQUENCIES, alpha, 4)
     factor = transfer.at(FREQUENCIES)
     offsets = [np.ones_like(factor)]
     for _ in range(4):
         offsets.append(factor * (alpha * offsets[-1] + (1.0 - alpha) * offsets[0]))
-    for found_row, offset in zip(found, offsets[1:], strict=True):
+    for found_row, offset in zip(actual, offsets[1:], strict=True):
         assert found_row == pytest.approx(offset - 1.0, abs=1e-12)
 
 
 def test_lead_data_limit_the_growth() -> None:
-    """Predecessor only: the offset from the lead's path grows car by car. Half lead: it settles."""
+    """With the predecessor only, the offset grows from car to car. With half lead it converges."""
     transfer = trace_propagation(CAR, NOMINAL_GAINS, 30.0)
     slow = np.array([1.0])
     alone = np.abs(chain_offsets(transfer, slow, 1.0, 12))[:, 0]

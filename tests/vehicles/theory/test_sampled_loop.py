@@ -1,4 +1,4 @@
-"""The sampled loop against the continuous one, the filter itself, and the car that is driven."""
+"""The sampled loop, against the continuous loop, the filter, and a simulated car."""
 
 import math
 from dataclasses import dataclass, replace
@@ -34,7 +34,7 @@ UNBIASED = InertialNoise(speed_bias=0.0, yaw_rate_bias=0.0)
 LOOP = SampledLoop(CAR, CAR, NOMINAL_GAINS, imu=UNBIASED)
 END = 101 * SECOND
 OLD = (0.25, 0.1)
-"""Gains of a filter that has no inertial sensor."""
+"""Gains of a filter without inertial sensor."""
 
 
 @pytest.mark.parametrize("speed", [5.0, 15.0, 30.0, 36.0])
@@ -67,7 +67,7 @@ def test_exponential_and_riccati_agree_with_scipy() -> None:
 def test_stationary_gains_are_those_of_the_filter(
     speed: float, gnss_hz: float, noise: GnssNoise
 ) -> None:
-    """Kalman's equation solved at once, against the filter of a vehicle that has settled."""
+    """The stationary Kalman gains, against the settled filter of a vehicle."""
     gains = stationary_gains(replace(LOOP, gnss_hz=gnss_hz, gnss=noise), speed)
     for column, (aside, turned) in enumerate(((0.01, 0.0), (0.0, 0.001))):
         estimator = PoseEstimator(CAR, noise, UNBIASED)
@@ -94,13 +94,13 @@ def test_stationary_gains_are_those_of_the_filter(
 
 @dataclass
 class Driven:
-    """A car on the x axis with the paper's law, seen through its sensors without errors."""
+    """A car on the x axis with the paper's law and error-free sensors."""
 
     loop: SampledLoop
     speed: float
 
     def decay(self, seconds: float) -> float:
-        """Rate (1/s) at which a small offset dies out, from the second half of the time."""
+        """Decay rate (1/s) of a small offset, from the second half of the time."""
         loop, settling = self.loop, 20 * SECOND
         body = Body(0.0, 0.0, 0.0, self.speed)
         law = FeedforwardFeedback(loop.assumed, loop.gains)
@@ -157,7 +157,7 @@ def exactly(body: Body) -> Pose:
 def test_a_simulated_car_decays_and_diverges_as_computed(
     speed: float, control_hz: float, imu_hz: float | None, gnss_hz: float, seconds: float
 ) -> None:
-    """The nonlinear car, the filter of a vehicle and its law, on both sides of the boundary."""
+    """The nonlinear car with filter and law, on both sides of the stability boundary."""
     loop = replace(LOOP, control_hz=control_hz, imu_hz=imu_hz, gnss_hz=gnss_hz)
     computed = sampled_stability(loop, speed)
     driven = Driven(loop, speed).decay(seconds)
@@ -166,7 +166,7 @@ def test_a_simulated_car_decays_and_diverges_as_computed(
 
 
 def test_own_state_at_the_rate_of_fixes_is_unstable() -> None:
-    """What was seen of convoys whose yaw rate came with their fixes, at those very rates."""
+    """Convoys with the yaw rate from fixes were unstable at these rates."""
 
     def stable(rate: float, speed: float) -> bool:
         loop = replace(LOOP, imu_hz=rate, gnss_hz=rate, filter_gains=OLD)
@@ -220,11 +220,11 @@ def test_incommensurate_rates_have_a_common_period() -> None:
 
 
 def test_overflow_within_a_period_is_unstable_not_an_error() -> None:
-    """Growth beyond all floating numbers within a period, at the rate of a shorter one."""
+    """Overflow within a period, with the growth rate of a shorter period."""
     wild = replace(LOOP, gains=Gains(2.0, 20.0, 2.0), control_hz=10.0, imu_hz=10.0)
     often, seldom = (replace(wild, gnss_hz=rate) for rate in (1.0, 0.01))
     with np.errstate(over="raise", invalid="raise"):
-        found = sampled_stability(seldom, 40.0)
-    assert found.radius == math.inf
-    assert not found.stable
-    assert found.decay == pytest.approx(sampled_stability(often, 40.0).decay, rel=0.05)
+        result = sampled_stability(seldom, 40.0)
+    assert result.radius == math.inf
+    assert not result.stable
+    assert result.decay == pytest.approx(sampled_stability(often, 40.0).decay, rel=0.05)

@@ -11,7 +11,7 @@ from vehicles.theory.simulated_chain import SIMULATED_FREQUENCIES, simulated_pro
 @pytest.mark.parametrize("steering", ["instantaneous", "second order"])
 @pytest.mark.parametrize("speed", [10.0, 20.0, 30.0])
 def test_simulated_chain_agrees_at_ten_frequencies(speed: float, steering: SteeringModel) -> None:
-    """Stated: within 2 %. The two methods share nothing but the car's equations."""
+    """Within 2 %. Both methods share only the car's equations."""
     simulated = simulated_propagation(CAR, NOMINAL_GAINS, speed, SIMULATED_FREQUENCIES, steering)
     closed = propagation(CAR, NOMINAL_GAINS, speed, steering).at(SIMULATED_FREQUENCIES)
     assert np.abs(simulated / closed - 1.0).max() < 1e-3

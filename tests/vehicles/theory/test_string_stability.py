@@ -41,10 +41,10 @@ def test_peak_against_a_dense_grid(speed: float, steering: SteeringModel) -> Non
     transfer = propagation(CAR, NOMINAL_GAINS, speed, steering)
     frequencies = np.linspace(1e-3, 60.0, 400_001)
     magnitudes = np.abs(transfer.at(frequencies))
-    found = peak(transfer)
-    assert found.magnitude == pytest.approx(magnitudes.max(), rel=1e-6)
-    assert found.magnitude >= magnitudes.max() - 1e-9
-    assert found.frequency == pytest.approx(frequencies[np.argmax(magnitudes)], abs=2e-3)
+    result = peak(transfer)
+    assert result.magnitude == pytest.approx(magnitudes.max(), rel=1e-6)
+    assert result.magnitude >= magnitudes.max() - 1e-9
+    assert result.frequency == pytest.approx(frequencies[np.argmax(magnitudes)], abs=2e-3)
     below = peak(transfer, highest=6.0)
     assert below.magnitude == pytest.approx(magnitudes[frequencies <= 6.0].max(), rel=1e-6)
 
@@ -55,11 +55,11 @@ def test_peak_on_an_interval_may_be_its_end() -> None:
 
 
 def test_peak_at_infinity() -> None:
-    """Without actuation the feedforward passes curvature straight on: no fall-off."""
+    """Without actuation the feedforward passes curvature on directly: no roll-off."""
     transfer = trace_propagation(CAR, NOMINAL_GAINS, 10.0, "instantaneous")
-    found = peak(transfer)
-    assert found.frequency == np.inf
-    assert found.magnitude == pytest.approx(abs(transfer.at(np.array([1e7]))[0]), rel=1e-6)
+    result = peak(transfer)
+    assert result.frequency == np.inf
+    assert result.magnitude == pytest.approx(abs(transfer.at(np.array([1e7]))[0]), rel=1e-6)
 
 
 @pytest.mark.parametrize("steering", BOTH)
@@ -144,8 +144,8 @@ def test_singular_value_of_the_matrix(car: VehicleParameters, gains: Gains, spee
     constant, inverse_speed = open_loop(car)
     matrix = (constant + inverse_speed / speed)[:4, :4]
     frequencies = np.array([0.1, 1.0, 7.0, 25.0])
-    found = largest_singular_value(car, gains, speed, frequencies)
-    for frequency, value in zip(frequencies, found, strict=True):
+    result = largest_singular_value(car, gains, speed, frequencies)
+    for frequency, value in zip(frequencies, result, strict=True):
         s = 1j * frequency
         states = np.linalg.solve(s * np.eye(4) - matrix, constant[:4, 4])[:2]
         row = np.array([gains.lateral, gains.heading + gains.yaw_rate * s])

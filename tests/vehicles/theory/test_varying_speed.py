@@ -22,7 +22,7 @@ Array = np.ndarray
 
 
 def _energy(certificate: SpeedCertificate, speed: float) -> Array:
-    """P(v) in the state's own units, straight from Lyapunov's equation."""
+    """P(v) in units of the state, from Lyapunov's equation."""
     matrix = closed_loop_at(certificate.parameters, certificate.gains, speed)
     return np.asarray(solve_continuous_lyapunov(matrix.T, -np.diag(certificate.weights)))
 
@@ -42,7 +42,7 @@ def test_reaches_far_more_than_six_at_thirty() -> None:
 
 
 def test_the_certificate_of_the_nominal_gains_covers_road_cars() -> None:
-    """At every covered speed and loading the bound exceeds what dry asphalt allows (9.8 m/s²)."""
+    """At every covered speed and loading the bound exceeds the friction limit of 9.8 m/s²."""
     for loading in all_loadings():
         certificate = certify(loaded(CAR, loading), NOMINAL_GAINS)
         assert certificate.holds
@@ -98,7 +98,7 @@ def test_bound_is_where_the_lyapunov_function_stops_falling(speed: float, sign: 
 
 
 def test_energy_decreases_along_simulated_speed_profiles() -> None:
-    """Swinging between the ends at 99 % of the bound: w(v) z'Pz falls all the way, from any state.
+    """Swinging between the ends at 99 % of the bound: w(v) z'Pz always decreases, from any state.
 
     Second method: the time-varying system is integrated, w(v) is the integral of h, and the value
     is compared at successive instants.

@@ -1,4 +1,4 @@
-"""Drift has the autocorrelation that was asked for, whatever the rate it is looked at."""
+"""Drift has the configured autocorrelation at any rate."""
 
 import math
 from collections.abc import Iterator
@@ -26,35 +26,36 @@ def path(
 
 
 def autocorrelation(values: NDArray[np.float64], lag: int) -> float:
-    """That of a process whose mean is known to be 0."""
+    """Autocorrelation of a process of mean 0."""
     return float(np.mean(values[lag:] * values[: len(values) - lag]) / np.mean(values * values))
 
 
 @pytest.mark.campaign(4, 40)
 def test_the_autocorrelation_is_exponential(campaign: int) -> None:
-    """At lags up to two time constants, within 0.1: that of all paths together, each 20 000 s."""
+    """Within 0.1 at lags up to two time constants, over all paths of 20 000 s each."""
     time_constant = 100.0
     paths = [path(time_constant, 1.0, 20_000.0, seed) for seed in range(campaign)]
     for lag in LAGS:
-        found = np.mean([np.mean(one[lag:] * one[:-lag]) for one in paths])
-        found /= np.mean([np.mean(one * one) for one in paths])
-        assert found == pytest.approx(math.exp(-lag / time_constant), abs=0.1), lag
+        result = np.mean([np.mean(sample[lag:] * sample[:-lag]) for sample in paths])
+        result /= np.mean([np.mean(sample * sample) for sample in paths])
+        assert result == pytest.approx(math.exp(-lag / time_constant), abs=0.1), lag
 
 
 def test_the_process_does_not_depend_on_the_rate() -> None:
-    """At 5, 10 and 20 Hz the same autocorrelation to 1 %, and at equal instants the same path."""
+    """At 5, 10 and 20 Hz: equal autocorrelation within 1 %, equal values at equal instants."""
     paths = {rate: path(100.0, rate, 4000.0) for rate in (5, 10, 20)}
     assert np.array_equal(paths[20][::2], paths[10])
     assert np.array_equal(paths[20][::4], paths[5])
     whole = {
-        rate: [autocorrelation(one, lag * rate) for lag in LAGS] for rate, one in paths.items()
+        rate: [autocorrelation(sample, lag * rate) for lag in LAGS]
+        for rate, sample in paths.items()
     }
     for rate in (5, 10):
         assert whole[rate] == pytest.approx(whole[20], abs=0.01)
 
 
 def test_it_is_stationary_from_the_start() -> None:
-    """Deviation 1 in both axes, which have nothing to do with one another, at any age."""
+    """At any time, both axes have standard deviation 1 and are uncorrelated."""
     count = 1000
     for seconds in (0.0, 3.0, 12.0):  # 12 s: beyond two blocks of the grid
         ends = [
@@ -98,8 +99,8 @@ def test_invalid_time_constants_are_rejected(time_constant: float) -> None:
 
 
 def uniform(random: np.random.Generator, count: int) -> Iterator[tuple[float, float]]:
-    for one in random.random((count, 2)).tolist():
-        yield one[0], one[1]
+    for sample in random.random((count, 2)).tolist():
+        yield sample[0], sample[1]
 
 
 @given(
@@ -121,7 +122,7 @@ def test_in_a_wide_circle_an_entry_jump_has_the_distribution_of_the_drift() -> N
     narrow = np.array(
         [draw_truncated(0.3, 0.03, draws) for draws in uniform(np.random.default_rng(3), 8000)]
     )
-    # In a narrow circle the law is flat: a quarter of the square of the radius per axis.
+    # In a narrow circle the distribution is uniform, with a variance of radius² / 4 per axis.
     assert np.mean(narrow**2) == pytest.approx(0.03**2 / 4.0, rel=0.05)
 
 

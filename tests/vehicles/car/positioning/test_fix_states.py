@@ -1,4 +1,4 @@
-"""Stays in the fix states: by the list, exponential by the chain, none in a tunnel."""
+"""Fix states by schedule and by Markov chain, and outages."""
 
 import numpy as np
 import pytest
@@ -24,22 +24,22 @@ CHAIN: dict[ReceiverState, dict[ReceiverState, float]] = {
 
 
 def stays(states: FixStates, count: int) -> list[tuple[ReceiverState, float]]:
-    """States and lengths (s) of the first stays."""
-    found, now = [], START
+    """States and durations (s) of the first state intervals."""
+    result, now = [], START
     for _ in range(count):
         stay = states.at(now)
         assert stay.since == now
-        found.append((stay.state, (stay.until - stay.since) / SECOND))
+        result.append((stay.state, (stay.until - stay.since) / SECOND))
         now = stay.until
-    return found
+    return result
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_times_in_a_state_of_a_chain_are_exponential(seed: int) -> None:
-    """Kolmogorov and Smirnov at 0.1 %."""
-    found = stays(StateChain("fixed", CHAIN, START, np.random.default_rng(seed)), 4000)
+    """Kolmogorov–Smirnov test at 0.1 %."""
+    result = stays(StateChain("fixed", CHAIN, START, np.random.default_rng(seed)), 4000)
     for state, mean in (("fixed", 890.0), ("float", 14.0)):
-        lengths = [length for one, length in found if one == state]
+        lengths = [length for entered, length in result if entered == state]
         assert len(lengths) == 2000
         assert stats.kstest(lengths, "expon", args=(0.0, mean)).pvalue > 0.001
 
@@ -50,10 +50,10 @@ def test_competing_transitions_have_their_rates() -> None:
         "float": {"fixed": 1.0},
         "none": {"fixed": 2.0},
     }
-    found = stays(StateChain("fixed", means, START, np.random.default_rng(4)), 8000)
-    fixed = [length for state, length in found if state == "fixed"]
+    result = stays(StateChain("fixed", means, START, np.random.default_rng(4)), 8000)
+    fixed = [length for state, length in result if state == "fixed"]
     assert stats.kstest(fixed, "expon", args=(0.0, 7.5)).pvalue > 0.001  # 1/10 + 1/30
-    lost = sum(state == "none" for state, _ in found)
+    lost = sum(state == "none" for state, _ in result)
     assert lost == pytest.approx(1000, abs=5 * (4000 * 0.25 * 0.75) ** 0.5)  # a quarter of 4000
 
 
@@ -73,8 +73,8 @@ def test_a_state_without_transitions_lasts() -> None:
 def test_a_schedule_is_followed() -> None:
     schedule = StateSchedule("fixed", [(2.0, "float"), (5.0, "none"), (5.5, "fixed")], START)
     at = {0.0: "fixed", 1.999: "fixed", 2.0: "float", 4.9: "float", 5.0: "none", 5.5: "fixed"}
-    found = {second: schedule.at(START + round(second * SECOND)).state for second in at}
-    assert found == at
+    result = {second: schedule.at(START + round(second * SECOND)).state for second in at}
+    assert result == at
     assert StateSchedule("fixed", [(0.0, "single")], START).at(START).state == "single"
 
 
@@ -98,9 +98,9 @@ def test_outages_cover_their_time_stretch_or_circle() -> None:
         *(False, True, True, False)
     ]
     road = RoadOutage(100.0, 200.0)
-    assert [road.covers(car(way), START, start) for way in (129.0, 130.0, 229.0, 230.0)] == [
-        *(False, True, True, False)
-    ]
+    assert [
+        road.covers(car(distance), START, start) for distance in (129.0, 130.0, 229.0, 230.0)
+    ] == [*(False, True, True, False)]
     circle = CircleOutage(10.0, -5.0, 3.0)
     assert circle.covers(car(east=12.0, north=-5.0), START, start)
     assert not circle.covers(car(east=12.5, north=-7.5), START, start)

@@ -1,4 +1,4 @@
-"""What is wrong with positions: common to all or own, by state, rounded, late, and what is said."""
+"""Errors of positions: common and own, by state, rounding, latency, reported accuracy."""
 
 import math
 from dataclasses import replace
@@ -61,13 +61,13 @@ def errors(made: GnssSettings, place: int = 1) -> ReceiverErrors:
 
 
 def fixes(
-    found: ReceiverErrors,
+    result: ReceiverErrors,
     seconds: float,
     rate_hz: float = 20.0,
     noise: GnssNoise = SILENT,
     seed: int = 1,
 ) -> list[Fix]:
-    gnss = GnssReceiver(noise, rate_hz, START, np.random.default_rng(seed), found)
+    gnss = GnssReceiver(noise, rate_hz, START, np.random.default_rng(seed), result)
     end = START + round(seconds * SECOND)
     measured = (gnss.measure(BODY, now) for now in instants(START, end, rate_hz))
     return [fix for fix in measured if fix is not None]
@@ -78,7 +78,7 @@ def off(fix: Fix) -> tuple[float, float]:
 
 
 def test_common_drift_cancels_between_vehicles() -> None:
-    """At equal instants, also for a receiver of another rate: to the bit, so far below 1e-9 m."""
+    """Bit-identical at equal instants, also for receivers of different rates."""
     common = replace(model(), common_drift=CommonDrift(3.0, 50.0))
     here = {fix.measured_at: off(fix) for fix in fixes(errors(common, 1), 30.0)}
     there = {fix.measured_at: off(fix) for fix in fixes(errors(common, 2), 30.0)}
@@ -95,12 +95,14 @@ def test_own_errors_are_independent_of_common_drift() -> None:
     own = model(StateErrors(0.0, Drift(0.2, 20.0)))
     both = replace(own, common_drift=CommonDrift(3.0, 50.0))
     apart = [
-        np.subtract(off(one), off(other))
-        for one, other in zip(fixes(errors(own, 1), 20.0), fixes(errors(own, 2), 20.0), strict=True)
+        np.subtract(off(first), off(second))
+        for first, second in zip(
+            fixes(errors(own, 1), 20.0), fixes(errors(own, 2), 20.0), strict=True
+        )
     ]
     with_common = [
-        np.subtract(off(one), off(other))
-        for one, other in zip(
+        np.subtract(off(first), off(second))
+        for first, second in zip(
             fixes(errors(both, 1), 20.0), fixes(errors(both, 2), 20.0), strict=True
         )
     ]
@@ -109,11 +111,11 @@ def test_own_errors_are_independent_of_common_drift() -> None:
 
 
 def test_white_noise_is_that_of_a_plain_receiver() -> None:
-    """The same draws, so that a scenario with a drift differs by the drift alone."""
+    """The random numbers are the same, so scenarios differ by the drift only."""
     noise = GnssNoise()
     plain = GnssReceiver(noise, 20.0, START, np.random.default_rng(1))
-    found = fixes(errors(model(StateErrors(noise.position))), 2.0, noise=noise)
-    for k, fix in enumerate(found):
+    result = fixes(errors(model(StateErrors(noise.position))), 2.0, noise=noise)
+    for k, fix in enumerate(result):
         before = plain.measure(BODY, START + k * 50 * MILLISECOND)
         assert before is not None
         assert off(fix) == pytest.approx(off(before), abs=1e-12)
@@ -148,16 +150,16 @@ def test_a_fix_is_available_after_its_latency() -> None:
 
 
 def test_entry_jumps_are_bounded_and_decay() -> None:
-    """Whenever float is entered the drift starts within half a metre, also after an outage."""
+    """When float is entered, also after an outage, the drift starts within 0.5 m."""
     floating = StateErrors(0.0, Drift(2.0, 10.0), entry_jump=0.5)
     entries: list[tuple[float, ReceiverState]] = []
     for k in range(60):
         entries += [(20.0 * k + 5.0, "float"), (20.0 * k + 18.0, "fixed")]
     tunnels = tuple(TimeOutage(s * SECOND, (s + 1) * SECOND) for s in range(10, 1200, 20))
     made = replace(model(floating=floating), fix_states=scheduled(*entries), outages=tunnels)
-    found = fixes(errors(made), 1200.0, rate_hz=4.0)
+    result = fixes(errors(made), 1200.0, rate_hz=4.0)
     jumps, later = [], []
-    for before, fix in pairwise(found):
+    for before, fix in pairwise(result):
         if fix.state != "float":
             assert off(fix) == (0.0, 0.0)
         elif before.state != "float" or fix.measured_at - before.measured_at > SECOND:
@@ -169,7 +171,7 @@ def test_entry_jumps_are_bounded_and_decay() -> None:
     assert max(jumps) > 0.4
     assert max(later) > 2.0
     assert not [
-        fix for fix in found if any(t.covers(BODY, fix.measured_at, started()) for t in tunnels)
+        fix for fix in result if any(t.covers(BODY, fix.measured_at, started()) for t in tunnels)
     ]
 
 
@@ -184,8 +186,8 @@ def test_the_reported_accuracy_is_a_share_of_the_deviation() -> None:
     honest = StateErrors(0.3, Drift(0.4, 10.0))
     lying = replace(honest, accuracy=0.05)
     made = replace(model(honest, lying), fix_states=scheduled((1.0, "float")))
-    found = fixes(errors(made), 2.0)
-    assert {(fix.state, round(fix.accuracy, 12)) for fix in found} == {
+    result = fixes(errors(made), 2.0)
+    assert {(fix.state, round(fix.accuracy, 12)) for fix in result} == {
         ("fixed", 0.5),
         ("float", 0.025),
     }
@@ -202,9 +204,9 @@ def test_errors_have_the_stated_deviation(campaign: int) -> None:
     assert np.std(each) == pytest.approx(made.deviation("fixed"), rel=5.0 / math.sqrt(2.0 * size))
 
 
-def forced_between(found: ReceiverErrors, state: ReceiverState) -> list[Fix | None]:
-    """Three seconds of a receiver upon which a state is forced for the second one."""
-    gnss = GnssReceiver(GnssNoise(), 20.0, START, np.random.default_rng(1), found)
+def forced_between(result: ReceiverErrors, state: ReceiverState) -> list[Fix | None]:
+    """Fixes of three seconds, with a forced state in the middle one."""
+    gnss = GnssReceiver(GnssNoise(), 20.0, START, np.random.default_rng(1), result)
     gnss.force(state, START + SECOND, START + 2 * SECOND)
     return [gnss.measure(BODY, now) for now in instants(START, START + 3 * SECOND, 20.0)]
 
@@ -214,23 +216,23 @@ def test_a_plain_receiver_recovers_after_a_forced_state(state: ReceiverState) ->
     plain = GnssReceiver(GnssNoise(), 20.0, START, np.random.default_rng(1))
     usual = [plain.measure(BODY, now) for now in instants(START, START + 3 * SECOND, 20.0)]
     poor = model(StateErrors(0.02), StateErrors(0.4))
-    found = forced_between(errors(poor), state)
-    assert found[:20] == usual[:20]
-    assert found[40:] == usual[40:]
-    for fix, before in zip(found[20:40], usual[20:40], strict=True):
+    result = forced_between(errors(poor), state)
+    assert result[:20] == usual[:20]
+    assert result[40:] == usual[40:]
+    for fix, before in zip(result[20:40], usual[20:40], strict=True):
         assert before is not None
         if state == "none":
             assert fix is None
             continue
-        assert fix is not None  # the same draws, twenty times as large
+        assert fix is not None  # the same random numbers, twenty times as large
         assert fix.state == "float"
-        assert off(fix) == pytest.approx(tuple(20.0 * one for one in off(before)))
+        assert off(fix) == pytest.approx(tuple(20.0 * first for first in off(before)))
 
 
 def test_a_law_of_states_continues_while_a_state_is_forced() -> None:
     law = scheduled((0.5, "float"), (1.5, "single"), (2.5, "fixed"))
-    found = forced_between(errors(replace(model(), fix_states=law)), "fixed")
-    states = [fix.state for fix in found if fix is not None]
+    result = forced_between(errors(replace(model(), fix_states=law)), "fixed")
+    states = [fix.state for fix in result if fix is not None]
     assert (
         states
         == ["fixed"] * 10 + ["float"] * 10 + ["fixed"] * 20 + ["single"] * 10 + ["fixed"] * 10

@@ -1,4 +1,4 @@
-"""When a vehicle sends: rates, intervals, the rule of awareness messages, congestion control."""
+"""Sending rules: rates, intervals, cooperative awareness messages, congestion control."""
 
 from collections import Counter
 from fractions import Fraction
@@ -39,21 +39,21 @@ def sent(
     yaw_rate: float = 0.0,
     acceleration: float = 0.0,
 ) -> list[tuple[float, float]]:
-    """When something was sent and when that was measured, both ms after the start."""
+    """Times of sending and of measuring of each message, both in ms after the start."""
     sender, gnss = Sender(rule, control), Cadence(START, gnss_hz)
-    found = []
+    result = []
     for now in instants(START, START + round(seconds * SECOND), ticks_hz):
         fix, at = None, (now - START) / SECOND
         if (seq := gnss.index(now)) is not None:
             faster = speed + acceleration * at
             fix = Fix(seq, now, speed * at, 0.0, yaw_rate * at, faster, yaw_rate)
-        if (one := sender.send(now, fix)) is not None:
-            found.append(((now - START) / 1e6, (one.measured_at - START) / 1e6))
-    return found
+        if (fix_sent := sender.send(now, fix)) is not None:
+            result.append(((now - START) / 1e6, (fix_sent.measured_at - START) / 1e6))
+    return result
 
 
-def gaps(found: list[tuple[float, float]]) -> list[float]:
-    return [later - earlier for (earlier, _), (later, _) in pairwise(found)]
+def gaps(result: list[tuple[float, float]]) -> list[float]:
+    return [later - earlier for (earlier, _), (later, _) in pairwise(result)]
 
 
 def test_every_fix_is_sent_at_once() -> None:
@@ -72,10 +72,10 @@ def test_a_fixed_rate_sends_the_newest_fix() -> None:
 
 
 def test_no_fix_is_sent_twice() -> None:
-    found = sent(PeriodicTrigger(Cadence(START, 50.0)), 3.0, gnss_hz=8.0)
-    measured = [at for _, at in found]
+    result = sent(PeriodicTrigger(Cadence(START, 50.0)), 3.0, gnss_hz=8.0)
+    measured = [at for _, at in result]
     assert len(measured) == len(set(measured)) == 24
-    assert all(0.0 <= when - at < 20.0 for when, at in found)
+    assert all(0.0 <= when - at < 20.0 for when, at in result)
 
 
 @given(
@@ -85,26 +85,26 @@ def test_no_fix_is_sent_twice() -> None:
     )
 )  # fmt: skip
 def test_a_changing_rate_is_integrated(points: list[tuple[int, float]]) -> None:
-    """The n-th instant is where the integral of the rate, summed by hand, is n."""
+    """At the n-th instant the integral of the rate is n."""
     at, profile = 0.0, []
     for tenths, rate in points:
         profile.append((at, rate))
         at += tenths / 10.0
-    found = [one / SECOND for one in islice(profile_instants(profile), 60)]
+    result = [at / SECOND for at in islice(profile_instants(profile), 60)]
 
-    def turns(until: float) -> float:
+    def integral(until: float) -> float:
         ends = [*(begin for begin, _ in profile[1:]), float("inf")]
         pieces = zip(profile, ends, strict=True)
         return sum(rate * max(min(end, until) - begin, 0.0) for (begin, rate), end in pieces)
 
-    assert [turns(one) for one in found] == pytest.approx(list(range(len(found))), abs=1e-6)
+    assert [integral(at) for at in result] == pytest.approx(list(range(len(result))), abs=1e-6)
     if profile[-1][1] > 0.0:
-        assert len(found) == 60
+        assert len(result) == 60
 
 
 def test_a_profile_is_sent() -> None:
     rule = ProfileTrigger([(0.0, 10.0), (0.25, 0.0), (0.5, 20.0)], START)
-    # Half a turn is left at 0.25 s, which takes 25 ms of 20 Hz.
+    # Half a period remains at 0.25 s, which takes 25 ms at 20 Hz.
     assert [when for when, _ in sent(rule, 0.7)] == [0, 100, 200, 525, 575, 625, 675]
     assert Fraction(1, 2) / 20 == Fraction(25, 1000)
 
@@ -124,10 +124,10 @@ def test_a_profile_is_sent() -> None:
 def test_awareness_intervals_at_constant_speed(
     speed: float, check_ms: int, interval: float
 ) -> None:
-    """At the first check after more than 4 m; from 0.1 to 1 s. 4 m to the bit may be either."""
+    """At the first check after more than 4 m, within 0.1 to 1 s."""
     rule = CamTrigger(Cadence(START, 1000.0 / check_ms))
-    found = gaps(sent(rule, 8.0, speed=speed))
-    assert set(found[3:]) == {interval}
+    result = gaps(sent(rule, 8.0, speed=speed))
+    assert set(result[3:]) == {interval}
     assert cam_interval(speed, check_ms / 1000.0) == pytest.approx(interval / 1000.0)
 
 
@@ -137,7 +137,7 @@ def test_a_standing_car_sends_each_second() -> None:
 
 
 def test_turning_and_braking_trigger_messages() -> None:
-    """0.5 rad/s pass 4 deg in 140 ms, 2 m/s² pass 0.5 m/s in 250 ms."""
+    """0.5 rad/s exceeds 4 deg after 140 ms, 2 m/s² exceeds 0.5 m/s after 250 ms."""
     turning = CamTrigger(Cadence(START, 50.0))
     assert set(gaps(sent(turning, 4.0, speed=1.0, yaw_rate=0.5))) == {140.0}
     braking = CamTrigger(Cadence(START, 50.0))
@@ -145,12 +145,11 @@ def test_turning_and_braking_trigger_messages() -> None:
 
 
 def test_three_messages_keep_the_interval_of_the_last_change() -> None:
-    """Then a second: the counter of the rule."""
     rule = CamTrigger(Cadence(START, 10.0))
     sender, when = Sender(rule), []
     for k in range(60):
         now = START + k * 100 * MILLISECOND
-        east = 5.0 if k >= 2 else 0.0  # one change at 0.2 s, then it stands
+        east = 5.0 if k >= 2 else 0.0  # a single change at 0.2 s
         if sender.send(now, Fix(k, now, east, 0.0, 0.0, 0.0, 0.0)) is not None:
             when.append(k)
     assert when == [0, 2, 4, 6, 8, 18, 28, 38, 48, 58]
@@ -167,8 +166,8 @@ def test_congestion_control_has_the_intervals_of_the_table() -> None:
 def test_congestion_control_changes_one_state_at_a_time() -> None:
     control = ReactiveControl([(1.0, 0.9), (3.0, 0.0)], START, 100 * MILLISECOND)
     at = (0.0, 0.99, 1.0, 1.1, 1.2, 1.3, 2.9, 3.0, 3.1, 3.2, 3.3, 5.0)
-    found = [control.min_interval(START + round(t * SECOND)) // MILLISECOND for t in at]
-    assert found == [100, 100, 200, 400, 500, 1000, 1000, 500, 400, 200, 100, 100]
+    result = [control.min_interval(START + round(t * SECOND)) // MILLISECOND for t in at]
+    assert result == [100, 100, 200, 400, 500, 1000, 1000, 500, 400, 200, 100, 100]
 
 
 @pytest.mark.parametrize(("ratio", "least"), [(0.0, 100), (0.35, 200), (0.55, 500), (0.7, 1000)])
@@ -186,14 +185,14 @@ def test_no_interval_is_shorter_than_congestion_control_allows(
         "profile": ProfileTrigger([(0.0, 25.0)], START),
     }
     control = ReactiveControl([(0.0, ratio)], START, 10 * MILLISECOND)
-    found = sent(rules[kind], 10.0, speed=40.0, gnss_hz=25.0, control=control)
-    later = [gap for gap, (when, _) in zip(gaps(found), found, strict=False) if when > 100.0]
+    result = sent(rules[kind], 10.0, speed=40.0, gnss_hz=25.0, control=control)
+    later = [gap for gap, (when, _) in zip(gaps(result), result, strict=False) if when > 100.0]
     assert min(later) >= least
-    # What comes with its period of 40 ms is the first instant that is allowed.
+    # Rules with a period of 40 ms send at the first allowed instant.
     assert max(later) <= least + 40.0 or kind == "cam"
 
 
-# ---- Intervals that were measured
+# ---- Random intervals
 
 
 @pytest.mark.parametrize(
@@ -210,30 +209,30 @@ def test_random_intervals_have_the_measured_shares(
     drawn = np.array([table.draw(random) for _ in range(campaign)]) / MILLISECOND
     counted = Counter(np.round(drawn / 100.0).astype(int).tolist())
     for place, share in enumerate(shares, 1):
-        wanted = share / sum(shares)
-        spread = (wanted * (1.0 - wanted) / campaign) ** 0.5
-        assert counted[place] / campaign == pytest.approx(wanted, abs=5.0 * spread)
+        expected = share / sum(shares)
+        spread = (expected * (1.0 - expected) / campaign) ** 0.5
+        assert counted[place] / campaign == pytest.approx(expected, abs=5.0 * spread)
     assert np.mean(drawn) == pytest.approx(mean_ms, abs=5.0 * np.std(drawn) / campaign**0.5 + 1.0)
     off = drawn - 100.0 * np.round(drawn / 100.0)
-    assert np.std(off) == pytest.approx(3.0, rel=0.03)  # cut at three deviations: 1.3 % less
+    assert np.std(off) == pytest.approx(3.0, rel=0.03)  # the cutoff removes 1.3 %
     assert np.max(np.abs(off)) <= 9.0
     assert min(drawn) * MILLISECOND >= table.shortest
 
 
 def test_random_intervals_keep_their_mean_with_rare_ticks() -> None:
-    """What is due waits for the next tick, and the interval after it is not longer for that."""
+    """A due message waits for the next tick, which does not extend the following interval."""
     shares = IntervalDistribution(
         [130 * MILLISECOND, 170 * MILLISECOND], [1.0, 1.0], 3 * MILLISECOND
     )
     rule = DrawnIntervalTrigger(shares, START, np.random.default_rng(2))
-    found = sent(rule, 300.0, gnss_hz=50.0, ticks_hz=50.0)
-    assert len(found) == pytest.approx(2000, abs=5 * 2000**0.5 * 20 / 150)
-    assert all(when % 20 == 0 for when, _ in found)
+    result = sent(rule, 300.0, gnss_hz=50.0, ticks_hz=50.0)
+    assert len(result) == pytest.approx(2000, abs=5 * 2000**0.5 * 20 / 150)
+    assert all(when % 20 == 0 for when, _ in result)
 
 
 @given(seed=st.integers(0, 50), jitter=st.integers(0, 3))
 def test_sequence_numbers_never_exceed_the_shortest_interval(seed: int, jitter: int) -> None:
-    """What the gate of receivers counts on."""
+    """The gate of receivers relies on this."""
     shares = IntervalDistribution([50 * MILLISECOND], [1.0], jitter * MILLISECOND)
     rule = DrawnIntervalTrigger(shares, START, np.random.default_rng(seed))
     for seq, (when, _) in enumerate(sent(rule, 2.0)):
