@@ -50,7 +50,7 @@ def summary_of(
     thinned = reader.thinned
     if thinned:
         held = ", ".join(thinned)
-        warn(f"{log}: holds but some of its {held}, and these figures are of what it holds")
+        warn(f"{log}: holds only part of its {held}; the figures cover only that part")
     try:
         identity = RunIdentity.of_values(reader.metadata().get(METADATA_NAME, {}))
     except ValueError as error:
@@ -86,7 +86,7 @@ def scenario_in(reader: LogReader) -> Scenario:
     try:
         text = attached.decode()
     except UnicodeDecodeError as error:
-        raise LogError(f"{log} ({ATTACHED_AS}): is no text") from error
+        raise LogError(f"{log} ({ATTACHED_AS}): is not text") from error
     if reader.metadata().get(METADATA_NAME, {}).get("schema") == "convoy.summary/1":
         text = with_bumper_gaps(text)
     return scenario_from_text(text, label=f"{log} ({ATTACHED_AS})", recorded=True)

@@ -164,8 +164,8 @@ class Metrics:
             return
         after_s = self.stream.seconds(pose.true_at_ns)
         self.out_of_linear[pose.vehicle] = (
-            f"{pose.vehicle}: its tyres left their linear range, up to {front:.4f} rad of slip in "
-            f"front and {rear:.4f} rad behind, {after_s:.2f} s after the start"
+            f"{pose.vehicle}: tyres beyond their linear range of {front:.4f} rad of slip in front, "
+            f"{rear:.4f} rad at the rear, from {after_s:.2f} s after the start"
         )
 
     def take_new(self) -> list[str]:

@@ -23,13 +23,13 @@ SILENT_LINK_S = 1.0
 def write_summary(folder: Path, summary: RunSummary) -> None:
     """Write `summary.json` whole or not at all; raises LogError."""
     path = folder / SUMMARY_NAME
-    beside = path.with_name(path.name + ".part")
+    partial = path.with_name(path.name + ".part")
     try:
-        beside.write_text(to_json(summary), encoding="utf-8")
-        beside.replace(path)
+        partial.write_text(to_json(summary), encoding="utf-8")
+        partial.replace(path)
     except OSError as error:
         with suppress(OSError):
-            beside.unlink()
+            partial.unlink()
         raise LogError(f"{path}: cannot write the summary: {error.strerror}") from error
 
 
@@ -83,9 +83,9 @@ def late_lines(vehicles: Sequence[VehicleSummary]) -> Iterator[str]:
     worst = max(vehicles, key=lambda one: one.lateness_ms_max)
     yield (
         f"{100.0 * late:.2g} % of the ticks began late, by up to "
-        f"{worst.lateness_ms_max:.0f} ms ({worst.name}), and with them messages and commands: the "
-        f"machine is too slow or too busy to drive {len(vehicles)} vehicles in real time; "
-        "--clock virtual takes the time that it needs"
+        f"{worst.lateness_ms_max:.0f} ms ({worst.name}), and so did messages and commands: the "
+        f"machine is too slow or too busy for {len(vehicles)} vehicles in real time. "
+        "Use --clock virtual"
     )
 
 
@@ -102,15 +102,17 @@ def silent_links(
     """
     silent = []
     for link in metrics.link_summaries():
-        asked = link.requested
+        requested = link.requested
         common_s = min(
             metrics.vehicles[link.sender].sent_for_s,
             metrics.vehicles[link.receiver].recorded_for_s(metrics.start_at),
         )
-        expected_s = common_s - (asked.latency_ms + asked.jitter_ms) / 1000.0
+        expected_s = common_s - (requested.latency_ms + requested.jitter_ms) / 1000.0
         listens = link.receiver not in replayed
         is_on = (link.sender, link.receiver) not in off
-        is_lossless = asked.is_lossless and not metrics.links[link.sender, link.receiver].changed
+        is_lossless = (
+            requested.is_lossless and not metrics.links[link.sender, link.receiver].changed
+        )
         if listens and is_on and is_lossless and not link.delivered and expected_s >= SILENT_LINK_S:
             silent.append(f"{link.sender} → {link.receiver} delivered none of {link.sent} poses")
     refused = [

@@ -92,6 +92,6 @@ class ThrottledObservers:
         if not self.skipped:
             return ""
         return (
-            f"the picture and the progress leave out {self.skipped} messages, which the log has: "
-            "there was no time for them"
+            f"picture and progress skipped {self.skipped} messages while the log was behind; "
+            "the log holds them"
         )

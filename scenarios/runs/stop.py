@@ -169,11 +169,11 @@ def ignore_signals() -> None:
 
 
 def _handle_signals(stop: Stop) -> None:
-    def ask(number: int, _frame: FrameType | None) -> None:
+    def request_stop(number: int, _frame: FrameType | None) -> None:
         stop.request(_reason(number), exit_code_of_signal(number))
 
     for number in STOP_SIGNALS:
-        signal.signal(number, ask)
+        signal.signal(number, request_stop)
 
 
 def stop_with_launcher(stop: Stop) -> None:
@@ -189,7 +189,7 @@ def stop_with_launcher(stop: Stop) -> None:
         if not reason and not stop.begun:
             os._exit(EXIT_FAILED)
         stop.orphaned = not reason
-        stop.request(reason.decode() if reason else "the launcher is gone", EXIT_FAILED)
+        stop.request(reason.decode() if reason else "the launcher has ended", EXIT_FAILED)
 
     Thread(target=wait, name="launcher", daemon=True).start()
 

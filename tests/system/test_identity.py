@@ -138,7 +138,7 @@ def test_a_vehicle_hears_that_its_run_is_off_or_has_started_without_it(place: Pl
     assert recorder.wait() == 1
     assert "run: waiting for v2" in recorder.lines()
     assert vehicle.wait() == 1
-    assert vehicle.lines()[1:] == ["v1: run lane_change is off: not present in time: v2"]
+    assert vehicle.lines()[1:] == ["v1: run lane_change was cancelled: not present in time: v2"]
 
     goes_on = (*TWO, "--set=duration_s=12", '--set=convoy.on_vehicle_failure="continue"')
     recorder, first, second = place.convoy(goes_on, "on")
@@ -182,7 +182,7 @@ def test_a_router_that_is_lost_for_good_ends_all(tmp_path: Path) -> None:
             await_driving(parts[folder][0], seconds)
             places[folder].lose_router()
         for folder, exit_code, said, outcome in (
-            (mid, 1, "failed: the router is gone", "failed"),
+            (mid, 1, "failed: the router was lost", "failed"),
             (end, 0, "is over", "completed"),
         ):
             for part in parts[folder]:
@@ -230,7 +230,7 @@ def test_a_vehicle_whose_clock_is_off_is_not_driven_with(
     assert "convoy.clock_offset_ms_max" in line
     for name, vehicle in zip(NAMES, vehicles, strict=True):
         assert vehicle.wait() == 1
-        assert vehicle.lines()[1:] == [f"{name}: run lane_change is off: {line}"]
+        assert vehicle.lines()[1:] == [f"{name}: run lane_change was cancelled: {line}"]
     said = [text for text in Run(tmp_path / "run").texts(RUN_SENDER) if "clock of" in text]
     assert [text.split()[3] for text in said] == ["v1", "v2"]
 

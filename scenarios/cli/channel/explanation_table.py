@@ -6,7 +6,7 @@ from rich.console import Console
 
 from scenarios.cli.columns import Column, print_whole, table_of
 from scenarios.results.log_queries.explain import (
-    ON_THE_WAY,
+    IN_TRANSIT,
     SHOWN,
     Explanation,
     KnownSource,
@@ -38,7 +38,7 @@ def print_explanation(found: Explanation, console: Console) -> None:
 
 def _missing(sender: str, one: MissingMessage) -> str:
     name = f"{sender} message {one.number}, sent at {one.sent_at_s:.2f} s"
-    if one.fate == ON_THE_WAY:
-        return f"{name}: on the way, there at {one.due_at_s:.2f} s"
+    if one.fate == IN_TRANSIT:
+        return f"{name}: in transit, due at {one.due_at_s:.2f} s"
     due = f", was due at {one.due_at_s:.2f} s" if one.due_at_s is not None else ""
     return f"{name}: {one.fate}{f' by {one.cause}' if one.cause else ''}{due}"

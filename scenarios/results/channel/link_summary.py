@@ -52,7 +52,7 @@ NO_ALARMS = AlarmSummary()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkSummary:
-    """Figures of one directed link, requested and achieved; None where nothing tells them.
+    """Figures of one directed link, requested and achieved; None where they are unknown.
 
     Intervals are of 95 %; those of the loss allow for its bursts.
     """
@@ -127,7 +127,7 @@ class LinkSummary:
     age_ms_max: float | None = None
     """Largest of the same."""
     false_alarms: AlarmSummary = NO_ALARMS
-    """How often the receiver counted the sender as lost although it sent: counted (null where the
+    """How often the receiver counted the sender as lost although it sent: counted (null if the
     receiver does not report it); predicted, low and high only in older summaries."""
     safe_time_ratio: Mapping[str, float]
     """Share of the steering commands with data of at most this age (ms)."""
@@ -211,18 +211,19 @@ def _expected(requested: LinkTable, tally: LinkTally) -> ExpectedChannel:
 
 def describe_link(row: LinkSummary) -> str:
     """Achieved and requested figures of a link in one line, with intervals of 95 %."""
-    asked_loss, asked_ms = row.requested_loss_ratio, row.requested_latency_ms_mean
+    requested_loss, requested_ms = row.requested_loss_ratio, row.requested_latency_ms_mean
     parts = [
         f"{row.sender} → {row.receiver}: lost {100 * row.loss_ratio:.1f} % "
-        f"({100 * row.loss_ratio_low:.1f} to {100 * row.loss_ratio_high:.1f}) of what it carried, "
-        f"asked {'-' if asked_loss is None else f'{100 * asked_loss:.3g} %'}"
+        f"({100 * row.loss_ratio_low:.1f} to {100 * row.loss_ratio_high:.1f}) of its messages, "
+        f"requested {'-' if requested_loss is None else f'{100 * requested_loss:.3g} %'}"
     ]
     if row.burst_messages_mean is not None:
         parts.append(f"{row.burst_messages_mean:.2f} in a row, {row.burst_messages_max} at most")
     if row.latency_ms_low is not None and row.latency_ms_high is not None:
         parts.append(
             f"delayed {row.latency_ms_mean:.1f} ms ({row.latency_ms_low:.1f} to "
-            f"{row.latency_ms_high:.1f}), asked {'-' if asked_ms is None else f'{asked_ms:.4g}'}"
+            f"{row.latency_ms_high:.1f}), requested "
+            f"{'-' if requested_ms is None else f'{requested_ms:.4g}'}"
         )
     if row.age_ms_mean is not None:
         parts.append(f"{row.age_ms_mean:.0f} ms old at commands, {row.age_ms_max:.0f} at most")
@@ -264,20 +265,20 @@ def request_deviations(
 ) -> Iterator[str]:
     """Yield a line per figure of a link that deviates beyond sampling error from its request.
 
-    The interval is that of 99.99 %: one of ten thousand sound figures lies outside.
+    Intervals are of 99.99 %, so one of ten thousand correct figures lies outside.
     """
     expected, name = _expected(requested, tally), f"{link[0]} → {link[1]}"
     loss, burst, _ = _losses(tally, CERTAINTY)
-    asked = expected.loss_ratio if expected.settles else None
+    requested_loss = expected.loss_ratio if expected.settles else None
     count = len(tally.lost)
     least = max(LEAST_MESSAGES, LEAST_INDEPENDENT * expected.loss_inflation)
-    if asked is not None and count >= least:
+    if requested_loss is not None and count >= least:
         wide = share(loss.value * count, count, CERTAINTY, expected.loss_inflation)
         low, high = min(loss.low, wide.low), max(loss.high, wide.high)
-        if not low - 1e-12 <= asked <= high + 1e-12:
+        if not low - 1e-12 <= requested_loss <= high + 1e-12:
             yield (
-                f"{name}: lost {100 * loss.value:.2f} % of {count} messages, {100 * low:.2f} to "
-                f"{100 * high:.2f} % with certainty, asked {100 * asked:g} %"
+                f"{name}: lost {100 * loss.value:.2f} % of {count} messages (99.99 % interval "
+                f"{100 * low:.2f} to {100 * high:.2f} %), requested {100 * requested_loss:g} %"
             )
         if expected.burst_messages is not None and burst is not None:
             yield from _burst_miss(name, expected, burst, tally)
@@ -291,18 +292,18 @@ def _burst_miss(
 
     The mean is the number of losses over that of bursts, so it varies at least as the former does.
     """
-    asked, loss = expected.burst_messages or 1.0, expected.loss_ratio or 1.0
+    requested, loss = expected.burst_messages or 1.0, expected.loss_ratio or 1.0
     number, count = len(bursts(tally.lost)), len(tally.lost)
-    of_lengths = max(asked * (asked - 1.0), 0.0) / number
-    of_losses = asked * asked * expected.loss_inflation * (1.0 - loss) / (loss * count)
+    of_lengths = max(requested * (requested - 1.0), 0.0) / number
+    of_losses = requested * requested * expected.loss_inflation * (1.0 - loss) / (loss * count)
     clustered = expected.loss_inflation > 1.0
     error = sqrt(max(of_lengths, of_losses) if clustered else of_lengths)
     half = quantile_of_normal(CERTAINTY) * error
     low, high = min(burst.low, burst.value - half), max(burst.high, burst.value + half)
-    if not low - 1e-9 <= asked <= high + 1e-9:
+    if not low - 1e-9 <= requested <= high + 1e-9:
         yield (
-            f"{name}: its {number} bursts of losses have {burst.value:.2f} messages on average, "
-            f"{low:.2f} to {high:.2f} with certainty, asked {asked:.2f}"
+            f"{name}: {number} bursts of {burst.value:.2f} lost messages on average (99.99 % "
+            f"interval {low:.2f} to {high:.2f}), requested {requested:.2f}"
         )
 
 
@@ -310,10 +311,12 @@ def _latency_miss(name: str, expected: ExpectedChannel, tally: LinkTally) -> Ite
     mean, deviation = expected.latency_ms_mean, expected.latency_ms_deviation
     if mean is None or deviation is None or tally.delivered < LEAST_MESSAGES or tally.late:
         return  # the machine delayed late messages
-    found = tally.latency_ns_sum / tally.delivered / MILLISECOND
+    achieved = tally.latency_ns_sum / tally.delivered / MILLISECOND
     sample = spread(tally.latencies, RESOLUTION_NS / MILLISECOND)
     widest = max(deviation, sample.deviation if sample else 0.0)  # of laws with long tails
     error = widest * sqrt(expected.latency_inflation / tally.delivered)
     half = quantile_of_normal(CERTAINTY) * error + ROUNDING_MS
-    if abs(found - mean) > half:
-        yield (f"{name}: delayed by {found:.3f} ms on average, asked {mean:.3f} ± {half:.3f} ms")
+    if abs(achieved - mean) > half:
+        yield (
+            f"{name}: delayed by {achieved:.3f} ms on average, requested {mean:.3f} ± {half:.3f} ms"
+        )

@@ -43,16 +43,16 @@ def _what(event: RunEvent) -> str:
         case "lane_departure":
             what = f"{first} across the edge of the lane"
         case "path_lost":
-            what = f"{first} receives too little to steer along"
+            what = f"{first} has no known path to steer along"
         case "slide":
-            what = f"{first} has no more friction to steer by"
+            what = f"{first} uses all available friction"
         case "stop":
             known, blind = figures.get("known_m"), figures.get("predicted_blind_m")
             ends = "" if known is None else f", {road_known(known)}"
             beyond = f", {blind:.1f} m beyond it" if blind else ""
-            what = f"{first} brakes to a standstill{ends}{beyond}"
+            what = f"{first} stops for lack of data{ends}{beyond}"
         case "distrust":
-            what = f"{others[0]} does not believe {first}"
+            what = f"{others[0]} distrusts {first}"
     return what
 
 

@@ -1,7 +1,6 @@
-"""What followers had to have done by an instant, gathered message by message.
+"""Deadlines of followers: `[[limits.modes]]`, `[[limits.sources]]` and `[[limits.recovery]]`.
 
-Each `[[limits.modes]]`, `[[limits.sources]]` and `[[limits.recovery]]` of a scenario has a watch of
-its own. Messages of different vehicles may come in any order; those of one come in order of time.
+The messages of each vehicle come in order of time, those of different vehicles in any order.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,15 +18,14 @@ from vehicles.messages import Tracking
 from vehicles.schedule import SECOND, nanoseconds
 
 UNRECORDED_NS = SECOND
-"""One that was silent for so long before the end has not recovered, however it was before."""
+"""A follower without messages for this time before the end has not recovered."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeadlineFigure:
-    """How long (s) something took that had to be done `within_s`; None if it was not done.
+    """Time (s) that an action took, which is allowed `within_s`; None if it did not happen.
 
-    `key` is that of its table, `vehicle` the follower, `action` what it had to do.
-    `is_over`: the run has reached the deadline.
+    `key` is that of its table. `is_over`: the run has reached the deadline.
     """
 
     key: str
@@ -39,7 +37,7 @@ class DeadlineFigure:
 
     @property
     def broken(self) -> bool:
-        """Whether it was late, or not done in time to count."""
+        """Whether the action was late, or did not happen before the deadline."""
         return self.is_over if self.took_s is None else self.took_s > self.within_s
 
 
@@ -68,14 +66,13 @@ class ModeWatch:
         self._first: int | None = None
 
     def add_tracking(self, at: int, tracking: Tracking) -> None:
-        """Take what it knew at a command."""
         if self._first is None and at >= self._after and tracking.mode == self._mode:
             self._first = at
 
     def add_error(self, at: int, error: float) -> None:
-        """Pass over."""
+        """Ignore the error."""
 
-    def time_taken(self, ran: int) -> int | None:  # noqa: ARG002 - of others the end matters
+    def time_taken(self, ran: int) -> int | None:  # noqa: ARG002 - for RecoveryWatch
         return None if self._first is None else self._first - self._after
 
 
@@ -84,7 +81,7 @@ class SourceWatch:
 
     def __init__(self, limit: SourceLimit, lead: str) -> None:
         self._after, self._status = nanoseconds(limit.after_s), limit.status
-        self.action = f"{limit.source} is {limit.status} to it, from {limit.after_s:g} s on"
+        self.action = f"source {limit.source} {limit.status}, from {limit.after_s:g} s on"
         self._is_lead = limit.source == lead
         self._first: int | None = None
 
@@ -94,14 +91,14 @@ class SourceWatch:
             self._first = at
 
     def add_error(self, at: int, error: float) -> None:
-        """Pass over."""
+        """Ignore the error."""
 
-    def time_taken(self, ran: int) -> int | None:  # noqa: ARG002 - of others the end matters
+    def time_taken(self, ran: int) -> int | None:  # noqa: ARG002 - for RecoveryWatch
         return None if self._first is None else self._first - self._after
 
 
 class RecoveryWatch:
-    """Watches when a follower was last degraded, or too far off the path."""
+    """Watches when a follower was last degraded or too far off the path."""
 
     def __init__(self, limit: RecoveryLimit) -> None:
         self._after, self._error = nanoseconds(limit.after_s), limit.error_m
@@ -120,7 +117,7 @@ class RecoveryWatch:
             self._off = at
 
     def time_taken(self, ran: int) -> int | None:
-        """How long (ns) it was last not recovered; None if it was not at the end, or is silent."""
+        """Time (ns) until the last recovery; None if not recovered at the end, or without data."""
         is_silent = min(self._seen, self._measured) < max(self._after, ran - UNRECORDED_NS)
         if is_silent or self._degraded == self._seen or self._off == self._measured:
             return None
@@ -128,7 +125,7 @@ class RecoveryWatch:
 
 
 class Deadlines:
-    """All deadlines of a scenario; false if it has none."""
+    """All deadlines of a scenario; false without any."""
 
     def __init__(self, limits: LimitsTable | None = None, lead: str = "") -> None:
         table = limits or LimitsTable()

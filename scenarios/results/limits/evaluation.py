@@ -134,8 +134,8 @@ def _breach(limit: Limit, vehicle: VehicleSummary, figure: float) -> str:
 def _deadline(one: DeadlineFigure) -> LimitFigure:
     line = ""
     if one.broken:
-        late = "not" if one.took_s is None else f"{one.took_s:.2f} s after it"
-        line = f"limits.{one.key}.within_s = {one.within_s:g}: {one.vehicle}: {one.action}: {late}"
+        after = "did not happen" if one.took_s is None else f"after {one.took_s:.2f} s"
+        line = f"limits.{one.key}.within_s = {one.within_s:g}: {one.vehicle}: {one.action}: {after}"
     return LimitFigure(
         limit=one.key,
         bound=one.within_s,

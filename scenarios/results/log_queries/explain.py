@@ -16,10 +16,10 @@ from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import GpsPose, LinkVerdict, RunStart, Tracking, TruePose
 from vehicles.schedule import SECOND
 
-ON_THE_WAY, NEVER_JUDGED = "on the way", "never judged"
-"""Fates of messages without a verdict: not decided yet, or not recorded."""
-BESIDE_M = 20.0
-"""Largest distance of a vehicle from the path that it drives on."""
+IN_TRANSIT, NOT_JUDGED = "in transit", "not judged"
+"""Fates of messages without a drop: not due yet, or without a recorded verdict."""
+MOST_OFF_PATH_M = 20.0
+"""Largest distance of a vehicle from the path that it follows."""
 SHOWN = 8
 """Missing messages listed individually."""
 
@@ -28,7 +28,7 @@ SHOWN = 8
 class MissingMessage:
     """A message sent after the newest received one of its sender, and why it is missing.
 
-    `fate` is a word of the table.
+    `fate` is a drop reason, IN_TRANSIT or NOT_JUDGED.
     """
 
     number: int
@@ -40,12 +40,11 @@ class MissingMessage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KnownSource:
-    """What a vehicle knew of one sender; None before it had heard anything.
+    """What a vehicle knew of one sender; None before its first message.
 
-    Instants are from the start. `path_left_m` is the way along the sender's places that were heard
-    from where the vehicle truly was to the newest of them, 0 if that lies behind it;
-    `received_ratio` the share of what was sent and should have been there by now, within the last
-    second, that was delivered.
+    Instants are from the start. `path_left_m` is the distance from the vehicle's true position
+    along the received positions of the sender to the newest of them, 0 if that lies behind.
+    `received_ratio` is the delivered share of the messages due within the last second.
     """
 
     sender: str
@@ -72,7 +71,7 @@ class Explanation:
     def sentence(self) -> str:
         along = {
             "path": "drove its own path",
-            "straight": "drove straight on, since it had heard nothing yet",
+            "straight": "drove straight, as it had received nothing",
             "coast": "extrapolated its last trajectory",
         }.get(self.mode, f"steered along {joined_words([one.sender for one in self._used])}")
         known = "; ".join(_of_source(one, self.decided_at_s) for one in self.sources)
@@ -88,20 +87,20 @@ class Explanation:
 
 def _of_source(source: KnownSource, now_s: float) -> str:
     if source.age_s is None:
-        text = f"of {source.sender} it had heard nothing"
+        text = f"it had received nothing from {source.sender}"
     else:
         text = (
-            f"of {source.sender} it knew {source.path_left_m or 0.0:.1f} m of path ahead, measured "
-            f"{source.age_s:.2f} s before"
+            f"it knew {source.path_left_m or 0.0:.1f} m of the path of {source.sender} ahead, from "
+            f"a pose {source.age_s:.2f} s old"
         )
     due = [one for one in source.missing if one.due_at_s is not None and one.due_at_s <= now_s]
-    lost = [one for one in due if one.fate != ON_THE_WAY]
+    lost = [one for one in due if one.fate != IN_TRANSIT]
     coming = len(source.missing) - len(due)
     causes = list(dict.fromkeys(one.cause for one in lost))
     if lost:
-        text += f", since then {len(lost)} dropped by {joined_words(causes)}"
+        text += f"; later ones: {len(lost)} dropped by {joined_words(causes)}"
     if coming:
-        text += f"{' and' if lost else ','} {coming} on the way"
+        text += f"{',' if lost else '; later ones:'} {coming} in transit"
     return text
 
 
@@ -139,12 +138,12 @@ class RecordedKnowledge:
 
     def at(self, at_s: float) -> Explanation:
         """Explain the instant `at_s` (s) after the start; raises LogError."""
-        asked = self.start_at + round(at_s * SECOND) if isfinite(at_s) else -1
-        made = bisect_right(self.decisions, asked, key=lambda one: one.decided_at_ns)
-        if not made or asked > self.last_at:
+        requested = self.start_at + round(at_s * SECOND) if isfinite(at_s) else -1
+        made = bisect_right(self.decisions, requested, key=lambda one: one.decided_at_ns)
+        if not made or requested > self.last_at:
             first, last = self.decisions[0], self.decisions[-1]
             raise LogError(
-                f"{self.log}: at {at_s:g} s {self.vehicle} decided nothing, allowed "
+                f"{self.log}: {self.vehicle} has no decision at {at_s:g} s, allowed "
                 f"{_seconds(self, first.decided_at_ns):g} to {_seconds(self, last.decided_at_ns):g}"
             )
         decision = self.decisions[made - 1]
@@ -186,15 +185,15 @@ def _read(reader: LogReader, record: RecordedKnowledge, senders: Sequence[str]) 
             case TruePose() if source == vehicle:
                 record.places[message.true_at_ns] = message.east_m, message.north_m
     if not record.decisions:
-        raise LogError(f"{reader.path}: {vehicle} decided nothing in it")
+        raise LogError(f"{reader.path}: no decisions of {vehicle}")
 
 
 def _known(record: RecordedKnowledge, link: tuple[str, str], now: int) -> KnownSource:
     poses, verdicts = record.poses[link[0]], record.verdicts[link[0]]
-    heard = [
+    received = [
         one for one in verdicts.values() if one.outcome == "delivered" and one.received_at_ns <= now
     ]
-    newest = max(heard, key=lambda one: one.measured_at_ns, default=None)
+    newest = max(received, key=lambda one: one.measured_at_ns, default=None)
     sent_by_now = sorted(seq for seq, pose in poses.items() if pose.sent_at_ns <= now)
     since = newest.pose_seq if newest else -1
     missing = [_missing(record, link, seq) for seq in sent_by_now if seq > since]
@@ -204,7 +203,7 @@ def _known(record: RecordedKnowledge, link: tuple[str, str], now: int) -> KnownS
         measured_at_s=_seconds(record, newest.measured_at_ns) if newest else None,
         received_at_s=_seconds(record, newest.received_at_ns) if newest else None,
         age_s=_age(record, link[1], newest, now) if newest else None,
-        path_left_m=_path_left(record, link[0], heard, now),
+        path_left_m=_path_left(record, link[0], received, now),
         received_ratio=_received(verdicts.values(), now),
         missing=tuple(missing),
     )
@@ -214,22 +213,22 @@ def _seconds(record: RecordedKnowledge, at: int) -> float:
     return (at - record.start_at) / SECOND
 
 
-def _age(record: RecordedKnowledge, vehicle: str, heard: LinkVerdict, now: int) -> float:
+def _age(record: RecordedKnowledge, vehicle: str, newest: LinkVerdict, now: int) -> float:
     """Age (s) of a message by the clock of the vehicle that received it."""
     clock = record.scenario.clock(vehicle, record.start_at)
-    return (clock.reading(now) - heard.measured_at_ns) / SECOND
+    return (clock.reading(now) - newest.measured_at_ns) / SECOND
 
 
 def _missing(record: RecordedKnowledge, link: tuple[str, str], number: int) -> MissingMessage:
     sent_at_s = _seconds(record, record.poses[link[0]][number].sent_at_ns)
     verdict = record.verdicts[link[0]].get(number)
     if verdict is None:
-        return MissingMessage(number=number, sent_at_s=sent_at_s, fate=NEVER_JUDGED, cause="")
+        return MissingMessage(number=number, sent_at_s=sent_at_s, fate=NOT_JUDGED, cause="")
     dropped = verdict.outcome == "dropped"
     return MissingMessage(
         number=number,
         sent_at_s=sent_at_s,
-        fate=verdict.reason if dropped else ON_THE_WAY,
+        fate=verdict.reason if dropped else IN_TRANSIT,
         cause=origin(record.scenario.tables, link, verdict.reason) if dropped else "",
         due_at_s=_seconds(record, verdict.received_at_ns),
     )
@@ -242,14 +241,14 @@ def _received(verdicts: Iterable[LinkVerdict], now: int) -> float | None:
 
 
 def _path_left(
-    record: RecordedKnowledge, sender: str, heard: Sequence[LinkVerdict], now: int
+    record: RecordedKnowledge, sender: str, received: Sequence[LinkVerdict], now: int
 ) -> float | None:
-    """Distance (m) along the received places of `sender`, from beside the vehicle to the newest."""
+    """Distance (m) along the received positions of `sender` that lies ahead of the vehicle."""
     here = record.places.get(now)
-    if here is None or not heard:
+    if here is None or not received:
         return None
     plane = LocalPlane(record.scenario.origin)
-    sent, numbers = record.poses[sender], {one.pose_seq for one in heard}
+    sent, numbers = record.poses[sender], {one.pose_seq for one in received}
     known = [pose for number, pose in sent.items() if number in numbers]
     poses = sorted(known, key=lambda pose: pose.measured_at_ns)
     places = [plane.to_plane(one.latitude_deg, one.longitude_deg, one.altitude_m) for one in poses]
@@ -259,26 +258,25 @@ def _path_left(
 def remaining_path_length(
     places: Sequence[tuple[float, float]], here: tuple[float, float]
 ) -> float:
-    """Way (m) along a polyline of `places` from the foot of `here` on it to its end.
+    """Length (m) of a polyline of `places` from the foot of `here` on it to its end.
 
     The foot is the nearest point of the last stretch that passes by: from the end backwards, the
-    first at which the distance begins to grow again within BESIDE_M. It is 0 where the end itself
-    is nearest.
+    first at which the distance grows again within MOST_OFF_PATH_M.
     """
     if not places:
         return 0.0
-    best, best_way, way = _distance(places[-1], here), 0.0, 0.0
+    best, best_length, length_so_far = _distance(places[-1], here), 0.0, 0.0
     for after, before in zip(reversed(places), reversed(places[:-1]), strict=False):
         length = _distance(before, after)
         share = _foot(after, before, here) if length else 0.0
         foot = tuple(a + share * (b - a) for a, b in zip(after, before, strict=True))
         distance = hypot(foot[0] - here[0], foot[1] - here[1])
         if distance <= best:
-            best, best_way = distance, way + share * length
-        elif best < BESIDE_M and distance > best + BESIDE_M:
+            best, best_length = distance, length_so_far + share * length
+        elif best < MOST_OFF_PATH_M and distance > best + MOST_OFF_PATH_M:
             break
-        way += length
-    return best_way
+        length_so_far += length
+    return best_length
 
 
 def _distance(one: tuple[float, float], other: tuple[float, float]) -> float:

@@ -1,4 +1,4 @@
-"""The scenario that repeats a recorded run, with the changes made by hand."""
+"""The scenario that repeats a recorded run, including the changes made by hand."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ from vehicles.schedule import SECOND
 
 
 @dataclass(slots=True)
-class _Done:
+class _LiveChange:
     """A change made by hand, and the vehicles that carried it out."""
 
     change: AnyChange
@@ -24,14 +24,14 @@ class _Done:
 
 
 def session_of(log: Path) -> Scenario:
-    """The scenario in `log` with the changes that were made by hand; raises LogError.
+    """The scenario in `log` with the changes made by hand; raises LogError.
 
-    Each receiver of a link carries a change out by itself; equal ones at one instant are joined.
+    Equal changes of several receivers at one instant are one change.
     """
     reader = LogReader(log)
     scenario = scenario_in(reader)
     start_at: int | None = None
-    done: dict[tuple[int, str], _Done] = {}
+    done: dict[tuple[int, str], _LiveChange] = {}
     for _, _, message in reader.messages(("start", "change")):
         if isinstance(message, RunStart):
             start_at = message.start_at_ns
@@ -41,7 +41,7 @@ def session_of(log: Path) -> Scenario:
             at = message.effective_at_ns, message.table
             change = change_from_json(message.table)
             exact = change.model_copy(update={"at_s": (at[0] - start_at) / SECOND})
-            done.setdefault(at, _Done(exact)).by.append(message.vehicle)
+            done.setdefault(at, _LiveChange(exact)).by.append(message.vehicle)
     made = sorted(done.items(), key=lambda one: one[0][0])
     added = [change for _, one in made for change in _as_carried_out(one, scenario)]
     changed = scenario.tables.model_copy(update={"change": (*scenario.tables.change, *added)})
@@ -49,7 +49,7 @@ def session_of(log: Path) -> Scenario:
     return scenario_from_text(Scenario(changed).text, label=f"{log} (with its changes)")
 
 
-def _as_carried_out(done: _Done, scenario: Scenario) -> Sequence[AnyChange]:
+def _as_carried_out(done: _LiveChange, scenario: Scenario) -> Sequence[AnyChange]:
     """One change, or one per receiver if not all of them carried it out."""
     change = done.change
     if not isinstance(change, LINK_CHANGES):

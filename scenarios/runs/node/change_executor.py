@@ -21,7 +21,7 @@ from vehicles.schedule import SECOND, nanoseconds
 WORDS = {
     "stall": "its control stalls",
     "crash": "its process crashes",
-    "leave": "it leaves the convoy, its human takes over",
+    "leave": "it leaves the convoy, a human takes over",
     "join": "it joins the convoy",
     "gnss": "its receiver has another fix",
     "speed": "the set speed changes",
@@ -61,7 +61,7 @@ class ChangeExecutor:
         context.outbox.publish_change(now, due, describe_change(due.change))
         match due.change:
             case CrashTable(for_s=None):
-                raise CrashedError("its process has crashed, as asked")
+                raise CrashedError("its process has crashed, as requested")
             case FixChangeTable():
                 change_fix(context.car.gnss, due.at, due.change)
             case SpeedChangeTable():
@@ -103,7 +103,7 @@ def change_receiver(
                 outbox.publish_change(now, due, describe_change(due.change))
                 change_fix(gnss, due.at, due.change)
             case _:
-                text = f"{describe_change(due.change)}: has no effect, it moves as it was recorded"
+                text = f"{describe_change(due.change)}: has no effect on a recorded drive"
                 outbox.log(now, text, "warning")
 
 

@@ -160,9 +160,7 @@ class Outbox:
         if usage.late_ticks > self._late_ticks:
             late = usage.late_ticks - self._late_ticks
             worst = usage.lateness_ms_max
-            self._add_text(
-                now, f"{late} ticks came late, the worst so far {worst:.1f} ms", "warning"
-            )
+            self._add_text(now, f"{late} late ticks, by up to {worst:.1f} ms so far", "warning")
             self._late_ticks = usage.late_ticks
         self._add(
             messages.Health(
@@ -238,7 +236,7 @@ class Outbox:
         if decision.mode != self._mode:
             self._mode = decision.mode
             why = f" ({decision.reason})" if decision.reason else ""
-            self._add_text(now, f"steers along: {decision.mode}{why}")
+            self._add_text(now, f"mode {decision.mode}{why}")
         for line in decision.remarks:
             self._add_text(now, line)
 

@@ -1,7 +1,7 @@
 """Phases of a vehicle: driving, stalled, restarting, or driven by a human.
 
-In every phase the car moves, its sensors measure (so that their noise does not depend on the
-software), and its true poses are logged; poses are sent only while its software drives.
+In every phase the car moves, its sensors measure and its true poses are logged. Poses are sent only
+while its software drives.
 """
 
 from collections.abc import Iterable
@@ -223,7 +223,7 @@ class Down(VehiclePhase):
     def at(self, now: int) -> VehiclePhase:
         if now < self.until:
             return self
-        self.context.outbox.log(now, "its software has started anew")
+        self.context.outbox.log(now, "its software has restarted")
         return Driving.restarted(self.context, now)
 
     def crashed(self, until: int) -> None:

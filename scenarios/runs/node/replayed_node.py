@@ -1,4 +1,4 @@
-"""A vehicle that repeats a recorded drive: it measures, but decides nothing."""
+"""A vehicle that repeats a recorded drive: it measures and sends, without a driver."""
 
 from dataclasses import dataclass
 from math import atan
@@ -39,11 +39,11 @@ class ReplayedNode:
         self.outbox.publish_replayed(tick.at, body, fix, fresh=self.control.due(tick.at))
 
     def handover(self, now: int) -> None:
-        """None: there is no software to lose."""
+        """No software, no handover."""
 
     def _body(self, now: int) -> Body:
         """The car at `now` (ns), along its path without slip."""
-        place, speed, way = self.drive.at((now - self.start_at) / SECOND)
+        place, speed, distance = self.drive.at((now - self.start_at) / SECOND)
         return Body(
             east=place.east,
             north=place.north,
@@ -51,5 +51,5 @@ class ReplayedNode:
             speed=speed,
             yaw_rate=speed * place.curvature,
             steering=atan(self.wheelbase * place.curvature),
-            distance=way,
+            distance=distance,
         )

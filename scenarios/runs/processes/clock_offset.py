@@ -28,10 +28,10 @@ class ClockOffset:
         return abs(self.offset) - self.uncertainty > limit_ms * MILLISECOND
 
     def __str__(self) -> str:
-        way = "ahead of" if self.offset >= 0 else "behind"
+        relation = "ahead of" if self.offset >= 0 else "behind"
         offset_ms, uncertainty_ms = (x / MILLISECOND for x in (abs(self.offset), self.uncertainty))
         return (
-            f"the clock of {self.vehicle} is {offset_ms:.1f} ms {way} the recorder's"
+            f"the clock of {self.vehicle} is {offset_ms:.1f} ms {relation} the recorder's"
             f" (within {uncertainty_ms:.1f} ms)"
         )
 
@@ -42,12 +42,12 @@ def serve_clock(bus: Bus, vehicle: str, now: Now) -> None:
 
 def measure(bus: Bus, vehicle: str, now: Now) -> ClockOffset | None:
     """Measure the offset of a vehicle's clock; None without a valid answer."""
-    found: list[ClockOffset] = []
+    offsets: list[ClockOffset] = []
     for _ in range(ROUNDS):
-        asked_at = now()
+        sent_at = now()
         answer = bus.query(clock_key(vehicle), TIMEOUT_S)
-        trip = now() - asked_at
+        trip = now() - sent_at
         if answer is None or not answer.isdigit() or len(answer) > LONGEST_ANSWER:
             return None
-        found.append(ClockOffset(vehicle, int(answer) - asked_at - trip // 2, trip - trip // 2))
-    return min(found, key=lambda one: one.uncertainty)
+        offsets.append(ClockOffset(vehicle, int(answer) - sent_at - trip // 2, trip - trip // 2))
+    return min(offsets, key=lambda one: one.uncertainty)

@@ -16,20 +16,18 @@ FAILED_AFTER_NS = SECOND // 2
 LEFT_AFTER_NS = SECOND
 """A vehicle with early final counters has left when its token has been absent this long.
 
-Until then the cause may stop this process too and give the reason: the launcher has to notice the
-end of the vehicle's process, which takes up to a second on a busy machine.
+The launcher needs up to a second to notice the end of the process and send the reason.
 """
 RETURN_NS = SECOND
 """How much later than the recorder a vehicle may reconnect to a router."""
 FINAL_COUNTERS_NS = 3 * SECOND
-"""How long to wait for final counters after the end of the run, the return of the router, or a
-hold-up of the recorder."""
+"""How long to wait for final counters after the end, an outage of the router or a hold-up."""
 HELD_UP_NS = SECOND
-"""A longer time between two looks means that the recorder was held up and has messages to read."""
+"""A longer time between two advances means that the recorder was held up."""
 RESTART_NS = 5 * SECOND
 """How much later than requested a restarted process may return."""
 REPORT_MISSING_AFTER_NS = 3 * SECOND
-"""Missing vehicles are reported after this time, and then at each change."""
+"""Missing vehicles are reported after this time, and at each later change."""
 LEAD_TIME_NS = SECOND // 2
 """From the announcement to the start: time for all vehicles to prepare."""
 
@@ -82,7 +80,7 @@ class Conductor:
 
     @property
     def router_is_lost(self) -> bool:
-        """Whether the router was out of reach at the last look."""
+        """Whether the router was out of reach at the last advance."""
         return self._router.lost_at is not None
 
     def note_presence(self, vehicle: str, *, alive: bool, at: int) -> None:
@@ -127,8 +125,7 @@ class Conductor:
     def advance(self, now: int, *, connected: bool, recorded_until: int | None = None) -> list[str]:
         """Advance to `now`; returns lines for the log and the user.
 
-        A recorder that is behind knows only what arrived until `recorded_until` (ns): final
-        counters may still be unread.
+        A recorder that is behind knows only messages that arrived until `recorded_until` (ns).
         """
         if self._advanced_at is not None and now - self._advanced_at > HELD_UP_NS:
             self._patient_from = now
@@ -183,7 +180,7 @@ class Conductor:
         if self._router.lost_at is not None:
             if self._router.is_lost_for_good(now):
                 completed = self._router.was_lost_near_end(self.end_at)
-                self.stop("" if completed else "the router is gone")
+                self.stop("" if completed else "the router was lost")
                 lines.append(self._when_lost())
             return lines
         if outage:
@@ -206,14 +203,14 @@ class Conductor:
     def _end_if_over(self, now: int) -> None:
         vehicles = set(self._vehicles)
         if self._failed >= vehicles:
-            self.stop("all vehicles died")
+            self.stop("all vehicles failed")
         elif self._failed | self._left >= vehicles:
-            self.stop("all vehicles died or left")
+            self.stop("all vehicles failed or left")
         elif not (awaited := vehicles - self._finished - self._failed):
             if self._left == self._early.keys():  # else the reason of the last one is not known yet
                 self.stop("")
         elif now > max(self.end_at, self._patient_from) + FINAL_COUNTERS_NS:
-            self.stop(f"no last words from {', '.join(sorted(awaited))}")
+            self.stop(f"no final counters from {', '.join(sorted(awaited))}")
 
     def _count_failed(self, now: int) -> list[str]:
         lines: list[str] = []
@@ -223,9 +220,9 @@ class Conductor:
             if now < self._excused.get(name, now):
                 continue
             self._failed.add(name)
-            line = f"{name} died {self._when(since)}"
+            line = f"{name} failed {self._when(since)}"
             if self._continues:
-                lines.append(f"{line}; the convoy goes on without it")
+                lines.append(f"{line}; the convoy continues without it")
             else:
                 self.stop(line)
         return lines
@@ -237,7 +234,7 @@ class Conductor:
                 continue
             if self._continues:
                 self._left.add(name)
-                lines.append(f"{name} left {self._when(at)}; the convoy goes on without it")
+                lines.append(f"{name} left {self._when(at)}; the convoy continues without it")
             else:
                 self.stop(f"left before the end: {', '.join(sorted(self._early))}")
         return lines

@@ -125,12 +125,12 @@ class Membership:
     def _refuse(self, others: Iterable[Member]) -> None:
         # Compare with the recorder first.
         for other in sorted(others, key=lambda one: (one.role, one.name, one.session)):
-            who = "the recorder" if other.role == RECORDER else shown(other.name)
+            member = "the recorder" if other.role == RECORDER else shown(other.name)
             if difference := self._fingerprint.difference(other.fingerprint):
-                raise BusError(f"run {self.run}: {who} has {difference}")
+                raise BusError(f"run {self.run}: {member} has {difference}")
             if (other.role, other.name) == (self._role, self.name):
-                one = "a recorder" if other.role == RECORDER else f"a vehicle {other.name}"
-                raise BusError(f"run {self.run}: there is {one} already; give another --run")
+                duplicate = "a recorder" if other.role == RECORDER else f"a vehicle {other.name}"
+                raise BusError(f"run {self.run}: there is {duplicate} already; give another --run")
 
 
 class RecorderWatch:

@@ -248,7 +248,7 @@ class RecorderProcess:
         """Warn once that a run whose time is up still records."""
         if behind > BEHIND_NS and now > self._conductor.end_at and not self._reported_behind:
             self._reported_behind = True
-            line = f"the log is {behind / SECOND:.1f} s behind and is completed first"
+            line = f"the log is {behind / SECOND:.1f} s behind; it is completed before the run ends"
             self._run.recorder.log(now, line, "warning")
 
     def _note_requests(self, now: int) -> None:

@@ -37,7 +37,7 @@ class RestartRequestedError(Exception):
 
     def __init__(self, handover: ProcessHandover) -> None:
         self.handover = handover
-        super().__init__("the process starts anew")
+        super().__init__("the process restarts")
 
 
 class _Pickler(pickle.Pickler):

@@ -39,8 +39,7 @@ WATCH_NS = SECOND // 4
 """Between two checks of router and recorder, and after the end between two repetitions of the final
 counters."""
 END_NS = 8 * SECOND
-"""How long a finished vehicle waits for an announcement of the recorder, which repeats that of the
-start while it is late."""
+"""How long a finished vehicle waits for an announcement of the recorder."""
 HELD_UP_NS = SECOND // 5
 """Lateness of a tick from which the whole process counts as held up."""
 SETTLING_S = 0.02
@@ -102,7 +101,7 @@ def await_replaced_process(bus: Bus, name: str) -> None:
 
 
 class RunCancelledError(Exception):
-    """The run does not exist any more; `announced` if by the recorder."""
+    """The run has ended or never started; `announced` if by the recorder."""
 
     def __init__(self, text: str, *, announced: bool = False) -> None:
         super().__init__(text)
@@ -211,17 +210,17 @@ class VehicleProcess:
                 raise RunCancelledError(self._late_join_reason(self._joined_at - start.start_at_ns))
         elif end is not None:
             raise RunCancelledError(
-                f"{self._run} is off: {end.reason or 'it is over'}", announced=True
+                f"{self._run} was cancelled: {end.reason or 'it is over'}", announced=True
             )
         else:
-            raise RunCancelledError(f"{self._run} is off: its recorder has left")
+            raise RunCancelledError(f"{self._run} was cancelled: its recorder has left")
 
     def _late_join_reason(self, late_ns: int) -> str:
         """Explain a start that lies `late_ns` before this vehicle joined."""
         clock = measure(self._bus, RUN_SENDER, self._clock.now)
         if clock is not None and late_ns < -clock.offset:  # by the recorder's clock it was in time
             ahead = f"{-clock.offset / SECOND:.1f} s ahead of the recorder's"
-            return f"{self._run} is off for this vehicle: its clock is {ahead}"
+            return f"{self._run} rejects this vehicle: its clock is {ahead}"
         return f"{self._run} had started before this vehicle joined"
 
     def drive(self, report: Report) -> None:
@@ -251,7 +250,7 @@ class VehicleProcess:
             for sender, link in node.inbox.links.items()
         ]
         self._control.begin(start_at, node.pending_changes)
-        report(f"{self._builder.name}: {self._run} {'goes on' if before else 'starts'}")
+        report(f"{self._builder.name}: {self._run} {'continues' if before else 'starts'}")
         self._drive(node, start_at, probe, sink)
         self._clock.wait_until(0 if self._announced.end is not None else end_at)
         finished = not self._stop.requested
@@ -326,7 +325,7 @@ class VehicleProcess:
         """Raise RunCancelledError if router or recorder are lost."""
         self._router.look(now, connected=self._bus.connected())
         if self._router.is_lost_for_good(now):
-            raise RunCancelledError(f"{self._run} failed: the router is gone")
+            raise RunCancelledError(f"{self._run} failed: the router was lost")
         if self._recorder.has_left(now):
             raise RunCancelledError(f"{self._run} failed: its recorder has left")
 
@@ -343,7 +342,7 @@ class VehicleProcess:
             return self._router.is_lost_for_good(now)
         self._check_router_and_recorder(now)
         if now > max(end_at, self._router.back_at, self._announced.last_received_at) + END_NS:
-            raise RunCancelledError(f"{self._run} failed: no word of its end from the recorder")
+            raise RunCancelledError(f"{self._run} failed: the recorder announced no end")
         if self._final_counters is not None:
             self._bus.publish(*self._final_counters)
         return False
@@ -362,9 +361,9 @@ def paced_ticks(
 ) -> Iterator[Tick]:
     """Yield each tick `stagger_ns` after its instant.
 
-    Missed ticks follow at once. None counts as late before `back_at` (ns), the end of a requested
-    absence. After a hold-up of the whole process the transport first gets SETTLING_S to deliver:
-    else missed ticks would run as if nothing had been received.
+    Missed ticks follow at once. Ticks before `back_at` (ns), the end of a requested absence, do not
+    count as late. After a hold-up of the process the transport first gets SETTLING_S to deliver
+    messages, which the missed ticks need.
     """
     was_held_up = False
     for tick in ticks:

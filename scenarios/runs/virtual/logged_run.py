@@ -58,7 +58,7 @@ def run_virtual(
 
     def log_departure(at: int, vehicle: str) -> None:
         after_s = (at - scenario.start_at_ns) / SECOND
-        line = f"{vehicle} left {after_s:.1f} s after the start; the convoy goes on without it"
+        line = f"{vehicle} left {after_s:.1f} s after the start; the convoy continues without it"
         run.recorder.log(at, line)
 
     log = (

@@ -19,8 +19,7 @@ from vehicles.received_pose import receive
 from vehicles.schedule import SECOND, nanoseconds
 
 SEARCHED_LENGTH_M = 150.0
-"""Length (m) of the first part of a recorded drive on which a place is searched: a later lap is
-not."""
+"""Length (m) of the first part of a recorded drive, before a second lap, to search a place on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +92,7 @@ def read_recorded_vehicle(log: Path, vehicle: str) -> RecordedVehicle:
             truth.append(message)
     if not poses:
         known = ", ".join(sorted({name for name, topic in reader.counts if topic == "gps"}))
-        raise LogError(f"{log}: holds no poses of {vehicle!r}, but of {known or 'nobody'}")
+        raise LogError(f"{log}: holds no poses of {vehicle!r}, but of {known or 'no vehicle'}")
     start = poses[0].measured_at_ns if started_at is None else started_at
     return RecordedVehicle(start, tuple(poses), tuple(truth))
 

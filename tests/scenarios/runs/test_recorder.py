@@ -91,7 +91,7 @@ SOUND: list[Message] = [
     tracking("v2", 0, lateral_error_m=0.3),
     command("v2", 0),
     health("v1"),
-    text("v1", 0, "steers along: path"),
+    text("v1", 0, "mode path"),
     gps("v1", 1),
 ]
 

@@ -77,10 +77,10 @@ def test_a_run_that_ends_as_planned_is_completed(scenario: Scenario, tmp_path: P
 
 def test_a_run_with_a_reason_to_end_is_failed(scenario: Scenario, tmp_path: Path) -> None:
     run = begun(scenario, tmp_path)
-    run.end(at(2.0), "v2 died 1.5 s after the start")
+    run.end(at(2.0), "v2 failed 1.5 s after the start")
     summary = run.close(at(3.0))
     assert (summary.outcome, summary.ran_s) == ("failed", 2.0)
-    assert summary.reason == "v2 died 1.5 s after the start"
+    assert summary.reason == "v2 failed 1.5 s after the start"
 
 
 def test_a_run_that_never_started_ran_for_no_time(scenario: Scenario, tmp_path: Path) -> None:

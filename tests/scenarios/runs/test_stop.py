@@ -61,7 +61,7 @@ def test_the_first_who_asks_decides() -> None:
     stop = Stop()
     assert not stop.requested
     stop.request("stopped by SIGTERM", 143)
-    stop.request("the launcher is gone", 1)
+    stop.request("the launcher has ended", 1)
     assert stop.requested
     assert (stop.reason, stop.exit_code) == ("stopped by SIGTERM", 143)
 
@@ -133,7 +133,7 @@ def test_the_end_of_standard_input_is_the_end_of_the_launcher() -> None:
     with waiter("launched") as process:
         assert process.stdin is not None
         process.stdin.close()
-        assert last_words(process) == ("the launcher is gone orphaned", 1)
+        assert last_words(process) == ("the launcher has ended orphaned", 1)
 
 
 def test_a_process_that_has_not_begun_ends_with_its_launcher_at_once() -> None:
@@ -168,7 +168,7 @@ def test_the_children_of_a_launcher_that_is_killed_stop(tmp_path: Path) -> None:
     wait_for(said, "ready")
     os.kill(launcher.pid, signal.SIGKILL)
     launcher.wait(SOON_S)
-    wait_for(said, "the launcher is gone orphaned")
+    wait_for(said, "the launcher has ended orphaned")
 
 
 def wait_for(file: Path, words: str) -> None:

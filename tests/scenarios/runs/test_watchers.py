@@ -22,7 +22,7 @@ def test_while_the_log_is_behind_only_the_few_that_matter_are_shown() -> None:
     for message in (*ordinary, *important):
         watchers.listen(START, message)
     assert shown == important
-    assert "leave out 2 messages" in watchers.skipped_line()
+    assert "skipped 2 messages" in watchers.skipped_line()
     waiting[0] = 0
     watchers.listen(START, ordinary[0])
     assert shown == [*important, ordinary[0]]

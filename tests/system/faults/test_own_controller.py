@@ -31,7 +31,7 @@ class Other(FeedforwardFeedback):
 """
 RAISED = "v2: controller 'own.Raising': steer() raised RuntimeError: lost my way, "
 DIZZY = "v3: controller 'own.Dizzy': steer() returned steering = nan"
-GOES_ON = "; the convoy goes on without it"
+CONTINUES = "; the convoy continues without it"
 
 
 @pytest.fixture
@@ -76,7 +76,7 @@ def test_a_convoy_goes_on_without_those_whose_controllers_fail(folder: Path) -> 
         assert first.startswith(RAISED)
         assert second.startswith(DIZZY)
         assert [line[:12] for line in left] == ["run: v2 left", "run: v3 left"]
-        assert all(line.endswith(GOES_ON) for line in left)
+        assert all(line.endswith(CONTINUES) for line in left)
         assert "Traceback" not in ran.err
         run = Run(folder / where)
         assert_sound(run.log)

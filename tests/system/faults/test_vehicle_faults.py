@@ -131,7 +131,7 @@ def test_the_process_that_crashed_has_really_been_another_one_since(
     numbers = [number for number, _ in sent(wall, "v3")]
     assert numbers == list(range(len(numbers)))  # they go on
     assert not [at for _, at in sent(wall, "v3") if 3.02e9 <= at < BACK_S * 1e9]
-    assert any("its software has started anew" in text for text in wall.texts("v3"))
+    assert any("its software has restarted" in text for text in wall.texts("v3"))
 
 
 @pytest.mark.parametrize("when", ["end", "continue"])

@@ -1,4 +1,4 @@
-"""Makes who drives a vehicle: its software, or a human."""
+"""Builds the driver of a vehicle: its software, or a human."""
 
 from scenarios.definition.channel.build import usual_delay_ms
 from scenarios.definition.scenario import Scenario
@@ -22,11 +22,11 @@ from vehicles.preview.curve_fit import FitSettings
 from vehicles.schedule import MILLISECOND
 
 SEARCH_RADIUS_M = 100.0
-"""How far from where it is expected by the way driven a car is sought on the road (m)."""
+"""Distance (m) on the road within which a car is searched around its expected station."""
 
 
 class DriverBuilder:
-    """Builds the drivers of one vehicle, which start in its car as it is."""
+    """Builds the drivers of one vehicle, which start from the current state of its car."""
 
     def __init__(self, scenario: Scenario, name: str) -> None:
         """Raises ScenarioError if `scenario` has no vehicle called `name`."""
@@ -103,10 +103,10 @@ class DriverBuilder:
         )
 
     def _own_state(self, now: int, context: VehicleContext) -> OwnState:
-        """What tells the car where it is, from `now` (ns) on.
+        """Estimator of the car's own state from `now` (ns) on.
 
-        Software that starts later than the run, or whose first fix may come late, is told where it
-        starts; so is any other if it has to decide before its first fix.
+        It starts from the true state if the software starts later than the run, or if the first
+        fix may be late.
         """
         setup, body = self._setup, context.car.body
         if setup.has_exact_state:
@@ -151,11 +151,10 @@ class DriverBuilder:
         return LoadWatch(estimator, [one for one in parts if isinstance(one, ParameterUser)])
 
     def _fit_settings(self) -> FitSettings:
-        """The fit assumes the largest error of the receivers received from, at least that of RTK.
+        """Settings of the fit by the largest assumed noise of the sources' receivers.
 
-        Its tolerance is the scenario's, or five times that noise if that is more (the paper's
-        10 cm are five times the 2 cm of RTK). That is the error in the worst state that a receiver
-        can be in, without what all have in common; the fit finds out itself where it is smaller.
+        The tolerance is at least five times that noise, as the paper's 10 cm are of the 2 cm of
+        RTK.
         """
         steering = self._setup.steering
         receivers = (self._scenario.vehicle(name).gnss for name in self._setup.senders)
@@ -168,7 +167,7 @@ class DriverBuilder:
         )
 
     def _gates(self) -> dict[str, InnovationGate]:
-        """Gates of the sources; baselines of degradation have none."""
+        """Gates of the sources; baseline reactions have none."""
         degradation = self._setup.degradation
         if degradation.reaction != "degrade":
             return {}

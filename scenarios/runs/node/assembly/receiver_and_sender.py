@@ -1,4 +1,4 @@
-"""What a vehicle measures of its place, and when it sends it: receiver and sender of a node."""
+"""Builds the GNSS receiver and the sender of a node."""
 
 from collections.abc import Iterator, Sequence
 from functools import partial
@@ -17,16 +17,15 @@ from vehicles.car.sending.sender import Sender
 from vehicles.schedule import instants
 
 RECEIVER_STREAM = 2
-"""Tells the random streams made here from that of an inertial sensor, which is 1."""
+"""Key of these random streams; that of an inertial sensor is 1."""
 SHARED_STREAM = 2**32 - 1
-"""Stands for a vehicle's place in the streams that all have in common."""
+"""Place in the convoy for random streams that all vehicles share."""
 
 
 def make_receiver(scenario: Scenario, setup: VehicleSetup, start_at: int) -> GnssReceiver:
     """Make the receiver of a vehicle in a run that starts at `start_at` (ns).
 
-    A stream for its white noise, which does not depend on the number of vehicles, and one for each
-    of its other errors, so that none changes another.
+    White noise and each other error have random streams of their own, so that none affects another.
     """
     gnss, random = setup.gnss, white_noise(scenario.seed, setup.place)
     start = ReceiverContext(
@@ -52,9 +51,9 @@ def make_sender(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Sende
 def extra_instants(
     scenario: Scenario, setup: VehicleSetup, start_at: int, end_at: int
 ) -> Sequence[Iterator[int]]:
-    """Instants (ns) of sending, and of fixes that come late: a node has to be awake then.
+    """Instants (ns) of sending and of late fixes, which need ticks of their own.
 
-    Intervals that are drawn have none: what is due then waits for the next tick.
+    Randomly drawn intervals have none: their messages wait for the next tick.
     """
     found: list[Iterator[int]] = []
     if setup.gnss.latency:

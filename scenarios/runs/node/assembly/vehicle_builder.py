@@ -52,7 +52,7 @@ from vehicles.geometry.geodesy import LocalPlane
 from vehicles.schedule import SECOND, Cadence
 
 IMU_STREAM = 1
-"""Tells the random stream of a vehicle's inertial sensor from that of its receiver."""
+"""Key of the random stream of an inertial sensor."""
 
 
 class VehicleBuilder:
@@ -94,11 +94,11 @@ class VehicleBuilder:
 
     @property
     def stagger_ns(self) -> int:
-        """By how many ns the vehicle begins its ticks after their instants, on the wall clock.
+        """Delay (ns) of the vehicle's ticks after their instants, on the wall clock.
 
-        Vehicles take turns over a control period, from the lead back, lest all want the same
-        processors at once. None has less time for its messages, since it receives only from those
-        that have their turn before it; where the lead waits for the others, all begin at once.
+        Vehicles take turns over a control period, from the lead back, to spread the load. Each
+        receives only from vehicles before it, so none loses time for its messages. All begin at
+        once if the lead waits for followers.
         """
         if self._scenario.tables.speed.lead_waits:
             return 0
@@ -108,9 +108,9 @@ class VehicleBuilder:
     def node(
         self, start_at: int, sink: Sink, probe: Probe, handover: SoftwareHandover | None = None
     ) -> Node | ReplayedNode:
-        """The vehicle as a node that starts at `start_at` (ns) and sends its messages to `sink`.
+        """Build a node that starts at `start_at` (ns) and sends its messages to `sink`.
 
-        With a `handover` it is one whose process ended in a crash, and goes on from there.
+        A `handover` continues a vehicle whose process was restarted.
         """
         setup, drive = self._setup, self._scenario.replays.get(self.name)
         coming = scheduled_changes(self._scenario.tables.change, start_at, self.concerns)
@@ -194,9 +194,9 @@ class VehicleBuilder:
     def redraw(self, node: Node | ReplayedNode, seed: int, numbers: Mapping[str, int]) -> None:
         """Draw the random numbers of `node` from another seed from now on.
 
-        `numbers` are those of the next pose of each vehicle: what is drawn for earlier ones stays.
-        So do all that is drawn once for a run, the drift and the fix states of a receiver,
-        outages of links by chance, and drawn intervals of sending.
+        `numbers` are those of the next pose of each vehicle; draws for earlier ones stay. So do
+        draws for a whole run: drift and fix states of receivers, random outages, and intervals of
+        sending.
         """
         self._redrawn.append((seed, numbers))
         self._redraw_links(seed, numbers)
@@ -210,10 +210,9 @@ class VehicleBuilder:
             one.link.redraw(numbers[one.link.sender], seed)
 
     def software(self, now: int, context: VehicleContext) -> Software:
-        """Software that starts at `now` (ns) without memory, but for where the car is.
+        """Software that starts at `now` (ns) and knows only the car's position.
 
-        The receiver context knows its place all the time. A lead that stood is late: it drives its
-        speed by where it is, not by when.
+        A lead that stood still follows its speed profile by station rather than by time.
         """
         return self._software(now, context, set_off=self._setup.predecessor is None)
 
@@ -266,13 +265,13 @@ class VehicleBuilder:
         return vehicles_between(self._route, ahead, self._setup.place)
 
     def _body(self) -> Body:
-        """The car at its start: on the path, its gap behind its predecessor, with its offsets."""
+        """The car at its start: on the path behind its predecessor, with its offsets."""
         setup = self._setup
         place = self._route.path.at(self._route.start_station(setup.place))
-        aside = setup.lateral_offset_m
+        offset = setup.lateral_offset_m
         return Body(
-            east=place.east - aside * sin(place.yaw),
-            north=place.north + aside * cos(place.yaw),
+            east=place.east - offset * sin(place.yaw),
+            north=place.north + offset * cos(place.yaw),
             yaw=place.yaw + setup.heading_offset_rad,
             speed=self._route.plan.profile.at(0.0)[0],
         )
@@ -280,7 +279,7 @@ class VehicleBuilder:
     def _imu(self, start_at: int) -> InertialSensor | ExactSensor:
         if self._setup.has_exact_state:
             return ExactSensor()
-        # A stream apart from the receiver's, whose noise is the same with and without this sensor.
+        # A separate stream keeps the receiver's noise independent of this sensor.
         random = self._inertial_noise(self._scenario.seed)
         return InertialSensor(self._setup.imu.noise, self._setup.imu_rate_hz, start_at, random)
 

@@ -229,8 +229,8 @@ def test_what_the_run_says_and_what_goes_wrong_is_printed(
 ) -> None:
     plain.listen(START, text("run", 0, "all 2 vehicles are present"))
     plain.listen(START, text("run", 1, "the router was out of reach for 1.0 s", "warning"))
-    plain.listen(START, text("v1", 0, "steers along: path"))
-    plain.listen(START, text("v2", 0, "3 ticks came late", "warning"))
+    plain.listen(START, text("v1", 0, "mode path"))
+    plain.listen(START, text("v2", 0, "3 late ticks", "warning"))
     plain.listen(START, text("v2", 1, "no way", "error"))
     assert capsys.readouterr().err.splitlines() == [
         "run: all 2 vehicles are present",

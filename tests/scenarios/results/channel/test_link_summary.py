@@ -102,7 +102,11 @@ def test_a_link_that_did_as_asked_is_not_named() -> None:
         ("." * 2000, LinkTable(loss_ratio=0.1), "lost 0.00 % of 2000 messages"),
         ("x." * 1000, LinkTable(), "lost 50.00 % of 2000 messages"),
         (("x" * 10 + "." * 23) * 60, LinkTable(loss_ratio=0.3), "bursts"),
-        ("." * 200, LinkTable(latency_ms=20.5), "delayed by 20.000 ms on average, asked 20.500"),
+        (
+            "." * 200,
+            LinkTable(latency_ms=20.5),
+            "delayed by 20.000 ms on average, requested 20.500",
+        ),
     ],
     ids=["none of the loss", "loss unasked", "bursts", "delay"],
 )
@@ -123,8 +127,8 @@ def test_a_line_says_what_was_asked_and_done() -> None:
     tally.add_age(0.12)
     line = describe_link(account(LinkTable(loss_ratio=0.25), tally))
     assert line.startswith("v1 → v2: lost 20.0 % (")
-    assert ") of what it carried, asked 25 %; 2.00 in a row, 2 at most; delayed 20.0 ms" in line
-    assert line.endswith("asked 20; 120 ms old at commands, 120 at most")
+    assert ") of its messages, requested 25 %; 2.00 in a row, 2 at most; delayed 20.0 ms" in line
+    assert line.endswith("requested 20; 120 ms old at commands, 120 at most")
 
 
 def test_a_link_that_was_changed_is_held_against_nothing_that_was_asked() -> None:
@@ -135,4 +139,4 @@ def test_a_link_that_was_changed_is_held_against_nothing_that_was_asked() -> Non
     found = account(LinkTable(), tally, 600)
     assert found.requested_loss_ratio is found.requested_latency_ms_mean is None
     assert found.loss_ratio == 0.5
-    assert "asked -" in describe_link(found)
+    assert "requested -" in describe_link(found)

@@ -75,7 +75,7 @@ def test_a_slide_is_who_when_how_long_and_how_far() -> None:
         "duration_s": pytest.approx(0.04),
     }
     assert event.level == "warning"
-    assert event.line == "slide: v2 has no more friction to steer by, 0.04 s after the start"
+    assert event.line == "slide: v2 uses all available friction, 0.04 s after the start"
 
 
 def test_a_slide_that_flickers_is_one_and_a_later_one_another() -> None:
@@ -209,14 +209,14 @@ def test_a_stop_is_an_event_with_what_was_known_and_what_will_be_blind() -> None
     assert first.figures == pytest.approx(
         {"known_m": 12.5, "predicted_blind_m": 3.25, "duration_s": 1.0}
     )
-    assert first.line.startswith("stop: v2 brakes to a standstill, 12.5 m of known path, 3.2 m")
+    assert first.line.startswith("stop: v2 stops for lack of data, 12.5 m of known path, 3.2 m")
     assert second.at_s == pytest.approx(54 / 50)
     outrun = {"mode": "stop", "known_m": -23.25, "blind_m": 40.0}
     (event,) = detected(tracking("v2", 0, **outrun))
     assert ", the known path ends 23.2 m behind, 40.0 m beyond it" in event.line
     untold = {"mode": "stop", "known_m": nan, "blind_m": nan}
     (event,) = detected(tracking("v2", 0, **untold))
-    assert event.line == "stop: v2 brakes to a standstill, 0.00 s after the start"
+    assert event.line == "stop: v2 stops for lack of data, 0.00 s after the start"
 
 
 def test_a_source_that_is_not_believed_is_an_event_for_each_time() -> None:
@@ -226,7 +226,7 @@ def test_a_source_that_is_not_believed_is_an_event_for_each_time() -> None:
     assert [(one.vehicles, round(50 * one.at_s)) for one in found] == [
         (("v1", "v3"), 1), (("v2", "v3"), 2), (("v2", "v3"), 5),
     ]  # fmt: skip
-    assert found[0].line.startswith("distrust: v3 does not believe v1")
+    assert found[0].line.startswith("distrust: v3 distrusts v1")
     first = detected(*(tracking("v2", seq, **(doubt | both)) for seq in range(3)))
     assert [one.vehicles for one in first] == [("v1", "v2")]  # lead and predecessor are one
     both_ways = detected(tracking("v2", 0, **doubt), tracking("v1", 0), tracking("v1", 1, **doubt))

@@ -63,7 +63,7 @@ def test_without_limits_nothing_is_broken() -> None:
         (
             {"paths_lost_max": 1},
             [
-                "limits.paths_lost_max = 1: path lost: v3 receives too little to steer along, "
+                "limits.paths_lost_max = 1: path lost: v3 has no known path to steer along, "
                 "5.00 s after the start"
             ],
         ),
@@ -181,8 +181,8 @@ def test_counts_are_figures_too() -> None:
     ("took_s", "is_over", "line"),
     [
         (0.6, True, ""),
-        (0.7, True, "limits.modes[0].within_s = 0.6: v3: in mode lead: 0.70 s after it"),
-        (None, True, "limits.modes[0].within_s = 0.6: v3: in mode lead: not"),
+        (0.7, True, "limits.modes[0].within_s = 0.6: v3: in mode lead: after 0.70 s"),
+        (None, True, "limits.modes[0].within_s = 0.6: v3: in mode lead: did not happen"),
         (None, False, ""),
     ],
 )
@@ -204,7 +204,7 @@ def test_deadlines_are_kept_or_broken(took_s: float | None, is_over: bool, line:
 
 def test_why_a_run_ended_comes_first_and_nothing_twice() -> None:
     assert failure_reason("", []) == ""
-    assert failure_reason("v2 died", ["a", "b"]) == "v2 died; a; b"
+    assert failure_reason("v2 failed", ["x", "y"]) == "v2 failed; x; y"
     assert failure_reason("a", ["a", "b"]) == "a; b"
 
 

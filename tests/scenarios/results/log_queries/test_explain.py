@@ -18,8 +18,8 @@ from mcap.reader import make_reader
 from scenarios.cli.log_commands import explain as explain_command
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.log_queries.explain import (
-    NEVER_JUDGED,
-    ON_THE_WAY,
+    IN_TRANSIT,
+    NOT_JUDGED,
     Explanation,
     RecordedKnowledge,
     remaining_path_length,
@@ -106,12 +106,12 @@ def check_source(
         for missing in source.missing:
             fate = fates.get(missing.number)
             if fate is None:
-                assert missing.fate == NEVER_JUDGED
+                assert missing.fate == NOT_JUDGED
             elif fate.outcome == "dropped":
                 assert missing.fate == fate.reason
                 assert missing.cause == cause(source.sender, vehicle, fate.reason)
             else:
-                assert missing.fate == ON_THE_WAY
+                assert missing.fate == IN_TRANSIT
                 assert fate.received_at_ns > now
         due = [v for v in verdicts if now - 10**9 < v.received_at_ns <= now]
         if due:
@@ -182,7 +182,7 @@ def test_the_command_prints_the_sentence_and_its_twin_for_machines(log: Path) ->
     ("vehicle", "at", "words"),
     [
         ("v9", "1", "no vehicle 'v9', allowed v1, v2, v3, v4"),
-        ("v3", "12.5", "at 12.5 s v3 decided nothing, allowed 0 to 11.98"),
+        ("v3", "12.5", "v3 has no decision at 12.5 s, allowed 0 to 11.98"),
     ],
 )
 def test_what_is_not_in_the_log_is_refused_in_one_line(

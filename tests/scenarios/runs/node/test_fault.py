@@ -87,7 +87,7 @@ def test_of_a_convoy_that_goes_on_the_last_vehicle_still_fails_the_run(tmp_path:
     assert summary.reason.startswith(f"v2: controller '{__name__}.Failing': steer() raised")
     texts = LogReader(tmp_path / "run.mcap").messages(topics=("log",))
     said = [message.text for _, _, message in texts if isinstance(message, LogText)]
-    assert "v1 left 1.0 s after the start; the convoy goes on without it" in said
+    assert "v1 left 1.0 s after the start; the convoy continues without it" in said
 
 
 def test_a_car_that_spins_ever_faster_fails_the_run(tmp_path: Path) -> None:

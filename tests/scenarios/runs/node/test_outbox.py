@@ -278,9 +278,9 @@ def test_a_change_of_mode_is_told_with_its_reason() -> None:
     for k, decision in enumerate([DECISION, DECISION, composite, composite, DECISION]):
         box.publish(at(k / 50), BODY, None, decision)
     assert texts(bus) == [
-        ("info", "steers along: lead (v2 never heard)"),
-        ("info", "steers along: composite"),
-        ("info", "steers along: lead (v2 never heard)"),
+        ("info", "mode lead (v2 never heard)"),
+        ("info", "mode composite"),
+        ("info", "mode lead (v2 never heard)"),
     ]
 
 
@@ -297,9 +297,9 @@ def test_refused_messages_and_late_ticks_are_told_once() -> None:
     assert texts(bus) == [
         ("warning", "2 messages refused: garbage"),
         ("warning", "1 messages refused: oversized"),
-        ("warning", "3 ticks came late, the worst so far 12.3 ms"),
+        ("warning", "3 late ticks, by up to 12.3 ms so far"),
         ("warning", "1 messages refused: garbage"),
-        ("warning", "1 ticks came late, the worst so far 12.3 ms"),
+        ("warning", "1 late ticks, by up to 12.3 ms so far"),
     ]
 
 

@@ -51,15 +51,15 @@ class Told:
         return self.conductor.reason
 
 
-def play(*history: Event, goes_on: bool = False, until: float = 40.0) -> Told:
+def play(*history: Event, continues: bool = False, until: float = 40.0) -> Told:
     """Let the conductor live through `history`, asked every 50 ms how it goes on."""
     conductor = Conductor(
         CONVOY,
         duration_ns=round(DURATION_S * SECOND),
-        continues_without_failed=goes_on,
+        continues_without_failed=continues,
         gather_until=at(GATHER_S),
     )
-    told = Told(conductor)
+    outcome = Told(conductor)
     waiting, connected = sorted(history), True
     for now in range(START, at(until), PERIOD_NS):
         while waiting and at(waiting[0][0]) <= now:
@@ -73,187 +73,195 @@ def play(*history: Event, goes_on: bool = False, until: float = 40.0) -> Told:
                 conductor.listen(now, health(name, seconds=ENDED, final=True))
             else:
                 connected = what == "returns"
-        told.lines += conductor.advance(now, connected=connected)
-        if conductor.phase is Phase.RUNNING and told.started is None:
-            told.started = (conductor.start_at - START) / SECOND
-        if conductor.phase is Phase.OVER and told.over is None:
-            told.over = (now - START) / SECOND
-    return told
+        outcome.lines += conductor.advance(now, connected=connected)
+        if conductor.phase is Phase.RUNNING and outcome.started is None:
+            outcome.started = (conductor.start_at - START) / SECOND
+        if conductor.phase is Phase.OVER and outcome.over is None:
+            outcome.over = (now - START) / SECOND
+    return outcome
 
 
 # ---- Gathering and starting
 
 
 def test_a_run_starts_when_all_are_present_with_time_to_hear_of_it() -> None:
-    told = play(*ALL_COME, until=5.0)
-    assert told.conductor.phase is Phase.RUNNING
-    assert told.started == pytest.approx(STARTED)
-    assert told.lines == ["all 3 vehicles are present"]
-    assert told.conductor.end_at - told.conductor.start_at == DURATION_S * SECOND
+    outcome = play(*ALL_COME, until=5.0)
+    assert outcome.conductor.phase is Phase.RUNNING
+    assert outcome.started == pytest.approx(STARTED)
+    assert outcome.lines == ["all 3 vehicles are present"]
+    assert outcome.conductor.end_at - outcome.conductor.start_at == DURATION_S * SECOND
 
 
 def test_a_vehicle_that_does_not_come_in_time_is_named() -> None:
-    told = play(ALL_COME[0], ALL_COME[2])
-    assert told.started is None
-    assert told.reason == "not present in time: v2"
-    assert told.over == pytest.approx(GATHER_S, abs=0.11)
+    outcome = play(ALL_COME[0], ALL_COME[2])
+    assert outcome.started is None
+    assert outcome.reason == "not present in time: v2"
+    assert outcome.over == pytest.approx(GATHER_S, abs=0.11)
 
 
 def test_a_vehicle_that_left_again_is_waited_for() -> None:
-    told = play((0.5, "v1 comes"), (1.0, "v1 goes"), (1.1, "v2 comes"), (1.2, "v3 comes"), until=9)
-    assert told.conductor.phase is Phase.GATHERING
-    assert told.conductor.missing() == ["v1"]
+    outcome = play(
+        (0.5, "v1 comes"), (1.0, "v1 goes"), (1.1, "v2 comes"), (1.2, "v3 comes"), until=9
+    )
+    assert outcome.conductor.phase is Phase.GATHERING
+    assert outcome.conductor.missing() == ["v1"]
     again = play((0.5, "v1 comes"), (0.7, "v1 goes"), *ALL_COME, until=5.0)
     assert again.started == pytest.approx(STARTED)
 
 
 def test_strangers_count_for_nothing() -> None:
-    told = play((0.5, "v9 comes"), *ALL_COME, (5.0, "v9 goes"), (6.0, "v9 finishes"), *ALL_FINISH)
-    assert told.reason == ""
-    assert told.lines == ["all 3 vehicles are present"]
+    outcome = play(
+        (0.5, "v9 comes"), *ALL_COME, (5.0, "v9 goes"), (6.0, "v9 finishes"), *ALL_FINISH
+    )
+    assert outcome.reason == ""
+    assert outcome.lines == ["all 3 vehicles are present"]
 
 
 def test_who_is_missing_is_said_after_a_while_and_when_it_changes() -> None:
-    told = play((1.0, "v1 comes"), (5.0, "v2 comes"), (8.0, "v3 comes"), until=9.0)
-    assert told.lines == ["waiting for v2, v3", "waiting for v3", "all 3 vehicles are present"]
+    outcome = play((1.0, "v1 comes"), (5.0, "v2 comes"), (8.0, "v3 comes"), until=9.0)
+    assert outcome.lines == ["waiting for v2, v3", "waiting for v3", "all 3 vehicles are present"]
 
 
 # ---- Ending as planned
 
 
 def test_a_run_is_over_when_all_have_finished() -> None:
-    told = play(*ALL_COME, *ALL_FINISH)
-    assert told.over == pytest.approx(ENDED + 0.1, abs=0.06)
-    assert told.reason == ""
-    assert not told.conductor.awaits_final_counters()
+    outcome = play(*ALL_COME, *ALL_FINISH)
+    assert outcome.over == pytest.approx(ENDED + 0.1, abs=0.06)
+    assert outcome.reason == ""
+    assert not outcome.conductor.awaits_final_counters()
 
 
 def test_only_the_last_word_of_health_finishes_a_vehicle() -> None:
-    told = play(*ALL_COME, until=5.0)
+    outcome = play(*ALL_COME, until=5.0)
     for name in CONVOY:
-        told.conductor.listen(at(5.0), health(name, seconds=30.0))
-        told.conductor.listen(at(5.0), tracking(name, 0))
-    assert told.conductor.advance(at(5.0), connected=True) == []
-    assert told.conductor.phase is Phase.RUNNING
-    assert told.conductor.awaits_final_counters()
+        outcome.conductor.listen(at(5.0), health(name, seconds=30.0))
+        outcome.conductor.listen(at(5.0), tracking(name, 0))
+    assert outcome.conductor.advance(at(5.0), connected=True) == []
+    assert outcome.conductor.phase is Phase.RUNNING
+    assert outcome.conductor.awaits_final_counters()
 
 
 def test_vehicles_may_go_once_they_have_finished() -> None:
     gone = [(ENDED + 0.2, "v1 goes"), (ENDED + 0.2, "v2 goes")]
     late = [(ENDED + 0.1, "v1 ends"), (ENDED + 0.1, "v2 ends"), (ENDED + 2.0, "v3 ends")]
-    told = play(*ALL_COME, *gone, *late)
-    assert told.reason == ""
-    assert told.over == pytest.approx(ENDED + 2.0, abs=0.06)
+    outcome = play(*ALL_COME, *gone, *late)
+    assert outcome.reason == ""
+    assert outcome.over == pytest.approx(ENDED + 2.0, abs=0.06)
 
 
-def test_a_vehicle_without_last_words_is_named() -> None:
-    told = play(*ALL_COME, ALL_FINISH[0], ALL_FINISH[2])
-    assert told.reason == "no last words from v2"
-    assert told.over == pytest.approx(ENDED + FINAL_COUNTERS_NS / SECOND, abs=0.11)
+def test_a_vehicle_without_final_counters_is_named() -> None:
+    outcome = play(*ALL_COME, ALL_FINISH[0], ALL_FINISH[2])
+    assert outcome.reason == "no final counters from v2"
+    assert outcome.over == pytest.approx(ENDED + FINAL_COUNTERS_NS / SECOND, abs=0.11)
 
 
 def test_a_vehicle_that_leaves_early_ends_the_run() -> None:
     leave = [(10.0, "v3 finishes"), (10.0, "v2 finishes"), (10.4, "v3 goes"), (10.5, "v2 goes")]
-    told = play(*ALL_COME, *leave)
-    assert told.over == pytest.approx(10.4 + LEFT_S, abs=0.1)
-    assert told.reason == "left before the end: v2, v3"
-    assert told.conductor.awaits_final_counters()  # v1 has not said anything yet
+    outcome = play(*ALL_COME, *leave)
+    assert outcome.over == pytest.approx(10.4 + LEFT_S, abs=0.1)
+    assert outcome.reason == "left before the end: v2, v3"
+    assert outcome.conductor.awaits_final_counters()  # v1 has not said anything yet
 
 
 def test_what_told_a_vehicle_to_leave_has_time_to_say_why() -> None:
     """Its launcher speaks when its process has ended, which comes after its token has gone."""
-    told = play(*ALL_COME, (10.0, "v2 finishes"), (10.7, "v2 goes"), until=10.7 + 0.9 * LEFT_S)
-    assert told.over is None
-    told.conductor.stop("v2 ended with exit code 143; the run ends")
-    assert told.reason == "v2 ended with exit code 143; the run ends"
+    outcome = play(*ALL_COME, (10.0, "v2 finishes"), (10.7, "v2 goes"), until=10.7 + 0.9 * LEFT_S)
+    assert outcome.over is None
+    outcome.conductor.stop("v2 ended with exit code 143; the run ends")
+    assert outcome.reason == "v2 ended with exit code 143; the run ends"
 
 
-def test_one_that_finishes_early_and_stays_is_not_waited_for_longer_than_for_last_words() -> None:
-    told = play(*ALL_COME, (10.0, "v2 finishes"))
-    assert told.reason == "left before the end: v2"
-    assert told.over == pytest.approx(10.0 + FINAL_COUNTERS_NS / SECOND, abs=0.1)
+def test_one_that_finishes_early_and_stays_is_not_waited_for_longer_than_for_final_counters() -> (
+    None
+):
+    outcome = play(*ALL_COME, (10.0, "v2 finishes"))
+    assert outcome.reason == "left before the end: v2"
+    assert outcome.over == pytest.approx(10.0 + FINAL_COUNTERS_NS / SECOND, abs=0.1)
 
 
 def test_the_convoy_goes_on_without_those_that_left_early_if_it_should() -> None:
-    told = play(*ALL_COME, (STARTED + 7.0, "v2 finishes"), (STARTED + 7.1, "v2 goes"),
-                ALL_FINISH[0], ALL_FINISH[2], goes_on=True)  # fmt: skip
-    assert told.lines[1:] == ["v2 left 7.0 s after the start; the convoy goes on without it"]
-    assert told.reason == ""
-    assert told.over == pytest.approx(ENDED + 0.1, abs=0.06)
+    outcome = play(*ALL_COME, (STARTED + 7.0, "v2 finishes"), (STARTED + 7.1, "v2 goes"),
+                ALL_FINISH[0], ALL_FINISH[2], continues=True)  # fmt: skip
+    assert outcome.lines[1:] == ["v2 left 7.0 s after the start; the convoy continues without it"]
+    assert outcome.reason == ""
+    assert outcome.over == pytest.approx(ENDED + 0.1, abs=0.06)
 
 
 def test_one_that_leaves_at_the_very_end_delays_it_by_a_moment() -> None:
     almost = ENDED - 0.1
     leaves = [(almost, "v3 finishes"), (almost + 0.1, "v3 goes")]
-    told = play(*ALL_COME, *ALL_FINISH[:2], *leaves, goes_on=True)
-    assert told.lines[1:] == [
-        f"v3 left {almost - STARTED:.1f} s after the start; the convoy goes on without it"
+    outcome = play(*ALL_COME, *ALL_FINISH[:2], *leaves, continues=True)
+    assert outcome.lines[1:] == [
+        f"v3 left {almost - STARTED:.1f} s after the start; the convoy continues without it"
     ]
-    assert told.reason == ""
-    assert told.over == pytest.approx(almost + 0.1 + LEFT_S, abs=0.11)
+    assert outcome.reason == ""
+    assert outcome.over == pytest.approx(almost + 0.1 + LEFT_S, abs=0.11)
 
 
-def test_one_that_leaves_before_the_start_is_told_as_such() -> None:
-    told = play(*ALL_COME, (STARTED - 0.3, "v3 finishes"), goes_on=True)
-    assert told.lines[1:] == ["v3 left before the start; the convoy goes on without it"]
+def test_one_that_leaves_before_the_start_is_reported_as_such() -> None:
+    outcome = play(*ALL_COME, (STARTED - 0.3, "v3 finishes"), continues=True)
+    assert outcome.lines[1:] == ["v3 left before the start; the convoy continues without it"]
 
 
 @pytest.mark.parametrize(
     ("last", "after_s"), [("goes", FAILED_S), ("finishes", FINAL_COUNTERS_NS / SECOND)]
 )
-def test_a_convoy_that_all_left_or_died_in_does_not_go_on(last: str, after_s: float) -> None:
+def test_a_convoy_that_all_left_or_failed_in_does_not_go_on(last: str, after_s: float) -> None:
     history = [(10.0, "v1 finishes"), (12.0, "v2 finishes"), (14.0, f"v3 {last}")]
     history += [(10.2, "v1 goes"), (12.2, "v2 goes")]
-    told = play(*ALL_COME, *history, goes_on=True)
-    assert told.reason == "all vehicles died or left"
-    assert told.over == pytest.approx(14.0 + after_s, abs=0.11)
+    outcome = play(*ALL_COME, *history, continues=True)
+    assert outcome.reason == "all vehicles failed or left"
+    assert outcome.over == pytest.approx(14.0 + after_s, abs=0.11)
 
 
 # ---- Dying
 
 
-def test_a_vehicle_that_dies_ends_the_run() -> None:
-    told = play(*ALL_COME, (STARTED + 7.0, "v2 goes"))
-    assert told.reason == "v2 died 7.0 s after the start"
-    assert told.over == pytest.approx(STARTED + 7.0 + FAILED_S, abs=0.06)
-    assert told.conductor.awaits_final_counters()
+def test_a_vehicle_that_fails_ends_the_run() -> None:
+    outcome = play(*ALL_COME, (STARTED + 7.0, "v2 goes"))
+    assert outcome.reason == "v2 failed 7.0 s after the start"
+    assert outcome.over == pytest.approx(STARTED + 7.0 + FAILED_S, abs=0.06)
+    assert outcome.conductor.awaits_final_counters()
 
 
-def test_the_convoy_goes_on_without_the_dead_if_it_should() -> None:
-    told = play(*ALL_COME, (STARTED + 7.0, "v2 goes"), ALL_FINISH[0], ALL_FINISH[2], goes_on=True)
-    assert told.lines[1:] == ["v2 died 7.0 s after the start; the convoy goes on without it"]
-    assert told.reason == ""
-    assert told.over == pytest.approx(ENDED + 0.1, abs=0.06)
+def test_the_convoy_goes_on_without_failed_vehicles_if_it_should() -> None:
+    outcome = play(
+        *ALL_COME, (STARTED + 7.0, "v2 goes"), ALL_FINISH[0], ALL_FINISH[2], continues=True
+    )
+    assert outcome.lines[1:] == ["v2 failed 7.0 s after the start; the convoy continues without it"]
+    assert outcome.reason == ""
+    assert outcome.over == pytest.approx(ENDED + 0.1, abs=0.06)
 
 
 def test_a_convoy_of_which_nobody_is_left_does_not_go_on() -> None:
-    deaths = [(STARTED + 3.0 + k, f"{name} goes") for k, name in enumerate(CONVOY)]
-    told = play(*ALL_COME, *deaths, goes_on=True)
-    assert len(told.lines) == 1 + 3
-    assert told.reason == "all vehicles died"
-    assert told.over == pytest.approx(STARTED + 5.0 + FAILED_S, abs=0.06)
+    failures = [(STARTED + 3.0 + k, f"{name} goes") for k, name in enumerate(CONVOY)]
+    outcome = play(*ALL_COME, *failures, continues=True)
+    assert len(outcome.lines) == 1 + 3
+    assert outcome.reason == "all vehicles failed"
+    assert outcome.over == pytest.approx(STARTED + 5.0 + FAILED_S, abs=0.06)
 
 
-def test_of_the_dead_no_last_words_are_awaited() -> None:
-    told = play(*ALL_COME, (STARTED + 7.0, "v2 goes"), ALL_FINISH[0], goes_on=True)
-    assert told.reason == "no last words from v3"
+def test_of_failed_vehicles_no_final_counters_are_awaited() -> None:
+    outcome = play(*ALL_COME, (STARTED + 7.0, "v2 goes"), ALL_FINISH[0], continues=True)
+    assert outcome.reason == "no final counters from v3"
 
 
-def test_a_death_before_the_start_is_told_as_such() -> None:
-    told = play(*ALL_COME, (STARTED - 0.3, "v3 goes"))
-    assert told.reason == "v3 died before the start"
+def test_a_failure_before_the_start_is_reported_as_such() -> None:
+    outcome = play(*ALL_COME, (STARTED - 0.3, "v3 goes"))
+    assert outcome.reason == "v3 failed before the start"
 
 
 def test_a_token_that_is_soon_back_is_no_death() -> None:
     blink = [(5.0, "v2 goes"), (5.0 + 0.8 * FAILED_S, "v2 comes")]
-    told = play(*ALL_COME, *blink, *ALL_FINISH)
-    assert told.reason == ""
-    assert told.lines == ["all 3 vehicles are present"]
+    outcome = play(*ALL_COME, *blink, *ALL_FINISH)
+    assert outcome.reason == ""
+    assert outcome.lines == ["all 3 vehicles are present"]
 
 
 def test_being_told_of_one_absence_twice_delays_nothing() -> None:
-    told = play(*ALL_COME, (5.0, "v2 goes"), (5.3, "v2 goes"))
-    assert told.over == pytest.approx(5.0 + FAILED_S, abs=0.06)
+    outcome = play(*ALL_COME, (5.0, "v2 goes"), (5.3, "v2 goes"))
+    assert outcome.over == pytest.approx(5.0 + FAILED_S, abs=0.06)
 
 
 # ---- Losing the router: everyone seems to vanish
@@ -268,26 +276,26 @@ def reappear(seconds: float) -> list[Event]:
 
 
 @pytest.mark.parametrize("noticed_after", [-0.1, 0.0, 0.3])
-@pytest.mark.parametrize("goes_on", [True, False])
+@pytest.mark.parametrize("continues", [True, False])
 def test_nobody_is_dead_when_the_router_was_out_of_reach_for_a_while(
-    noticed_after: float, *, goes_on: bool
+    noticed_after: float, *, continues: bool
 ) -> None:
-    told = play(
+    outcome = play(
         *ALL_COME,
         *vanish(6.0),
         (6.0 + noticed_after, "router vanishes"),
         (9.0, "router returns"),
         *reappear(9.2),
         *ALL_FINISH,
-        goes_on=goes_on,
+        continues=continues,
     )
-    assert told.reason == ""
-    assert told.lines[1:] == [f"the router was out of reach for {3.0 - noticed_after:.1f} s"]
-    assert told.over == pytest.approx(ENDED + 0.1, abs=0.06)
+    assert outcome.reason == ""
+    assert outcome.lines[1:] == [f"the router was out of reach for {3.0 - noticed_after:.1f} s"]
+    assert outcome.over == pytest.approx(ENDED + 0.1, abs=0.06)
 
 
-def test_a_vehicle_that_does_not_come_back_after_an_outage_is_dead() -> None:
-    told = play(
+def test_a_vehicle_that_does_not_come_back_after_an_outage_has_failed() -> None:
+    outcome = play(
         *ALL_COME,
         *vanish(6.0),
         (6.0, "router vanishes"),
@@ -295,8 +303,8 @@ def test_a_vehicle_that_does_not_come_back_after_an_outage_is_dead() -> None:
         (9.2, "v1 comes"),
         (9.2, "v3 comes"),
     )
-    assert told.reason == f"v2 died {9.0 + RETURN_S - STARTED:.1f} s after the start"
-    assert told.over == pytest.approx(9.0 + RETURN_S + FAILED_S, abs=0.06)
+    assert outcome.reason == f"v2 failed {9.0 + RETURN_S - STARTED:.1f} s after the start"
+    assert outcome.over == pytest.approx(9.0 + RETURN_S + FAILED_S, abs=0.06)
 
 
 def test_each_outage_is_told() -> None:
@@ -304,23 +312,23 @@ def test_each_outage_is_told() -> None:
         *((6.0, "router vanishes"), (8.0, "router returns")),
         *((9.0, "router vanishes"), (13.5, "router returns")),
     ]
-    told = play(*ALL_COME, *outages, *ALL_FINISH)
-    assert told.lines[1:] == [
+    outcome = play(*ALL_COME, *outages, *ALL_FINISH)
+    assert outcome.lines[1:] == [
         "the router was out of reach for 2.0 s",
         "the router was out of reach for 4.5 s",
     ]
-    assert told.reason == ""
+    assert outcome.reason == ""
 
 
 def test_a_router_that_stays_away_ends_the_run() -> None:
-    told = play(*ALL_COME, *vanish(6.0), (6.0, "router vanishes"))
-    assert told.reason == "the router is gone"
-    assert told.over == pytest.approx(6.0 + ROUTER_LOST_AFTER_NS / SECOND, abs=0.11)
+    outcome = play(*ALL_COME, *vanish(6.0), (6.0, "router vanishes"))
+    assert outcome.reason == "the router was lost"
+    assert outcome.over == pytest.approx(6.0 + ROUTER_LOST_AFTER_NS / SECOND, abs=0.11)
 
 
-def test_a_router_that_is_away_at_the_end_is_waited_for_and_then_the_last_words() -> None:
+def test_a_router_that_is_away_at_the_end_is_waited_for_and_then_the_final_counters() -> None:
     back = ENDED + 4.5
-    told = play(
+    outcome = play(
         *ALL_COME,
         *vanish(ENDED - 2.0 + 2.5),
         (ENDED - 0.2, "router vanishes"),
@@ -328,8 +336,8 @@ def test_a_router_that_is_away_at_the_end_is_waited_for_and_then_the_last_words(
         *reappear(back + 0.6),
         *[(back + FINAL_COUNTERS_NS / SECOND - 0.2, f"{name} ends") for name in CONVOY],
     )
-    assert told.reason == ""
-    assert told.over == pytest.approx(back + FINAL_COUNTERS_NS / SECOND - 0.2, abs=0.06)
+    assert outcome.reason == ""
+    assert outcome.over == pytest.approx(back + FINAL_COUNTERS_NS / SECOND - 0.2, abs=0.06)
 
 
 @pytest.mark.parametrize(
@@ -340,10 +348,10 @@ def test_a_router_that_is_away_at_the_end_is_waited_for_and_then_the_last_words(
     ],
 )
 def test_a_router_lost_at_the_very_end_leaves_a_completed_run(lost_s: float, line: str) -> None:
-    told = play(*ALL_COME, *vanish(lost_s), (lost_s, "router vanishes"))
-    assert told.reason == ""
-    assert told.lines[1:] == [line]
-    assert told.over == pytest.approx(lost_s + ROUTER_LOST_AFTER_NS / SECOND, abs=0.11)
+    outcome = play(*ALL_COME, *vanish(lost_s), (lost_s, "router vanishes"))
+    assert outcome.reason == ""
+    assert outcome.lines[1:] == [line]
+    assert outcome.over == pytest.approx(lost_s + ROUTER_LOST_AFTER_NS / SECOND, abs=0.11)
 
 
 @pytest.mark.parametrize(
@@ -357,67 +365,69 @@ def test_a_router_lost_at_the_very_end_leaves_a_completed_run(lost_s: float, lin
 def test_a_launcher_whose_router_died_at_the_very_end_leaves_a_completed_run(
     before_end_s: float, connected: bool, reason: str
 ) -> None:
-    told = play(*ALL_COME, until=ENDED - before_end_s)
+    outcome = play(*ALL_COME, until=ENDED - before_end_s)
     now = at(ENDED - before_end_s)
-    lines = told.conductor.handle_stop_request("router was killed", now, connected=connected)
+    lines = outcome.conductor.handle_stop_request("router was killed", now, connected=connected)
     assert lines == ([] if reason else ["the router was lost 0.5 s before the end"])
-    assert told.conductor.phase is Phase.OVER
-    assert told.reason == reason
+    assert outcome.conductor.phase is Phase.OVER
+    assert outcome.reason == reason
 
 
 def test_before_the_start_there_is_no_last_moment() -> None:
-    told = play(*ALL_COME[:2], until=5.0)
-    told.conductor.handle_stop_request("router was killed", at(5.0), connected=False)
-    assert told.reason == "router was killed"
+    outcome = play(*ALL_COME[:2], until=5.0)
+    outcome.conductor.handle_stop_request("router was killed", at(5.0), connected=False)
+    assert outcome.reason == "router was killed"
 
 
 def test_a_recorder_that_was_held_up_over_the_end_reads_what_came_meanwhile() -> None:
-    told = play(*ALL_COME, until=ENDED - 1.0)
+    outcome = play(*ALL_COME, until=ENDED - 1.0)
     resumed = ENDED + FINAL_COUNTERS_NS / SECOND + 1.0
-    assert told.conductor.advance(at(resumed), connected=True) == []
-    assert told.conductor.phase is not Phase.OVER
+    assert outcome.conductor.advance(at(resumed), connected=True) == []
+    assert outcome.conductor.phase is not Phase.OVER
     for name in CONVOY:
-        told.conductor.listen(at(resumed), health(name, seconds=ENDED, final=True))
-    told.conductor.advance(at(resumed + 0.05), connected=True)
-    assert told.conductor.awaits_final_counters() is False
-    assert told.reason == ""
+        outcome.conductor.listen(at(resumed), health(name, seconds=ENDED, final=True))
+    outcome.conductor.advance(at(resumed + 0.05), connected=True)
+    assert outcome.conductor.awaits_final_counters() is False
+    assert outcome.reason == ""
 
 
 def test_a_recorder_that_is_behind_judges_nobody_before_it_has_read_what_came() -> None:
-    told = play(*ALL_COME, until=ENDED - 1.0)
+    outcome = play(*ALL_COME, until=ENDED - 1.0)
     goes = ENDED + 0.2
-    told.conductor.note_presence("v2", alive=False, at=at(goes))  # its last words are still to read
+    outcome.conductor.note_presence(
+        "v2", alive=False, at=at(goes)
+    )  # its final counters are still to read
     for now, read in ((ENDED + 4.0, ENDED - 1.0), (ENDED + 20.0, ENDED + 0.1)):
-        assert not told.conductor.advance(at(now), connected=True, recorded_until=at(read))
-        assert told.conductor.phase is Phase.RUNNING
+        assert not outcome.conductor.advance(at(now), connected=True, recorded_until=at(read))
+        assert outcome.conductor.phase is Phase.RUNNING
     for name in CONVOY:
-        told.conductor.listen(at(ENDED + 0.1), health(name, seconds=ENDED, final=True))
-    told.conductor.advance(at(ENDED + 20.1), connected=True, recorded_until=at(goes))
-    assert told.conductor.phase is Phase.OVER
-    assert told.reason == ""
+        outcome.conductor.listen(at(ENDED + 0.1), health(name, seconds=ENDED, final=True))
+    outcome.conductor.advance(at(ENDED + 20.1), connected=True, recorded_until=at(goes))
+    assert outcome.conductor.phase is Phase.OVER
+    assert outcome.reason == ""
 
 
 def test_a_recorder_that_has_caught_up_judges_as_one_that_was_never_behind() -> None:
-    told = play(*ALL_COME, until=STARTED + 7.0)
-    gone, dead = at(STARTED + 7.0), at(STARTED + 7.0 + FAILED_S)
-    told.conductor.note_presence("v2", alive=False, at=gone)
-    told.conductor.advance(at(STARTED + 9.0), connected=True, recorded_until=dead - PERIOD_NS)
-    assert told.conductor.phase is Phase.RUNNING
-    told.conductor.advance(at(STARTED + 9.1), connected=True, recorded_until=dead)
-    assert told.reason == "v2 died 7.0 s after the start"
+    outcome = play(*ALL_COME, until=STARTED + 7.0)
+    gone, failed = at(STARTED + 7.0), at(STARTED + 7.0 + FAILED_S)
+    outcome.conductor.note_presence("v2", alive=False, at=gone)
+    outcome.conductor.advance(at(STARTED + 9.0), connected=True, recorded_until=failed - PERIOD_NS)
+    assert outcome.conductor.phase is Phase.RUNNING
+    outcome.conductor.advance(at(STARTED + 9.1), connected=True, recorded_until=failed)
+    assert outcome.reason == "v2 failed 7.0 s after the start"
 
 
 # ---- Stopping
 
 
 def test_the_first_reason_to_stop_stays() -> None:
-    told = play(*ALL_COME, until=5.0)
-    told.conductor.stop("stopped by SIGINT")
-    told.conductor.stop("something else")
-    assert told.conductor.phase is Phase.OVER
-    assert told.reason == "stopped by SIGINT"
-    assert told.conductor.advance(at(60.0), connected=False) == []
-    assert told.reason == "stopped by SIGINT"
+    outcome = play(*ALL_COME, until=5.0)
+    outcome.conductor.stop("stopped by SIGINT")
+    outcome.conductor.stop("something else")
+    assert outcome.conductor.phase is Phase.OVER
+    assert outcome.reason == "stopped by SIGINT"
+    assert outcome.conductor.advance(at(60.0), connected=False) == []
+    assert outcome.reason == "stopped by SIGINT"
 
 
 names = st.sampled_from(CONVOY)
@@ -433,19 +443,19 @@ anything = st.builds(
 )
 
 
-@given(history=st.lists(anything, max_size=12), goes_on=st.booleans())
+@given(history=st.lists(anything, max_size=12), continues=st.booleans())
 @examples(20, 60)
-def test_every_run_ends(history: list[Event], *, goes_on: bool) -> None:
+def test_every_run_ends(history: list[Event], *, continues: bool) -> None:
     longest = GATHER_S + LEAD_TIME_S + DURATION_S
     patience = (FINAL_COUNTERS_NS + ROUTER_LOST_AFTER_NS) / SECOND + 1.0
-    told = play(*history, goes_on=goes_on, until=longest + patience)
-    assert told.over is not None
-    assert told.over <= longest + patience
-    if told.reason == "":  # as planned: all who live have finished, and not all of them early
+    outcome = play(*history, continues=continues, until=longest + patience)
+    assert outcome.over is not None
+    assert outcome.over <= longest + patience
+    if outcome.reason == "":  # as planned: all who live have finished, and not all of them early
         finished = {event.split()[0] for _, event in history if event.endswith(("ends", "shes"))}
-        dead = {line.split()[0] for line in told.lines if " died " in line}
-        assert finished | dead >= set(CONVOY)
-        assert goes_on or not any(" left " in line for line in told.lines)
+        failed = {line.split()[0] for line in outcome.lines if " failed " in line}
+        assert finished | failed >= set(CONVOY)
+        assert continues or not any(" left " in line for line in outcome.lines)
 
 
 # ---- A crash that was asked for
@@ -467,14 +477,14 @@ def crash(vehicle: str, seconds: float, for_s: float | None, table: str = "") ->
     ("said", "back_s", "reason"),
     [
         (crash("v2", 6.0, 3.0), 9.5, ""),
-        (crash("v2", 6.0, 3.0), None, "v2 died"),
-        (crash("v2", 6.0, None), 9.5, "v2 died"),
-        (crash("v3", 6.0, 3.0), 9.5, "v2 died"),
-        (crash("v2", 6.0, 3.0, table="nonsense"), 9.5, "v2 died"),
+        (crash("v2", 6.0, 3.0), None, "v2 failed"),
+        (crash("v2", 6.0, None), 9.5, "v2 failed"),
+        (crash("v3", 6.0, 3.0), 9.5, "v2 failed"),
+        (crash("v2", 6.0, 3.0, table="nonsense"), 9.5, "v2 failed"),
     ],
     ids=["is back", "stays away", "for good", "another one", "nonsense"],
 )
-def test_one_that_starts_anew_as_asked_is_waited_for(
+def test_one_that_restarts_as_requested_is_waited_for(
     said: Change, back_s: float | None, reason: str
 ) -> None:
     conductor = play(*ALL_COME, until=6.0).conductor
@@ -488,7 +498,7 @@ def test_one_that_starts_anew_as_asked_is_waited_for(
     assert (conductor.phase is Phase.OVER) == bool(reason)
 
 
-def test_one_that_is_down_at_the_end_has_time_for_its_last_words() -> None:
+def test_one_that_is_down_at_the_end_has_time_for_its_final_counters() -> None:
     conductor = play(*ALL_COME, until=ENDED - 0.2).conductor
     conductor.listen(at(ENDED - 0.2), crash("v2", ENDED - 0.2, 60.0))
     conductor.note_presence("v2", alive=False, at=at(ENDED - 0.1))

@@ -204,7 +204,7 @@ def test_a_child_hears_its_reason_and_no_signal_to_it_is_lost() -> None:
 supervisor = Supervisor(doing(wait_for_the_end))
 told = supervisor.start("told", ["told"], piped=True)
 told.process.stdout.readline()
-supervisor.send_reason("told", "v2 died")
+supervisor.send_reason("told", "v2 failed")
 print(ended(told))
 for _ in range(25):  # it may come at any instant of its life
     child = supervisor.start("one", ["one"])

@@ -107,7 +107,7 @@ def test_deaths_are_seen_reasons_told_and_the_stubborn_killed(supervisor: Superv
     assert describe(killed) == "killed was killed by signal 9"
     assert supervisor.ended() == []  # told once
 
-    supervisor.send_reason("told", "v2 died; the run ends")
+    supervisor.send_reason("told", "v2 failed; the run ends")
     supervisor.send_reason("killed", "too late")
     supervisor.send_reason("nobody", "nothing happens")
     until(lambda: told.exit_code is not None)

@@ -36,7 +36,7 @@ def scenario() -> Scenario:
         (
             10.0,
             0.5,
-            "run mine is off for this vehicle: its clock is 10.0 s ahead of the recorder's",
+            "run mine rejects this vehicle: its clock is 10.0 s ahead of the recorder's",
         ),
         (10.0, -3.0, "run mine had started before this vehicle joined"),
     ],
@@ -96,7 +96,7 @@ def test_a_recorder_that_catches_up_is_waited_for_as_long_as_it_gives_signs(
             vehicle.drive(lambda _: None)
             assert vehicle.exit_code == 0
         else:
-            with pytest.raises(RunCancelledError, match="no word of its end from the recorder"):
+            with pytest.raises(RunCancelledError, match="the recorder announced no end"):
                 vehicle.drive(lambda _: None)
     finally:
         over.set()

@@ -79,8 +79,13 @@ def test_what_could_not_be_measured_has_not_passed() -> None:
 
 
 def test_a_run_that_failed_for_another_reason_has_a_row_of_its_own() -> None:
-    first, second = rows_of([run(limit(0.3), other="v2 died")])
-    assert (first.limit, first.passed, first.line, first.label) == ("run", False, "v2 died", "run")
+    first, second = rows_of([run(limit(0.3), other="v2 failed")])
+    assert (first.limit, first.passed, first.line, first.label) == (
+        "run",
+        False,
+        "v2 failed",
+        "run",
+    )
     assert second.passed
 
 
@@ -111,7 +116,7 @@ def test_a_run_says_why_it_failed_besides_its_limits() -> None:
     summary = variant.run()
     (broken,) = (one.message for one in summary.limits)
     assert summary.reason == broken
-    for other in ("", "v2 died", "v2 died; v2 refused 3 messages"):
+    for other in ("", "v2 failed", "v2 failed; v2 refused 3 messages"):
         reason = "; ".join(filter(None, (other, broken)))
         found = drill_run(variant, replace(summary, reason=reason), 0.1)
         assert found.other_reason == other
@@ -140,7 +145,7 @@ def test_all_are_driven_and_none_twice() -> None:
 RUNS = [
     run(limit(0.3), limit(0.2, "modes[0]", action="in mode stop"), drill="good"),
     run(limit(0.75, message="v3 was <far> & off"), drill="bad"),
-    run(drill="odd", other="v2 died"),
+    run(drill="odd", other="v2 failed"),
 ]
 
 

@@ -103,13 +103,13 @@ def small_journal(folder: Path, asked: dict[str, Any] = ASKED) -> bytes:
     """Write a journal of two jobs; its bytes."""
     with open_journal(folder, asked) as journal:
         journal.add("0/1", {"figure": 0.25})
-        journal.add("0/2", {"error": "v2 died"})
+        journal.add("0/2", {"error": "v2 failed"})
         wanted = dict(journal.entries)
     assert wanted == WANTED
     return (folder / JOURNAL).read_bytes()
 
 
-WANTED: dict[str, dict[str, Any]] = {"0/1": {"figure": 0.25}, "0/2": {"error": "v2 died"}}
+WANTED: dict[str, dict[str, Any]] = {"0/1": {"figure": 0.25}, "0/2": {"error": "v2 failed"}}
 
 
 def check_redone(folder: Path, line_of_damage: int | None) -> None:

@@ -112,13 +112,13 @@ def test_modes_change_for_a_reason_once_and_all_come_back(case: int) -> None:
     ran = cut(case)
     for name, told in ran.followers.items():
         entered: dict[Mode, float] = {}
-        lines = iter(one for one in told.lines if one.startswith("steers along: "))
+        lines = iter(one for one in told.lines if one.startswith("mode "))
         next(lines)
         for before, tracking in pairwise(told.tracking):
             if tracking.mode == before.mode:
                 continue
             now = ran.seconds(tracking)
-            assert next(lines) == f"steers along: {tracking.mode} ({tracking.reason})"
+            assert next(lines) == f"mode {tracking.mode} ({tracking.reason})"
             assert " s" in tracking.reason
             assert " m " in tracking.reason
             assert now - entered.get(tracking.mode, -math.inf) >= 1.0 - 1e-9

@@ -65,7 +65,7 @@ def test_the_log_says_why_a_car_brakes_whose_road_is_known() -> None:
     asked = ("duration_s=12", "links.preset=tunnel")
     said = drive(load_scenario("lane_change", asked)).texts
     braked = [text for text in said["v3"] if text.text.startswith("brakes with v2")]
-    own = [text for text in said["v3"] if text.text.startswith("steers along: stop")]
+    own = [text for text in said["v3"] if text.text.startswith("mode stop")]
     assert len(braked) == len(own) == 1
     assert braked[0].logged_at_ns < own[0].logged_at_ns
     assert not [text for text in said["v2"] if "brakes with" in text.text]  # it heard none brake
