@@ -11,16 +11,25 @@ COLOURS: tuple[Colour, ...] = (
     (0x7D, 0x8C, 0xFF),
     (0xC9, 0xBB, 0x1E),
     (0x9A, 0x9A, 0x9A),
+    (0xA6, 0x6A, 0x3F),
+    (0x7F, 0xB8, 0x3A),
+    (0xA3, 0x5F, 0xD6),
+    (0x3F, 0x6F, 0xC0),
 )
-"""Colours of the lead and its followers, after Okabe and Ito: distinct for any colour vision, on
-dark and light backgrounds."""
+"""Colours of the lead and its followers, readable on dark and light backgrounds.
+
+The first eight, after Okabe and Ito, are distinct for any colour vision.
+"""
 
 
 def colour_of(place: int) -> Colour:
-    """Colour of the vehicle at position `place` in the convoy; after eight they repeat, darker."""
+    """Colour of the vehicle at `place` of the convoy; after twelve they repeat, darker."""
     if place == 0:
         return COLOURS[0]
     round_, place = divmod(place - 1, len(COLOURS) - 1)
-    red, green, blue = COLOURS[1 + place]
-    shade = (1.0, 0.6, 0.8)[round_ % 3]
-    return round(shade * red), round(shade * green), round(shade * blue)
+    return shaded(COLOURS[1 + place], (1.0, 0.6, 0.8)[round_ % 3])
+
+
+def shaded(colour: Colour, brightness_ratio: float) -> Colour:
+    red, green, blue = (round(brightness_ratio * part) for part in colour)
+    return red, green, blue

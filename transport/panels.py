@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-from transport.colours import Colour
+from transport.colours import Colour, colour_of, shaded
 from transport.topics import TOPICS
 from vehicles.messages import Message
 from vehicles.schedule import MILLISECOND
@@ -32,8 +32,9 @@ class Series:
     Its values are those of `field` in the log's messages of `topic`. The picture itself computes
     the values of series without a field and of topics that the bus does not carry. `name`
     distinguishes the series of a vehicle; `label`, `colour` and `width` are those of its curve, by
-    default the vehicle's. A state becomes "<state>, <flag>" while the Boolean field `flag` is true.
-    `first_follower` is False for series that the first follower lacks: its predecessor is the lead.
+    default the vehicle's colour times `brightness_ratio`. A state becomes "<state>, <flag>" while
+    the Boolean field `flag` is true. `first_follower` is False for series that the first follower
+    lacks: its predecessor is the lead.
     """
 
     topic: str = ""
@@ -41,9 +42,14 @@ class Series:
     name: str = ""
     label: str = ""
     colour: Colour | None = None
+    brightness_ratio: float = 1.0
     width: float = 1.5
     flag: str = ""
     first_follower: bool = True
+
+    def colour_at(self, place: int) -> Colour:
+        """Colour of the series of the vehicle at `place` of the convoy."""
+        return self.colour or shaded(colour_of(place), self.brightness_ratio)
 
     def label_of(self, vehicle: str) -> str:
         """Label of the series of `vehicle` in a legend."""
@@ -58,9 +64,8 @@ class Panel:
     colours `states`. Values are drawn in `unit`, `factor` times those of the messages, every
     `period_ns` (0: each of them). A vehicle that is not drawn in detail has no series, except in a
     panel of `every_vehicle`. `lead` states whether the lead has series and whether the panel shows
-    them. `marked` plots show the events. The y axis reaches to `range_spacings` spacings of the
-    convoy (0: fits the data). `plain_row` is the row in the layout for a plain log in Rerun (0:
-    absent), `foxglove` whether Foxglove's layout has the panel.
+    them. `marked` plots show the events. `plain_row` is the row in the layout for a plain log in
+    Rerun (0: absent), `foxglove` whether Foxglove's layout has the panel.
     """
 
     name: str
@@ -74,8 +79,6 @@ class Panel:
     every_vehicle: bool = False
     states: Mapping[str, Colour] = field(default_factory=dict)
     marked: bool = False
-    legend: bool = False
-    range_spacings: float = 0.0
     plain_row: int = 0
     foxglove: bool = False
 
@@ -102,10 +105,14 @@ class Panel:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Panels that share a place as tabs, and the share of the height that it takes."""
+    """Panels that share a place as tabs, and the share of the height that it takes.
+
+    `joint` are panels of states that share one view while there are few vehicles.
+    """
 
     share: int
     panels: tuple[Panel, ...]
+    joint: tuple[str, ...] = ()
 
 
 def flagged(state: str, flag: str) -> str:
@@ -135,42 +142,75 @@ _MODES = {
 # Colours of states are dark, and so differ from the colours of the cars.
 # fmt: off
 ROWS = (
-    Row(6, (
+    Row(4, (
         Panel(
             name="cross_track", title="True cross-track error", unit="m, left positive",
             kind="plot", series=(Series("deviation", "cross_track_error_m"),),
-            marked=True, legend=True, plain_row=1, foxglove=True,
+            marked=True, plain_row=1, foxglove=True,
         ),
         Panel(
-            name="tracking", title="Error as believed", unit="m",
+            name="tracking", title="Self-estimated error", unit="m",
             kind="plot", series=(Series("tracking", "lateral_error_m"),),
             lead="shown", plain_row=2, foxglove=True,
         ),
+        Panel(
+            name="steering", title="Steering", unit="deg",
+            kind="plot", series=(Series("command", "steering_rad"),), factor=math.degrees(1.0),
+            period_ns=CURVE_NS, lead="shown",
+        ),
     )),
-    Row(6, (
+    Row(4, (
         Panel(
             name="closing", title="Road ahead of {vehicle}", unit="m",
             kind="plot_of_one",
             series=(
                 Series("tracking", "comfortable_stop_m", name="comfortable_stop",
-                       label="stop, comfortably", colour=(0x6F, 0x8F, 0x4F)),
+                       label="comfortable stop", colour=(0x6F, 0x8F, 0x4F)),
                 Series("tracking", "firm_stop_m", name="firm_stop",
-                       label="stop, firmly", colour=(0xD0, 0x40, 0x40)),
+                       label="firm stop", colour=(0xD0, 0x40, 0x40)),
                 Series("tracking", "known_m", name="known",
-                       label="road known", colour=(0xF2, 0xF2, 0xF2), width=2.5),
+                       label="known path", colour=(0x2F, 0x8C, 0xFF), width=2.5),
             ),
-            period_ns=CURVE_NS, marked=True, legend=True, range_spacings=3.0,
-            plain_row=3, foxglove=True,
+            period_ns=CURVE_NS, marked=True, plain_row=3, foxglove=True,
+        ),
+        Panel(
+            name="age", title="Pose age, lead bright, predecessor dark", unit="s",
+            kind="plot",
+            series=(
+                Series("tracking", "lead_age_s", name="lead"),
+                Series("tracking", "predecessor_age_s", name="predecessor",
+                       brightness_ratio=0.6, first_follower=False),
+            ),
+            period_ns=SLOW_CURVE_NS, foxglove=True,
+        ),
+        Panel(
+            name="received", title="Received in the last second", unit="%",
+            kind="plot",
+            series=(
+                Series("tracking", "lead_received_ratio", name="lead"),
+                Series("tracking", "predecessor_received_ratio", name="predecessor",
+                       brightness_ratio=0.6, first_follower=False),
+            ),
+            factor=100.0, period_ns=SLOW_CURVE_NS,
+        ),
+        Panel(
+            name="weight", title="Weight of the predecessor", unit="%",
+            kind="plot", series=(Series("tracking", "predecessor_weight_ratio"),),
+            factor=100.0, period_ns=SLOW_CURVE_NS,
+        ),
+        Panel(
+            name="loss", title="Loss by half second", unit="%",
+            kind="plot", factor=100.0,
         ),
     )),
     Row(4, (
         Panel(
-            name="true_gap", title="True gap", unit="m",
+            name="true_gap", title="Gap, true", unit="m",
             kind="plot", series=(Series("deviation", "true_gap_m"),),
             marked=True, plain_row=4, foxglove=True,
         ),
         Panel(
-            name="gap", title="Estimated gap", unit="m",
+            name="gap", title="Gap, estimated", unit="m",
             kind="plot", series=(Series("tracking", "estimated_gap_m"),),
             plain_row=4, foxglove=True,
         ),
@@ -179,21 +219,26 @@ ROWS = (
             kind="plot", series=(Series("truth", "speed_mps"),),
             period_ns=SLOW_CURVE_NS, lead="shown",
         ),
-        Panel(
-            name="steering", title="Steering", unit="deg",
-            kind="plot", series=(Series("command", "steering_rad"),), factor=math.degrees(1.0),
-            period_ns=CURVE_NS, lead="shown",
-        ),
     )),
-    Row(6, (
+    Row(9, (
         Panel(
-            name="mode", title="Steers along",
+            name="links", title="Links",
+            kind="states",
+            states={
+                OK: STATE_GREEN,
+                LATE: STATE_BLUE,
+                **{state: _loss_colour(k / 9.0) for k, state in enumerate(LOSSES)},
+                SILENT: STATE_PURPLE,
+            },
+        ),
+        Panel(
+            name="mode", title="Modes",
             kind="states", series=(Series("tracking", "mode", flag="hazard"),),
             states=_MODES | {flagged(mode, "hazard"): _MODES[mode] for mode in _MODES},
             lead="hidden", every_vehicle=True, foxglove=True,
         ),
         Panel(
-            name="sources", title="Sources",
+            name="sources", title="Status of the sources",
             kind="states",
             series=(
                 Series("tracking", "lead_status", name="lead"),
@@ -208,52 +253,11 @@ ROWS = (
                 "lost": STATE_RED,
             },
         ),
-    )),
-    Row(4, (
-        Panel(
-            name="age", title="Age of lead's and predecessor's newest pose", unit="s",
-            kind="plot",
-            series=(
-                Series("tracking", "lead_age_s", name="lead"),
-                Series("tracking", "predecessor_age_s", name="predecessor"),
-            ),
-            period_ns=SLOW_CURVE_NS, foxglove=True,
-        ),
-        Panel(
-            name="received", title="Received of the last second", unit="%",
-            kind="plot",
-            series=(
-                Series("tracking", "lead_received_ratio", name="lead"),
-                Series("tracking", "predecessor_received_ratio", name="predecessor"),
-            ),
-            factor=100.0, period_ns=SLOW_CURVE_NS,
-        ),
-        Panel(
-            name="weight", title="Weight of the predecessor", unit="%",
-            kind="plot", series=(Series("tracking", "predecessor_weight_ratio"),),
-            factor=100.0, period_ns=SLOW_CURVE_NS,
-        ),
-    )),
-    Row(6, (
-        Panel(
-            name="links", title="Links, each half second",
-            kind="states",
-            states={
-                OK: STATE_GREEN,
-                LATE: STATE_BLUE,
-                **{state: _loss_colour(k / 9.0) for k, state in enumerate(LOSSES)},
-                SILENT: STATE_PURPLE,
-            },
-        ),
-        Panel(
-            name="loss", title="Lost of each half second's", unit="%",
-            kind="plot", factor=100.0,
-        ),
         Panel(
             name="messages", title="Messages (zoom in)",
             kind="states", states={OK: STATE_GREEN, LATE: STATE_BLUE, "lost": STATE_RED},
         ),
-    )),
+    ), joint=("links", "mode")),
 )
 # fmt: on
 PANELS: Mapping[str, Panel] = {panel.name: panel for row in ROWS for panel in row.panels}

@@ -3,7 +3,6 @@
 import json
 from collections.abc import Sequence
 
-from transport.colours import colour_of
 from transport.panels import PANELS, Panel
 
 KINDS = {"plot": "Plot", "states": "StateTransitions", "plot_of_one": "Plot"}
@@ -75,8 +74,8 @@ def _panel(panel: Panel, vehicles: Sequence[str]) -> dict[str, object]:
     if panel.kind == "states":
         return shown
     for path, (place, _, series) in zip(paths, drawn, strict=True):
-        colour = series.colour or colour_of(place)
-        path |= {"color": "#{:02x}{:02x}{:02x}".format(*colour), "enabled": True}
+        colour = "#{:02x}{:02x}{:02x}".format(*series.colour_at(place))
+        path |= {"color": colour, "enabled": True}
     return {
         **shown,
         "showLegend": True,

@@ -5,6 +5,7 @@ view              opens and closes the picture there
 recording_writer  turns messages into entities of the recording
 shapes            cars, road, name tags
 detail            level of detail of a long convoy
+axes              axes of the plots
 curves            curves and states over time, by the table of panels
 marks             marks of events in plans and plots
 link_states       states of each link over half seconds

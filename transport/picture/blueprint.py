@@ -12,13 +12,15 @@ Entities are named by quantity first and vehicle last, because a view contains w
       cars/<vehicle>/…      the car, with a ring if it is furthest off the lead's path
     plots/<quantity>/<vehicle>, plots/<quantity>/events/<kind>
     plots/closing/<vehicle>/<curve>    the known road ahead, and braking distances
-    links/<vehicle>/from_<sender>      state of the link in each half second
-    messages/<vehicle>/from_<sender>   verdict on each message
+    links/<sender>_to_<receiver>       state of the link in each half second
+    messages/<sender>_to_<receiver>    verdict on each message
     sources/<vehicle>/<source>         status of lead and predecessor
     mode/<vehicle>, log/<vehicle>
+    legend                             colours of vehicles, curves and marks
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
 import rerun as rr
@@ -26,7 +28,8 @@ import rerun.blueprint as rrb
 from rerun.blueprint import encodings
 
 from transport.colours import Colour
-from transport.panels import ROWS, Panel, Row
+from transport.panels import PANELS, ROWS, Panel, Row
+from transport.picture.axes import WIDEST_LABEL_PX, ValueAxis, whole_run
 from transport.picture.detail import Detail
 
 Shape = Literal["Asterisk", "Circle", "Cross", "Diamond", "Down", "Plus", "Square", "Up"]
@@ -37,41 +40,66 @@ TIMELINE = "run_time"
 
 MARGIN_M = 4.0
 """Margin of the view that moves along, about the centre of a car."""
-MAX_LEGEND = 4
-"""A legend of more vehicles would hide the curves; the name tags have the same colours."""
+FEW_VEHICLES = 5
+"""Largest convoy of which one view holds the states of links and modes."""
+TAG_RATIO = 0.03
+"""Distance of a name tag from its car, in widths of the view: that of its height on the screen."""
+MIN_TAG_M = 4.0
+LEGEND_WIDTH, LEGEND_HEIGHT = 100.0, 7.4
+"""Size of the legend in its own unit, nearly nine pixels in a window of 1600."""
 ROAD = (0x6A, 0x6A, 0x6A)
 
-LANE_EDGE = (0x45, 0x45, 0x45)
-WORST = (0x00, 0xE5, 0xFF)
+LANE_EDGE = (0x58, 0x58, 0x58)
+WORST = (0x00, 0xB4, 0xC8)
 
 EVENTS: dict[str, tuple[Colour, Shape, float]] = {
-    "distrust": ((0xFF, 0xFF, 0x99), "Plus", 6.0),
-    "slide": ((0x00, 0xFF, 0xFF), "Down", 5.0),
-    "stop": ((0xFF, 0xCC, 0xCC), "Cross", 6.0),
-    "path_lost": ((0x00, 0xFF, 0x00), "Square", 4.0),
+    "distrust": ((0x69, 0x00, 0xF0), "Plus", 6.0),
+    "slide": ((0x00, 0xC3, 0xFF), "Down", 5.0),
+    "stop": ((0xC3, 0x00, 0x4B), "Cross", 6.0),
+    "path_lost": ((0x00, 0xD2, 0x00), "Square", 4.0),
     "lane_departure": ((0xFF, 0x00, 0xFF), "Up", 7.0),
-    "near_miss": ((0xFF, 0xFF, 0x00), "Diamond", 7.0),
+    "near_miss": ((0xFF, 0x96, 0x69), "Diamond", 7.0),
     "collision": ((0xFF, 0x00, 0x00), "Asterisk", 10.0),
 }
-"""Colours of events, brighter than those of the cars, and their shapes and sizes in the plots; the
-worst comes last and so above the others."""
-MARKS = {"change": ((0xFF, 0xFF, 0xFF), "Circle", 5.0), **EVENTS}
+"""Colours of events, readable on dark and light backgrounds and unlike those of the cars, and their
+shapes and sizes in the plots; the worst comes last and so above the others."""
+MARKS = {"change": ((0x00, 0x3C, 0xFF), "Circle", 5.0), **EVENTS}
 """The same of all marks: changes to the convoy, and events."""
-MIN_RANGE_M = 40.0
 
 
-def blueprint(vehicles: Sequence[str], *, spacing_m: float, road: Road | None) -> rrb.Blueprint:
+@dataclass(frozen=True, slots=True)
+class RunExtent:
+    """What is known of a run when its layout is made.
+
+    `duration_s` is that of the run; `values` are the smallest and the largest value of each plot
+    by its entity; `worst` is the vehicle whose own plots are in front. All are unknown while a run
+    is live, apart from the configured duration.
+    """
+
+    duration_s: float | None = None
+    values: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    worst: str = ""
+
+
+def blueprint(
+    vehicles: Sequence[str],
+    *,
+    spacing_m: float,
+    road: Road | None,
+    extent: RunExtent = RunExtent(),
+) -> rrb.Blueprint:
     """Layout for `vehicles`, lead first, that drive about `spacing_m` apart on `road`."""
     flat = road is not None and _is_flat(road)
     detail = Detail(vehicles)
-    rows = [(row, tabs) for row in ROWS if (tabs := _tabs(row, vehicles, detail, spacing_m))]
+    rows = [(row, tabs) for row in ROWS if (tabs := _tabs(row, vehicles, detail, extent))]
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(
                 _convoy_view(vehicles, Reach.of(detail.shown, spacing_m, road)),
                 _plan_view(vehicles, spacing_m, road),
+                legend_view(),
                 _log_view(),
-                row_shares=[4, 2, 2] if flat else [3, 4, 2],
+                row_shares=[4, 2, 0.72, 3] if flat else [3, 3.5, 0.72, 2.5],
             ),
             rrb.Vertical(*(tabs for _, tabs in rows), row_shares=[row.share for row, _ in rows]),
             column_shares=[5, 4],
@@ -100,6 +128,11 @@ class Reach(NamedTuple):
         aside = 8.0 if flat else min(max(8.0, 0.5 * (ahead + behind)), 25.0)
         return cls(behind + 8.0, ahead + 25.0, aside)
 
+    @property
+    def tag_m(self) -> float:
+        """Distance of name tags from their cars (m)."""
+        return max(MIN_TAG_M, TAG_RATIO * (self.behind + self.ahead))
+
     def zoom_for(self, ahead: float, left: float) -> float:
         """Factor by which it has to grow to show a place (m), at least 1."""
         along = (
@@ -113,7 +146,11 @@ def _convoy_view(vehicles: Sequence[str], reach: Reach) -> rrb.Spatial2DView:
     return rrb.Spatial2DView(
         name="Convoy (driving to the right)",
         origin="world/convoy",
-        contents=["/world/**", *(f"- /world/cars/{name}/dot" for name in vehicles)],
+        contents=[
+            "/world/**",
+            *(f"- /world/cars/{name}/dot" for name in vehicles),
+            f"- /world/cars/{vehicles[0]}/plan_name",
+        ],
         visual_bounds=rrb.VisualBounds2D(
             x_range=[-reach.behind, reach.ahead], y_range=[-reach.aside, reach.aside]
         ),
@@ -123,12 +160,8 @@ def _convoy_view(vehicles: Sequence[str], reach: Reach) -> rrb.Spatial2DView:
 
 def _plan_view(vehicles: Sequence[str], spacing_m: float, road: Road | None) -> rrb.Spatial2DView:
     """The convoy on the road, as dots where cars would be too small."""
-    small = road is not None and spacing_m < 0.04 * _extent(road)
-    hidden = (
-        [f"- /world/cars/{name}/name" for name in vehicles[1:]]
-        if small
-        else [f"- /world/cars/{name}/dot" for name in vehicles]
-    )
+    small = is_small(road, spacing_m)
+    hidden = [f"- /world/cars/{name}/{'name' if small else 'dot'}" for name in vehicles]
     hidden += [f"- /world/cars/{name}/worst/name" for name in vehicles]
     hidden += [f"- /world/events/{kind}/name" for kind in MARKS]
     return rrb.Spatial2DView(
@@ -138,6 +171,16 @@ def _plan_view(vehicles: Sequence[str], spacing_m: float, road: Road | None) -> 
         visual_bounds=_bounds(road, 0.04 if small else 0.12) if road else None,
         overrides=_all_until_now(vehicles),
     )
+
+
+def is_small(road: Road | None, spacing_m: float) -> bool:
+    """Whether cars are too small to be seen in the plan of a road."""
+    return road is not None and spacing_m < 0.04 * _extent(road)
+
+
+def plan_tag_m(road: Road) -> float:
+    """Distance of the lead's name tag from its dot in the plan (m)."""
+    return 1.2 * TAG_RATIO * _extent(road)
 
 
 def _bounds(road: Road, margin_ratio: float) -> rrb.VisualBounds2D:
@@ -162,12 +205,24 @@ def _is_flat(road: Road) -> bool:
     return max(east) - min(east) >= 4.0 * (max(north) - min(north))
 
 
+def legend_view() -> rrb.Spatial2DView:
+    """Colours of vehicles, curves and marks, in a strip of its own."""
+    return rrb.Spatial2DView(
+        name="Legend",
+        titlebar=False,
+        origin="legend",
+        visual_bounds=rrb.VisualBounds2D(x_range=[0.0, LEGEND_WIDTH], y_range=[0.0, LEGEND_HEIGHT]),
+    )
+
+
 def _log_view() -> rrb.TextLogView:
+    """Log lines, which begin with their time: the viewer's own column cuts long times."""
     return rrb.TextLogView(
         name="Log",
         origin="log",
+        format_options=rrb.TextLogFormat(monospace_body=True),
         columns=rrb.TextLogColumns(
-            timeline_columns=[encodings.TimelineColumn(TIMELINE)],
+            timeline_columns=[encodings.TimelineColumn(TIMELINE, visible=False)],
             text_log_columns=[
                 encodings.TextLogColumn(encodings.TextLogColumnKind.LogLevel),
                 encodings.TextLogColumn(encodings.TextLogColumnKind.Body),
@@ -196,43 +251,51 @@ def middle(count: int) -> int:
     return count // 2
 
 
-def _tabs(row: Row, vehicles: Sequence[str], detail: Detail, spacing_m: float) -> rrb.Tabs | None:
-    """Panels of a row; None without any. Of plots by follower that of the followed one is open."""
+def _tabs(row: Row, vehicles: Sequence[str], detail: Detail, extent: RunExtent) -> rrb.Tabs | None:
+    """Panels of a row; None without any.
+
+    Of panels by follower that of the worst vehicle comes first, and those of the others last.
+    """
     tabs: list[rrb.View] = []
-    active = None
+    others: list[rrb.View] = []
+    followers = list(detail.names[1:])
+    if len(vehicles) <= FEW_VEHICLES and row.joint:
+        tabs.append(_states([PANELS[name] for name in row.joint], vehicles[0], extent))
     for panel in row.panels:
         match panel.kind:
             case "plot":
-                tabs.append(_plot(panel, legend=len(vehicles) <= MAX_LEGEND))
+                tabs.append(_plot(panel, "", extent))
             case "states":
-                tabs.append(_states(panel, lead=vehicles[0]))
-            case "plot_of_one":
-                active = len(tabs) + middle(len(detail.names)) - 1
-                most = max(panel.range_spacings * (detail.shown - 1) * spacing_m, MIN_RANGE_M)
-                tabs += [_plot_of_one(panel, name, most) for name in detail.names[1:]]
-    return rrb.Tabs(*tabs, active_tab=active) if tabs else None
+                tabs.append(_states([panel], vehicles[0], extent))
+            case "plot_of_one" if followers:
+                usual = followers[middle(len(detail.names)) - 1]
+                worst = extent.worst if extent.worst in followers else usual
+                tabs.append(_plot(panel, worst, extent))
+                others += [_plot(panel, name, extent) for name in followers if name != worst]
+    return rrb.Tabs(*tabs, *others, active_tab=0) if tabs else None
 
 
-def _plot(panel: Panel, *, legend: bool) -> rrb.TimeSeriesView:
-    return rrb.TimeSeriesView(
-        name=panel.heading(""),
-        origin=f"plots/{panel.name}",
-        plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=panel.legend and legend),
-    )
-
-
-def _plot_of_one(panel: Panel, vehicle: str, most: float) -> rrb.TimeSeriesView:
-    """Plot of one follower, up to `most` if the panel has a range."""
+def _plot(panel: Panel, vehicle: str, extent: RunExtent) -> rrb.TimeSeriesView:
+    """Plot of all vehicles, or of one; its legend is the picture's, which covers no data."""
+    origin = f"plots/{panel.name}/{vehicle}".rstrip("/")
+    values = extent.values.get(origin)
+    axis = ValueAxis.around(*values) if values else None
     return rrb.TimeSeriesView(
         name=panel.heading(vehicle),
-        origin=f"plots/{panel.name}/{vehicle}",
-        plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop, visible=panel.legend),
-        axis_y=rrb.ScalarAxis(range=(-0.2 * most, most)) if panel.range_spacings else None,
+        origin=origin,
+        plot_legend=rrb.PlotLegend(visible=False),
+        axis_x=whole_run(extent.duration_s, axis.labels_px if axis else WIDEST_LABEL_PX),
+        axis_y=rrb.ScalarAxis(range=(axis.low, axis.high)) if axis else None,
     )
 
 
-def _states(panel: Panel, *, lead: str) -> rrb.StateTimelineView:
-    hidden = [f"- /{panel.name}/{lead}"] if panel.lead == "hidden" else []
+def _states(panels: Sequence[Panel], lead: str, extent: RunExtent) -> rrb.StateTimelineView:
+    shown = [f"/{panel.name}/**" for panel in panels]
+    hidden = [f"- /{panel.name}/{lead}" for panel in panels if panel.lead == "hidden"]
+    first, *others = (panel.heading("") for panel in panels)
     return rrb.StateTimelineView(
-        name=panel.heading(""), origin=panel.name, contents=[f"/{panel.name}/**", *hidden]
+        name=" and ".join([first, *(title.lower() for title in others)]),
+        origin=panels[0].name if len(panels) == 1 else "/",
+        contents=[*shown, *hidden],
+        time_view=whole_run(extent.duration_s, 0.0),
     )

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import rerun as rr
 
-from transport.colours import Colour
+from transport.colours import Colour, colour_of
 from transport.panels import PANELS, Panel, Series, flagged, panels_of
 from transport.picture.blueprint import TIMELINE
 from transport.picture.detail import Detail
@@ -19,37 +19,30 @@ from vehicles.schedule import Timer
 class Curves:
     """Curves, sent in batches at a tenth of the cost of single values.
 
-    A curve's name is its vehicle, or begins with it and a slash; `colours` are by vehicle.
+    A curve's name is its vehicle or link, or begins with the vehicle and a slash.
     """
 
     def __init__(self, recording: rr.RecordingStream) -> None:
         self._recording = recording
         self._curves: dict[str, tuple[list[int], list[float]]] = {}
-        self.colours: dict[str, Colour] = {}
+        self._extents: dict[str, tuple[float, float]] = {}
 
-    def style(self, quantity: str, name: str, words: str, colour: Colour, width: float) -> None:
+    def has(self, quantity: str, name: str) -> bool:
+        return f"plots/{quantity}/{name}" in self._curves
+
+    def start(
+        self, quantity: str, name: str, label: str, colour: Colour, width: float = 1.5
+    ) -> None:
         """Set label, colour and width of a curve, before its first value."""
         entity = f"plots/{quantity}/{name}"
-        if entity not in self._curves:
-            self._curves[entity] = ([], [])
-            self._log_style(entity, words, colour, width)
-
-    def _log_style(self, entity: str, words: str, colour: Colour, width: float) -> None:
-        style = rr.SeriesLines(colors=[colour], names=[words], widths=[width])
+        self._curves[entity] = ([], [])
+        style = rr.SeriesLines(colors=[colour], names=[label], widths=[width])
         self._recording.log(entity, style, static=True)
 
     def add(self, quantity: str, name: str, at: int, value: float) -> None:
-        """Add a finite value at instant `at` (ns); others, such as unknown ages, are left out."""
-        if not math.isfinite(value):
-            return
-        entity = f"plots/{quantity}/{name}"
-        curve = self._curves.get(entity)
-        if curve is None:
-            curve = self._curves[entity] = ([], [])
-            colour = self.colours[name.partition("/")[0]]
-            self._log_style(entity, name.replace("/", " "), colour, 1.5)
-        curve[0].append(at)
-        curve[1].append(value)
+        times, values = self._curves[f"plots/{quantity}/{name}"]
+        times.append(at)
+        values.append(value)
 
     def send(self, start: int) -> None:
         """Send the values since the last call; the run began at instant `start` (ns)."""
@@ -63,8 +56,19 @@ class Curves:
                 ]
                 scalars = rr.Scalars.columns(scalars=values)
                 self._recording.send_columns(entity, columns, scalars)
+                low, high = self._extents.get(entity, (math.inf, -math.inf))
+                self._extents[entity] = (min(low, *values), max(high, *values))
                 times.clear()
                 values.clear()
+
+    def extents(self) -> dict[str, tuple[float, float]]:
+        """Smallest and largest value sent, by plot: of all curves, and of those of one vehicle."""
+        extents: dict[str, tuple[float, float]] = {}
+        for entity, (low, high) in self._extents.items():
+            for plot in {"/".join(entity.split("/")[:depth]) for depth in (2, 3)}:
+                least, most = extents.get(plot, (low, high))
+                extents[plot] = (min(least, low), max(most, high))
+        return extents
 
 
 class States:
@@ -119,7 +123,7 @@ class PanelSeries:
                 continue
             for series in panel.series:
                 if series.first_follower or place > 1:
-                    self._add(panel, series, message, at)
+                    self._add(panel, series, message, place, at)
 
     def _is_due(self, panel: Panel, vehicle: str, at: int) -> bool:
         timer = self._timers.get((vehicle, panel.name))
@@ -127,7 +131,7 @@ class PanelSeries:
             timer = self._timers[vehicle, panel.name] = Timer(panel.period_ns)
         return timer.is_due(at)
 
-    def _add(self, panel: Panel, series: Series, message: Message, at: int) -> None:
+    def _add(self, panel: Panel, series: Series, message: Message, place: int, at: int) -> None:
         name = f"{message.vehicle}/{series.name}" if series.name else message.vehicle
         value = getattr(message, series.field)
         if panel.kind == "states":
@@ -135,22 +139,34 @@ class PanelSeries:
                 value = flagged(value, series.flag)
             self._states.show(panel.name, name, value, at)
             return
-        if series.colour:
-            self._curves.style(panel.name, name, series.label, series.colour, series.width)
-        self._curves.add(panel.name, name, at, panel.factor * value)
+        value *= panel.factor
+        if not math.isfinite(value):  # such as an unknown age
+            return
+        if not self._curves.has(panel.name, name):
+            label, colour = series.label_of(message.vehicle), series.colour_at(place)
+            self._curves.start(panel.name, name, label, colour, series.width)
+        self._curves.add(panel.name, name, at, value)
 
     def count(self, verdict: LinkVerdict) -> None:
-        """Show what became of a message, and count it for the state of its link."""
-        link = f"{verdict.vehicle}/from_{verdict.sender}"
+        """Show the state of a message, and count it for the state of its link."""
+        link = link_name(verdict.sender, verdict.vehicle)
         self._links.count(link, verdict)
         state = message_state(verdict)
         if state:
             self._states.show("messages", link, state, verdict.received_at_ns)
 
-    def show_links(self, receiver: str, at: int) -> None:
-        """Show the states of the links into a vehicle, up to its own instant `at` (ns)."""
+    def show_links(self, receiver: str, place: int, at: int) -> None:
+        """Show the states of the links into the vehicle at `place`, up to its instant `at` (ns)."""
         for window in self._links.passed(receiver, at):
             self._states.show("links", window.link, window.state, window.at)
             if window.loss_ratio is not None:
                 percent = PANELS["loss"].factor * window.loss_ratio
+                if not self._curves.has("loss", window.link):
+                    label = window.link.replace("_to_", " → ")
+                    self._curves.start("loss", window.link, label, colour_of(place))
                 self._curves.add("loss", window.link, window.at, percent)
+
+
+def link_name(sender: str, receiver: str) -> str:
+    """Name of a link in an entity's path, in which the viewer would escape an arrow."""
+    return f"{sender}_to_{receiver}"

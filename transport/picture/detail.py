@@ -5,7 +5,7 @@ More curves cannot be distinguished, and drawing all of them takes longer than t
 
 from collections.abc import Sequence
 
-MAX_ALL_DETAILED = 10
+MAX_ALL_DETAILED = 12
 """Largest convoy of which all vehicles are drawn in detail."""
 DETAILED = 8
 """Number of vehicles of a longer one that are drawn in detail."""

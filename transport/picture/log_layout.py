@@ -118,9 +118,7 @@ def _plain_row(panel: Panel) -> int:
 def _plot(panel: Panel, names: Sequence[str]) -> rrb.TimeSeriesView:
     followers = panel.followers(names)
     overrides: dict[Any, Any] = {
-        f"convoy/{name}/{panel.topic}": [
-            _curve(series, name, colour_of(place)) for series in panel.series
-        ]
+        f"convoy/{name}/{panel.topic}": [_curve(series, name, place) for series in panel.series]
         for place, name in followers.items()
     }
     return rrb.TimeSeriesView(
@@ -131,11 +129,11 @@ def _plot(panel: Panel, names: Sequence[str]) -> rrb.TimeSeriesView:
     )
 
 
-def _curve(series: Series, vehicle: str, colour: Colour) -> Any:
+def _curve(series: Series, vehicle: str, place: int) -> Any:
     message = TOPICS[series.topic].message.__name__ if series.topic in TOPICS else "Deviation"
     line = rr.SeriesLines(
         names=[series.label_of(vehicle)],
-        colors=[series.colour or colour],
+        colors=[series.colour_at(place)],
         widths=[series.width],
     )
     mapping = VisualizerComponentMapping(

@@ -9,8 +9,8 @@ import rerun as rr
 from transport.panels import PANELS
 from transport.picture.blueprint import MARKS
 
-NAMES_FROM_M, ROW_M = 2.0, 2.2
-"""Distance of the first row of names from the road, and between rows."""
+ROW_RATIO = 0.75
+"""Distance between rows of names, in distances of name tags."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,8 +25,8 @@ class Mark:
 
     @property
     def label(self) -> str:
-        what = self.text or self.kind.replace("_", " ")
-        return f"{what} {' '.join(reversed(self.vehicles))}"
+        title = self.text or self.kind.replace("_", " ")
+        return f"{title} {' '.join(reversed(self.vehicles))}"
 
     @property
     def plots(self) -> tuple[str, ...]:
@@ -58,19 +58,19 @@ class Marks:
             for plot in plots:
                 recording.log(f"plots/{plot}/events/{kind}", style, static=True)
 
-    def draw(self, mark: Mark, yaw: float) -> None:
+    def draw(self, mark: Mark, yaw: float, tag_m: float) -> None:
         """Draw a mark at the recording's present time, on a road in direction `yaw` (rad).
 
-        Names are to the right of the road, one row by kind.
+        Names are to the right of the road, one row by kind, the first of them at `tag_m`.
         """
         colour, _, _ = MARKS[mark.kind]
         spot = rr.Points2D(
             [mark.place], colors=[colour], radii=rr.Radius.ui_points(6.0), draw_order=40
         )
-        aside = NAMES_FROM_M + ROW_M * list(MARKS).index(mark.kind)
+        right_m = tag_m * (1.0 + ROW_RATIO * list(MARKS).index(mark.kind))
         (east, north), right = mark.place, (math.sin(yaw), -math.cos(yaw))
         name = rr.Points2D(
-            [[east + aside * right[0], north + aside * right[1]]],
+            [[east + right_m * right[0], north + right_m * right[1]]],
             colors=[colour],
             radii=0.0,
             labels=[mark.label],

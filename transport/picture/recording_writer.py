@@ -1,16 +1,30 @@
 """Draws messages into a Rerun recording, live or from a log."""
 
 import math
+import textwrap
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 import rerun as rr
 
 from transport.colours import Colour, colour_of
-from transport.panels import SLOW_CURVE_NS
-from transport.picture.blueprint import TIMELINE, WORST, Reach, Road, blueprint, middle
+from transport.panels import PANELS, SLOW_CURVE_NS
+from transport.picture.blueprint import (
+    FEW_VEHICLES,
+    MARKS,
+    TIMELINE,
+    WORST,
+    Reach,
+    Road,
+    RunExtent,
+    blueprint,
+    is_small,
+    middle,
+    plan_tag_m,
+)
 from transport.picture.curves import Curves, PanelSeries, States
 from transport.picture.detail import Detail
 from transport.picture.marks import Mark, Marks
@@ -18,6 +32,7 @@ from transport.picture.shapes import (
     CarShape,
     car,
     lane_edges,
+    legend,
     line_style,
     name_tag,
     point_style,
@@ -56,6 +71,10 @@ DEFAULT_CAR = CarShape(4.93, 1.86, -0.1568)
 """A Lincoln MKZ, for vehicles of unknown size."""
 MAX_ZOOM = 4.0
 """Largest factor by which the view that moves along grows to show a vehicle other than the lead."""
+ZOOM_STEP = 1.25
+"""Factor between two sizes of that view for which name tags are placed."""
+LINE_LENGTH = 84
+"""Characters of a log line that fit in a window of 1280 pixels."""
 _LEVELS = {
     "debug": "DEBUG",
     "info": "INFO",
@@ -82,10 +101,12 @@ class RecordingWriter:
         cars: Mapping[str, CarShape],
         path: Road | None = None,
         lane_m: float | None = None,
+        duration_s: float | None = None,
     ) -> None:
         self._recording = recording
         self._cars = cars
         self._lead = vehicles[0]
+        self._layout = partial(blueprint, vehicles, spacing_m=spacing_m, road=path)
         self.detail = Detail(vehicles)
         self._reach = Reach.of(self.detail.shown, spacing_m, path)
         self._start: int | None = None
@@ -97,6 +118,7 @@ class RecordingWriter:
         self._series = PanelSeries(self._curves, states, self.detail)
         self._driven: defaultdict[str, list[tuple[float, float]]] = defaultdict(list)
         self._errors: dict[str, float] = {}
+        self._largest_errors: dict[str, float] = {}
         self._positions: dict[str, tuple[float, float]] = {}
         self._yaw: dict[str, float] = {}
         self._last_pose_at: dict[str, int] = {}
@@ -106,6 +128,8 @@ class RecordingWriter:
         self._trajectory_ns = self.detail.period(TRAJECTORY_NS)
         self._time_at: int | None = None
         self._worst = ""
+        self._zoom_level: int | None = None
+        self._marked: dict[str, Colour] = {}
         self._draw: dict[type[Message], Callable[[Any], None]] = {
             TruePose: self._true_pose,
             CompositeTrajectory: self._trajectory,
@@ -115,15 +139,14 @@ class RecordingWriter:
             LogText: self._log_line,
             Change: self._change,
         }
-        recording.send_blueprint(blueprint(vehicles, spacing_m=spacing_m, road=path))
+        recording.send_blueprint(self._layout(extent=RunExtent(duration_s)))
         self._marks = Marks(recording, vehicles[1:])
         recording.log("world/plan", turn_about(0.0, 0.0, 0.0), static=True)
         for name in vehicles:
             self._place(name)
+        self._log_legend()
         if path:
-            self._road(*path)
-            if lane_m is not None:
-                recording.log("world/road/lane", lane_edges(*path, lane_m), static=True)
+            self._log_road(path, lane_m, spacing_m)
 
     def draw(self, now: int, message: Message) -> None:
         """Draw a message that came at instant `now` (ns), at the instant at which it was valid."""
@@ -139,23 +162,36 @@ class RecordingWriter:
 
     def error(self, vehicle: str, at: int, error: float) -> None:
         """Draw the true cross-track error (m) of a vehicle at instant `at` (ns)."""
-        self._place(vehicle)
         self._errors[vehicle] = error
         if vehicle in self.detail:
-            self._curves.add("cross_track", vehicle, at, error)
+            self._largest_errors[vehicle] = max(self._largest_errors.get(vehicle, 0.0), abs(error))
+            self._add_value("cross_track", vehicle, at, error)
 
     def gap(self, vehicle: str, at: int, gap: float) -> None:
         """Draw the true gap (m) of a vehicle to the body ahead at instant `at` (ns)."""
-        self._place(vehicle)
-        self._curves.add("true_gap", vehicle, at, gap)
+        self._add_value("true_gap", vehicle, at, gap)
+
+    def _add_value(self, quantity: str, vehicle: str, at: int, value: float) -> None:
+        if not self._curves.has(quantity, vehicle):
+            self._curves.start(quantity, vehicle, vehicle, colour_of(self._place(vehicle)))
+        self._curves.add(quantity, vehicle, at, value)
 
     def mark(self, mark: Mark) -> None:
         self._set_time(mark.at_ns)
-        self._marks.draw(mark, self._yaw.get(mark.vehicles[-1], 0.0))
+        self._marks.draw(mark, self._yaw.get(mark.vehicles[-1], 0.0), self._tag_m)
+        if mark.kind not in self._marked:
+            self._marked[mark.kind] = MARKS[mark.kind][0]
+            self._log_legend()
 
     def finish(self) -> None:
-        """Send the last batch: a log may break off anywhere."""
-        self._curves.send(self._start or 0)
+        """Send the last batch (a log may break off anywhere), and fit the layout to the run."""
+        start = self._start or 0
+        self._curves.send(start)
+        if self._last_pose_at:
+            duration_s = (max(self._last_pose_at.values()) - start) / SECOND
+            worst = max(self._largest_errors, key=self._largest_errors.__getitem__, default="")
+            extent = RunExtent(duration_s, self._curves.extents(), worst)
+            self._recording.send_blueprint(self._layout(extent=extent))
 
     def _wait_for_start(self, now: int, message: Message) -> None:
         """Keep messages until the start is known: they are drawn relative to that instant."""
@@ -186,7 +222,7 @@ class RecordingWriter:
             self._recording.log(f"world/driven/{vehicle}", piece)
             del driven[:-1]
         if vehicle in self.detail and self._is_due(vehicle, "links", at, SLOW_CURVE_NS):
-            self._series.show_links(vehicle, at)
+            self._series.show_links(vehicle, self._place(vehicle), at)
 
     def _move_along(self, truth: TruePose) -> None:
         """Move the view to this vehicle, with a larger unit to show the others."""
@@ -203,6 +239,38 @@ class RecordingWriter:
             unit = max(unit, zoom if name == self._lead else min(zoom, MAX_ZOOM))
         eye = turn_about(truth.east_m, truth.north_m, truth.yaw_rad, unit=unit)
         self._recording.log("world/convoy", eye)
+        level = round(math.log(unit, ZOOM_STEP))
+        if level != self._zoom_level:
+            self._zoom_level = level
+            for name in self._places:
+                self._log_name(name)
+
+    @property
+    def _tag_m(self) -> float:
+        """Distance of name tags from their cars (m), which grows with the view."""
+        return float(self._reach.tag_m * ZOOM_STEP ** (self._zoom_level or 0))
+
+    def _log_name(self, vehicle: str) -> None:
+        """Write the name of a vehicle next to it; in a long convoy alternately further away."""
+        place = self._place(vehicle)
+        rows = 1 + place % 2 if len(self._places) > FEW_VEHICLES else 1
+        name = name_tag(self._tag(vehicle), colour_of(place), rows * self._tag_m)
+        self._recording.log(f"world/cars/{vehicle}/name", name)
+
+    def _tag(self, vehicle: str) -> str:
+        return f"{vehicle} (lead)" if vehicle == self._lead != "lead" else vehicle
+
+    def _log_legend(self) -> None:
+        """Show the colours of vehicles with curves, of curves with own colours, and of marks."""
+        items = [(name, colour_of(place)) for name, place in self._places.items()]
+        items = [item for item in items if item[0] in self.detail]
+        if not self.detail.is_all:
+            items.append(("furthest off", WORST))
+        if len(items) > 1:
+            series = [one for panel in PANELS.values() for one in panel.series]
+            items += [(one.label, one.colour) for one in series if one.colour]
+        items += [(kind.replace("_", " "), colour) for kind, colour in self._marked.items()]
+        self._recording.log("legend", legend(items), static=True)
 
     def _trajectory(self, trajectory: CompositeTrajectory) -> None:
         vehicle, at = trajectory.vehicle, trajectory.decided_at_ns
@@ -242,35 +310,52 @@ class RecordingWriter:
         self._worst = name
         if self._errors and not self.detail.is_all:  # whose curves are not all there
             worst = max(map(abs, self._errors.values()))
-            words = f"furthest of {len(self._errors)}"
-            self._curves.style("cross_track", "worst", words, WORST, 2.5)
+            if not self._curves.has("cross_track", "worst"):
+                self._curves.start("cross_track", "worst", "furthest off", WORST, 2.5)
             self._curves.add("cross_track", "worst", newest, worst)
 
     def _ring(self, vehicle: str, label: str) -> None:
         """Ring a vehicle with a label; an empty label removes the ring."""
         self._recording.log(f"world/cars/{vehicle}/worst", ring(shown=bool(label)))
-        self._recording.log(f"world/cars/{vehicle}/worst/name", ring_label(label))
+        label_entity = f"world/cars/{vehicle}/worst/name"
+        self._recording.log(label_entity, ring_label(label, 0.6 * self._tag_m))
 
     def _log_line(self, line: LogText) -> None:
-        self._set_time(line.logged_at_ns)
-        text = rr.TextLog(f"{line.vehicle}: {line.text}", level=_LEVELS.get(line.level, "INFO"))
-        self._recording.log(f"log/{line.vehicle}", text)
+        level = _LEVELS.get(line.level, "INFO")
+        self._log(line.vehicle, line.logged_at_ns, line.text, level)
+
+    def _log(self, vehicle: str, at: int, text: str, level: str) -> None:
+        """Log a text, a row for each of its lines: the viewer shows one line of a row."""
+        self._set_time(at)
+        at_s = (at - (self._start or 0)) / SECOND
+        first, *others = textwrap.wrap(
+            f"{at_s:8.2f} s  {vehicle}: {text}",
+            LINE_LENGTH,
+            subsequent_indent=" " * 12,
+            drop_whitespace=True,
+        )
+        self._recording.log(f"log/{vehicle}", rr.TextLog(first, level=level))
+        for other in others:
+            self._recording.log(f"log/{vehicle}", rr.TextLog(other, level=""))
 
     def _change(self, change: Change) -> None:
         """Mark a change to a vehicle or its links, and log it as text."""
         vehicle, at = change.vehicle, change.effective_at_ns
         place = self._positions.get(vehicle)
         by = " by hand" if change.by_hand else ""
-        self._set_time(at)
-        text = rr.TextLog(f"{vehicle}: change{by}: {change.table}", level="INFO")
-        self._recording.log(f"log/{vehicle}", text)
+        self._log(vehicle, at, f"change{by}: {change.table}", "INFO")
         if place is not None:
             self.mark(Mark("change", at, place, (vehicle,), change.kind))
 
-    def _road(self, east: Sequence[float], north: Sequence[float]) -> None:
-        path, marks = road_with_marks(east, north)
-        self._recording.log("world/road/path", path, static=True)
+    def _log_road(self, path: Road, lane_m: float | None, spacing_m: float) -> None:
+        road, marks = road_with_marks(*path, self._reach.tag_m)
+        self._recording.log("world/road/path", road, static=True)
         self._recording.log("world/road/marks", marks, static=True)
+        if lane_m is not None:
+            self._recording.log("world/road/lane", lane_edges(*path, lane_m), static=True)
+        if is_small(path, spacing_m):
+            tag = name_tag(self._tag(self._lead), colour_of(0), plan_tag_m(path))
+            self._recording.log(f"world/cars/{self._lead}/plan_name", tag, static=True)
 
     def _place(self, vehicle: str) -> int:
         """Place of a vehicle in the convoy; an unannounced one comes last."""
@@ -281,22 +366,19 @@ class RecordingWriter:
         return place
 
     def _add_vehicle(self, vehicle: str, colour: Colour) -> None:
-        self._curves.colours[vehicle] = colour
         dot = rr.Points2D(
             [[0.0, 0.0]], colors=[colour], radii=rr.Radius.ui_points(5.0), draw_order=21
         )
-        is_lead = self._places[vehicle] == 0 and vehicle != "lead"
-        tag = f"{vehicle} (lead)" if is_lead else vehicle
         shapes = {
             f"cars/{vehicle}/body": car(self._cars.get(vehicle, DEFAULT_CAR), colour),
             f"cars/{vehicle}/dot": dot,
-            f"cars/{vehicle}/name": name_tag(tag, colour),
             f"driven/{vehicle}": line_style(colour, width=1.0, order=5),
             f"trajectory/{vehicle}": line_style(colour, width=1.5, order=23),
             f"samples/{vehicle}": point_style(width=3.0, order=24),
         }
         for entity, shape in shapes.items():
             self._recording.log(f"world/{entity}", shape, static=True)
+        self._zoom_level = None  # so that its name is written
 
     def _vehicle_to_follow(self, at: int) -> str:
         """Vehicle that the view follows: the middle one of those that send."""

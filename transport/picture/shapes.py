@@ -8,12 +8,14 @@ import numpy as np
 import rerun as rr
 
 from transport.colours import Colour
-from transport.picture.blueprint import LANE_EDGE, ROAD, WORST
+from transport.picture.blueprint import LANE_EDGE, LEGEND_WIDTH, ROAD, WORST
 from vehicles.geometry.lanes import lane_edges as beside
 
 MARK_SPACING_M = 50.0
-MARK_OFFSET_M = 4.0
-RING_LABEL_M = 2.0
+MARK_CLEARANCE_M = 15.0
+"""Least distance between two labels: a later lap has none of its own."""
+CHARACTER, ROW_HEIGHT = 0.75, 3.7
+"""Width of a letter and height of a row of the legend, in its unit."""
 
 
 class CarShape(NamedTuple):
@@ -71,11 +73,9 @@ def car(shape: CarShape, colour: Colour) -> rr.LineStrips2D:
     )
 
 
-def name_tag(text: str, colour: Colour) -> rr.Points2D:
-    """Write a name to the left of a car."""
-    return rr.Points2D(
-        [[0.0, MARK_OFFSET_M]], colors=[colour], radii=0.0, labels=[text], draw_order=30
-    )
+def name_tag(text: str, colour: Colour, left_m: float) -> rr.Points2D:
+    """Write a name `left_m` to the left of a car."""
+    return rr.Points2D([[0.0, left_m]], colors=[colour], radii=0.0, labels=[text], draw_order=30)
 
 
 def ring(*, shown: bool) -> rr.Points2D:
@@ -84,10 +84,10 @@ def ring(*, shown: bool) -> rr.Points2D:
     return rr.Points2D(places, colors=[WORST], radii=rr.Radius.ui_points(18.0), draw_order=15)
 
 
-def ring_label(label: str) -> rr.Points2D:
-    """Write a label to the right of a car that is ringed, if there is one."""
+def ring_label(label: str, right_m: float) -> rr.Points2D:
+    """Write a label `right_m` to the right of a car that is ringed, if there is one."""
     return rr.Points2D(
-        [[0.0, -RING_LABEL_M]] if label else [],
+        [[0.0, -right_m]] if label else [],
         colors=[WORST],
         radii=0.0,
         labels=[label] if label else [],
@@ -106,10 +106,28 @@ def lane_edges(east: Sequence[float], north: Sequence[float], width: float) -> r
     )
 
 
+def legend(items: Sequence[tuple[str, Colour]]) -> rr.Points2D:
+    """Show dots with labels in rows from left to right."""
+    places, x, y = [], 0.0, 0.8
+    for label, _ in items:
+        width = 2.5 + CHARACTER * len(label)
+        if x + width > LEGEND_WIDTH:
+            x, y = 0.0, y + ROW_HEIGHT
+        places.append([x + 0.5 * width, y])
+        x += width
+    return rr.Points2D(
+        places,
+        colors=[colour for _, colour in items],
+        radii=rr.Radius.ui_points(5.0),
+        labels=[label for label, _ in items],
+        show_labels=True,
+    )
+
+
 def road_with_marks(
-    east: Sequence[float], north: Sequence[float]
+    east: Sequence[float], north: Sequence[float], right_m: float
 ) -> tuple[rr.LineStrips2D, rr.Points2D]:
-    """Draw a path (m), and the distance along it to its right every 50 m."""
+    """Draw a path (m), and `right_m` to its right the distance along it every 50 m."""
     points = np.column_stack([east, north])
     steps = np.diff(points, axis=0)
     station = np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))])
@@ -118,12 +136,17 @@ def road_with_marks(
     along = steps[piece] / np.hypot(steps[piece, 0], steps[piece, 1])[:, None]
     on_path = points[piece] + along * (at - station[piece])[:, None]
     to_the_right = np.column_stack([along[:, 1], -along[:, 0]])
+    places = on_path + right_m * to_the_right
+    kept: list[int] = []
+    for mark, place in enumerate(places):
+        if not kept or np.hypot(*(places[kept] - place).T).min() >= MARK_CLEARANCE_M:
+            kept.append(mark)
     road = rr.LineStrips2D([points], colors=[ROAD], radii=rr.Radius.ui_points(1.0), draw_order=1)
     marks = rr.Points2D(
-        on_path + MARK_OFFSET_M * to_the_right,
+        places[kept],
         colors=[ROAD],
         radii=rr.Radius.ui_points(2.0),
-        labels=[f"{distance:.0f} m" for distance in at],
+        labels=[f"{distance:.0f} m" for distance in at[kept]],
         show_labels=True,
         draw_order=2,
     )

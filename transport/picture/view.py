@@ -43,12 +43,13 @@ class RerunView(Closing):
         self,
         option: RerunOption,
         *,
-        run_id: str,
+        recording_id: str,
         vehicles: Sequence[str],
         spacing_m: float = 15.0,
         cars: Mapping[str, tuple[float, float, float]] | None = None,
         path: tuple[Sequence[float], Sequence[float]] | None = None,
         lane_m: float | None = None,
+        duration_s: float | None = None,
         title: str = "",
     ) -> None:
         self.destination = ""
@@ -65,7 +66,7 @@ class RerunView(Closing):
 
         self._recording = rr.RecordingStream(
             APPLICATION,
-            recording_id=run_id,
+            recording_id=recording_id,
             batcher_config=rr.ChunkBatcherConfig(flush_tick=FLUSH_TICK_S),
         )
         self._open(rr, option)
@@ -78,6 +79,7 @@ class RerunView(Closing):
             cars={name: CarShape(*size) for name, size in (cars or {}).items()},
             path=path,
             lane_m=lane_m,
+            duration_s=duration_s,
         )
 
     def has_curves(self, vehicle: str) -> bool:

@@ -33,12 +33,12 @@ def layout(
 
 @contextmanager
 def observers(
-    scenario: Scenario, metrics: Metrics, display: DisplayOptions, *, run_id: str
+    scenario: Scenario, metrics: Metrics, display: DisplayOptions, folder: Path
 ) -> Iterator[list[Observer]]:
     """Open the viewer and the progress line, which receive each recorded message."""
     with ExitStack() as stack:
         option = parse_rerun_option(display.rerun)
-        view = stack.enter_context(open_drawing(option, scenario, run_id, metrics))
+        view = stack.enter_context(open_drawing(option, scenario, folder / LOG_NAME, metrics))
         found: list[Observer] = [] if option.sink == "off" else [OnMessage(view.draw)]
         if view.destination and not display.quiet:
             Console(stderr=True).print(

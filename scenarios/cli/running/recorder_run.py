@@ -48,7 +48,7 @@ def record_run(
         metrics = Metrics.of(scenario)
         with (
             layout(folder, scenario, display),
-            observers(scenario, metrics, display, run_id=folder.name) as watchers,
+            observers(scenario, metrics, display, folder) as watchers,
         ):
             stop.begun = True
             recorder = RecorderProcess(

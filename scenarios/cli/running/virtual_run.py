@@ -23,7 +23,7 @@ def run_virtually(
     metrics = Metrics.of(scenario)
     with (
         layout(folder, scenario, options),
-        observers(scenario, metrics, options, run_id=folder.name) as watchers,
+        observers(scenario, metrics, options, folder) as watchers,
     ):
         stop.begun = True
         summary = run_virtual(scenario, folder, stop, metrics=metrics, observers=watchers)

@@ -13,13 +13,12 @@ from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.log_summary import scenario_in
 from scenarios.results.metrics import Metrics
 from scenarios.results.pictures.layouts import rerun_layout
-from scenarios.results.pictures.run_drawing import RunDrawing, open_drawing
+from scenarios.results.pictures.run_drawing import RunDrawing, open_drawing, recording_id
 from transport.log.reader import LogReader
 from transport.log.records import LogError
 from transport.picture.option import RerunOption
 from transport.picture.view import RerunView
 from transport.topics import RUN_SENDER
-from vehicles.messages import RunStart
 
 
 def _to_stderr(line: str) -> None:
@@ -72,12 +71,10 @@ def _layout(log: Path, scenario: Scenario | None) -> AbstractContextManager[None
 
 
 def _open(reader: LogReader, option: RerunOption, scenario: Scenario | None) -> RunDrawing:
-    starts = (message for _, _, message in reader.messages(topics=("start",)))
-    run_id = next((m.run_id for m in starts if isinstance(m, RunStart)), reader.path.stem)
     if scenario is not None:
-        return open_drawing(option, scenario, run_id)
+        return open_drawing(option, scenario, reader.path)
     names = _in_order(reader)
-    view = RerunView(option, run_id=run_id, vehicles=names)
+    view = RerunView(option, recording_id=recording_id(reader.path), vehicles=names)
     return RunDrawing(view, Metrics(names, {}), gathered=False)
 
 

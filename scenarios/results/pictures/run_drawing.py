@@ -2,6 +2,8 @@
 
 from collections import deque
 from itertools import pairwise
+from pathlib import Path
+from zlib import crc32
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.metrics import Metrics
@@ -74,7 +76,7 @@ class RunDrawing(Closing):
 
 
 def open_drawing(
-    option: RerunOption, scenario: Scenario, run_id: str, metrics: Metrics | None = None
+    option: RerunOption, scenario: Scenario, log: Path, metrics: Metrics | None = None
 ) -> RunDrawing:
     """Open the picture of a run of `scenario`, whose figures `metrics` are gathered elsewhere.
 
@@ -83,15 +85,25 @@ def open_drawing(
     path = scenario.route.path
     view = RerunView(
         option,
-        run_id=run_id,
+        recording_id=recording_id(log),
         vehicles=scenario.vehicle_names,
         spacing_m=widest_spacing(scenario),
         cars=sizes_of(scenario),
         path=(path.east.tolist(), path.north.tolist()),
         lane_m=scenario.tables.events.lane_width_m,
+        duration_s=scenario.duration_s,
         title=scenario.title,
     )
     return RunDrawing(view, metrics or Metrics.of(scenario), gathered=metrics is not None)
+
+
+def recording_id(log: Path) -> str:
+    """Name under which a viewer keeps the run of a log apart from all others.
+
+    Runs of one scenario and seed differ in their folders, and folders of one name in their paths.
+    """
+    path = log.resolve()
+    return f"{path.parent.name}/{path.stem}-{crc32(str(path).encode()):08x}"
 
 
 def widest_spacing(scenario: Scenario) -> float:

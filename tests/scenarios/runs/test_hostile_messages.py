@@ -222,7 +222,7 @@ def test_what_may_be_a_vehicle_s_own_is_used_or_counted(tmp_path: Path, campaign
 
     metrics = Metrics.of(trial())
     display = DisplayOptions(rerun=f"save={tmp_path / 'run.rrd'}")
-    with observers(trial(), metrics, display, run_id="x") as watchers:
+    with observers(trial(), metrics, display, tmp_path) as watchers:
         run = drive(tmp_path, anything, campaign, metrics, watchers)
     came = run.honest.total() + run.hostile.total()
     assert run.recorded + sum(run.summary.recorder_rejected_messages.values()) == came

@@ -55,7 +55,7 @@ def test_each_viewer_sees_the_whole_run() -> None:
     option = parse_rerun_option("serve")
     messages = list(drive.drive(150))
     half = len(messages) // 2
-    with RerunView(option, run_id="circle", vehicles=drive.VEHICLES) as view:
+    with RerunView(option, recording_id="circle", vehicles=drive.VEHICLES) as view:
         data_url = view.destination.partition("url=")[2].replace("%3A", ":").replace("%2F", "/")
         for now, message in messages[:half]:
             view.draw(now, message)

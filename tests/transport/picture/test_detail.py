@@ -47,7 +47,7 @@ def test_of_a_long_one_evenly_spread_vehicles_with_first_and_last(count: int) ->
 def test_the_picture_of_forty_has_all_cars_and_the_curves_of_some(tmp_path: Path) -> None:
     vehicles = names(40)
     path = tmp_path / "long.rrd"
-    with RerunView(parse_rerun_option(f"save={path}"), run_id="x", vehicles=vehicles) as view:
+    with RerunView(parse_rerun_option(f"save={path}"), recording_id="x", vehicles=vehicles) as view:
         view.draw(START, start())
         for tick in range(100):
             ahead = replace(drive.trajectory("v2", tick), decided_at_ns=at(tick / 50))

@@ -18,7 +18,7 @@ from transport.picture.link_states import (
 from vehicles.schedule import MILLISECOND, SECOND
 
 START = 1_700_000_000 * SECOND
-LINK = "v2/from_v1"
+LINK = "v1_to_v2"
 DISTINCT = 40.0
 
 

@@ -47,7 +47,7 @@ def test_what_is_no_recording_is_not_overwritten(tmp_path: Path, content: bytes)
         refuse_foreign_file(parse_rerun_option(f"save={path}"))
     with (
         pytest.raises(ViewerError),
-        RerunView(RerunOption("save", str(path)), run_id="", vehicles=()),
+        RerunView(RerunOption("save", str(path)), recording_id="", vehicles=()),
     ):
         pass
     assert path.read_bytes() == content
@@ -62,6 +62,6 @@ def test_a_recording_of_rerun_is_replaced(tmp_path: Path) -> None:
     path = tmp_path / "run.rrd"
     for _ in range(2):
         refuse_foreign_file(RerunOption("save", str(path)))
-        with RerunView(RerunOption("save", str(path)), run_id="x", vehicles=("v1",)):
+        with RerunView(RerunOption("save", str(path)), recording_id="x", vehicles=("v1",)):
             pass
         assert path.stat().st_size

@@ -9,7 +9,7 @@ import pytest
 from tests.made.scenarios.messages import START, at, start, tracking, truth
 from tests.made.transport.recording import Table, columns
 from transport.panels import PANELS, flagged
-from transport.picture.blueprint import MARKS, blueprint
+from transport.picture.blueprint import FEW_VEHICLES, MARKS, blueprint
 from transport.picture.option import parse_rerun_option
 from transport.picture.view import RerunView
 from vehicles.messages import Change, Message, Mode, SourceStatus
@@ -55,7 +55,7 @@ def story() -> Iterator[Message]:
 def drawn(tmp_path_factory: pytest.TempPathFactory) -> Table:
     path = tmp_path_factory.mktemp("story") / "run.rrd"
     option = parse_rerun_option(f"save={path}")
-    with RerunView(option, run_id="cut", vehicles=VEHICLES) as view:
+    with RerunView(option, recording_id="cut", vehicles=VEHICLES) as view:
         for message in story():
             view.draw(START, message)
     return columns(path)
@@ -87,7 +87,7 @@ def test_the_road_that_is_known_closes_in_on_what_a_stop_takes(drawn: Table) -> 
 
 
 def test_what_is_unknown_is_not_drawn(drawn: Table) -> None:
-    assert "Scalars:scalars" not in drawn["/plots/closing/v2/known"]
+    assert "/plots/closing/v2/known" not in drawn
     assert not any(name.startswith("/plots/closing/v1") for name in drawn)
     assert "/plots/received/v3/predecessor" not in drawn
 
@@ -123,7 +123,9 @@ def test_what_was_done_is_marked_where_and_when_it_was(drawn: Table) -> None:
         assert curve(drawn, f"{plot}/events/change") == {20: 0.0}
     assert "Scalars:scalars" not in drawn["/plots/closing/v2/events/change"]
     lines = drawn["/log/v3"]["TextLog:text"]
-    assert lines == [['v3: change: {"kind": "cut", "at_s": 0.4}']]
+    assert [line.split(maxsplit=2) for (line,) in lines] == [
+        ["0.40", "s", 'v3: change: {"kind": "cut", "at_s": 0.4}']
+    ]
 
 
 def views(part: Any) -> Iterator[Any]:
@@ -141,11 +143,16 @@ def views(part: Any) -> Iterator[Any]:
 @pytest.mark.parametrize(("count", "followed"), [(2, "v2"), (4, "v3"), (9, "v5")])
 def test_the_story_of_one_follower_is_seen_without_a_click(count: int, followed: str) -> None:
     names = [f"v{place}" for place in range(1, count + 1)]
-    seen = {one.origin for one in views(blueprint(names, spacing_m=15.0, road=None).root_container)}
-    assert seen >= {
-        "plots/cross_track", f"plots/closing/{followed}", "plots/true_gap", "mode", "plots/age",
-        "links", "log", "world/convoy",
+    shown = list(views(blueprint(names, spacing_m=15.0, road=None).root_container))
+    assert {view.origin for view in shown} >= {
+        "plots/cross_track", f"plots/closing/{followed}", "plots/true_gap", "legend", "log",
+        "world/convoy",
     }  # fmt: skip
+    states = [
+        part for view in shown if "StateTimeline" in type(view).__name__ for part in view.contents
+    ]
+    assert "/links/**" in states
+    assert ("/mode/**" in states) == (count <= FEW_VEHICLES)
 
 
 def test_a_lead_alone_has_no_road_ahead() -> None:

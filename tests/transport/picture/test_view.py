@@ -42,7 +42,7 @@ def picture(path: Path, messages: Iterator[tuple[int, Message]]) -> Table:
     """Draw `messages` into a recording at `path`; returns each entity's columns, in time order."""
     option = parse_rerun_option(f"save={path}")
     errors = CrossTrackError(drive.VEHICLES[0])
-    with RerunView(option, run_id="circle", vehicles=drive.VEHICLES, path=ROAD) as view:
+    with RerunView(option, recording_id="circle", vehicles=drive.VEHICLES, path=ROAD) as view:
         for now, message in messages:
             view.draw(now, message)
             if isinstance(message, TruePose):
@@ -61,7 +61,7 @@ def test_without_a_picture_rerun_is_not_loaded() -> None:
 import sys
 from transport.picture.option import parse_rerun_option
 from transport.picture.view import RerunView
-with RerunView(parse_rerun_option("off"), run_id="x", vehicles=("v1",)) as view:
+with RerunView(parse_rerun_option("off"), recording_id="x", vehicles=("v1",)) as view:
     view.draw(0, None)
 assert view.destination == ""
 assert not {"rerun", "rerun_bindings", "pyarrow"} & set(sys.modules)
@@ -145,8 +145,14 @@ def test_curves_are_those_of_the_messages(drawn: Table) -> None:
     assert "/plots/gap/v1" not in drawn
     assert [v[0] for v in drawn["/plots/gap/v2"]["Scalars:scalars"] if v] == [drive.SPACING] * 100
     for source, age in (("lead", 0.03), ("predecessor", 0.02)):
-        ages = drawn[f"/plots/age/v2/{source}"]["Scalars:scalars"]
+        ages = drawn[f"/plots/age/v3/{source}"]["Scalars:scalars"]
         assert [v[0] for v in ages if v] == [age] * 10
+    assert "/plots/age/v2/predecessor" not in drawn  # its predecessor is the lead
+    lead, predecessor = (
+        drawn[f"/plots/age/v3/{source}"]["SeriesLines:colors"][0]
+        for source in ("lead", "predecessor")
+    )
+    assert lead != predecessor
 
 
 def test_samples_have_the_colour_of_their_sender(drawn: Table) -> None:
@@ -174,7 +180,10 @@ def test_driven_pieces_join_to_the_driven_path(drawn: Table) -> None:
 
 def test_text_has_speaker_and_level(drawn: Table) -> None:
     change = 'run: change by hand: {"at_s": 0.0, "kind": "heal"}'
-    assert drawn["/log/run"]["TextLog:text"] == [["run: off"], [change]]
+    lines = [text for (text,) in drawn["/log/run"]["TextLog:text"]]
+    assert [line.split(maxsplit=2) for line in lines] == [
+        ["0.00", "s", "run: off"], ["0.00", "s", change],
+    ]  # fmt: skip
     assert drawn["/log/run"]["TextLog:level"] == [["WARN"], ["INFO"]]
 
 
@@ -197,17 +206,17 @@ def test_links_and_messages_show_what_was_heard(tmp_path: Path) -> None:
                 yield now, drive.verdict("v2", "v1", tick, now, outcomes.get(tick, "ok"))
 
     table = picture(tmp_path / "run.rrd", messages())
-    assert states(table, "/links/v2/from_v1") == [
+    assert states(table, "/links/v1_to_v2") == [
         (0, "ok"), (500, "10 % lost"), (1000, "silent"), (2000, "ok"),
     ]  # fmt: skip
-    loss = table["/plots/loss/v2/from_v1"]
+    loss = table["/plots/loss/v1_to_v2"]
     shares = [
         (at // 1_000_000, value[0])
         for at, value in zip(loss["run_time"], loss["Scalars:scalars"], strict=True)
         if value
     ]
     assert shares == [(0, 0.0), (500, 8.0), (2000, 0.0), (2500, 0.0), (3000, 0.0)]
-    assert states(table, "/messages/v2/from_v1") == [
+    assert states(table, "/messages/v1_to_v2") == [
         (0, "ok"), (600, "lost"), (640, "ok"), (680, "late"), (700, "ok"),
     ]  # fmt: skip
 
@@ -224,7 +233,7 @@ def test_a_recorder_that_is_seconds_behind_shows_the_same(tmp_path: Path) -> Non
 
     for delay in (0, 30 * SECOND):
         table = picture(tmp_path / f"{delay}.rrd", messages(delay))
-        assert states(table, "/links/v2/from_v1") == [(0, "ok")]
+        assert states(table, "/links/v1_to_v2") == [(0, "ok")]
 
 
 def test_the_vehicle_furthest_off_is_marked(tmp_path: Path) -> None:
@@ -253,7 +262,7 @@ def test_the_lead_is_in_the_view_that_moves_along(tmp_path: Path, lead: str) -> 
     """However far away it is: then the view shows more."""
     option = parse_rerun_option(f"save={tmp_path / 'run.rrd'}")
     reach = Reach.of(3, 15.0, None)
-    with RerunView(option, run_id="x", vehicles=("v1", "v2", "v3"), spacing_m=15.0) as view:
+    with RerunView(option, recording_id="x", vehicles=("v1", "v2", "v3"), spacing_m=15.0) as view:
         for seq in range(20):
             far = FAR if seq >= 10 else 30.0
             first = (far, 0.0) if lead == "ahead" else (30.0, far - 30.0)
@@ -271,7 +280,7 @@ def test_the_lead_is_in_the_view_that_moves_along(tmp_path: Path, lead: str) -> 
 
 def test_a_car_is_drawn_in_its_size(tmp_path: Path) -> None:
     option = parse_rerun_option(f"save={tmp_path / 'run.rrd'}")
-    with RerunView(option, run_id="x", vehicles=("v1",), cars={"v1": (6.0, 2.0, 0.5)}):
+    with RerunView(option, recording_id="x", vehicles=("v1",), cars={"v1": (6.0, 2.0, 0.5)}):
         pass
     body = columns(tmp_path / "run.rrd")["/world/cars/v1/body"]
     *lines, _screen = body["LineStrips2D:strips"][0]
@@ -284,7 +293,7 @@ def test_a_car_is_drawn_in_its_size(tmp_path: Path) -> None:
 def test_a_mark_stands_at_its_place_and_at_its_instant(tmp_path: Path) -> None:
     """Also where it was found out only later."""
     option = parse_rerun_option(f"save={tmp_path / 'run.rrd'}")
-    with RerunView(option, run_id="x", vehicles=("v1", "v2")) as view:
+    with RerunView(option, recording_id="x", vehicles=("v1", "v2")) as view:
         for seq in range(50):
             pose = made.truth("v1", seq, 0.4 * seq, 0.0)
             view.draw(pose.true_at_ns, pose)
@@ -317,7 +326,7 @@ def test_colours_of_events_are_those_of_no_car() -> None:
 def test_lane_edges_lie_half_a_lane_beside_the_path(tmp_path: Path) -> None:
     option = parse_rerun_option(f"save={tmp_path / 'run.rrd'}")
     straight = ([0.0, 50.0, 100.0], [0.0, 0.0, 0.0])
-    with RerunView(option, run_id="x", vehicles=drive.VEHICLES, path=straight, lane_m=3.5):
+    with RerunView(option, recording_id="x", vehicles=drive.VEHICLES, path=straight, lane_m=3.5):
         pass
     left, right = columns(tmp_path / "run.rrd")["/world/road/lane"]["LineStrips2D:strips"][0]
     assert left == [[0.0, 1.75], [50.0, 1.75], [100.0, 1.75]]
@@ -355,7 +364,7 @@ def test_a_vehicle_that_nobody_spoke_of_is_drawn_too(tmp_path: Path, first: Mess
 def test_nobody_there_to_connect_to() -> None:
     option = parse_rerun_option("connect=rerun+http://127.0.0.1:1/proxy")
     with pytest.raises(ViewerError, match="no Rerun viewer listens"):
-        RerunView(option, run_id="x", vehicles=("v1",))
+        RerunView(option, recording_id="x", vehicles=("v1",))
 
 
 def test_no_display_to_spawn_on(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -363,12 +372,14 @@ def test_no_display_to_spawn_on(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.setattr(sys, "platform", "linux")
     with pytest.raises(ViewerError, match="no display here"):
-        RerunView(parse_rerun_option("spawn"), run_id="x", vehicles=("v1",))
+        RerunView(parse_rerun_option("spawn"), recording_id="x", vehicles=("v1",))
 
 
 def test_a_recording_that_cannot_be_written(tmp_path: Path) -> None:
     with pytest.raises(ViewerError, match="cannot write the recording"):
-        RerunView(RerunOption("save", str(tmp_path / "no" / "x.rrd")), run_id="x", vehicles=("v1",))
+        RerunView(
+            RerunOption("save", str(tmp_path / "no" / "x.rrd")), recording_id="x", vehicles=("v1",)
+        )
 
 
 SERVE = """
@@ -377,7 +388,7 @@ from tests.made.scenarios import messages as made
 from tests.made.transport import drive
 from transport.picture.option import parse_rerun_option
 from transport.picture.view import RerunView
-view = RerunView(parse_rerun_option("serve"), run_id="x", vehicles=drive.VEHICLES)
+view = RerunView(parse_rerun_option("serve"), recording_id="x", vehicles=drive.VEHICLES)
 for now, message in drive.drive(20):
     view.draw(now, message)
 print(view.destination, flush=True)
@@ -415,7 +426,7 @@ def test_a_port_that_is_taken_after_it_was_found_free(
         return taken_port if asked[preferred] == 1 else free(address, 0)
 
     monkeypatch.setattr(viewer_process, "free_port", outrun)
-    with RerunView(parse_rerun_option("serve"), run_id="x", vehicles=drive.VEHICLES) as view:
+    with RerunView(parse_rerun_option("serve"), recording_id="x", vehicles=drive.VEHICLES) as view:
         assert asked == {PAGE_PORT: 2, DATA_PORT: 2}
         assert str(taken_port) not in view.destination
         page, data = (
@@ -432,7 +443,7 @@ def test_a_port_that_was_asked_for_and_is_taken_later(
     monkeypatch.setattr(viewer_process, "_bound", lambda _address, port: port)
     option = parse_rerun_option(f"serve=127.0.0.1:0:{taken_port}")
     with pytest.raises(ViewerError, match=f"{taken_port} cannot be listened on: another program"):
-        RerunView(option, run_id="x", vehicles=drive.VEHICLES)
+        RerunView(option, recording_id="x", vehicles=drive.VEHICLES)
 
 
 def test_the_web_page_stays_on_this_machine_and_dies_with_us() -> None:

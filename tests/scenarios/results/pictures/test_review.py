@@ -74,7 +74,9 @@ def without_start_time(table: Table) -> Table:
 
 def test_a_reviewed_log_is_drawn_as_the_run_was(tmp_path: Path) -> None:
     live = tmp_path / "live.rrd"
-    with open_drawing(parse_rerun_option(f"save={live}"), scenario(), "circle") as view:
+    with open_drawing(
+        parse_rerun_option(f"save={live}"), scenario(), tmp_path / "run.mcap"
+    ) as view:
         for now, message in recorded():
             view.draw(now, message)
     write_log(tmp_path / "run.mcap", attached=scenario().text.encode())
@@ -105,6 +107,20 @@ def test_without_a_scenario_only_the_road_is_missing(
     assert {entity: rows for entity, rows in whole.items() if entity not in road} == rest
     assert len(warnings) == (attached is not None)
     assert all("the road is left out" in line for line in warnings)
+
+
+def test_runs_of_one_scenario_and_seed_are_two_recordings(tmp_path: Path) -> None:
+    """A viewer merges recordings of one identifier."""
+    recordings = []
+    for folder in ("first", "second"):
+        log = tmp_path / folder / "run.mcap"
+        log.parent.mkdir()
+        write_log(log, attached=scenario().text.encode())
+        reviewed(log)
+        (store,) = RrdReader(str(log.with_suffix(".rrd"))).recordings()
+        assert folder in store.recording_id
+        recordings.append(store.recording_id)
+    assert recordings[0] != recordings[1]
 
 
 def values(table: Table, quantity: str, vehicle: str) -> list[float]:
@@ -160,7 +176,7 @@ def drawn(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     driven = scenario_from_text(request.param)
     option = parse_rerun_option(f"save={folder / 'live.rrd'}")
     metrics = Metrics.of(driven)
-    with open_drawing(option, driven, "run", metrics) as view:
+    with open_drawing(option, driven, folder / "run.mcap", metrics) as view:
         summary = run_virtual(
             driven, folder, Stop(), metrics=metrics, observers=[OnMessage(view.draw)]
         )
@@ -240,7 +256,7 @@ def test_loss_shares_drawn_add_up_to_the_table_s(drawn: Drawn) -> None:
     """The table has the mean of all messages, the picture that of each half second."""
     for table in drawn.tables:
         for link in drawn.summary.links:
-            shares = values(table, "loss", f"{link.receiver}/from_{link.sender}")
+            shares = values(table, "loss", f"{link.sender}_to_{link.receiver}")
             assert min(shares) <= 100.0 * link.loss_ratio <= max(shares) or link.judged < 30
 
 
