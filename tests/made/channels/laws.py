@@ -15,8 +15,9 @@ SomeLaw = TypeVar("SomeLaw", bound=LinkLaw)
 
 
 def for_link(law: SomeLaw, setting: LinkSetting | None = None) -> SomeLaw:
-    """The law's first effect on a link; raises ValueError if its keys do not fit."""
-    law.check()
+    """First effect of the law on a link; raises ValueError if its keys do not fit."""
+    for key, why in law.problems():
+        raise ValueError(f"{key}: {why}")
     effect = law.effects(setting or LinkSetting())[0]
     assert isinstance(effect, type(law))
     return effect

@@ -1,18 +1,18 @@
-"""The laws of a directed link, each a class that a line of the registry makes known.
+"""Laws of a directed link, each a class and a line of the registry.
 
-effect         what an effect is given of a message, what it returns and states of itself
-moments        losses and delays in the long run
-between        the vehicles between sender and receiver
-stage          what messages of a link do to one another, behind the effects
-law            a law as a table of a scenario file
-registry       every law, by the key that requests it
-plain          rate, a cut, independent loss, constant latency, uniform jitter
-loss/          loss in bursts, by number, as recorded, by reservations
-delay/         delay beyond the floor
-outages/       when and where a link carries nothing
-radio/         what a radio receives over a distance
-queue          a queue of bounded rate
-normals        standard normal numbers, correlated from one message to the next
-content        copies, messages held back, wrong bits
-false_content  places that are not true, content of earlier messages, a vehicle that is not there
+effect              interface of an effect: input, verdict, properties
+moments             losses and delays in the long run
+vehicles_between    vehicles between sender and receiver
+stage               effects of messages on each other
+link_law            base of laws as tables of a scenario file
+registry            all laws, by the key that requests them
+basic               rate, cut, independent loss, constant latency, uniform jitter
+loss/               burst losses, losses by number, recorded losses, collisions
+delay/              delay beyond the latency
+outages/            times and places without delivery
+radio/              losses over the distance
+queue               queue of limited rate
+correlated_normals  standard normal numbers, correlated from message to message
+content             duplicates, reordering, bit errors
+false_content       false positions, repeated content, a ghost vehicle
 """

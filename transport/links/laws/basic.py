@@ -1,4 +1,4 @@
-"""The plain effects of a link: rate, a cut, independent loss, constant latency, uniform jitter."""
+"""Basic effects of a link: rate, cut, independent loss, constant latency, uniform jitter."""
 
 from dataclasses import dataclass
 from fractions import Fraction
@@ -11,9 +11,9 @@ from vehicles.schedule import MILLISECOND
 
 @dataclass(frozen=True, slots=True)
 class Decimation(Effect):
-    """Carries `kept` of the source's messages, evenly spread and starting with the first.
+    """Carries the share `kept` of the messages, evenly spaced and starting with the first.
 
-    `kept` is link rate over source rate: 1/2 lets 0, 2, 4 … through, 2/3 lets 0, 2, 3, 5, 6 … .
+    `kept` is link rate over source rate: 1/2 carries 0, 2, 4, …; 2/3 carries 0, 2, 3, 5, 6, ….
     """
 
     kept: Fraction
@@ -23,7 +23,7 @@ class Decimation(Effect):
 
     def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         seq, top, bottom = context.seq, self.kept.numerator, self.kept.denominator
-        # Message j of the link is the first of the source at or after the link's j-th period.
+        # Carried message j is the source's first message at or after the j-th period of the link.
         return 0 if seq * top // bottom > (seq - 1) * top // bottom else "rate"
 
     def describe(self) -> str:
@@ -32,7 +32,7 @@ class Decimation(Effect):
 
 @dataclass(frozen=True, slots=True)
 class Cut(Effect):
-    """Carries nothing, as long as the link is cut."""
+    """Drops all messages while the link is cut."""
 
     key = "cut"
     reason = "cut"
@@ -49,7 +49,7 @@ class Cut(Effect):
 
 @dataclass(frozen=True, slots=True)
 class Loss(Effect):
-    """Loses each message on its own with probability `ratio` (Bernoulli)."""
+    """Loses each message independently with probability `ratio`."""
 
     ratio: float
 
@@ -87,7 +87,7 @@ class Latency(Effect):
 
 @dataclass(frozen=True, slots=True)
 class Jitter(Effect):
-    """Delays each message by its own draw, uniform between 0 and `spread` ns."""
+    """Delays each message independently, uniformly between 0 and `spread` ns."""
 
     spread: int
 

@@ -1,6 +1,6 @@
-"""What a link does to the bytes and the number of messages: copies, held-back ones, wrong bits.
+"""Duplicates, reordering, bit errors and false content of messages.
 
-Everything here is a function of the link's keyed draws and of the message alone.
+Everything is a function of the link's keyed draws and of the message alone.
 """
 
 from collections.abc import Iterable, Iterator
@@ -37,17 +37,17 @@ FalseLaw = Annotated[
 
 
 class ContentLaw(LinkLaw):
-    """What a link does to the content and the number of messages.
+    """Alterations of the content and the number of messages.
 
-    duplicate_ratio     share of delivered messages that come twice
-    duplicate_delay_ms  how much later the copy comes; left out, after a delay of its own, drawn as
-                        the message's was, but never before the message
+    duplicate_ratio     share of delivered messages that are duplicated
+    duplicate_delay_ms  delay of the copy after the message; by default drawn like that of the
+                        message, but never before it
     filter_duplicates   whether the receiver refuses copies by their number, as radio stacks do
     reorder_ratio       share of messages held back, so that later ones overtake them
-    reorder_delay_ms    for how long
+    reorder_delay_ms    how long they are held back
     bit_error_ratio     probability that a bit of a frame is flipped
-    frame_check         whether the receiver refuses such frames by their checksum
-    false               kinds of false content, one on top of the other
+    frame_check         whether the receiver refuses altered frames by their checksum (CRC-32)
+    false               list of false contents, applied in order
     """
 
     key = "content"
@@ -63,9 +63,9 @@ class ContentLaw(LinkLaw):
     false: Annotated[tuple[FalseLaw, ...], Field(strict=False)] = ()
 
     def problems(self) -> Iterator[Problem]:
-        for place, law in enumerate(self.false):
+        for index, law in enumerate(self.false):
             for key, why in law.problems():
-                yield f"false[{place}].{key}".removesuffix("."), why
+                yield f"false[{index}].{key}".removesuffix("."), why
 
     def effects(self, setting: LinkSetting) -> tuple[Effect, ...]:
         if not self.reorder_ratio:
@@ -89,7 +89,7 @@ class ContentLaw(LinkLaw):
         return BitErrors(self.bit_error_ratio, self.frame_check)
 
     def corrupted(self, size: int) -> Losses | None:
-        """Loss by wrong bits of frames of `size` bytes: known where every one is refused."""
+        """Loss of frames of `size` bytes by bit errors; None without a frame check."""
         errors = self.bit_errors
         if errors is None:
             return Losses(0.0, None, 0.0)
@@ -98,22 +98,19 @@ class ContentLaw(LinkLaw):
     def describe_content(self) -> Iterator[str]:
         if self.duplicate_ratio:
             late = self.duplicate_delay_ms
-            after = "after a delay of its own" if late is None else f"{late:g} ms later"
-            taken = "refused by its number" if self.filter_duplicates else "taken"
-            yield f"{100.0 * self.duplicate_ratio:g} % come twice, the copy {after}, {taken}"
+            after = "with a delay of its own" if late is None else f"{late:g} ms later"
+            accepted = "refused by number" if self.filter_duplicates else "accepted"
+            yield f"{100.0 * self.duplicate_ratio:g} % duplicated, copy {after}, {accepted}"
         if self.bit_error_ratio:
-            checks = "refuses" if self.frame_check else "does not check"
-            yield f"each bit wrong with {self.bit_error_ratio:g}, the receiver {checks} such frames"
+            checked = "altered frames refused" if self.frame_check else "frames not checked"
+            yield f"bit error ratio {self.bit_error_ratio:g}, {checked}"
         for law in self.false:
             yield law.describe()
 
 
 @dataclass(frozen=True, slots=True)
 class Reordering(Effect):
-    """Holds each message back, on its own with probability `ratio`, for `delay` ns.
-
-    It is overtaken by those that are sent meanwhile, unless they are held back too.
-    """
+    """Holds each message back for `delay` ns, independently with probability `ratio`."""
 
     ratio: float
     delay: int
@@ -134,10 +131,10 @@ class Reordering(Effect):
 
 @dataclass(frozen=True, slots=True)
 class Duplication:
-    """Makes a copy of each delivered message, on its own with probability `ratio`.
+    """Copies each delivered message, independently with probability `ratio`.
 
-    The copy comes `delay` ns after the message; with None, after a delay of its own that is drawn
-    as the message's was, but never before the message.
+    The copy arrives `delay` ns after the message. With None its delay is drawn like that of the
+    message, but it never arrives before the message.
     """
 
     ratio: float
@@ -148,13 +145,13 @@ class Duplication:
 
 
 def copy_draw(draw: Draw) -> Draw:
-    """Return the draws of a message's copy, apart from the message's own."""
+    """Draws for the copy of a message, independent of those for the message."""
     return lambda purpose, seq: draw(f"copy {purpose}", seq)
 
 
 @dataclass(frozen=True, slots=True)
 class BitErrors:
-    """Flips each bit of a frame, on its own with probability `ratio`.
+    """Flips each bit of a frame, independently with probability `ratio`.
 
     With `frame_check` the receiver compares the frame's CRC-32 with that of the frame as sent.
     """
@@ -163,13 +160,13 @@ class BitErrors:
     frame_check: bool = True
 
     def corrupted_share(self, size: int) -> float:
-        """Probability that a frame of `size` bytes is hit: 1 - (1 - ratio)^(8 size)."""
+        """Probability that a frame of `size` bytes has errors: 1 - (1 - ratio)^(8 size)."""
         return -expm1(8 * size * log1p(-self.ratio))
 
     def flips(self, draw: Draw, seq: int, size: int) -> int:
-        """How many bits of a frame of `size` bytes are flipped: binomial, by inversion.
+        """Number of flipped bits in a frame of `size` bytes: binomial, by inversion.
 
-        With a higher ratio the same frames are hit, and more.
+        With a higher ratio the same frames have errors, and more.
         """
         bits, drawn = 8 * size, draw("bits", seq)
         if drawn >= self.corrupted_share(size):
@@ -183,14 +180,14 @@ class BitErrors:
         return count
 
     def is_detected(self, sent: bytes, came: bytes) -> bool:
-        """Whether the receiver's frame check refuses `came`, which was `sent`."""
+        """Whether the receiver's frame check refuses `came`, which was sent as `sent`."""
         return self.frame_check and crc32(came) != crc32(sent)
 
 
 def choose_bits(draw: Draw, seq: int, count: int, bits: int) -> list[int]:
-    """Which `count` different ones of a frame's `bits` are flipped, all equally likely.
+    """Indices of `count` different bits out of `bits`, all equally likely.
 
-    The first steps of a Fisher-Yates shuffle, of which only what was moved is written down.
+    The first steps of a Fisher–Yates shuffle; only moved entries are stored.
     """
     moved: dict[int, int] = {}
     places = []

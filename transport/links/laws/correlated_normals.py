@@ -1,11 +1,10 @@
-"""Standard normal numbers that belong to the numbers of messages, correlated from one to the next.
+"""Standard normal numbers by message number, correlated from message to message.
 
-A first-order autoregression has autocorrelation ρ^m at lag m, but its value at a number follows
-from the one before, and so from all. Here it is cut into blocks of B numbers, with ρ^B no more than
-FORGOTTEN: within a block it is the same recursion, begun at zero with the block before. What the
-start leaves out is ρ^(2B) of the variance and of each correlation, 10^-18, less than a double shows
-of 1. So the number k has one value, by the same operations in the same order, whether it is drawn
-alone, at the price of up to 2 B draws, or one after another, at the price of one.
+A first-order autoregression has autocorrelation ρ^m at lag m, but each value depends on all earlier
+ones. Here the recursion restarts at zero one block of B numbers before the block of a number, with
+ρ^B ≤ RESIDUAL_WEIGHT. The error of variance and correlations is ρ^(2B) = 10^-18, less than the
+rounding error. Each number therefore has one value, by the same operations in the same order,
+whether it is computed alone (up to 2 B draws) or in sequence (one draw).
 """
 
 from collections.abc import Callable
@@ -15,20 +14,20 @@ from statistics import NormalDist
 from transport.links.laws.effect import Draw
 
 RESIDUAL_WEIGHT = 1e-9
-"""What is left after a block of the weight of a number's own draw."""
+"""Maximum weight of a draw after one block."""
 MAX_CORRELATION = 0.99
-"""Largest correlation from one number to the next; its blocks have 2062 numbers."""
+"""Maximum correlation from one number to the next, with blocks of 2062 numbers."""
 RECENT = 64
-"""Up to this many numbers back, a message that comes after later ones costs no draw."""
+"""Number of cached values, for messages out of order."""
 
 quantile: Callable[[float], float] = NormalDist().inv_cdf
-"""Of the standard normal law (Wichura, Algorithm AS 241, 1988; relative error 1e-16)."""
+"""Standard normal quantile (Wichura, Algorithm AS 241, 1988; relative error 1e-16)."""
 
 
 class CorrelatedNormals:
-    """Keyed standard normal numbers with autocorrelation `correlation` ** lag, from 0 to 0.99.
+    """Keyed standard normal numbers with autocorrelation `correlation` ** lag.
 
-    What it remembers changes no answer: the state of the recursion, and the last few numbers.
+    The state of the recursion and the last values are cached; they do not change results.
     """
 
     __slots__ = (
@@ -37,9 +36,9 @@ class CorrelatedNormals:
     )  # fmt: skip
 
     def __init__(self, purpose: str, correlation: float = 0.0) -> None:
-        """`purpose` is the word under which they are drawn. Raises ValueError."""
+        """Raises ValueError unless `correlation` is from 0 to 0.99."""
         if not 0.0 <= correlation <= MAX_CORRELATION:
-            raise ValueError(f"correlation {correlation} is not within 0 to {MAX_CORRELATION}")
+            raise ValueError(f"correlation {correlation}, allowed 0 to {MAX_CORRELATION}")
         self.purpose, self.correlation = purpose, correlation
         self._block = ceil(log(RESIDUAL_WEIGHT) / log(correlation)) if correlation else 0
         self._scale = sqrt(1.0 - correlation * correlation)
@@ -74,14 +73,14 @@ class CorrelatedNormals:
         return self._recent[seq]
 
     def _begin(self, draw: Draw, seq: int) -> None:
-        """Restart with the block before that of `seq`, whose own numbers are not reached."""
+        """Restart one block before that of `seq`."""
         self._draw = draw
         self._first = seq // self._block * self._block
         self._last = self._first - self._block - 1
         self._recent.clear()
 
     def _step(self, draw: Draw) -> None:
-        """Take the next number: `_after` is what the recursion will be in the next block."""
+        """Advance by one number; `_after` is the recursion for the next block."""
         self._last += 1
         if self._last % self._block == 0:
             self._value, self._after = self._after, 0.0

@@ -1,4 +1,4 @@
-"""A law of a link as a table of a scenario file: its keys, their limits, and what it does."""
+"""Laws of a link as tables of a scenario file."""
 
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
@@ -15,32 +15,40 @@ from transport.reasons import DropReason
 from vehicles.geometry.geodesy import LocalPlane
 
 Problem = tuple[str, str]
-"""A key within the table of a law, and what is wrong with it."""
+"""A key of the table of a law, and what is wrong with its value."""
 
 Ratio = Annotated[float, Field(ge=0, le=1)]
 
 
 class InvalidKeyError(ValueError):
-    """A key of a law that does not fit the others, and what is wrong with it."""
+    """A key of a law that does not fit the other keys."""
 
     def __init__(self, key: str, why: str) -> None:
-        self.key, self.why = key, why
+        self.problem: Problem = key, why
         super().__init__(f"{key}: {why}")
+
+
+def problems_of(derive: Callable[[], object]) -> Iterator[Problem]:
+    """Yield the problem that `derive` raises as InvalidKeyError, if it does."""
+    try:
+        derive()
+    except InvalidKeyError as error:
+        yield error.problem
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkSetting:
-    """What laws of a link need to know of its run beside their own keys.
+    """Properties of the run and the link that laws need in addition to their keys.
 
-    start_at          the run's first instant (ns)
-    sender_station    station (m) of each end then, from the path's first point on
-    receiver_station
-    plane             the scenario's
-    radio_off         windows in which the sender's transmitter or the receiver's receiver is off
+    start_at          first instant of the run (ns)
+    sender_station    station (m) of the sender at the start, from the first point of the path
+    receiver_station  station (m) of the receiver at the start
+    plane             local plane of the scenario
+    radio_off         windows in which the sender's transmitter or the receiver's radio is off
     between           returns the vehicles between sender and receiver
-    latency           least delay of the link (ns)
-    source_rate_hz    messages a second that the sender sends at most
-    place             place of the law among those of its key
+    latency           minimum delay of the link (ns)
+    source_rate_hz    maximum rate of the sender's messages
+    place             index of the law among those of its key
     """
 
     start_at: int = 0
@@ -59,31 +67,28 @@ class LinkSetting:
 
 
 class LawTable(BaseModel):
-    """A table of keys: unknown keys and wrong types are refused, values are frozen.
-
-    `setting` is neutral but on a link of a run.
-    """
+    """A table of keys, frozen; unknown keys and wrong types are refused."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
     setting: ClassVar[LinkSetting] = LinkSetting()
 
     def __copy__(self) -> Self:
-        """Copy the keys alone, not what was derived from them and cached."""
+        """Copy the keys only, not the cached values derived from them."""
         keys = {name: self.__dict__[name] for name in type(self).model_fields}
         return self.model_construct(set(self.model_fields_set), **keys)
 
     def for_link(self, setting: LinkSetting) -> Self:
-        """Return a copy that knows its setting, for one link: what it remembers belongs to that."""
+        """Copy for one link, with its setting and caches of its own."""
         own = copy(self)
         own.__dict__["setting"] = setting
         return own
 
 
 class LinkLaw(Effect, LawTable):
-    """Base of the laws that a scenario file requests by a table.
+    """Base of the laws that a scenario file requests with a table.
 
-    Keys that an entry about one link may inherit are optional; `check` finds those missing.
-    `replaces_others` is true of a law that takes the place of all other keys of the link.
+    Keys that the table of a single link may inherit are optional; `problems` reports missing ones.
+    A law with `replaces_others` replaces all other keys of the link.
     """
 
     key: ClassVar[str]
@@ -91,21 +96,16 @@ class LinkLaw(Effect, LawTable):
     judged_by: ClassVar[JudgedBy] = "chance"
     replaces_others: ClassVar[bool] = False
 
-    def check(self) -> None:
-        """Raise Unfit for the first key that does not fit the others."""
-
     def problems(self) -> Iterator[Problem]:
-        try:
-            self.check()
-        except InvalidKeyError as unfit:
-            yield unfit.key, unfit.why
+        """Yield the keys that do not fit the other keys."""
+        return iter(())
 
     def plane_problems(self, plane: LocalPlane) -> Iterator[Problem]:
-        """Return the keys that do not fit the scenario's plane."""
+        """Yield the keys that do not fit the scenario's plane."""
         return iter(())
 
     def effects(self, setting: LinkSetting) -> tuple[Effect, ...]:
-        """Return the effects on one link of a run: by default a copy of the law."""
+        """Effects on one link of a run, by default a copy of the law."""
         return (self.for_link(setting),)
 
     @property
@@ -113,7 +113,7 @@ class LinkLaw(Effect, LawTable):
         return ()
 
     def required(self, key: str, why: str = "") -> Any:
-        """Return the value of a key; raises Unfit where it is missing."""
+        """Value of a key; raises InvalidKeyError if it is missing."""
         value = getattr(self, key)
         if value is None:
             raise InvalidKeyError(key, f"missing{why}")

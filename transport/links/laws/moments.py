@@ -1,4 +1,4 @@
-"""Moments of the laws of a link: losses and delays in the long run."""
+"""Moments of the losses and delays of a link in the long run."""
 
 from dataclasses import dataclass
 from math import inf
@@ -11,9 +11,9 @@ _ROUNDING = 1e-9
 
 
 class LossStates(NamedTuple):
-    """A stationary Markov chain that steps with each message, and the loss in each of its states.
+    """Stationary Markov chain that steps with each message, and the loss ratio of each state.
 
-    `rows[i][j]` is the chance from state i to j, `shares` are those of the messages in each state.
+    `rows[i][j]` is the probability from state i to j, `shares` is the stationary distribution.
     """
 
     rows: NDArray[np.float64]
@@ -22,21 +22,22 @@ class LossStates(NamedTuple):
 
     @property
     def covariances(self) -> float:
-        """Sum of the autocovariances of the losses.
+        """Sum of the autocovariances of the losses at lags 1, 2, ….
 
         By the fundamental matrix (Kemeny and Snell, Finite Markov Chains, 1960, section 4.3).
         """
-        one = np.eye(len(self.shares))
-        rank_one = np.outer(np.ones(len(self.shares)), self.shares)
-        fundamental = np.linalg.inv(one - self.rows + rank_one)
-        return float((self.shares * self.loss_by_state) @ (fundamental - one) @ self.loss_by_state)
+        identity = np.eye(len(self.shares))
+        limit = np.outer(np.ones(len(self.shares)), self.shares)
+        fundamental = np.linalg.inv(identity - self.rows + limit)
+        loss = self.loss_by_state
+        return float((self.shares * loss) @ (fundamental - identity) @ loss)
 
 
 @dataclass(frozen=True, slots=True)
 class Losses:
-    """A stationary law of loss: its mean, its mean burst, and the sum of its autocovariances.
+    """Moments of a stationary loss: mean, mean burst (messages), sum of the autocovariances.
 
-    The burst is None where it is unknown, or nothing is lost.
+    The burst is None if it is unknown or nothing is lost.
     """
 
     loss: float
@@ -45,7 +46,7 @@ class Losses:
 
     @classmethod
     def of_bursts(cls, loss: float, burst: float | None) -> "Losses":
-        """Losses as of the two-state chain (Gilbert) with this loss and mean burst."""
+        """Losses of Gilbert's two-state chain with this loss and mean burst."""
         if burst is None or not 0.0 < loss < 1.0:
             return cls(loss, burst, 0.0)
         correlation = 1.0 - 1.0 / burst - loss / (burst * (1.0 - loss))
@@ -55,7 +56,7 @@ class Losses:
 
     @classmethod
     def independent(cls, loss: float) -> "Losses":
-        """Losses of messages each on its own, whose bursts are geometric."""
+        """Independent losses, whose bursts are geometric."""
         if not loss:
             return cls(loss, None, 0.0)
         return cls(loss, 1.0 / (1.0 - loss) if loss < 1.0 else inf, 0.0)
@@ -66,26 +67,24 @@ class Losses:
 
     @property
     def both_delivered(self) -> float | None:
-        """Chance that a message and the next one pass: bursts end as often as they begin."""
+        """Probability that a message and the next one are delivered; None if unknown."""
         if self.burst is None:
             return None
         return 1.0 - self.loss - self.loss / self.burst
 
     def beside(self, other: "Losses") -> "Losses":
-        """Both laws together, each on its own; what the two memories share is bounded above."""
-        passes, others = 1.0 - self.loss, 1.0 - other.loss
-        shared = min(
-            abs(self.covariances) * other.loss * others, abs(other.covariances) * self.loss * passes
+        """Two independent laws in series; the product of their covariances is bounded above."""
+        delivery, others = 1.0 - self.loss, 1.0 - other.loss
+        product = min(
+            abs(self.covariances) * other.loss * others,
+            abs(other.covariances) * self.loss * delivery,
         )
-        covariances = self.covariances * others**2 + other.covariances * passes**2 + shared
-        return Losses(self.loss + passes * other.loss, None, covariances)
+        covariances = self.covariances * others**2 + other.covariances * delivery**2 + product
+        return Losses(self.loss + delivery * other.loss, None, covariances)
 
 
 class Delays(NamedTuple):
-    """Mean (ns) and variance (ns²) of a delay, and how much a message's has of the one before.
-
-    The `correlation` bounds that of the delays from above.
-    """
+    """Mean (ns) and variance (ns²) of a delay, and a bound of its correlation at lag 1."""
 
     mean: float
     variance: float

@@ -1,4 +1,4 @@
-"""A queue of bounded rate at the sender of a link."""
+"""A queue of limited rate at the sender of a link."""
 
 from collections import deque
 from collections.abc import Iterable
@@ -14,11 +14,13 @@ from vehicles.schedule import SECOND
 
 
 class Queue(LinkLaw):
-    """A sender that sends `bytes_per_s`, first come first served, with `depth_messages` waiting.
+    """First-in first-out queue of limited rate at the sender.
 
-    A message takes its size over the rate to be sent, and what comes meanwhile waits. With a full
-    queue, the new one is dropped, or the one that has waited longest. What is being sent is
-    not among those that wait. A message that is lost on its way has taken its turn all the same.
+    bytes_per_s     transmission rate
+    depth_messages  maximum number of waiting messages, not counting the one being sent
+    drop            message dropped from a full queue: the "newest" or the "oldest"
+
+    Messages that are lost on the link occupy the sender, too.
     """
 
     key = "queue"
@@ -36,7 +38,7 @@ class Queue(LinkLaw):
         return (self,)
 
     def service(self, size: int) -> int:
-        """Time in ns that `size` bytes take."""
+        """Transmission time (ns) of `size` bytes."""
         return round(size * SECOND / self.bytes_per_s)
 
     def stage(self) -> Stage:
@@ -44,26 +46,26 @@ class Queue(LinkLaw):
 
     def describe(self) -> str:
         rate, depth = self.bytes_per_s, self.depth_messages
-        return f"queue of {depth} messages at {rate:g} bytes/s, drops the {self.drop}"
+        return f"queue of {depth} messages at {rate:g} bytes/s, drops the {self.drop} when full"
 
 
 @dataclass(slots=True)
 class _Sender:
-    """A queue in use: when the sender is free (ns), and who waits."""
+    """State of a queue: when the sender is free (ns), and the waiting messages."""
 
     law: Queue
     free_at: int = 0
     waiting: deque[StagedMessage] = field(default_factory=deque)
 
     def carry(self, arrived: Iterable[StagedMessage], until: int) -> list[StagedMessage]:
-        """Send what can begin to be sent until each arrival, and until `until`.
+        """Send waiting messages up to each arrival, then up to `until`.
 
-        Of a message that arrives as another ends, the one that waits comes first.
+        If a message arrives as the sender becomes free, a waiting message is sent first.
         """
         decided: list[StagedMessage] = []
-        for one in arrived:
-            self._send(one.context.sent_at, decided)
-            self._join(one, decided)
+        for message in arrived:
+            self._send(message.context.sent_at, decided)
+            self._join(message, decided)
         self._send(until, decided)
         return decided
 
@@ -75,22 +77,21 @@ class _Sender:
                 return
             self.waiting.popleft()
             self.free_at = begins_at + self.law.service(first.context.size)
-            longer = self.free_at - first.context.sent_at
-            decided.append(StagedMessage(first.context, first.visible_at + longer, first.reason))
+            delay = self.free_at - first.context.sent_at
+            decided.append(StagedMessage(first.context, first.visible_at + delay, first.reason))
 
-    def _join(self, one: StagedMessage, decided: list[StagedMessage]) -> None:
-        if one.reason in UNSENT:
-            decided.append(one)
+    def _join(self, message: StagedMessage, decided: list[StagedMessage]) -> None:
+        if message.reason in UNSENT:
+            decided.append(message)
             return
-        # If the sender is free, no message waits: those that could begin by now have begun.
-        if self.free_at > one.context.sent_at and len(self.waiting) >= self.law.depth_messages:
-            out = one
+        now = message.context.sent_at
+        # If the sender is free, no message waits, because `_send` has run up to now.
+        if self.free_at > now and len(self.waiting) >= self.law.depth_messages:
+            dropped = message
             if self.law.drop == "oldest":
-                out = self.waiting.popleft()
-                self.waiting.append(one)
-            waited = one.context.sent_at - out.context.sent_at
-            decided.append(
-                StagedMessage(out.context, out.visible_at + waited, out.reason or "queue")
-            )
+                dropped = self.waiting.popleft()
+                self.waiting.append(message)
+            visible_at = dropped.visible_at + now - dropped.context.sent_at
+            decided.append(StagedMessage(dropped.context, visible_at, dropped.reason or "queue"))
         else:
-            self.waiting.append(one)
+            self.waiting.append(message)

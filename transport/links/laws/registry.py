@@ -1,6 +1,6 @@
-"""Every law that a scenario file can request of a link, by its key: a new law is a line here.
+"""All laws that a scenario file can request for a link, by key; a new law is one line here.
 
-Where a key has laws of several kinds, the `kind` of its table selects one.
+If a key has laws of several kinds, the `kind` of its table selects one.
 """
 
 from collections.abc import Mapping
@@ -82,8 +82,8 @@ LAWS: Mapping[str, tuple[type[Effect], ...]] = {
     "queue": (Queue,),
     "content": (ContentLaw,),
 }
-"""Laws that drop messages, by the key that requests them, in the order in which they judge."""
+"""Laws that drop messages by their key, in the order of judging."""
 KEY_OF_REASON: Mapping[str, str] = {
     law.reason: key for key, laws in LAWS.items() for law in laws if law.reason is not None
 }
-"""The key of a law, or of a vehicle, by the reason of its drops, in the same order."""
+"""Key of a link or vehicle by the reason of its drops, in the same order."""

@@ -1,16 +1,15 @@
-"""What messages of one link do to one another: a queue of bounded rate, and arrival in order.
+"""Stages: effects of the messages of a link on each other (queue, arrival in order).
 
-These are no effects: the verdict on a message depends on the messages around it, so it is a
-function of the link and of the stream that was sent, by instants of sending and sizes, and not of
-when bytes came. A stage is given the messages in the order of their numbers, and gives each of them
-back as soon as its fate is known.
+The verdict depends on the surrounding messages, by their instants of sending and sizes, but not on
+when bytes arrive from the bus. A stage takes messages in the order of their numbers and returns
+each one as soon as its verdict is final.
 
-That the wall clock and virtual time agree follows from the floor, the least latency of the link.
-A stage that has received all that was sent until an instant t decides what no later message can
-change: a message that begins to be sent until t, or is thrown out by one sent until t. Neither can
-be visible before t + floor. So a receiver lets the stages decide, at its tick at `now`, until now −
-floor. All that was sent until then has come if the wire keeps below the floor, and all that becomes
-visible until `now` is decided. What the wire brings later than that counts as late.
+Given all messages sent until an instant t, a stage decides about messages that begin to be sent, or
+are removed from the queue, until t. None of them is visible before t + floor, where the floor is
+the minimum latency of the link. At the tick at `now` the receiver therefore lets the stages decide
+until now − floor. If the bus is faster than the floor, all messages sent until then have arrived,
+and all that are visible by `now` are decided, on the wall clock as in virtual time. Slower messages
+count as late.
 """
 
 from collections.abc import Iterable
@@ -21,14 +20,14 @@ from transport.links.laws.effect import TransmissionContext
 from transport.reasons import DropReason
 
 UNSENT: frozenset[str] = frozenset({"rate", "transmitter_off"})
-"""Reasons of effects that keep a message from being sent at all: it takes no turn in a queue."""
+"""Reasons with which a message is not sent at all, so that it does not enter a queue."""
 
 
 @dataclass(frozen=True, slots=True)
 class StagedMessage:
-    """A message between the stages: when it will be visible (ns), and why it is dropped if it is.
+    """A message between stages: when it is visible (ns), and the reason if it is dropped.
 
-    One that is dropped has the instant at which the receiver would have had it.
+    A dropped message has the instant at which it would have been visible.
     """
 
     context: TransmissionContext
@@ -37,27 +36,27 @@ class StagedMessage:
 
 
 class Stage(Protocol):
-    """The state of one link behind its effects; for one run."""
+    """State of a stage of one link."""
 
     def carry(self, arrived: Iterable[StagedMessage], until: int) -> list[StagedMessage]:
-        """Take in the messages sent until instant `until` (ns); give those now decided."""
+        """Add the messages sent until instant `until` (ns); returns those now decided."""
 
 
 class StageLaw(Protocol):
-    """What a stage does; `key` is the key of the link that requests it."""
+    """Law of a stage; `key` is the key of a link that requests it."""
 
     key: ClassVar[str]
 
     def stage(self) -> Stage:
-        """Begin it, empty."""
+        """New, empty state."""
 
     def describe(self) -> str:
-        """Describe it in one line without a full stop, with units."""
+        """One line with units, without a full stop."""
 
 
 @dataclass(frozen=True, slots=True)
 class InOrder:
-    """No message is visible before one that was sent earlier and is delivered: it waits for it."""
+    """Messages wait until all earlier delivered messages are visible."""
 
     key: ClassVar[str] = "delay"
 
@@ -74,9 +73,9 @@ class _Order:
 
     def carry(self, arrived: Iterable[StagedMessage], until: int) -> list[StagedMessage]:
         decided = []
-        for one in arrived:
-            visible_at = max(one.visible_at, self.latest)
-            if not one.reason:
+        for message in arrived:
+            visible_at = max(message.visible_at, self.latest)
+            if not message.reason:
                 self.latest = visible_at
-            decided.append(StagedMessage(one.context, visible_at, one.reason))
+            decided.append(StagedMessage(message.context, visible_at, message.reason))
         return decided

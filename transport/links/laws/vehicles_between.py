@@ -1,4 +1,4 @@
-"""The vehicles between sender and receiver of a link, and the road along which they drive."""
+"""Vehicles between sender and receiver of a link, and the road on which they drive."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -8,27 +8,27 @@ from transport.links.laws.effect import TransmissionContext
 
 @dataclass(frozen=True, slots=True)
 class Road:
-    """Places (m) every `step` metres along the road that the convoy drives, from station 0 on.
+    """Polyline of the road: points (m) every `step` metres from station 0.
 
-    Straight lines join them; with 2 m steps they lie within 0.1 m of a bend of 5 m radius.
+    With steps of 2 m it deviates by less than 0.1 m from a bend of 5 m radius.
     """
 
     step: float
     east: Sequence[float]
     north: Sequence[float]
 
-    def places(self, station: float, step: float, count: int) -> Iterator[tuple[float, float]]:
-        """Give east and north (m) at `count` stations (m), each `step` on from the one before.
+    def points(self, station: float, step: float, count: int) -> Iterator[tuple[float, float]]:
+        """Yield east and north (m) at `station` + k `step` (m) for k from 1 to `count`.
 
-        The first is `step` on from `station`; beyond an end the road goes straight on.
+        Beyond both ends the road continues straight.
         """
         easts, norths, last = self.east, self.north, len(self.east) - 2
-        place, on = station / self.step, step / self.step
+        position, increment = station / self.step, step / self.step
         for _ in range(count):
-            place += on
-            node = int(place)
+            position += increment
+            node = int(position)
             node = 0 if node < 0 else min(node, last)
-            share = place - node
+            share = position - node
             rest = 1.0 - share
             yield (
                 rest * easts[node] + share * easts[node + 1],
@@ -38,15 +38,14 @@ class Road:
 
 @dataclass(frozen=True, slots=True)
 class VehiclesBetween:
-    """The `count` vehicles between sender and receiver, and which of them are in the way.
+    """The `count` vehicles between sender and receiver, some of which obstruct the link.
 
-    The receiver does not receive from all of them, so it places them evenly along the road between
-    the two. Each node knows the road; the true places of both ends come with the message and from
-    the receiver itself, so every clock gives the same. Their places follow from the stations
-    of both ends on the `road`: that of each at its start plus the metres that it has driven.
+    They are assumed at equal distances along the `road` between both ends, because the receiver
+    does not receive poses of all of them. The station of an end is its station at the start plus
+    the distance travelled, which is the same on every clock.
 
-    A vehicle is in the way if its circle of `radius` m (ETSI TR 103 257: 1.5 m) cuts the line of
-    sight between the true places of both ends. On a straight all are, around a bend they are not.
+    A vehicle obstructs the link if its circle of `radius` m (ETSI TR 103 257: 1.5 m) cuts the line
+    of sight: on a straight all do, around a bend they do not.
     """
 
     count: int
@@ -59,20 +58,19 @@ class VehiclesBetween:
         sender, receiver = context.sender, context.receiver
         station = self.receiver_start + receiver.travelled
         step = (self.sender_start + sender.travelled - station) / (self.count + 1)
-        here_east, here_north = receiver.east, receiver.north
-        way_east, way_north = sender.east - here_east, sender.north - here_north
-        length = way_east * way_east + way_north * way_north  # squared
-        reach = self.radius * self.radius * length  # of the cross product, squared
-        found = 0
-        for east, north in self.road.places(station, step, self.count):
-            ahead, aside = east - here_east, north - here_north
-            cross = way_east * aside - way_north * ahead
-            # One beside the line counts where its foot lies between the two ends.
-            if cross * cross < reach and 0.0 < way_east * ahead + way_north * aside < length:
-                found += 1
-                if found == most:
+        line_east, line_north = sender.east - receiver.east, sender.north - receiver.north
+        length_squared = line_east * line_east + line_north * line_north
+        cross_limit = self.radius * self.radius * length_squared  # of the squared cross product
+        obstructing = 0
+        for east, north in self.road.points(station, step, self.count):
+            to_east, to_north = east - receiver.east, north - receiver.north
+            cross = line_east * to_north - line_north * to_east
+            along = line_east * to_east + line_north * to_north
+            if cross * cross < cross_limit and 0.0 < along < length_squared:
+                obstructing += 1
+                if obstructing == most:
                     break
-        return found
+        return obstructing
 
 
 def no_vehicles() -> VehiclesBetween:

@@ -32,10 +32,10 @@ BROKEN = {
     "unknown order": (f"{GAMMA}, order='last'}}", f"{DELAY}.order", '"last"', '"in_order"'),
     "ends the wrong way": (
         "links.delay={kind='uniform', delay_ms_min=9, delay_ms_max=5}",
-        f"{DELAY}.delay_ms_max", "given 5", "more than 9",
+        f"{DELAY}.delay_ms_max", "given 5", "delay_ms_min, 9",
     ),
     "a mean that is cut off": (
-        f"{NORMAL}, delay_ms_max=15}}", f"{DELAY}.delay_ms_max", "given 15", "at least 20",
+        f"{NORMAL}, delay_ms_max=15}}", f"{DELAY}.delay_ms_max", "given 15", "mean_ms, 20",
     ),
     "too wide a law": (
         "links.delay={kind='lognormal', mean_ms=1, deviation_ms=6}",
@@ -57,7 +57,7 @@ BROKEN = {
     ),
     "a law of one link": (
         "link=[{sender='v1', receiver='v2', delay={kind='uniform', delay_ms_max=0}}]",
-        "link[0].delay.delay_ms_max", "given 0", "more than 0",
+        "link[0].delay.delay_ms_max", "given 0", "delay_ms_min, 0",
     ),
     "a recorded delay below zero": (
         "links.delay={kind='empirical', recorded_ms=[3.0, -1.0]}",
@@ -86,15 +86,15 @@ BROKEN = {
         "links.outages=[{kind='window', from_s=1}]", f"{OUTAGE}.to_s", "missing", "",
     ),
     "a window that ends first": (
-        "links.outages=[{kind='window', from_s=3, to_s=3}]", f"{OUTAGE}.to_s", "3", "more than 3",
+        "links.outages=[{kind='window', from_s=3, to_s=3}]", f"{OUTAGE}.to_s", "3", "from_s, 3",
     ),
     "a window longer than its period": (
         "links.outages=[{kind='window', from_s=3, to_s=9, every_s=5}]",
-        f"{OUTAGE}.every_s", "given 5", "at least 6",
+        f"{OUTAGE}.every_s", "given 5", "from_s, 6",
     ),
     "a stretch that ends first": (
         "links.outages=[{kind='stretch', from_m=30, to_m=-3}]",
-        f"{OUTAGE}.to_m", "given -3", "more than 30",
+        f"{OUTAGE}.to_m", "given -3", "from_m, 30",
     ),
     "nobody's stretch": (
         "links.outages=[{kind='stretch', from_m=3, to_m=30, vehicle='lead'}]",
@@ -126,7 +126,7 @@ BROKEN = {
     ),
     "a transmitter off the wrong way": (
         "vehicle.v2.transmitter_off=[{from_s=2, to_s=1}]",
-        "vehicle.v2.transmitter_off[0].to_s", "given 1", "more than 2",
+        "vehicle.v2.transmitter_off[0].to_s", "given 1", "from_s, 2",
     ),
     "a receiver off for ever": (
         "vehicle.v2.receiver_off=true", "vehicle.v2.receiver_off", "given true", "a list",

@@ -130,8 +130,8 @@ def test_in_brief_stands_what_acts_besides_the_plain_keys() -> None:
     assert laws_in_brief(scenario("links.jitter_ms=4", "links.loss_ratio=0.1"), ("v1", "v2")) == ""
     said = laws_in_brief(scenario(CONTENT, "links.queue={bytes_per_s=5000.0}"), ("v1", "v2"))
     for part in (
-        "20 % held back", "10 % come twice", "bit wrong with 0.001", "false content: offset from 4",
-        "queue of 10 messages",
+        "20 % held back", "10 % duplicated", "bit error ratio 0.001",
+        "false content: offset from 4", "queue of 10 messages",
     ):  # fmt: skip
         assert part in said
     here = 'links.outages=[{kind="circle",latitude_deg=37.0,longitude_deg=-122.0,radius_m=50.0}]'

@@ -230,9 +230,7 @@ def test_delays_of_queue_and_floor_add_up() -> None:
             assert (one.reason, one.visible_at) == ("queue", (50 * seq + 20) * MS)
 
 
-def test_stages_say_themselves_in_words() -> None:
-    assert queue_of(4000.0, 8, "oldest").describe() == (
-        "queue of 8 messages at 4000 bytes/s, drops the oldest"
-    )
-    assert InOrder().describe() == "in order"
+def test_a_description_has_the_numbers_of_the_queue() -> None:
+    words = queue_of(4000.0, 8, "oldest").describe()
+    assert all(part in words for part in ("8 messages", "4000 bytes/s", "oldest"))
     assert queue_of(1e9, 1).service(100) == 100

@@ -1,6 +1,6 @@
-"""Laws of delay beyond the floor, each a class that is the table of a scenario file.
+"""Laws of the delay beyond the link's minimum latency, each the table of a scenario file.
 
-drawn            what they have in common: order, correlation from message to message
-kinds            constant, uniform, normal (truncated), lognormal, gamma, recorded delays
-gamma_quantiles  the gamma law as a function of a normal number
+base             base classes: order of arrival, correlation between messages
+distributions    constant, uniform, normal (truncated), lognormal, gamma, empirical
+gamma_quantiles  quantiles of the gamma distribution
 """

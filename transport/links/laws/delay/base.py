@@ -1,10 +1,9 @@
-"""What all laws of delay beyond the floor have: order, and correlation from message to message.
+"""Base classes of delay laws: order of arrival, and correlation between messages.
 
-A law is a function of a standard normal number: where that is correlated from message to message,
-so is the delay (a Gaussian copula), and single delays still follow the requested law exactly. In
-netem they do not: its correlated number is no longer uniform (sch_netem.c, get_crandom). The
-correlation is that of the normal numbers; that of the delays themselves is a little smaller, unless
-their law is normal, too.
+A delay is a function of a standard normal number. If the normal numbers are correlated from message
+to message, so are the delays (Gaussian copula), and each delay still has exactly the requested
+distribution. In netem it does not: its correlated number is not uniform (sch_netem.c,
+get_crandom). The delays are slightly less correlated than the normal numbers, unless normal.
 """
 
 from functools import cached_property
@@ -22,16 +21,19 @@ from transport.reasons import DropReason
 from vehicles.schedule import MILLISECOND
 
 PURPOSE = "delay"
-"""The word under which delays are drawn."""
+"""Purpose of the draws of delays."""
 _ROOT_TWO = sqrt(2.0)
 
 Milliseconds = Annotated[float, Field(ge=0, le=60_000)]
 PositiveMilliseconds = Annotated[float, Field(ge=0.001, le=60_000)]
-"""The least is a microsecond."""
+"""At least a microsecond."""
 
 
 class BaseDelay(LinkLaw):
-    """What all laws of delay have: whether messages may overtake one another ("free")."""
+    """Base of delay laws.
+
+    order  "free": messages may overtake each other; "in_order": they wait for earlier ones
+    """
 
     key = "delay"
 
@@ -39,7 +41,7 @@ class BaseDelay(LinkLaw):
 
     @property
     def typical_max_ns(self) -> float:
-        """Delay that most messages do not exceed: the mean and two deviations."""
+        """Mean plus two standard deviations."""
         raise NotImplementedError
 
     @property
@@ -48,10 +50,9 @@ class BaseDelay(LinkLaw):
 
 
 class RandomDelay(BaseDelay):
-    """Beside it, for laws with chance: how much a message's delay has of the one before it.
+    """Base of random delay laws; values derived from the keys are in ns.
 
-    It is the correlation of the normal numbers that delays are drawn by; delays have that law
-    whatever the correlation. All that follows from the keys is in ns.
+    correlation_ratio  correlation of the normal numbers of successive messages
     """
 
     correlation_ratio: Annotated[float, Field(ge=0, le=0.99)] = 0.0
@@ -65,11 +66,11 @@ class RandomDelay(BaseDelay):
         raise NotImplementedError
 
     def at(self, normal: float) -> float:
-        """Return the delay that belongs to a standard normal number, which it grows with."""
+        """Delay for a standard normal number, increasing."""
         raise NotImplementedError
 
     def describe_law(self) -> str:
-        """Describe the law without its correlation."""
+        """Describe the distribution without its correlation."""
         raise NotImplementedError
 
     @cached_property
@@ -91,12 +92,11 @@ class RandomDelay(BaseDelay):
         return self.at(quantile(share))
 
     def describe(self) -> str:
-        tied = self.correlation_ratio
-        return f"{self.describe_law()}, correlation {tied:g}" if tied else self.describe_law()
+        correlation = f", correlation {self.correlation_ratio:g}" if self.correlation_ratio else ""
+        return self.describe_law() + correlation
 
 
 def normal_cdf(normal: float) -> float:
-    """Share of standard normal numbers below one."""
     return 0.5 * erfc(-normal / _ROOT_TWO)
 
 

@@ -1,5 +1,6 @@
-"""The laws of delay that a scenario can request, by `kind`."""
+"""Delay laws by `kind`."""
 
+from collections.abc import Iterator
 from functools import cached_property
 from math import exp, fsum, inf, log, log1p, pi, sqrt
 from typing import Annotated, Literal
@@ -17,19 +18,22 @@ from transport.links.laws.delay.base import (
 )
 from transport.links.laws.delay.gamma_quantiles import log_quantile, log_quantiles
 from transport.links.laws.effect import Draw, TransmissionContext
-from transport.links.laws.link_law import InvalidKeyError
+from transport.links.laws.link_law import Problem
 from transport.links.laws.moments import Delays
 from transport.reasons import DropReason
 from vehicles.schedule import MILLISECOND
 
 WIDEST, NARROWEST = 5.0, 0.01
-"""Deviations of a skew law in units of its mean."""
+"""Limits of the standard deviation of a skewed law, as multiples of its mean."""
 MAX_RECORDED = 1000
-"""Recorded delays that stand for all: every link of every vehicle's process holds them."""
+"""Maximum number of recorded delays, which every link of every process holds in memory."""
 
 
 class ConstantDelay(BaseDelay):
-    """Always the same delay."""
+    """The same delay for all messages.
+
+    delay_ms  the delay
+    """
 
     kind: Literal["constant"] = "constant"
     delay_ms: Milliseconds
@@ -54,17 +58,20 @@ class ConstantDelay(BaseDelay):
 
 
 class UniformDelay(RandomDelay):
-    """Each delay between the two as likely."""
+    """Uniformly distributed delay.
+
+    delay_ms_min  minimum
+    delay_ms_max  maximum
+    """
 
     kind: Literal["uniform"] = "uniform"
     delay_ms_min: Milliseconds = 0.0
     delay_ms_max: Milliseconds
 
-    def check(self) -> None:
-        least, most = self.delay_ms_min, self.delay_ms_max
-        if most <= least:
-            why = f"given {most:g}, allowed more than {least:g}, the least"
-            raise InvalidKeyError("delay_ms_max", why)
+    def problems(self) -> Iterator[Problem]:
+        if self.delay_ms_max <= self.delay_ms_min:
+            allowed = f"allowed more than delay_ms_min, {self.delay_ms_min:g}"
+            yield "delay_ms_max", f"given {self.delay_ms_max:g}, {allowed}"
 
     @cached_property
     def _ends(self) -> tuple[float, float]:
@@ -90,10 +97,14 @@ class UniformDelay(RandomDelay):
 
 
 class NormalDelay(RandomDelay):
-    """Normal, cut off at 0 and at `delay_ms_max`; mean and deviation are those before the cut.
+    """Truncated normal distribution.
 
-    It is truncated, not piled up. Moments of what is left: Johnson, Kotz and Balakrishnan,
-    Continuous Univariate Distributions, vol. 1, ch. 13.
+    mean_ms       mean before truncation
+    deviation_ms  standard deviation before truncation
+    delay_ms_max  upper end, by default none; the lower end is 0
+
+    Moments after truncation: Johnson, Kotz and Balakrishnan, Continuous Univariate Distributions,
+    vol. 1, ch. 13.
     """
 
     kind: Literal["normal"] = "normal"
@@ -101,15 +112,17 @@ class NormalDelay(RandomDelay):
     deviation_ms: PositiveMilliseconds
     delay_ms_max: Milliseconds | None = None
 
-    def check(self) -> None:
+    def problems(self) -> Iterator[Problem]:
         least = max(self.mean_ms, 0.001)
         if self.delay_ms_max is not None and self.delay_ms_max < least:
-            why = f"given {self.delay_ms_max:g}, allowed at least {least:g}, the mean"
-            raise InvalidKeyError("delay_ms_max", why)
+            yield (
+                "delay_ms_max",
+                f"given {self.delay_ms_max:g}, allowed at least mean_ms, {least:g}",
+            )
 
     @cached_property
     def _cut(self) -> tuple[float, float, float, float, float, float]:
-        """Mean, deviation and maximum (ns), and the shares below, above and between the cuts."""
+        """Mean, deviation and maximum (ns), and the probabilities below, above and between."""
         centre, spread = self.mean_ms * MILLISECOND, self.deviation_ms * MILLISECOND
         most = inf if self.delay_ms_max is None else self.delay_ms_max * MILLISECOND
         below, above = normal_cdf(-centre / spread), normal_cdf((centre - most) / spread)
@@ -150,17 +163,21 @@ def _density(normal: float) -> float:
 
 
 class SkewedDelay(RandomDelay):
-    """Base of the skew laws, by the mean and the standard deviation of the delay."""
+    """Base of skewed distributions.
+
+    mean_ms       mean of the delay
+    deviation_ms  standard deviation of the delay, 0.01 to 5 times the mean
+    """
 
     kind: str
     mean_ms: PositiveMilliseconds
     deviation_ms: PositiveMilliseconds
 
-    def check(self) -> None:
+    def problems(self) -> Iterator[Problem]:
         least, most = NARROWEST * self.mean_ms, WIDEST * self.mean_ms
         if not least <= self.deviation_ms <= most:
             allowed = f"allowed {least:g} to {most:g}, {NARROWEST:g} to {WIDEST:g} times the mean"
-            raise InvalidKeyError("deviation_ms", f"given {self.deviation_ms:g}, {allowed}")
+            yield "deviation_ms", f"given {self.deviation_ms:g}, {allowed}"
 
     @property
     def mean_ns(self) -> float:
@@ -175,13 +192,17 @@ class SkewedDelay(RandomDelay):
 
 
 class LognormalDelay(SkewedDelay):
-    """Lognormal, by the mean and the standard deviation of the delay."""
+    """Lognormal distribution.
+
+    mean_ms       mean of the delay itself
+    deviation_ms  standard deviation of the delay itself, 0.01 to 5 times the mean
+    """
 
     kind: Literal["lognormal"] = "lognormal"
 
     @cached_property
     def _of_logarithm(self) -> tuple[float, float]:
-        """Deviation of the logarithm, and the median (Johnson, Kotz and Balakrishnan, ch. 14)."""
+        """Deviation of the logarithm, and median (Johnson, Kotz and Balakrishnan, ch. 14)."""
         variance = log1p((self.deviation_ns / self.mean_ns) ** 2)
         return sqrt(variance), self.mean_ns * exp(-0.5 * variance)
 
@@ -191,13 +212,17 @@ class LognormalDelay(SkewedDelay):
 
 
 class GammaDelay(SkewedDelay):
-    """Gamma, by the mean and the standard deviation of the delay."""
+    """Gamma distribution.
+
+    mean_ms       mean of the delay
+    deviation_ms  standard deviation of the delay, 0.01 to 5 times the mean
+    """
 
     kind: Literal["gamma"] = "gamma"
 
     @cached_property
     def _quantiles(self) -> tuple[tuple[tuple[float, float], ...], float]:
-        """Table of quantiles, and the logarithm of the scale."""
+        """Table of quantiles, and logarithm of the scale."""
         table = log_quantiles((self.mean_ns / self.deviation_ns) ** 2)
         return table, log(self.deviation_ns**2 / self.mean_ns)
 
@@ -207,10 +232,12 @@ class GammaDelay(SkewedDelay):
 
 
 class EmpiricalDelay(RandomDelay):
-    """Recorded delays, each as likely: the column delay_ms of a CSV `file`.
+    """Recorded delays, all equally likely.
 
-    When the file has been read they are `recorded_ms`, sorted, and it is their `source`. Of more
-    than 1000 as many quantiles stay, evenly spread: no probability is off by more than 0.001.
+    file         CSV file with the column delay_ms, relative to the scenario file
+    recorded_ms  the delays, in place of a file; more than 1000 are reduced to 1000 evenly spaced
+                 quantiles, which changes probabilities by at most 0.001
+    source       name of the file they were read from
     """
 
     kind: Literal["empirical"] = "empirical"
@@ -220,15 +247,15 @@ class EmpiricalDelay(RandomDelay):
         tuple[Milliseconds, ...], Field(strict=False, max_length=MAX_RECORDED)
     ] = ()
 
-    def check(self) -> None:
+    def problems(self) -> Iterator[Problem]:
         if self.file is not None and self.recorded_ms:
-            raise InvalidKeyError("recorded_ms", "given together with file, allowed one of them")
+            yield "recorded_ms", "given together with file, allowed one of them"
         if self.file is None and not self.recorded_ms:
-            raise InvalidKeyError("file", "missing, needed without recorded_ms")
+            yield "file", "missing, needed without recorded_ms"
 
     @cached_property
     def _recorded(self) -> tuple[float, ...]:
-        return tuple(one * MILLISECOND for one in sorted(self.recorded_ms))
+        return tuple(delay_ms * MILLISECOND for delay_ms in sorted(self.recorded_ms))
 
     @property
     def mean_ns(self) -> float:
@@ -237,7 +264,7 @@ class EmpiricalDelay(RandomDelay):
     @property
     def deviation_ns(self) -> float:
         mean = self.mean_ns
-        return sqrt(fsum((one - mean) ** 2 for one in self._recorded) / len(self._recorded))
+        return sqrt(fsum((delay - mean) ** 2 for delay in self._recorded) / len(self._recorded))
 
     def at(self, normal: float) -> float:
         count = len(self._recorded)
@@ -245,4 +272,4 @@ class EmpiricalDelay(RandomDelay):
 
     def describe_law(self) -> str:
         moments = f"{format_ms(self.mean_ns)} ± {format_ms(self.deviation_ns)}"
-        return f"delay as in {len(self._recorded)} recorded ones, {moments}"
+        return f"delay drawn from {len(self._recorded)} recorded delays, {moments}"

@@ -1,6 +1,6 @@
-"""Losses in bursts by the state of a Markov chain: Gilbert–Elliott, and four states as in netem."""
+"""Burst losses by a Markov chain: Gilbert–Elliott model, and the four states of netem."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from math import inf
 from typing import Annotated, Literal
@@ -9,7 +9,13 @@ import numpy as np
 from pydantic import Field
 
 from transport.links.laws.effect import Draw, TransmissionContext
-from transport.links.laws.link_law import InvalidKeyError, LinkLaw, Ratio
+from transport.links.laws.link_law import (
+    InvalidKeyError,
+    LinkLaw,
+    Problem,
+    Ratio,
+    problems_of,
+)
 from transport.links.laws.loss.chains import ROUNDING, CoupledChain
 from transport.links.laws.moments import Losses, LossStates
 from transport.reasons import DropReason
@@ -18,22 +24,22 @@ _FATE = "burst fate"
 
 
 class ChainLoss(LinkLaw):
-    """Base of laws that lose by the state of a Markov chain."""
+    """Base of losses by the state of a Markov chain."""
 
     key = "loss"
     reason = "burst"
 
     @cached_property
     def chain(self) -> CoupledChain:
-        """The chain; raises Unfit."""
+        """The chain; raises InvalidKeyError."""
         raise NotImplementedError
 
     @cached_property
     def loss_by_state(self) -> tuple[float, ...]:
         raise NotImplementedError
 
-    def check(self) -> None:
-        _ = self.chain
+    def problems(self) -> Iterator[Problem]:
+        return problems_of(lambda: self.chain)
 
     def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         loss = self.loss_by_state[self.chain.state_at(draw, context.seq)]
@@ -46,9 +52,9 @@ class ChainLoss(LinkLaw):
         return LossStates(self.chain.rows, self.chain.shares, np.array(self.loss_by_state))
 
     def losses(self, distance_m: float | None) -> Losses:
-        """Loss of each state by the time spent in it, over the states that are reached.
+        """Loss and burst in the stationary state.
 
-        The mean burst is the share lost over the share lost just before one that is not.
+        The mean burst is P(lost) / P(lost and the next one delivered).
         """
         reached = list(self.chain.states)
         rows, shares, loss_by_state = self.states
@@ -67,34 +73,32 @@ class ChainLoss(LinkLaw):
 def build_chain(
     key: str, probabilities: Sequence[float], chain: Callable[[], CoupledChain]
 ) -> CoupledChain:
-    """Build a chain, or raise Unfit at `key` if it has no stationary state that can be found."""
+    """Build a chain; raises InvalidKeyError at `key` if its state cannot be computed."""
     try:
         return chain()
     except ValueError as error:
-        value = ", ".join(f"{one:g}" for one in probabilities)
+        values = ", ".join(f"{probability:g}" for probability in probabilities)
         raise InvalidKeyError(
             key,
-            f"given {value}, {error}; allowed a chain that does within 10000 messages on average, "
-            "and does not go round in a circle",
+            f"given {values}, {error}; allowed an aperiodic chain whose state depends on fewer "
+            "than 10000 messages on average",
         ) from error
 
 
 class GilbertElliott(ChainLoss):
-    """A good and a bad state of the link: by its chances, or by mean loss and mean burst.
+    """Gilbert–Elliott model: a good and a bad state, by probabilities or by mean values.
 
-    good_to_bad_ratio     p, chance of the link turning bad before a message
-    bad_to_good_ratio     r, chance of its turning good
-    bad_delivered_ratio   h, share of messages delivered in the bad state
-    good_delivered_ratio  k, share delivered in the good state
-    loss_ratio            in place of them: mean loss ...
-    burst_messages_mean   ... and mean number lost in a row (with h = 0, k = 1)
+    good_to_bad_ratio     p, probability of good → bad before a message
+    bad_to_good_ratio     r, probability of bad → good before a message
+    bad_delivered_ratio   h, delivery ratio in the bad state, default 0
+    good_delivered_ratio  k, delivery ratio in the good state, default 1
+    loss_ratio            mean loss, in place of the probabilities (h = 0, k = 1)
+    burst_messages_mean   mean number of messages lost in a row, together with loss_ratio
 
-    With h = 0 and k = 1 it is Gilbert's simple model: the loss is p / (p + r), bursts last 1 / r
-    messages on average, and the autocorrelation of loss at lag m is (1 - p - r)^m. Sources:
-    Gilbert, Bell System Technical Journal 39, 1960; Elliott, ibid. 42, 1963.
-
-    A message is judged by the state after the change that belongs to it. Linux netem judges before
-    the change and starts in the good state; in the long run both are the same.
+    With h = 0 and k = 1 (Gilbert's simple model) the loss is p / (p + r), the mean burst 1 / r
+    messages, and the autocorrelation of losses at lag m is (1 - p - r)^m. Sources: Gilbert, Bell
+    System Technical Journal 39, 1960; Elliott, ibid. 42, 1963. The state changes before the message
+    is judged; in Linux netem after it, which is equal in the long run.
     """
 
     kind: Literal["gilbert_elliott"] = "gilbert_elliott"
@@ -107,15 +111,14 @@ class GilbertElliott(ChainLoss):
 
     @cached_property
     def probabilities(self) -> tuple[float, float, float, float]:
-        """The numbers p, r, h and k; raises Unfit."""
+        """The numbers p, r, h and k; raises InvalidKeyError."""
         by_burst = {"loss_ratio", "burst_messages_mean"}
-        every = set(type(self).model_fields) - {"kind"}
-        given = {key for key in every if getattr(self, key) is not None}
+        keys = set(type(self).model_fields) - {"kind"}
+        given = {key for key in keys if getattr(self, key) is not None}
         if given & by_burst and given - by_burst:
             key, other = min(given - by_burst), min(given & by_burst)
-            raise InvalidKeyError(
-                key, f"given together with {other}, allowed chances or mean values"
-            )
+            allowed = "allowed probabilities or mean values"
+            raise InvalidKeyError(key, f"given together with {other}, {allowed}")
         if given & by_burst:
             loss, burst = self.required("loss_ratio"), self.required("burst_messages_mean")
             if loss == 1.0 or burst < loss / (1.0 - loss):
@@ -130,7 +133,7 @@ class GilbertElliott(ChainLoss):
 
     @cached_property
     def chain(self) -> CoupledChain:
-        """The chain, the bad state first: a draw below both chances of it forgets."""
+        """The chain, bad state first: draws below both of its probabilities couple the states."""
         p, r, *delivered = self.probabilities
         rows = ((1.0 - r, r), (p, 1.0 - p))
         by_burst = self.burst_messages_mean is not None
@@ -150,18 +153,19 @@ class GilbertElliott(ChainLoss):
 
 
 class FourState(ChainLoss):
-    """The four states of netem: sent in a gap 1, sent in a burst 2, lost in it 3, lost alone 4.
+    """Four-state model of Linux netem (`loss state`).
 
-    gap_to_burst_ratio   p13, chance of a burst to begin with the message
-    burst_to_gap_ratio   p31, chance of it to end after a loss
-    lost_to_sent_ratio   p32, chance of a message sent after a loss, within the burst
-    sent_to_lost_ratio   p23, chance of a loss after such a message
-    isolated_loss_ratio  p14, chance of a loss alone, in the gap
+    gap_to_burst_ratio   p13, probability that a burst begins with the message
+    burst_to_gap_ratio   p31, probability that the burst ends after a lost message
+    lost_to_sent_ratio   p32, probability of a delivery after a loss within the burst, default 0
+    sent_to_lost_ratio   p23, probability of a loss after such a delivery, default 1
+    isolated_loss_ratio  p14, probability of an isolated loss outside bursts, default 0
 
-    The new state is the message's fate, and after 4 follows 1. Source: sch_netem.c of Linux;
-    Salsano, Ludovici, Ordine and Giannuzzi, Definition of a general and intuitive loss model for
-    packet networks, 2012. The states that matter are those reached from 1, where netem starts; here
-    the chain is stationary from the first message on.
+    States: 1 delivered outside bursts, 2 delivered within a burst, 3 lost within a burst, 4
+    isolated loss, which 1 follows. The new state decides about the message. The chain has the
+    states that are reached from 1 and is stationary from the first message; netem starts in 1.
+    Sources: sch_netem.c; Salsano, Ludovici, Ordine and Giannuzzi, Definition of a general and
+    intuitive loss model for packet networks, 2012.
     """
 
     kind: Literal["four_state"] = "four_state"
@@ -173,20 +177,20 @@ class FourState(ChainLoss):
 
     @cached_property
     def probabilities(self) -> dict[str, float]:
-        """The five numbers by netem's names; raises Unfit."""
+        """The probabilities by netem's names; raises InvalidKeyError."""
         p13, p31 = self.required("gap_to_burst_ratio"), self.required("burst_to_gap_ratio")
         p32, p23, p14 = self.lost_to_sent_ratio, self.sent_to_lost_ratio, self.isolated_loss_ratio
         if p13 + p14 > 1.0:
-            allowed = f"at most {1.0 - p13:g}, for gap_to_burst_ratio is {p13:g}"
+            allowed = f"at most {1.0 - p13:g}, because gap_to_burst_ratio is {p13:g}"
             raise InvalidKeyError("isolated_loss_ratio", f"given {p14:g}, allowed {allowed}")
         if p31 + p32 > 1.0:
-            allowed = f"at most {1.0 - p31:g}, for burst_to_gap_ratio is {p31:g}"
+            allowed = f"at most {1.0 - p31:g}, because burst_to_gap_ratio is {p31:g}"
             raise InvalidKeyError("lost_to_sent_ratio", f"given {p32:g}, allowed {allowed}")
         return {"p13": p13, "p31": p31, "p32": p32, "p23": p23, "p14": p14}
 
     @cached_property
     def chain(self) -> CoupledChain:
-        """The chain in the order 3, 4, 2, 1: a small draw loses, a large one delivers."""
+        """The chain in the order 3, 4, 2, 1: small draws lose, large draws deliver."""
         p13, p31, p32, p23, p14 = self.probabilities.values()
         rows = (
             (1.0 - p31 - p32, 0.0, p32, p31),
@@ -203,4 +207,4 @@ class FourState(ChainLoss):
 
     def describe(self) -> str:
         numbers = ", ".join(f"{name} {value:.4g}" for name, value in self.probabilities.items())
-        return f"four states as in netem: {self._loss_and_burst()} ({numbers})"
+        return f"four states of netem: {self._loss_and_burst()} ({numbers})"

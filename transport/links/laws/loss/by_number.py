@@ -1,11 +1,18 @@
-"""Losses that follow from the numbers of messages alone, and no loss."""
+"""Losses that depend only on the numbers of messages, and no loss."""
 
+from collections.abc import Iterator
 from functools import cached_property
 from math import inf
 from typing import ClassVar, Literal
 
 from transport.links.laws.effect import Draw, Effect, JudgedBy, TransmissionContext
-from transport.links.laws.link_law import InvalidKeyError, LinkLaw, LinkSetting
+from transport.links.laws.link_law import (
+    InvalidKeyError,
+    LinkLaw,
+    LinkSetting,
+    Problem,
+    problems_of,
+)
 from transport.links.laws.loss.number_sets import (
     AfterEnd,
     FileName,
@@ -19,7 +26,7 @@ from transport.reasons import DropReason
 
 
 class NoLoss(LinkLaw):
-    """No further loss, where others have some."""
+    """No loss, for single links where the other links have a law of loss."""
 
     kind: Literal["none"] = "none"
 
@@ -28,7 +35,7 @@ class NoLoss(LinkLaw):
 
 
 class LossByNumber(LinkLaw):
-    """Base of laws that lose messages by their numbers."""
+    """Base of losses by the number of a message, which starts at 0."""
 
     key = "loss"
     reason: ClassVar[DropReason | None] = "pattern"
@@ -36,7 +43,11 @@ class LossByNumber(LinkLaw):
 
 
 class EveryNth(LossByNumber):
-    """Message `first_number` is lost, and from then on one of every `every_messages`."""
+    """Periodic loss of single messages.
+
+    every_messages  period in messages
+    first_number    number of the first lost message
+    """
 
     kind: Literal["every_nth"] = "every_nth"
     every_messages: MessageCount | None = None
@@ -47,8 +58,8 @@ class EveryNth(LossByNumber):
         period: int = self.required("every_messages")
         return period
 
-    def check(self) -> None:
-        self.required("every_messages")
+    def problems(self) -> Iterator[Problem]:
+        return problems_of(lambda: self._period)
 
     def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         after = context.seq - self.first_number
@@ -58,11 +69,14 @@ class EveryNth(LossByNumber):
         return Losses.of_bursts(1.0 / self._period, 1.0 if self._period > 1 else inf)
 
     def describe(self) -> str:
-        return f"one message of every {self._period} lost, from number {self.first_number} on"
+        return f"one of every {self._period} messages lost, from number {self.first_number}"
 
 
 class Listed(LossByNumber):
-    """Messages with certain numbers are lost: a text such as "3, 7, 10-20"."""
+    """Loss of listed messages.
+
+    lost_numbers  numbers and ranges, such as "3, 7, 10-20"
+    """
 
     kind: Literal["listed"] = "listed"
     lost_numbers: str | None = None
@@ -71,26 +85,29 @@ class Listed(LossByNumber):
     def lost(self) -> NumberSet:
         return parse_numbers("lost_numbers", self.required("lost_numbers"))
 
-    def check(self) -> None:
-        _ = self.lost
+    def problems(self) -> Iterator[Problem]:
+        return problems_of(lambda: self.lost)
 
     def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         return "pattern" if context.seq in self.lost else 0
 
     def losses(self, distance_m: float | None) -> None:
-        """Return None: the share depends on how many messages there are."""
+        """Return None: the loss ratio depends on the number of messages."""
 
     def describe(self) -> str:
-        which = str(self.lost)
-        return f"{len(self.lost)} listed messages lost" + (f": {which}" * (len(which) < 80))
+        numbers = str(self.lost)
+        return f"{len(self.lost)} listed messages lost" + (f": {numbers}" * (len(numbers) < 80))
 
 
 class RecordedPattern(LossByNumber):
-    """A recorded pattern: CSV with the columns number and received, 0 or 1.
+    """Losses of a recorded pattern.
 
-    Its first line is the first message of the run. Beyond its end it begins again, or lets all
-    messages pass. When the file has been read, the pattern is `length_messages` long, lost the
-    `lost_numbers` and is from `source`.
+    file             CSV file with the columns number and received (0 or 1); its first row belongs
+                     to the first message of the run
+    after_end        after the last row "repeat" the pattern or "pass" all messages
+    length_messages  length of the pattern, in place of a file
+    lost_numbers     its lost messages, such as "3, 7, 10-20"
+    source           name of the file it was read from
     """
 
     kind: Literal["pattern"] = "pattern"
@@ -108,7 +125,10 @@ class RecordedPattern(LossByNumber):
     def length(self) -> int:
         return self.length_messages or 1
 
-    def check(self) -> None:
+    def problems(self) -> Iterator[Problem]:
+        return problems_of(self._check)
+
+    def _check(self) -> None:
         if self.file is not None and self.length_messages is not None:
             why = "given together with length_messages, allowed a file or its contents"
             raise InvalidKeyError("file", why)
@@ -126,7 +146,7 @@ class RecordedPattern(LossByNumber):
         return "pattern" if number in self.lost else 0
 
     def losses(self, distance_m: float | None) -> Losses:
-        """Loss of the record; a burst goes on across its end if it repeats."""
+        """Loss of the pattern; if it repeats, a burst may continue across its end."""
         repeats, lost = self.after_end == "repeat", len(self.lost)
         burst = None
         if lost == self.length and repeats:
@@ -137,5 +157,5 @@ class RecordedPattern(LossByNumber):
         return Losses.of_bursts(lost / self.length, burst)
 
     def describe(self) -> str:
-        then = "repeated" if self.after_end == "repeat" else "then no more"
-        return f"a record of {self.length} messages, {len(self.lost)} of them lost, {then}"
+        then = "repeated" if self.after_end == "repeat" else "no loss afterwards"
+        return f"recorded pattern of {self.length} messages, {len(self.lost)} lost, {then}"

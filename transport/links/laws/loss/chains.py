@@ -1,10 +1,9 @@
-"""Losses in bursts: Markov chains that step with each message, sent or never come.
+"""Markov chains that step with each message number, whether or not the message arrives.
 
-The state at any number follows from the draws of the numbers up to it, which exist below zero too.
-All states that the past may have left are followed through one and the same draw of each number;
-looking back far enough they have all become one, and what was before does not matter (coupling from
-the past: Propp and Wilson, Random Structures and Algorithms 9, 1996). So any verdict can be
-computed alone, and the chain is exactly stationary from the first message on.
+The state at a number follows from the keyed draws of the numbers up to it, negative ones included.
+All possible earlier states are followed through the same draws, far enough back that they have
+become one state (coupling from the past: Propp and Wilson, Random Structures and Algorithms 9,
+1996). Each verdict can therefore be computed alone, and the chain is stationary from the start.
 """
 
 from bisect import bisect_right
@@ -18,41 +17,41 @@ import numpy as np
 from transport.links.laws.effect import Draw
 
 LONGEST_LOOK_BACK = 10_000.0
-"""Draws that one verdict alone may cost on average: a hundredth of a second."""
+"""Maximum mean number of draws for one verdict: a hundredth of a second."""
 
 ROUNDING = 1e-12
-"""Chances below it are none."""
+"""Smaller probabilities count as zero."""
 
 _STEP = "burst"
 
 Map = tuple[int, ...]
-"""The next state of each state, under one draw."""
+"""The next state of each state, for one draw."""
 
 
 def _no_draw(purpose: str, seq: int) -> float:
-    raise AssertionError(f"no link draws {purpose} of {seq} so")
+    raise AssertionError(f"{purpose} of {seq} is drawn without a link")
 
 
 class CoupledChain:
-    """State of a finite Markov chain at any number; `rows[i][j]` is the chance from i to j.
+    """State of a finite Markov chain at any number; `rows[i][j]` is the probability from i to j.
 
-    A draw u leads from i to the first j at which the row's sum exceeds u. Chains start in any of
-    the states reached from `start`. Raises ValueError where they hardly ever meet.
+    A draw u leads from i to the first j at which the cumulative sum of the row exceeds u. The chain
+    has the states that are reached from `start`. Raises ValueError if they rarely couple.
 
-    The last state is remembered, for one link, so that a stream costs one draw for each message.
+    The last state is cached for one link, so that a stream costs one draw per message.
     """
 
     def __init__(self, rows: Sequence[Sequence[float]], start: int) -> None:
         self.rows = np.array(rows, dtype=float)
         sums = [list(accumulate(row)) for row in rows]
-        inner = {one for row in sums for one in row if 0.0 < one < 1.0}
+        inner = {total for row in sums for total in row if 0.0 < total < 1.0}
         self._cuts = sorted(inner)
         self._maps = [_map(sums, cut) for cut in (0.0, *self._cuts)]
         self._widths = np.diff([0.0, *self._cuts, 1.0])
         self.states = self._reached(start)
         self.mean_look_back = self._mean_look_back()
         if not 0.0 <= self.mean_look_back <= LONGEST_LOOK_BACK:
-            raise ValueError("its states never or hardly ever forget what was before")
+            raise ValueError("its state depends on the distant past")
         self._known: tuple[Draw, int, int] = (_no_draw, 0, 0)
 
     def state_at(self, draw: Draw, seq: int) -> int:
@@ -65,67 +64,69 @@ class CoupledChain:
         return state
 
     def _look_back(self, draw: Draw, seq: int) -> int:
-        """Look back to where all states meet, or to the state that is known."""
+        """Look back until all states have coupled, or to the cached state."""
         drawn, number, known = self._known
         through: Map = tuple(range(len(self.rows)))
         while drawn is not draw or number != seq:
             step = self._maps[bisect_right(self._cuts, draw(_STEP, seq))]
             through = tuple(through[state] for state in step)
-            met = {through[state] for state in self.states}
-            if len(met) == 1:
-                return met.pop()
+            coupled = {through[state] for state in self.states}
+            if len(coupled) == 1:
+                return coupled.pop()
             seq -= 1
         return through[known]
 
     def _reached(self, start: int) -> tuple[int, ...]:
-        found, new = {start}, {start}
+        reached, new = {start}, {start}
         while new:
-            new = {step[state] for step in self._maps for state in new} - found
-            found |= new
-        return tuple(sorted(found))
+            new = {step[state] for step in self._maps for state in new} - reached
+            reached |= new
+        return tuple(sorted(reached))
 
     def _mean_look_back(self) -> float:
-        """Draws until all states have met, on average; not in [0, inf) where they never do.
+        """Mean number of draws until all states have coupled; not in [0, inf) if they never do.
 
-        Forwards it takes as many as backwards: sets of states shrink until one is left.
+        It is the same forwards and backwards: sets of states shrink until one state is left.
         """
         whole = frozenset(self.states)
-        places, new = {whole: 0}, [whole]
+        indices, new = {whole: 0}, [whole]
         while new:
-            images = {frozenset(step[state] for state in one) for one in new for step in self._maps}
-            new = sorted((one for one in images - places.keys() if len(one) > 1), key=sorted)
-            places |= {one: len(places) + place for place, one in enumerate(new)}
+            images = {
+                frozenset(step[state] for state in states) for states in new for step in self._maps
+            }
+            new = sorted((image for image in images - indices.keys() if len(image) > 1), key=sorted)
+            indices |= {image: len(indices) + index for index, image in enumerate(new)}
         if len(whole) == 1:
             return 0.0
-        stays = np.zeros((len(places), len(places)))
-        for one, place in places.items():
+        stays = np.zeros((len(indices), len(indices)))
+        for states, index in indices.items():
             for step, width in zip(self._maps, self._widths, strict=True):
-                image = frozenset(step[state] for state in one)
+                image = frozenset(step[state] for state in states)
                 if len(image) > 1:
-                    stays[place, places[image]] += width
+                    stays[index, indices[image]] += width
         try:
-            return float(np.linalg.solve(np.eye(len(places)) - stays, np.ones(len(places)))[0])
+            return float(np.linalg.solve(np.eye(len(indices)) - stays, np.ones(len(indices)))[0])
         except np.linalg.LinAlgError:
             return inf
 
     @cached_property
     def shares(self) -> np.ndarray:
-        """Share of the messages that finds the chain in each state."""
+        """Stationary distribution over the states."""
         equations = np.vstack((self.rows.T - np.eye(len(self.rows)), np.ones(len(self.rows))))
-        of_unreached = [one for one in range(len(self.rows)) if one not in self.states]
-        none = np.zeros((len(of_unreached), len(self.rows)))
-        none[range(len(of_unreached)), of_unreached] = 1.0
-        wanted = np.zeros(len(equations) + len(none))
-        wanted[len(self.rows)] = 1.0
-        found = np.linalg.lstsq(np.vstack((equations, none)), wanted)[0]
-        found[found < ROUNDING] = 0.0
-        return np.asarray(found / found.sum())
+        unreached = [state for state in range(len(self.rows)) if state not in self.states]
+        zeros = np.zeros((len(unreached), len(self.rows)))
+        zeros[range(len(unreached)), unreached] = 1.0
+        targets = np.zeros(len(equations) + len(zeros))
+        targets[len(self.rows)] = 1.0
+        shares = np.linalg.lstsq(np.vstack((equations, zeros)), targets)[0]
+        shares[shares < ROUNDING] = 0.0
+        return np.asarray(shares / shares.sum())
 
 
 def _map(sums: Sequence[Sequence[float]], drawn: float) -> Map:
-    """Next state of each state; a row's last possible state takes what rounding leaves over."""
+    """Next state of each state; the last possible state of a row takes the rounding error."""
     return tuple(min(bisect_right(row, drawn), _last(row)) for row in sums)
 
 
 def _last(row: Sequence[float]) -> int:
-    return max(place for place, one in enumerate(row) if place == 0 or one > row[place - 1])
+    return max(state for state, total in enumerate(row) if state == 0 or total > row[state - 1])

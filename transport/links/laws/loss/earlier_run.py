@@ -1,8 +1,9 @@
-"""Loss and delay of a link of an earlier run, message by message."""
+"""Losses and delays of a link recorded in an earlier run."""
 
 import json
 import re
 from bisect import bisect_right
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
@@ -11,7 +12,13 @@ from typing import Literal, cast, get_args
 from pydantic import Field
 
 from transport.links.laws.effect import Draw, Effect, TransmissionContext
-from transport.links.laws.link_law import InvalidKeyError, LinkLaw, LinkSetting
+from transport.links.laws.link_law import (
+    InvalidKeyError,
+    LinkLaw,
+    LinkSetting,
+    Problem,
+    problems_of,
+)
 from transport.links.laws.loss.number_sets import AfterEnd, FileName, NumberSet, parse_numbers
 from transport.reasons import DropReason, counts_as_loss
 from vehicles.schedule import MILLISECOND
@@ -19,16 +26,22 @@ from vehicles.schedule import MILLISECOND
 LARGEST_DELAY_DIGITS = 15
 """Of a recorded delay in ns: eleven days."""
 MAX_SHOWN = 60
-"""Characters of a refused value."""
+"""Maximum length of a refused value in an error message."""
 
 
 class EarlierRun(LinkLaw):
-    """What became of the messages of an earlier run: the same channel again, loss and delay.
+    """Losses and delays of a link in an earlier run, message by message.
 
-    Of the log it is the link from `sender` to `receiver`, by default the one of the same names.
-    The record takes the place of all other keys of the link; only messages beyond its end have
-    `latency_ms`, unless it begins again. When the file has been read, `delays_ns` are the delays
-    in order, such as "20000000x700, 23000000", and `dropped_numbers` those dropped, by reason.
+    file             log of the earlier run
+    sender           sender of the recorded link, by default the sender of this link
+    receiver         receiver of the recorded link, by default the receiver of this link
+    after_end        after the last recorded message "repeat" the record or "pass" all messages,
+                     with `latency_ms` of the link
+    delays_ns        delays in order, in place of a file, such as "20000000x700, 23000000"
+    dropped_numbers  numbers of dropped messages by reason, such as { loss = "3, 7" }
+    source           name of the file they were read from
+
+    The record replaces all other keys of the link.
     """
 
     key = "loss"
@@ -46,7 +59,7 @@ class EarlierRun(LinkLaw):
 
     @cached_property
     def dropped(self) -> tuple[tuple[DropReason, NumberSet], ...]:
-        """The numbers dropped, by reason; raises Unfit."""
+        """Dropped numbers by reason; raises InvalidKeyError."""
         return tuple(
             (known_reason(word), parse_numbers(f"dropped_numbers.{word}", numbers))
             for word, numbers in self.dropped_numbers.items()
@@ -54,21 +67,24 @@ class EarlierRun(LinkLaw):
 
     @cached_property
     def delays_in_order(self) -> tuple[tuple[int, int], ...]:
-        """Delays (ns), each with the count of messages in a row that had it; raises Unfit."""
+        """Delays (ns), each with the number of successive messages; raises InvalidKeyError."""
         if self.file is not None:
             return ((0, 1),)  # not read yet
-        found = []
+        delays = []
         for part in self.required("delays_ns", ", needed without file").split(","):
             pair = re.fullmatch(
                 rf"\s*(\d{{1,{LARGEST_DELAY_DIGITS}}})(?:x([1-9]\d{{0,8}}))?\s*", part, re.ASCII
             )
             if pair is None:
-                allowed = 'delays and how many messages had them, such as "20000000x700, 23000000"'
+                allowed = 'delays with numbers of messages, such as "20000000x700, 23000000"'
                 raise InvalidKeyError("delays_ns", f"given {_shown(part)}, allowed {allowed}")
-            found.append((int(pair[1]), int(pair[2] or 1)))
-        return tuple(found)
+            delays.append((int(pair[1]), int(pair[2] or 1)))
+        return tuple(delays)
 
-    def check(self) -> None:
+    def problems(self) -> Iterator[Problem]:
+        return problems_of(self._check)
+
+    def _check(self) -> None:
         if self.file is not None and self.delays_ns is not None:
             raise InvalidKeyError(
                 "file", "given together with delays_ns, allowed a log or its contents"
@@ -95,7 +111,7 @@ class EarlierRun(LinkLaw):
         return 0
 
     def recorded_delay(self, latency: int) -> "RecordedDelay":
-        """Return the effect that delays messages as the earlier run did, dropped ones included."""
+        """Effect that delays messages as in the earlier run, dropped ones included."""
         delays = self.delays_in_order
         ends = tuple(accumulate(count for _, count in delays))
         return RecordedDelay(delays, ends, self.after_end, latency)
@@ -107,17 +123,16 @@ class EarlierRun(LinkLaw):
         )
 
     def losses(self, distance_m: float | None) -> None:
-        """Return None: a run seldom ends with the record."""
+        """Return None: a run rarely ends with the record."""
 
     def describe(self) -> str:
-        then = "repeated" if self.after_end == "repeat" else "then no more"
-        lost = len(self.lost)
-        return f"an earlier run's link: {self.length} messages, {lost} of them lost, {then}"
+        then = "repeated" if self.after_end == "repeat" else "no loss afterwards"
+        return f"link of an earlier run: {self.length} messages, {len(self.lost)} lost, {then}"
 
 
 @dataclass(frozen=True, slots=True)
 class RecordedDelay(Effect):
-    """Delays each message by as much as an earlier run's: runs of equal `delays` that have ends."""
+    """Delays messages as in an earlier run: runs of equal delays, with their cumulative `ends`."""
 
     delays_in_order: tuple[tuple[int, int], ...]
     ends: tuple[int, ...]
@@ -139,12 +154,12 @@ class RecordedDelay(Effect):
         return
 
     def describe(self) -> str:
-        least, most = (one(self.delays_in_order)[0] / MILLISECOND for one in (min, max))
-        return f"delay as in an earlier run, {least:g} to {most:g} ms"
+        least, most = (end(self.delays_in_order)[0] / MILLISECOND for end in (min, max))
+        return f"delay of an earlier run, {least:g} to {most:g} ms"
 
 
 def known_reason(word: str) -> DropReason:
-    """Return the word of a log if it is one of this version's, else `pattern`."""
+    """Reason of a recorded drop if this version knows it, else `pattern`."""
     return cast("DropReason", word) if word in get_args(DropReason) else "pattern"
 
 

@@ -14,12 +14,12 @@ MessageNumber = Annotated[int, Field(ge=0, le=10**12)]
 MessageCount = Annotated[int, Field(ge=1, le=10**9)]
 FileName = Annotated[str, StringConstraints(min_length=1)]
 AfterEnd = Literal["repeat", "pass"]
-"""What happens to messages beyond the end of a record."""
+"""After the end of a record: repeat it, or let all messages pass."""
 
 
 @dataclass(frozen=True)
 class NumberSet:
-    """A set of message numbers, as ranges (first, last) in order that do not touch."""
+    """A set of message numbers, as ascending ranges (first, last) with gaps between them."""
 
     ranges: tuple[tuple[int, int], ...]
     _firsts: tuple[int, ...] = field(init=False, repr=False, compare=False)
@@ -28,8 +28,8 @@ class NumberSet:
         object.__setattr__(self, "_firsts", tuple(first for first, _ in self.ranges))
 
     def __contains__(self, number: int) -> bool:
-        place = bisect_right(self._firsts, number) - 1
-        return place >= 0 and number <= self.ranges[place][1]
+        index = bisect_right(self._firsts, number) - 1
+        return index >= 0 and number <= self.ranges[index][1]
 
     def __len__(self) -> int:
         return sum(last - first + 1 for first, last in self.ranges)
@@ -41,7 +41,7 @@ class NumberSet:
 
     @classmethod
     def of(cls, pairs: Iterable[tuple[int, int]]) -> "NumberSet":
-        """Merge ranges (first, last) that come in any order."""
+        """Merge ranges (first, last) in any order."""
         merged: list[tuple[int, int]] = []
         for first, last in sorted(pairs):
             if merged and first <= merged[-1][1] + 1:
@@ -52,21 +52,21 @@ class NumberSet:
 
     @classmethod
     def read(cls, text: str) -> "NumberSet":
-        """Read `3, 7, 10-20`; raises ValueError with what is wrong."""
+        """Parse a text such as `3, 7, 10-20`; raises ValueError."""
         pairs = []
         for part in filter(None, (part.strip() for part in text.split(","))):
-            found = re.fullmatch(r"(\d{1,18})(?:\s*-\s*(\d{1,18}))?", part, re.ASCII)
-            if found is None:
+            match = re.fullmatch(r"(\d{1,18})(?:\s*-\s*(\d{1,18}))?", part, re.ASCII)
+            if match is None:
                 raise ValueError(f'"{part}", allowed numbers and ranges such as "3, 7, 10-20"')
-            first, last = int(found[1]), int(found[2] or found[1])
+            first, last = int(match[1]), int(match[2] or match[1])
             if last < first:
-                raise ValueError(f'"{part}", allowed a range that does not go back')
+                raise ValueError(f'"{part}", allowed a range from a smaller to a larger number')
             pairs.append((first, last))
         return cls.of(pairs)
 
 
 def parse_numbers(key: str, text: str) -> NumberSet:
-    """Read the numbers that a key gives; raises Unfit."""
+    """Parse the numbers of a key; raises InvalidKeyError."""
     try:
         return NumberSet.read(text)
     except ValueError as error:

@@ -1,6 +1,6 @@
-"""Laws of when and where a link carries nothing, each a class that is the table of a scenario file.
+"""Outages of a link, each law the table of a scenario file.
 
-span    times: of an outage, or in which the radio of a vehicle is off
-placed  a stretch of the road, a circle in the plane
-random  by chance
+by_time        time windows, of an outage or of a vehicle's radio
+by_place       a stretch of the road, a circle in the plane
+random_outage  random durations on and off
 """

@@ -1,4 +1,4 @@
-"""Outages by place: on a stretch of the road, or within a circle."""
+"""Outages on a stretch of the road, or within a circle."""
 
 from collections.abc import Iterator
 from functools import cached_property
@@ -14,17 +14,26 @@ from transport.reasons import DropReason
 from vehicles.geometry.geodesy import REACH, LocalPlane
 
 AffectedVehicle = Literal["sender", "receiver", "either", "both"]
-"""Which end has to be inside."""
+"""Which end of the link has to be inside."""
 Station = Annotated[float, Field(ge=-1_000_000, le=1_000_000)]
 Metres = Annotated[float, Field(ge=-200_000, le=200_000)]
 
 
 class PlacedOutage(Outage):
-    """What outages by place have: who has to be there."""
+    """Base of outages by place.
+
+    vehicle  end of the link that has to be inside: sender, receiver, either or both
+    """
 
     judged_by = "place"
 
     vehicle: AffectedVehicle = "either"
+
+    @property
+    def ends(self) -> str:
+        if self.vehicle == "both":
+            return "both ends are"
+        return "either end is" if self.vehicle == "either" else f"the {self.vehicle} is"
 
     def inside(self, sender: bool, receiver: bool) -> bool:
         if self.vehicle == "either":
@@ -35,10 +44,15 @@ class PlacedOutage(Outage):
 
 
 class StretchOutage(PlacedOutage):
-    """A stretch of the road, by the arc length from the path's first point on.
+    """Outage on a stretch of the road.
 
-    Laps of a path go on counting; `every_m` lets the stretch come again. The stations are those of
-    the ends when the run starts; the metres driven are added.
+    from_m   arc length from the first point of the path, inclusive
+    to_m     end of the stretch, exclusive
+    every_m  period after which the stretch repeats, by default never
+    vehicle  end of the link that has to be inside: sender, receiver, either or both
+
+    The arc length continues over the laps of a closed path. The station of a vehicle is its station
+    at the start of the run plus the distance travelled.
     """
 
     kind: Literal["stretch"] = "stretch"
@@ -60,11 +74,18 @@ class StretchOutage(PlacedOutage):
         return "outage" if self.inside(sender, receiver) else 0
 
     def describe(self) -> str:
-        return f"outage with {self.vehicle} on the road {self.interval.describe('m')}"
+        return f"outage while {self.ends} on the road {self.interval.describe('m')}"
 
 
 class CircleOutage(PlacedOutage):
-    """A place, such as a tunnel, in the plane or on the earth (WGS84)."""
+    """Outage within a circle, such as a tunnel.
+
+    east_m, north_m              centre in the plane of the scenario
+    latitude_deg, longitude_deg  or centre in WGS84
+    radius_m                     radius of the circle
+    vehicle                      end of the link that has to be inside: sender, receiver, either or
+                                 both
+    """
 
     kind: Literal["circle"] = "circle"
     east_m: Metres | None = None
@@ -80,10 +101,10 @@ class CircleOutage(PlacedOutage):
             yield given[1][0], f"given together with {given[0][0]}, allowed one of them"
         elif not given[0] and not given[1]:
             yield "east_m", "missing, needed with north_m, or latitude_deg and longitude_deg"
-        for pair, found in zip(pairs, given, strict=True):
-            if len(found) == 1:
-                (missing,) = set(pair) - set(found)
-                yield missing, f"missing, needed with {found[0]}"
+        for pair, keys in zip(pairs, given, strict=True):
+            if len(keys) == 1:
+                (missing,) = set(pair) - set(keys)
+                yield missing, f"missing, needed with {keys[0]}"
 
     def plane_problems(self, plane: LocalPlane) -> Iterator[Problem]:
         latitude, longitude = self.latitude_deg, self.longitude_deg
@@ -98,7 +119,7 @@ class CircleOutage(PlacedOutage):
 
     @cached_property
     def centre(self) -> tuple[float, float]:
-        """Centre in the plane (m); NaN, within reach of no vehicle, without a plane."""
+        """Centre in the plane (m); NaN without a plane, where no vehicle is inside."""
         plane = self.setting.plane
         if self.east_m is not None and self.north_m is not None:
             return self.east_m, self.north_m
@@ -108,14 +129,14 @@ class CircleOutage(PlacedOutage):
         return plane.to_plane(self.latitude_deg, self.longitude_deg, altitude_m)
 
     def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
-        sender, receiver = self._holds(context.sender), self._holds(context.receiver)
+        sender, receiver = self._contains(context.sender), self._contains(context.receiver)
         return "outage" if self.inside(sender, receiver) else 0
 
-    def _holds(self, place: Position) -> bool:
+    def _contains(self, position: Position) -> bool:
         east, north = self.centre
-        return hypot(place.east - east, place.north - north) < self.radius_m
+        return hypot(position.east - east, position.north - north) < self.radius_m
 
     def describe(self) -> str:
         east, north = self.centre
-        where = f"{self.radius_m:g} m of east {east:g} m, north {north:g} m"
-        return f"outage with {self.vehicle} within {where}"
+        circle = f"{self.radius_m:g} m of east {east:g} m, north {north:g} m"
+        return f"outage while {self.ends} within {circle}"

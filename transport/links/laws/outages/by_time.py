@@ -1,7 +1,7 @@
-"""Times, stretches and ends that outages have in common.
+"""Base of outages, and outages by time.
 
-An outage is judged at the instant at which the message was sent, and by where both ends truly were
-then; the delay on the way plays no part. Spans are half open: what lies at their end is outside.
+Outages are judged by the instant of sending and the true positions of both ends at that instant.
+Intervals are half open: their end is outside.
 """
 
 from collections.abc import Iterator
@@ -23,7 +23,7 @@ Seconds = Annotated[float, Field(ge=0, le=86_400)]
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """From `start` to before `end`, and again each `every`, in a unit of any kind."""
+    """From `start` to before `end`, repeated every `every`, in any unit."""
 
     start: float
     end: float
@@ -35,21 +35,21 @@ class Interval:
         return self.start <= value < self.end
 
     def describe(self, unit: str) -> str:
-        again = f", again every {self.every:g} {unit}" if self.every < inf else ""
-        return f"from {self.start:g} to {self.end:g} {unit}{again}"
+        every = f", every {self.every:g} {unit}" if self.every < inf else ""
+        return f"from {self.start:g} to {self.end:g} {unit}{every}"
 
     def problems(self, unit: str) -> Iterator[Problem]:
         length = self.end - self.start
         if length <= 0.0:
-            allowed = f"allowed more than {self.start:g}, its from_{unit}"
+            allowed = f"allowed more than from_{unit}, {self.start:g}"
             yield f"to_{unit}", f"given {self.end:g}, {allowed}"
         elif self.every < length:
-            allowed = f"allowed at least {length:g}, the length of the span"
+            allowed = f"allowed at least to_{unit} - from_{unit}, {length:g}"
             yield f"every_{unit}", f"given {self.every:g}, {allowed}"
 
 
 class Outage(LinkLaw):
-    """Base of outages; the share of messages lost depends on when or where they are sent."""
+    """Base of outages; the loss ratio depends on when or where messages are sent."""
 
     key = "outages"
     reason: ClassVar[DropReason | None] = "outage"
@@ -60,7 +60,12 @@ class Outage(LinkLaw):
 
 
 class SpanOutage(Outage):
-    """A time from the start of the run on, once or repeated."""
+    """A time window from the start of the run, once or repeated.
+
+    from_s   begin, inclusive
+    to_s     end, exclusive
+    every_s  period after which the window repeats, by default never
+    """
 
     from_s: Seconds
     to_s: Seconds
@@ -75,7 +80,7 @@ class SpanOutage(Outage):
 
     @cached_property
     def _bounds(self) -> tuple[int, int, int, DropReason]:
-        """Start (ns), length, period or 0, and the reason; whole ns, so that bounds are exact."""
+        """Start, length, period or 0 (whole ns, so that bounds are exact), and the reason."""
         start, end = round(self.from_s * SECOND), round(self.to_s * SECOND)
         every, reason = round((self.every_s or 0.0) * SECOND), self.reason or "outage"
         return self.setting.start_at + start, end - start, every, reason
@@ -88,7 +93,7 @@ class SpanOutage(Outage):
         return reason if 0 <= since < length else 0
 
     def losses(self, distance_m: float | None) -> Losses | None:
-        """Share of time, where it repeats."""
+        """Share of the time if the window repeats."""
         _, length, every, _ = self._bounds
         return Losses(length / every, None, 0.0) if every else None
 
@@ -97,20 +102,35 @@ class SpanOutage(Outage):
 
 
 class WindowOutage(SpanOutage):
-    """An outage for a time."""
+    """Outage in a time window.
+
+    from_s   begin after the start of the run, inclusive
+    to_s     end, exclusive
+    every_s  period after which the window repeats, by default never
+    """
 
     kind: Literal["window"] = "window"
 
 
 class TransmitterOff(SpanOutage):
-    """A time in which a vehicle's transmitter is off."""
+    """Time window in which a vehicle's transmitter is off.
+
+    from_s   begin after the start of the run, inclusive
+    to_s     end, exclusive
+    every_s  period after which the window repeats, by default never
+    """
 
     key = "transmitter_off"
     reason = "transmitter_off"
 
 
 class ReceiverOff(SpanOutage):
-    """A time in which a vehicle's receiver is off."""
+    """Time window in which a vehicle's receiver is off.
+
+    from_s   begin after the start of the run, inclusive
+    to_s     end, exclusive
+    every_s  period after which the window repeats, by default never
+    """
 
     key = "receiver_off"
     reason = "receiver_off"

@@ -1,4 +1,4 @@
-"""An outage by chance."""
+"""Outage of random duration."""
 
 from functools import cached_property
 from math import exp
@@ -14,17 +14,19 @@ from vehicles.schedule import SECOND
 
 MeanTime = Annotated[float, Field(ge=0.001, le=86_400)]
 CACHED_CELLS = 8
-"""Cells whose draws are kept."""
+"""Number of cells whose draws are cached."""
 
 
 class RandomOutage(Outage):
-    """On and off by chance, for exponential times of these means.
+    """Random outages with exponentially distributed durations.
 
-    That is a Markov chain of two states, and it is found at any instant without its history: at
-    the instants of a Poisson process, of rate 1/mean on + 1/mean off, the state is drawn again,
-    off with the long-run share of it, whatever it was (uniformisation: Jensen 1953). So the state
-    is that of the last such instant, and stationary from the start. Time is cut into cells of
-    about one instant each, whose number, places and states are keyed draws of the cell's number.
+    mean_on_s   mean time between outages
+    mean_off_s  mean duration of an outage
+
+    The two-state Markov process is computed without its history (uniformisation, Jensen 1953): at
+    the events of a Poisson process of rate 1/mean_on + 1/mean_off the state is drawn again, off
+    with its stationary probability. The state is that of the last event. Time is divided into
+    cells of about one event; the number, instants and states of the events are drawn per cell.
     """
 
     kind: Literal["random"] = "random"
@@ -37,7 +39,7 @@ class RandomOutage(Outage):
 
     @cached_property
     def cell(self) -> int:
-        """Length of a cell (ns): the mean time from one instant of the process to the next."""
+        """Length of a cell (ns): the mean time between events."""
         on, off = self._means
         return max(round(on * off / (on + off)), 1)
 
@@ -60,15 +62,15 @@ class RandomOutage(Outage):
         """Whether the link is off `since` ns after the start."""
         cell = since // self.cell
         while True:
-            before = [one for one in self._instants(draw, cell) if one[0] <= since]
+            before = [event for event in self._events(draw, cell) if event[0] <= since]
             if before:
                 return max(before)[1]
             cell -= 1
 
-    def _instants(self, draw: Draw, cell: int) -> tuple[tuple[int, bool], ...]:
-        """Instants of one cell, each with whether the link is off from then on.
+    def _events(self, draw: Draw, cell: int) -> tuple[tuple[int, bool], ...]:
+        """Events of a cell: instants (ns) and whether the link is off from then on.
 
-        The law's place among the outages is part of its draws: another one behind it changes none.
+        The index of the law is part of the draws, so that appended outages do not change it.
         """
         known = self._cells.get((draw, cell))
         if known is None:
@@ -89,13 +91,13 @@ class RandomOutage(Outage):
 
     def describe(self) -> str:
         return (
-            f"random outage, on for {self.mean_on_s:g} s and off for {self.mean_off_s:g} s on "
+            f"random outages, on for {self.mean_on_s:g} s and off for {self.mean_off_s:g} s on "
             "average"
         )
 
 
 def _poisson(probability: float, mean: float) -> int:
-    """Return the Poisson number at a probability: the first with a larger cumulative one."""
+    """Quantile of the Poisson distribution."""
     count, term = 0, exp(-mean)
     total = term
     while probability >= total and term > 0.0:

@@ -1,9 +1,9 @@
-"""What a radio receives: over a distance, past other vehicles, with resources held by others.
+"""Radio laws: losses by distance, by vehicles in between and by shared resources.
 
-over_distance  what all radios have in common
-table          a table over distance, with losses of each message or of whole reservations
-path_loss      path loss, noise and packet errors
-shadowing      how strength wavers with the metres driven
-obstruction    what the vehicles in between cost
-reservations   which messages are sent with the same resources
+radio_law     base class
+table_radio   delivery ratio over distance by a table
+path_loss     path loss, noise and packet errors
+shadowing     variation of the signal strength over the distance travelled
+obstruction   loss caused by vehicles between sender and receiver
+reservations  messages sent with the same resources
 """

@@ -16,13 +16,13 @@ Floats = NDArray[np.float64]
 Radius = Annotated[float, Field(ge=0, le=10)]
 
 MAX_LOSS = 150.0
-"""Loss (dB) behind which nothing is received, whatever the radio: further vehicles do not count."""
+"""Loss (dB) with which no radio receives anything; further vehicles are not counted."""
 
 
 class Obstruction(LawTable):
-    """Base of laws of what the vehicles in between cost; one that `wavers` differs as they drive.
+    """Base of the loss caused by vehicles in between; `varies` if it is random along the road.
 
-    Those in the way have a circle of `radius_m` that cuts the line of sight.
+    A vehicle obstructs the link if its circle of `radius_m` cuts the line of sight.
     """
 
     varies: ClassVar[bool] = False
@@ -35,25 +35,29 @@ class Obstruction(LawTable):
         context: TransmissionContext,
         distance: float,
     ) -> tuple[float, bool]:
-        """Return the loss (dB) over `distance` (m), and whether any vehicle is in the way."""
+        """Loss (dB) over `distance` (m), and whether a vehicle obstructs the link."""
         raise NotImplementedError
 
     def losses(
         self, count: int, distance: float, normals: Floats, weights: Floats
     ) -> tuple[Floats, Floats]:
-        """Return losses (dB) over `distance` (m) and their weights, with `count` in the way.
+        """Losses (dB) over `distance` (m) behind `count` vehicles, and their weights.
 
         `normals` and `weights` are those of a quadrature over a standard normal number.
         """
         raise NotImplementedError
 
     def describe(self, count: int) -> str:
-        """Describe the law in a few words, with up to `count` vehicles in the way."""
+        """Describe the law in a few words, for up to `count` vehicles in between."""
         raise NotImplementedError
 
 
 class LossPerVehicle(Obstruction):
-    """Each vehicle in between whose circle cuts the line of sight costs the same (TR 103 257)."""
+    """The same loss for each vehicle in the line of sight (ETSI TR 103 257).
+
+    loss_db   loss per vehicle
+    radius_m  radius of a vehicle's circle
+    """
 
     kind: Literal["etsi"] = "etsi"
     loss_db: Annotated[float, Field(ge=0.1, le=100)] = 6.9
@@ -67,8 +71,8 @@ class LossPerVehicle(Obstruction):
         context: TransmissionContext,
         distance: float,
     ) -> tuple[float, bool]:
-        found = between.count_obstructing(context, ceil(MAX_LOSS / self.loss_db))
-        return self.loss_db * found, found > 0
+        count = between.count_obstructing(context, ceil(MAX_LOSS / self.loss_db))
+        return self.loss_db * count, count > 0
 
     def losses(
         self,
@@ -85,11 +89,14 @@ class LossPerVehicle(Obstruction):
 
 
 class SingleLoss(Obstruction):
-    """Vehicles in between cost max(0, N(mean, deviation)) once, however many (3GPP TR 37.885).
+    """One random loss max(0, N(mean, deviation)) for any number of vehicles (3GPP TR 37.885).
 
-    The mean grows by max(0, 15 log₁₀ d − 41) dB over d metres. 9 and 4.5 dB are for lorries, higher
-    than both antennas; 5 and 4 dB for cars. The report does not say how N changes as the vehicles
-    drive; here it wavers like the shadowing.
+    mean_db       mean; it grows by max(0, 15 log₁₀ d − 41) dB over d metres
+    deviation_db  standard deviation
+    radius_m      radius of a vehicle's circle
+
+    9 and 4.5 dB are for lorries higher than both antennas, 5 and 4 dB for cars. The report does not
+    specify the autocorrelation; here it is that of the shadowing.
     """
 
     varies = True

@@ -1,4 +1,4 @@
-"""Delivery by the ratio of signal to noise that is left over the distance."""
+"""Delivery by the signal-to-noise ratio over the distance."""
 
 from bisect import bisect_right
 from collections.abc import Iterator
@@ -30,11 +30,11 @@ from transport.reasons import DropReason
 THERMAL_NOISE = -174.0
 """Power density of thermal noise at room temperature (dBm/Hz)."""
 MIN_DISTANCE = 1.0
-"""Least distance (m) of the loss: the laws are for the far field."""
+"""Distance (m) below which the loss is constant: path loss laws are for the far field."""
 NODES = 32
-"""Of the quadrature over a normal number; the curves of errors are smooth."""
+"""Number of nodes of the quadrature over a normal number."""
 OUT_OF_RANGE_LOSS = 0.99
-"""Loss from which on a radio is out of reach."""
+"""Loss from which a radio is out of range."""
 MAX_DISTANCE_M, STEP_M = 20_000.0, 50.0
 
 Decibels = Annotated[float, Field(ge=-300, le=300)]
@@ -45,10 +45,15 @@ Errors = Annotated[
 
 
 class PacketErrors(LawTable):
-    """Packet errors over the ratio of signal to noise, in sight and behind vehicles.
+    """Packet error ratio over the signal-to-noise ratio (SNR).
 
-    The default is IEEE 802.11p with 350 bytes on highways. On normal probability paper the curves
-    are straight between the points, and on beyond them.
+    snr_db                  increasing SNR values, with line of sight
+    error_ratio             packet error ratio at each value of snr_db, decreasing
+    obstructed_snr_db       the same behind vehicles
+    obstructed_error_ratio  the same behind vehicles
+
+    Between the points, and beyond both ends, the curves are straight lines on normal probability
+    paper. Defaults: IEEE 802.11p, 350 bytes, highway.
     """
 
     snr_db: Curve = (1.0, 3.1, 5.2)
@@ -57,25 +62,24 @@ class PacketErrors(LawTable):
     obstructed_error_ratio: Errors = (0.5, 0.1, 0.01)
 
     def problems(self) -> Iterator[Problem]:
-        for word, snr_db, error_ratio in (
+        for prefix, snr_db, error_ratio in (
             ("", self.snr_db, self.error_ratio),
             ("obstructed_", self.obstructed_snr_db, self.obstructed_error_ratio),
         ):
-            key = f"{word}error_ratio"
-            yield from curve_problems("errors.", (f"{word}snr_db", snr_db), (key, error_ratio))
+            key = f"{prefix}error_ratio"
+            yield from curve_problems("errors.", (f"{prefix}snr_db", snr_db), (key, error_ratio))
             for index, (before, after) in enumerate(pairwise(error_ratio), 1):
                 if after >= before:
-                    why = f"given {after}, allowed less than {before}, the entry before"
+                    why = f"given {after}, allowed less than {before}, the previous entry"
                     yield f"errors.{key}[{index}]", why
 
 
 @dataclass(frozen=True, slots=True)
 class ErrorCurve:
-    """Share of packets received over the ratio of signal to noise (dB).
+    """Packet delivery ratio over the signal-to-noise ratio (dB).
 
-    `errors`, decreasing and strictly between 0 and 1, belong to `snrs`, increasing. Between them,
-    and on beyond both ends, the curve is a line on normal probability paper: the number of standard
-    deviations that stands for the share is linear in dB.
+    `errors`, decreasing and strictly between 0 and 1, belong to the increasing `snrs`. Between the
+    points and beyond both ends, the normal quantile of the ratio is linear in dB.
     """
 
     snrs: tuple[float, ...]
@@ -89,7 +93,7 @@ class ErrorCurve:
         object.__setattr__(self, "_scores", tuple(-score(error) for error in self.errors))
 
     def received(self, snr: float) -> float:
-        """Share of packets received at `snr` (dB)."""
+        """Packet delivery ratio at `snr` (dB)."""
         after = min(max(bisect_right(self.snrs, snr), 1), len(self.snrs) - 1)
         below, above = self.snrs[after - 1], self.snrs[after]
         low, high = self._scores[after - 1], self._scores[after]
@@ -98,12 +102,21 @@ class ErrorCurve:
 
 
 class PathLossRadio(Radio):
-    """The ratio of signal to noise over the true distance, and the packet errors that follow.
+    """Packet errors by the signal-to-noise ratio over the true distance between the antennas.
 
-    `propagation` is that of 3GPP TR 37.885 for highways, 32.4 + 20 log₁₀ d + 20 log₁₀ f (f in
-    GHz), or "log_distance": `reference_loss_db` at 1 m and 10 · `exponent` dB for each tenfold
-    distance. `power_dbm` is with the gains of both antennas. Without `shadowing` or `obstruction`
-    there is none. There is no interference, and no fading but what the error curves hold.
+    power_dbm          transmit power plus the gains of both antennas
+    frequency_hz       carrier frequency
+    bandwidth_hz       bandwidth of the receiver
+    noise_figure_db    noise figure of the receiver
+    propagation        "3gpp_highway": 32.4 + 20 log₁₀ d + 20 log₁₀ f dB, d in m, f in GHz (3GPP TR
+                       37.885); "log_distance": reference_loss_db + 10 exponent log₁₀ d
+    reference_loss_db  path loss at 1 m, for "log_distance"
+    exponent           path loss exponent, for "log_distance"
+    errors             packet error curves
+    shadowing          variation of the signal strength, by default none
+    obstruction        loss caused by vehicles in between, by default none
+
+    There is no interference, and no fading besides what the error curves contain.
     """
 
     kind: Literal["path_loss"] = "path_loss"
@@ -123,7 +136,7 @@ class PathLossRadio(Radio):
 
     @cached_property
     def _budget(self) -> tuple[float, float, float]:
-        """Loss at 1 m (dB), exponent, and noise in the receiver (dBm)."""
+        """Loss at 1 m (dB), path loss exponent and receiver noise (dBm)."""
         noise = noise_power(self.bandwidth_hz, self.noise_figure_db)
         if self.propagation == "log_distance":
             return self.reference_loss_db, self.exponent, noise
@@ -131,7 +144,7 @@ class PathLossRadio(Radio):
 
     @cached_property
     def _curves(self) -> tuple[ErrorCurve, ErrorCurve]:
-        """Errors in sight, and behind vehicles."""
+        """Error curves with line of sight, and behind vehicles."""
         errors = self.errors
         return (
             ErrorCurve(errors.snr_db, errors.error_ratio),
@@ -148,12 +161,12 @@ class PathLossRadio(Radio):
 
     @cached_property
     def _variation(self) -> ShadowField:
-        """The loss behind vehicles wavers like the shadowing, on its own."""
+        """Variation of the loss behind vehicles, with the decorrelation of the shadowing."""
         return ShadowField(self._shadow.decorrelation_m, "obstruction")
 
     @cached_property
     def between(self) -> VehiclesBetween | None:
-        """The vehicles between sender and receiver that may obstruct the link, None without any."""
+        """Vehicles between sender and receiver that may obstruct the link; None without any."""
         if self.obstruction is None:
             return None
         others = self.setting.between()
@@ -163,26 +176,26 @@ class PathLossRadio(Radio):
         distance = distance_of(context)
         if not isfinite(distance + context.sender.travelled):
             return "range"
-        is_obstructed, lost = False, 0.0
+        is_obstructed, loss_db = False, 0.0
         distance = max(distance, MIN_DISTANCE)
         if self.obstruction is not None and self.between is not None:
-            lost, is_obstructed = self.obstruction.loss(
+            loss_db, is_obstructed = self.obstruction.loss(
                 self.between, self._variation, draw, context, distance
             )
         if self.shadowing is not None:
             deviation = self.shadowing.deviation(is_obstructed)
-            lost += deviation * self._field.at(draw, context.receiver.travelled)
-        received = self._curves[is_obstructed].received(self.ratio(distance) - lost)
+            loss_db += deviation * self._field.at(draw, context.receiver.travelled)
+        received = self._curves[is_obstructed].received(self.snr(distance) - loss_db)
         return 0 if draw(PURPOSE, context.seq) < received else "range"
 
-    def ratio(self, distance: float) -> float:
-        """Ratio of signal to noise (dB) at `distance` (m) in plain sight."""
+    def snr(self, distance: float) -> float:
+        """Signal-to-noise ratio (dB) at `distance` (m) with line of sight."""
         reference, exponent, noise = self._budget
-        way = reference + 10.0 * exponent * log10(distance)
-        return self.power_dbm - way - noise
+        path_loss = reference + 10.0 * exponent * log10(distance)
+        return self.power_dbm - path_loss - noise
 
     def losses(self, distance_m: float | None) -> Losses | None:
-        """Loss over a distance, with all vehicles in between in the way; no burst if it wavers."""
+        """Loss over a distance, obstructed by all vehicles in between; no burst if it varies."""
         if distance_m is None:
             return None
         loss = 1.0 - self._delivered(max(distance_m, MIN_DISTANCE))
@@ -200,24 +213,26 @@ class PathLossRadio(Radio):
         return far
 
     def _delivered(self, distance: float) -> float:
-        """Mean over the shadowing and, where it wavers by itself, over the obstruction."""
+        """Delivery ratio, averaged over the shadowing and a random obstruction."""
         normals, weights = _normal_nodes()
-        is_obstructed, lost, of_lost = False, np.zeros(1), np.ones(1)
+        is_obstructed, obstruction, obstruction_weights = False, np.zeros(1), np.ones(1)
         if self.obstruction is not None and self.between is not None:
             is_obstructed, count = True, self.between.count
-            lost, of_lost = self.obstruction.losses(count, distance, normals, weights)
-        shadow, of_shadow = np.zeros(1), np.ones(1)
+            obstruction, obstruction_weights = self.obstruction.losses(
+                count, distance, normals, weights
+            )
+        shadow, shadow_weights = np.zeros(1), np.ones(1)
         if self.shadowing is not None:
-            shadow, of_shadow = self.shadowing.deviation(is_obstructed) * normals, weights
-        ratio, curve = self.ratio(distance), self._curves[is_obstructed]
+            shadow, shadow_weights = self.shadowing.deviation(is_obstructed) * normals, weights
+        snr, curve = self.snr(distance), self._curves[is_obstructed]
         received = [
-            [curve.received(ratio - one - other) for other in shadow.tolist()]
-            for one in lost.tolist()
+            [curve.received(snr - loss - other) for other in shadow.tolist()]
+            for loss in obstruction.tolist()
         ]
-        return float(of_lost @ np.array(received) @ of_shadow)
+        return float(obstruction_weights @ np.array(received) @ shadow_weights)
 
     def describe(self) -> str:
-        parts = [f"{self.power_dbm:g} dBm, {self.ratio(100.0):.1f} dB above the noise at 100 m"]
+        parts = [f"{self.power_dbm:g} dBm, {self.snr(100.0):.1f} dB above the noise at 100 m"]
         if self.shadowing is not None:
             parts.append(self.shadowing.describe())
         if self.obstruction is not None and self.between is not None:
@@ -227,16 +242,16 @@ class PathLossRadio(Radio):
 
 @cache
 def _normal_nodes() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Nodes and weights of the standard normal law (Gauss and Hermite)."""
+    """Nodes and weights of the Gauss–Hermite quadrature over a standard normal number."""
     nodes, weights = np.polynomial.hermite_e.hermegauss(NODES)
     return nodes, weights / sqrt(2.0 * np.pi)
 
 
 def noise_power(bandwidth: float, figure: float) -> float:
-    """Power (dBm) of the noise in `bandwidth` (Hz) of a receiver with a noise `figure` (dB)."""
+    """Noise power (dBm) in `bandwidth` (Hz) of a receiver with a noise `figure` (dB)."""
     return THERMAL_NOISE + 10.0 * log10(bandwidth) + figure
 
 
 def highway_loss(frequency: float) -> float:
-    """Loss (dB) at 1 m on a highway (3GPP TR 37.885: 32.4 + 20 log₁₀ d + 20 log₁₀ f, f in GHz)."""
+    """Path loss (dB) at 1 m on a highway: 32.4 + 20 log₁₀ f, f in GHz (3GPP TR 37.885)."""
     return 32.4 + 20.0 * log10(frequency / 1e9)

@@ -1,26 +1,28 @@
-"""Reservations of a radio's resources, each for a number of messages in a row (LTE-V2X mode 4)."""
+"""Reservations of radio resources, each for several successive messages (LTE-V2X mode 4)."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from heapq import heapreplace
 
 from transport.links.laws.effect import Draw
+from transport.links.laws.link_law import Problem
 
 CACHE_SIZE = 64
-"""Links whose last reservation is kept; what is not kept is worked out again."""
+"""Number of links whose last reservation is cached."""
 LOOK_BACK = 8
-"""Longest reservations that are looked back over at first; then twice as many, and so on."""
+"""First distance of looking back, in reservations of maximum length; doubled until sufficient."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reservations:
-    """A sender's reservations: each is for `least` to `most` messages, all equally likely.
+    """A sender's reservations: each lasts `least` to `most` messages, all numbers equally likely.
 
-    When one is over it is kept for another time with probability `kept`, else the sender selects
-    other resources (3GPP TS 36.321, 5.14.1.1: 5 to 15 messages at 10 Hz, kept with 0 to 0.8). The
-    sequence has no beginning: it is stationary from the first message on. Any message's reservation
-    can be found alone, because reservations that begin at different messages soon end at the same
-    one, from which on they agree: so far back is looked that all do (coupling from the past). Those
-    of one length never agree: the message with which one of them begins is drawn.
+    After a reservation the resource is kept with probability `kept`, otherwise the sender selects
+    another one (3GPP TS 36.321, 5.14.1.1: 5 to 15 messages at 10 Hz, kept with 0 to 0.8). The
+    sequence is stationary from the first message on. The reservation of a message can be computed
+    alone: sequences that begin at different messages soon end a reservation at the same message and
+    agree from there on (coupling from the past). Reservations of constant length never couple, so
+    their first message is drawn.
     """
 
     least: int
@@ -39,14 +41,14 @@ class Reservations:
 
     @property
     def mean_messages(self) -> float:
-        """Mean number of messages for which resources are held."""
+        """Mean number of messages sent with one resource."""
         return 0.5 * (self.least + self.most) / (1.0 - self.kept)
 
     def selected_at(self, draw: Draw, seq: int) -> int:
-        """Return the message before which the resources of message `seq` were selected."""
+        """Number of the first message sent with the resource of message `seq`."""
         known = self._known.get(draw)
         if known is None or not known[1] <= seq < known[2] + LOOK_BACK * self.most:
-            known = self._sure(draw, seq)
+            known = self._find(draw, seq)
         selected, begin, end = known
         while end <= seq:
             begin, end = end, end + self._length(draw, end)
@@ -57,22 +59,22 @@ class Reservations:
         self._known[draw] = selected, begin, end
         return selected
 
-    def _sure(self, draw: Draw, seq: int) -> tuple[int, int, int]:
-        """Find a reservation that began with `seq` or before, when its resources were selected.
+    def _find(self, draw: Draw, seq: int) -> tuple[int, int, int]:
+        """Find the last reservation up to `seq` whose resource was newly selected.
 
-        Returns the message of that selection, and twice the reservation's bounds: begin and end.
+        Returns the message of the selection, and the begin and end of the reservation.
         """
         back = LOOK_BACK * self.most
         while True:
-            agreed = self._agreed(draw, seq - back)
-            while agreed <= seq:
-                if not self._is_kept(draw, agreed):
-                    return agreed, agreed, agreed + self._length(draw, agreed)
-                agreed += self._length(draw, agreed)
+            begin = self._coupled(draw, seq - back)
+            while begin <= seq:
+                if not self._is_kept(draw, begin):
+                    return begin, begin, begin + self._length(draw, begin)
+                begin += self._length(draw, begin)
             back *= 2
 
-    def _agreed(self, draw: Draw, start: int) -> int:
-        """First message at which all reservations that may be running at `start` have ended."""
+    def _coupled(self, draw: Draw, start: int) -> int:
+        """First message at which all sequences possible at `start` begin a reservation."""
         if self.least == self.most:
             begin = int(draw(f"{self.purpose} begin", 0) * self.most)
             return start + (begin - start) % self.most
@@ -89,3 +91,10 @@ class Reservations:
 
     def _is_kept(self, draw: Draw, begin: int) -> bool:
         return draw(f"{self.purpose} kept", begin) < self.kept
+
+
+def reselection_problems(least: int, most: int) -> Iterator[Problem]:
+    """Yield a maximum number of messages per reservation that is below the minimum."""
+    if most < least:
+        allowed = f"at least reselection_messages_min, {least}"
+        yield "reselection_messages_max", f"given {most}, allowed {allowed}"

@@ -1,4 +1,4 @@
-"""Shadowing: how the strength of a radio link wavers as its receiver drives on."""
+"""Shadowing: slow variation of the signal strength along the receiver's path."""
 
 from dataclasses import dataclass, field
 from math import exp, floor, sqrt
@@ -11,7 +11,7 @@ from transport.links.laws.effect import Draw
 from transport.links.laws.link_law import LawTable
 
 STEPS = 20
-"""Nodes over one decorrelation distance."""
+"""Number of nodes per decorrelation distance."""
 
 _RHO = exp(-1.0 / STEPS)
 
@@ -19,10 +19,14 @@ Deviation = Annotated[float, Field(ge=0, le=60)]
 
 
 class Shadowing(LawTable):
-    """Slow wavering of the strength: standard deviations, and the way over which it decorrelates.
+    """Log-normal shadowing with an exponential autocorrelation over the distance travelled.
 
-    ETSI TR 103 257: 3 dB in sight, 4 dB not, 25 m on highways; the autocorrelation is
-    e^(−metres driven by the receiver / `decorrelation_m`).
+    deviation_db             standard deviation with line of sight
+    obstructed_deviation_db  standard deviation behind vehicles
+    decorrelation_m          distance travelled by the receiver over which the autocorrelation falls
+                             to 1/e
+
+    Defaults: ETSI TR 103 257, highways.
     """
 
     deviation_db: Deviation = 3.0
@@ -34,22 +38,22 @@ class Shadowing(LawTable):
 
     def describe(self) -> str:
         deviations = dict.fromkeys((self.deviation_db, self.obstructed_deviation_db))
-        decibels = " and ".join(f"{one:g}" for one in deviations)
-        return f"shadowing {decibels} dB over {self.decorrelation_m:g} m"
+        decibels = " and ".join(f"{deviation:g}" for deviation in deviations)
+        return f"shadowing {decibels} dB, decorrelation distance {self.decorrelation_m:g} m"
 
 
 @dataclass(frozen=True, slots=True)
 class ShadowField:
-    """A standard normal quantity over the metres that a receiver has driven, one for each link.
+    """A standard normal process over the distance travelled by the receiver, one per link.
 
-    Its autocorrelation is e^(−Δd/D) with the decorrelation distance D = `decorrelation` (m): the
-    recursion of ETSI TR 103 257, S' = e^(−Δd/D) S + √(1 − e^(−2Δd/D)) N, on nodes D/20 apart, and
-    on a line between two nodes, stretched so that the variance is 1 there too. N belongs to the
-    link, the `purpose` and the node, so that any value can be worked out alone. At the nodes the
-    law is exact, between them the autocorrelation is too large by 0.026 at most.
+    Its autocorrelation is e^(−Δd/D) with the decorrelation distance D = `decorrelation` (m), by
+    the recursion of ETSI TR 103 257, S' = e^(−Δd/D) S + √(1 − e^(−2Δd/D)) N, on nodes D/20 apart.
+    Between nodes it is interpolated linearly and scaled to variance 1. N is drawn by link,
+    `purpose` and node, so each value can be computed alone. The distribution is exact at the
+    nodes; between them the autocorrelation is too large by at most 0.026.
 
-    A receiver that stands keeps its value. Each direction between two vehicles has its own: the
-    field is not reciprocal.
+    A receiver at a standstill keeps its value. The two directions between two vehicles are
+    independent.
     """
 
     decorrelation: float
@@ -60,9 +64,9 @@ class ShadowField:
         object.__setattr__(self, "_nodes", CorrelatedNormals(self.purpose, _RHO))
 
     def at(self, draw: Draw, travelled: float) -> float:
-        place = travelled * STEPS / self.decorrelation
-        node = floor(place)
-        share = place - node
+        position = travelled * STEPS / self.decorrelation
+        node = floor(position)
+        share = position - node
         rest = 1.0 - share
         here, ahead = self._nodes.at(draw, node), self._nodes.at(draw, node + 1)
         spread = sqrt(rest * rest + share * share + 2.0 * rest * share * _RHO)

@@ -1,4 +1,4 @@
-"""The share of messages that is delivered over a distance, by a table."""
+"""Delivery ratio over distance by a table."""
 
 from bisect import bisect_right
 from collections.abc import Iterator
@@ -17,20 +17,24 @@ from transport.links.laws.radio.radio_law import (
     curve_problems,
     distance_of,
 )
-from transport.links.laws.radio.reservations import Reservations
+from transport.links.laws.radio.reservations import Reservations, reselection_problems
 from transport.reasons import DropReason
 
 Metres = Annotated[float, Field(ge=0)]
 
 
 class TableRadio(Radio):
-    """The share of messages that is delivered over the true distance.
+    """Delivery ratio over the true distance between the antennas, by a table.
 
-    `delivery_ratio` has a number for each of `distance_m`: linear between two, constant before the
-    first, 0 beyond the last. With `burst` each message is lost on its own, or all are lost together
-    that are sent with one reservation, as where another sender has chosen the same resources: for
-    as many messages as the limits say, all numbers equally likely, and kept on with `keep_ratio`
-    (3GPP TS 36.321: 5 to 15 at 10 Hz, 0 to 0.8). The share is the same, the bursts are not.
+    distance_m                increasing distances
+    delivery_ratio            delivery ratio at each distance: linear in between, constant below the
+                              first distance, 0 beyond the last
+    burst                     "independent": each message is lost independently; "reservation": all
+                              messages of a reservation are lost together, with the same mean loss
+    keep_ratio                probability of keeping the resource at reselection: 0 to 0.8 in 3GPP
+                              TS 36.321
+    reselection_messages_min  minimum number of messages per reservation: 5 at 10 Hz
+    reselection_messages_max  maximum number, all numbers equally likely: 15 at 10 Hz
     """
 
     kind: Literal["table"] = "table"
@@ -42,12 +46,10 @@ class TableRadio(Radio):
     reselection_messages_max: Annotated[int, Field(ge=1, le=1000)] = 15
 
     def problems(self) -> Iterator[Problem]:
-        over = ("distance_m", self.distance_m)
-        yield from curve_problems("", over, ("delivery_ratio", self.delivery_ratio))
+        x, y = ("distance_m", self.distance_m), ("delivery_ratio", self.delivery_ratio)
+        yield from curve_problems("", x, y)
         least, most = self.reselection_messages_min, self.reselection_messages_max
-        if most < least:
-            allowed = f"at least reselection_messages_min, {least}"
-            yield "reselection_messages_max", f"given {most}, allowed {allowed}"
+        yield from reselection_problems(least, most)
 
     @cached_property
     def reservations(self) -> Reservations | None:
@@ -57,15 +59,15 @@ class TableRadio(Radio):
         return Reservations(least, most, self.keep_ratio)
 
     def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
-        drawn_for = context.seq
+        number = context.seq
         if self.reservations is not None:
-            drawn_for = self.reservations.selected_at(draw, drawn_for)
-        return 0 if draw(PURPOSE, drawn_for) < self.ratio(distance_of(context)) else "range"
+            number = self.reservations.selected_at(draw, number)
+        return 0 if draw(PURPOSE, number) < self.ratio(distance_of(context)) else "range"
 
     def ratio(self, distance: float) -> float:
-        """Share of messages delivered over `distance` (m)."""
+        """Delivery ratio over `distance` (m); 0 for NaN."""
         distances, ratios = self.distance_m, self.delivery_ratio
-        if not distance <= distances[-1]:  # so that no place is out of range
+        if not distance <= distances[-1]:
             return 0.0
         after = bisect_right(distances, distance)
         if after in {0, len(distances)}:
@@ -87,9 +89,9 @@ class TableRadio(Radio):
 
     def describe(self) -> str:
         distances, ratios, held = self.distance_m, self.delivery_ratio, self.reservations
-        share = f"{ratios[0]:g} received at {distances[0]:g} m"
+        ratio = f"delivery ratio {ratios[0]:g} at {distances[0]:g} m"
         if len(ratios) > 1:
-            share += f" to {ratios[-1]:g} at {distances[-1]:g} m"
+            ratio += f" to {ratios[-1]:g} at {distances[-1]:g} m"
         if held is None:
-            return f"{share}, each message on its own"
-        return f"{share}, decided for {held.mean_messages:.3g} messages in a row on average"
+            return f"{ratio}, messages independent"
+        return f"{ratio}, drawn for {held.mean_messages:.3g} messages in a row on average"

@@ -95,7 +95,7 @@ def test_the_budget_is_that_of_the_formulas() -> None:
     """By hand: −174 dBm/Hz in 10 MHz and 9 dB make −95 dBm; 3GPP's highway has 47.82 dB at 1 m."""
     assert noise_power(10e6, 9.0) == pytest.approx(-95.0)
     assert highway_loss(5.9e9) == pytest.approx(47.817, abs=1e-3)
-    assert behind(0).ratio(100.0) == pytest.approx(23.0 + 95.0 - 47.817 - 40.0, abs=1e-3)
+    assert behind(0).snr(100.0) == pytest.approx(23.0 + 95.0 - 47.817 - 40.0, abs=1e-3)
 
 
 def test_errors_are_those_of_the_points_and_on_a_line_in_deviations() -> None:
