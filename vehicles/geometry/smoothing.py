@@ -239,14 +239,14 @@ def _closed(record: _Record, half_width: float) -> _Record:
     t, points = record.t, record.points
     _, (tx, ty) = _start(record, half_width)
     dx, dy = points - points[:, :1]
-    along, aside = dx * tx + dy * ty, dy * tx - dx * ty
+    along, across = dx * tx + dy * ty, dy * tx - dx * ty
     gap = np.sqrt(dx * dx + dy * dy)
     near = gap <= CLOSING_DISTANCE
     away = int(np.argmin(near))
     crossing = (along[:-1] < 0.0) & (along[1:] >= 0.0)
     crossing &= np.diff(along) > 0.5 * np.diff(t)  # within 60 deg of the initial direction
     shares = np.clip(-along[:-1] / np.where(crossing, np.diff(along), 1.0), 0.0, 1.0)
-    crossing &= np.abs(aside[:-1] + shares * np.diff(aside)) <= CLOSING_DISTANCE
+    crossing &= np.abs(across[:-1] + shares * np.diff(across)) <= CLOSING_DISTANCE
     crossed = np.flatnonzero(crossing[away:])
     if near.all() or not (crossed.size or near[-1]):
         raise ValueError(f"the drive does not close: it ends {gap[-1]:.1f} m from its first point")
@@ -257,7 +257,7 @@ def _closed(record: _Record, half_width: float) -> _Record:
     end = float(t[k] + share * (t[k + 1] - t[k]))
     first = min(max(k - 1, 0), t.size - 4)
     weights = cubic_weights(t[first : first + 4], end)
-    missed = math.fsum((weights * aside[first : first + 4]).tolist())
+    missed = math.fsum((weights * across[first : first + 4]).tolist())
     t, blend = t[: k + 1], min(SEAM_BLEND, 0.5 * end)
     shift = 0.5 * missed * (_ramp(1.0 - t / blend) - _ramp(1.0 - (end - t) / blend))
     return _Record(t, points[:, : k + 1] + np.stack((-ty * shift, tx * shift)), end)

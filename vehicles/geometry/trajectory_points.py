@@ -38,11 +38,11 @@ def points_along(
         steps = max(1, math.ceil(length / spacing_m))
         for step in range(1 if points else 0, steps + 1):
             along = length * step / steps
-            ahead, aside = _chord(curvature, rate, along)
+            ahead, across = _chord(curvature, rate, along)
             points.append(
                 (
-                    east + ahead * cos_yaw - aside * sin_yaw,
-                    north + ahead * sin_yaw + aside * cos_yaw,
+                    east + ahead * cos_yaw - across * sin_yaw,
+                    north + ahead * sin_yaw + across * cos_yaw,
                     yaw + along * (curvature + 0.5 * rate * along),
                 )
             )

@@ -193,7 +193,7 @@ def cubic(along: Floats, square: Floats, half: float) -> Floats:
 
 
 def line_regression(data: FitData) -> LineRegression | None:
-    """Regress y on x; None if the samples do not determine a line."""
+    """Linear regression of y on x; None if the samples do not determine a line."""
     (square, square_x, _, square_one), (_, all_xx, all_xy, all_x), of_y, of_one = data.total
     weight = of_one[ONE]
     mean_x, mean_y = all_x / weight, of_y[ONE] / weight

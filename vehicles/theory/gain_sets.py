@@ -69,7 +69,7 @@ def singular_frequency(parameters: VehicleParameters) -> float | None:
 
     The determinant of the two equations of `boundary_curve` (Section III-F) is proportional to
     C_r (a + b) + (m a b - I_z) w², whatever the speed; it vanishes if I_z > m a b. The paper's car
-    has I_z just below m a b (they differ by 0.01 %); most loaded ones lie above.
+    has I_z just below m a b (they differ by 0.01 %); I_z of most loaded cars is above it.
     """
     excess = (
         parameters.yaw_inertia
