@@ -1,4 +1,4 @@
-"""`convoy check`: the figures of a scenario before it is run, and what deserves a warning."""
+"""`convoy check`: figures and warnings of a scenario before it runs."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -29,13 +29,13 @@ from vehicles.car.tyres import GRAVITY
 from vehicles.geometry.smoothing import SmoothedPath
 
 USUAL_GNSS_RATE = 20.0
-"""Receivers for driving measure at most this often (Hz; paper, Section III-A)."""
+"""Highest rate (Hz) of receivers for driving (paper, Section III-A)."""
 
 FAR_FROM_POINTS = 0.5
-"""A path that lies further than this (m) from recorded points is not what was driven."""
+"""Distance (m) between path and recorded points above which a warning is due."""
 
 MOST_HOLES = 5
-"""Holes of a drive with a warning of their own."""
+"""Number of holes in a drive with their own warning."""
 
 STEP = 0.05
 """Time step (s) at which the lead's planned run is sampled."""
@@ -43,16 +43,15 @@ STEP = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckReport:
-    """What a valid scenario asks for, and figures of the lead's planned run.
+    """Settings of a valid scenario, and figures of the lead's planned run.
 
-    `control`, `gnss`, `sending`, `imu` (None with exact own state), `tyres` and `masses_kg` (with
-    the load) are by vehicle, as are the `offsets` from the path of those that start with one, and
-    `replays` of those that move as they were recorded; `laws` says of each link what acts besides
-    latency, jitter, independent loss and rate. `gap_policy` is None where followers drive the
-    lead's speed, `radius_m_min` on a straight road. From `points` to `deviation_m_max` all is
-    about a recorded drive, None where the path is made of segments: what was left out on reading
-    it, its holes, the noise of its points, what was subtracted from their coordinates, and how far
-    the path lies from them, at the points (rms) and between them, too (max).
+    By vehicle: `control`, `gnss`, `sending`, `imu` (None with exact own state), `tyres`,
+    `masses_kg` (with the load), `offsets` from the path at the start, and `replays` of recorded
+    drives. `laws` describes each link except latency, jitter, independent loss and rate.
+    `gap_policy` is None if followers drive the lead's speed, `radius_m_min` on a straight road.
+    From `points` to `deviation_m_max` the fields are about a recorded drive, and None for a path of
+    segments: omitted points, holes, noise, the offset subtracted from coordinates, and the distance
+    of the path from the points (rms) and between them as well (max).
     """
 
     name: str
@@ -101,7 +100,7 @@ class CheckReport:
 
 @dataclass(frozen=True, slots=True)
 class _Run:
-    """The lead's planned run: lists of speeds (m/s) and curvatures (1/m) at every STEP."""
+    """The lead's planned speeds (m/s) and curvatures (1/m) at every STEP."""
 
     speeds: Sequence[float]
     curvatures: Sequence[float]
@@ -188,7 +187,7 @@ def _imu(setup: VehicleSetup) -> dict[str, float] | None:
 
 
 def _tyres(car: VehicleParameters) -> dict[str, Any]:
-    """What keeps a car on the road; without a limit of its rate the steering has None."""
+    """Return tyres, friction and steering rate; None for an unlimited rate."""
     rate = car.steering_rate_limit
     return {
         "tyres": car.tyres,
@@ -204,7 +203,7 @@ def _offsets(tables: ScenarioTables) -> dict[str, dict[str, float]]:
 
 
 def _replays(scenario: Scenario) -> dict[str, dict[str, Any]]:
-    """Vehicles that are replayed: the file, how much of it is over at the start, by which clock."""
+    """By replayed vehicle: the file, the time in it at which the run starts, and the clock."""
     return {
         name: {
             "file": scenario.tables.vehicle[name].replay,
@@ -228,7 +227,7 @@ def _run(scenario: Scenario) -> _Run:
 
 
 def warnings(scenario: Scenario) -> tuple[str, ...]:
-    """Say in a line each what a valid scenario asks for that may surprise."""
+    """Return the warnings of a valid scenario, except those that need confirmation."""
     return _warnings(scenario, _run(scenario))
 
 
@@ -258,8 +257,9 @@ def _trace_warnings(scenario: Scenario) -> Iterator[str]:
     if smoothed.deviation_max > FAR_FROM_POINTS:
         yield (
             f"the path lies up to {smoothed.deviation_max:.1f} m from the recorded points "
-            f"(rms {smoothed.deviation_rms:.2f} m, their noise {smoothed.noise:.2f} m): noisy "
-            f"points, or path.smoothing_m = {table.smoothing_m:g} is too wide"
+            f"(rms {smoothed.deviation_rms:.2f} m, noise of the points {smoothed.noise:.2f} m): "
+            f"curves are cut. Lower path.smoothing_m = {table.smoothing_m:g}, unless the points "
+            "are noisy."
         )
 
 
@@ -267,12 +267,12 @@ def _hole_warnings(table: PointsPath, smoothed: SmoothedPath) -> Iterator[str]:
     for hole in smoothed.holes[:MOST_HOLES]:
         yield (
             f"{table.source or 'path'}: a hole of {hole.length:.1f} m after "
-            f"{place_of(table, hole.point)} is bridged by a curve from both sides"
+            f"{place_of(table, hole.point)} is bridged by a smooth curve: the road there is a guess"
         )
     if len(smoothed.holes) > MOST_HOLES:
         rest = smoothed.holes[MOST_HOLES:]
         longest = max(hole.length for hole in rest)
-        yield f"{table.source or 'path'}: so are {len(rest)} more, up to {longest:.1f} m long"
+        yield f"{table.source or 'path'}: {len(rest)} more holes, up to {longest:.1f} m long"
 
 
 def _replay_warnings(scenario: Scenario) -> Iterator[str]:
@@ -288,33 +288,37 @@ def _vehicle_warnings(scenario: Scenario) -> Iterator[str]:
     for name in scenario.vehicle_names:
         rate = scenario.vehicle(name).gnss.rate
         if rate > USUAL_GNSS_RATE:
-            yield f"{name} measures at {rate:g} Hz, receivers reach about {USUAL_GNSS_RATE:g} Hz"
+            yield (
+                f"{name} measures at {rate:g} Hz, real receivers at up to {USUAL_GNSS_RATE:g} Hz: "
+                "results will be too good. Lower gnss.rate_hz."
+            )
 
 
 def _friction_warnings(cars: Sequence[VehicleParameters], run: _Run) -> Iterator[str]:
-    """Say that the lead's plan, which all follow, asks for more than the most slippery tyres."""
+    """Warn if the lead's plan, which all follow, exceeds the grip of the most slippery tyres."""
     least = min((car.friction for car in cars if car.tyres == "brush"), default=inf)
     if run.lateral_max > least * GRAVITY:
         yield (
-            f"the plan takes curves at {run.lateral_max:.1f} m/s², tyres hold up to "
-            f"{least * GRAVITY:.1f} m/s² (parameters.friction_ratio = {least:g}): cars will slide"
+            f"curves are planned at {run.lateral_max:.1f} m/s², tyres hold up to "
+            f"{least * GRAVITY:.1f} m/s² (parameters.friction_ratio = {least:g}): cars will slide. "
+            "Lower speed.set_mps or speed.lateral_acceleration_mps2_max."
         )
 
 
 def _lowered(scenario: Scenario, run: _Run) -> Iterator[tuple[float, float]]:
-    """Least speed (m/s) in curves, and the set speed, from each change of it to the next one.
+    """Yield the lowest speed (m/s) in curves and the set speed, for each set speed of the run.
 
-    On its way to another set speed the lead is between the two: only below both it is in a curve.
+    Between two set speeds the lead changes its speed: only below both it is in a curve.
     """
-    changes = [one for one in scenario.tables.change if isinstance(one, SpeedChangeTable)]
-    sets = [(0.0, scenario.tables.speed.set_mps), *((one.at_s, one.speed_mps) for one in changes)]
-    sets.sort(key=lambda one: one[0])
-    for (at, asked), (until, _) in pairwise((*sets, (inf, 0.0))):
+    changes = [table for table in scenario.tables.change if isinstance(table, SpeedChangeTable)]
+    sets = [(0.0, scenario.tables.speed.set_mps)]
+    sets += sorted((table.at_s, table.speed_mps) for table in changes)
+    for (at, set_speed), (until, _) in pairwise((*sets, (inf, 0.0))):
         first, last = int(at / STEP), int(min(until / STEP, len(run.speeds)))
         speeds = run.speeds[first:last]
         least = min(speeds, default=inf)
-        if least < asked and (first == 0 or least < speeds[0]):
-            yield least, asked
+        if least < set_speed and (first == 0 or least < speeds[0]):
+            yield least, set_speed
 
 
 def _speed_warnings(scenario: Scenario, run: _Run) -> Iterator[str]:
@@ -325,21 +329,23 @@ def _speed_warnings(scenario: Scenario, run: _Run) -> Iterator[str]:
     tightest = car.wheelbase / car.steering_limit
     if sharpest * tightest > 1.0:
         yield (
-            f"the path has a least radius of {1.0 / sharpest:.1f} m, the cars turn at "
-            f"{tightest:.1f} m: widen path.smoothing_m, or expect them beside the path"
+            f"the path has a smallest radius of {1.0 / sharpest:.1f} m, cars turn at "
+            f"{tightest:.1f} m: they will leave the path. Raise path.smoothing_m or the radius."
         )
     yield from _friction_warnings(cars, run)
     if speed.profile and speed.lead != "profile":
-        yield f'speed.profile is not used, since speed.lead = "{speed.lead}"'
+        yield f'speed.profile is not used with speed.lead = "{speed.lead}". Set it to "profile".'
     lowered = list(_lowered(scenario, run)) if speed.lead == "set" else []
     if lowered:
-        slowest, asked = min(lowered)
+        slowest, set_speed = min(lowered)
         yield (
-            f"the set speed of {asked:g} m/s is lowered to {slowest:.1f} m/s in "
-            "curves, to keep speed.lateral_acceleration_mps2_max"
+            f"the set speed of {set_speed:g} m/s is lowered to {slowest:.1f} m/s in curves: "
+            f"{speed.lateral_acceleration_mps2_max:g} m/s² are allowed. Raise "
+            "speed.lateral_acceleration_mps2_max to drive faster."
         )
     if run.lateral_max > speed.lateral_acceleration_mps2_max * 1.1:
         yield (
             f"the recorded speed takes curves at {run.lateral_max:.1f} m/s², more than "
-            f"speed.lateral_acceleration_mps2_max = {speed.lateral_acceleration_mps2_max:g}"
+            f"speed.lateral_acceleration_mps2_max = {speed.lateral_acceleration_mps2_max:g}, which "
+            'applies to set speeds only. Set speed.lead = "set" to apply it.'
         )

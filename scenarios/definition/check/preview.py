@@ -15,16 +15,16 @@ from vehicles.preview.curve_fit import FitSettings
 from vehicles.schedule import MILLISECOND
 
 SLOWEST = 0.1
-"""Speed (m/s) below which the preview is not checked."""
+"""Lowest speed (m/s) at which the preview is checked."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Sight:
-    """What a follower receives of a source at one speed (m/s).
+    """Path that a follower knows from one source at one speed (m/s).
 
-    The path is known `reach` (m) ahead at the greatest age of the newest pose; the preview takes
-    `preview` (m) of it, with so many `samples`, `spacing` (m) apart. The fit keeps `behind` (m)
-    behind the ego. `remedy` is the key by which more poses come.
+    The path is known `reach` (m) ahead when the newest pose is oldest. The preview takes `preview`
+    (m) of it, which hold `samples` poses, `spacing` (m) apart. The fit keeps `behind` (m) behind
+    the ego. `remedy` is the key that raises the rate of poses.
     """
 
     source: str
@@ -38,12 +38,10 @@ class _Sight:
 
 
 def preview_warnings(scenario: Scenario, speeds: tuple[float, float]) -> Iterator[str]:
-    """Give a line for each kind of preview (paper, Section III-A) that is too short or thin.
+    """Warn of previews (paper, Section III-A) that are too short or hold too few poses.
 
-    `speeds` (m/s) are the least and the greatest that are planned. The path is known up to the last
-    pose received of a source: its spacing less the distance driven during latency and the time
-    between two poses. Where that is less than the fit keeps behind the ego, curves are recognised
-    late, and errors may grow; where fewer samples lie ahead than a fit takes, it joins rarer ones.
+    `speeds` (m/s) are the lowest and the highest planned. The path is known up to the newest pose
+    of a source: its spacing less the distance driven during latency and one interval of poses.
     """
     thin: dict[str, _Sight] = {}
     short: dict[str, _Sight] = {}
@@ -51,37 +49,39 @@ def preview_warnings(scenario: Scenario, speeds: tuple[float, float]) -> Iterato
         if name in scenario.replays:
             continue
         for speed in {max(speed, SLOWEST) for speed in speeds}:
-            seen = _seen(scenario, scenario.vehicle(name), speed)
-            if seen.samples < MIN_SAMPLES:
-                thin.setdefault(name, seen)
-            elif seen.reach < seen.behind:
-                short.setdefault(name, seen)
+            sight = _best_sight(scenario, scenario.vehicle(name), speed)
+            if sight.samples < MIN_SAMPLES:
+                thin.setdefault(name, sight)
+            elif sight.reach < sight.behind:
+                short.setdefault(name, sight)
     keeps_gap = scenario.tables.speed.followers == "gap"
     gap_key = "speed.gap.standstill_m" if keeps_gap else "convoy.gap_m"
-    for names, sight in _alike(thin):
+    for names, sight in _worst(thin):
+        remedy = f"Raise {sight.remedy} or {gap_key}."
+        if sight.reach <= 0.0:
+            remedy = f"Lower links.latency_ms or the loss, or raise {gap_key}."
         yield (
-            f"{names}: at {sight.speed:g} m/s {sight.samples:.1f} poses of {sight.source} lie in "
-            f"the preview, {sight.preview:.1f} m of which are known, and a trajectory takes "
-            f"{MIN_SAMPLES}: it joins poses {sight.spacing:.3g} m apart from further away, cuts "
-            f"the curves between them and is extrapolated; raise {sight.remedy} or {gap_key}"
+            f"{names}: at {sight.speed:g} m/s the preview holds {sight.samples:.1f} poses of "
+            f"{sight.source} ({MIN_SAMPLES} needed), {sight.spacing:.3g} m apart, in "
+            f"{sight.preview:.1f} m of known path: curves are cut and the path is extrapolated. "
+            f"{remedy}"
         )
-    for names, sight in _alike(short):
+    for names, sight in _worst(short):
         yield (
             f"{names}: at {sight.speed:g} m/s the path of {sight.source} is known "
-            f"{sight.reach:.1f} m ahead, less than the {sight.behind:.1f} m behind that the fit "
-            f"keeps: curves are recognised late, and errors may grow; raise {gap_key} or lower the "
-            "latency"
+            f"{sight.reach:.1f} m ahead ({sight.behind:.1f} m needed): curves are detected late "
+            f"and errors may grow. Raise {gap_key} or lower links.latency_ms."
         )
 
 
-def _alike(found: dict[str, _Sight]) -> Iterator[tuple[str, _Sight]]:
-    """One line for all followers that are short of preview: their names, and the worst case."""
-    if found:
-        yield ", ".join(found), min(found.values(), key=lambda sight: sight.reach)
+def _worst(sights: dict[str, _Sight]) -> Iterator[tuple[str, _Sight]]:
+    """Yield the names of all followers concerned with the worst of their cases, if any."""
+    if sights:
+        yield ", ".join(sights), min(sights.values(), key=lambda sight: sight.reach)
 
 
-def _seen(scenario: Scenario, setup: VehicleSetup, speed: float) -> _Sight:
-    """The source known furthest ahead, where they make one trajectory; else the predecessor."""
+def _best_sight(scenario: Scenario, setup: VehicleSetup, speed: float) -> _Sight:
+    """Return the source known furthest ahead for a composite trajectory; else the predecessor."""
     names = setup.senders if setup.steering.fusion == "composite" else setup.senders[-1:]
     sights = [
         _sight(scenario, setup, name, scenario.links[name, setup.name], speed) for name in names
@@ -100,7 +100,7 @@ def _sight(
     between = partial(vehicles_between, scenario.route, sender.place, setup.place)
     source_hz = sender.highest_rate_hz
     loss = expected_channel(link, source_hz, distance, between).loss_ratio
-    # Without a number, as in a tunnel: what is known of it where it carries anything at all.
+    # An unknown loss, as in a tunnel, counts only where the link carries anything at all.
     rate = min(sent, link.rate_hz or sent) * (1.0 - (link.loss_ratio if loss is None else loss))
     late_ms = sender.gnss.latency / MILLISECOND + usual_delay_ms(link)
     age = late_ms / 1000.0 + (1.0 / rate if rate else float("inf"))

@@ -1,4 +1,4 @@
-"""Whether receivers are good enough to follow another car's path by."""
+"""Accuracy of receivers compared with the room in the lane."""
 
 from collections.abc import Iterator
 from math import hypot
@@ -8,27 +8,27 @@ from scenarios.definition.scenario import Scenario
 from scenarios.definition.vehicle_setup import VehicleSetup
 
 DEVIATIONS = 2.0
-"""So many standard deviations are looked at: one pair of receivers in twenty is further apart."""
+"""Standard deviations taken into account: one pair of receivers in twenty differs by more."""
 
 
 class _Lasting(NamedTuple):
-    """Errors of a receiver that last: standard deviation (m) per axis, and a given bias (m)."""
+    """Lasting errors of a receiver: standard deviation (m) per axis, and a given bias (m)."""
 
     deviation: float = 0.0
     east: float = 0.0
     north: float = 0.0
 
     def from_another(self, other: "_Lasting") -> float:
-        """By how much (m) two receivers may differ."""
+        """Largest difference (m) between two receivers."""
         given = hypot(self.east - other.east, self.north - other.north)
         return DEVIATIONS * hypot(self.deviation, other.deviation) + given
 
 
 def receiver_warnings(scenario: Scenario) -> Iterator[str]:
-    """Give a line for followers whose receivers differ by more than the lane has room beside them.
+    """Warn if receivers differ by more than the lane leaves beside a car.
 
-    A path is followed as far aside as the receivers of its sender and of the follower differ. Only
-    what lasts counts (drift and bias): white noise is averaged by fit and filter.
+    A follower drives as far off a path as its receiver differs from the sender's. Only drift and
+    bias count: fit and filter average white noise.
     """
     setups = {name: scenario.vehicle(name) for name in scenario.vehicle_names}
     errors = {name: _lasting(setup) for name, setup in setups.items()}
@@ -45,11 +45,10 @@ def receiver_warnings(scenario: Scenario) -> Iterator[str]:
             beyond[name], rooms[name] = apart, room
     if beyond:
         yield (
-            f"{', '.join(beyond)}: the receivers that they steer by differ by up to "
-            f"{max(beyond.values()):.1f} m (two standard deviations of drift and bias), the lane "
-            f"leaves {min(rooms.values()):.1f} m beside a car: expect departures from it even on "
-            "clean links, and slides where the speed is high; better receivers are "
-            'gnss.preset = "rtk_fixed" and "rtk_float"'
+            f"{', '.join(beyond)}: receivers differ by up to {max(beyond.values()):.1f} m (two "
+            f"standard deviations of drift and bias), the lane leaves {min(rooms.values()):.1f} m "
+            "beside a car: cars will leave the lane even on clean links, and slide at high speed. "
+            'Set gnss.preset = "rtk_fixed" or "rtk_float".'
         )
 
 

@@ -1,4 +1,4 @@
-"""Whether cars steer as the theory of their law demands: sampled loop, slip, certificate."""
+"""Warnings from the theory of the steering laws: sampled loop, slip, certificate."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -10,39 +10,39 @@ from vehicles.car.parameters import Gains, VehicleParameters
 from vehicles.theory.sampled_loop import SampledLoop, lowest_stable_rate, sampled_stability
 
 PAPER_LAWS = {CONTROLLERS["feedforward_feedback"], CONTROLLERS["slip_compensated"]}
-"""On a straight they are one law; of others nothing is known."""
+"""On a straight they are one law; other laws are not checked."""
 
 SLOWEST = 1.0
-"""Speed (m/s) below which the loop is not looked at."""
+"""Lowest speed (m/s) at which the loop is checked."""
 
 SPEEDS = 4
-"""At so many speeds from the least to the greatest planned one."""
+"""Number of speeds checked between the lowest and the highest planned."""
 PAPER_LAW = CONTROLLERS["feedforward_feedback"]
 
 LEFT_BY_SLIP = 0.01
-"""So far (m) beside the path a car may settle in bends before that is said."""
+"""Lateral offset (m) in bends above which a warning is due."""
 STEP = 0.1
 """Time step (s) at which the lead's planned speed is sampled."""
 
 
 def sampled_loop_warnings(scenario: Scenario, speeds: tuple[float, float]) -> Iterator[str]:
-    """Give a line for each kind of car whose steering loop, as it is run, is not stable.
+    """Warn of each kind of car whose sampled steering loop is unstable.
 
-    `speeds` (m/s) are the least and the greatest that are planned. See
-    `vehicles.theory.sampled_loop`: errors grow on a straight at constant speed, whatever is heard.
+    `speeds` (m/s) are the lowest and the highest planned. In an unstable loop errors grow on a
+    straight at constant speed, whatever is received; see `vehicles.theory.sampled_loop`.
     """
-    said: dict[SampledLoop, list[str]] = {}
+    names_by_loop: dict[SampledLoop, list[str]] = {}
     for name in scenario.vehicle_names:
         setup = scenario.vehicle(name)
         if setup.controller in PAPER_LAWS:
-            said.setdefault(_loop(scenario, setup), []).append(name)
+            names_by_loop.setdefault(_loop(scenario, setup), []).append(name)
     least, most = (max(speed, SLOWEST) for speed in speeds)
-    for loop, names in said.items():
+    for loop, names in names_by_loop.items():
         for k in range(SPEEDS if most > least else 1):
             speed = most - k * (most - least) / (SPEEDS - 1)
-            found = sampled_stability(loop, speed)
-            if not found.stable:
-                yield f"{', '.join(names)}: {_unstable(loop, speed, -found.decay)}"
+            stability = sampled_stability(loop, speed)
+            if not stability.stable:
+                yield f"{', '.join(names)}: {_unstable(loop, speed, -stability.decay)}"
                 break
 
 
@@ -65,28 +65,28 @@ def _unstable(loop: SampledLoop, speed: float, growth: float) -> str:
     else:
         rates = f"control at {loop.control_hz:g} Hz, own motion known at {loop.imu_hz:g} Hz"
     return (
-        f"with {rates} and these gains steering is unstable at {speed:.1f} m/s, errors grow by "
-        f"{growth:.2g} 1/s; {_remedy(loop, speed)}"
+        f"with {rates} and these gains, steering is unstable at {speed:.1f} m/s: errors grow by "
+        f"{growth:.2g} 1/s. {_remedy(loop, speed)}"
     )
 
 
 def _remedy(loop: SampledLoop, speed: float) -> str:
-    """What makes it stable: a faster sensor, or faster control."""
+    """Return what makes the loop stable: a faster sensor, or faster control."""
     control = round(loop.control_hz)
     if loop.imu_hz is not None and loop.imu_hz < control:
         lowest = lowest_stable_rate(lambda rate: replace(loop, imu_hz=rate), speed, control)
         if lowest is not None:
-            return f"it is stable from imu.rate_hz = {lowest} on"
+            return f"Raise imu.rate_hz to {lowest} or more."
     if sampled_stability(replace(loop, imu_hz=100.0, control_hz=100.0), speed).stable:
-        return "raise control.rate_hz, which is imu.rate_hz too unless that is given"
-    return "other gains are needed"
+        return "Raise control.rate_hz, which also sets imu.rate_hz unless that is given."
+    return "Set other control.gains."
 
 
 def slip_warnings(scenario: Scenario, planned: Sequence[tuple[float, float]]) -> Iterator[str]:
-    """Say how far beside the path followers settle, at `planned` speeds (m/s), curvatures (1/m).
+    """Warn if followers settle beside the path in bends.
 
-    The heading error of a car that corners settles at its slip angle, which by eq. (7) a lateral
-    error balances.
+    `planned` are speeds (m/s) and curvatures (1/m). In a bend the heading error settles at the slip
+    angle, which a lateral error balances by eq. (7).
     """
     offsets = {}
     for name in scenario.vehicle_names[1:]:
@@ -98,25 +98,24 @@ def slip_warnings(scenario: Scenario, planned: Sequence[tuple[float, float]]) ->
         offsets[name] = slip * gains.heading / gains.lateral
     if offsets and (most := max(offsets.values())) >= LEFT_BY_SLIP:
         yield (
-            f"{', '.join(offsets)}: estimate_slip learns the load, but in bends the paper's law "
-            f"settles {100.0 * most:.1f} cm beside the path, for cars do not point along it there: "
-            'control.controller = "slip_compensated" does not'
+            f"{', '.join(offsets)}: with estimate_slip the paper's law settles "
+            f"{100.0 * most:.1f} cm beside the path in bends, where cars slip. Set "
+            'control.controller = "slip_compensated".'
         )
 
 
 def certificate_warnings(scenario: Scenario) -> Iterator[str]:
-    """Give a line for each vehicle whose certificate the lead's planned speed leaves.
+    """Warn if the lead's planned speed leaves the certificate of a vehicle.
 
-    The certificate bounds the change of speed up to which the closed steering loop is certainly
-    stable (paper, Proposition 1, made a number: see `vehicles.theory.varying_speed`). It covers the
-    linear loop with the paper's law; followers that keep a gap may accelerate a little more than
-    the lead.
+    The certificate bounds the acceleration up to which the closed steering loop is provably stable
+    (paper, Proposition 1; see `vehicles.theory.varying_speed`). It covers the linear loop with the
+    paper's law. Followers that keep a gap may accelerate a little more than the lead.
     """
-    said: dict[tuple[VehicleParameters, Gains], str] = {}
+    kinds: dict[tuple[VehicleParameters, Gains], str] = {}
     for name in scenario.vehicle_names:
         setup = scenario.vehicle(name)
-        said.setdefault((setup.parameters, setup.gains), name)
-    for (parameters, gains), name in said.items():
+        kinds.setdefault((setup.parameters, setup.gains), name)
+    for (parameters, gains), name in kinds.items():
         yield from _leaving(scenario, parameters, gains, name)
 
 
@@ -143,18 +142,16 @@ def _leaving(
         if share > worst[0]:
             worst = (share, at, acceleration, bound)
     if slow or fast:
-        reached = " and ".join(
-            text
-            for text, found in (
-                (f"below {SLOWEST:g}", slow),
-                (f"above {FASTEST:g}", fast),
-            )
-            if found
+        ranges = {f"below {SLOWEST:g}": slow, f"above {FASTEST:g}": fast}
+        reached = " and ".join(text for text, is_reached in ranges.items() if is_reached)
+        yield (
+            f"{name}: speeds {reached} m/s are outside the varying-speed certificate: the run may "
+            "be stable, but there is no proof"
         )
-        yield f"{name}: speeds {reached} m/s are not covered by the varying-speed certificate"
     if worst[0] > 1.0:
         _, at, acceleration, bound = worst
         yield (
-            f"{name}: {acceleration:.1f} m/s² at {at:.1f} s leaves the varying-speed certificate "
-            f"of its gains, which holds up to {bound:.1f} m/s² there"
+            f"{name}: {acceleration:.1f} m/s² at {at:.1f} s exceeds the {bound:.1f} m/s² of the "
+            "varying-speed certificate: steering is not provably stable. Lower "
+            "speed.acceleration_mps2_max or speed.braking_mps2_max."
         )

@@ -199,21 +199,27 @@ def replay_warnings(
     longest = longest_run(route)
     if tables.duration_s is None and duration < longest and drive.lasts < duration + 0.1:
         yield (
-            f"{name}: its record ends {duration:g} s after the start, and with it the run: the "
-            f"lead's drive lasts {longest:g} s"
+            f"{name}: its recorded drive ends {duration:g} s after the start, which ends the run "
+            f"before the lead's drive of {longest:g} s. Set duration_s or trim the files."
         )
     names = tables.convoy.vehicle_names
     behind = dict(pairwise(names)).get(name, "")
     seen = list(_looks(drive, route, duration))
     aside = max(seen, key=lambda look: look.aside)
     if aside.aside > BESIDE:
-        yield f"{name}: is replayed {aside.aside:.1f} m beside the lead's path at {aside.at:.1f} s"
+        yield (
+            f"{name}: the replayed drive is {aside.aside:.1f} m beside the lead's path at "
+            f"{aside.at:.1f} s: is it of the same road?"
+        )
     early = max(seen, key=lambda look: look.station - look.lead)
     if early.lead - early.station < LEAST_SPACING:
         by = f"{abs(early.lead - early.station):.1f} m"
-        way = "ahead of" if early.station > early.lead else "behind"
-        where = f"{by} {way} the lead at {early.at:.1f} s"
-        yield f"{name}: is replayed {where}: see vehicle.{name}.replay_offset_s"
+        side = "ahead of" if early.station > early.lead else "behind"
+        where = f"{by} {side} the lead at {early.at:.1f} s"
+        yield (
+            f"{name}: the replayed drive is {where}: they overlap. Raise "
+            f"vehicle.{name}.replay_offset_s."
+        )
     own = tables.vehicle.get(behind)
     if not behind or (own is not None and own.replay is not None):
         return
@@ -226,10 +232,10 @@ def replay_warnings(
     if left < LEAST_SPACING:
         where = f"{abs(left):.1f} m {'ahead of' if left > 0.0 else 'behind'} {behind}"
         wider = route.gaps[place] + route.spacings[place] - left
-        remedy = f"set vehicle.{behind}.gap_m to {math.ceil(wider)}"
         yield (
-            f"{name}: is replayed {where}, which follows it, at {late.at:.1f} s: {remedy}, or see "
-            f"vehicle.{name}.replay_offset_s"
+            f"{name}: the replayed drive is {where}, its follower, at {late.at:.1f} s: they "
+            f"overlap. Set vehicle.{behind}.gap_m to {math.ceil(wider)}, or change "
+            f"vehicle.{name}.replay_offset_s."
         )
 
 

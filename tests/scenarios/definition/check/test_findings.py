@@ -21,9 +21,7 @@ def test_check_warns_of_what_may_surprise() -> None:
 def test_check_warns_of_curves_that_no_tyre_holds() -> None:
     slippery = ["parameters.friction_ratio=0.15"]  # the lane change asks for 1.8 m/s²
     (line,) = check("lane_change", slippery).warnings
-    assert line == (
-        "the plan takes curves at 1.8 m/s², tyres hold up to 1.5 m/s² "
-        "(parameters.friction_ratio = 0.15): cars will slide"
-    )
+    for fact in ("1.8 m/s²", "1.5 m/s²", "parameters.friction_ratio = 0.15", "speed.set_mps"):
+        assert fact in line
     assert check("lane_change", [*slippery, "parameters.tyres=linear"]).warnings == ()
     assert check("lane_change", ["parameters.friction_ratio=0.3"]).warnings == ()

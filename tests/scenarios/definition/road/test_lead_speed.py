@@ -46,7 +46,7 @@ def test_who_asks_for_another_set_speed_is_not_told_that_a_curve_lowers_it(
         for at_s, speed in changes.items()
     )
     lines = [one for one in report_of(scenario_from_text(text)).warnings if "is lowered" in one]
-    assert [one.partition(",")[0] for one in lines] == ([said] if said else [])
+    assert [one.partition(":")[0] for one in lines] == ([said] if said else [])
 
 
 def test_a_profile_is_driven_exactly_where_no_curve_asks_for_less() -> None:
