@@ -55,7 +55,7 @@ def test_nobody_drives_into_the_one_ahead(
 @pytest.mark.campaign(1, 50)
 def test_one_link_lost_stops_the_whole_convoy_at_once(case: int) -> None:
     lost = "change=[{kind='link', sender='v1', receiver='v2', loss_ratio=1.0, at_s=12}]"
-    summary = driven("clear", 8, case + 1, lost)
+    summary = driven("clear", 3.07, case + 1, lost)
     assert "stop" in summary.vehicles[1].ticks_by_mode
     assert collisions(summary) == 0
     assert least_gap_m(summary) > 2.0  # of 3 m; it was 0, with a collision for each car
@@ -64,25 +64,25 @@ def test_one_link_lost_stops_the_whole_convoy_at_once(case: int) -> None:
 def test_the_log_says_why_a_car_brakes_whose_road_is_known() -> None:
     asked = ("duration_s=12", "links.preset=tunnel")
     said = drive(load_scenario("lane_change", asked)).texts
-    braked = [text for text in said["v3"] if text.text.startswith("brakes with v2")]
+    braked = [text for text in said["v3"] if text.text.startswith("braking: v2 announced a stop")]
     own = [text for text in said["v3"] if text.text.startswith("mode stop")]
     assert len(braked) == len(own) == 1
     assert braked[0].logged_at_ns < own[0].logged_at_ns
-    assert not [text for text in said["v2"] if "brakes with" in text.text]  # it heard none brake
+    assert not [text for text in said["v2"] if "announced a stop" in text.text]
 
 
 @interpreted_only
 def test_if_none_announced_its_stop_some_would(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(SourcePair, "stops_at", lambda *_: 0)
-    assert collisions(driven("tunnel", 8, 1)) > 0
+    assert collisions(driven("tunnel", 3.07, 1)) > 0
 
 
 def test_nobody_is_hit_who_brakes_for_lack_of_messages_himself() -> None:
     """Shadowed links in a dense convoy: each at its own time, for one to three seconds."""
-    assert collisions(driven("lte_v2x_dense", 8, 1, "duration_s=24")) == 0
+    assert collisions(driven("lte_v2x_dense", 3.07, 1, "duration_s=24")) == 0
 
 
 @interpreted_only
 def test_if_guards_announced_nothing_some_would_be_hit(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(SpeedGuard, "_brakes_at", lambda *_: 0)
-    assert collisions(driven("lte_v2x_dense", 8, 1, "duration_s=24")) > 0
+    assert collisions(driven("lte_v2x_dense", 3.07, 1, "duration_s=24")) > 0
