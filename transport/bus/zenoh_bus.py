@@ -358,5 +358,7 @@ def _as_bus_error(failure: str) -> Iterator[None]:
 
 def _reason(error: zenoh.ZError) -> str:
     text = " ".join(_SOURCE_LINE.sub("", str(error)).split())
+    if "Address already in use" in text:
+        return "address already in use; choose another endpoint with -l"
     inner = _INNER.search(text)
     return inner[1] if inner else text

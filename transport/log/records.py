@@ -114,7 +114,7 @@ def map_log(path: Path) -> mmap.mmap:
     except OSError as error:
         raise LogError(f"{path}: cannot read the log: {error.strerror}") from error
     if log[: len(MAGIC)] != MAGIC:
-        raise LogError(f"{path}: is not an MCAP log (run.mcap in a run's folder is one)")
+        raise LogError(f"{path}: is not an MCAP log; expected run.mcap or the folder of a run")
     return log
 
 

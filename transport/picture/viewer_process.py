@@ -21,6 +21,7 @@ STOP_S = 2.0
 POLL_S = 0.05
 PORT_TRIES = 5
 """Number of free ports that are tried, in case other programs take them meanwhile."""
+OTHER_PORTS = "choose other ports with --rerun serve=ADDRESS:PORT:DATA_PORT"
 LAYOUT_NICENESS = 10
 _END_WITH_PARENT = """
 import ctypes, os, sys
@@ -134,11 +135,12 @@ def listen(address: str, given: int, usual: int, serve: Callable[[int], bool]) -
         try:
             port = _bound(address, given) if given else free_port(address, usual)
         except OSError as error:
-            text = f"{address}:{given} cannot be listened on: {error.strerror}"
+            reason = (error.strerror or str(error)).lower()
+            text = f"cannot listen on {address}:{given}: {reason}; {OTHER_PORTS}"
             raise ViewerError(text) from error
         if serve(port):
             return port
-    raise ViewerError(f"{address}:{port} cannot be listened on: another program has taken it")
+    raise ViewerError(f"cannot listen on {address}:{port}: address already in use; {OTHER_PORTS}")
 
 
 def _bound(address: str, port: int) -> int:

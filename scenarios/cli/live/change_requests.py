@@ -47,12 +47,12 @@ def run_to_join(
     if run_name is not None and (elsewhere or not found):
         return zenoh_from(flags, run_name)
     if elsewhere:
-        raise BusError("--run: missing, needed where the flags say how to join")
+        raise BusError("--run: missing, it is required with -m, -e, -l, -c or --cfg")
     if not found:
-        raise BusError("no run here that `convoy run` drives; give --run, and -e for its router")
+        raise BusError("no run started by `convoy run` here; give --run, and -e for its router")
     if len(found) > 1:
         names = ", ".join(one.run for one in found)
-        raise BusError(f"{len(found)} runs here, give one of them by --run: {names}")
+        raise BusError(f"{len(found)} runs on this machine; give one by --run: {names}")
     return replace(zenoh_from(flags, found[0].run), connect=(found[0].endpoint,))
 
 
@@ -71,11 +71,11 @@ def request_change(bus: Bus, run: str, entry: Mapping[str, Any]) -> list[Vehicle
     """
     present = sorted({one.name for one in bus.members() if one.role == VEHICLE})
     if not present:
-        raise BusError(f"run {run}: no vehicle is there")
+        raise BusError(f"run {run}: has no vehicle")
     wanted = entry.get("vehicle")
     if wanted is not None and wanted not in present:
         known = ", ".join(map(shown, present))
-        raise BusError(f"run {run}: no vehicle {printable(str(wanted))}, there are {known}")
+        raise BusError(f"run {run}: has no vehicle {printable(str(wanted))}, allowed {known}")
     vehicles = present if wanted is None else [wanted]
     begun = time.monotonic()
     # All change at the earliest instant that the first of them offers.
@@ -108,7 +108,7 @@ def status(bus: Bus, run: str) -> RunStatus | None:
     """Request the status of the run, None before its start; raises BusError without an answer."""
     answer = bus.query(control_key(RUN_SENDER), ANSWER_TIMEOUT_S)
     if answer is None:
-        raise BusError(f"run {run}: no recorder is there")
+        raise BusError(f"run {run}: has no recorder")
     try:
         return RunStatus.of(answer) if answer else None
     except ValueError as error:

@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from socket import socket
 
 import click
 import pytest
@@ -289,6 +290,26 @@ def test_what_is_nested_too_deeply_is_refused(text: str, tmp_path: Path) -> None
     file.write_text(text, encoding="utf-8")
     assert refused(convoy("check", file)).startswith(f"{file}: not valid TOML: ")
     assert "--set" in refused(convoy("check", "--set", text.replace(" ", "")))
+
+
+def test_a_file_without_end_is_refused_at_once() -> None:
+    assert refused(convoy("check", "/dev/zero")) == "/dev/zero: not a file"
+    assert refused(convoy("report", "/dev/zero")).startswith("/dev/zero: ")
+
+
+def test_another_file_than_a_log_is_refused_with_what_is_expected() -> None:
+    assert "run.mcap" in refused(convoy("report", README))
+
+
+def test_a_router_on_a_used_port_names_the_option() -> None:
+    with socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
+        line = refused(convoy("router", "-l", endpoint))
+    assert endpoint in line
+    assert "address already in use" in line
+    assert line.endswith(" -l")
 
 
 def test_a_refused_number_is_shown_whole() -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
-from scenarios.runs.stop import EXIT_FAILED
+from scenarios.runs.stop import EXIT_BAD_INPUT, EXIT_FAILED
 from transport.log.reader import LogReader
 
 CONVOY = f"{sys.executable} -m scenarios.cli"
@@ -71,10 +71,25 @@ def test_letters_that_an_encoding_lacks_are_replaced(tmp_path: Path) -> None:
     assert b"seed 1, ? 0.5" in done.stdout
 
 
+PRINTING = ("list", "check --explain", "reference links", "new", "channel show bursty --json")
+
+
+@pytest.mark.parametrize("command", PRINTING)
 @pytest.mark.parametrize(
     ("redirection", "code"), [("| head -1", 0), ("2>/dev/full", 0), (">/dev/full", EXIT_FAILED)]
 )
 def test_a_command_that_only_prints_fails_only_where_its_output_is_lost(
-    redirection: str, code: int
+    command: str, redirection: str, code: int
 ) -> None:
-    assert shell(f"{CONVOY} list {redirection}").returncode == code
+    assert shell(f"{CONVOY} {command} {redirection}").returncode == code
+
+
+@pytest.mark.parametrize("redirection", [">&-", "2>&-", "<&- >&- 2>&-", ">/dev/full 2>/dev/full"])
+def test_a_refusal_keeps_its_exit_code_whatever_its_output_is(redirection: str) -> None:
+    assert shell(f"{CONVOY} report nowhere {redirection}").returncode == EXIT_BAD_INPUT
+    assert shell(f"{CONVOY} run --loss 3 {redirection}").returncode == EXIT_BAD_INPUT
+
+
+@pytest.mark.parametrize("command", PRINTING)
+def test_no_command_needs_utf_8(command: str) -> None:
+    assert shell(f"{CONVOY} {command}", PYTHONIOENCODING="ascii").returncode == 0

@@ -442,7 +442,7 @@ def test_a_port_that_was_asked_for_and_is_taken_later(
 ) -> None:
     monkeypatch.setattr(viewer_process, "_bound", lambda _address, port: port)
     option = parse_rerun_option(f"serve=127.0.0.1:0:{taken_port}")
-    with pytest.raises(ViewerError, match=f"{taken_port} cannot be listened on: another program"):
+    with pytest.raises(ViewerError, match=f"{taken_port}: address already in use.*--rerun serve"):
         RerunView(option, recording_id="x", vehicles=drive.VEHICLES)
 
 
