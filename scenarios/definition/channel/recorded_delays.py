@@ -9,6 +9,7 @@ from typing import TypeVar
 from scenarios.definition.errors import SettingError
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.definition.schema.scenario_tables import ScenarioTables
+from scenarios.definition.traces.reading import is_file
 from transport.links.laws.delay.distributions import MAX_RECORDED, EmpiricalDelay
 
 COLUMN = "delay_ms"
@@ -44,6 +45,8 @@ def _read(table: SomeLink, key: str, folder_of: FolderOf) -> SomeLink:
 
 def _recorded(path: Path, key: str, given: str) -> tuple[float, ...]:
     try:
+        if not is_file(path):
+            raise FileNotFoundError(path)
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, ValueError) as error:
         raise SettingError(key, f"given {given}, no such file, or it is not a text") from error

