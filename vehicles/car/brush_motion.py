@@ -53,7 +53,7 @@ class BrushMotion:
 
     def move(  # noqa: PLR0917 - keyword arguments are slower, and every tick calls this
         self,
-        place: Vector4,
+        position: Vector4,
         state: Vector5,
         command: float,
         acceleration: float,
@@ -63,7 +63,7 @@ class BrushMotion:
     ) -> tuple[Vector4, Vector5]:
         """Move the car by `span` (s) with constant steering command (rad) and acceleration (m/s²).
 
-        Section II with the brush model, by the classical Runge–Kutta method. `place` is (east,
+        Section II with the brush model, by the classical Runge–Kutta method. `position` is (east,
         north, yaw, distance), `state` is (speed, lateral speed, yaw rate, steering, steering rate);
         `fastest` is the fastest rate (1/s) of tyres and steering at the lowest speed of the span.
         """
@@ -79,7 +79,7 @@ class BrushMotion:
         for _ in range(count):
             held = near_limit and wheels.is_at_rate_limit(command - state[3], state[4])
             actuation = (0.0, 0.0) if held else wheels.free
-            place, state = _step(place, state, command, drive, h, tyres, actuation)
+            position, state = _step(position, state, command, drive, h, tyres, actuation)
             speed, lateral, yaw_rate, steering, rate = state
             if abs(steering) > wheels.limit or abs(rate) > wheels.rate_limit:
                 steering, rate = wheels.clamped(steering, rate)
@@ -90,7 +90,7 @@ class BrushMotion:
                 rolls = not rolls
                 drive = given if rolls else 0.0
                 tyres = self._tyres(drive)
-        return place, state
+        return position, state
 
     def _tyres(self, drive: float) -> _Tyres:
         """Lever arms, and for each axle C/m, capacity/m, C/(3 capacity), at a `drive` (m/s²)."""
@@ -126,7 +126,7 @@ def _rates(v: float, y: float, r: float, s: float, tyres: _Tyres) -> tuple[float
 
 
 def _step(  # noqa: PLR0917 - as above
-    place: Vector4,
+    position: Vector4,
     state: Vector5,
     command: float,
     drive: float,
@@ -156,7 +156,7 @@ def _step(  # noqa: PLR0917 - as above
     d4 = square * (command - s4) - damping * w4
 
     sixth = h / 6.0
-    return integrate_position(place, (v1, v2, v3, v4), (y1, y2, y3, y4), (r1, r2, r3, r4), h), (
+    return integrate_position(position, (v1, v2, v3, v4), (y1, y2, y3, y4), (r1, r2, r3, r4), h), (
         v1 + h * drive + sixth * (c1 + 2.0 * (c2 + c3) + c4),
         y1 + sixth * (a1 + 2.0 * (a2 + a3) + a4),
         r1 + sixth * (b1 + 2.0 * (b2 + b3) + b4),

@@ -152,7 +152,7 @@ class CarMotion:
         gained = span * (acceleration + body.yaw_rate * body.lateral_speed)
         slowest = body.speed + gained if gained < 0.0 else body.speed
         slowest = WALKING_PACE if slowest < WALKING_PACE else slowest
-        place, state = self._brushes.move(
+        position, state = self._brushes.move(
             (body.east, body.north, body.yaw, body.distance),
             (body.speed, body.lateral_speed, body.yaw_rate, body.steering, body.steering_rate),
             command,
@@ -161,7 +161,7 @@ class CarMotion:
             self.fastest_rate(slowest),
             substeps,
         )
-        east, north, yaw, distance = place
+        east, north, yaw, distance = position
         speed, lateral, yaw_rate, steering, rate = state
         return Body(east, north, yaw, speed, lateral, yaw_rate, steering, rate, distance)
 
@@ -175,7 +175,7 @@ class CarMotion:
         near_limit = wheels.substeps(span, command - body.steering, body.steering_rate)
         fastest = self.fastest_rate(max(min(body.speed, final_speed), WALKING_PACE))
         count = substeps or max(math.ceil(span * fastest / STEP_PER_RATE), near_limit)
-        place = (body.east, body.north, body.yaw, body.distance)
+        position = (body.east, body.north, body.yaw, body.distance)
         state = (body.lateral_speed, body.yaw_rate, body.steering, body.steering_rate)
         speed, change = body.speed, (final_speed - body.speed) / count
         before = middle = after = _lateral_rates(speed, tyres, p)
@@ -186,8 +186,8 @@ class CarMotion:
                 middle = _lateral_rates(speeds[1], tyres, p)
                 after = _lateral_rates(faster, tyres, p)
             held = near_limit and wheels.is_at_rate_limit(command - state[2], state[3])
-            place, state = _step(
-                place, state, speeds, (before, middle, after), command=command, h=span / count,
+            position, state = _step(
+                position, state, speeds, (before, middle, after), command=command, h=span / count,
                 actuation=(0.0, 0.0) if held else wheels.free,
             )  # fmt: skip
             if abs(state[2]) > wheels.limit or abs(state[3]) > wheels.rate_limit:
@@ -195,7 +195,7 @@ class CarMotion:
             speed, before = faster, after
         if not abs(state[0]) < FASTEST_SLIDE:
             raise OutOfModelError(f"the car spins: it is unstable at {final_speed:.1f} m/s")
-        return Body(place[0], place[1], place[2], final_speed, *state, place[3])
+        return Body(position[0], position[1], position[2], final_speed, *state, position[3])
 
 
 def fastest_rate(p: VehicleParameters) -> float:
@@ -223,7 +223,7 @@ def _lateral_rates(speed: float, tyres: Coefficients, p: VehicleParameters) -> _
 
 
 def _step(
-    place: Vector4,
+    position: Vector4,
     state: Vector4,
     speeds: tuple[float, float, float],
     rates: tuple[_Lateral, _Lateral, _Lateral],
@@ -234,7 +234,7 @@ def _step(
 ) -> tuple[Vector4, Vector4]:
     """One Runge-Kutta step, written out because runs spend most of their time here.
 
-    `place` is (east, north, yaw, distance), `state` is (lateral speed, yaw rate, steering,
+    `position` is (east, north, yaw, distance), `state` is (lateral speed, yaw rate, steering,
     steering rate). Speeds and rates are those at the start, the middle and the end of the step.
     The derivative of the state at stage i is (ai, bi, wi, di).
     """
@@ -261,7 +261,7 @@ def _step(
 
     sixth = h / 6.0
     (v1, v2, v4) = speeds
-    return integrate_position(place, (v1, v2, v2, v4), (y1, y2, y3, y4), (r1, r2, r3, r4), h), (
+    return integrate_position(position, (v1, v2, v2, v4), (y1, y2, y3, y4), (r1, r2, r3, r4), h), (
         y1 + sixth * (a1 + 2.0 * (a2 + a3) + a4),
         r1 + sixth * (b1 + 2.0 * (b2 + b3) + b4),
         s1 + sixth * (w1 + 2.0 * (w2 + w3) + w4),

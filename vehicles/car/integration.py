@@ -18,14 +18,14 @@ Vector4 = tuple[float, float, float, float]
 
 
 def integrate_position(
-    place: Vector4, speeds: Vector4, lateral_speeds: Vector4, yaw_rates: Vector4, h: float
+    position: Vector4, speeds: Vector4, lateral_speeds: Vector4, yaw_rates: Vector4, h: float
 ) -> Vector4:
     """Integrate (east, north, yaw, distance) over h (s), by the classical Runge–Kutta method.
 
     The other arguments hold the values at its four stages: speeds along and across the body (m/s)
     and yaw rate (rad/s).
     """
-    east, north, yaw, distance = place
+    east, north, yaw, distance = position
     (v1, v2, v3, v4), (y1, y2, y3, y4), (r1, r2, r3, r4) = speeds, lateral_speeds, yaw_rates
     cos, sin, sqrt, half = math.cos, math.sin, math.sqrt, 0.5 * h
     q2, q3, q4 = yaw + half * r1, yaw + half * r2, yaw + h * r3

@@ -169,7 +169,7 @@ class CrossTrackError:
         return True
 
     def _drop_chords(self) -> None:
-        """Drop the chords that all followers have passed, and the oldest beyond MOST_CHORDS."""
+        """Drop the chords that all followers have passed, and the oldest beyond MAX_CHORDS."""
         on_path = [other for other in self._followers.values() if not other.left_behind]
         passed = min((other.floor for other in on_path), default=len(self._chords) - 1)
         count = max(passed, len(self._chords) - MAX_CHORDS)

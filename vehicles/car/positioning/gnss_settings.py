@@ -76,8 +76,8 @@ class StateErrors:
     entry_jump: Annotated[
         float | None,
         Setting(
-            "largest drift after the state is entered (also after an outage), where the drift "
-            "restarts; default: it continues",
+            "restart the drift within this distance of 0 when the state is entered, also after an "
+            "outage; default: the drift continues",
             unit="m",
             minimum=0,
             maximum=1000,
