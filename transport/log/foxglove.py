@@ -2,7 +2,7 @@
 
 | ours                | standard                | in the log under                |
 | ------------------- | ----------------------- | ------------------------------- |
-| GpsPose             | foxglove.LocationFix    | `/convoy/<vehicle>/location`    |
+| GpsPose             | foxglove.LocationFix    | `/convoy/<vehicle>/location` ¹  |
 | TruePose            | foxglove.PoseInFrame    | `/convoy/<vehicle>/pose`        |
 | TruePose            | foxglove.FrameTransform | `/convoy/<vehicle>/transform`   |
 | TruePose            | foxglove.SceneUpdate    | `/convoy/<vehicle>/box`         |
@@ -11,17 +11,20 @@
 | RunStart            | foxglove.SceneUpdate    | `/convoy/run/road`              |
 | RunStart            | foxglove.PosesInFrame   | `/convoy/run/path`              |
 
+¹ As JSON: Rerun shows a LocationFix in Protobuf on a map, for which it asks the Internet for tiles.
+
 World frame `map` is east, north, up at the scenario's origin; a vehicle's frame has its name and
 looks forward, left, up.
 """
 
+import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from functools import cache
+from typing import Any, NamedTuple
 
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
-from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
@@ -32,7 +35,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from transport.log.scene import FRAME_ID, Scene
 from vehicles.geometry.trajectory_points import points_along
 from vehicles.messages import CompositeTrajectory, GpsPose, LogText, Message, RunStart, TruePose
-from vehicles.schedule import MILLISECOND
+from vehicles.schedule import MILLISECOND, SECOND
 
 PREVIEW_SPACING_M = 2.0
 """Distance between the poses that represent a composite trajectory."""
@@ -51,18 +54,28 @@ _LEVELS = {
 }
 
 
+class Schema(NamedTuple):
+    """Name, encoding and content of a schema, and the encoding of its messages."""
+
+    name: str
+    encoding: str
+    data: bytes
+    message_encoding: str
+
+
 @dataclass(frozen=True, slots=True)
 class StandardMessage:
     """A standard message next to one of ours, at most one per vehicle and `period_ns`."""
 
     name: str
-    schema: Any
+    schema: Schema
     make: Callable[[Any], bytes]
     period_ns: int = 0
 
 
-def descriptor_set(message_class: Any) -> bytes:
-    """Serialise the FileDescriptorSet of a Protobuf class: its file after all files it needs."""
+@cache
+def protobuf_schema(message_class: Any) -> Schema:
+    """Schema of a Protobuf class: the FileDescriptorSet of its file after all files it needs."""
     files = FileDescriptorSet()
     seen: set[str] = set()
 
@@ -75,35 +88,58 @@ def descriptor_set(message_class: Any) -> bytes:
         file.CopyToProto(files.file.add())
 
     add(message_class.DESCRIPTOR.file)
-    data: bytes = files.SerializeToString(deterministic=True)
-    return data
+    data = files.SerializeToString(deterministic=True)
+    return Schema(message_class.DESCRIPTOR.full_name, "protobuf", data, "protobuf")
 
 
-def _location_maker() -> Callable[[GpsPose], bytes]:
-    # Reusing one object per vehicle is three times as fast as creating new ones. The name is set
-    # once: each text that is set takes memory until its object is deleted.
-    fixes: dict[str, LocationFix] = {}
+_NUMBER = {"type": "number"}
+_LOCATION_FIELDS = {
+    "timestamp": {
+        "type": "object",
+        "title": "time",
+        "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}},
+    },
+    "frame_id": {"type": "string"},
+    "latitude": _NUMBER,
+    "longitude": _NUMBER,
+    "altitude": _NUMBER,
+    "position_covariance": {"type": "array", "items": _NUMBER},
+    "position_covariance_type": {"type": "integer"},
+    "heading": _NUMBER,
+    "velocity": {
+        "type": "object",
+        "title": "foxglove.Vector3",
+        "properties": {"x": _NUMBER, "y": _NUMBER, "z": _NUMBER},
+    },
+}
+_LOCATION = {"title": "foxglove.LocationFix", "type": "object", "properties": _LOCATION_FIELDS}
+LOCATION_SCHEMA = Schema(
+    "foxglove.LocationFix", "jsonschema", json.dumps(_LOCATION).encode(), "json"
+)
+_APPROXIMATED = 1
 
-    def make(gps: GpsPose) -> bytes:
-        fix = fixes.get(gps.vehicle)
-        if fix is None:
-            fix = fixes[gps.vehicle] = LocationFix(frame_id=gps.vehicle)
-            # Stated by the receiver, and assumed equal for altitude.
-            fix.position_covariance_type = LocationFix.APPROXIMATED
-            fix.position_covariance.extend([0.0] * 9)
-        covariance, velocity = fix.position_covariance, fix.velocity
-        fix.timestamp.FromNanoseconds(gps.measured_at_ns)
-        fix.latitude = gps.latitude_deg
-        fix.longitude = gps.longitude_deg
-        fix.altitude = gps.altitude_m
-        fix.heading = heading = math.radians(gps.heading_deg)
-        covariance[0] = covariance[4] = covariance[8] = gps.position_accuracy_m**2
-        velocity.x = gps.speed_mps * math.sin(heading)
-        velocity.y = gps.speed_mps * math.cos(heading)
-        data: bytes = fix.SerializeToString()
-        return data
 
-    return make
+def _make_location(gps: GpsPose) -> bytes:
+    seconds, nanoseconds = divmod(gps.measured_at_ns, SECOND)
+    heading = math.radians(gps.heading_deg)
+    # Stated by the receiver, and assumed equal for altitude.
+    variance = gps.position_accuracy_m**2
+    fix = {
+        "timestamp": {"sec": seconds, "nsec": nanoseconds},
+        "frame_id": gps.vehicle,
+        "latitude": gps.latitude_deg,
+        "longitude": gps.longitude_deg,
+        "altitude": gps.altitude_m,
+        "position_covariance": [variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance],
+        "position_covariance_type": _APPROXIMATED,
+        "heading": heading,
+        "velocity": {
+            "x": gps.speed_mps * math.sin(heading),
+            "y": gps.speed_mps * math.cos(heading),
+            "z": 0.0,
+        },
+    }
+    return json.dumps(fix).encode()
 
 
 def _pose_maker() -> Callable[[TruePose], bytes]:
@@ -172,18 +208,22 @@ def standard_messages(
     """Standard messages next to each of ours; each call creates its own makers."""
     scene = scene or Scene()
     return {
-        GpsPose: (StandardMessage("location", LocationFix, _location_maker()),),
+        GpsPose: (StandardMessage("location", LOCATION_SCHEMA, _make_location),),
         TruePose: (
-            StandardMessage("pose", PoseInFrame, _pose_maker(), POSE_PERIOD_NS),
-            StandardMessage("transform", FrameTransform, _transform_maker(), POSE_PERIOD_NS),
-            StandardMessage("box", SceneUpdate, scene.box_maker(), ONCE_NS),
+            StandardMessage("pose", protobuf_schema(PoseInFrame), _pose_maker(), POSE_PERIOD_NS),
+            StandardMessage(
+                "transform", protobuf_schema(FrameTransform), _transform_maker(), POSE_PERIOD_NS
+            ),
+            StandardMessage("box", protobuf_schema(SceneUpdate), scene.box_maker(), ONCE_NS),
         ),
         CompositeTrajectory: (
-            StandardMessage("preview", PosesInFrame, _make_preview, PREVIEW_PERIOD_NS),
+            StandardMessage(
+                "preview", protobuf_schema(PosesInFrame), _make_preview, PREVIEW_PERIOD_NS
+            ),
         ),
-        LogText: (StandardMessage("text", Log, _make_text),),
+        LogText: (StandardMessage("text", protobuf_schema(Log), _make_text),),
         RunStart: (
-            StandardMessage("road", SceneUpdate, scene.make_road, ONCE_NS),
-            StandardMessage("path", PosesInFrame, scene.make_path, ONCE_NS),
+            StandardMessage("road", protobuf_schema(SceneUpdate), scene.make_road, ONCE_NS),
+            StandardMessage("path", protobuf_schema(PosesInFrame), scene.make_path, ONCE_NS),
         ),
     }

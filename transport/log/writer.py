@@ -12,14 +12,14 @@ from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 from itertools import count
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from mcap.writer import Writer
 
 from transport.closing import Closing
 from transport.codec import PROTOBUF, encode
 from transport.convoy_pb2 import Deviation
-from transport.log.foxglove import StandardMessage, descriptor_set, standard_messages
+from transport.log.foxglove import Schema, StandardMessage, protobuf_schema, standard_messages
 from transport.log.records import THINNED_NAME, LogError, lock
 from transport.log.scene import Scene
 from transport.thinning import Thinning
@@ -124,7 +124,8 @@ class LogWriter(Closing):
         opened = self._deviations.get(vehicle)
         if opened is None:
             name = f"/convoy/{vehicle}/deviation"
-            identifier = self._register(name, Deviation, {"of": key(vehicle, TOPICS["truth"])})
+            of = {"of": key(vehicle, TOPICS["truth"])}
+            identifier = self._register(name, protobuf_schema(Deviation), of)
             opened = self._deviations[vehicle] = _Channel(identifier, ()), count()
         channel, numbers = opened
         message = Deviation(
@@ -148,7 +149,9 @@ class LogWriter(Closing):
 
     def _open(self, topic: Topic, vehicle: str) -> _Channel:
         origin = key(vehicle, topic)
-        own = self._register(f"/{origin}", PROTOBUF[topic.message], {"zenoh_key": origin})
+        own = self._register(
+            f"/{origin}", protobuf_schema(PROTOBUF[topic.message]), {"zenoh_key": origin}
+        )
         standard_messages = tuple(
             (
                 twin,
@@ -160,17 +163,16 @@ class LogWriter(Closing):
         channel = self._channels[vehicle, topic.name] = _Channel(own, standard_messages)
         return channel
 
-    def _register(self, topic: str, message_class: Any, metadata: dict[str, str]) -> int:
-        name = message_class.DESCRIPTOR.full_name
+    def _register(self, topic: str, schema: Schema, metadata: dict[str, str]) -> int:
         with self._named_failure():
-            if name not in self._schemas:
-                self._schemas[name] = self._writer.register_schema(
-                    name=name, encoding="protobuf", data=descriptor_set(message_class)
+            if schema.name not in self._schemas:
+                self._schemas[schema.name] = self._writer.register_schema(
+                    name=schema.name, encoding=schema.encoding, data=schema.data
                 )
             return self._writer.register_channel(
                 topic=topic,
-                message_encoding="protobuf",
-                schema_id=self._schemas[name],
+                message_encoding=schema.message_encoding,
+                schema_id=self._schemas[schema.name],
                 metadata=metadata,
             )
 

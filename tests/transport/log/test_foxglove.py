@@ -7,10 +7,12 @@ from typing import Any
 
 import psutil
 import pytest
+from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
 from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.reader import make_reader
+from rerun.chunk import McapReader
 
 from tests.made.scenarios.messages import gps, truth
 from tests.made.transport import drive
@@ -26,6 +28,9 @@ def test_a_stranger_decodes_the_log_by_the_schemas_in_it(tmp_path: Path) -> None
     write(tmp_path / "run.mcap")
     found: dict[str, Any] = {}
     for schema, channel, record in rows(tmp_path / "run.mcap"):
+        if schema.encoding == "jsonschema":
+            found.setdefault(channel.topic, json.loads(record.data))
+            continue
         pool = descriptor_pool.DescriptorPool()
         for file in descriptor_pb2.FileDescriptorSet.FromString(schema.data).file:
             pool.Add(file)
@@ -33,14 +38,16 @@ def test_a_stranger_decodes_the_log_by_the_schemas_in_it(tmp_path: Path) -> None
         if channel.topic not in found:
             found[channel.topic] = kind.FromString(record.data)
     location = found["/convoy/v1/location"]
-    assert (location.latitude, location.longitude, location.altitude) == (48.0, 11.0, 500.0)
-    assert location.heading == pytest.approx(1.5 * math.pi)  # westwards, clockwise from north
-    assert location.velocity.x == pytest.approx(-drive.SPEED)
-    assert location.velocity.y == pytest.approx(0.0, abs=1e-12)
-    accuracy = location.position_covariance  # variances east, north, up, by the receiver's account
-    assert list(accuracy) == pytest.approx([0.0004, 0, 0, 0, 0.0004, 0, 0, 0, 0.0004])
-    assert location.position_covariance_type == location.APPROXIMATED
-    assert location.timestamp.seconds * 1_000_000_000 + location.timestamp.nanos == drive.START
+    place = (location["latitude"], location["longitude"], location["altitude"])
+    assert place == (48.0, 11.0, 500.0)
+    assert location["heading"] == pytest.approx(1.5 * math.pi)  # westwards, clockwise from north
+    assert location["velocity"]["x"] == pytest.approx(-drive.SPEED)
+    assert location["velocity"]["y"] == pytest.approx(0.0, abs=1e-12)
+    variances = location["position_covariance"]  # east, north, up, as reported by the receiver
+    assert variances == pytest.approx([0.0004, 0, 0, 0, 0.0004, 0, 0, 0, 0.0004])
+    assert location["position_covariance_type"] == LocationFix.APPROXIMATED
+    timestamp = location["timestamp"]
+    assert timestamp["sec"] * 1_000_000_000 + timestamp["nsec"] == drive.START
     pose = found["/convoy/v1/pose"]
     assert pose.frame_id == "map"
     assert (pose.pose.position.x, pose.pose.position.y) == pytest.approx((drive.RADIUS, 0.0))
@@ -55,6 +62,26 @@ def test_a_stranger_decodes_the_log_by_the_schemas_in_it(tmp_path: Path) -> None
     )
     text = found["/convoy/run/text"]
     assert (text.message, text.level, text.name) == ("off", 3, "run")
+
+
+def test_a_location_has_the_fields_of_its_standard(tmp_path: Path) -> None:
+    """It is JSON because Rerun shows one in Protobuf on a map, with tiles from the Internet."""
+    write(tmp_path / "run.mcap")
+    schema, record = next(
+        (schema, record)
+        for schema, channel, record in rows(tmp_path / "run.mcap")
+        if channel.topic.endswith("/location")
+    )
+    assert (schema.name, schema.encoding) == ("foxglove.LocationFix", "jsonschema")
+    sent = json.loads(record.data)
+    assert set(sent) == set(json.loads(schema.data)["properties"])
+    assert set(sent) <= {field.name for field in LocationFix.DESCRIPTOR.fields}
+    drawn = {
+        column
+        for chunk in McapReader(str(tmp_path / "run.mcap")).stream()
+        for column in chunk.to_record_batch().schema.names
+    }
+    assert not any("GeoPoints" in column for column in drawn)
 
 
 def test_what_is_made_often_takes_no_memory() -> None:
