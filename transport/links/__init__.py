@@ -1,10 +1,10 @@
-"""Directed links in the receiver, and the messages that they deliver.
+"""Directed links, in the receiving node, and the messages they deliver.
 
-laws        the impairments, one class each
-link        the verdict of one link on one message
-arrival     a message on its link, and false content
-line        stages, in which a link's messages depend on one another
-gate        checks whether a message can be a pose
-positions   recent positions of the receiver
-inbox       the messages of one vehicle, tick by tick
+laws             impairments, one class each
+link             verdict of one link on one message
+content_stage    alteration of the content of messages
+staged_messages  messages of a link that affect each other
+gate             checks of received poses
+positions        recent positions of the receiver
+inbox            messages of one vehicle, tick by tick
 """

@@ -1,8 +1,8 @@
-"""Messages on a link, and their content as the channel alters it.
+"""Alteration of the content of messages on a link.
 
-The verdict is computed when a message comes off the bus, its content when it becomes visible: by
-then all earlier messages have come as well, in any order. So replayed content is the same on every
-clock, as long as the wire stays below the link's least delay.
+The verdict is computed when a message arrives from the bus, its content when it becomes visible.
+By then all earlier messages have arrived in any order, so that replayed content is the same on
+every clock, provided that the bus is faster than the link's minimum latency.
 """
 
 from bisect import bisect_right, insort
@@ -23,19 +23,19 @@ from vehicles.received_pose import ReceivedPose
 
 COPY: Final = 1
 GHOST: Final = 2
-"""Numbers of further poses of a message: its copy, and from this number on its ghosts."""
+"""Indices of extra poses of a message: its copy, and its ghosts from 2 on."""
 FRAME_EPOCH: Final = 2**60
-"""Instant (ns, the year 2006) of the run's start in frames whose bits are flipped, so that neither
-the effect of a flipped bit nor the length of a frame depends on the day of the run."""
+"""Start of the run (ns, the year 2006) in frames with bit errors: neither the effect of a flipped
+bit nor the length of a frame depends on the date."""
 _sent_at = attrgetter("sent_at_ns")
 
 
 @dataclass(slots=True, eq=False)
 class Transmission:
-    """One message on its link, from its arrival off the bus until it is delivered.
+    """A message on its link, from its arrival from the bus to its delivery.
 
-    `sent` is the pose as it was sent, `pose` the pose that the receiver reads; `content` names what
-    is false in it, `copies` counts the copies that the channel adds.
+    `sent` is the pose as sent, `pose` the pose that the receiver reads. `content` names its false
+    contents, `copies` counts the copies added by the channel.
     """
 
     sent: ReceivedPose
@@ -48,7 +48,7 @@ class Transmission:
 
 
 class ExtraPose(NamedTuple):
-    """A copy or ghost of a message, visible from instant `at` (ns); `nth` is COPY or from GHOST."""
+    """Copy or ghost of a message, visible at instant `at` (ns); `nth` is COPY, GHOST or more."""
 
     at: int
     nth: int
@@ -56,10 +56,10 @@ class ExtraPose(NamedTuple):
 
 
 class PoseHistory:
-    """A sender's poses in the order of sending, as far back as false content needs them.
+    """A sender's poses in the order of sending, as far back as false contents need them.
 
-    It needs the last ones until certain `moments` (ns), and all for `span` ns. A visible message
-    may have been sent up to two minutes before the newest.
+    Stored are the last poses before certain `moments` (ns), and all of the last `span` ns. A
+    message may become visible up to two minutes after a newer one arrived.
     """
 
     def __init__(self, moments: Iterable[int] = (), span: int = 0) -> None:
@@ -67,7 +67,7 @@ class PoseHistory:
         self._span = span
         self._poses: list[GpsPose] = []
 
-    def note(self, pose: GpsPose) -> None:
+    def add(self, pose: GpsPose) -> None:
         for moment, last in self._last.items():
             if pose.sent_at_ns <= moment and (last is None or last.sent_at_ns < pose.sent_at_ns):
                 self._last[moment] = pose
@@ -78,18 +78,18 @@ class PoseHistory:
                 del self._poses[0]
 
     def newest(self, until: int) -> GpsPose | None:
-        """Newest pose sent by the instant `until` (ns), None without any."""
+        """Newest pose sent by the instant `until` (ns); None without any."""
         if until in self._last:
             return self._last[until]
-        place = bisect_right(self._poses, until, key=_sent_at)
-        return self._poses[place - 1] if place else None
+        index = bisect_right(self._poses, until, key=_sent_at)
+        return self._poses[index - 1] if index else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContentStage:
-    """Wrong bits, false content and copies of the messages that a link delivers, in this order.
+    """Bit errors, false content and copies of delivered messages, in this order.
 
-    `filters` states whether the receiver refuses a copy by its number.
+    With `filters` the receiver refuses copies by their number.
     """
 
     link: Link
@@ -101,36 +101,40 @@ class ContentStage:
     history: PoseHistory = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        moments = [moment for one in self.false for moment in one.moments]
-        span = max((one.age for one in self.false), default=0)
+        moments = [moment for law in self.false for moment in law.moments]
+        span = max((law.age for law in self.false), default=0)
         object.__setattr__(self, "history", PoseHistory(moments, span))
 
-    def arrive(self, one: Transmission) -> list[ExtraPose]:
-        """Set the pose that the receiver reads of a visible message; returns its copies and ghosts.
+    def apply(self, transmission: Transmission) -> list[ExtraPose]:
+        """Set the pose that the receiver reads; returns its copies and ghosts.
 
-        A message refused by the frame check or the gate is dropped as "corrupted", in the latter
-        case with the gate's word as content.
+        A message refused by the frame check or the gate is dropped as "corrupted"; the reason of
+        the gate becomes its content.
         """
-        judged, sent, context = one.verdict, one.sent.message, one.context
-        if judged.outcome == "dropped":
+        verdict, sent, context = (
+            transmission.verdict,
+            transmission.sent.message,
+            transmission.context,
+        )
+        if verdict.outcome == "dropped":
             return []
         try:
-            read = self._read(one.sent, context)
+            read = self._read(transmission.sent, context)
             if read is None:
-                one.verdict = _corrupted(judged)
+                transmission.verdict = _corrupted(verdict)
                 return []
-            one.pose, kinds = self._with_false_content(one.sent, read)
+            transmission.pose, kinds = self._with_false_content(transmission.sent, read)
         except RefusedMessageError as refusal:
-            one.verdict, one.content = _corrupted(judged), refusal.reason
+            transmission.verdict, transmission.content = _corrupted(verdict), refusal.reason
             return []
-        copies = self._copies(judged, one.pose, context)
-        one.content, one.copies = "+".join(kinds), len(copies)
-        return [*copies, *self._ghosts(judged, sent)]
+        copies = self._copies(verdict, transmission.pose, context)
+        transmission.content, transmission.copies = "+".join(kinds), len(copies)
+        return [*copies, *self._ghosts(verdict, sent)]
 
     def _read(self, sent: ReceivedPose, context: TransmissionContext) -> ReceivedPose | None:
-        """The pose that the receiver reads, `sent` if no bit is wrong; None by its frame check.
+        """The pose as read, `sent` without bit errors; None if the frame check refuses it.
 
-        Raises RefusedMessageError if its gate refuses the bits.
+        Raises RefusedMessageError if the gate refuses it.
         """
         errors, draw, seq = self.bit_errors, self.link.draw, context.seq
         if errors is None or not (count := errors.flips(draw, seq, context.size)):
@@ -145,51 +149,49 @@ class ContentStage:
     def _with_false_content(
         self, sent: ReceivedPose, read: ReceivedPose
     ) -> tuple[ReceivedPose, list[str]]:
-        """The pose that the receiver reads, and the kinds of what is false in it."""
+        """The pose that the receiver reads, and the kinds of its false contents."""
         pose, kinds = read, [] if read is sent else ["corrupted"]
         sent_at = sent.message.sent_at_ns
 
         def recall(until: int) -> GpsPose | None:
-            # A wrong bit can move the instant of `read`, and whether messages sent after this one
-            # have come depends on the wire.
+            # Bit errors can shift the instant of `read`, and whether later messages have arrived
+            # depends on the bus.
             return self.history.newest(min(until, sent_at))
 
-        for one in self.false:
-            if sent_at in one.span:
-                altered = one.falsify(pose.message, self.gate.plane, recall)
+        for law in self.false:
+            if sent_at in law.span:
+                altered = law.falsify(pose.message, self.gate.plane, recall)
                 if altered is not None:
                     pose = self._checked(altered, sent.message)
-                    kinds.append(one.kind)
+                    kinds.append(law.kind)
         return pose, kinds
 
     def _checked(self, message: GpsPose, sent: GpsPose) -> ReceivedPose:
-        # By an instant of the message, not of the tick, which depends on the wire.
+        # The instant of the tick would depend on the bus.
         return self.gate.check(message, sent.sent_at_ns)
 
     def _copies(
-        self, judged: Verdict, pose: ReceivedPose, context: TransmissionContext
+        self, verdict: Verdict, pose: ReceivedPose, context: TransmissionContext
     ) -> list[ExtraPose]:
         law, draw = self.duplication, self.link.draw
         if law is None or not law.copies(draw, context.seq):
             return []
         copy = replace(pose)
         if law.delay is not None:
-            return [ExtraPose(judged.visible_at + law.delay, COPY, copy)]
+            return [ExtraPose(verdict.visible_at + law.delay, COPY, copy)]
         effects = self.link.effects_at(context.sent_at)
         own = combine(effects, copy_draw(draw), context)
-        return [ExtraPose(max(judged.visible_at, own.visible_at), COPY, copy)]
+        return [ExtraPose(max(verdict.visible_at, own.visible_at), COPY, copy)]
 
-    def _ghosts(self, judged: Verdict, sent: GpsPose) -> list[ExtraPose]:
-        ghosts = [
-            one for one in self.false if one.after is not None and sent.sent_at_ns in one.span
-        ]
-        extra = []
-        for nth, one in enumerate(ghosts, GHOST):
-            with suppress(RefusedMessageError):  # no vehicle is beyond the plane
-                beside = self._checked(one.extra_message(sent, self.gate.plane), sent)
-                extra.append(ExtraPose(judged.visible_at + (one.after or 0), nth, beside))
-        return extra
+    def _ghosts(self, verdict: Verdict, sent: GpsPose) -> list[ExtraPose]:
+        laws = [law for law in self.false if law.after is not None and sent.sent_at_ns in law.span]
+        ghosts = []
+        for nth, law in enumerate(laws, GHOST):
+            with suppress(RefusedMessageError):  # beyond the plane
+                ghost = self._checked(law.extra_message(sent, self.gate.plane), sent)
+                ghosts.append(ExtraPose(verdict.visible_at + (law.after or 0), nth, ghost))
+        return ghosts
 
 
-def _corrupted(judged: Verdict) -> Verdict:
-    return Verdict("dropped", "corrupted", judged.visible_at)
+def _corrupted(verdict: Verdict) -> Verdict:
+    return Verdict("dropped", "corrupted", verdict.visible_at)

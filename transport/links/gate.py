@@ -1,8 +1,8 @@
-"""The wire gate: refuses messages that cannot be poses of a run.
+"""Gate for messages from the bus: refuses messages that cannot be poses of the run.
 
-Vehicles read poses off the wire through it, the recorder checks decoded poses with it. It judges
-stamps, coordinates and speeds of a message by itself; whether a pose contradicts earlier ones is
-judged by the follower (`driver.degradation.trust`).
+Vehicles decode poses with it, the recorder checks decoded poses. It checks time stamps, coordinates
+and speeds of single messages; whether a pose contradicts earlier ones is checked by the follower
+(`driver.degradation.trust`).
 """
 
 from collections import Counter
@@ -21,17 +21,17 @@ from vehicles.schedule import SECOND
 
 GPS = TOPICS["gps"]
 LONGEST_POSE_BYTES: Final = 512
-"""Enough for a pose with a name of 400 letters."""
+"""Maximum size of a pose, for vehicle names of up to 400 letters."""
 CACHED_POSES: Final = 64
-"""Number of cached poses: in virtual time all receivers of a pose are in one process."""
+"""Number of cached poses; in virtual time all receivers of a pose are in one process."""
 HORIZON_NS: Final = 60 * SECOND
-"""Poses measured longer ago, or further ahead, than this are refused. Ahead there must be room:
-a vehicle whose process was suspended receives, when it resumes, what was sent meanwhile."""
+"""Poses measured longer ago or further ahead are refused. A process that was suspended resumes in
+the past and receives poses measured ahead of its schedule."""
 
 TIMESTAMP_REASONS = ("past", "future")
-"""Reasons that, when frequent, point to the clock of the sender or of the receiver."""
+"""Reasons that, if frequent, indicate a wrong clock of the sender or the receiver."""
 FIRST_REPORT: Final = 100
-"""Number that is reported first; then ten times that, and so on."""
+"""Count of the first report; the next reports follow at ten times the previous count."""
 
 _ROUNDING: Final = 0.001
 """Tolerance in periods: instants are rounded to nanoseconds."""
@@ -43,32 +43,35 @@ _LIMITS = {
     "speed_mps": (0.0, 150.0),
     "yaw_rate_radps": (-10.0, 10.0),
 }
-"""Range of each number that a vehicle of a convoy can measure."""
+"""Valid range of each measured value."""
 _numbers = attrgetter(*_LIMITS)
 
 
 @lru_cache(maxsize=CACHED_POSES)
 def _read(data: bytes) -> tuple[GpsPose, str]:
-    """Message of these bytes, and its number out of range, if there is one."""
+    """Decoded pose, and a description of its value out of range, if any."""
     pose = cast("GpsPose", decode(GPS, data, exact=True))
     return pose, _absurd(pose)
 
 
 def _absurd(pose: GpsPose) -> str:
-    """Name a number that no vehicle measures; empty if all are in range."""
+    """Describe a value out of range; empty if all are in range."""
     for (name, (least, most)), value in zip(_LIMITS.items(), _numbers(pose), strict=True):
-        if not least <= value <= most:  # so that NaN is refused too
-            return f"{name} is {value}, from {least} to {most}"
+        if not least <= value <= most:  # refuses NaN, too
+            return f"{name} is {value}, allowed {least} to {most}"
     return ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PoseGate:
-    """The limits of one sender's poses: its name, its start, its rate, the reach of its plane.
+    """Limits of the poses of one sender.
 
-    `start_at` (ns) is the run's first instant, `rate_hz` the sender's highest rate, `plane` the
-    scenario's. A pose may be up to `oldest_ns` old: a vehicle cannot use an older one, a recorder
-    can. `clock_error_ns` is the largest error of the sender's clock, which stamps the measurement.
+    sender          name of the vehicle
+    start_at        first instant of the run (ns)
+    rate_hz         maximum rate of the sender
+    plane           local plane of the scenario, whose reach limits positions
+    oldest_ns       maximum age of a pose; vehicles cannot use older ones, the recorder can
+    clock_error_ns  maximum error of the sender's clock, which stamps the measurement
     """
 
     sender: str
@@ -79,7 +82,7 @@ class PoseGate:
     clock_error_ns: int = 0
 
     def admit(self, data: bytes, now: int) -> ReceivedPose:
-        """Read a pose that came under the sender's key, at a tick of instant `now` (ns).
+        """Decode a pose received under the sender's key, at the tick at `now` (ns).
 
         Raises RefusedMessageError with a reason of the table.
         """
@@ -89,13 +92,14 @@ class PoseGate:
         return self._checked(message, absurd, now)
 
     def check(self, message: GpsPose, now: int) -> ReceivedPose:
-        """Check a pose that came under the sender's key; raises RefusedMessageError as `admit`."""
+        """Check a pose received under the sender's key; raises RefusedMessageError as `admit`."""
         return self._checked(message, _absurd(message), now)
 
     def _checked(self, message: GpsPose, absurd: str, now: int) -> ReceivedPose:
         if message.vehicle != self.sender:
-            text = f"{message.vehicle!r} in the name of {self.sender}"
-            raise RefusedMessageError("foreign", text)
+            raise RefusedMessageError(
+                "foreign", f"{message.vehicle!r} under the key of {self.sender}"
+            )
         if absurd:
             raise RefusedMessageError("absurd", absurd)
         self._check_schedule(message, now)
@@ -106,14 +110,14 @@ class PoseGate:
             raise RefusedMessageError("far", text) from None
 
     def _check_schedule(self, pose: GpsPose, now: int) -> None:
-        off, measured, sent = self.clock_error_ns, pose.measured_at_ns, pose.sent_at_ns
-        if measured < self.start_at - off:
+        error, measured, sent = self.clock_error_ns, pose.measured_at_ns, pose.sent_at_ns
+        if measured < self.start_at - error:
             raise RefusedMessageError("early", f"measured at {measured}")
-        if measured < now - self.oldest_ns - off:
+        if measured < now - self.oldest_ns - error:
             raise RefusedMessageError("past", f"measured at {measured}")
-        if measured > now + HORIZON_NS + off:
+        if measured > now + HORIZON_NS + error:
             raise RefusedMessageError("future", f"measured at {measured}")
-        if not (measured - off <= sent and self.start_at <= sent <= now + HORIZON_NS):
+        if not (measured - error <= sent and self.start_at <= sent <= now + HORIZON_NS):
             raise RefusedMessageError("future", f"sent at {sent}")
         if pose.seq > (pose.sent_at_ns - self.start_at) * self.rate_hz / SECOND + _ROUNDING:
             raise RefusedMessageError("sequence", f"number {pose.seq} is ahead of the schedule")
@@ -121,13 +125,13 @@ class PoseGate:
 
 @dataclass(slots=True)
 class TimestampRefusals:
-    """Messages that one receiver refused for their stamps, by sender and reason."""
+    """Messages that one receiver refused for their time stamps, by sender and reason."""
 
     counts: Counter[tuple[str, str]] = field(default_factory=Counter)
     reported: Counter[tuple[str, str]] = field(default_factory=Counter)
 
     def count(self, sender: str, reason: str) -> str | None:
-        """Count a message refused for its stamps; returns a line at 100, 1000, and so on."""
+        """Count a refused message; returns a warning at 100, 1000, … refusals for time stamps."""
         if reason not in TIMESTAMP_REASONS:
             return None
         key = sender, reason
@@ -136,4 +140,7 @@ class TimestampRefusals:
             return None
         self.reported[key] = count = self.counts[key]
         meaning = REASONS[reason].meaning
-        return f"{count} messages of {sender} refused as {reason}, {meaning}: do the clocks agree?"
+        return (
+            f"{count} messages of {sender} refused as {reason} ({meaning}). Compare the clocks of "
+            "both computers."
+        )

@@ -1,8 +1,8 @@
-"""The verdict of a directed radio link on a message: deliver at an instant, or drop.
+"""Verdicts of a directed radio link on messages: deliver at an instant, or drop.
 
-The verdict on message `seq` depends on the seed, the link and `seq` alone, and where the link is
-changed during the run on when the message was sent; never on the order of arrival, on other links
-or on whether `seq - 1` arrived. So it is the same on the wall clock and in virtual time.
+The verdict on message `seq` depends on the seed, the link and `seq`, and on the instant of sending
+if the link changes during the run. It does not depend on the order of arrival, on other links or on
+whether `seq - 1` arrived, so it is the same on the wall clock and in virtual time.
 """
 
 from bisect import bisect_right
@@ -20,13 +20,14 @@ from vehicles.messages import Outcome
 
 _EVER_SINCE, _FOR_EVER = -(2**63), 2**63 - 1
 """Before and after any instant (ns) of a run."""
-_STEPS = 2**52  # so that (k + 1/2) / _STEPS is exact in a double and lies strictly inside (0, 1)
+_STEPS = 2**52  # (k + 1/2) / _STEPS is exact in a double and strictly inside (0, 1)
 
 
 class Verdict(NamedTuple):
-    """The link's decision: `reason` is empty when delivered, else a word of the table of reasons.
+    """Decision of a link; `reason` is empty if delivered, otherwise one of the table.
 
-    `visible_at` (ns) is the instant from which the receiver may know the message, also if dropped.
+    `visible_at` (ns) is the instant from which the receiver may read the message, set also for a
+    dropped message.
     """
 
     outcome: Outcome
@@ -35,7 +36,7 @@ class Verdict(NamedTuple):
 
 
 def keyed_draw(seed: int, sender: str, receiver: str) -> Draw:
-    """Generator of the numbers in (0, 1) of one link, the same on every platform."""
+    """Draws in (0, 1) for one link, the same on every platform."""
     link = f"{seed}\0{sender}\0{receiver}\0".encode()
 
     def draw(purpose: str, seq: int) -> float:
@@ -46,10 +47,10 @@ def keyed_draw(seed: int, sender: str, receiver: str) -> Draw:
 
 
 def switch_draw(before: Draw, after: Draw, from_seq: int) -> Draw:
-    """Draw as `before` for messages before number `from_seq`, else as `after`.
+    """Draws `before` for messages before number `from_seq`, `after` for the others.
 
-    So chains with memory keep their state. Draws for a cell of time, instead of a message, do not
-    change: part of the cell lies before that message.
+    Markov chains thus keep their state. Draws per time cell do not change, because part of the cell
+    lies before that message.
     """
 
     def draw(purpose: str, seq: int) -> float:
@@ -60,23 +61,23 @@ def switch_draw(before: Draw, after: Draw, from_seq: int) -> Draw:
 
 
 def combine(effects: Iterable[Effect], draw: Draw, context: TransmissionContext) -> Verdict:
-    """Let each effect judge a message: delays add up, the first that drops names the reason."""
+    """Combine all effects on a message: delays add up, the first drop gives the reason."""
     delay = 0
     reason: DropReason | Literal[""] = ""
     for effect in effects:
-        judged = effect.judge(draw, context)
-        if isinstance(judged, str):
-            reason = reason or judged
+        result = effect.judge(draw, context)
+        if isinstance(result, str):
+            reason = reason or result
         else:
-            delay += judged
+            delay += result
     return Verdict("dropped" if reason else "delivered", reason, context.sent_at + delay)
 
 
 @dataclass(frozen=True, slots=True)
 class ChangedEffects:
-    """Effects on messages sent from the instant `from_at` (ns) on, until the next change.
+    """Effects on messages sent from the instant `from_at` (ns) until the next change.
 
-    `floor` is the least delay in ns, below which the wire has to stay.
+    `floor` is the minimum latency (ns); the bus has to be faster.
     """
 
     from_at: int
@@ -84,7 +85,7 @@ class ChangedEffects:
     floor: int = field(init=False)
 
     def __post_init__(self) -> None:
-        floors = (one.floor for one in self.effects if isinstance(one, Latency))
+        floors = (effect.floor for effect in self.effects if isinstance(effect, Latency))
         object.__setattr__(self, "floor", sum(floors))
 
 
@@ -93,10 +94,10 @@ _from_at = attrgetter("from_at")
 
 @dataclass(slots=True)
 class Link:
-    """A directed link of a run: judges the messages of one sender on their way to one receiver.
+    """A directed link of a run, from one sender to one receiver.
 
-    Its effects judge each message by itself; in `stages` messages depend on one another (`Line`).
-    `course` are its changes in order of time.
+    `effects` judge each message by itself; in `stages` messages affect each other
+    (`StagedMessages`). `changes` are in order of time.
     """
 
     effects: tuple[Effect, ...]
@@ -113,16 +114,16 @@ class Link:
         self._unchanged = ChangedEffects(_EVER_SINCE, self.effects)
 
     def redraw(self, from_seq: int, seed: int) -> None:
-        """Use another seed for messages from number `from_seq` on."""
+        """Use another seed from message number `from_seq` on."""
         after = keyed_draw(seed, self.sender, self.receiver)
         self.draw = switch_draw(self.draw, after, from_seq)
 
     def effects_at(self, sent_at: int) -> tuple[Effect, ...]:
-        """The effects on a message sent at an instant (ns)."""
+        """Effects on a message sent at an instant (ns)."""
         if not self.changes:  # the usual case
             return self.effects
-        place = bisect_right(self.changes, sent_at, key=_from_at)
-        return self.changes[place - 1].effects if place else self.effects
+        index = bisect_right(self.changes, sent_at, key=_from_at)
+        return self.changes[index - 1].effects if index else self.effects
 
     def judge(self, context: TransmissionContext) -> Verdict:
         return combine(self.effects_at(context.sent_at), self.draw, context)
@@ -130,15 +131,14 @@ class Link:
     def latest_sent_at(self, now: int) -> int:
         """Last instant (ns) at which a message visible by `now` can have been sent.
 
-        Where the least delay has become shorter, messages sent shortly before may be overtaken.
+        If the minimum latency decreases, messages sent shortly before may be overtaken.
         """
         if not self.changes:
             return now - self._unchanged.floor
-        spells = [self._unchanged, *self.changes]
-        ends = [*(one.from_at for one in self.changes), _FOR_EVER]
-        found = (
-            min(end - 1, now - spell.floor)
-            for spell, end in zip(spells, ends, strict=True)
-            if spell.from_at < end and spell.from_at + spell.floor <= now
+        periods = [self._unchanged, *self.changes]
+        ends = [*(change.from_at for change in self.changes), _FOR_EVER]
+        return max(
+            min(end - 1, now - period.floor)
+            for period, end in zip(periods, ends, strict=True)
+            if period.from_at < end and period.from_at + period.floor <= now
         )
-        return max(found)

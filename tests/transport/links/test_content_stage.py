@@ -274,13 +274,13 @@ def test_no_flipped_bits_do_harm(
         false=stage.false,
     )
     one = sent(90)[-1]
-    hit.history.note(one)
+    hit.history.add(one)
     judged = Verdict("delivered", "", one.sent_at_ns + 20 * MS)
     pose = stage.gate.check(one, one.sent_at_ns)
     arrival = Transmission(
         pose, TransmissionContext(one.seq, one.sent_at_ns, SIZE), judged, False, pose
     )
-    further = hit.arrive(arrival)
+    further = hit.apply(arrival)
     if arrival.verdict.outcome == "delivered":
         stage.gate.check(arrival.pose.message, one.sent_at_ns)
         assert "corrupted" in arrival.content
@@ -375,7 +375,7 @@ def test_memory_gives_the_newest_until_an_instant_in_whatever_order_they_came(
 ) -> None:
     history = PoseHistory([START + 5 * 50 * MS], SECOND)
     for k in order:
-        history.note(gps("v1", k))
+        history.add(gps("v1", k))
     newest = history.newest(START + until * 50 * MS)
     assert (newest.seq if newest else None) == (min(until, 11) if until >= 0 else None)
     moment = history.newest(START + 5 * 50 * MS)
@@ -387,7 +387,7 @@ def test_memory_is_bounded_and_keeps_what_it_promised() -> None:
     history = PoseHistory([START + SECOND], 10 * SECOND)
     last = 20_000
     for k in range(last + 1):
-        history.note(gps("v1", k))
+        history.add(gps("v1", k))
     assert len(history._poses) == 20 * (10 + 120) + 1
     kept = history.newest(START + SECOND)
     assert kept is not None

@@ -173,6 +173,6 @@ def test_memory_stays_bounded() -> None:
         send(inbox, pose(k))
         taken(inbox, pose(k).sent_at_ns)
     (link,) = inbox.links.values()
-    assert link.line is not None
-    assert len(link.held) <= 2 + QUEUE_REACH
-    assert len(link.line._coming) <= 2
+    assert link.staged is not None
+    assert len(link.pending) <= 2 + QUEUE_REACH
+    assert len(link.staged._pending) <= 2

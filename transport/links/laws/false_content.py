@@ -1,8 +1,7 @@
-"""Laws of false content: a link replaces the content of messages, or adds messages.
+"""False content: a link replaces the content of messages, or adds messages.
 
-They test whether followers recognise it. The content of a message is all that its sender measured:
-place, course, motion and the accuracy that its receiver reports. Name, number and instants stay
-those of the message itself.
+It tests whether followers detect it. The content of a message is what its sender measured:
+position, course, motion and reported accuracy. Name, number and instants are unchanged.
 """
 
 from collections.abc import Callable, Iterator
@@ -20,22 +19,22 @@ from vehicles.messages import GpsPose
 from vehicles.schedule import SECOND
 
 LATEST_S = 86_400
-"""No run is longer."""
+"""Maximum duration of a run."""
 
 Seconds = Annotated[float, Field(ge=0, le=LATEST_S)]
 Metres = Annotated[float, Field(ge=-10_000, le=10_000)]
 Velocity = Annotated[float, Field(ge=-100, le=100)]
 
 Recall = Callable[[int], GpsPose | None]
-"""Returns the sender's newest known pose that was sent by an instant (ns), as it was sent.
+"""Returns the sender's newest pose sent by an instant (ns), unaltered.
 
-Known is what physically came, lost on the emulated link or not.
+It includes poses that arrived from the bus and were lost on the emulated link.
 """
 
 
 @dataclass(frozen=True, slots=True)
 class FalseInterval:
-    """From when (ns, inclusive) until when (ns, exclusive) content is false, by when it is sent."""
+    """Interval (ns, end exclusive) in which sent messages have false content."""
 
     from_at: int = 0
     to_at: float = inf
@@ -46,7 +45,7 @@ class FalseInterval:
 
 @dataclass(frozen=True, slots=True)
 class Shift:
-    """A shift in the plane (m, or m/s): along the world's axes, and along the sender's course."""
+    """Shift in the plane (m, or m/s), along the world's axes and along the sender's course."""
 
     east: float = 0.0
     north: float = 0.0
@@ -55,10 +54,12 @@ class Shift:
 
 
 class FalseContent(LawTable):
-    """False content, of what is sent from `from_s` on until `to_s` after the start of the run.
+    """Base of false contents; the verdicts name them by `kind`.
 
-    Without `to_s` it lasts to the end. `kind` is its word in the verdicts. By default it needs no
-    earlier messages and adds none.
+    from_s  begin after the start of the run, by instant of sending
+    to_s    end, exclusive, by default the end of the run
+
+    By default no earlier messages are needed and none are added.
     """
 
     from_s: Seconds = 0.0
@@ -67,7 +68,7 @@ class FalseContent(LawTable):
 
     def problems(self) -> Iterator[Problem]:
         if self.to_s is not None and self.to_s <= self.from_s:
-            yield "to_s", f"given {self.to_s}, allowed more than from_s, {self.from_s}"
+            yield "to_s", f"given {self.to_s:g}, allowed more than from_s, {self.from_s:g}"
 
     @cached_property
     def span(self) -> FalseInterval:
@@ -77,44 +78,38 @@ class FalseContent(LawTable):
 
     @property
     def moments(self) -> tuple[int, ...]:
-        """Instants (ns) of which it needs the last message."""
+        """Instants (ns) whose last message is needed."""
         return ()
 
     @property
     def age(self) -> int:
-        """Age (ns) up to which it needs all messages."""
+        """Age (ns) up to which all messages are needed."""
         return 0
 
     @property
     def after(self) -> int | None:
-        """By how much (ns) the further message that it adds comes later, None if it adds none."""
+        """Delay (ns) of the added message after the true one; None if no message is added."""
         return None
 
     def extra_message(self, pose: GpsPose, plane: LocalPlane) -> GpsPose:
-        """Return the further message beside `pose`.
-
-        Raises RefusedMessageError for a place beyond the plane.
-        """
+        """Message added to `pose`; raises RefusedMessageError beyond the plane."""
         raise NotImplementedError
 
     def falsify(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:
-        """Return the pose in the place of `pose`, or None if that stays as it is.
-
-        Raises RefusedMessageError for a place beyond the plane.
-        """
+        """Pose that replaces `pose`, None for no change; raises RefusedMessageError."""
         raise NotImplementedError
 
     def describe(self) -> str:
         end = "" if self.to_s is None else f" to {self.to_s:g} s"
-        return f"false content: {self.kind} from {self.from_s:g} s on{end}"
+        return f"false content: {self.kind} from {self.from_s:g} s{end}"
 
 
 class Displaced(FalseContent):
-    """Base of content with another place."""
+    """Base of contents with a false position."""
 
     @property
     def by(self) -> Shift:
-        """By how much the place differs (m, or m/s)."""
+        """Displacement (m, or m/s)."""
         raise NotImplementedError
 
     def problems(self) -> Iterator[Problem]:
@@ -122,11 +117,16 @@ class Displaced(FalseContent):
         if self.by == Shift():
             units = ("_m", "_mps")
             keys = ", ".join(key for key in type(self).model_fields if key.endswith(units))
-            yield "", f"moves nothing, allowed other than 0 in {keys}"
+            yield "", f"displaces nothing, allowed a value other than 0 in {keys}"
 
 
 class FalseOffset(Displaced):
-    """Places are displaced: in the plane, and along the sender's course."""
+    """Constant displacement of the position.
+
+    east_m, north_m  displacement along the world's axes
+    ahead_m, left_m  displacement along and across the sender's course
+    from_s, to_s     interval after the start of the run, end exclusive
+    """
 
     kind: Literal["offset"] = "offset"
     east_m: Metres = 0.0
@@ -143,7 +143,12 @@ class FalseOffset(Displaced):
 
 
 class FalseDrift(Displaced):
-    """The place moves away from the true one, from `from_s` on."""
+    """Displacement that grows from `from_s`.
+
+    east_mps, north_mps  rate along the world's axes
+    ahead_mps, left_mps  rate along and across the sender's course
+    from_s, to_s         interval after the start of the run, end exclusive
+    """
 
     kind: Literal["drift"] = "drift"
     east_mps: Velocity = 0.0
@@ -160,7 +165,10 @@ class FalseDrift(Displaced):
 
 
 class FrozenContent(FalseContent):
-    """Messages repeat the last one before `from_s`, under new numbers and instants."""
+    """Repeats the last content before `from_s`, with new numbers and instants.
+
+    from_s, to_s  interval after the start of the run, end exclusive
+    """
 
     kind: Literal["frozen"] = "frozen"
     from_s: Annotated[float, Field(gt=0, le=LATEST_S)]
@@ -170,12 +178,15 @@ class FrozenContent(FalseContent):
         return (self.span.from_at - 1,)
 
     def falsify(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:
-        """Repeat the last message before the span; None if none of then is known."""
         return replace_content(pose, recall(self.span.from_at - 1))
 
 
 class ReplayedContent(FalseContent):
-    """Messages repeat what was sent `age_s` earlier, under new numbers and instants."""
+    """Repeats old content, with new numbers and instants.
+
+    age_s         minimum age of the content
+    from_s, to_s  interval after the start of the run, end exclusive
+    """
 
     kind: Literal["replayed"] = "replayed"
     age_s: Annotated[float, Field(gt=0, le=60)]
@@ -185,16 +196,18 @@ class ReplayedContent(FalseContent):
         return round(self.age_s * SECOND)
 
     def falsify(self, pose: GpsPose, plane: LocalPlane, recall: Recall) -> GpsPose | None:
-        """Repeat the newest message of that age or more; None if none of then is known."""
         return replace_content(pose, recall(pose.sent_at_ns - self.age))
 
 
 class GhostVehicle(Displaced):
-    """Beside each message comes one of a vehicle that is not there, in the sender's name.
+    """Adds a message of a vehicle that does not exist to each message, in the sender's name.
 
-    So that both places come in turn, it is stamped half a period of the sender's highest rate later
-    than the true message and comes so much later, with the sender's motion. It has the number of
-    the true message; the receiver's check of numbers does not see it.
+    ahead_m, left_m  position of the ghost along and across the sender's course
+    from_s, to_s     interval after the start of the run, end exclusive
+
+    The added message is stamped and arrives half a period of the sender's maximum rate after the
+    true one, so that both alternate. It has the number of the true message and bypasses the
+    receiver's check of numbers.
     """
 
     kind: Literal["ghost"] = "ghost"
@@ -213,20 +226,13 @@ class GhostVehicle(Displaced):
         return pose
 
     def extra_message(self, pose: GpsPose, plane: LocalPlane) -> GpsPose:
-        """Return the ghost's own message, beside the true `pose`.
-
-        Raises RefusedMessageError for a place beyond the plane.
-        """
-        on = pose.speed_mps * self.after / SECOND
-        there = displace(pose, plane, replace(self.by, ahead=self.ahead_m + on))
-        return shift_times(there, self.after)
+        travelled = pose.speed_mps * self.after / SECOND
+        ghost = displace(pose, plane, replace(self.by, ahead=self.ahead_m + travelled))
+        return shift_times(ghost, self.after)
 
 
 def displace(pose: GpsPose, plane: LocalPlane, by: Shift, times: float = 1.0) -> GpsPose:
-    """Return `pose` at another place, `times` the shift away.
-
-    Raises RefusedMessageError if that lies beyond the plane.
-    """
+    """Move `pose` by `times` the shift; raises RefusedMessageError beyond the plane."""
     east, north = plane.to_plane(pose.latitude_deg, pose.longitude_deg, pose.altitude_m)
     yaw = yaw_from_heading(pose.heading_deg)
     east += times * (by.east + by.ahead * cos(yaw) - by.left * sin(yaw))
@@ -245,7 +251,7 @@ def shift_times(pose: GpsPose, by: int) -> GpsPose:
 
 
 def replace_content(pose: GpsPose, old: GpsPose | None) -> GpsPose | None:
-    """Return the content of `old` under the number and the instants of `pose`."""
+    """Content of `old` with the number and the instants of `pose`; None without `old`."""
     if old is None:
         return None
     return replace(
