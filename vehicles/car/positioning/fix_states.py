@@ -7,7 +7,6 @@ They correspond to the quality field of an NMEA 0183 GGA sentence: 4 fixed, 5 fl
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from operator import itemgetter
 from typing import Annotated, Final, Literal, Protocol
 
 from numpy.random import Generator
@@ -92,7 +91,7 @@ class StateChain:
         ]
         if not waits:
             return StateInterval(state, at, NO_END), state
-        wait, following = min(waits, key=itemgetter(0))
+        wait, following = min(waits, key=lambda candidate: candidate[0])
         return StateInterval(state, at, at + max(wait, 1)), following
 
 

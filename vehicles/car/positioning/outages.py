@@ -30,7 +30,7 @@ class FixOutage(ABC):
 
 
 @dataclass(frozen=True, slots=True)
-class TimeOutage(FixOutage):
+class FixOutageWindow(FixOutage):
     """No fix between two times after the start (ns)."""
 
     begin: Annotated[
@@ -46,7 +46,7 @@ class TimeOutage(FixOutage):
 
 
 @dataclass(frozen=True, slots=True)
-class RoadOutage(FixOutage):
+class FixOutageStretch(FixOutage):
     """No fix on a stretch of road, in distance driven (m) from the lead's start.
 
     The distance continues over laps.
@@ -67,7 +67,7 @@ class RoadOutage(FixOutage):
 
 
 @dataclass(frozen=True, slots=True)
-class CircleOutage(FixOutage):
+class FixOutageCircle(FixOutage):
     """No fix within a circle in the plane (m)."""
 
     east: Annotated[float, Setting("", "m", -MAX_COORDINATE, MAX_COORDINATE, example=500.0)]
@@ -79,8 +79,8 @@ class CircleOutage(FixOutage):
 
 
 OUTAGES: Mapping[str, type[FixOutage]] = {
-    "time": TimeOutage,
-    "road": RoadOutage,
-    "circle": CircleOutage,
+    "time": FixOutageWindow,
+    "road": FixOutageStretch,
+    "circle": FixOutageCircle,
 }
 """Outages by the `kind` of their entry."""

@@ -13,7 +13,7 @@ from vehicles.car.positioning.fix_states import (
     StateChain,
     StateSchedule,
 )
-from vehicles.car.positioning.outages import CircleOutage, RoadOutage, TimeOutage
+from vehicles.car.positioning.outages import FixOutageCircle, FixOutageStretch, FixOutageWindow
 from vehicles.schedule import SECOND
 
 START = 1_700_000_000_000_000_000
@@ -93,14 +93,14 @@ def test_outages_cover_their_time_stretch_or_circle() -> None:
         return np.random.default_rng(1)
 
     start = ReceiverContext(START, 30.0, stream, stream)  # it starts 30 m behind the lead
-    time = TimeOutage(0, SECOND)
+    time = FixOutageWindow(0, SECOND)
     assert [time.covers(car(), START + k, start) for k in (-1, 0, SECOND - 1, SECOND)] == [
         *(False, True, True, False)
     ]
-    road = RoadOutage(100.0, 200.0)
+    road = FixOutageStretch(100.0, 200.0)
     assert [
         road.covers(car(distance), START, start) for distance in (129.0, 130.0, 229.0, 230.0)
     ] == [*(False, True, True, False)]
-    circle = CircleOutage(10.0, -5.0, 3.0)
+    circle = FixOutageCircle(10.0, -5.0, 3.0)
     assert circle.covers(car(east=12.0, north=-5.0), START, start)
     assert not circle.covers(car(east=12.5, north=-7.5), START, start)

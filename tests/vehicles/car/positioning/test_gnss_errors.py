@@ -19,7 +19,7 @@ from vehicles.car.positioning.fix_states import ReceiverState, ScheduledStates, 
 from vehicles.car.positioning.gnss_errors import ReceiverErrors
 from vehicles.car.positioning.gnss_settings import GnssSettings, StateErrors
 from vehicles.car.positioning.noise import GnssNoise
-from vehicles.car.positioning.outages import TimeOutage
+from vehicles.car.positioning.outages import FixOutageWindow
 from vehicles.schedule import MILLISECOND, SECOND, instants
 
 START = 1_700_000_000_000_000_000
@@ -155,7 +155,7 @@ def test_entry_jumps_are_bounded_and_decay() -> None:
     entries: list[tuple[float, ReceiverState]] = []
     for k in range(60):
         entries += [(20.0 * k + 5.0, "float"), (20.0 * k + 18.0, "fixed")]
-    tunnels = tuple(TimeOutage(s * SECOND, (s + 1) * SECOND) for s in range(10, 1200, 20))
+    tunnels = tuple(FixOutageWindow(s * SECOND, (s + 1) * SECOND) for s in range(10, 1200, 20))
     made = replace(model(floating=floating), fix_states=scheduled(*entries), outages=tunnels)
     result = fixes(errors(made), 1200.0, rate_hz=4.0)
     jumps, later = [], []
