@@ -1,11 +1,11 @@
-"""What a vehicle tells the log of one of its decisions."""
+"""Log messages of a decision."""
 
 from vehicles.driver.decision import Decision
 from vehicles.messages import Message
 
 
 def log_messages(decision: Decision, vehicle: str, seq: int, now: int) -> tuple[Message, ...]:
-    """Tracking, command, and the trajectory if there is one."""
+    """Tracking, command, and trajectory if there is one."""
     always = decision.tracking(vehicle, seq, now), decision.command(vehicle, seq, now)
     if decision.fit is None:
         return always

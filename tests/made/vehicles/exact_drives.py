@@ -1,4 +1,4 @@
-"""Cars with exact receivers, driven by a driver, and sources that tell exactly where they are."""
+"""Cars with exact receivers, and sources with exact poses."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -26,7 +26,7 @@ LATENCY_NS = SECOND // 50
 
 @dataclass(frozen=True)
 class Step:
-    """One tick of a drive: its instant, the car before it, and what was decided."""
+    """One tick of a drive: its instant, the car before it, and the decision."""
 
     now: int
     body: Body
@@ -72,21 +72,21 @@ def drive(
     return steps
 
 
-def on(path: SampledPath, station: float, speed: float, aside: float = 0.0) -> Body:
-    """A car on `path`, or `aside` (m) to its left."""
+def on(path: SampledPath, station: float, speed: float, left: float = 0.0) -> Body:
+    """A car on `path`, or `left` (m) of it."""
     point = path.at(station)
-    return Body(*beside(point, aside), yaw=point.yaw, speed=speed)
+    return Body(*beside(point, left), yaw=point.yaw, speed=speed)
 
 
-def beside(point: PathPoint, aside: float) -> tuple[float, float]:
-    return point.east - aside * math.sin(point.yaw), point.north + aside * math.cos(point.yaw)
+def beside(point: PathPoint, left: float) -> tuple[float, float]:
+    return point.east - left * math.sin(point.yaw), point.north + left * math.cos(point.yaw)
 
 
 @dataclass
 class Source:
-    """A vehicle that drives exactly along `path` and is heard `LATENCY_NS` after it measures.
+    """A vehicle that drives exactly along `path`, received with a latency of `LATENCY_NS`.
 
-    `heard` (s, from and until) says when its messages come through.
+    `delivered` are the spans (s, from and until) in which its messages are delivered.
     """
 
     name: str
@@ -109,7 +109,7 @@ class Source:
         return to_message(fix, self.name, PLANE, seq=seq, sent_at=at, true_position=place)
 
     def messages_by(self, now: int) -> Iterator[GpsPose]:
-        """What has become visible since the last call."""
+        """Messages that became visible since the last call."""
         while (at := instant(START, self._next, GNSS_HZ)) + LATENCY_NS <= now:
             seconds = (at - START) / SECOND
             if any(since <= seconds < until for since, until in self.delivered):

@@ -1,4 +1,4 @@
-"""A follower on a road behind sources that tell exactly where they are."""
+"""Followers behind sources with exact poses."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -40,7 +40,7 @@ def follower(
     law: SpeedLaw | None = None,
     degradation: DegradationSettings = EXTRAPOLATES,
 ) -> Follower:
-    """A follower of the car that extrapolates when it hears nobody, or as `degradation` says."""
+    """A follower that extrapolates without data, or reacts as `degradation` configures."""
     law = law or ProfileSpeed(SpeedProfile((0.0,), (speed,)), START, 1.0 / CONTROL_HZ)
     return Follower(
         own_state=PoseEstimator(CAR),
@@ -78,21 +78,21 @@ def predecessor_of(path: SampledPath, speed: float = 10.0, delivered: Spans = AL
 
 
 def lateral(path: SampledPath, steps: Sequence[Step]) -> list[float]:
-    """True distance (m) of the car from the path, by how far it has come."""
+    """True lateral error (m) of the car at the distance driven."""
     return [path.project(s.body.east, s.body.north, s.body.distance).lateral for s in steps]
 
 
 def modes(steps: Sequence[Step]) -> list[tuple[str, float]]:
-    """Every mode in turn, with the second at which it began."""
-    found: list[tuple[str, float]] = [(steps[0].decision.mode, 0.0)]
+    """Modes in order, with the time (s) at which each began."""
+    changes: list[tuple[str, float]] = [(steps[0].decision.mode, 0.0)]
     for before, step in pairwise(steps):
         if step.decision.mode != before.decision.mode:
-            found.append((step.decision.mode, step.seconds))
-    return found
+            changes.append((step.decision.mode, step.seconds))
+    return changes
 
 
 def admitted(poses: Iterable[GpsPose], now: int) -> list[ReceivedPose]:
-    """The poses that pass the gates of the follower's inbox at `now` (ns)."""
+    """Poses that pass the gates of the follower's inbox at `now` (ns)."""
     return [pose for one in poses if (pose := _admitted(one, now)) is not None]
 
 

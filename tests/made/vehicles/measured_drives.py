@@ -1,4 +1,4 @@
-"""Drives of a car as another vehicle hears them: honestly measured, then made false."""
+"""Measured drives of a car as received by another vehicle, optionally falsified."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ Command = Callable[[float, Body], Actuation]
 
 
 def steadily(speed: float, curvature: float = 0.0, car: VehicleParameters = LINCOLN_MKZ) -> Command:
-    """Round at a curvature (1/m), at a speed (m/s) from the start."""
+    """Drive at a constant curvature (1/m) and speed (m/s)."""
     wheel = curvature * (car.wheelbase + car.steer_gradient * speed * speed)
     return lambda _seconds, _body: Actuation(wheel, 0.0)
 
@@ -35,9 +35,9 @@ def steadily(speed: float, curvature: float = 0.0, car: VehicleParameters = LINC
 def wildly(
     seed: int, *, lateral: float = 8.0, braking: float = 8.0, fastest: float = 35.0
 ) -> Command:
-    """Something else every half second: bends, swerves, full braking, standstills.
+    """Random bends, swerves, braking and standstills, changing every half second.
 
-    `lateral`, `braking` (m/s²) and `fastest` (m/s) are the most.
+    `lateral`, `braking` (m/s²) and `fastest` (m/s) are the limits.
     """
     random = np.random.default_rng(seed)
     drawn = random.uniform(-1.0, 1.0, (10_000, 2)).tolist()
@@ -65,7 +65,7 @@ def measured_fixes(
     seed: int = 1,
     car: VehicleParameters = LINCOLN_MKZ,
 ) -> list[Fix]:
-    """What a receiver measures of a car under a command."""
+    """Fixes of a car under a command."""
     receiver = GnssReceiver(
         noise or GnssNoise(), rate_hz, START, np.random.default_rng(seed), errors
     )
@@ -81,14 +81,13 @@ def measured_fixes(
 
 
 def pose_of(fix: Fix) -> GpsPose:
-    """The message of a fix, sent when it was measured."""
     return to_message(
         fix, "v1", PLANE, seq=fix.seq, sent_at=fix.measured_at, true_position=(0.0, 0.0, 0.0)
     )
 
 
 def falsify(fixes: Sequence[Fix], false: FalseContent) -> list[ReceivedPose]:
-    """What is received of honest fixes over a link with one kind of false content."""
+    """Poses received over a link with one kind of false content."""
     poses = [pose_of(fix) for fix in fixes]
 
     def recall(until: int) -> GpsPose | None:
@@ -109,14 +108,14 @@ def _received(message: GpsPose) -> ReceivedPose:
 
 
 def thinned(fixes: Iterable[_Pose], share: float, seed: int) -> list[_Pose]:
-    """The fixes that are not lost: a share, drawn."""
+    """A random share of the fixes."""
     random = np.random.default_rng(seed)
     return [fix for fix in fixes if random.random() < share]
 
 
 @dataclass(frozen=True)
 class Judged:
-    """A pose and what was made of it."""
+    """A pose and its verdict."""
 
     pose: ReceivedPose
     reason: Distrust
@@ -132,7 +131,7 @@ class Judged:
 
 
 def judged(fixes: Iterable[Fix | ReceivedPose], gate: InnovationGate | None = None) -> list[Judged]:
-    """All verdicts on what is received."""
+    """Verdicts of a gate on all poses."""
     gate = gate or InnovationGate()
     all_of = []
     for one in fixes:

@@ -1,4 +1,4 @@
-"""Two cars on a straight, the second of which hears late or little: its guard of speed alone."""
+"""Two cars on a straight, to test the speed guard of the second one with late or lost messages."""
 
 from math import inf, nan
 
@@ -26,9 +26,10 @@ EMERGENCY = DegradationSettings().emergency
 
 
 class Road:
-    """Two cars on a straight: the follower hears some messages of the one ahead, exact and late.
+    """Two cars on a straight: the follower receives some exact messages of the predecessor, late.
 
-    `heard` tells whether the message of an instant (s) is, `braking` what the one ahead does then.
+    `ahead` and `place` (m) are the positions of predecessor and follower, `known` is the newest
+    received sample, `least` the smallest gap (m) so far.
     """
 
     def __init__(
@@ -67,7 +68,7 @@ class Road:
         self.least = inf
 
     def tick(self, acceleration: float, *, received: bool, hazard: bool = False) -> SpeedCommand:
-        """One control period: send, hear, decide, move on."""
+        """One control period: send, receive, decide, move."""
         self.ahead_acceleration = acceleration
         if received and self.now % PERIOD < TICK:
             self.in_transit.append((self.now, self.ahead, self.ahead_speed, acceleration))
@@ -114,7 +115,7 @@ def profile(speed: float = 25.0) -> ProfileSpeed:
 
 
 class RecordingLaw:
-    """A speed law that keeps what it asked."""
+    """A speed law that records its commands."""
 
     def __init__(self, law: SpeedLaw) -> None:
         self.law = law

@@ -91,8 +91,8 @@ def test_steady_on_an_arc_the_steering_is_the_one_that_the_car_needs() -> None:
 def test_left_and_right_are_mirror_images() -> None:
     left = path_from_segments([Segment(30.0, 0.0), Segment(80.0, 1 / 60)])
     right = path_from_segments([Segment(30.0, 0.0), Segment(80.0, -1 / 60)])
-    to_left = drive(leader(left, 12.0), on(left, 0.0, 12.0, aside=0.5), 8.0)
-    to_right = drive(leader(right, 12.0), on(right, 0.0, 12.0, aside=-0.5), 8.0)
+    to_left = drive(leader(left, 12.0), on(left, 0.0, 12.0, left=0.5), 8.0)
+    to_right = drive(leader(right, 12.0), on(right, 0.0, 12.0, left=-0.5), 8.0)
     for one, other in zip(to_left, to_right, strict=True):
         assert one.body.north == pytest.approx(-other.body.north, abs=1e-9)
         assert one.decision.actuation.steering == pytest.approx(

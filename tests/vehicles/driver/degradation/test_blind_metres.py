@@ -1,4 +1,4 @@
-"""How far a follower says it would drive beyond the road that it knows, if it had to stop."""
+"""Predicted distance beyond the known path in an emergency stop."""
 
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -16,7 +16,7 @@ KNOWN = 5.0
 
 
 def situation(speed: float, acceleration: float, period: float) -> Situation:
-    """What a follower at the origin makes of it whose lead was heard along a straight road."""
+    """Situation of a follower at the origin that received its lead along a straight road."""
     settings = DegradationSettings()
     lead = Source("v1", 0.05, settings)
     pair = SourcePair(lead, lead, "composite", settings)
@@ -28,7 +28,7 @@ def situation(speed: float, acceleration: float, period: float) -> Situation:
 
 
 def driven(speed: float, acceleration: float, period: float) -> float:
-    """Distance (m) to a standstill by commands that are held, each harder by the jerk at most."""
+    """Distance (m) to a standstill with commands that are held and limited in jerk."""
     emergency, east = DegradationSettings().emergency, 0.0
     while True:
         acceleration = max(acceleration - emergency.jerk * period, -emergency.deceleration)
@@ -39,12 +39,12 @@ def driven(speed: float, acceleration: float, period: float) -> float:
 
 
 @given(st.floats(10.0, 36.0), st.floats(-5.0, 1.0), st.sampled_from([0.01, 0.02, 0.05, 0.1]))
-def test_the_blind_metres_are_those_of_commands_that_are_held(
+def test_the_blind_distance_accounts_for_held_commands(
     speed: float, acceleration: float, period: float
 ) -> None:
-    told = situation(speed, acceleration, period)
-    blind = driven(speed, acceleration, period) - told.known
+    predicted = situation(speed, acceleration, period)
+    blind = driven(speed, acceleration, period) - predicted.known
     assume(blind > 0.0)
-    # Of the half period in which the command is ahead of the ramp, 0.5 * speed * period, little is
-    # left: the last step to the hardest braking is no whole one.
-    assert abs(told.blind - blind) < 0.1 * speed * period + 1e-3
+    # Without that, it would be off by 0.5 * speed * period. The last step to the hardest braking is
+    # a partial one.
+    assert abs(predicted.blind - blind) < 0.1 * speed * period + 1e-3

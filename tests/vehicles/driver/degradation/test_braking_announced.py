@@ -1,4 +1,4 @@
-"""What a follower says beforehand of its braking behind one that falls silent."""
+"""Announcements of braking behind a predecessor that falls silent."""
 
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -11,7 +11,7 @@ from vehicles.schedule import SECOND
 SILENT_AT = 3 * SECOND
 HARD = DegradationSettings().firm.deceleration
 LATE = SILENT_AT + 4 * PERIOD
-"""By then three messages are missing."""
+"""Three messages are missing by then."""
 
 
 def convoy(speed: float, gap: float) -> Road:
@@ -20,57 +20,57 @@ def convoy(speed: float, gap: float) -> Road:
     return Road(profile(speed), speed=speed, spacing=LENGTH + gap, policy=policy)
 
 
-def announced(road: Road, until: int, *, heard_again: int = 10**12) -> dict[int, int]:
-    """When it said it would brake (ns), by instant; the one ahead goes on, and is silent."""
-    said = {}
+def announced(road: Road, until: int, *, received_again: int = 10**12) -> dict[int, int]:
+    """Announced instants of braking (ns) by instant; the predecessor continues silently."""
+    predicted = {}
     while road.now < until and road.speed > 0.5:
         now = road.now
-        road.tick(0.0, received=not SILENT_AT <= now < heard_again)
-        said[now] = road.guard.brakes_at
-    return said
+        road.tick(0.0, received=not SILENT_AT <= now < received_again)
+        predicted[now] = road.guard.brakes_at
+    return predicted
 
 
 def begins_hard(road: Road) -> int:
     """Instant (ns) of its first command harder than comfortable braking."""
     tick = next(
-        k for k, asked in enumerate(road.commands) if asked < -HARD and k * TICK > SILENT_AT
+        k for k, command in enumerate(road.commands) if command < -HARD and k * TICK > SILENT_AT
     )
     return tick * TICK
 
 
 @given(st.floats(15.0, 36.0), st.floats(10.0, 40.0))
-def test_what_it_says_comes_true(speed: float, gap: float) -> None:
+def test_it_brakes_as_announced(speed: float, gap: float) -> None:
     road = convoy(speed, gap)
-    said = announced(road, SILENT_AT + 6 * SECOND)
-    assume(said[LATE])  # it keeps the safe distance
+    predicted = announced(road, SILENT_AT + 6 * SECOND)
+    assume(predicted[LATE])  # it keeps the safe distance
     hard = begins_hard(road)
-    told = [at for now, at in said.items() if LATE <= now < hard]
-    assert told
-    # It begins a little before its reserve is used up, and mildly.
-    assert max(told) < hard + 0.3 * SECOND
-    assert hard - min(told) < 0.6 * SECOND
+    instants = [at for now, at in predicted.items() if LATE <= now < hard]
+    assert instants
+    # It begins mildly, shortly before its reserve is used up.
+    assert max(instants) < hard + 0.3 * SECOND
+    assert hard - min(instants) < 0.6 * SECOND
 
 
 @given(st.floats(15.0, 36.0))
-def test_the_instant_stays_while_it_brakes(speed: float) -> None:
+def test_the_announced_instant_is_constant_while_braking(speed: float) -> None:
     road = convoy(speed, 20.0)
-    said = announced(road, SILENT_AT + 3 * SECOND)
+    predicted = announced(road, SILENT_AT + 3 * SECOND)
     hard = begins_hard(road)
-    assert len({at for now, at in said.items() if now > hard}) == 1
+    assert len({at for now, at in predicted.items() if now > hard}) == 1
 
 
 @given(st.floats(20.0, 36.0))
-def test_who_never_kept_the_safe_distance_says_nothing_until_it_does(speed: float) -> None:
+def test_nothing_is_announced_before_a_safe_distance_was_reached(speed: float) -> None:
     road = convoy(speed, 3.0)
-    said = announced(road, SILENT_AT + 6 * SECOND)
-    assert said[SILENT_AT] == said[SILENT_AT + 2 * PERIOD] == 0
-    for now, asked in zip(said, road.commands, strict=True):
-        assert asked >= -HARD or 0 < said[now] <= now
+    predicted = announced(road, SILENT_AT + 6 * SECOND)
+    assert predicted[SILENT_AT] == predicted[SILENT_AT + 2 * PERIOD] == 0
+    for now, command in zip(predicted, road.commands, strict=True):
+        assert command >= -HARD or 0 < predicted[now] <= now
 
 
-def test_it_takes_it_back_once_the_one_ahead_is_heard() -> None:
+def test_reception_withdraws_the_announcement() -> None:
     road = convoy(30.0, 20.0)
     again = SILENT_AT + SECOND
-    said = announced(road, again + SECOND, heard_again=again)
-    assert said[again - TICK] < again
-    assert {at for now, at in said.items() if now > again + PERIOD + LATENCY + TICK} == {0}
+    predicted = announced(road, again + SECOND, received_again=again)
+    assert predicted[again - TICK] < again
+    assert {at for now, at in predicted.items() if now > again + PERIOD + LATENCY + TICK} == {0}

@@ -1,4 +1,4 @@
-"""What a source's gate believes of honest drives, and how soon it finds and names false ones."""
+"""Honest drives pass the gate of a source; false ones are detected, named and soon over."""
 
 import math
 from collections.abc import Callable
@@ -43,7 +43,7 @@ HALF_PERIOD = 25 * MILLISECOND
 
 
 def first_refused(all_of: list[Judged]) -> float:
-    """Seconds from the beginning of the false spell to the first refused pose."""
+    """Time (s) from the start of the false content to the first refused pose."""
     return refused(all_of)[0].seconds - BEGIN
 
 
@@ -51,7 +51,7 @@ def reasons(all_of: list[Judged]) -> set[str]:
     return {str(one.reason) for one in all_of} - {""}
 
 
-# ---- What honest sources do
+# ---- Honest sources
 
 
 @pytest.mark.parametrize("noise", [0.02, 0.1, 1.0])
@@ -78,10 +78,10 @@ def test_squared_innovations_of_an_honest_drive_are_chi_squared(
     speed=st.floats(0.0, 40.0),
     span=st.floats(0.05, 5.0),
 )
-def test_no_car_is_beyond_three_deviations_of_what_it_may_do(
+def test_no_possible_motion_exceeds_three_deviations(
     parts: list[tuple[float, float]], speed: float, span: float
 ) -> None:
-    """Places integrated exactly under accelerations of any direction up to the limit."""
+    """Positions integrated exactly under accelerations of any direction up to the limit."""
     east, velocity = 0j, complex(speed, 0.0)
     each = span / len(parts)
     for direction, size in parts:
@@ -98,12 +98,12 @@ def test_no_car_is_beyond_three_deviations_of_what_it_may_do(
     assert one.deviations() <= 3.0 + 1e-6
 
 
-def test_the_most_a_car_may_do_is_reached() -> None:
-    """Full drive for half the time, then full braking: 3 deviations, so the bound is tight."""
+def test_the_extreme_motion_reaches_three_deviations() -> None:
+    """Full acceleration for half the time, then full braking: the bound is tight."""
     span = 2.0
-    way = 10.0 * span + CORNERING * span * span / 4.0
+    distance = 10.0 * span + CORNERING * span * span / 4.0
     before = Fix(0, START, 0.0, 0.0, 0.0, 10.0, 0.0)
-    after = Fix(1, START + nanoseconds(span), way, 0.0, 0.0, 10.0, 0.0)
+    after = Fix(1, START + nanoseconds(span), distance, 0.0, 0.0, 10.0, 0.0)
     one = innovation(received_fix(before), received_fix(after), GnssNoise())
     assert 2.9 < one.deviations() < 3.0
 
@@ -142,7 +142,7 @@ def test_no_honest_source_is_distrusted(
 
 
 def test_thirty_thousand_honest_poses_pass() -> None:
-    """5 deviations in two axes: one in 900 000 by chance, and twice as many for the sums."""
+    """5 deviations in two axes occur once in 900 000 poses, twice as often for the sums."""
     count = 0
     for seed in range(12):
         fixes = measured_fixes(wildly(seed), seconds=80.0, speed=2.0 * seed, seed=seed)
@@ -153,7 +153,7 @@ def test_thirty_thousand_honest_poses_pass() -> None:
     assert count > 30_000
 
 
-def test_a_car_with_saturating_tyres_at_their_limit_is_believed() -> None:
+def test_a_car_with_tyres_at_their_limit_is_trusted() -> None:
     brush = replace(LINCOLN_MKZ, tyres="brush")
     for seed in range(5):
         wild = wildly(seed, lateral=6.0, braking=5.0)
@@ -163,7 +163,7 @@ def test_a_car_with_saturating_tyres_at_their_limit_is_believed() -> None:
 
 
 @pytest.mark.parametrize("rate_hz", [1.0, 20.0])
-def test_a_standing_car_that_repeats_its_place_is_not_frozen(rate_hz: float) -> None:
+def test_a_standing_car_that_repeats_its_position_is_not_frozen(rate_hz: float) -> None:
     fixes = measured_fixes(steadily(0.0), seconds=120.0, speed=0.0, rate_hz=rate_hz)
     assert not reasons(judged(fixes))
     exact = [replace(fix, east=1.0, north=2.0, yaw=0.0, speed=0.0) for fix in fixes]
@@ -171,17 +171,15 @@ def test_a_standing_car_that_repeats_its_place_is_not_frozen(rate_hz: float) -> 
 
 
 @pytest.mark.parametrize("silence", [0.5, 2.0, 10.0])
-def test_after_a_silence_a_source_is_believed_wherever_it_may_have_come_to(silence: float) -> None:
+def test_after_a_silence_a_source_is_trusted_anywhere_within_reach(silence: float) -> None:
     fixes = measured_fixes(wildly(3, lateral=5.0), seconds=20.0)
-    heard = [fix for fix in fixes if not 0 <= (fix.measured_at - START) / SECOND - 5.0 < silence]
-    assert not reasons(judged(heard))
+    received = [fix for fix in fixes if not 0 <= (fix.measured_at - START) / SECOND - 5.0 < silence]
+    assert not reasons(judged(received))
 
 
 @given(seed=st.integers(0, 1000), late=st.integers(1, 12))
-def test_what_comes_late_is_believed_if_it_is_true_and_changes_nothing(
-    seed: int, late: int
-) -> None:
-    """Poses that overtake one another: the same ones are believed, and those behind as well."""
+def test_true_late_poses_are_trusted_and_change_nothing(seed: int, late: int) -> None:
+    """Poses that overtake one another are trusted; a false late one is refused without effect."""
     fixes = measured_fixes(wildly(seed, lateral=6.0), seconds=6.0, seed=seed)
     shuffled = sorted(fixes, key=lambda fix: fix.seq + (late if fix.seq % 3 == 0 else 0))
     assert not reasons(judged(shuffled))
@@ -192,7 +190,7 @@ def test_what_comes_late_is_believed_if_it_is_true_and_changes_nothing(
     assert all(not one.refused for one in judged(fixes[50:], gate))
 
 
-# ---- How soon what is false is found, named, and over
+# ---- Detection of false content, and recovery
 
 FALSE: list[tuple[FalseContent, str, float, float]] = [
     (frozen(SPELL), "frozen", 0.0, 0.0),
@@ -205,23 +203,23 @@ FALSE: list[tuple[FalseContent, str, float, float]] = [
     (ghost(SPELL, Shift(ahead=20.0), HALF_PERIOD), "ghost", 0.05, 0.0),
     (ghost(SPELL, Shift(left=0.4), HALF_PERIOD), "ghost", 0.05, 0.0),
 ]
-"""Kind, its name, seconds until found at 20 Hz, and seconds from its end until all is believed."""
+"""Content, expected verdict, time (s) to detection at 20 Hz, and time (s) from its end to trust."""
 
 
 @pytest.mark.spread(9)
-@pytest.mark.parametrize(("false", "name", "found", "back"), FALSE)
+@pytest.mark.parametrize(("false", "name", "detected", "trusted"), FALSE)
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_each_falsehood_is_found_named_and_over(
-    false: FalseContent, name: str, found: float, back: float, seed: int
+def test_false_content_is_detected_named_and_over(
+    false: FalseContent, name: str, detected: float, trusted: float, seed: int
 ) -> None:
     fixes = measured_fixes(steadily(15.0), seconds=12.0, speed=15.0, seed=seed)
     all_of = judged(falsify(fixes, false))
-    assert 0.0 <= first_refused(all_of) <= found + 1e-9
+    assert 0.0 <= first_refused(all_of) <= detected + 1e-9
     assert name in reasons(all_of)
-    assert all(not one.refused for one in all_of if one.seconds >= END + back)
+    assert all(not one.refused for one in all_of if one.seconds >= END + trusted)
 
 
-def test_nothing_of_a_frozen_source_is_believed_and_all_of_it_after() -> None:
+def test_all_poses_of_a_frozen_source_are_refused_and_none_after() -> None:
     fixes = measured_fixes(wildly(5, lateral=5.0, braking=4.0), seconds=12.0)
     all_of = judged(falsify(fixes, frozen(SPELL)))
     assert {one.pose.message.seq for one in refused(all_of)} == set(range(80, 140))
@@ -229,7 +227,7 @@ def test_nothing_of_a_frozen_source_is_believed_and_all_of_it_after() -> None:
 
 
 @pytest.mark.parametrize(("rate_hz", "within"), [(20.0, 0.25), (10.0, 0.3), (2.0, 1.0)])
-def test_a_frozen_source_is_found_at_walking_pace(rate_hz: float, within: float) -> None:
+def test_a_frozen_source_is_detected_at_walking_pace(rate_hz: float, within: float) -> None:
     fixes = measured_fixes(steadily(1.4), seconds=12.0, speed=1.4, rate_hz=rate_hz)
     all_of = judged(falsify(fixes, frozen(SPELL)))
     assert first_refused(all_of) <= within
@@ -238,16 +236,16 @@ def test_a_frozen_source_is_found_at_walking_pace(rate_hz: float, within: float)
 
 
 @pytest.mark.parametrize("share", [1.0, 0.4])
-def test_of_two_tracks_the_first_one_stays_the_source(share: float) -> None:
+def test_of_two_tracks_the_first_one_stays_trusted(share: float) -> None:
     fixes = measured_fixes(wildly(7, lateral=5.0, braking=4.0), seconds=12.0)
     beside = ghost(SPELL, Shift(left=4.0), HALF_PERIOD)
-    heard = thinned(falsify(fixes, beside), share, 1)
+    received = thinned(falsify(fixes, beside), share, 1)
     true_at = {fix.measured_at for fix in fixes}
-    for one in judged(heard):
+    for one in judged(received):
         assert one.refused != (one.pose.measured_at in true_at)
 
 
-def test_a_new_place_is_believed_once_it_has_agreed_with_itself_for_the_time_asked() -> None:
+def test_a_new_position_is_trusted_after_it_was_consistent_for_the_configured_time() -> None:
     fixes = measured_fixes(steadily(15.0), seconds=12.0, speed=15.0)
     ever = FalseInterval(SPELL.from_at)
     moved = falsify(fixes, offset(ever, Shift(east=60.0, north=80.0)))
@@ -259,26 +257,26 @@ def test_a_new_place_is_believed_once_it_has_agreed_with_itself_for_the_time_ask
 
 
 @given(seed=st.integers(0, 1000), size=st.floats(0.01, 1000.0), share=st.floats(0.0, 1.0))
-@example(seed=182, size=4.0, share=1.0)  # a false pose, believed of a bad source, as the anchor
+@example(seed=182, size=4.0, share=1.0)  # the anchor is a false pose of a poor source
 @example(seed=161, size=6.554742213686828, share=1.0)
-def test_no_source_is_locked_out_whatever_it_said_before(
-    seed: int, size: float, share: float
-) -> None:
+def test_no_source_is_excluded_forever(seed: int, size: float, share: float) -> None:
     random = np.random.default_rng(seed)
     fixes = measured_fixes(wildly(seed, lateral=6.0, braking=5.0), seconds=8.0, seed=seed)
 
-    def spoilt(fix: Fix) -> Fix:
+    def disturbed(fix: Fix) -> Fix:
         off = size * random.standard_normal(2)
         speed = abs(fix.speed + size * random.standard_normal())
         return replace(fix, east=fix.east + off[0], north=fix.north + off[1], speed=speed)
 
-    heard = [spoilt(fix) if fix.seq < 80 and random.random() < share else fix for fix in fixes]
-    assert all(not one.refused for one in judged(heard) if one.seconds >= 5.2)
+    received = [
+        disturbed(fix) if fix.seq < 80 and random.random() < share else fix for fix in fixes
+    ]
+    assert all(not one.refused for one in judged(received) if one.seconds >= 5.2)
 
 
 @pytest.mark.parametrize("truth", [1.0, 0.05])
-def test_a_receiver_that_loses_its_fix_is_believed_or_said_to_jump(truth: float) -> None:
-    """Jumps of up to half a metre into "float": within an honest accuracy, beyond a false one."""
+def test_a_receiver_that_loses_its_fix_is_trusted_or_jumps(truth: float) -> None:
+    """Jumps of up to 0.5 m into "float" are within an honest accuracy, but beyond a false one."""
     settings = GnssSettings(
         0.006,
         Drift(0.016, 100.0),
@@ -305,7 +303,7 @@ def test_a_receiver_that_loses_its_fix_is_believed_or_said_to_jump(truth: float)
 
 
 @pytest.mark.parametrize(("factor", "within"), [(2.0, 4.0), (3.0, 2.0), (10.0, 1.5)])
-def test_a_source_that_scatters_more_than_it_says_is_over_confident(
+def test_a_source_that_scatters_more_than_stated_is_over_confident(
     factor: float, within: float
 ) -> None:
     for seed in range(5):
@@ -319,11 +317,11 @@ def test_a_source_that_scatters_more_than_it_says_is_over_confident(
         assert np.median([one.deviation for one in later]) == pytest.approx(0.3, rel=0.3)
 
 
-def test_the_accuracy_is_believed_again_when_it_is_true_again() -> None:
+def test_over_confidence_ends_when_the_accuracy_is_true_again() -> None:
     noisy = measured_fixes(steadily(20.0), seconds=6.0, noise=GnssNoise(position=0.3))
     quiet = measured_fixes(steadily(20.0), seconds=15.0)
-    said = [replace(fix, accuracy=0.02) for fix in noisy] + quiet[len(noisy) :]
-    all_of = judged(said)
+    fixes = [replace(fix, accuracy=0.02) for fix in noisy] + quiet[len(noisy) :]
+    all_of = judged(fixes)
     assert "over-confident" in reasons(all_of)
     assert not reasons([one for one in all_of if one.seconds > 8.5])
 
@@ -336,7 +334,7 @@ def test_the_accuracy_is_believed_again_when_it_is_true_again() -> None:
         lambda fix: replace(fix, east=math.inf),
     ],
 )
-def test_what_no_car_does_is_impossible(wrong: Callable[[Fix], Fix]) -> None:
+def test_impossible_motion_is_named(wrong: Callable[[Fix], Fix]) -> None:
     fixes = measured_fixes(steadily(20.0), seconds=6.0)
     gate = InnovationGate()
     judged(fixes[:80], gate)
@@ -345,8 +343,8 @@ def test_what_no_car_does_is_impossible(wrong: Callable[[Fix], Fix]) -> None:
     assert gate.refused.total() == 1
 
 
-def test_a_bend_that_no_tyre_carries_is_impossible() -> None:
-    """A made motion, consistent in itself: a circle at 25 m/s², where tyres carry 9."""
+def test_lateral_acceleration_beyond_the_tyres_is_impossible() -> None:
+    """A self-consistent circle at 25 m/s², where tyres reach 9 m/s²."""
     speed, radius = 25.0, 25.0
     rate = speed / radius
 
@@ -360,7 +358,7 @@ def test_a_bend_that_no_tyre_carries_is_impossible() -> None:
     assert refused(all_of)[0].seconds <= 0.55
 
 
-def test_a_heading_that_turns_without_the_car_is_refused() -> None:
+def test_a_single_wrong_heading_is_refused() -> None:
     fixes = measured_fixes(steadily(20.0), seconds=6.0)
     gate = InnovationGate()
     judged(fixes[:80], gate)
@@ -368,8 +366,8 @@ def test_a_heading_that_turns_without_the_car_is_refused() -> None:
     assert gate.judge(received_fix(turned)) in REFUSED
 
 
-def test_three_headings_in_a_row_beyond_their_gate_are_refused_and_two_are_not() -> None:
-    """Off by 4 deviations of two headings, so soon that the car cannot have turned by itself."""
+def test_three_consecutive_headings_beyond_their_gate_are_refused_and_two_are_not() -> None:
+    """Off by 4 standard deviations, too soon for the car to have turned."""
     still = [Fix(k, START + 10 * MILLISECOND * k, 0.0, 0.0, 0.0, 0.0, 0.0) for k in range(8)]
     off = 4.0 * math.sqrt(2.0) * math.radians(0.1)
     turned = [replace(fix, yaw=off) for fix in still]
@@ -379,8 +377,8 @@ def test_three_headings_in_a_row_beyond_their_gate_are_refused_and_two_are_not()
     ] == [4]
 
 
-def test_headings_that_scatter_as_assumed_are_believed() -> None:
-    """So coarse that the car's own turning covers nothing: the noise of single poses is shared."""
+def test_headings_that_scatter_as_assumed_are_trusted() -> None:
+    """With coarse headings the allowance for turning hides nothing."""
     noise = GnssNoise(heading=math.radians(1.0))
     yaws = noise.heading * np.random.default_rng(1).standard_normal(60_000)
     gate = InnovationGate(noise)
@@ -389,7 +387,7 @@ def test_headings_that_scatter_as_assumed_are_believed() -> None:
         assert gate.judge(received_fix(fix)) == ""
 
 
-def test_no_accuracy_is_too_bad_to_be_judged() -> None:
+def test_jumps_are_detected_at_any_stated_accuracy() -> None:
     fixes = [
         replace(fix, accuracy=1e6)
         for fix in measured_fixes(steadily(15.0), seconds=12.0, speed=15.0)
@@ -398,7 +396,7 @@ def test_no_accuracy_is_too_bad_to_be_judged() -> None:
     assert first_refused(judged(far)) == 0.0
 
 
-def test_a_lead_that_brakes_fully_to_a_standstill_is_believed() -> None:
+def test_full_braking_to_a_standstill_is_trusted() -> None:
     for rate_hz in (1.0, 5.0, 20.0):
         fixes = measured_fixes(
             lambda seconds, body: Actuation(0.0, -8.0 if seconds > 2.0 and body.speed else 0.0),

@@ -1,4 +1,4 @@
-"""Samples that are put back on the path, by how far beside it their sender says that they lie."""
+"""Samples that are moved back to the lead's path by the offset that their sender announces."""
 
 import math
 import tracemalloc
@@ -52,7 +52,7 @@ def window_of(fixes: Sequence[Fix]) -> Window:
     return Window(*(np.array(values, dtype=np.float64) for values in (east, north, station)))
 
 
-def put_back(fixes: Sequence[Fix], offsets: Sequence[float], share: float = 1.0) -> Window:
+def moved_back(fixes: Sequence[Fix], offsets: Sequence[float], share: float = 1.0) -> Window:
     intended = IntendedPath()
     for fix, offset in zip(fixes, offsets, strict=True):
         intended.add(received_fix(fix), offset)
@@ -73,13 +73,11 @@ def moved(window: Window, by: float) -> Window:
 @pytest.mark.parametrize("heading", HEADINGS)
 @pytest.mark.parametrize("kind", ROADS)
 @pytest.mark.parametrize("offset", [0.4, -0.3])
-def test_samples_to_the_left_are_put_back_to_the_right(
-    kind: str, heading: float, offset: float
-) -> None:
+def test_samples_left_of_the_path_move_right(kind: str, heading: float, offset: float) -> None:
     path = road(kind, heading)
     fixes = [fix_beside(path, seq, offset) for seq in range(40)]
     for share, left in ((1.0, 0.0), (0.25, 0.75), (0.0, 1.0)):
-        window = put_back(fixes, [offset] * len(fixes), share)
+        window = moved_back(fixes, [offset] * len(fixes), share)
         for k, (east, north) in enumerate(zip(window.east, window.north, strict=True)):
             foot = path.project(east, north, float(k))
             assert foot.lateral == pytest.approx(left * offset, abs=1e-9)
@@ -88,7 +86,7 @@ def test_samples_to_the_left_are_put_back_to_the_right(
 @pytest.mark.parametrize("of_lead", [True, False])
 @pytest.mark.parametrize("heading", HEADINGS)
 @pytest.mark.parametrize("kind", ROADS)
-def test_a_place_to_the_left_of_the_samples_has_a_positive_offset(
+def test_a_fix_left_of_the_samples_has_a_positive_offset(
     kind: str, heading: float, of_lead: bool
 ) -> None:
     path = road(kind, heading)
@@ -100,7 +98,7 @@ def test_a_place_to_the_left_of_the_samples_has_a_positive_offset(
         assert path_offset(fit, fix) == pytest.approx(offset, abs=2e-3)
 
 
-def test_offsets_are_from_the_lead_where_it_is_heard() -> None:
+def test_offsets_are_measured_from_the_lead_if_it_is_received() -> None:
     path = road("straight", 0.3)
     of_lead = moved(window_of([fix_beside(path, k, 0.0) for k in range(30)]), 10.0)
     of_predecessor = moved(window_of([fix_beside(path, k, 0.06) for k in range(30)]), 10.0)
@@ -111,8 +109,8 @@ def test_offsets_are_from_the_lead_where_it_is_heard() -> None:
     assert path_offset(fit, fix) == pytest.approx(0.2, abs=1e-6)
 
 
-def test_offsets_are_from_the_line_between_the_samples_not_from_the_curve() -> None:
-    """Every second sample lies 2 cm to the left; a quarter of the way on it is 1.5 cm."""
+def test_offsets_are_measured_from_the_line_between_samples_not_from_the_curve() -> None:
+    """Every second sample lies 2 cm to the left; at a quarter of the step it is 1.5 cm."""
     path = road("straight", 1.1)
     fixes = [fix_beside(path, k, 0.02 * (k % 2 == 0)) for k in range(30)]
     fit = fit_of(moved(window_of(fixes), 10.0))
@@ -120,7 +118,7 @@ def test_offsets_are_from_the_line_between_the_samples_not_from_the_curve() -> N
     assert path_offset(fit, fix) == pytest.approx(0.1 - 0.015, abs=1e-4)
 
 
-def test_where_no_samples_reach_no_offset_is_told() -> None:
+def test_without_samples_on_both_sides_the_offset_is_nan() -> None:
     path = road("left", 2.0)
     fit = fit_of(moved(window_of([fix_beside(path, k, 0.0) for k in range(10, 30)]), 5.0))
     assert math.isnan(path_offset(fit, fix_beside(path, 8, 0.1)))
@@ -129,11 +127,11 @@ def test_where_no_samples_reach_no_offset_is_told() -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_no_vehicle_adds_to_the_error_of_the_lead_s_places(seed: int) -> None:
-    """Ten vehicles, each aside by decimetres, with noise of its own, hear the one ahead alone.
+def test_errors_do_not_grow_along_the_convoy(seed: int) -> None:
+    """Ten vehicles, each decimetres off the path, with own noise, receive only their predecessor.
 
-    What is put back lies between two places that were put back before, so it is no further off the
-    road than any of the lead's, and their noise is smoothed, never added to.
+    A corrected sample lies between two samples corrected before, so it is no further off the road
+    than those of the lead, and noise is smoothed instead of accumulated.
     """
     path, random = road("straight", 0.9), np.random.default_rng(seed)
     noise = random.normal(0.0, 0.02, 60)
@@ -163,27 +161,27 @@ def test_no_vehicle_adds_to_the_error_of_the_lead_s_places(seed: int) -> None:
     st.lists(st.floats(), min_size=2, max_size=30),
     st.floats(min_value=-1e6, max_value=1e6),
 )
-def test_whatever_is_told_the_path_stays_within_reach_of_a_car(
+def test_any_announced_offsets_keep_the_path_drivable(
     offsets: list[float], accuracy: float
 ) -> None:
     path = road("straight", 0.0)
     fixes = [fix_beside(path, k, 0.0) for k in range(len(offsets))]
     fixes[0].accuracy = accuracy
-    left = put_back(fixes, offsets).north - window_of(fixes).north
+    left = moved_back(fixes, offsets).north - window_of(fixes).north
     assert max(map(abs, left)) <= MAX_OFFSET
     most = MAX_OFFSET_SLOPE * 1.0 + DEVIATIONS * 0.02
     assert max(map(abs, np.diff(left))) <= most + 1e-9
 
 
-@pytest.mark.parametrize("untold", [math.nan, math.inf, 1.76, -80.0])
-def test_who_tells_no_offset_or_an_impossible_one_is_on_the_path(untold: float) -> None:
+@pytest.mark.parametrize("offset", [math.nan, math.inf, 1.76, -80.0])
+def test_an_unknown_or_impossible_offset_counts_as_zero(offset: float) -> None:
     fixes = [fix_beside(road("right", 0.4), k, 0.3) for k in range(20)]
-    window, driven = put_back(fixes, [untold] * 20), window_of(fixes)
+    window, driven = moved_back(fixes, [offset] * 20), window_of(fixes)
     assert np.array_equal(window.east, driven.east)
     assert np.array_equal(window.north, driven.north)
 
 
-def test_between_what_was_told_it_is_interpolated_and_beyond_it_is_held() -> None:
+def test_offsets_are_interpolated_and_held_at_the_ends() -> None:
     path, intended = road("straight", 0.0), IntendedPath()
     intended.add(received_fix(fix_beside(path, 4, 0.0)), 0.2)
     intended.add(received_fix(fix_beside(path, 8, 0.0)), -0.2)
@@ -194,19 +192,22 @@ def test_between_what_was_told_it_is_interpolated_and_beyond_it_is_held() -> Non
 
 
 @given(st.permutations(range(12)))
-def test_the_order_in_which_they_come_does_not_matter(order: list[int]) -> None:
+def test_the_order_of_arrival_does_not_matter(order: list[int]) -> None:
     fixes = [fix_beside(road("left", 0.0), k, 0.1) for k in range(12)]
     offsets = [0.1 + 0.02 * math.sin(k) for k in range(12)]
     intended = IntendedPath()
-    for k in (*order, *order):  # each comes twice
+    for k in (*order, *order):  # each twice
         intended.add(received_fix(fixes[k]), offsets[k])
     instants = [one.measured_at for one in fixes]
-    window, wanted = intended.corrected(window_of(fixes), instants, 1.0), put_back(fixes, offsets)
-    assert np.array_equal(window.east, wanted.east)
-    assert np.array_equal(window.north, wanted.north)
+    window, expected = (
+        intended.corrected(window_of(fixes), instants, 1.0),
+        moved_back(fixes, offsets),
+    )
+    assert np.array_equal(window.east, expected.east)
+    assert np.array_equal(window.north, expected.north)
 
 
-def test_a_car_that_stands_is_not_remembered_for_ever() -> None:
+def test_a_standing_car_adds_no_offsets() -> None:
     path, intended = road("straight", 0.0), IntendedPath()
     driven = [fix_beside(path, k, 0.0) for k in range(3)]
     for fix in driven:
@@ -227,12 +228,12 @@ def test_a_trace_knows_the_instants_of_a_window() -> None:
     for here in (3.2, 11.7, 25.0):
         place = path.at(here)
         window = trace.window(place.east, place.north, 5.0, 9.0)
-        told = [fixes[at // PERIOD] for at in trace.instants(window)]
-        assert [one.east for one in told] == window.east.tolist()
-        assert [one.north for one in told] == window.north.tolist()
+        chosen = [fixes[at // PERIOD] for at in trace.instants(window)]
+        assert [one.east for one in chosen] == window.east.tolist()
+        assert [one.north for one in chosen] == window.north.tolist()
 
 
-def test_the_share_comes_and_goes_without_a_step() -> None:
+def test_the_share_changes_without_a_step() -> None:
     share, seen = IntendedShare(1.0, enabled=True), []
     spells: list[tuple[Mode, float]] = [
         ("composite", 1.0), ("predecessor", 0.6), ("composite", 0.2), ("predecessor", 2.0),
@@ -245,14 +246,13 @@ def test_the_share_comes_and_goes_without_a_step() -> None:
     assert seen == pytest.approx([0.0, 0.6, 0.4, 1.0, 1.0, 1.0, 1.0, 0.0])
 
 
-def test_who_does_not_want_it_follows_the_way_that_was_driven() -> None:
+def test_a_disabled_share_stays_zero() -> None:
     share = IntendedShare(1.0, enabled=False)
     share.advance("predecessor", 5.0)
     assert share.value == 0.0
 
 
-def test_what_is_remembered_takes_little_memory_however_long_the_drive() -> None:
-    """Every follower with two sources remembers so many places, most of which it never needs."""
+def test_memory_is_bounded() -> None:
     tracemalloc.start()
     try:
         intended = IntendedPath()

@@ -1,4 +1,4 @@
-"""The speed of a follower that hears late or nothing, behind a car that does what it may."""
+"""Speed of a follower with late or no data, behind a predecessor that may brake."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -34,7 +34,7 @@ from vehicles.schedule import MILLISECOND, SECOND
 
 
 @pytest.mark.parametrize(("law", "braking"), [(keeping(), -0.5), (profile(), -0.02)])
-def test_as_long_as_all_is_heard_the_law_decides_to_the_bit(law: SpeedLaw, braking: float) -> None:
+def test_with_all_data_the_speed_law_decides_exactly(law: SpeedLaw, braking: float) -> None:
     recording = RecordingLaw(law)
     road = Road(recording)
     for step in range(600):
@@ -42,7 +42,7 @@ def test_as_long_as_all_is_heard_the_law_decides_to_the_bit(law: SpeedLaw, braki
         assert command is recording.commands[-1]
 
 
-def test_a_common_speed_is_given_up_when_the_gap_has_become_narrower() -> None:
+def test_a_shrinking_gap_ends_the_common_speed() -> None:
     road = Road(profile())
     for step in range(600):
         road.tick(
@@ -52,7 +52,7 @@ def test_a_common_speed_is_given_up_when_the_gap_has_become_narrower() -> None:
 
 
 @pytest.mark.parametrize("reaction", ["extrapolate", "hold", "straight"])
-def test_the_baselines_drive_as_their_law_whatever_is_lost(reaction: Reaction) -> None:
+def test_baselines_follow_their_law_whatever_is_lost(reaction: Reaction) -> None:
     recording = RecordingLaw(profile())
     road = Road(recording, reaction=reaction)
     for step in range(600):
@@ -67,7 +67,7 @@ def test_the_baselines_drive_as_their_law_whatever_is_lost(reaction: Reaction) -
     st.floats(0.0, 4.0),
     st.floats(5.0, 35.0),
 )
-def test_nobody_is_hit_whatever_is_lost_and_however_hard_the_one_ahead_brakes(
+def test_no_collision_at_any_loss_and_braking(
     seed: int, loss: float, braking: float, begins: float, speed: float
 ) -> None:
     chance = Random(seed)
@@ -79,7 +79,7 @@ def test_nobody_is_hit_whatever_is_lost_and_however_hard_the_one_ahead_brakes(
 
 
 @given(st.floats(0.1, 1.0), st.floats(-0.3, 0.3), st.floats(5.0, 35.0))
-def test_never_more_than_the_hardest_braking_or_than_friction_leaves(
+def test_braking_is_limited_by_emergency_braking_and_friction(
     friction: float, yaw_rate: float, speed: float
 ) -> None:
     road = Road(profile(speed), speed=speed, friction=friction)
@@ -102,7 +102,7 @@ def test_a_wider_gap_never_brakes_harder(gap: float, wider: float, speed: float)
     assert asked[0] <= asked[1] + 1e-9
 
 
-def test_the_gap_opens_comfortably_while_little_is_heard_and_closes_again() -> None:
+def test_the_gap_opens_comfortably_at_high_loss_and_closes_again() -> None:
     road = Road(GapKeeping(SpacingPolicy(8.0, 1.5), LIMITS), policy=SpacingPolicy(8.0, 1.5))
     usual = road.spacing
     for step in range(1500):  # one message in ten
@@ -118,7 +118,7 @@ def test_the_gap_opens_comfortably_while_little_is_heard_and_closes_again() -> N
 
 
 @pytest.mark.parametrize("known", [15.0, 60.0, 120.0, 400.0])
-def test_a_car_that_hears_nobody_stops_within_the_road_it_knows(known: float) -> None:
+def test_without_data_it_stops_within_the_known_path(known: float) -> None:
     road = Road(profile(20.0), speed=20.0, spacing=1000.0)
     road.tick(0.0, received=True)
     road.path = known
@@ -137,7 +137,7 @@ def test_a_car_that_hears_nobody_stops_within_the_road_it_knows(known: float) ->
         assert -road.path == pytest.approx(shortest - known, rel=0.05)
 
 
-def test_a_stopping_predecessor_that_says_so_is_answered_at_once() -> None:
+def test_a_stop_announced_by_the_predecessor_causes_braking_at_once() -> None:
     road = Road(keeping())
     for _ in range(50):
         road.tick(0.0, received=True)
@@ -146,7 +146,7 @@ def test_a_stopping_predecessor_that_says_so_is_answered_at_once() -> None:
     assert road.commands[-1] < -5.0
 
 
-def test_a_car_that_fell_behind_the_common_speed_catches_up_and_drives_it_again() -> None:
+def test_after_falling_behind_it_catches_up_to_the_common_speed() -> None:
     law = profile()
     road = Road(law, spacing=40.0, policy=SpacingPolicy(40.0))
     for step in range(4000):
@@ -165,7 +165,7 @@ def test_a_car_that_fell_behind_the_common_speed_catches_up_and_drives_it_again(
 
 
 @pytest.mark.parametrize("headway", [0.0, 0.5])
-def test_without_the_lead_a_constant_distance_becomes_a_headway_that_is_stable(
+def test_without_the_lead_a_constant_distance_becomes_a_stable_headway(
     headway: float,
 ) -> None:
     policy = SpacingPolicy(12.0, headway)
@@ -178,7 +178,7 @@ def test_without_the_lead_a_constant_distance_becomes_a_headway_that_is_stable(
     assert min(road.commands) >= -1.0 - 1e-9
 
 
-def test_who_stops_without_a_known_path_brakes_as_hard_as_it_can() -> None:
+def test_a_stop_without_a_known_path_is_an_emergency_stop() -> None:
     road = Road(profile())
     road.mode, road.path = "stop", nan
     for _ in range(300):
@@ -188,26 +188,26 @@ def test_who_stops_without_a_known_path_brakes_as_hard_as_it_can() -> None:
 
 
 @given(st.floats(25.0, 36.0), st.floats(2.0, 6.0))
-def test_behind_one_that_was_never_heard_it_brakes_hard_when_that_would_be_lost(
+def test_behind_a_predecessor_never_received_it_brakes_hard_once_that_is_lost(
     speed: float, gap: float
 ) -> None:
-    """Where the convoy begins closer than is safe; and says so beforehand."""
+    """The convoy starts closer than is safe; the braking is announced."""
     lost_at = SECOND // 2
     road = Road(
         profile(speed), speed=speed, spacing=LENGTH + gap, policy=SpacingPolicy(LENGTH + gap, 0.0)
     )
     road.predecessor_lost_at = lost_at
-    said = {}
+    announced = {}
     for _ in range(200):
         now = road.now
         road.tick(0.0, received=False)
-        said[now] = road.guard.brakes_at
+        announced[now] = road.guard.brakes_at
     before = [one for k, one in enumerate(road.commands) if k * TICK <= lost_at]
     comfortable = DegradationSettings().comfortable.deceleration
     assert min(before) > -comfortable - 1e-9
     needed = road.commands[(lost_at + SECOND // 2) // TICK]
     assert needed == pytest.approx(-EMERGENCY.deceleration)
-    told = {at for now, at in said.items() if 4 * PERIOD < now < lost_at}
-    assert told
-    assert min(told) >= lost_at
-    assert max(told) < lost_at + 0.3 * SECOND
+    instants = {at for now, at in announced.items() if 4 * PERIOD < now < lost_at}
+    assert instants
+    assert min(instants) >= lost_at
+    assert max(instants) < lost_at + 0.3 * SECOND

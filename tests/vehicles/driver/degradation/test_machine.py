@@ -1,4 +1,4 @@
-"""Followers in a bend behind exact sources that fall silent: their modes, and why."""
+"""Modes of followers in a bend behind exact sources that fall silent, and their reasons."""
 
 import math
 from functools import cache
@@ -21,13 +21,13 @@ from vehicles.messages import Mode
 
 DEGRADE = DegradationSettings()
 SILENT = ((0.0, 4.0), (12.0, math.inf))
-LAST_HEARD = 3.98
-"""Sent at 3.95 s, 20 ms on the way, taken in at the next tick of control or of measuring."""
+LAST_RECEIVED = 3.98
+"""Sent at 3.95 s, with a latency of 20 ms, processed at the next tick."""
 
 
 @cache
 def cut(reaction: Reaction = "degrade", speed: float = 10.0) -> list[Step]:
-    """Neither lead nor predecessor is heard from 4 to 12 s."""
+    """Neither lead nor predecessor is received from 4 to 12 s."""
     return drive(
         follower(speed=speed, degradation=DegradationSettings(reaction=reaction)),
         on(BEND, 0.0, speed),
@@ -40,12 +40,12 @@ def decided(steps: list[Step]) -> list[Step]:
     return [step for step in steps if step.decision.fresh]
 
 
-def test_who_hears_nobody_slows_down_stops_inside_what_it_knows_and_comes_back() -> None:
+def test_without_data_it_stops_within_the_known_path_and_resumes() -> None:
     steps = cut()
     began = modes(steps)
     assert [mode for mode, _ in began] == ["straight", "composite", "stop", "composite"]
     given_up, back = began[2][1], began[-1][1]
-    assert given_up == pytest.approx(LAST_HEARD + 0.5, abs=0.021)
+    assert given_up == pytest.approx(LAST_RECEIVED + 0.5, abs=0.021)
     assert back == pytest.approx(12.02 + 1.0, abs=0.021)
     standing = [one for one in decided(steps) if 11.0 < one.seconds < 12.0]
     assert max(one.body.speed for one in standing) < 0.01
@@ -53,11 +53,11 @@ def test_who_hears_nobody_slows_down_stops_inside_what_it_knows_and_comes_back()
     off = lateral(BEND, steps)
     until = [value for step, value in zip(steps, off, strict=True) if step.seconds < 12.0]
     assert max(map(abs, until)) < 0.1
-    assert max(map(abs, off)) < 0.3  # through the hole of 80 m as well
+    assert max(map(abs, off)) < 0.3  # including the hole of 80 m
     assert steps[-1].body.speed > 5.0
 
 
-def test_every_change_says_why_in_seconds_and_metres() -> None:
+def test_every_change_of_mode_has_a_reason_in_seconds_and_metres() -> None:
     for before, step in pairwise(decided(cut())):
         if step.decision.mode == before.decision.mode:
             continue
@@ -71,7 +71,7 @@ def test_every_change_says_why_in_seconds_and_metres() -> None:
             assert "after 1.0 s of probation" in why
 
 
-def test_coast_and_stop_are_told_apart_by_what_a_stop_takes() -> None:
+def test_coast_and_stop_differ_by_the_needed_deceleration() -> None:
     mode: Mode = "composite"
     for step in decided(cut()):
         seen, before = step.decision, mode
@@ -84,12 +84,12 @@ def test_coast_and_stop_are_told_apart_by_what_a_stop_takes() -> None:
 
 
 @pytest.mark.parametrize("speed", [5.0, 10.0, 20.0])
-def test_braking_distances_and_blind_metres_are_those_of_the_closed_form(speed: float) -> None:
+def test_braking_distances_and_blind_distance_match_the_closed_form(speed: float) -> None:
     steps = decided(cut(speed=speed))
     for before, step in pairwise(step for step in steps if step.seconds > 1.0):
         situation, body = step.decision.situation, step.body
         acceleration = before.decision.actuation.acceleration
-        # Of the hardest stop it counts with commands that are held, half a tick of 20 ms sooner.
+        # The emergency stop accounts for held commands: half a tick of 20 ms.
         emergency, firm, comfortable = (
             stopping_distance(body.speed, max(asked, -braking.deceleration), braking)
             for asked, braking in (
@@ -104,7 +104,7 @@ def test_braking_distances_and_blind_metres_are_those_of_the_closed_form(speed: 
         assert situation.comfortable_stop == pytest.approx(comfortable, abs=0.3)
 
 
-def test_the_known_path_is_what_lies_between_the_car_and_where_its_source_was() -> None:
+def test_the_known_path_ends_at_the_newest_sample() -> None:
     for step in decided(cut()):
         if 1.0 < step.seconds < 12.0:
             newest = min(math.floor(round((step.seconds - 0.02) * 20, 6)) / 20, 3.95)
@@ -126,8 +126,8 @@ def largest_turn(steps: list[Step]) -> float:
     return max(abs(after - before) for before, after in pairwise(angles))
 
 
-def test_a_source_that_is_lost_leaves_the_command_without_a_step() -> None:
-    """The predecessor alone is lost, and comes back; both told the same road all the time."""
+def test_losing_a_source_makes_no_step_in_the_command() -> None:
+    """Only the predecessor is lost and returns; both sources drive the same path."""
     steps = drive(
         follower(degradation=DEGRADE),
         on(BEND, 0.0, 10.0),
@@ -143,31 +143,31 @@ def test_a_source_that_is_lost_leaves_the_command_without_a_step() -> None:
     assert max(map(abs, lateral(BEND, steps))) < 0.05
 
 
-# ---- Those that do not degrade
+# ---- Baselines
 
 
-def test_whoever_holds_keeps_its_wheels_and_its_speed() -> None:
+def test_hold_keeps_steering_and_speed() -> None:
     silent = [step for step in decided(cut("hold")) if step.decision.mode == "coast"]
     assert silent
     assert len({step.decision.actuation.steering for step in silent}) == 1
     assert min(step.body.speed for step in silent) > 9.5
 
 
-def test_whoever_goes_straight_turns_its_wheels_straight_at_full_speed() -> None:
+def test_straight_turns_the_wheels_straight_at_full_speed() -> None:
     silent = [step for step in decided(cut("straight")) if step.decision.mode == "coast"]
     assert silent
     assert {step.decision.actuation.steering for step in silent} == {0.0}
     assert min(step.body.speed for step in silent) > 9.5
 
 
-def test_whoever_extrapolates_goes_on_along_the_bend() -> None:
+def test_extrapolate_continues_along_the_bend() -> None:
     steps = cut("extrapolate")
     assert "coast" in {step.decision.mode for step in steps}
     assert max(map(abs, lateral(BEND, steps))) < 0.4
     assert min(step.body.speed for step in steps) > 9.5
 
 
-def test_baselines_differ_only_once_nobody_is_heard() -> None:
+def test_baselines_differ_only_without_data() -> None:
     for steps in (cut("hold"), cut("straight")):
         for step, other in zip(steps, cut("extrapolate"), strict=True):
             if step.decision.mode == "coast":

@@ -14,7 +14,7 @@ PERIOD = 50 * MILLISECOND
 SETTINGS = DegradationSettings()
 
 
-def heard(numbers: Iterable[int], latency: int = 0, least: float = 0.05) -> Reception:
+def received(numbers: Iterable[int], latency: int = 0, least: float = 0.05) -> Reception:
     reception = Reception(least)
     for seq in numbers:
         reception.add(seq * PERIOD + latency, seq * PERIOD, seq)
@@ -30,20 +30,20 @@ def test_nothing_is_known_before_the_first_message() -> None:
 
 @given(st.sets(st.integers(0, 200), min_size=2))
 def test_losses_do_not_stretch_the_period(numbers: set[int]) -> None:
-    assert heard(sorted(numbers), least=0.01).period == pytest.approx(0.05)
+    assert received(sorted(numbers), least=0.01).period == pytest.approx(0.05)
 
 
-def test_a_slower_sender_has_a_longer_period_and_a_link_of_a_lower_rate_has_its_own() -> None:
+def test_the_period_follows_slow_senders_and_decimated_links() -> None:
     slow = Reception(0.05)
     for seq in range(5):
         slow.add(seq * SECOND, seq * SECOND, seq)
     assert slow.period == 1.0
-    assert heard(range(0, 100, 10), least=0.5).period == 0.5
+    assert received(range(0, 100, 10), least=0.5).period == 0.5
 
 
 @given(st.integers(0, 5 * SECOND))
-def test_a_latency_is_no_silence(latency: int) -> None:
-    reception = heard(range(50), latency)
+def test_latency_is_not_silence(latency: int) -> None:
+    reception = received(range(50), latency)
     now = 49 * PERIOD + latency
     assert reception.silence(now) == 0.0
     assert reception.share(now) == 1.0
@@ -52,22 +52,22 @@ def test_a_latency_is_no_silence(latency: int) -> None:
 
 @given(st.sets(st.integers(180, 199)))
 def test_the_share_is_that_of_the_last_second(lost: set[int]) -> None:
-    reception = heard(seq for seq in range(200) if seq not in lost)
+    reception = received(seq for seq in range(200) if seq not in lost)
     assert reception.share(199 * PERIOD) == pytest.approx(1.0 - len(lost) / 20)
 
 
-def test_what_comes_twice_or_late_is_no_news() -> None:
-    reception = heard([0, 1, 2, 4])
+def test_repeated_and_late_messages_are_not_the_newest() -> None:
+    reception = received([0, 1, 2, 4])
     now = 4 * PERIOD
     assert not reception.add(now, 4 * PERIOD, 4)
     assert not reception.add(now, 3 * PERIOD, 3)
-    assert reception.share(now) == 1.0  # all five came
+    assert reception.share(now) == 1.0  # all five arrived
     assert reception.silence(now + PERIOD) == 0.05
     assert reception.period == 0.05
 
 
-def test_a_sender_that_begins_anew_keeps_its_period() -> None:
-    reception = heard(range(40))
+def test_a_restarted_sender_keeps_its_period() -> None:
+    reception = received(range(40))
     for seq in range(10):
         at = 5 * SECOND + seq * PERIOD
         assert reception.add(at, at, seq)
@@ -75,8 +75,8 @@ def test_a_sender_that_begins_anew_keeps_its_period() -> None:
 
 
 def test_a_single_message_after_a_silence_does_not_stretch_the_period() -> None:
-    """A transmitter that was off has counted nothing meanwhile."""
-    reception = heard(range(40))
+    """A transmitter that was off has not increased its sequence number."""
+    reception = received(range(40))
     reception.reset()
     later = 30 * SECOND
     assert reception.add(later, later, 40)
@@ -84,7 +84,7 @@ def test_a_single_message_after_a_silence_does_not_stretch_the_period() -> None:
     assert not reception.add(later + PERIOD, 39 * PERIOD, 39)
 
 
-def test_the_usual_share_is_the_mean_over_what_was_counted() -> None:
+def test_the_usual_share_is_the_mean_of_the_shares() -> None:
     reception = Reception(0.05)
     for seq in range(400):
         now = seq * PERIOD
@@ -96,26 +96,26 @@ def test_the_usual_share_is_the_mean_over_what_was_counted() -> None:
 
 
 @given(st.lists(st.tuples(st.integers(0, 600), st.integers(-3, 6)), min_size=1, max_size=60))
-def test_what_came_in_the_last_second_late_ones_too_is_counted_one_by_one(
+def test_all_messages_of_the_last_second_are_counted(
     steps: list[tuple[int, int]],
 ) -> None:
-    """Each comes so long (ms) after the one before, with a number so much higher or lower."""
-    reception, now, seq, heard = Reception(0.05), 0, 100, dict[int, int]()
+    """Each step is the time (ms) and the change of sequence number from the previous message."""
+    reception, now, seq, arrivals = Reception(0.05), 0, 100, dict[int, int]()
     for wait_ms, onward in steps:
         now, seq = now + wait_ms * MILLISECOND, seq + onward
-        if seq not in heard:
-            heard[seq] = now
+        if seq not in arrivals:
+            arrivals[seq] = now
             reception.add(now, seq * PERIOD, seq)
-        came = sum(now - at < SECOND for at in heard.values())
-        span = min(now - min(heard.values()), SECOND) / SECOND
-        assert reception.share(now) == min(came / max(span / reception.period, 1.0), 1.0)
+        count = sum(now - at < SECOND for at in arrivals.values())
+        span = min(now - min(arrivals.values()), SECOND) / SECOND
+        assert reception.share(now) == min(count / max(span / reception.period, 1.0), 1.0)
 
 
 # ---- Probation
 
 
 def relapsing(health: float, times: int) -> list[float]:
-    """Lengths of probation of a source that is lost again after `health` seconds, each time."""
+    """Lengths of probation of a source that is lost again every `health` seconds."""
     probation, now, lengths = Probation(SETTINGS), 0, []
     for _ in range(times):
         probation.fail(now)
@@ -126,24 +126,24 @@ def relapsing(health: float, times: int) -> list[float]:
     return lengths
 
 
-def test_it_doubles_with_each_relapse_up_to_its_longest() -> None:
+def test_probation_doubles_with_each_relapse_up_to_its_maximum() -> None:
     assert relapsing(0.5, 7) == [1.0, 2.0, 4.0, 8.0, 16.0, 16.0, 16.0]
 
 
-def test_who_relapses_on_probation_has_not_been_relied_on_and_waits_longer() -> None:
+def test_a_relapse_during_probation_doubles_it() -> None:
     probation = Probation(SETTINGS)
     for _ in range(3):
         probation.fail(SECOND)
     assert probation.length == 4.0
 
 
-def test_each_healthy_while_halves_it_again() -> None:
+def test_probation_halves_after_each_period_without_relapse() -> None:
     probation = Probation(SETTINGS)
     for _ in range(4):
         probation.fail(0)
     assert probation.length == 8.0
     probation.end(SECOND)
-    probation.fail(21 * SECOND)  # two whiles: not 16 but 4
+    probation.fail(21 * SECOND)  # two halvings: 4 instead of 16
     assert probation.length == 4.0
     probation.end(22 * SECOND)
     probation.fail(3600 * SECOND)
@@ -151,7 +151,7 @@ def test_each_healthy_while_halves_it_again() -> None:
 
 
 @given(st.lists(st.floats(0.0, 100.0), min_size=2, max_size=60))
-def test_it_stays_within_its_bounds_and_never_jumps_up(health: list[float]) -> None:
+def test_probation_stays_within_its_bounds_and_at_most_doubles(health: list[float]) -> None:
     probation, now, lengths = Probation(SETTINGS), 0, []
     for seconds in health:
         probation.fail(now)

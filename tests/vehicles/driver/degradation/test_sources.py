@@ -1,4 +1,4 @@
-"""A source at 20 Hz straight ahead, of which messages are lost as the tests say."""
+"""Status and weight of a source at 20 Hz straight ahead, with lost messages."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class Look:
     probation: float
 
 
-def watched(
+def observed(
     comes: Callable[[int], bool],
     seconds: float,
     *,
@@ -39,7 +39,7 @@ def watched(
     own_speed: float = SPEED,
     degradation: DegradationSettings = DEGRADE,
 ) -> Iterator[Look]:
-    """Look at a source at every control instant; of its messages those come that `comes` says."""
+    """States of a source at every control instant; `comes` selects the messages that arrive."""
     source, sent = Source("v1", 1.0 / GNSS_HZ, degradation), 0
     source.usable = True
     for tick in range(round(seconds * 50)):
@@ -63,16 +63,16 @@ def watched(
 
 
 def statuses(looks: list[Look]) -> list[tuple[SourceStatus, float]]:
-    found: list[tuple[SourceStatus, float]] = []
+    changes: list[tuple[SourceStatus, float]] = []
     for look in looks:
-        if not found or look.status != found[-1][0]:
-            found.append((look.status, look.seconds))
-    return found
+        if not changes or look.status != changes[-1][0]:
+            changes.append((look.status, look.seconds))
+    return changes
 
 
-def test_a_silence_makes_it_late_then_lost_and_probation_trusted_again() -> None:
-    """Heard last at 4.0 s (sent at 3.95 s with 20 ms, at the next tick), again from 6.02 s on."""
-    looks = list(watched(lambda seq: not 80 <= seq < 120, 9.0))
+def test_a_silent_source_is_late_then_lost_then_on_probation() -> None:
+    """Received last at 4.0 s (sent at 3.95 s with 20 ms, next tick), and again from 6.02 s on."""
+    looks = list(observed(lambda seq: not 80 <= seq < 120, 9.0))
     assert statuses(looks) == [
         ("unheard", 0.0),
         ("fresh", 0.02),
@@ -83,33 +83,33 @@ def test_a_silence_makes_it_late_then_lost_and_probation_trusted_again() -> None
     ]
 
 
-def test_thresholds_are_kept_to_the_tick() -> None:
-    for look in watched(lambda seq: not 80 <= seq < 120, 6.0):
+def test_thresholds_are_exact_to_the_tick() -> None:
+    for look in observed(lambda seq: not 80 <= seq < 120, 6.0):
         if look.status in ("fresh", "late", "lost") and look.seconds < 6.0:
             late, lost = look.silence > 0.15 + 1e-9, look.silence > 0.5 + 1e-9
             assert look.status == ("lost" if lost else "late" if late else "fresh"), look
 
 
 @pytest.mark.parametrize("latency_ms", [0, 100, 600, 3000])
-def test_a_latency_makes_nobody_lost(latency_ms: int) -> None:
-    looks = list(watched(lambda _: True, 9.0, latency=latency_ms * 1_000_000))
+def test_latency_alone_loses_no_source(latency_ms: int) -> None:
+    looks = list(observed(lambda _: True, 9.0, latency=latency_ms * 1_000_000))
     assert [status for status, _ in statuses(looks)][-1] == "fresh"
     assert {look.status for look in looks} <= {"unheard", "fresh"}
     assert {look.weight for look in looks} == {1.0}
 
 
-def test_relapses_double_the_probation_and_all_the_same_it_comes_back() -> None:
-    """Silent for 0.6 s every 3 s up to 30 s: 1, 2 s; then it never behaves for what is asked."""
-    looks = list(watched(lambda seq: seq >= 600 or seq % 60 < 48, 47.0))
+def test_relapses_double_the_probation_but_it_always_ends() -> None:
+    """Silent for 0.6 s every 3 s up to 30 s: from the third relapse on no probation is served."""
+    looks = list(observed(lambda seq: seq >= 600 or seq % 60 < 48, 47.0))
     lengths = sorted({look.probation for look in looks})
     assert lengths == [1.0, 2.0, 4.0, 8.0, 16.0]
     trusted = [at for status, at in statuses(looks) if status == "fresh"]
-    assert len(trusted) == 4  # at first, after the first two, and in the end
+    assert len(trusted) == 4  # initially, after two relapses, and finally
     assert looks[-1].status == "fresh"
 
 
-def test_a_source_that_delivers_less_than_before_is_relied_on_in_the_end() -> None:
-    looks = list(watched(lambda seq: seq < 200 or (seq >= 240 and seq % 2 == 0), 60.0))
+def test_a_source_that_delivers_less_than_before_is_finally_relied_on() -> None:
+    looks = list(observed(lambda seq: seq < 200 or (seq >= 240 and seq % 2 == 0), 60.0))
     assert looks[-1].status == "fresh"
 
 
@@ -118,13 +118,13 @@ patterns = st.lists(st.tuples(st.integers(1, 40), st.integers(1, 60)), min_size=
 
 @given(patterns, st.floats(0.0, 30.0))
 @settings(max_examples=30)
-def test_whatever_comes_it_does_not_flap_and_its_weight_has_no_steps(
+def test_the_status_does_not_flap_and_the_weight_has_no_steps(
     pattern: list[tuple[int, int]], own_speed: float
 ) -> None:
-    """Runs of messages that come and runs that do not, in turn."""
-    comes = [came for some, none in pattern for came in [True] * some + [False] * none]
+    """Alternating runs of received and lost messages."""
+    comes = [c for received, lost in pattern for c in [True] * received + [False] * lost]
     seconds = len(comes) / GNSS_HZ
-    looks = list(watched(lambda seq: comes[seq % len(comes)], seconds, own_speed=own_speed))
+    looks = list(observed(lambda seq: comes[seq % len(comes)], seconds, own_speed=own_speed))
     given_up: list[float] = []
     for before, look in pairwise(looks):
         if look.status == "lost" != before.status:
@@ -136,13 +136,13 @@ def test_whatever_comes_it_does_not_flap_and_its_weight_has_no_steps(
         assert 0.0 <= look.weight <= 1.0
         assert look.weight <= before.weight + 0.02 + 1e-9
         if look.known > 0.0 and before.known > 0.0:
-            # It fades by the share of the known path that was driven meanwhile, and no faster.
+            # It fades with the share of the known path driven meanwhile, and no faster.
             fades = before.weight * own_speed * 0.02 / before.known
             assert look.weight >= before.weight - fades - 1e-9, look
 
 
-def test_who_does_not_degrade_keeps_all_weights() -> None:
-    looks = watched(
+def test_baselines_keep_all_weights() -> None:
+    looks = observed(
         lambda seq: not 80 <= seq < 120,
         9.0,
         degradation=DegradationSettings(reaction="extrapolate"),
@@ -151,7 +151,7 @@ def test_who_does_not_degrade_keeps_all_weights() -> None:
 
 
 @given(st.floats(0.02, 0.2), st.floats(0.0, 2.0))
-def test_a_first_message_is_waited_for_as_long_as_any_other(period: float, delay: float) -> None:
+def test_a_first_message_is_awaited_as_long_as_any_other(period: float, delay: float) -> None:
     source = Source("v1", period, DEGRADE, delay)
     after = DEGRADE.lost_after_silence(period)
     for tick in range(200):

@@ -1,4 +1,4 @@
-"""When a follower announces to stop, from what it hears and what its predecessor announced."""
+"""Announced stop of a follower, from its reception and its predecessor's announcement."""
 
 from collections.abc import Iterator
 
@@ -19,8 +19,8 @@ TICK, PERIOD, LATENCY, SPEED = 20 * MILLISECOND, 50 * MILLISECOND, 20 * MILLISEC
 LOST_AFTER, OVERDUE = 500 * MILLISECOND, 75 * MILLISECOND
 
 
-class Heard:
-    """A pair whose lead is heard until one instant and whose predecessor until another (s)."""
+class Reception:
+    """A pair whose lead and predecessor are received until two instants (s)."""
 
     def __init__(
         self,
@@ -28,7 +28,7 @@ class Heard:
         ahead_until: float,
         *,
         reaction: Reaction = "degrade",
-        told: int = 0,
+        announced: int = 0,
         brakes_at: int = 0,
     ) -> None:
         settings = DegradationSettings(reaction=reaction)
@@ -36,29 +36,29 @@ class Heard:
         self.sources = (lead, ahead)
         self.pair = SourcePair(lead, ahead, "composite", settings)
         self.until = {"v1": lead_until, "v2": ahead_until}
-        self.told = told
+        self.announced = announced
         self.brakes_at = brakes_at
         self.last = {"v1": 0, "v2": 0}
 
     def looks(self, seconds: float, mode: Mode = "composite") -> Iterator[tuple[int, int]]:
-        """Instant, and when the follower announces to stop."""
+        """Instants, and the announced instant of the follower's stop."""
         sent = START
         for tick in range(round(seconds * 50)):
             now = START + tick * TICK
             while sent + LATENCY <= now:
-                self._hear(now, sent)
+                self._receive(now, sent)
                 sent += PERIOD
             for source in self.sources:
                 source.usable = True
             self.pair.assess(now, Pose(0.0, 0.0, 0.0, SPEED, 0.0), 0.0, refit=True)
             yield now, self.pair.stops_at(mode, self.brakes_at)
 
-    def _hear(self, now: int, sent: int) -> None:
+    def _receive(self, now: int, sent: int) -> None:
         for source, gap in zip(self.sources, (30.0, 15.0), strict=True):
             if sent - START >= self.until[source.name] * SECOND:
                 continue
             east, seq = gap + SPEED * (sent - START) / SECOND, (sent - START) // PERIOD
-            told = Announcement(stops_at_ns=self.told if source.name == "v2" else 0)
+            announcement = Announcement(stops_at_ns=self.announced if source.name == "v2" else 0)
             pose = received(
                 sent,
                 east,
@@ -68,92 +68,94 @@ class Heard:
                 seq=seq,
                 vehicle=source.name,
                 received_at=now,
-                announced=told,
+                announced=announcement,
             )
             source.receive(pose)
             self.last[source.name] = now
 
 
-def test_who_hears_as_usual_announces_nothing() -> None:
-    assert {stops for _, stops in Heard(9.0, 9.0).looks(3.0)} == {0}
+def test_usual_reception_announces_no_stop() -> None:
+    assert {stops for _, stops in Reception(9.0, 9.0).looks(3.0)} == {0}
 
 
 @pytest.mark.parametrize("silent", ["lead", "predecessor"])
-def test_who_hears_one_of_two_announces_nothing(silent: str) -> None:
-    heard = Heard(*((1.0, 9.0) if silent == "lead" else (9.0, 1.0)))
-    assert {stops for _, stops in heard.looks(3.0)} == {0}
+def test_one_remaining_source_announces_no_stop(silent: str) -> None:
+    reception = Reception(*((1.0, 9.0) if silent == "lead" else (9.0, 1.0)))
+    assert {stops for _, stops in reception.looks(3.0)} == {0}
 
 
 @given(st.floats(0.5, 2.0), st.floats(0.5, 2.0))
-def test_who_misses_both_announces_when_the_later_is_lost(lead: float, ahead: float) -> None:
-    heard = Heard(lead, ahead)
-    looks = list(heard.looks(3.0))
-    last = max(heard.last.values())
+def test_without_both_it_announces_the_loss_of_the_later_one(lead: float, ahead: float) -> None:
+    reception = Reception(lead, ahead)
+    looks = list(reception.looks(3.0))
+    last = max(reception.last.values())
     for now, stops in looks:
         if now > last + OVERDUE:
             assert stops == pytest.approx(last + LOST_AFTER, abs=2)  # also once it is lost
         elif now <= last:
             assert stops == 0
-    # It is lost from the first tick after that instant on, not before.
+    # It is lost from the first tick after that instant.
     lost = [now for now, _ in looks if now > last + LOST_AFTER]
     assert lost
 
 
 @pytest.mark.parametrize("ahead_until", [1.0, 9.0])
-def test_a_guard_that_will_brake_is_announced_whoever_is_heard(ahead_until: float) -> None:
-    heard = Heard(9.0, ahead_until, brakes_at=START + SECOND)
-    assert {stops for _, stops in heard.looks(3.0)} == {START + SECOND}
+def test_braking_by_the_guard_is_announced_in_any_case(ahead_until: float) -> None:
+    reception = Reception(9.0, ahead_until, brakes_at=START + SECOND)
+    assert {stops for _, stops in reception.looks(3.0)} == {START + SECOND}
 
 
-def test_of_road_and_guard_the_earlier_counts() -> None:
+def test_the_earlier_of_loss_and_guard_is_announced() -> None:
     for brakes_at in (START, START + 9 * SECOND):
-        heard = Heard(1.0, 1.0, brakes_at=brakes_at)
-        *_, (_, stops) = heard.looks(3.0)
-        lost = max(heard.last.values()) + LOST_AFTER
+        reception = Reception(1.0, 1.0, brakes_at=brakes_at)
+        *_, (_, stops) = reception.looks(3.0)
+        lost = max(reception.last.values()) + LOST_AFTER
         assert stops == pytest.approx(min(brakes_at, lost), abs=2)
 
 
-def test_who_is_heard_again_takes_it_back() -> None:
-    heard = Heard(1.0, 1.0)
-    for now, stops in heard.looks(3.0):
+def test_reception_withdraws_the_announcement() -> None:
+    reception = Reception(1.0, 1.0)
+    for now, stops in reception.looks(3.0):
         if now == START + 1300 * MILLISECOND:
             assert stops > now
-            heard.until = {"v1": 9.0, "v2": 9.0}
+            reception.until = {"v1": 9.0, "v2": 9.0}
         if now > START + 1350 * MILLISECOND:
             assert stops == 0
 
 
-def test_who_coasts_does_not_announce_to_stop() -> None:
-    assert {stops for _, stops in Heard(1.0, 1.0).looks(3.0, "coast")} == {0}
+def test_a_coasting_car_announces_no_stop() -> None:
+    assert {stops for _, stops in Reception(1.0, 1.0).looks(3.0, "coast")} == {0}
 
 
 @given(st.integers(-500, 3000))
-def test_it_stops_no_later_than_its_predecessor(told_ms: int) -> None:
-    told = START + told_ms * MILLISECOND
-    heard = Heard(1.0, 1.0, told=told)
-    for now, stops in heard.looks(3.0):
-        last = max(heard.last.values())
+def test_it_stops_no_later_than_its_predecessor(announced_ms: int) -> None:
+    announced = START + announced_ms * MILLISECOND
+    reception = Reception(1.0, 1.0, announced=announced)
+    for now, stops in reception.looks(3.0):
+        last = max(reception.last.values())
         if now > START + 2 * TICK:
-            alone = last + LOST_AFTER if now > last + OVERDUE else told
-            assert stops == pytest.approx(min(told, alone), abs=2)
+            alone = last + LOST_AFTER if now > last + OVERDUE else announced
+            assert stops == pytest.approx(min(announced, alone), abs=2)
 
 
 @pytest.mark.parametrize("reaction", ["extrapolate", "hold", "straight"])
 def test_the_baselines_never_stop(reaction: Reaction) -> None:
-    assert {stops for _, stops in Heard(1.0, 1.0, reaction=reaction, told=1).looks(3.0)} == {0}
+    assert {
+        stops for _, stops in Reception(1.0, 1.0, reaction=reaction, announced=1).looks(3.0)
+    } == {0}
 
 
-def test_who_waits_for_a_first_message_announces_to_stop_without_it() -> None:
-    """From 1.5 periods on, as of any other message; the later of both sources counts."""
-    for now, stops in Heard(0.0, 0.0).looks(2.0, "straight"):
+def test_a_missing_first_message_announces_a_stop() -> None:
+    """After 1.5 periods, as for any other message; the later of both sources counts."""
+    for now, stops in Reception(0.0, 0.0).looks(2.0, "straight"):
         assert stops == (START + LOST_AFTER if now > START + OVERDUE else 0)
 
 
-def test_a_first_message_takes_it_back() -> None:
-    heard = Heard(0.0, 0.0)
-    for now, stops in heard.looks(2.0, "straight"):
+def test_a_first_message_withdraws_the_announcement() -> None:
+    reception = Reception(0.0, 0.0)
+    for now, stops in reception.looks(2.0, "straight"):
         if now == START + 300 * MILLISECOND:
             assert stops > now
-            heard.until["v1"] = 9.0
+            reception.until["v1"] = 9.0
         if now > START + 350 * MILLISECOND:
             assert stops == 0

@@ -1,4 +1,4 @@
-"""Behind a car that announced to stop, and then was silent or braked."""
+"""A follower behind a predecessor that announced a stop, and then was silent or braked."""
 
 from dataclasses import replace
 
@@ -20,11 +20,11 @@ from vehicles.driver.speed import SpeedLaw, VehiclesAhead
 from vehicles.schedule import SECOND
 
 ANNOUNCED = 3 * SECOND
-"""When the one ahead begins to stop, as it said."""
+"""Announced instant at which the predecessor begins to stop."""
 
 
 class Announced(Road):
-    """As `Road`, but the one ahead has announced when it stops, 0 for not."""
+    """`Road` whose predecessor has announced its stop (`stops_at`, 0 for none)."""
 
     stops_at = ANNOUNCED
 
@@ -39,24 +39,24 @@ class Announced(Road):
         return ahead, situation
 
     def braking(self) -> float:
-        """What the one ahead does: as hard as it can from the announced instant on."""
+        """Acceleration of the predecessor: emergency braking from the announced instant on."""
         since = (self.now - ANNOUNCED) / SECOND
         return -min(max(since, 0.0) * EMERGENCY.jerk, EMERGENCY.deceleration)
 
 
 @given(st.floats(5.0, 36.0), st.floats(1.1, 20.0), st.floats(0.1, 0.6))
-def test_it_stands_behind_the_one_that_brakes_unheard(
+def test_it_stops_behind_a_silent_predecessor_that_brakes(
     speed: float, gap: float, silence: float
 ) -> None:
     road = Announced(profile(speed), speed=speed, spacing=LENGTH + gap)
     while road.speed > 0.0 and road.now < 30 * SECOND:
         road.tick(road.braking(), received=road.now < ANNOUNCED - silence * SECOND)
-    # Both brake alike from one instant on: the follower's is the next tick, as is its margin.
+    # Both brake equally; the follower begins up to one tick later.
     assert road.least > min(gap, 1.0) - (speed * TICK / SECOND + 0.1)
     assert min(road.commands) >= -EMERGENCY.deceleration
 
 
-def test_without_the_announcement_it_hits_it() -> None:
+def test_without_the_announcement_they_collide() -> None:
     road = Announced(profile(30.0), speed=30.0, spacing=LENGTH + 3.0)
     road.stops_at = 0
     for _ in range(500):
@@ -72,7 +72,7 @@ def test_before_the_announced_instant_nothing_changes(law: SpeedLaw) -> None:
         assert road.tick(0.0, received=True) is recording.commands[-1]
 
 
-def test_it_stops_bracing_itself_once_the_one_ahead_is_heard_to_go_on() -> None:
+def test_it_resumes_once_it_receives_that_the_predecessor_continues() -> None:
     road = Announced(profile())
     while road.now < ANNOUNCED + 6 * TICK:
         road.tick(0.0, received=road.now < ANNOUNCED - SECOND // 3)
@@ -87,9 +87,7 @@ def test_it_stops_bracing_itself_once_the_one_ahead_is_heard_to_go_on() -> None:
 
 
 @given(st.floats(0.5, 3.0), st.floats(10.0, 36.0))
-def test_one_that_is_heard_to_brake_more_mildly_is_braced_for_only_shortly(
-    milder: float, speed: float
-) -> None:
+def test_a_received_milder_braking_ends_the_assumed_stop(milder: float, speed: float) -> None:
     road = Announced(profile(speed), speed=speed, spacing=LENGTH + 10.0)
     while road.speed > 1.0 and road.ahead_speed > 1.0:
         road.tick(-milder if road.now >= ANNOUNCED else 0.0, received=True, hazard=True)

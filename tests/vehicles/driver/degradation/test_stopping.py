@@ -19,7 +19,7 @@ STEP = 1e-3
 
 
 def driven(speed: float, acceleration: float, braking: Braking) -> float:
-    """Distance to a standstill, step by step; within a step the speed changes evenly."""
+    """Distance (m) to a standstill, by trapezoidal steps."""
     distance = 0.0
     while speed > 0.0:
         wanted = -braking.deceleration - acceleration
@@ -31,14 +31,14 @@ def driven(speed: float, acceleration: float, braking: Braking) -> float:
 
 
 @given(SPEEDS, ACCELERATIONS, BRAKINGS)
-def test_the_stopping_distance_is_what_is_driven(
+def test_the_stopping_distance_is_the_distance_driven(
     speed: float, acceleration: float, braking: Braking
 ) -> None:
     found = stopping_distance(speed, acceleration, braking)
     assert found == pytest.approx(driven(speed, acceleration, braking), rel=2e-3, abs=0.02)
 
 
-def test_stops_of_a_common_speed_are_those_worked_out_by_hand() -> None:
+def test_stops_calculated_by_hand() -> None:
     emergency = stopping_distance(15.0, 0.0, DegradationSettings().emergency)
     ramp = 6.0 / 12.0
     left = 15.0 - 0.5 * 12.0 * ramp**2
@@ -48,7 +48,7 @@ def test_stops_of_a_common_speed_are_those_worked_out_by_hand() -> None:
 
 
 @given(SPEEDS, st.floats(0.1, 10.0), ACCELERATIONS, BRAKINGS)
-def test_faster_cars_need_more_road_and_harder_braking_less(
+def test_faster_cars_need_more_distance_and_harder_braking_less(
     speed: float, faster: float, acceleration: float, braking: Braking
 ) -> None:
     found = stopping_distance(speed, acceleration, braking)
@@ -58,7 +58,9 @@ def test_faster_cars_need_more_road_and_harder_braking_less(
 
 
 @given(SPEEDS, st.floats(0.01, 500.0))
-def test_without_jerk_the_car_stands_exactly_at_the_end(speed: float, distance: float) -> None:
+def test_without_a_jerk_limit_the_car_stops_exactly_at_the_end(
+    speed: float, distance: float
+) -> None:
     needed = needed_deceleration(speed, distance)
     assert needed == pytest.approx(speed * speed / (2.0 * distance))
     stop = Braking(needed, 1.0)
@@ -66,7 +68,7 @@ def test_without_jerk_the_car_stands_exactly_at_the_end(speed: float, distance: 
 
 
 @given(SPEEDS, st.floats(0.5, 500.0), ACCELERATIONS, st.floats(0.1, 20.0))
-def test_the_needed_deceleration_stops_within_the_distance_and_a_milder_one_does_not(
+def test_the_needed_deceleration_is_the_smallest_that_stops_within_the_distance(
     speed: float, distance: float, acceleration: float, jerk: float
 ) -> None:
     needed = needed_deceleration(speed, distance, acceleration, jerk)
@@ -74,20 +76,18 @@ def test_the_needed_deceleration_stops_within_the_distance_and_a_milder_one_does
         assert stopping_distance(speed, acceleration, Braking(100.0, jerk)) > distance
         return
     assert stopping_distance(speed, acceleration, Braking(needed, jerk)) <= distance + 1e-6
-    if needed > 0.01:  # else the car stands before the end however gently it eases its brake
+    if needed > 0.01:  # else the car stops before the end while it releases the brake
         milder = Braking(0.99 * needed, jerk)
         assert stopping_distance(speed, acceleration, milder) >= distance - 1e-6
 
 
-def test_no_road_needs_no_braking_of_a_car_that_stands_and_infinite_of_one_that_drives() -> None:
+def test_zero_distance_needs_infinite_deceleration_unless_the_car_stands() -> None:
     assert needed_deceleration(0.0, -1.0) == 0.0
     assert needed_deceleration(0.1, 0.0) == needed_deceleration(9.0, -1.0) == math.inf
 
 
 @given(st.floats(0.1, 1.2), st.floats(-15.0, 15.0))
-def test_friction_left_and_lateral_acceleration_lie_in_the_circle(
-    friction: float, lateral: float
-) -> None:
+def test_remaining_friction_is_within_the_friction_circle(friction: float, lateral: float) -> None:
     left = friction_left(friction, lateral)
     limit = friction * GRAVITY
     assert left == 0.0 if abs(lateral) >= limit else math.hypot(left, lateral) <= limit + 1e-9

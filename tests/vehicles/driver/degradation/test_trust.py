@@ -1,4 +1,4 @@
-"""Which received poses a follower uses, and the lines about those that it does not."""
+"""Use and refusal of received poses, and the log lines about refusals."""
 
 import math
 from collections.abc import Iterable
@@ -19,7 +19,7 @@ SPELL = FalseInterval(START + nanoseconds(BEGIN), START + nanoseconds(END))
 PERIOD = 50 * MILLISECOND
 
 
-def test_lines_report_once_what_is_refused_and_when_it_ends() -> None:
+def test_refusals_and_their_end_are_logged_once() -> None:
     remarks: list[str] = []
     trust = Trust("v1", InnovationGate(), remarks)
     fixes = measured_fixes(steadily(15.0), seconds=12.0, speed=15.0)
@@ -29,7 +29,7 @@ def test_lines_report_once_what_is_refused_and_when_it_ends() -> None:
     assert remarks == ["v1 distrusted: frozen", "v1 trusted again; 60 poses refused"]
 
 
-def test_without_a_gate_all_but_jumps_are_used() -> None:
+def test_without_a_gate_only_jumps_are_refused() -> None:
     remarks: list[str] = []
     trust = Trust("v1", None, remarks)
     for pose in falsify(measured_fixes(steadily(15.0), seconds=7.0), frozen(SPELL)):
@@ -51,24 +51,24 @@ def test_single_jumps_are_refused() -> None:
     assert {verdicts[k] for k in false} == {"jumping"}
 
 
-def test_three_poses_that_agree_are_a_new_place() -> None:
+def test_three_consistent_poses_are_a_new_position() -> None:
     verdicts = reasons((k, 0.5 * k, 0.0 if k < 40 else 30.0) for k in range(60))
     assert [k for k, reason in enumerate(verdicts) if reason] == [40, 41]
 
 
-def test_a_source_may_be_where_it_can_have_driven_in_a_silence() -> None:
+def test_after_a_silence_any_reachable_position_is_used() -> None:
     assert reasons([(0, 0.0, 0.0), (200, 100.0, 0.0)]) == ["", ""]  # 10 s at 10 m/s later
 
 
-def test_late_poses_are_left_to_the_trace() -> None:
+def test_late_poses_pass() -> None:
     assert reasons([(5, 2.5, 0.0), (4, 400.0, 0.0), (6, 3.0, 0.0)]) == ["", "", ""]
 
 
-@pytest.mark.parametrize("rubbish", [math.nan, math.inf, -math.inf])
-def test_numbers_that_are_none_are_refused(rubbish: float) -> None:
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_values_that_are_not_finite_are_refused(value: float) -> None:
     for place in range(4):
         values = [1.0, 2.0, 3.0, 4.0]
-        values[place] = rubbish
+        values[place] = value
         trust = Trust("v1")
         trust.judge(received(START, 0.0, 0.0))
         east, north, yaw, speed = values
