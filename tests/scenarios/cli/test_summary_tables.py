@@ -35,9 +35,9 @@ EVENTS = (
 
 def summary(reason: str = "", clock: ClockName = "wall") -> RunSummary:
     """Figures of two followers behind a lead, of which v3 has been silent."""
-    asked, plain = LinkTable(jitter_ms=80.0, loss_ratio=0.4), LinkTable()
+    requested, plain = LinkTable(jitter_ms=80.0, loss_ratio=0.4), LinkTable()
     metrics = Metrics(
-        ("v1", "v2", "v3"), {("v1", "v2"): asked, ("v1", "v3"): plain, ("v2", "v3"): plain}
+        ("v1", "v2", "v3"), {("v1", "v2"): requested, ("v1", "v3"): plain, ("v2", "v3"): plain}
     )
     for seq in range(21):
         metrics.listen(0, truth("v1", seq, 0.6 * seq, 0.0))
@@ -101,7 +101,7 @@ def test_further_tables_have_details_and_figures_of_the_process() -> None:
     assert row(text, "v2 ", 2) == ["v2", "1", "2", "12", "7", "64", "4.3"]
 
 
-def test_who_drove_along_nothing_believes_no_error() -> None:
+def test_a_vehicle_without_a_trajectory_estimates_no_error() -> None:
     figures = summary().vehicles[2]
     assert figures.lateral_error_m_max is None
     assert figures.lateral_error_m_rms is None
@@ -114,7 +114,7 @@ def test_a_lead_has_no_distance_from_its_own_path() -> None:
     assert row(text, "v1 ", 2) == ["v1", "21", "0", "0", "0"]
 
 
-def test_nor_has_a_follower_that_was_never_on_the_road() -> None:
+def test_a_follower_without_true_poses_has_no_error() -> None:
     assert row(printed(summary()), "v3 ") == ["v3", "-", "-", "-", "-", "-"]
 
 
@@ -125,7 +125,7 @@ def test_the_title_is_the_run_s_own_and_printed_as_it_is() -> None:
     assert f"{title}, wall clock, 1.0 s" in printed(named, width=120)
 
 
-def test_what_followers_did_when_messages_failed_is_a_table_of_its_own() -> None:
+def test_degradation_has_its_own_table() -> None:
     figures = summary()
     assert "degradation" not in printed(figures)
     did = ReactionSummary(
@@ -173,7 +173,7 @@ def test_of_very_many_links_those_that_lost_most_are_printed() -> None:
     assert text.count("20 more, see summary.json") == 2
 
 
-def test_what_was_not_recorded_is_said_below() -> None:
+def test_missing_records_are_listed_below() -> None:
     hole = RecordHole(vehicle="v1", from_s=2.0, to_s=6.7, poses=95)
     figures = summary()
     silent = replace(figures.vehicles[2], silent_from_s=0.5)
@@ -293,6 +293,6 @@ def test_a_path_is_printed_as_it_is(folder: str) -> None:
     assert "stopped [/early]" in text
 
 
-def test_what_was_warned_of_is_a_line() -> None:
+def test_a_warning_is_a_line() -> None:
     line = "v2: 100 messages of v1 refused as future"
     assert line in printed(replace(summary(), warnings=(line,))).splitlines()

@@ -63,19 +63,19 @@ def test_equal_holes_are_one_line() -> None:
     ]
 
 
-def test_the_tail_is_a_hole_of_one_that_was_there_to_the_end() -> None:
+def test_the_tail_is_a_hole_of_a_vehicle_that_stayed_to_the_end() -> None:
     row, holes = run_of([*poses(8.0), health("v1", seconds=10.0, final=True)], 10.0)
     assert holes == [RecordHole(vehicle="v1", from_s=8.0, to_s=9.95, poses=40)]
     assert row.missing_poses == 40
 
 
-def test_a_vehicle_that_left_early_is_said_to_have_and_has_no_hole() -> None:
+def test_a_vehicle_that_left_early_is_reported_and_has_no_hole() -> None:
     row, holes = run_of([*poses(4.0), health("v1", seconds=4.0, final=True)], 10.0)
     assert (row.missing_poses, row.silent_from_s, row.finished, holes) == (0, 4.0, True, [])
 
 
 def test_a_run_that_is_stopped_lost_nothing_by_that() -> None:
-    """A vehicle that is stopped between two poses says goodbye after the next one was due."""
+    """Final counters of a vehicle stopped between two poses come after the next one was due."""
     metrics = Metrics(("v1",), {}, duration_ns=nanoseconds(10.0))
     messages: list[Message] = [start(), *poses(4.0), health("v1", seconds=4.09, final=True)]
     for message in messages:
@@ -83,12 +83,12 @@ def test_a_run_that_is_stopped_lost_nothing_by_that() -> None:
     assert metrics.holes(nanoseconds(4.2)) == ()
 
 
-def test_nor_has_one_that_died_without_a_word() -> None:
+def test_a_failed_vehicle_without_final_counters_has_no_hole() -> None:
     row, holes = run_of(poses(4.0), 10.0)
     assert (row.missing_poses, row.silent_from_s, row.finished, holes) == (0, 3.95, False, [])
 
 
-def test_what_was_on_its_way_when_the_run_was_stopped_is_no_silence() -> None:
+def test_messages_in_transit_at_a_stop_are_no_silence() -> None:
     row, _ = run_of(poses(4.0), 4.4)
     assert (row.missing_poses, row.silent_from_s) == (0, None)
 
@@ -173,19 +173,19 @@ def unscheduled(*messages: Message) -> Metrics:
 
 
 def test_a_vehicle_without_a_schedule_has_no_hole_at_its_end() -> None:
-    said = health("v1", seconds=10.0, final=True)
-    whole = unscheduled(*irregular(range(6)), said)
+    reported = health("v1", seconds=10.0, final=True)
+    whole = unscheduled(*irregular(range(6)), reported)
     assert whole.holes(nanoseconds(10.0)) == ()
-    torn = unscheduled(*irregular([0, 1, 2, 5]), said)
+    torn = unscheduled(*irregular([0, 1, 2, 5]), reported)
     lost = RecordHole(vehicle="v1", from_s=0.4, to_s=2.5, poses=2)
     assert torn.holes(nanoseconds(10.0)) == (lost,)
     assert torn.vehicle_summaries(nanoseconds(10.0))[0].missing_poses == 2
 
 
-def test_a_link_is_silent_if_poses_were_sent_long_ago_and_none_was_heard() -> None:
+def test_a_link_is_silent_if_poses_were_sent_long_ago_and_none_was_delivered() -> None:
     """Sent once, or rarely: what counts is the time since the first of them."""
     listening = [gps("v2", seq) for seq in range(60)]
-    said = health("v1", seconds=3.0)
-    assert silent_links(unscheduled(*irregular([1]), *listening, said)).startswith("v1 → v2")
-    assert silent_links(unscheduled(*irregular([5]), *listening, said)) == ""
-    assert silent_links(unscheduled(*listening, said)) == ""
+    reported = health("v1", seconds=3.0)
+    assert silent_links(unscheduled(*irregular([1]), *listening, reported)).startswith("v1 → v2")
+    assert silent_links(unscheduled(*irregular([5]), *listening, reported)) == ""
+    assert silent_links(unscheduled(*listening, reported)) == ""

@@ -83,7 +83,7 @@ def cornering(seq: int, across: float, front: float, rear: float, share: float) 
     )  # fmt: skip
 
 
-def test_what_the_tyres_did_is_summed_up() -> None:
+def test_tyre_figures_are_summarised() -> None:
     poses = [
         cornering(0, 1.0, -0.004, -0.003, 0.2), cornering(1, -8.5, 0.06, 0.05, 1.0),
         cornering(2, 4.0, -0.02, -0.08, 0.995), cornering(3, 0.0, 0.0, 0.0, 0.98),
@@ -97,7 +97,7 @@ def test_what_the_tyres_did_is_summed_up() -> None:
     assert untold.sliding_s is None
 
 
-def test_leaving_the_linear_range_is_told_once_with_the_first_instant() -> None:
+def test_leaving_the_linear_range_is_reported_once_with_the_first_instant() -> None:
     metrics = Metrics(CONVOY, ASKED, linear_slips=dict.fromkeys(CONVOY, (0.015, 0.012)))
     metrics.listen(0, start())
     metrics.listen(0, cornering(0, 3.0, -0.0149, -0.0119, 0.4))
@@ -154,7 +154,7 @@ def lead_and_follower(aside: float) -> Sequence[Message]:
     ]
 
 
-def test_true_cross_track_error_is_the_distance_from_what_the_lead_drove() -> None:
+def test_true_cross_track_error_is_the_distance_from_the_lead_s_path() -> None:
     for aside in (0.25, -0.25):
         row = vehicle("v2", *lead_and_follower(aside))
         assert row.cross_track_error_m_max == pytest.approx(0.25)
@@ -186,7 +186,7 @@ def test_before_the_lead_s_first_pose_the_road_counts_not_where_the_lead_faced(y
     assert unknown > 1.0
 
 
-def test_a_lead_that_was_first_seen_on_its_way_faces_along_the_road_there() -> None:
+def test_a_lead_first_recorded_later_faces_along_the_road_there() -> None:
     """The road at the start may have gone elsewhere."""
     found = askew(0.0, distance=80.0, road_yaw=1.5)
     assert found.cross_track_error_m_max == pytest.approx(0.25)
@@ -243,7 +243,7 @@ def test_health_is_the_last_one_and_memory_the_largest() -> None:
     assert not vehicle("v3", health("v3", 0)).finished
 
 
-def test_numbers_that_nobody_can_add_up_end_no_summary() -> None:
+def test_numbers_without_a_sum_end_no_summary() -> None:
     row = vehicle("v3", *(health("v3", seq, cpu_ratio=1e308) for seq in range(4)))
     assert row.cpu_ratio == math.inf
 
@@ -254,7 +254,7 @@ def test_strangers_and_the_conductor_count_for_nothing() -> None:
     )
 
 
-def test_a_link_is_told_from_its_verdicts() -> None:
+def test_figures_of_a_link_follow_from_its_verdicts() -> None:
     row = link(
         "v2",
         "v3",
@@ -276,7 +276,7 @@ def test_a_link_is_told_from_its_verdicts() -> None:
     assert row.latency_ms_max == pytest.approx(100.0)
 
 
-def test_what_a_link_s_rate_holds_back_is_not_lost() -> None:
+def test_messages_above_a_link_s_rate_are_not_lost() -> None:
     row = link(
         "v1",
         "v2",
@@ -292,8 +292,8 @@ def test_what_a_link_s_rate_holds_back_is_not_lost() -> None:
 
 
 def test_links_are_ordered_by_receiver_then_sender_from_the_lead_on() -> None:
-    asked = [("v3", "v4"), ("v2", "v3"), ("v1", "v4"), ("v1", "v2"), ("v1", "v3")]
-    metrics = Metrics((*CONVOY, "v4"), dict.fromkeys(asked, LinkTable()))
+    requested = [("v3", "v4"), ("v2", "v3"), ("v1", "v4"), ("v1", "v2"), ("v1", "v3")]
+    metrics = Metrics((*CONVOY, "v4"), dict.fromkeys(requested, LinkTable()))
     order = [(row.sender, row.receiver) for row in metrics.link_summaries()]
     assert order == [("v1", "v2"), ("v1", "v3"), ("v2", "v3"), ("v1", "v4"), ("v3", "v4")]
 
@@ -339,6 +339,6 @@ def test_links_that_were_changed_are_named_and_not_judged(
     )
     metrics.listen(0, change)
     assert {pair for pair, one in metrics.links.items() if one.changed} == changed
-    said = " ".join(metrics.request_deviations())
-    assert all(f"{sender} → {receiver}" in said for sender, receiver in changed)
-    assert bool(said) == bool(changed)
+    reported = " ".join(metrics.request_deviations())
+    assert all(f"{sender} → {receiver}" in reported for sender, receiver in changed)
+    assert bool(reported) == bool(changed)

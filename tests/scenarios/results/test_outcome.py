@@ -1,4 +1,4 @@
-"""The outcome line: the most important fact first, for every way in which a run can end."""
+"""The outcome line: the most important fact first, for each end of a run."""
 
 from dataclasses import replace
 from typing import Any

@@ -76,14 +76,14 @@ def test_a_run_is_known_by_scenario_seed_clock_and_versions(scenario: Scenario) 
     assert RunIdentity.of_values(what) == RunIdentity.of_values(identity.values()) == identity
 
 
-def test_what_is_asked_of_each_link(scenario: Scenario) -> None:
-    asked = scenario.links
-    assert list(asked) == [("v1", "v2"), ("v1", "v3"), ("v2", "v3")]
-    assert asked["v1", "v2"] == asked["v2", "v3"] == LinkTable(latency_ms=30.0)
-    assert asked["v1", "v3"] == LinkTable(latency_ms=30.0, loss_ratio=0.25)
+def test_each_link_has_its_requested_settings(scenario: Scenario) -> None:
+    requested = scenario.links
+    assert list(requested) == [("v1", "v2"), ("v1", "v3"), ("v2", "v3")]
+    assert requested["v1", "v2"] == requested["v2", "v3"] == LinkTable(latency_ms=30.0)
+    assert requested["v1", "v3"] == LinkTable(latency_ms=30.0, loss_ratio=0.25)
 
 
-def test_a_summary_is_the_same_after_a_way_through_json(scenario: Scenario, tmp_path: Path) -> None:
+def test_a_summary_survives_a_round_trip_through_json(scenario: Scenario, tmp_path: Path) -> None:
     run = written(scenario, tmp_path)
     run.end(at(5.0), "")
     summary = run.close(at(5.0))
@@ -114,12 +114,12 @@ def test_a_summary_is_json_whatever_was_measured(
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"outcome": "completed"}', '{"vehicles": 7}'])
-def test_what_is_no_summary_is_refused(text: str) -> None:
+def test_an_invalid_summary_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"Expecting|summary"):
         from_json(text)
 
 
-def test_the_summary_of_a_complete_log_is_the_one_inside(
+def test_the_summary_of_a_complete_log_is_the_attached_one(
     scenario: Scenario, tmp_path: Path
 ) -> None:
     run = written(scenario, tmp_path)
@@ -127,7 +127,7 @@ def test_the_summary_of_a_complete_log_is_the_one_inside(
     assert run.close(at(5.0)) == summary_of(tmp_path / LOG_NAME)
 
 
-def test_the_summary_of_a_log_that_breaks_off_is_worked_out_from_its_messages(
+def test_the_summary_of_an_incomplete_log_is_computed_from_its_messages(
     scenario: Scenario, tmp_path: Path
 ) -> None:
     whole = written(scenario, tmp_path / "whole")
@@ -143,7 +143,7 @@ def test_the_summary_of_a_log_that_breaks_off_is_worked_out_from_its_messages(
     of_the_end = replace(found, reason=expected.reason, ran_s=expected.ran_s)
     assert replace(of_the_end, outcome_line=expected.outcome_line) == expected
     assert found.links[1].loss_ratio == 0.25
-    # Repaired it is complete, but still without a summary: the same is said of it.
+    # A repaired log is complete, but has no summary either.
     copy = tmp_path / "copy.mcap"
     copy.write_bytes(log.read_bytes())
     assert repair(copy)
@@ -197,8 +197,8 @@ def test_each_field_is_documented() -> None:
         assert figure in docs["events[]"]["figures"]
 
 
-@pytest.mark.parametrize(("late", "said"), [(10, []), (11, ["1.1 %"]), (500, ["50 %"])])
-def test_a_run_that_did_not_keep_up_says_so(late: int, said: list[str]) -> None:
+@pytest.mark.parametrize(("late", "reported"), [(10, []), (11, ["1.1 %"]), (500, ["50 %"])])
+def test_a_run_that_did_not_keep_up_has_a_warning(late: int, reported: list[str]) -> None:
     """From more than one tick in a hundred on, of all vehicles together."""
     metrics = Metrics(("v1", "v2"), {})
     metrics.listen(0, health("v1", 1, ticks=500, final=True))
@@ -206,4 +206,4 @@ def test_a_run_that_did_not_keep_up_says_so(late: int, said: list[str]) -> None:
     lines = list(late_lines(metrics.vehicle_summaries()))
     assert [
         line.partition(" of the ticks began late, by up to 31 ms (v2)")[0] for line in lines
-    ] == (said)
+    ] == (reported)

@@ -65,7 +65,7 @@ SILENCE = 'link=[{sender="lead",receiver="*",outages=[{kind="window",from_s=1.0,
         (("links.preset=bursty",), "loss 20 %, channel bursty"),
     ],
 )
-def test_the_title_says_the_loss_of_all_laws(settings: tuple[str, ...], loss: str) -> None:
+def test_the_title_has_the_loss_of_all_laws(settings: tuple[str, ...], loss: str) -> None:
     title = load_scenario("lane_change", [SHORT, *settings]).title
     assert title.startswith(f"lane_change, seed 1, α 0.5, {loss}, {SHORT}"), title
 
@@ -74,7 +74,7 @@ def test_without_overrides_a_virtual_run_is_known_by_name_and_seed() -> None:
     assert load_scenario("lane_change").virtual_run_id == "lane_change-1"
 
 
-def test_files_of_one_name_are_told_apart(tmp_path: Path) -> None:
+def test_files_of_one_name_are_distinguished(tmp_path: Path) -> None:
     """Also those that have taken the name of a shipped scenario."""
     files = []
     for place, gap in enumerate((3, 4)):
@@ -87,7 +87,7 @@ def test_files_of_one_name_are_told_apart(tmp_path: Path) -> None:
         assert len({getattr(scenario, known_by) for scenario in (shipped, *mine)}) == 3
     assert mine[0].title.startswith(f"lane_change ({mine[0].fingerprint}), seed 1")
     again = load_scenario(Path(shutil.copy(files[0], tmp_path / "moved.toml")))
-    assert again.title == mine[0].title  # by what it says, not by where it is
+    assert again.title == mine[0].title  # by its content, not by its place
 
 
 @pytest.mark.parametrize("name", library())

@@ -1,6 +1,6 @@
-"""A stranger talks on the bus of a convoy: everything it says is counted, and nothing else changes.
+"""A foreign sender on the bus of a convoy: its messages are counted and change nothing else.
 
-`pytest --campaign` lets it say a hundred thousand things.
+`pytest --campaign` sends a hundred thousand messages.
 """
 
 from collections import Counter
@@ -40,7 +40,7 @@ VEHICLES = ("v1", "v2", "v3")
 DURATION_S = 1.5
 EVERYTHING = "convoy/**"
 KEPT = 40
-"""Of what it hears a stranger remembers the last."""
+"""Number of received messages that the foreign sender keeps."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def trial() -> Scenario:
 
 
 class AttackedSink:
-    """Publishes what a vehicle sends, and then calls whoever disturbs."""
+    """Publishes what a vehicle sends, and then lets the foreign sender act."""
 
     def __init__(self, vehicle: str, bus: Bus, disturb: Callable[[], None]) -> None:
         self._sink, self._disturb = BusSink(vehicle, bus), disturb
@@ -121,7 +121,7 @@ def drive(
     before = run.recorder.recorded
     honest: Counter[str] = Counter()
     hostile: Counter[str] = Counter()
-    heard: list[Put] = []
+    received: list[Put] = []
     stranger = Stranger(Random(7), VEHICLES, clock.now())
     flushes = 3 * 90  # at 75 instants of control and 30 of GNSS, of which 15 are both
     each, left = -(-count // flushes), count
@@ -129,11 +129,11 @@ def drive(
     def take(where: str, data: bytes) -> None:
         run.recorder.accept(where, data, clock.now())
 
-    def hear(where: str, data: bytes) -> None:
+    def receive(where: str, data: bytes) -> None:
         if not disturbing:
             honest[where] += 1
-            heard.append((where, data))
-            del heard[:-KEPT]
+            received.append((where, data))
+            del received[:-KEPT]
 
     disturbing: list[bool] = []
 
@@ -141,7 +141,7 @@ def drive(
         nonlocal left
         disturbing.append(True)
         for _ in range(min(each, left)):
-            where, data = draw(stranger, heard)
+            where, data = draw(stranger, received)
             hostile[where] += 1
             bus.publish(where, data)
         left -= min(each, left)
@@ -149,14 +149,14 @@ def drive(
         conductor.advance(clock.now(), connected=True)
 
     bus.subscribe(EVERYTHING, take)
-    bus.subscribe(EVERYTHING, hear)
+    bus.subscribe(EVERYTHING, receive)
     nodes = convoy.build(lambda name: AttackedSink(name, bus, disturb))
     convoy.run()
     for node in nodes.values():
         node.outbox.publish_health(clock.now(), final=True)
         node.inbox.take(clock.now() + 120 * SECOND)  # so that nothing is waiting any more
     conductor.advance(clock.now(), connected=True)
-    # Without what the recorder itself said of the stranger.
+    # Without the recorder's own messages about the foreign sender.
     recorded = run.recorder.recorded - before - own[RUN_SENDER]
     run.end(clock.now(), "")
     summary = run.close(clock.now())
@@ -170,7 +170,7 @@ def calm(tmp_path_factory: pytest.TempPathFactory) -> Attacked:
 
 
 @pytest.mark.campaign(3_000, 100_000)
-def test_what_belongs_to_no_run_changes_nothing_but_counters(
+def test_messages_of_no_run_change_only_counters(
     calm: Attacked, tmp_path: Path, campaign: int
 ) -> None:
     run = drive(tmp_path, Stranger.refusable, campaign)
@@ -181,11 +181,11 @@ def test_what_belongs_to_no_run_changes_nothing_but_counters(
     assert set(refused) <= set(REASONS)
     assert_inboxes_add_up(run)
     for name, node in run.nodes.items():
-        asked = run.hostile[key("v1", TOPICS["gps"])] if name != "v1" else 0
-        asked += run.hostile[key("v2", TOPICS["gps"])] if name == "v3" else 0
-        assert node.inbox.rejected.total() == asked
+        requested = run.hostile[key("v1", TOPICS["gps"])] if name != "v1" else 0
+        requested += run.hostile[key("v2", TOPICS["gps"])] if name == "v3" else 0
+        assert node.inbox.rejected.total() == requested
         assert node.inbox.delivered == calm.nodes[name].inbox.delivered
-    assert said(run) == said(calm)
+    assert reported(run) == reported(calm)
     assert figures(run) == figures(calm)
     assert (run.conductor.phase, run.conductor.reason) == (Phase.OVER, "")
     assert run.announced.start is not None
@@ -200,8 +200,8 @@ def assert_inboxes_add_up(run: Attacked) -> None:
         assert set(node.inbox.rejected) <= set(REASONS)
 
 
-def said(run: Attacked) -> list[bytes]:
-    """What vehicles said, but for counters and for the texts that tell of refusals."""
+def reported(run: Attacked) -> list[bytes]:
+    """Messages of vehicles, without counters and texts about refusals."""
     return [encode(m) for m in run.messages if not isinstance(m, Health | LogText)]
 
 
@@ -215,10 +215,10 @@ def figures(run: Attacked) -> list[object]:
 
 
 @pytest.mark.campaign(3_000, 100_000)
-def test_what_may_be_a_vehicle_s_own_is_used_or_counted(tmp_path: Path, campaign: int) -> None:
-    def anything(stranger: Stranger, heard: Sequence[Put]) -> Put:
-        drawn = stranger.plausible(heard)
-        return drawn if len(drawn[1]) % 2 else stranger.refusable(heard)
+def test_plausible_messages_are_used_or_counted(tmp_path: Path, campaign: int) -> None:
+    def anything(stranger: Stranger, received: Sequence[Put]) -> Put:
+        drawn = stranger.plausible(received)
+        return drawn if len(drawn[1]) % 2 else stranger.refusable(received)
 
     metrics = Metrics.of(trial())
     display = DisplayOptions(rerun=f"save={tmp_path / 'run.rrd'}")
@@ -248,7 +248,7 @@ def test_a_clock_that_answers_nonsense_is_none(answer: bytes) -> None:
     assert measure(bus, "v1", lambda: 5) is None
 
 
-def test_members_that_nobody_knows_are_passed_over_or_named_in_one_line() -> None:
+def test_unknown_members_are_ignored_or_named_in_one_line() -> None:
     chance, scenario = Random(3), load_scenario("lane_change")
     own = Fingerprint.of(scenario)
     odd = [

@@ -46,17 +46,17 @@ class Recorded:
         self.path = path
         self.writer = LogWriter(path)
         self.metrics = Metrics(CONVOY, {("v1", "v2"): LinkTable()})
-        self.heard: list[tuple[int, Message]] = []
+        self.received: list[tuple[int, Message]] = []
         self.recorder = Recorder(
             vehicles=dict.fromkeys(CONVOY, 20.0) | rates_hz,
             plane=PLANE,
             writer=self.writer,
             metrics=self.metrics,
-            observers=[OnMessage(lambda now, message: self.heard.append((now, message)))],
+            observers=[OnMessage(lambda now, message: self.received.append((now, message)))],
         )
         if begun:
             self.recorder.begin(at(-0.5), START, "trial")
-            self.heard.clear()
+            self.received.clear()
 
     @property
     def recorded(self) -> int:
@@ -100,7 +100,7 @@ def test_messages_are_logged_counted_and_shown_as_they_came(recorded: Recorded) 
     recorded.take(SOUND)
     assert recorded.recorded == len(SOUND)
     assert not recorded.recorder.rejected
-    assert recorded.heard == [(START + k, message) for k, message in enumerate(SOUND)]
+    assert recorded.received == [(START + k, message) for k, message in enumerate(SOUND)]
     assert recorded.row("v1").poses == 2
     assert recorded.row("v2").lateral_error_m_max == 0.3
     assert recorded.logged() == [
@@ -151,7 +151,7 @@ WRONG: dict[str, tuple[str, bytes, str]] = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_what_is_wrong_changes_nothing_but_a_counter(tmp_path: Path, name: str) -> None:
+def test_invalid_messages_change_only_a_counter(tmp_path: Path, name: str) -> None:
     where, data, counter = WRONG[name]
     disturbed, sound = Recorded(tmp_path / "disturbed.mcap"), Recorded(tmp_path / "sound.mcap")
     for k, message in enumerate(SOUND):
@@ -160,7 +160,7 @@ def test_what_is_wrong_changes_nothing_but_a_counter(tmp_path: Path, name: str) 
         disturbed.recorder.accept(where, data, START + k)
     assert disturbed.recorder.rejected == {counter: len(SOUND)}
     assert disturbed.recorded == sound.recorded
-    assert disturbed.heard == sound.heard
+    assert disturbed.received == sound.received
     assert disturbed.metrics.vehicle_summaries() == sound.metrics.vehicle_summaries()
     assert disturbed.logged() == sound.logged()
     assert disturbed.path.read_bytes() == sound.path.read_bytes()
@@ -223,7 +223,7 @@ def test_the_run_s_own_messages_are_numbered_and_returned_for_the_bus(tmp_path: 
     assert [(first.seq, first.level), (second.seq, second.level)] == [(0, "info"), (1, "warning")]
     assert end == RunEnd(vehicle="run", seq=0, end_at_ns=at(3.0), reason="enough")
     assert encode(end) == ended
-    assert [message for _, message in recorded.heard] == [begin, first, second, end]
+    assert [message for _, message in recorded.received] == [begin, first, second, end]
 
 
 def test_the_run_s_own_messages_are_not_taken_again_from_the_bus(tmp_path: Path) -> None:
@@ -236,7 +236,7 @@ def test_the_run_s_own_messages_are_not_taken_again_from_the_bus(tmp_path: Path)
     assert recorded.recorder.rejected == {"reserved": 3}
 
 
-def test_nobody_else_speaks_for_the_run(recorded: Recorded) -> None:
+def test_no_other_process_sends_for_the_run(recorded: Recorded) -> None:
     data = encode(RunEnd(vehicle=RUN_SENDER, seq=0, end_at_ns=at(1.0), reason="enough"))
     recorded.recorder.accept("convoy/run/end", data, at(1.0))
     assert recorded.recorded == 0
@@ -252,7 +252,7 @@ def test_another_run_s_messages_take_no_number_from_this_run_s(recorded: Recorde
     assert recorded.recorder.rejected == {"early": 2, "future": 1}
 
 
-def test_nobody_has_anything_to_say_before_the_start_is_known(tmp_path: Path) -> None:
+def test_no_vehicle_sends_before_the_start_is_known(tmp_path: Path) -> None:
     recorded = Recorded(tmp_path / "run.mcap", begun=False)
     recorded.take(SOUND)
     assert recorded.recorder.recorded == 0
@@ -269,7 +269,7 @@ def test_last_words_just_before_the_start_are_recorded(recorded: Recorded) -> No
 def test_a_pose_that_vehicles_refuse_is_refused_by_the_recorder_for_the_same_reason(
     recorded: Recorded,
 ) -> None:
-    """One gate: what cannot be true is neither believed nor logged."""
+    """Impossible poses are neither used nor logged."""
     spoilt = [
         replace(gps("v1", 3), speed_mps=180.0),
         replace(gps("v1", 3), latitude_deg=-10.0),
@@ -302,7 +302,7 @@ def test_a_pose_numbered_ahead_of_its_schedule_makes_none_missing(
 
 
 @pytest.mark.parametrize("rate_hz", [1.0, 3.0, 7.0, 20.0, 30.0, 99.9])
-def test_whoever_keeps_its_schedule_is_never_ahead_of_it(tmp_path: Path, rate_hz: float) -> None:
+def test_a_sender_on_schedule_is_never_ahead_of_it(tmp_path: Path, rate_hz: float) -> None:
     recorder = Recorded(tmp_path / "run.mcap", v1=rate_hz).recorder
     for seq in (0, 1, 2, 3, 100, 4711, 1_000_000):
         pose = sent(gps("v1", seq), instant(START, seq, rate_hz))
@@ -313,7 +313,7 @@ def test_whoever_keeps_its_schedule_is_never_ahead_of_it(tmp_path: Path, rate_hz
     assert not recorder.rejected
 
 
-def test_the_recorder_tells_in_the_log_how_many_it_refused(recorded: Recorded) -> None:
+def test_the_recorder_logs_its_refusals(recorded: Recorded) -> None:
     recorded.take(SOUND)
     recorded.recorder.accept("convoy/v1/gps", b"rubbish", at(1.0))
     recorded.recorder.accept("convoy/v9/gps", POSE, at(1.0))
@@ -331,12 +331,12 @@ def test_the_recorder_tells_in_the_log_how_many_it_refused(recorded: Recorded) -
 
 
 def test_a_witness_records_as_the_bus_does(tmp_path: Path) -> None:
-    """In virtual time messages come with what they say, and need not be decoded again."""
+    """In virtual time messages come with their bytes and need no decoding."""
     by_bus, by_witness = Recorded(tmp_path / "bus.mcap"), Recorded(tmp_path / "witness.mcap")
     by_bus.take(SOUND)
     for k, message in enumerate(SOUND):
         by_witness.recorder.record(START + k, message, encode(message))
-    assert by_witness.heard == by_bus.heard
+    assert by_witness.received == by_bus.received
     assert by_witness.metrics.vehicle_summaries() == by_bus.metrics.vehicle_summaries()
     by_bus.writer.close()
     by_witness.writer.close()
@@ -346,7 +346,7 @@ def test_a_witness_records_as_the_bus_does(tmp_path: Path) -> None:
 def test_a_text_is_shown_and_logged_without_control_characters(recorded: Recorded) -> None:
     recorded.take([text("v1", 0, "\x1b[2Jgone\n\x07")])
     escaped = text("v1", 0, r"\x1b[2Jgone\n\x07")
-    assert [message for _, message in recorded.heard] == [escaped]
+    assert [message for _, message in recorded.received] == [escaped]
     recorded.writer.close()
     content = [row[2].data for row in rows(recorded.path)]
     assert not any(b"\x1b[2J" in data or b"\x07" in data[-6:] for data in content)
@@ -358,11 +358,11 @@ def test_a_number_that_is_not_finite_is_refused_as_absurd(recorded: Recorded) ->
     assert recorded.recorder.rejected == {"absurd": 1}
 
 
-def test_a_selective_listener_hears_of_its_kinds_alone_in_its_turn(tmp_path: Path) -> None:
-    heard: list[tuple[str, type[Message]]] = []
-    everything = OnMessage(lambda _, message: heard.append(("all", type(message))))
+def test_a_selective_listener_receives_only_its_kinds_in_order(tmp_path: Path) -> None:
+    received: list[tuple[str, type[Message]]] = []
+    everything = OnMessage(lambda _, message: received.append(("all", type(message))))
     some = OnMessage(
-        lambda _, message: heard.append(("some", type(message))), frozenset({GpsPose, RunStart})
+        lambda _, message: received.append(("some", type(message))), frozenset({GpsPose, RunStart})
     )
     with LogWriter(tmp_path / "run.mcap") as writer:
         recorder = Recorder(
@@ -376,8 +376,8 @@ def test_a_selective_listener_hears_of_its_kinds_alone_in_its_turn(tmp_path: Pat
         recorder.accept("convoy/v1/gps", encode(gps("v1", 0)), at(0.0))
         recorder.accept("convoy/v1/truth", encode(truth("v1", 0, 0.0, 0.0)), at(0.0))
     each = [RunStart, GpsPose, TruePose]
-    assert [kind for who, kind in heard if who == "all"] == each
-    assert [kind for who, kind in heard if who == "some"] == each[:2]
-    assert heard[0][0] == "some"
+    assert [kind for observer, kind in received if observer == "all"] == each
+    assert [kind for observer, kind in received if observer == "some"] == each[:2]
+    assert received[0][0] == "some"
     assert kinds_of([some]) == {GpsPose, RunStart}
     assert TruePose in kinds_of([everything])

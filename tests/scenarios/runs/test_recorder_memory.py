@@ -47,7 +47,7 @@ def record(run: RunLog, first: int, last: int) -> int:
 
 
 @interpreted_only
-def test_what_is_kept_of_each_message_is_next_to_nothing(
+def test_each_message_leaves_little_memory_behind(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("vehicles.geometry.driven_path.DROP_EVERY", 50)  # to see it forget

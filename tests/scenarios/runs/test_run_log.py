@@ -67,7 +67,7 @@ def test_a_run_is_a_log_and_a_summary_that_say_the_same(scenario: Scenario, tmp_
 
 def test_a_run_that_ends_as_planned_is_completed(scenario: Scenario, tmp_path: Path) -> None:
     run = begun(scenario, tmp_path)
-    run.end(at(5.3), "")  # the last words take a moment more
+    run.end(at(5.3), "")  # final counters come a moment later
     summary = run.close(at(6.0))
     assert (summary.outcome, summary.reason) == ("completed", "")
     assert (summary.duration_s, summary.ran_s) == (5.0, 5.0)
@@ -112,7 +112,7 @@ def test_last_words_after_the_end_are_recorded_until_it_closes(
     assert [row.finished for row in summary.vehicles] == [False, True]
 
 
-def test_what_was_refused_is_in_the_summary(scenario: Scenario, tmp_path: Path) -> None:
+def test_refusals_are_in_the_summary(scenario: Scenario, tmp_path: Path) -> None:
     run = begun(scenario, tmp_path)
     for where, data in (("convoy/v1/gps", b"?"), ("convoy/v7/gps", b"?"), ("convoy/v1/gps", b"!")):
         run.recorder.accept(where, data, at(1.0))
@@ -144,20 +144,20 @@ def test_the_same_run_gives_the_same_bytes(scenario: Scenario, tmp_path: Path) -
     assert logs[0] == logs[1]
 
 
-def test_listeners_hear_of_everything(scenario: Scenario, tmp_path: Path) -> None:
-    heard: list[Message] = []
+def test_listeners_receive_everything(scenario: Scenario, tmp_path: Path) -> None:
+    received: list[Message] = []
     run = RunLog(
         scenario,
         tmp_path,
         clock="virtual",
         run_id="x",
-        observers=[OnMessage(lambda _at, message: heard.append(message))],
+        observers=[OnMessage(lambda _at, message: received.append(message))],
     )
     run.start(START, START)
     take(run, gps("v1", 0))
     run.end(at(1.0), "")
     run.close(at(1.0))
-    assert [type(message).__name__ for message in heard] == [
+    assert [type(message).__name__ for message in received] == [
         "RunStart",
         "GpsPose",
         "RunEnd",
@@ -175,13 +175,13 @@ def test_listeners_hear_of_everything(scenario: Scenario, tmp_path: Path) -> Non
         (("links.outages=[{kind='window', from_s=0, to_s=9}]",), 4.2, ""),
         (("vehicle.v1.transmitter_off=[{from_s=0, to_s=9}]",), 4.2, ""),
     ],
-    ids=["clean", "too short to say", "still on its way", "lossy", "outage", "transmitter off"],
+    ids=["clean", "too short", "still in transit", "lossy", "outage", "transmitter off"],
 )
 def test_a_clean_link_that_delivered_nothing_fails_the_run(
     overrides: tuple[str, ...], seconds: float, reason: str, tmp_path: Path
 ) -> None:
-    asked = load_scenario("lane_change", ["duration_s=5", "convoy.vehicles=2", *overrides])
-    run = RunLog(asked, tmp_path, clock="wall", run_id="today")
+    requested = load_scenario("lane_change", ["duration_s=5", "convoy.vehicles=2", *overrides])
+    run = RunLog(requested, tmp_path, clock="wall", run_id="today")
     run.start(START, START)
     for seq in range(round(seconds * 20)):
         for name in ("v1", "v2"):
@@ -192,7 +192,7 @@ def test_a_clean_link_that_delivered_nothing_fails_the_run(
     assert end.reason == run.close(at(5.1)).reason == reason
 
 
-def test_one_message_heard_is_enough_for_a_link(scenario: Scenario, tmp_path: Path) -> None:
+def test_one_delivered_message_is_enough_for_a_link(scenario: Scenario, tmp_path: Path) -> None:
     run = RunLog(scenario, tmp_path, clock="wall", run_id="today")
     run.start(START, START)
     for seq in range(60):
@@ -203,14 +203,14 @@ def test_one_message_heard_is_enough_for_a_link(scenario: Scenario, tmp_path: Pa
     assert run.close(at(5.1)).reason == ""
 
 
-def test_a_clock_that_cannot_be_right_is_said_at_once_and_in_the_summary(
+def test_an_impossible_clock_is_reported_at_once_and_in_the_summary(
     scenario: Scenario, tmp_path: Path
 ) -> None:
     run = begun(scenario, tmp_path)
     for seq in range(130):
         take(run, truth("v2", 10_000 + seq, 0.0, 0.0), 20)  # 200 s ahead
-        said = [line for line in run.metrics.warnings if "clocks" in line]
-        assert bool(said) == (seq >= 99)
+        reported = [line for line in run.metrics.warnings if "clocks" in line]
+        assert bool(reported) == (seq >= 99)
     run.end(at(5.0), "")
     summary = run.close(at(5.1))
     assert summary.warnings == (

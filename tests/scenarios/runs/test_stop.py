@@ -1,4 +1,4 @@
-"""Processes that are asked to stop, each in a small process of its own."""
+"""Requests to stop, each in a small process of its own."""
 
 import os
 import signal
@@ -35,7 +35,7 @@ time.sleep(20.0)
 
 @contextmanager
 def waiter(*arguments: str) -> Iterator["subprocess.Popen[str]"]:
-    """A process that waits until it is asked to stop, and then says why."""
+    """A process that waits for a request to stop, and then prints the reason."""
     process = subprocess.Popen(
         [sys.executable, "-c", WAITER, *arguments],
         stdin=subprocess.PIPE,
@@ -53,11 +53,11 @@ def waiter(*arguments: str) -> Iterator["subprocess.Popen[str]"]:
 
 def last_words(process: "subprocess.Popen[str]") -> tuple[str, int]:
     assert process.stdout is not None
-    said = process.stdout.readline()
-    return said.strip(), process.wait(SOON_S)
+    reported = process.stdout.readline()
+    return reported.strip(), process.wait(SOON_S)
 
 
-def test_the_first_who_asks_decides() -> None:
+def test_the_first_request_decides() -> None:
     stop = Stop()
     assert not stop.requested
     stop.request("stopped by SIGTERM", 143)
@@ -162,13 +162,13 @@ def test_without_a_launcher_the_end_of_standard_input_means_nothing() -> None:
 
 
 def test_the_children_of_a_launcher_that_is_killed_stop(tmp_path: Path) -> None:
-    said = tmp_path / "said"
-    with said.open("wb") as out:
+    reported = tmp_path / "output"
+    with reported.open("wb") as out:
         launcher = subprocess.Popen([sys.executable, "-c", LAUNCHER, WAITER], stdout=out)
-    wait_for(said, "ready")
+    wait_for(reported, "ready")
     os.kill(launcher.pid, signal.SIGKILL)
     launcher.wait(SOON_S)
-    wait_for(said, "the launcher has ended orphaned")
+    wait_for(reported, "the launcher has ended orphaned")
 
 
 def wait_for(file: Path, words: str) -> None:
@@ -179,7 +179,7 @@ def wait_for(file: Path, words: str) -> None:
 
 
 def test_a_signal_after_all_is_done_changes_nothing() -> None:
-    """A handler in Python is gone before the process is; whoever stops containers hits that."""
+    """A handler in Python is removed before the process ends, as stopped containers show."""
     program = """
 from scenarios.runs.stop import ignore_signals, stop_on_signals
 

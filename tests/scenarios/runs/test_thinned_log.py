@@ -1,4 +1,4 @@
-"""A log that holds but some of its messages, as `[log]` of its scenario asks."""
+"""A log that holds only part of its messages, as `[log]` of its scenario requests."""
 
 from functools import cache
 from pathlib import Path
@@ -48,7 +48,7 @@ def held(log: Path) -> dict[tuple[str, str], list[bytes]]:
     return found
 
 
-def test_the_log_holds_what_was_asked_for_and_nothing_else_changes(folder: Path) -> None:
+def test_the_log_holds_the_requested_messages_and_nothing_else_changes(folder: Path) -> None:
     whole, thinned = held(run(folder)[0]), held(run(folder, *THINNED)[0])
     assert {kind for _, kind in thinned} == {kind for _, kind in whole} - {"Command", "LinkVerdict"}
     per_second = {"TruePose": 10, "CompositeTrajectory": 2, "Tracking": 5}
@@ -57,7 +57,7 @@ def test_the_log_holds_what_was_asked_for_and_nothing_else_changes(folder: Path)
             assert kind == "RunStart" or messages == whole[vehicle, kind]  # it names the run
             continue
         assert all(message in whole[vehicle, kind] for message in messages)
-        # The first in each period; a follower's trajectory begins when it has heard something.
+        # The first in each period; a follower's trajectory begins with its first messages.
         assert 0 <= per_second[kind] * DURATION_S + 1 - len(messages) <= 1
 
 
@@ -89,7 +89,7 @@ def test_the_log_is_smaller(folder: Path) -> None:
         ),
     ],
 )  # fmt: skip
-def test_what_needs_all_of_it_says_so(
+def test_queries_that_need_whole_topics_refuse_a_thinned_log(
     folder: Path, tmp_path: Path, arguments: list[str], topic: str, holds: str
 ) -> None:
     log, _ = run(folder, *THINNED)
@@ -105,7 +105,7 @@ def test_what_needs_all_of_it_says_so(
 
 
 @pytest.mark.parametrize("rates", [(), ("log.truth_rate_hz=5",)])
-def test_what_was_not_to_be_logged_is_no_hole_of_a_log_that_breaks_off(
+def test_thinned_topics_are_no_holes_of_an_incomplete_log(
     tmp_path: Path, rates: tuple[str, ...]
 ) -> None:
     scenario = load_scenario("lane_change", [*SETTINGS, *rates])

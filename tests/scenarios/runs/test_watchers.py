@@ -1,4 +1,4 @@
-"""Picture and progress give way while the log has to catch up."""
+"""Picture and progress skip messages while the log catches up."""
 
 from scenarios.runs.observer import OnMessage, ThrottledObservers
 from tests.made.scenarios.messages import START, start, text, tracking, truth
@@ -28,7 +28,7 @@ def test_while_the_log_is_behind_only_the_few_that_matter_are_shown() -> None:
     assert shown == [*important, ordinary[0]]
 
 
-def test_nothing_is_left_out_where_nobody_watches() -> None:
+def test_nothing_is_skipped_without_observers() -> None:
     watchers = ThrottledObservers([], lambda: 11, 10)
     watchers.listen(START, truth("v1", 0, 0.0, 0.0))
     assert watchers.skipped_line() == ""

@@ -77,10 +77,10 @@ def live(clock: FakeTime, monkeypatch: pytest.MonkeyPatch) -> Iterator[Shown]:
 
 
 def drive(shown: Shown, seconds: float = 12.0) -> None:
-    """What two vehicles tell until `seconds` after the start."""
+    """Messages of two vehicles until `seconds` after the start."""
     seq = round(seconds * 50)
     for name, error, east in (("v1", 0.02, 0.0), ("v2", -0.2, -15.0)):
-        # At first v2 is 34.5 cm beside the path, then 10 cm, and believes in 20 cm.
+        # At first v2 is 34.5 cm beside the path, then 10 cm, and estimates 20 cm.
         shown.listen(START, truth(name, seq - 1, east - 0.4, -0.345 if name == "v2" else 0.0))
         shown.listen(START, truth(name, seq, east, -0.1 if name == "v2" else 0.0))
         shown.listen(START, tracking(name, seq, lateral_error_m=error, mode="lead"))
@@ -117,7 +117,7 @@ def test_without_a_terminal_a_plain_line_now_and_then(
     plain.listen(START, gps("v1", 1))
     plain.listen(START, gps("v1", 2))
     out, err = capsys.readouterr()
-    assert out == ""  # standard output is for what the command is asked for
+    assert out == ""  # standard output is for results
     # dropped: without messages above the link's rate; late: messages and ticks
     assert err == (
         "12.0 of 35.0 s · true error now 10.0 cm, max 34.5 cm · min gap 10.0 m"
@@ -148,7 +148,7 @@ def test_a_terminal_shows_a_row_for_each_vehicle(
     assert "12.0 of 35.0 s" in err
     lines = [line.strip() for line in err.splitlines()]
     rows = {line.split()[0]: line.split()[1:] for line in lines if re.match(r"v\d ", line)}
-    # Truth first: the error now, the largest so far, the gap; then what the vehicle believes.
+    # Truth first: the error now, the largest so far, the gap; then the self-estimate.
     assert rows["v1"] == ["-", "-", "-", "2.0", "lead", "20.0", "0", "0", "0"]
     assert rows["v2"] == ["-10.0", "34.5", "10.0", "25.0", "composite", "20.0", "6", "1", "4"]
 
@@ -213,7 +213,7 @@ def test_while_the_log_catches_up_the_time_goes_on_and_the_backlog_is_shown(
         assert "4.0 of 35.0 s · " in capsys.readouterr().err
 
 
-def test_a_terminal_is_redrawn_at_most_so_often(
+def test_a_terminal_is_redrawn_at_a_limited_rate(
     live: Shown, clock: FakeTime, capsys: pytest.CaptureFixture[str]
 ) -> None:
     live.listen(START, start())
@@ -224,7 +224,7 @@ def test_a_terminal_is_redrawn_at_most_so_often(
     assert capsys.readouterr().err == ""
 
 
-def test_what_the_run_says_and_what_goes_wrong_is_printed(
+def test_messages_of_the_run_and_errors_are_printed(
     plain: Shown, capsys: pytest.CaptureFixture[str]
 ) -> None:
     plain.listen(START, text("run", 0, "all 2 vehicles are present"))

@@ -1,4 +1,4 @@
-"""Intervals hold the truth as often as they say, and spread as the closed forms of chains do."""
+"""Coverage of intervals, and their inflation against closed forms of chains."""
 
 from collections import Counter
 from math import inf, sqrt
@@ -38,7 +38,7 @@ def chains(loss: float, burst: float, seed: int) -> NDArray[np.bool_]:
 @pytest.mark.parametrize(
     ("loss", "burst"), [(0.05, 1.0 / 0.95), (0.4, 1.0 / 0.6), (0.2, 4.0), (0.5, 10.0)]
 )
-def test_the_interval_of_a_loss_holds_it_as_often_as_it_says(loss: float, burst: float) -> None:
+def test_the_interval_of_a_loss_has_its_nominal_coverage(loss: float, burst: float) -> None:
     found = chains(loss, burst, 5)
     held = 0
     for row in found:
@@ -69,7 +69,7 @@ def test_wilson_s_interval_by_its_own_equation() -> None:
     assert quantile_of_normal(0.95) == pytest.approx(1.959964, abs=1e-6)
 
 
-def test_nothing_counted_tells_nothing() -> None:
+def test_without_counts_nothing_is_estimated() -> None:
     assert (share(0, 0, 0.95).low, share(0, 0, 0.95).high) == (0.0, 1.0)
     assert mean_length(np.array([], dtype=np.int_), 0.95) is None
     assert spread({}, 1.0) is None

@@ -29,8 +29,8 @@ def tallied(*verdicts: LinkVerdict) -> LinkTally:
     return tally
 
 
-def account(asked: LinkTable, tally: LinkTally, sent: int = 0) -> LinkSummary:
-    return link_summary(LINK, asked, sent, tally)
+def account(requested: LinkTable, tally: LinkTally, sent: int = 0) -> LinkSummary:
+    return link_summary(LINK, requested, sent, tally)
 
 
 def fates(text: str, latency_ms: float = 20.0) -> list[LinkVerdict]:
@@ -43,12 +43,10 @@ def fates(text: str, latency_ms: float = 20.0) -> list[LinkVerdict]:
 
 
 @given(st.text(".x-", max_size=80), st.randoms(use_true_random=False))
-def test_losses_are_counted_by_number_in_whatever_order_they_are_said(
-    text: str, order: Random
-) -> None:
-    said = fates(text)
-    order.shuffle(said)
-    found = account(LinkTable(), tallied(*said), len(text))
+def test_losses_are_counted_by_number_in_any_order_of_verdicts(text: str, order: Random) -> None:
+    reported = fates(text)
+    order.shuffle(reported)
+    found = account(LinkTable(), tallied(*reported), len(text))
     carried = text.replace("-", "")
     assert found.judged == len(text) == found.delivered + sum(found.dropped.values())
     if carried:
@@ -59,17 +57,17 @@ def test_losses_are_counted_by_number_in_whatever_order_they_are_said(
         assert found.burst_messages_mean == pytest.approx(sum(runs) / len(runs))
 
 
-def test_what_overtook_is_reordered_and_what_was_copied_is_counted() -> None:
-    said = fates("....")
-    said[2] = replace(said[2], copies=1)
-    found = account(LinkTable(), tallied(said[0], said[3], said[1], said[2]))
+def test_overtaking_messages_and_copies_are_counted() -> None:
+    reported = fates("....")
+    reported[2] = replace(reported[2], copies=1)
+    found = account(LinkTable(), tallied(reported[0], reported[3], reported[1], reported[2]))
     assert (found.reordered, found.copies) == (2, 1)
 
 
 def test_false_content_is_counted_by_kind_of_what_is_delivered() -> None:
-    said = fates("..x")
-    said = [replace(one, content="offset") for one in said]
-    assert account(LinkTable(), tallied(*said)).false == {"offset": 2}
+    reported = fates("..x")
+    reported = [replace(one, content="offset") for one in reported]
+    assert account(LinkTable(), tallied(*reported)).false == {"offset": 2}
 
 
 def test_gaps_between_arrivals_are_those_of_the_ticks_of_delivery() -> None:
@@ -90,14 +88,14 @@ def test_ages_at_commands_and_the_share_of_them_that_is_safe() -> None:
     assert found.safe_time_ratio["1000"] == 4 / 5  # before the first nothing is safe
 
 
-def test_a_link_that_did_as_asked_is_not_named() -> None:
+def test_a_link_that_kept_its_request_is_not_listed() -> None:
     random = Random(4)
     text = "".join("x" if random.random() < 0.3 else "." for _ in range(2000))
     assert list(request_deviations(LINK, LinkTable(loss_ratio=0.3), tallied(*fates(text)))) == []
 
 
 @pytest.mark.parametrize(
-    ("text", "asked", "word"),
+    ("text", "requested", "word"),
     [
         ("." * 2000, LinkTable(loss_ratio=0.1), "lost 0.00 % of 2000 messages"),
         ("x." * 1000, LinkTable(), "lost 50.00 % of 2000 messages"),
@@ -110,19 +108,21 @@ def test_a_link_that_did_as_asked_is_not_named() -> None:
     ],
     ids=["none of the loss", "loss unasked", "bursts", "delay"],
 )
-def test_a_link_that_did_something_else_is_named(text: str, asked: LinkTable, word: str) -> None:
-    said = " | ".join(request_deviations(LINK, asked, tallied(*fates(text))))
-    assert word in said
-    assert said.startswith("v1 → v2: ")
+def test_a_link_that_deviates_from_its_request_is_listed(
+    text: str, requested: LinkTable, word: str
+) -> None:
+    reported = " | ".join(request_deviations(LINK, requested, tallied(*fates(text))))
+    assert word in reported
+    assert reported.startswith("v1 → v2: ")
 
 
-def test_what_the_machine_delayed_is_not_the_link_s_fault() -> None:
-    said = fates("." * 200)
-    said[7] = replace(said[7], late=True, received_at_ns=at(900.0))
-    assert list(request_deviations(LINK, LinkTable(), tallied(*said))) == []
+def test_delays_of_the_machine_do_not_count_against_the_link() -> None:
+    reported = fates("." * 200)
+    reported[7] = replace(reported[7], late=True, received_at_ns=at(900.0))
+    assert list(request_deviations(LINK, LinkTable(), tallied(*reported))) == []
 
 
-def test_a_line_says_what_was_asked_and_done() -> None:
+def test_a_line_has_requested_and_achieved_figures() -> None:
     tally = tallied(*fates(("x" * 2 + "." * 8) * 20))
     tally.add_age(0.12)
     line = describe_link(account(LinkTable(loss_ratio=0.25), tally))
@@ -131,7 +131,7 @@ def test_a_line_says_what_was_asked_and_done() -> None:
     assert line.endswith("requested 20; 120 ms old at commands, 120 at most")
 
 
-def test_a_link_that_was_changed_is_held_against_nothing_that_was_asked() -> None:
+def test_a_changed_link_is_not_compared_with_its_request() -> None:
     tally = tallied(*fates("x" * 300 + "." * 300, latency_ms=90.0))
     assert len(list(request_deviations(LINK, LinkTable(), tally))) == 2
     tally.changed = True

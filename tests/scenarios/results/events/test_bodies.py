@@ -145,9 +145,9 @@ def test_bodies_are_never_nearer_than_their_shadows(one: CarBody, other: CarBody
 def test_the_shadows_of_one_behind_the_other_are_as_far_apart_as_they(
     yaw: float, gap: float, aside: float
 ) -> None:
-    way = gap + 4.93
-    east = way * math.cos(yaw) - aside * math.sin(yaw)
-    north = way * math.sin(yaw) + aside * math.cos(yaw)
+    distance = gap + 4.93
+    east = distance * math.cos(yaw) - aside * math.sin(yaw)
+    north = distance * math.sin(yaw) + aside * math.cos(yaw)
     ahead, behind = placed(0.0, 0.0, yaw), placed(east, north, yaw)
     assert certainly_apart(ahead, behind, gap - 2.0 * ROUNDING_M)
     assert not certainly_apart(ahead, behind, gap)

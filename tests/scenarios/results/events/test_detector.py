@@ -33,8 +33,8 @@ def detected(
     for message in messages:
         stream.listen(0, message)
     stream.finish()
-    told = log.take_new()
-    assert sorted(one.line for one in told) == sorted(one.line for one in log.events())
+    results = log.take_new()
+    assert sorted(one.line for one in results) == sorted(one.line for one in log.events())
     return log.events()
 
 
@@ -65,7 +65,7 @@ def gripping(vehicle: str, shares: list[float]) -> list[TruePose]:
     ]
 
 
-def test_a_slide_is_who_when_how_long_and_how_far() -> None:
+def test_a_slide_names_vehicle_time_and_figures() -> None:
     (event,) = detected(*gripping("v2", [0.5, 0.98, 0.99, 1.0, 1.0, 0.6]))
     assert (event.kind, event.vehicles) == ("slide", ("v2",))
     assert event.at_s == pytest.approx(0.04)
@@ -90,7 +90,7 @@ def test_a_slide_that_flickers_is_one_and_a_later_one_another() -> None:
 QUIET = [5.0] * (QUIET_NS // (SECOND // 50) + 2)
 
 
-def test_a_collision_is_who_when_and_how_fast() -> None:
+def test_a_collision_names_vehicles_time_and_speed() -> None:
     (event,) = detected(*approach([3.0, 2.0, -0.5, -1.0], speed=7.0), near_miss_time_s=0.0)
     assert (event.kind, event.vehicles) == ("collision", ("v1", "v2"))
     assert event.at_s == pytest.approx(0.04)
@@ -133,7 +133,7 @@ def test_a_near_miss_can_be_short_of_time_instead_of_distance() -> None:
     assert detected(*approach([16.0, 15.5], speed=10.0)) == ()
 
 
-def test_what_became_a_collision_was_no_near_miss() -> None:
+def test_a_collision_is_not_also_a_near_miss() -> None:
     for gaps in ([0.9, -0.1], [0.9, -0.1, 0.9, *QUIET], [-0.1, 0.9, 0.5, *QUIET]):
         assert [one.kind for one in detected(*approach(gaps))] == ["collision"]
 
@@ -179,7 +179,7 @@ def modes(*spans: tuple[str, float]) -> list[Tracking]:
 
 
 @pytest.mark.parametrize("lost", ["coast", "straight", "stop"])
-def test_a_path_is_lost_after_a_while_without_one_once_there_was_one(lost: str) -> None:
+def test_a_path_is_lost_after_some_time_without_one(lost: str) -> None:
     found = detected(*modes(("straight", 3), ("composite", 1), (lost, 2.5), ("lead", 1)))
     (event,) = of_kind("path_lost", found)
     assert (event.kind, event.vehicles) == ("path_lost", ("v2",))
@@ -192,7 +192,7 @@ def test_a_path_is_lost_after_a_while_without_one_once_there_was_one(lost: str) 
     assert len(of_kind("path_lost", twice)) == 2
 
 
-def test_who_still_knows_the_road_ahead_has_not_lost_its_path() -> None:
+def test_a_follower_with_known_road_ahead_has_not_lost_its_path() -> None:
     """It slows down along it; the path is lost a second after it has ended."""
     known = [tracking("v2", seq, mode="coast", known_m=20.0 - 0.2 * seq) for seq in range(300)]
     (event,) = detected(tracking("v2", 0), *known[1:])
@@ -200,10 +200,10 @@ def test_who_still_knows_the_road_ahead_has_not_lost_its_path() -> None:
     assert event.at_s == pytest.approx(100 / 50)
 
 
-def test_a_stop_is_an_event_with_what_was_known_and_what_will_be_blind() -> None:
+def test_a_stop_is_an_event_with_known_path_and_predicted_blind_distance() -> None:
     braking = {"mode": "stop", "known_m": 12.5, "blind_m": 3.25}
-    told = [{}, {}, braking, *[braking | {"known_m": 1.0, "blind_m": 9.0}] * 50, {}, braking]
-    first, second = detected(*(tracking("v2", seq, **more) for seq, more in enumerate(told)))
+    results = [{}, {}, braking, *[braking | {"known_m": 1.0, "blind_m": 9.0}] * 50, {}, braking]
+    first, second = detected(*(tracking("v2", seq, **more) for seq, more in enumerate(results)))
     assert (first.kind, first.vehicles) == ("stop", ("v2",))
     assert first.at_s == pytest.approx(0.04)
     assert first.figures == pytest.approx(
@@ -219,10 +219,10 @@ def test_a_stop_is_an_event_with_what_was_known_and_what_will_be_blind() -> None
     assert event.line == "stop: v2 stops for lack of data, 0.00 s after the start"
 
 
-def test_a_source_that_is_not_believed_is_an_event_for_each_time() -> None:
+def test_each_distrust_of_a_source_is_an_event() -> None:
     doubt, both = {"lead_status": "distrusted"}, {"predecessor_status": "distrusted"}
-    told = [{}, doubt, doubt | both, both, {}, both]
-    found = detected(*(tracking("v3", seq, **more) for seq, more in enumerate(told)))
+    results = [{}, doubt, doubt | both, both, {}, both]
+    found = detected(*(tracking("v3", seq, **more) for seq, more in enumerate(results)))
     assert [(one.vehicles, round(50 * one.at_s)) for one in found] == [
         (("v1", "v3"), 1), (("v2", "v3"), 2), (("v2", "v3"), 5),
     ]  # fmt: skip
@@ -233,7 +233,7 @@ def test_a_source_that_is_not_believed_is_an_event_for_each_time() -> None:
     assert [one.vehicles for one in both_ways] == [("v1", "v2")]  # the lead follows nobody
 
 
-def test_what_was_not_recorded_is_no_lost_path() -> None:
+def test_unrecorded_time_is_no_lost_path() -> None:
     found = modes(("composite", 1), ("coast", 0.5), ("coast", 4), ("coast", 0.5))
     assert detected(*(one for one in found if not 75 <= one.seq < 275)) == ()
 
@@ -242,8 +242,8 @@ def test_what_was_not_recorded_is_no_lost_path() -> None:
 @settings(max_examples=30, deadline=None)
 def test_only_the_order_within_a_vehicle_matters(random: Any) -> None:
     places = [
-        pose(name, seq, 0.6 * seq - 6.0 * place + way * math.sin(0.05 * seq), speed=30.0)
-        for place, (name, way) in enumerate(zip(CONVOY, (0.0, 0.8, 4.0), strict=True))
+        pose(name, seq, 0.6 * seq - 6.0 * place + path * math.sin(0.05 * seq), speed=30.0)
+        for place, (name, path) in enumerate(zip(CONVOY, (0.0, 0.8, 4.0), strict=True))
         for seq in range(150)
     ]
     streams: list[list[Message]] = [
@@ -259,7 +259,7 @@ def test_only_the_order_within_a_vehicle_matters(random: Any) -> None:
 
 
 @given(
-    ways=st.lists(
+    paths=st.lists(
         st.lists(
             st.tuples(st.floats(-12, 12), st.floats(-4, 4), st.floats(-3.2, 3.2)),
             min_size=8,
@@ -271,15 +271,15 @@ def test_only_the_order_within_a_vehicle_matters(random: Any) -> None:
 )
 @examples(33, 100)
 def test_no_overlap_passes_unseen_and_none_is_invented(
-    ways: list[list[tuple[float, float, float]]],
+    paths: list[list[tuple[float, float, float]]],
 ) -> None:
     """Against every pair looked at by itself at every instant."""
     poses = [
         [
             replace(pose(name, seq, east, north), yaw_rad=yaw)
-            for seq, (east, north, yaw) in enumerate(way)
+            for seq, (east, north, yaw) in enumerate(path)
         ]
-        for name, way in zip(CONVOY, ways, strict=True)
+        for name, path in zip(CONVOY, paths, strict=True)
     ]
     expected: list[tuple[float, tuple[str, str]]] = []
     for one, other in ((0, 1), (0, 2), (1, 2)):

@@ -48,7 +48,7 @@ def messages(until_s: float = 8.0, **episodes: Episode) -> list[Tracking]:
 
 def figure(
     limit: ModeLimit | SourceLimit | RecoveryLimit,
-    heard: list[Tracking],
+    received: list[Tracking],
     errors: dict[float, float] | None = None,
     ran_ns: int = RAN,
 ) -> DeadlineFigure:
@@ -56,7 +56,7 @@ def figure(
     kind = {ModeLimit: "modes", SourceLimit: "sources", RecoveryLimit: "recovery"}[type(limit)]
     deadlines = Deadlines(LimitsTable.model_validate({kind: (limit,)}), "v1")
     deadlines.begin(START)
-    for one in heard:
+    for one in received:
         deadlines.add_tracking(one)
         off = (errors or {}).get(round((one.decided_at_ns - START) / SECOND, 2), 0.0)
         deadlines.add_error(one.vehicle, one.decided_at_ns, off)
@@ -84,18 +84,18 @@ def test_a_mode_that_was_left_before_does_not_count() -> None:
     assert (found.took_s, found.broken) == (None, True)
 
 
-def test_a_run_that_ended_before_the_deadline_says_nothing() -> None:
-    heard = messages(until_s=2.4)
-    assert not figure(PREDECESSOR, heard, ran_ns=round(2.4 * SECOND)).broken
-    assert figure(PREDECESSOR, heard, ran_ns=round(2.6 * SECOND)).broken
+def test_a_run_that_ended_before_the_deadline_breaks_no_limit() -> None:
+    received = messages(until_s=2.4)
+    assert not figure(PREDECESSOR, received, ran_ns=round(2.4 * SECOND)).broken
+    assert figure(PREDECESSOR, received, ran_ns=round(2.6 * SECOND)).broken
 
 
 def test_others_do_not_count() -> None:
-    heard = heard_of("v2", {"mode": ("predecessor", 2.0, 5.0)}) + messages()
-    assert figure(PREDECESSOR, heard).took_s is None
+    received = heard_of("v2", {"mode": ("predecessor", 2.0, 5.0)}) + messages()
+    assert figure(PREDECESSOR, received).took_s is None
 
 
-def test_a_source_is_told_apart_from_the_other() -> None:
+def test_lead_and_predecessor_are_separate_sources() -> None:
     by_lead = messages(lead_status=("distrusted", 2.2, 4.0))
     by_predecessor = messages(predecessor_status=("distrusted", 2.2, 4.0))
     assert figure(DISTRUST, by_lead).took_s is None
@@ -106,8 +106,8 @@ def test_a_source_is_told_apart_from_the_other() -> None:
 
 def test_the_first_follower_s_predecessor_is_the_lead() -> None:
     limit = DISTRUST.model_copy(update={"vehicle": "v2", "source": "v1"})
-    heard = heard_of("v2", {"lead_status": ("distrusted", 2.3, 4.0)})
-    assert figure(limit, heard).took_s == pytest.approx(0.3)
+    received = heard_of("v2", {"lead_status": ("distrusted", 2.3, 4.0)})
+    assert figure(limit, received).took_s == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize(
@@ -121,7 +121,7 @@ def test_the_first_follower_s_predecessor_is_the_lead() -> None:
         ({"mode": ("coast", 6.0, 9.0)}, None),
     ],
 )
-def test_recovered_is_who_relies_on_all_sources_for_good(
+def test_recovery_requires_all_sources_until_the_end(
     episodes: dict[str, Episode], took_s: float | None
 ) -> None:
     found = figure(RECOVERY, heard_of("v3", episodes))
@@ -129,14 +129,16 @@ def test_recovered_is_who_relies_on_all_sources_for_good(
     assert found.broken == (took_s is None or took_s > 1.0)
 
 
-def test_recovered_is_who_is_on_the_path_too() -> None:
+def test_recovery_requires_being_on_the_path() -> None:
     assert figure(RECOVERY, messages(), {2.5: 0.31, 3.0: -0.29}).took_s == pytest.approx(0.5)
     assert figure(RECOVERY, messages(), {1.5: 0.31}).took_s == 0.0
     assert figure(RECOVERY, messages(), {7.98: -0.31}).took_s is None  # it was not at the end
 
 
-def test_who_is_silent_at_the_end_has_not_recovered() -> None:
-    assert figure(RECOVERY, messages(until_s=7.5)).took_s == 0.0  # within a second: on its way
+def test_a_vehicle_silent_at_the_end_has_not_recovered() -> None:
+    assert (
+        figure(RECOVERY, messages(until_s=7.5)).took_s == 0.0
+    )  # within a second: still in transit
     assert figure(RECOVERY, messages(until_s=6.5)).took_s is None
     assert figure(RECOVERY, []).took_s is None
 

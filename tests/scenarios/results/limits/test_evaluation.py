@@ -141,16 +141,16 @@ FIGURES = {
 
 
 @pytest.mark.parametrize("key", FIGURES)
-def test_a_figure_at_its_bound_keeps_the_limit_and_one_beyond_breaks_it(key: str) -> None:
-    at_bound, beyond, said = FIGURES[key]
-    for bound, line in ((at_bound, ""), (beyond, f"limits.{key} = {beyond:g}: {said}")):
+def test_a_value_at_the_bound_keeps_the_limit_and_one_beyond_breaks_it(key: str) -> None:
+    at_bound, beyond, reported = FIGURES[key]
+    for bound, line in ((at_bound, ""), (beyond, f"limits.{key} = {beyond:g}: {reported}")):
         (found,) = limit_figures(LimitsTable.model_validate({key: bound}), (), (LEAD, FOLLOWER))
         assert found == LimitFigure(
             limit=key, bound=bound, value=at_bound, vehicle="v3", message=line
         )
 
 
-def test_a_figure_that_nobody_has_is_no_breach_but_is_said() -> None:
+def test_a_figure_without_value_is_listed_and_breaks_no_limit() -> None:
     limits = LimitsTable(cross_track_error_m_max=0.0, true_gap_m_min=1.0)
     found = limit_figures(limits, (), (LEAD,))
     assert [(one.limit, one.value, one.broken) for one in found] == [
@@ -231,7 +231,7 @@ def test_a_vehicle_s_own_bound_replaces_that_of_the_convoy() -> None:
     )
 
 
-def test_a_vehicle_s_own_limit_says_nothing_of_others() -> None:
+def test_a_vehicle_s_own_limit_does_not_apply_to_others() -> None:
     limits = LimitsTable.model_validate({"v3": {"true_gap_m_min": 4.0, "friction_ratio_max": 0.6}})
     close = replace(FOLLOWER, name="v2", true_gap_m_min=0.1)
     assert [(one.limit, one.value, one.broken) for one in limit_figures(limits, (), (close,))] == [

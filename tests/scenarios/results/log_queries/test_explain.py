@@ -1,4 +1,4 @@
-"""`convoy explain` says of a recorded run what a plain reading of its log says."""
+"""`convoy explain` against a plain reading of the log."""
 
 import json
 from collections.abc import Iterator
@@ -79,16 +79,16 @@ def check_source(
     vehicle = found.vehicle
     for source in found.sources:
         verdicts = [v for v in plain[vehicle, "verdict"] if v.sender == source.sender]
-        heard = [v for v in verdicts if v.outcome == "delivered" and v.received_at_ns <= now]
-        if not heard:
+        received = [v for v in verdicts if v.outcome == "delivered" and v.received_at_ns <= now]
+        if not received:
             assert source.number is None
             assert source.age_s is source.path_left_m is None
         else:
-            best = max(heard, key=lambda v: v.measured_at_ns)
+            best = max(received, key=lambda v: v.measured_at_ns)
             assert source.number == best.pose_seq
             assert source.age_s == pytest.approx((now - best.measured_at_ns) / 1e9)
             assert source.received_at_s == pytest.approx((best.received_at_ns - start) / 1e9)
-            numbers = {v.pose_seq for v in heard}
+            numbers = {v.pose_seq for v in received}
             places = [
                 plane.to_plane(g.latitude_deg, g.longitude_deg, g.altitude_m)
                 for g in plain[source.sender, "gps"] if g.seq in numbers
@@ -129,7 +129,7 @@ def cause(sender: str, receiver: str, reason: str) -> str:
 
 
 def brute_way_left(places: list[tuple[float, float]], here: tuple[float, float]) -> float:
-    """The way to the end from the nearest of many points laid along the polyline."""
+    """Length from the nearest of many points on the polyline to its end."""
     ends = np.array(places)
     fine = [ends[:1]]
     for before, after in pairwise(ends):
@@ -140,22 +140,22 @@ def brute_way_left(places: list[tuple[float, float]], here: tuple[float, float])
     return float(np.hypot(*np.diff(points[nearest:], axis=0).T).sum())
 
 
-def test_what_is_said_of_a_hundred_instants_is_in_the_log(log: Path, plain: Record) -> None:
+def test_explanations_of_a_hundred_instants_match_the_log(log: Path, plain: Record) -> None:
     start = plain["run", "start"][0].start_at_ns
     known = {name: RecordedKnowledge.of(log, name) for name in ("v1", "v2", "v3", "v4")}
     plane = LocalPlane(load_scenario("lane_change").origin)
-    said = 0
+    reported = 0
     for vehicle, at_s in instants():
         found = known[vehicle].at(at_s)
-        asked = start + round(at_s * 1e9)
-        decision = [t for t in plain[vehicle, "tracking"] if t.decided_at_ns <= asked][-1]
+        requested = start + round(at_s * 1e9)
+        decision = [t for t in plain[vehicle, "tracking"] if t.decided_at_ns <= requested][-1]
         assert found.decided_at_s == pytest.approx((decision.decided_at_ns - start) / 1e9)
         assert (found.mode, found.reason) == (decision.mode, decision.reason)
         assert [source.sender for source in found.sources] == senders(vehicle)
         check_source(plain, plane, found, start, decision.decided_at_ns)
         assert all(source.sender in found.sentence for source in found.sources)
-        said += len(found.sources)
-    assert said > INSTANTS  # the draw is not of leads only
+        reported += len(found.sources)
+    assert reported > INSTANTS  # the draw is not of leads only
 
 
 def test_the_ages_are_those_of_the_vehicle_itself(log: Path, plain: Record) -> None:
@@ -185,7 +185,7 @@ def test_the_command_prints_the_sentence_and_its_twin_for_machines(log: Path) ->
         ("v3", "12.5", "v3 has no decision at 12.5 s, allowed 0 to 11.98"),
     ],
 )
-def test_what_is_not_in_the_log_is_refused_in_one_line(
+def test_values_outside_of_the_log_are_refused_in_one_line(
     log: Path, vehicle: str, at: str, words: str
 ) -> None:
     result = CliRunner().invoke(explain_command, [str(log), "--vehicle", vehicle, "--at", at])
@@ -195,19 +195,19 @@ def test_what_is_not_in_the_log_is_refused_in_one_line(
 
 
 @given(st.floats(-5.0, 60.0), st.floats(-3.0, 3.0))
-def test_the_way_left_on_a_straight_is_plain(ahead: float, aside: float) -> None:
+def test_the_remaining_path_on_a_straight_is_its_length(ahead: float, aside: float) -> None:
     places = [(2.0 * k, 0.0) for k in range(21)]
     expected = min(max(40.0 - ahead, 0.0), 40.0)
     assert remaining_path_length(places, (ahead, aside)) == pytest.approx(expected, abs=1e-9)
 
 
-def test_the_way_left_is_that_of_the_last_lap() -> None:
+def test_the_remaining_path_is_that_of_the_last_lap() -> None:
     square = [(0.0, 0.0), (100.0, 0.0), (100.0, 100.0), (0.0, 100.0)]
     laps = [*square, *square, *square]
     assert remaining_path_length(laps, (50.0, 1.0)) == pytest.approx(250.0)
 
 
-def test_no_places_and_one_place_leave_no_way() -> None:
+def test_no_place_and_one_place_leave_no_path() -> None:
     assert (
         remaining_path_length([], (0.0, 0.0))
         == remaining_path_length([(3.0, 4.0)], (0.0, 0.0))
@@ -215,13 +215,13 @@ def test_no_places_and_one_place_leave_no_way() -> None:
     )
 
 
-def test_the_age_of_what_was_heard_is_that_by_the_vehicle_s_own_clock(tmp_path: Path) -> None:
+def test_ages_of_poses_are_by_the_vehicle_s_own_clock(tmp_path: Path) -> None:
     clocks = ["vehicle.v2.clock={offset_ms=150.0}", "vehicle.v3.clock={offset_ms=-400.0}"]
     run_virtual(load_scenario("lane_change", ["duration_s=3.0", *clocks]), tmp_path, Stop())
     record = RecordedKnowledge.of(tmp_path / "run.mcap", "v3")
     decision = record.decisions[100]
-    told = record.at((decision.decided_at_ns - record.start_at) / SECOND)
-    ages = {source.sender: source.age_s for source in told.sources}
+    results = record.at((decision.decided_at_ns - record.start_at) / SECOND)
+    ages = {source.sender: source.age_s for source in results.sources}
     assert ages["v1"] == pytest.approx(decision.lead_age_s)
     assert ages["v2"] == pytest.approx(decision.predecessor_age_s)
     assert decision.predecessor_age_s < -0.4

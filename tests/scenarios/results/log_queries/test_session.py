@@ -59,7 +59,7 @@ def entries(log: Path) -> list[dict[str, object]]:
     ]
 
 
-def test_one_change_of_several_receivers_is_one_again(tmp_path: Path) -> None:
+def test_one_change_of_several_receivers_stays_one_change(tmp_path: Path) -> None:
     after = 1_234_567_891
     log = log_of(
         tmp_path / "a.mcap",
@@ -94,7 +94,7 @@ def test_receivers_that_made_it_at_other_instants_or_not_at_all_stay_apart(tmp_p
     ]
 
 
-def test_what_is_done_to_vehicles_is_there_too(tmp_path: Path) -> None:
+def test_changes_of_vehicles_are_included(tmp_path: Path) -> None:
     done = [
         changed("v2", 0, 1_000_000_000, kind="gnss", vehicle="v2", fix="float", for_s=1.0),
         changed("v3", 0, 1_500_000_000, kind="stall", vehicle="v3", for_s=0.5),

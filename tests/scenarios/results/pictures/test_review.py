@@ -62,8 +62,8 @@ def write_log(path: Path, *, attached: bytes | None) -> None:
 def reviewed(log: Path, warnings: list[str] | None = None) -> Table:
     recording = log.with_suffix(".rrd")
     option = parse_rerun_option(f"save={recording}")
-    heard: list[str] = [] if warnings is None else warnings
-    count = review(log, option, wait=lambda _: pytest.fail("waits"), warn=heard.append)
+    received: list[str] = [] if warnings is None else warnings
+    count = review(log, option, wait=lambda _: pytest.fail("waits"), warn=received.append)
     assert count > 0
     return columns(recording)
 
@@ -88,10 +88,10 @@ def test_a_reviewed_log_is_drawn_as_the_run_was(tmp_path: Path) -> None:
 
 def test_the_picture_has_the_title_of_the_run(tmp_path: Path) -> None:
     """So that two runs of other settings can be told apart in the viewer."""
-    asked = scenario_from_text(SCENARIO, overrides=["convoy.gap_m=3"], seed=7)
-    write_log(tmp_path / "run.mcap", attached=asked.text.encode())
-    said = str(reviewed(tmp_path / "run.mcap")["/__properties"])
-    assert f"circle ({asked.fingerprint}), seed 7, α 0.5, loss 0 %, convoy.gap_m=3" in said
+    requested = scenario_from_text(SCENARIO, overrides=["convoy.gap_m=3"], seed=7)
+    write_log(tmp_path / "run.mcap", attached=requested.text.encode())
+    reported = str(reviewed(tmp_path / "run.mcap")["/__properties"])
+    assert f"circle ({requested.fingerprint}), seed 7, α 0.5, loss 0 %, convoy.gap_m=3" in reported
 
 
 @pytest.mark.parametrize("attached", [None, b'name = "written by a later version"\nx = 1\n'])
@@ -197,7 +197,7 @@ def test_the_largest_value_drawn_is_the_table_s(drawn: Drawn) -> None:
             assert (row.true_gap_m_min is None) == (name == "v1")
 
 
-def test_a_largest_value_is_drawn_when_the_table_says(drawn: Drawn) -> None:
+def test_a_scheduled_extreme_value_is_used_at_its_instant(drawn: Drawn) -> None:
     for table in drawn.tables:
         for row in drawn.summary.vehicles[1:]:
             for quantity, at_s, value in (
@@ -219,12 +219,12 @@ def test_true_values_in_the_log_are_those_drawn(drawn: Drawn) -> None:
             if channel.topic.endswith("/deviation")
         ]
     for name in drawn.scenario.vehicle_names[1:]:
-        told = [
+        results = [
             (one.true_at_ns - drawn.scenario.start_at_ns, one)
             for one in records
             if one.vehicle == name
         ]
-        assert 8.0 < len(told) / drawn.scenario.duration_s < 11.0
+        assert 8.0 < len(results) / drawn.scenario.duration_s < 11.0
         for quantity, field in (("cross_track", "cross_track_error_m"), ("true_gap", "true_gap_m")):
             curve = drawn.tables[0][f"/plots/{quantity}/{name}"]
             at = {
@@ -232,9 +232,11 @@ def test_true_values_in_the_log_are_those_drawn(drawn: Drawn) -> None:
                 for ns, one in zip(curve["run_time"], curve["Scalars:scalars"], strict=True)
                 if one
             }
-            known = {ns: getattr(one, field) for ns, one in told if not isnan(getattr(one, field))}
+            known = {
+                ns: getattr(one, field) for ns, one in results if not isnan(getattr(one, field))
+            }
             assert known.items() <= at.items()
-            assert len(known) > 0.8 * min(len(at) / 5, len(told))
+            assert len(known) > 0.8 * min(len(at) / 5, len(results))
 
 
 def test_layouts_lie_beside_the_log_of_a_run(drawn: Drawn) -> None:
@@ -325,12 +327,12 @@ def test_a_log_that_breaks_off_is_shown_as_far_as_it_goes(tmp_path: Path) -> Non
     assert "breaks off" in warnings[0]
 
 
-def test_served_pictures_wait_until_nobody_looks(tmp_path: Path) -> None:
+def test_served_pictures_wait_until_they_are_stopped(tmp_path: Path) -> None:
     write_log(tmp_path / "run.mcap", attached=None)
-    asked: list[str] = []
-    review(tmp_path / "run.mcap", parse_rerun_option("serve"), wait=asked.append)
-    assert len(asked) == 1
-    assert asked[0].startswith("http://127.0.0.1:")
+    requested: list[str] = []
+    review(tmp_path / "run.mcap", parse_rerun_option("serve"), wait=requested.append)
+    assert len(requested) == 1
+    assert requested[0].startswith("http://127.0.0.1:")
 
 
 def test_a_log_without_vehicles_is_refused(tmp_path: Path) -> None:

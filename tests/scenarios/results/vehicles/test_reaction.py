@@ -31,13 +31,13 @@ def figures(*messages: Tracking | TruePose) -> ReactionSummary:
 
 
 def states(*spans: tuple[int, Given]) -> list[Tracking]:
-    """Tracking messages of a follower that knows the same for so many ticks each."""
-    told = [given for count, given in spans for _ in range(count)]
-    return [tracking("v2", seq, **given) for seq, given in enumerate(told)]
+    """Tracking messages of a follower that has each state for a number of ticks."""
+    results = [given for count, given in spans for _ in range(count)]
+    return [tracking("v2", seq, **given) for seq, given in enumerate(results)]
 
 
 def stop(speed: float, known: float, deceleration: float) -> list[tuple[Tracking, TruePose]]:
-    """A car that brakes evenly to a standstill, with so many metres of its path known at first."""
+    """A car that brakes evenly to a standstill, with a known length (m) of path at first."""
     found, driven, seq = [], 0.0, 0
     while speed > 0.0:
         seq += 1
@@ -81,7 +81,7 @@ def test_changes_of_mode_recoveries_stops_and_hazards_are_counted() -> None:
 def test_blind_metres_are_those_beyond_the_known_path(
     speed: float, known: float, deceleration: float, random: Any
 ) -> None:
-    """Whichever kind of message comes first: the way to a standstill less what was known."""
+    """In any order of messages: the distance to a standstill less the known path."""
     drive = stop(speed, known, deceleration)
     start = truth("v2", 0, 0.0, 0.0, distance=100.0)
     streams: list[list[Tracking | TruePose]] = [
@@ -99,7 +99,7 @@ def test_blind_metres_are_those_beyond_the_known_path(
     assert found == pytest.approx(max(driven - known, 0.0), abs=1e-6 * len(drive))
 
 
-def test_who_follows_somebody_is_not_blind_and_who_never_heard_anything_is_not_counted() -> None:
+def test_blind_distance_excludes_following_and_the_time_before_messages() -> None:
     drive = [truth("v2", seq, 0.6 * seq, 0.0, distance=0.6 * seq) for seq in range(20)]
     nan = float("nan")
     assert figures(*states((20, {"known_m": -2.0, "mode": "lead"})), *drive).blind_m == 0.0

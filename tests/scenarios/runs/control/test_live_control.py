@@ -1,4 +1,4 @@
-"""What a vehicle answers that is asked to change something, and what it then does."""
+"""Answers of a vehicle to change requests, and their effects."""
 
 import json
 from math import ceil
@@ -22,7 +22,7 @@ DURATION_S = 5.0
 
 
 class Vehicle:
-    """A vehicle that can be asked, with a clock that stands still at `now` (ns)."""
+    """A vehicle that answers requests, with a clock that stands still at `now` (ns)."""
 
     def __init__(self, name: str, now: int, *overrides: str) -> None:
         scenario = load_scenario("lane_change", [f"duration_s={DURATION_S}", *overrides])
@@ -45,10 +45,10 @@ def test_it_takes_effect_at_the_first_tick_two_periods_ahead(since: int, rate_hz
     assert at == min(one for one in near if one >= START + since + round(2 * SECOND / rate_hz))
 
 
-def test_a_change_is_confirmed_and_due_at_the_instant_that_is_told() -> None:
+def test_a_change_is_confirmed_and_due_at_the_confirmed_instant() -> None:
     vehicle = Vehicle("v3", START + 7 * PERIOD + 1).begun()
-    said = vehicle.ask(kind="cut", sender="v1", for_s=0.5)
-    assert said == Confirmation("v3", 10 / 50, "cut for 0.5 s")
+    reported = vehicle.ask(kind="cut", sender="v1", for_s=0.5)
+    assert reported == Confirmation("v3", 10 / 50, "cut for 0.5 s")
     assert vehicle.pending_changes.take(START + 10 * PERIOD - 1) == []
     (due,) = vehicle.pending_changes.take(START + 10 * PERIOD)
     assert (due.at, due.by_hand) == (START + 10 * PERIOD, True)
@@ -68,12 +68,12 @@ def test_a_change_is_confirmed_and_due_at_the_instant_that_is_told() -> None:
         (float("nan"), 0.18),
     ],
 )
-def test_an_instant_may_be_asked_for(wanted_s: float, from_s: float) -> None:
+def test_an_instant_can_be_requested(wanted_s: float, from_s: float) -> None:
     vehicle = Vehicle("v3", START + 7 * PERIOD).begun()
     assert vehicle.ask(at_s=wanted_s, kind="heal").from_s == from_s
 
 
-def test_without_a_change_it_says_when_one_could_be_made() -> None:
+def test_without_a_change_the_answer_is_the_first_possible_instant() -> None:
     vehicle = Vehicle("v1", START + 7 * PERIOD).begun()
     assert vehicle.ask() == Confirmation("v1", 0.18)
     assert vehicle.pending_changes.take(START + SECOND) == []
@@ -82,7 +82,7 @@ def test_without_a_change_it_says_when_one_could_be_made() -> None:
 @pytest.mark.parametrize(
     ("name", "entry", "does"),
     [
-        ("v1", {"kind": "cut"}, ""),  # it hears nobody
+        ("v1", {"kind": "cut"}, ""),  # it has no sources
         ("v2", {"kind": "cut"}, "cut"),
         ("v2", {"kind": "cut", "receiver": "v3"}, ""),
         ("v3", {"kind": "cut", "sender": "predecessor"}, "cut"),
@@ -93,7 +93,9 @@ def test_without_a_change_it_says_when_one_could_be_made() -> None:
          "acceleration_mps2 1.5"),
     ],
 )  # fmt: skip
-def test_each_does_what_is_about_it(name: str, entry: dict[str, object], does: str) -> None:
+def test_each_vehicle_carries_out_the_changes_that_concern_it(
+    name: str, entry: dict[str, object], does: str
+) -> None:
     vehicle = Vehicle(name, START).begun()
     assert vehicle.control.answer(ChangeRequest(entry).text).does == does
     assert len(vehicle.pending_changes.take(START + SECOND)) == bool(does)
@@ -121,16 +123,14 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("question", "line"), REFUSED)
-def test_what_is_wrong_is_refused_in_a_line_and_nothing_is_done(
-    question: bytes, line: str | None
-) -> None:
+def test_an_invalid_change_is_refused_in_a_line(question: bytes, line: str | None) -> None:
     vehicle = Vehicle("v3", START).begun()
-    said = vehicle.control.answer(question)
-    assert len(said.refused) == 1
-    assert said.does == ""
-    assert line is None or said.refused == (line,)
+    reported = vehicle.control.answer(question)
+    assert len(reported.refused) == 1
+    assert reported.does == ""
+    assert line is None or reported.refused == (line,)
     assert vehicle.pending_changes.take(START + 10 * SECOND) == []
-    assert Confirmation.of(said.text) == said
+    assert Confirmation.of(reported.text) == reported
 
 
 @pytest.mark.parametrize(
@@ -154,13 +154,13 @@ def test_it_answers_over_the_bus() -> None:
 
 
 @pytest.mark.parametrize("answer", [b"", b"{}", b"[]", b'{"vehicle": 1}', b"[" * 9000, b"\xff"])
-def test_an_answer_that_is_none_is_told_apart(answer: bytes) -> None:
+def test_an_invalid_answer_is_recognised(answer: bytes) -> None:
     with pytest.raises(ValueError, match=r"answer|JSON|Expecting|decode"):
         Confirmation.of(answer)
 
 
 @given(st.integers(0, 86_400 * SECOND))
-def test_an_instant_survives_its_way_through_a_scenario(since: int) -> None:
+def test_an_instant_survives_a_round_trip_through_a_scenario(since: int) -> None:
     """Seconds as a number with 53 bits are exact to the nanosecond for as long as a run may be."""
     change = change_from_json(change_json(CutTable(kind="cut", at_s=since / SECOND)))
     assert START + nanoseconds(change.at_s) == START + since

@@ -26,7 +26,7 @@ def test_a_run_is_found_while_it_goes_on(tmp_path: Path) -> None:
     assert (tmp_path / "open").stat().st_mode & 0o077 == 0
 
 
-def test_what_a_killed_run_left_behind_is_removed(tmp_path: Path) -> None:
+def test_files_of_a_killed_run_are_removed(tmp_path: Path) -> None:
     program = textwrap.dedent(f"""
         import time
         from pathlib import Path
@@ -46,7 +46,7 @@ def test_what_a_killed_run_left_behind_is_removed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"run": "one"}', '{"other": 1}'])
-def test_a_file_that_says_nothing_is_passed_over(tmp_path: Path, text: str) -> None:
+def test_an_empty_file_is_skipped(tmp_path: Path, text: str) -> None:
     with announced(ONE, tmp_path):
         (path,) = tmp_path.glob("*.json")
         path.write_text(text)

@@ -1,4 +1,4 @@
-"""The recorder's answer to how a run goes: fresh while somebody asks, and made seldom otherwise."""
+"""The recorder's status: updated often while requests come, rarely otherwise."""
 
 import pytest
 
@@ -15,7 +15,7 @@ STEP_NS = SECOND // 5
 
 
 class Asked:
-    """A board that is drawn five times a second, and that somebody may ask."""
+    """A board that is updated five times a second and answers requests."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         scenario = load_scenario("lane_change")
@@ -41,29 +41,29 @@ class Asked:
         return self.bus.query(control_key(RUN_SENDER), 1.0)
 
 
-def test_it_is_drawn_once_a_second_and_often_while_somebody_asks(
+def test_the_status_is_updated_once_a_second_and_often_on_request(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    asked = Asked(monkeypatch)
-    asked.go(2.0)
-    assert asked.ask() == b""  # not started
-    assert asked.drawn == 0
-    asked.board.listen(START, start())
-    asked.go(2.0 * OFTEN_NS / SECOND)  # the question before the start counts, too
-    asked.drawn = 0
-    asked.go(4.0)
-    assert asked.drawn == 4
-    assert RunStatus.of(asked.ask() or b"").run == "mine"
-    asked.drawn = 0
-    asked.go(4.0)
-    assert asked.drawn == 20
-    asked.go(4.0)
-    asked.drawn = 0
-    asked.go(4.0)
-    assert asked.drawn == 4
+    requested = Asked(monkeypatch)
+    requested.go(2.0)
+    assert requested.ask() == b""  # not started
+    assert requested.drawn == 0
+    requested.board.listen(START, start())
+    requested.go(2.0 * OFTEN_NS / SECOND)  # the question before the start counts, too
+    requested.drawn = 0
+    requested.go(4.0)
+    assert requested.drawn == 4
+    assert RunStatus.of(requested.ask() or b"").run == "mine"
+    requested.drawn = 0
+    requested.go(4.0)
+    assert requested.drawn == 20
+    requested.go(4.0)
+    requested.drawn = 0
+    requested.go(4.0)
+    assert requested.drawn == 4
 
 
-def test_what_is_answered_is_of_the_last_drawing() -> None:
+def test_the_answer_is_that_of_the_last_update() -> None:
     scenario = load_scenario("lane_change", ["convoy.vehicles=2"])
     metrics = Metrics.of(scenario)
     board, bus = StatusBoard(scenario, "mine", metrics), MemoryBus()

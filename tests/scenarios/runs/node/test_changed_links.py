@@ -54,17 +54,17 @@ def dues(schedule: list[tuple[int, LinkChange]], *, by_hand: bool) -> list[DueCh
     ]
 
 
-def said(links: list[ChangingLink]) -> list[object]:
+def reported(links: list[ChangingLink]) -> list[object]:
     contexts = [TransmissionContext(seq, START + seq * SECOND // 20) for seq in range(140)]
     return [one.link.judge(context) for one in links for context in contexts]
 
 
 @given(schedules, schedules)
 @examples(33, 100)
-def test_one_by_one_is_all_at_once(
+def test_adding_one_by_one_equals_all_at_once(
     before: list[tuple[int, LinkChange]], later: list[tuple[int, LinkChange]]
 ) -> None:
-    """By hand, after what the scenario has; on links that are made anew too, as after a crash."""
+    """Changes by hand follow scheduled ones, also on links rebuilt after a crash."""
     scheduled = dues(before, by_hand=False)
     by_hand = sorted(dues(later, by_hand=True), key=lambda due: due.at)
     links = [made(sender) for sender, _ in PAIRS]
@@ -74,20 +74,20 @@ def test_one_by_one_is_all_at_once(
         changed.carry_out(due)
     at_once = [made(sender) for sender, _ in PAIRS]
     ChangedLinks(NAMES, [*scheduled, *by_hand]).adopt(at_once)
-    assert said(links) == said(at_once)
-    anew = [made(sender) for sender, _ in PAIRS]
-    changed.adopt(anew)
-    assert said(anew) == said(links)
+    assert reported(links) == reported(at_once)
+    restarted = [made(sender) for sender, _ in PAIRS]
+    changed.adopt(restarted)
+    assert reported(restarted) == reported(links)
     assert list(changed.by_hand) == by_hand
     in_another_process = [made(sender) for sender, _ in PAIRS]
     ChangedLinks(NAMES, scheduled, changed.by_hand).adopt(in_another_process)
-    assert said(in_another_process) == said(links)
+    assert reported(in_another_process) == reported(links)
     for one in at_once:
         whole = course(one.changes, one.requested, one.effects_of)
         assert [two.from_at for two in whole] == [two.from_at for two in one.link.changes]
 
 
-def test_what_is_done_is_said_by_link() -> None:
+def test_changes_are_reported_by_link() -> None:
     changed = ChangedLinks(NAMES, [])
     changed.adopt(made(sender) for sender, _ in PAIRS)
     cut = CutTable(kind="cut", at_s=0.0, for_s=0.5)

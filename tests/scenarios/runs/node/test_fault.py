@@ -1,4 +1,4 @@
-"""A controller of the user's own that fails ends the run, which says who, when and why."""
+"""A failing controller of the user ends the run with vehicle, time and reason."""
 
 import sys
 from pathlib import Path
@@ -81,13 +81,13 @@ def test_a_controller_that_fails_in_mid_run_fails_the_run(
 
 def test_of_a_convoy_that_goes_on_the_last_vehicle_still_fails_the_run(tmp_path: Path) -> None:
     own = f"control.controller={__name__}.Failing"
-    asked = ["duration_s=2", "convoy.vehicles=2", own, "convoy.on_vehicle_failure=continue"]
-    summary = run_virtual(load_scenario("lane_change", asked), tmp_path, Stop())
+    requested = ["duration_s=2", "convoy.vehicles=2", own, "convoy.on_vehicle_failure=continue"]
+    summary = run_virtual(load_scenario("lane_change", requested), tmp_path, Stop())
     assert summary.outcome == "failed"
     assert summary.reason.startswith(f"v2: controller '{__name__}.Failing': steer() raised")
     texts = LogReader(tmp_path / "run.mcap").messages(topics=("log",))
-    said = [message.text for _, _, message in texts if isinstance(message, LogText)]
-    assert "v1 left 1.0 s after the start; the convoy continues without it" in said
+    reported = [message.text for _, _, message in texts if isinstance(message, LogText)]
+    assert "v1 left 1.0 s after the start; the convoy continues without it" in reported
 
 
 def test_a_car_that_spins_ever_faster_fails_the_run(tmp_path: Path) -> None:

@@ -122,7 +122,7 @@ def outbox(
     )
 
 
-def test_a_tick_tells_fix_truth_and_decision() -> None:
+def test_a_tick_sends_fix_truth_and_decision() -> None:
     bus = UrgentBus()
     outbox(bus).publish(at(0.1), BODY, FIX, DECISION)
     pose = bus.of(GpsPose)[0]
@@ -144,7 +144,7 @@ def test_a_tick_tells_fix_truth_and_decision() -> None:
 
 
 class Figures:
-    """A sink of which nobody reads commands or trajectories."""
+    """A sink without readers of commands and trajectories."""
 
     def __init__(self, sink: BusSink) -> None:
         self.send, self.flush = sink.send, sink.flush
@@ -153,9 +153,9 @@ class Figures:
         return kind not in {Command, CompositeTrajectory}
 
 
-def test_what_nobody_reads_is_not_made_but_counted_as_sent() -> None:
-    bus, all_told = UrgentBus(), UrgentBus()
-    box, other = outbox(bus, sink=Figures(BusSink("v3", bus))), outbox(all_told)
+def test_unread_messages_are_not_built_but_counted() -> None:
+    bus, all_messages = UrgentBus(), UrgentBus()
+    box, other = outbox(bus, sink=Figures(BusSink("v3", bus))), outbox(all_messages)
     spline = ArcSpline((Piece(0.0, 0.0, 0.0, 0.0, 10.0),))
     none = np.zeros(0)
     fit = Fit(spline, none, none, none, np.zeros(0, np.int8), 0.0, 0.0, 0)
@@ -163,13 +163,13 @@ def test_what_nobody_reads_is_not_made_but_counted_as_sent() -> None:
         one.publish(at(0.1), BODY, FIX, replace(DECISION, fit=fit))
         one.publish_health(at(0.2))
     unread = {Command, CompositeTrajectory}
-    assert unread <= {type(message) for message in all_told.published}
-    told = [encode(message) for message in all_told.published if type(message) not in unread]
-    assert [encode(message) for message in bus.published] == told
+    assert unread <= {type(message) for message in all_messages.published}
+    results = [encode(message) for message in all_messages.published if type(message) not in unread]
+    assert [encode(message) for message in bus.published] == results
     assert box.state == other.state
 
 
-def test_between_decisions_only_what_was_measured_and_heard_is_told() -> None:
+def test_between_decisions_only_fixes_and_verdicts_are_sent() -> None:
     bus, inbox = UrgentBus(), receiving_inbox()
     box = outbox(bus, inbox)
     box.publish(at(0.0), BODY, FIX, DECISION)
@@ -182,7 +182,7 @@ def test_between_decisions_only_what_was_measured_and_heard_is_told() -> None:
     assert len(bus.published) == before + 2
 
 
-def test_every_verdict_is_told_once() -> None:
+def test_every_verdict_is_sent_once() -> None:
     bus, inbox = UrgentBus(), receiving_inbox()
     box = outbox(bus, inbox)
     for seq in range(4):
@@ -213,7 +213,7 @@ def test_numbers_of_each_kind_follow_one_another() -> None:
     assert len(bus.of(TruePose)) == 150
 
 
-def test_what_the_convoy_waits_for_is_urgent_and_nothing_else() -> None:
+def test_only_poses_and_announcements_are_urgent() -> None:
     bus = UrgentBus()
     outbox(bus).publish(START, BODY, FIX, DECISION)
     assert bus.urgent == {
@@ -224,7 +224,7 @@ def test_what_the_convoy_waits_for_is_urgent_and_nothing_else() -> None:
 
 
 def reports(*rates_hz: float) -> list[float]:
-    """Seconds at which health is told on a schedule of these rates, over ten seconds."""
+    """Seconds at which health is sent on a schedule of these rates, over ten seconds."""
     bus = UrgentBus()
     box = outbox(bus)
     for tick in ticks(START, at(10.0), *rates_hz):
@@ -236,15 +236,15 @@ def reports(*rates_hz: float) -> list[float]:
     ]
 
 
-def test_health_is_told_once_a_second() -> None:
+def test_health_is_sent_once_a_second() -> None:
     assert reports(50.0, 20.0) == [float(k) for k in range(10)]
 
 
-def test_health_is_told_once_a_second_whatever_the_rates() -> None:
+def test_health_is_sent_once_a_second_at_any_rates() -> None:
     for rates in ((7.3, 3.1), (33.3, 7.7), (5.0,)):
-        told = reports(*rates)
-        assert len(told) == 10
-        for k, second in enumerate(told):
+        results = reports(*rates)
+        assert len(results) == 10
+        for k, second in enumerate(results):
             assert k <= second < k + 1.0 / min(5.0, *rates)
 
 
@@ -271,7 +271,7 @@ def texts(bus: UrgentBus) -> list[tuple[str, str]]:
     return [(m.level, m.text) for m in bus.of(LogText) if isinstance(m, LogText)]
 
 
-def test_a_change_of_mode_is_told_with_its_reason() -> None:
+def test_a_change_of_mode_is_logged_with_its_reason() -> None:
     bus = UrgentBus()
     box = outbox(bus)
     composite = replace(DECISION, mode="composite", reason="")
@@ -284,7 +284,7 @@ def test_a_change_of_mode_is_told_with_its_reason() -> None:
     ]
 
 
-def test_refused_messages_and_late_ticks_are_told_once() -> None:
+def test_refused_messages_and_late_ticks_are_reported_once() -> None:
     bus, inbox, slow = UrgentBus(), receiving_inbox(), Slow()
     box = outbox(bus, inbox, slow)
     refuse(inbox, [b"", b"rubbish", bytes(5000)])
@@ -309,7 +309,7 @@ def refuse(inbox: Inbox, wrong: Iterable[bytes]) -> None:
     inbox.take(at(1.0))
 
 
-def test_on_sent_is_given_what_the_bus_carries() -> None:
+def test_on_sent_receives_what_the_bus_carries() -> None:
     seen: list[tuple[Topic, bytes, Message]] = []
     bus = UrgentBus()
     box = Outbox(
@@ -328,7 +328,7 @@ def test_on_sent_is_given_what_the_bus_carries() -> None:
     assert [message.seq for _, _, message in seen] == [message.seq for message in bus.published]
 
 
-def test_refused_messages_are_told_once_by_reason_and_counted() -> None:
+def test_refused_messages_are_reported_once_by_reason_and_counted() -> None:
     bus, inbox = UrgentBus(), receiving_inbox()
     box = outbox(bus, inbox)
     for k in range(100):
@@ -338,8 +338,8 @@ def test_refused_messages_are_told_once_by_reason_and_counted() -> None:
             inbox.on_bytes("convoy/v1/gps", encode(replace(gps("v1", 0), speed_mps=180.0)))
         inbox.take(at(k * 0.02))
         box.publish(at(k * 0.02), BODY, None, DECISION)
-    told = [one.text for one in bus.of(LogText) if isinstance(one, LogText)]
-    assert [text for text in told if "refused" in text] == [
+    results = [one.text for one in bus.of(LogText) if isinstance(one, LogText)]
+    assert [text for text in results if "refused" in text] == [
         "1 messages refused: absurd",
         "1 messages refused: far",
         "1 messages refused: garbage",
@@ -348,13 +348,13 @@ def test_refused_messages_are_told_once_by_reason_and_counted() -> None:
     assert [one.rejected_messages for one in healths] == [0, 3]
 
 
-def test_a_hundred_poses_with_wrong_stamps_are_told_at_the_very_tick() -> None:
+def test_a_hundred_poses_with_wrong_stamps_are_logged_at_that_tick() -> None:
     bus, inbox = UrgentBus(), receiving_inbox()
     box = outbox(bus, inbox)
     for seq in range(150):
         inbox.on_bytes("convoy/v1/gps", encode(gps("v1", seq + 5000)))
         inbox.take(at(seq * 0.02))
         box.publish(at(seq * 0.02), BODY, None, DECISION)
-    told = [one for one in bus.of(LogText) if isinstance(one, LogText) and "clocks" in one.text]
-    assert [(one.level, one.logged_at_ns) for one in told] == [("alert", at(99 * 0.02))]
-    assert told[0].text.startswith("100 messages of v1 refused as future")
+    results = [one for one in bus.of(LogText) if isinstance(one, LogText) and "clocks" in one.text]
+    assert [(one.level, one.logged_at_ns) for one in results] == [("alert", at(99 * 0.02))]
+    assert results[0].text.startswith("100 messages of v1 refused as future")

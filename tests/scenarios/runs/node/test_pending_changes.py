@@ -1,4 +1,4 @@
-"""What is done to a vehicle comes in order of time, each once, whoever adds it."""
+"""Changes of a vehicle are taken once and in order of time, added from any thread."""
 
 from threading import Thread
 
@@ -49,7 +49,7 @@ def test_of_one_instant_the_first_to_be_named_comes_first() -> None:
     assert pending_changes.take(5) == [first, second, third]
 
 
-def test_what_is_added_too_late_is_taken_at_the_next_tick() -> None:
+def test_a_late_change_is_taken_at_the_next_tick() -> None:
     pending_changes = PendingChanges()
     assert pending_changes.take(50) == []
     pending_changes.add(due(10))

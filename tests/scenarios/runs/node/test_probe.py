@@ -18,7 +18,7 @@ def test_a_tick_is_late_from_more_than_the_allowance_on() -> None:
     assert probe.read().late_ticks == 2
 
 
-def test_a_process_that_starts_anew_goes_on_counting() -> None:
+def test_a_restarted_process_continues_its_counts() -> None:
     probe = ProcessProbe(10 * MS, Lateness(3, 40 * MS))
     probe.tick_began(25 * MS)
     assert probe.lateness == Lateness(4, 40 * MS)

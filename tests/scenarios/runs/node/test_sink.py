@@ -25,31 +25,31 @@ from vehicles.schedule import SECOND
 
 
 def listened_to() -> tuple[MemoryBus, Heard]:
-    bus, heard = MemoryBus(), Heard()
-    bus.subscribe("convoy/**", heard)
-    return bus, heard
+    bus, received = MemoryBus(), Heard()
+    bus.subscribe("convoy/**", received)
+    return bus, received
 
 
 def test_messages_are_published_together_and_in_order_when_flushed() -> None:
-    bus, heard = listened_to()
+    bus, received = listened_to()
     sink = BusSink("v1", bus)
     sent: list[Message] = [truth("v1", 0, 1.0, 0.0), gps("v1", 0), tracking("v1", 0)]
     for message in sent:
         sink.send(message)
-    assert heard == []
+    assert received == []
     sink.flush()
     keys = ("convoy/v1/truth", "convoy/v1/gps", "convoy/v1/tracking")
-    assert heard == list(zip(keys, map(encode, sent), strict=True))
+    assert received == list(zip(keys, map(encode, sent), strict=True))
     sink.flush()
-    assert len(heard) == 3
+    assert len(received) == 3
 
 
 def test_on_sent_is_called_before_the_bus_has_the_message() -> None:
-    bus, heard = listened_to()
+    bus, received = listened_to()
     seen: list[tuple[str, bytes, Message]] = []
 
     def on_sent(topic: Topic, data: bytes, message: Message) -> None:
-        assert heard == []
+        assert received == []
         seen.append((topic.name, data, message))
 
     sink = BusSink("v1", bus, on_sent)
@@ -59,7 +59,7 @@ def test_on_sent_is_called_before_the_bus_has_the_message() -> None:
 
 
 def test_an_observed_vehicle_publishes_its_pose_and_observers_take_their_kinds() -> None:
-    bus, heard = listened_to()
+    bus, received = listened_to()
     taken: list[tuple[str, int, Message]] = []
     some = OnMessage(
         lambda at, one: taken.append(("some", at, one)), frozenset({GpsPose, TruePose})
@@ -70,15 +70,15 @@ def test_an_observed_vehicle_publishes_its_pose_and_observers_take_their_kinds()
     for message in (true, pose, tracking("v1", 3)):
         sink.send(message)
     assert taken == [("some", 7, true), ("other", 7, true), ("some", 7, pose)]
-    assert heard == []
+    assert received == []
     for _ in range(2):
         sink.flush()
-        assert heard == [("convoy/v1/gps", encode(pose))]
+        assert received == [("convoy/v1/gps", encode(pose))]
     assert [sink.reads(kind) for kind in (TruePose, GpsPose, Command)] == [True, True, False]
 
 
-def test_what_only_the_log_needs_goes_in_batches_and_the_rest_at_once() -> None:
-    bus, heard = listened_to()
+def test_log_messages_go_in_batches_and_others_at_once() -> None:
+    bus, received = listened_to()
     at = [0]
     sink = BatchingSink("v1", bus, lambda: at[0])
     instants = []
@@ -86,28 +86,28 @@ def test_what_only_the_log_needs_goes_in_batches_and_the_rest_at_once() -> None:
         at[0] = tick * SECOND // 50
         sink.send(truth("v1", tick, 1.0, 0.0))
         sink.send(gps("v1", tick))
-        before = len(heard)
+        before = len(received)
         sink.flush()
-        assert heard[before] == ("convoy/v1/gps", encode(gps("v1", tick)))
-        assert len(heard) - before <= 2
-        instants += [at[0]] * (len(heard) - before - 1)
+        assert received[before] == ("convoy/v1/gps", encode(gps("v1", tick)))
+        assert len(received) - before <= 2
+        instants += [at[0]] * (len(received) - before - 1)
     spans = {later - earlier for earlier, later in pairwise(instants)}
     assert spans == {BATCH_NS}
     sink.send(truth("v1", 50, 1.0, 0.0))
     sink.send(health("v1"))
     sink.flush_all()
-    assert [where for where, _ in heard[-2:]] == ["convoy/v1/health", "convoy/v1/records"]
+    assert [where for where, _ in received[-2:]] == ["convoy/v1/health", "convoy/v1/records"]
     truths = [
-        one for where, data in heard if where == "convoy/v1/records" for one in unpacked(data)
+        one for where, data in received if where == "convoy/v1/records" for one in unpacked(data)
     ]
     assert [one.data for one in truths] == [encode(truth("v1", k, 1.0, 0.0)) for k in range(51)]
     assert truths[7].at == truth("v1", 7, 1.0, 0.0).true_at_ns
     sink.flush_all()
-    assert len(heard) == 50 + len(instants) + 2
+    assert len(received) == 50 + len(instants) + 2
 
 
 def test_the_vehicles_of_a_convoy_take_turns() -> None:
-    bus, heard = listened_to()
+    bus, received = listened_to()
     at = [0]
     sinks = [BatchingSink(f"v{k}", bus, lambda: at[0]) for k in range(1, 41)]
     loads: list[int] = []
@@ -116,12 +116,12 @@ def test_the_vehicles_of_a_convoy_take_turns() -> None:
         for k, sink in enumerate(sinks, 1):
             sink.send(truth(f"v{k}", tick, 1.0, 0.0))
             sink.flush()
-        loads.append(len(heard) - sum(loads))
+        loads.append(len(received) - sum(loads))
     assert max(loads[1:]) < 20  # of forty
 
 
-def test_of_what_only_the_log_needs_no_more_is_sent_than_it_is_to_hold() -> None:
-    bus, heard = listened_to()
+def test_log_only_messages_are_sent_at_the_rates_of_the_log() -> None:
+    bus, received = listened_to()
     at = [0]
     rates = {"trajectory": 5.0, "command": 0.0, "truth": 1.0, "verdict": 0.0}
     sink = BatchingSink("v2", bus, lambda: at[0], logged_hz=rates)
@@ -131,7 +131,7 @@ def test_of_what_only_the_log_needs_no_more_is_sent_than_it_is_to_hold() -> None
         sink.send(truth("v2", tick, 1.0, 0.0))
         sink.flush()
     sink.flush_all()
-    records = [record for _, data in heard for record in unpacked(data)]
+    records = [record for _, data in received for record in unpacked(data)]
     counts = Counter(record.topic for record in records)
     assert counts == {"trajectory": 5, "truth": 50}  # figures are made of every true pose
     assert not sink.reads(Command)

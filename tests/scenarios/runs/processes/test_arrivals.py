@@ -26,7 +26,7 @@ def drained(arrivals: Arrivals) -> list[tuple[int, str, bytes]]:
     return arrivals.take(len(arrivals), 0.0)
 
 
-def test_what_came_is_taken_in_turn() -> None:
+def test_messages_are_taken_in_turn() -> None:
     arrivals = Arrivals(KEYS)
     assert arrivals.take(1, 0.0) == []
     for at, name in enumerate(KEYS):
@@ -73,7 +73,7 @@ def test_under_a_flood_of_all_keys_twice_the_limit_waits_at_most() -> None:
     assert MOST_BYTES <= 64 * 2**20
 
 
-def test_what_no_recorder_takes_does_not_wait() -> None:
+def test_unrecordable_messages_do_not_wait() -> None:
     arrivals = Arrivals(KEYS)
     for _ in range(3):
         arrivals.put(0, "convoy/ghost/a", b"boo")
@@ -107,7 +107,7 @@ def test_only_some_keys_may_have_larger_messages() -> None:
     assert arrivals.error_lines() == {"oversized": 2}
 
 
-def test_little_is_waited_for_and_much_is_given_at_once() -> None:
+def test_few_messages_are_waited_for_and_many_are_returned_at_once() -> None:
     arrivals = Arrivals(KEYS)
     arrivals.put(0, KEYS[0], b"little")
     begun = time.monotonic()
@@ -144,7 +144,7 @@ def test_messages_of_a_batch_take_their_places_by_their_own_instants() -> None:
     ]
 
 
-def test_what_came_is_given_in_the_order_in_which_it_was_sent() -> None:
+def test_messages_are_returned_in_order_of_sending() -> None:
     held = SendingOrder()
     sent = [30, 10, 20, 10, 50]
     for number, at in enumerate(sent):

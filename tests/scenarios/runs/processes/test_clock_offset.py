@@ -10,12 +10,12 @@ from vehicles.schedule import MILLISECOND
 MS = MILLISECOND
 
 
-def test_the_fastest_of_several_round_trips_tells_the_offset() -> None:
+def test_the_fastest_of_several_round_trips_gives_the_offset() -> None:
     bus, trips_ms = MemoryBus(), [9, 3, 1, 5, 2]
     now = 1_000 * MS
 
     def there() -> int:
-        """A clock 7 ms ahead, read when half of the way is behind; the way back is as long."""
+        """A clock 7 ms ahead, read after half of the round trip."""
         nonlocal now
         half = trips_ms.pop(0) * MS // 2
         now += half
@@ -29,13 +29,13 @@ def test_the_fastest_of_several_round_trips_tells_the_offset() -> None:
     assert str(found) == "the clock of v1 is 7.0 ms ahead of the recorder's (within 0.5 ms)"
 
 
-def test_a_way_that_is_slow_in_one_direction_stays_within_the_uncertainty() -> None:
+def test_an_asymmetric_delay_stays_within_the_uncertainty() -> None:
     bus = MemoryBus()
     now = 0
 
     def there() -> int:
         nonlocal now
-        now += 8 * MS  # all of the delay on the way there
+        now += 8 * MS  # all of the delay on the outbound leg
         return now
 
     serve_clock(bus, "v1", there)

@@ -1,4 +1,4 @@
-"""A run as a history: who came and went when, what was said about it, how and when it ended."""
+"""The conductor against histories of joining and leaving: its lines, reason and end."""
 
 from dataclasses import dataclass, field
 
@@ -52,7 +52,7 @@ class Told:
 
 
 def play(*history: Event, continues: bool = False, until: float = 40.0) -> Told:
-    """Let the conductor live through `history`, asked every 50 ms how it goes on."""
+    """Advance a conductor every 50 ms through `history`."""
     conductor = Conductor(
         CONVOY,
         duration_ns=round(DURATION_S * SECOND),
@@ -84,7 +84,7 @@ def play(*history: Event, continues: bool = False, until: float = 40.0) -> Told:
 # ---- Gathering and starting
 
 
-def test_a_run_starts_when_all_are_present_with_time_to_hear_of_it() -> None:
+def test_a_run_starts_when_all_are_present_with_time_to_prepare() -> None:
     outcome = play(*ALL_COME, until=5.0)
     assert outcome.conductor.phase is Phase.RUNNING
     assert outcome.started == pytest.approx(STARTED)
@@ -117,7 +117,7 @@ def test_strangers_count_for_nothing() -> None:
     assert outcome.lines == ["all 3 vehicles are present"]
 
 
-def test_who_is_missing_is_said_after_a_while_and_when_it_changes() -> None:
+def test_missing_vehicles_are_reported_after_a_while_and_on_change() -> None:
     outcome = play((1.0, "v1 comes"), (5.0, "v2 comes"), (8.0, "v3 comes"), until=9.0)
     assert outcome.lines == ["waiting for v2, v3", "waiting for v3", "all 3 vehicles are present"]
 
@@ -150,7 +150,7 @@ def test_vehicles_may_go_once_they_have_finished() -> None:
     assert outcome.over == pytest.approx(ENDED + 2.0, abs=0.06)
 
 
-def test_a_vehicle_without_final_counters_is_named() -> None:
+def test_a_vehicle_without_final_counters_is_reported() -> None:
     outcome = play(*ALL_COME, ALL_FINISH[0], ALL_FINISH[2])
     assert outcome.reason == "no final counters from v2"
     assert outcome.over == pytest.approx(ENDED + FINAL_COUNTERS_NS / SECOND, abs=0.11)
@@ -161,10 +161,10 @@ def test_a_vehicle_that_leaves_early_ends_the_run() -> None:
     outcome = play(*ALL_COME, *leave)
     assert outcome.over == pytest.approx(10.4 + LEFT_S, abs=0.1)
     assert outcome.reason == "left before the end: v2, v3"
-    assert outcome.conductor.awaits_final_counters()  # v1 has not said anything yet
+    assert outcome.conductor.awaits_final_counters()  # of v1
 
 
-def test_what_told_a_vehicle_to_leave_has_time_to_say_why() -> None:
+def test_the_cause_of_a_departure_has_time_to_be_reported() -> None:
     """Its launcher speaks when its process has ended, which comes after its token has gone."""
     outcome = play(*ALL_COME, (10.0, "v2 finishes"), (10.7, "v2 goes"), until=10.7 + 0.9 * LEFT_S)
     assert outcome.over is None
@@ -172,15 +172,13 @@ def test_what_told_a_vehicle_to_leave_has_time_to_say_why() -> None:
     assert outcome.reason == "v2 ended with exit code 143; the run ends"
 
 
-def test_one_that_finishes_early_and_stays_is_not_waited_for_longer_than_for_final_counters() -> (
-    None
-):
+def test_a_vehicle_that_finishes_early_and_stays_is_not_awaited_longer() -> None:
     outcome = play(*ALL_COME, (10.0, "v2 finishes"))
     assert outcome.reason == "left before the end: v2"
     assert outcome.over == pytest.approx(10.0 + FINAL_COUNTERS_NS / SECOND, abs=0.1)
 
 
-def test_the_convoy_goes_on_without_those_that_left_early_if_it_should() -> None:
+def test_the_convoy_continues_without_leavers_if_requested() -> None:
     outcome = play(*ALL_COME, (STARTED + 7.0, "v2 finishes"), (STARTED + 7.1, "v2 goes"),
                 ALL_FINISH[0], ALL_FINISH[2], continues=True)  # fmt: skip
     assert outcome.lines[1:] == ["v2 left 7.0 s after the start; the convoy continues without it"]
@@ -188,7 +186,7 @@ def test_the_convoy_goes_on_without_those_that_left_early_if_it_should() -> None
     assert outcome.over == pytest.approx(ENDED + 0.1, abs=0.06)
 
 
-def test_one_that_leaves_at_the_very_end_delays_it_by_a_moment() -> None:
+def test_a_vehicle_that_leaves_at_the_end_delays_it_briefly() -> None:
     almost = ENDED - 0.1
     leaves = [(almost, "v3 finishes"), (almost + 0.1, "v3 goes")]
     outcome = play(*ALL_COME, *ALL_FINISH[:2], *leaves, continues=True)
@@ -199,7 +197,7 @@ def test_one_that_leaves_at_the_very_end_delays_it_by_a_moment() -> None:
     assert outcome.over == pytest.approx(almost + 0.1 + LEFT_S, abs=0.11)
 
 
-def test_one_that_leaves_before_the_start_is_reported_as_such() -> None:
+def test_a_vehicle_that_leaves_before_the_start_is_reported() -> None:
     outcome = play(*ALL_COME, (STARTED - 0.3, "v3 finishes"), continues=True)
     assert outcome.lines[1:] == ["v3 left before the start; the convoy continues without it"]
 
@@ -207,7 +205,7 @@ def test_one_that_leaves_before_the_start_is_reported_as_such() -> None:
 @pytest.mark.parametrize(
     ("last", "after_s"), [("goes", FAILED_S), ("finishes", FINAL_COUNTERS_NS / SECOND)]
 )
-def test_a_convoy_that_all_left_or_failed_in_does_not_go_on(last: str, after_s: float) -> None:
+def test_a_convoy_whose_vehicles_all_left_or_failed_ends(last: str, after_s: float) -> None:
     history = [(10.0, "v1 finishes"), (12.0, "v2 finishes"), (14.0, f"v3 {last}")]
     history += [(10.2, "v1 goes"), (12.2, "v2 goes")]
     outcome = play(*ALL_COME, *history, continues=True)
@@ -225,7 +223,7 @@ def test_a_vehicle_that_fails_ends_the_run() -> None:
     assert outcome.conductor.awaits_final_counters()
 
 
-def test_the_convoy_goes_on_without_failed_vehicles_if_it_should() -> None:
+def test_the_convoy_continues_without_failed_vehicles_if_requested() -> None:
     outcome = play(
         *ALL_COME, (STARTED + 7.0, "v2 goes"), ALL_FINISH[0], ALL_FINISH[2], continues=True
     )
@@ -234,7 +232,7 @@ def test_the_convoy_goes_on_without_failed_vehicles_if_it_should() -> None:
     assert outcome.over == pytest.approx(ENDED + 0.1, abs=0.06)
 
 
-def test_a_convoy_of_which_nobody_is_left_does_not_go_on() -> None:
+def test_a_convoy_without_remaining_vehicles_ends() -> None:
     failures = [(STARTED + 3.0 + k, f"{name} goes") for k, name in enumerate(CONVOY)]
     outcome = play(*ALL_COME, *failures, continues=True)
     assert len(outcome.lines) == 1 + 3
@@ -242,7 +240,7 @@ def test_a_convoy_of_which_nobody_is_left_does_not_go_on() -> None:
     assert outcome.over == pytest.approx(STARTED + 5.0 + FAILED_S, abs=0.06)
 
 
-def test_of_failed_vehicles_no_final_counters_are_awaited() -> None:
+def test_no_final_counters_are_awaited_of_failed_vehicles() -> None:
     outcome = play(*ALL_COME, (STARTED + 7.0, "v2 goes"), ALL_FINISH[0], continues=True)
     assert outcome.reason == "no final counters from v3"
 
@@ -259,7 +257,7 @@ def test_a_token_that_is_soon_back_is_no_death() -> None:
     assert outcome.lines == ["all 3 vehicles are present"]
 
 
-def test_being_told_of_one_absence_twice_delays_nothing() -> None:
+def test_a_repeated_absence_notice_delays_nothing() -> None:
     outcome = play(*ALL_COME, (5.0, "v2 goes"), (5.3, "v2 goes"))
     assert outcome.over == pytest.approx(5.0 + FAILED_S, abs=0.06)
 
@@ -277,7 +275,7 @@ def reappear(seconds: float) -> list[Event]:
 
 @pytest.mark.parametrize("noticed_after", [-0.1, 0.0, 0.3])
 @pytest.mark.parametrize("continues", [True, False])
-def test_nobody_is_dead_when_the_router_was_out_of_reach_for_a_while(
+def test_no_vehicle_has_failed_after_a_short_router_outage(
     noticed_after: float, *, continues: bool
 ) -> None:
     outcome = play(
@@ -294,7 +292,7 @@ def test_nobody_is_dead_when_the_router_was_out_of_reach_for_a_while(
     assert outcome.over == pytest.approx(ENDED + 0.1, abs=0.06)
 
 
-def test_a_vehicle_that_does_not_come_back_after_an_outage_has_failed() -> None:
+def test_a_vehicle_that_does_not_return_after_an_outage_has_failed() -> None:
     outcome = play(
         *ALL_COME,
         *vanish(6.0),
@@ -307,7 +305,7 @@ def test_a_vehicle_that_does_not_come_back_after_an_outage_has_failed() -> None:
     assert outcome.over == pytest.approx(9.0 + RETURN_S + FAILED_S, abs=0.06)
 
 
-def test_each_outage_is_told() -> None:
+def test_each_outage_is_reported() -> None:
     outages = [
         *((6.0, "router vanishes"), (8.0, "router returns")),
         *((9.0, "router vanishes"), (13.5, "router returns")),
@@ -362,7 +360,7 @@ def test_a_router_lost_at_the_very_end_leaves_a_completed_run(lost_s: float, lin
         (0.5 * LAST_MOMENT_NS / SECOND, True, "router was killed"),
     ],
 )
-def test_a_launcher_whose_router_died_at_the_very_end_leaves_a_completed_run(
+def test_a_router_lost_in_the_last_second_leaves_a_completed_run(
     before_end_s: float, connected: bool, reason: str
 ) -> None:
     outcome = play(*ALL_COME, until=ENDED - before_end_s)
@@ -379,7 +377,7 @@ def test_before_the_start_there_is_no_last_moment() -> None:
     assert outcome.reason == "router was killed"
 
 
-def test_a_recorder_that_was_held_up_over_the_end_reads_what_came_meanwhile() -> None:
+def test_a_recorder_held_up_at_the_end_reads_the_messages_of_that_time() -> None:
     outcome = play(*ALL_COME, until=ENDED - 1.0)
     resumed = ENDED + FINAL_COUNTERS_NS / SECOND + 1.0
     assert outcome.conductor.advance(at(resumed), connected=True) == []
@@ -391,7 +389,7 @@ def test_a_recorder_that_was_held_up_over_the_end_reads_what_came_meanwhile() ->
     assert outcome.reason == ""
 
 
-def test_a_recorder_that_is_behind_judges_nobody_before_it_has_read_what_came() -> None:
+def test_a_late_recorder_judges_no_vehicle_before_reading_its_messages() -> None:
     outcome = play(*ALL_COME, until=ENDED - 1.0)
     goes = ENDED + 0.2
     outcome.conductor.note_presence(
@@ -407,7 +405,7 @@ def test_a_recorder_that_is_behind_judges_nobody_before_it_has_read_what_came() 
     assert outcome.reason == ""
 
 
-def test_a_recorder_that_has_caught_up_judges_as_one_that_was_never_behind() -> None:
+def test_a_recorder_that_caught_up_judges_like_one_that_was_never_late() -> None:
     outcome = play(*ALL_COME, until=STARTED + 7.0)
     gone, failed = at(STARTED + 7.0), at(STARTED + 7.0 + FAILED_S)
     outcome.conductor.note_presence("v2", alive=False, at=gone)
@@ -458,7 +456,7 @@ def test_every_run_ends(history: list[Event], *, continues: bool) -> None:
         assert continues or not any(" left " in line for line in outcome.lines)
 
 
-# ---- A crash that was asked for
+# ---- Requested crashes
 
 
 def crash(vehicle: str, seconds: float, for_s: float | None, table: str = "") -> Change:
@@ -474,7 +472,7 @@ def crash(vehicle: str, seconds: float, for_s: float | None, table: str = "") ->
 
 
 @pytest.mark.parametrize(
-    ("said", "back_s", "reason"),
+    ("reported", "back_s", "reason"),
     [
         (crash("v2", 6.0, 3.0), 9.5, ""),
         (crash("v2", 6.0, 3.0), None, "v2 failed"),
@@ -484,11 +482,11 @@ def crash(vehicle: str, seconds: float, for_s: float | None, table: str = "") ->
     ],
     ids=["is back", "stays away", "for good", "another one", "nonsense"],
 )
-def test_one_that_restarts_as_requested_is_waited_for(
-    said: Change, back_s: float | None, reason: str
+def test_a_vehicle_that_restarts_on_request_is_awaited(
+    reported: Change, back_s: float | None, reason: str
 ) -> None:
     conductor = play(*ALL_COME, until=6.0).conductor
-    conductor.listen(at(6.0), said)
+    conductor.listen(at(6.0), reported)
     conductor.note_presence("v2", alive=False, at=at(6.1))
     for now in range(at(6.0), at(20.0), PERIOD_NS):
         if back_s is not None and now == at(back_s):
@@ -498,7 +496,7 @@ def test_one_that_restarts_as_requested_is_waited_for(
     assert (conductor.phase is Phase.OVER) == bool(reason)
 
 
-def test_one_that_is_down_at_the_end_has_time_for_its_final_counters() -> None:
+def test_a_vehicle_that_restarts_at_the_end_has_time_for_final_counters() -> None:
     conductor = play(*ALL_COME, until=ENDED - 0.2).conductor
     conductor.listen(at(ENDED - 0.2), crash("v2", ENDED - 0.2, 60.0))
     conductor.note_presence("v2", alive=False, at=at(ENDED - 0.1))

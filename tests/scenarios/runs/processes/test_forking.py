@@ -45,7 +45,7 @@ def ended(child):
 
 
 def parent(script: str, *, code: int = 0) -> subprocess.CompletedProcess[str]:
-    """What a parent with this script says until its end."""
+    """Output of a parent with this script."""
     done = subprocess.run(
         [sys.executable, "-c", PRELUDE + script],
         stdin=subprocess.DEVNULL,
@@ -59,13 +59,13 @@ def parent(script: str, *, code: int = 0) -> subprocess.CompletedProcess[str]:
     return done
 
 
-def told(script: str) -> Any:
+def results(script: str) -> Any:
     """What a parent with this script prints as JSON in its last line."""
     return json.loads(parent(script).stdout.splitlines()[-1])
 
 
 def test_a_forked_child_is_a_process_of_its_own() -> None:
-    seen = told(
+    seen = results(
         """
 kept = open(sys.executable, "rb")
 def become(arguments):
@@ -78,11 +78,11 @@ def become(arguments):
     }), flush=True)
 supervisor = Supervisor(doing(become))
 child = supervisor.start("v7", ["vehicle", "--name", "v7"], piped=True)
-said = json.loads(child.process.stdout.readline())
+states = json.loads(child.process.stdout.readline())
 assert ended(child) == "v7 ended with exit code 0"
-assert said["pid"] == child.process.pid and said["parent"] == os.getpid()
+assert states["pid"] == child.process.pid and states["parent"] == os.getpid()
 assert threading.active_count() == 2  # the watch for signals goes on here
-print(json.dumps(said))
+print(json.dumps(states))
 """
     )
     assert seen["argv"] == ["convoy", "vehicle", "--name", "v7"]
@@ -95,7 +95,7 @@ print(json.dumps(said))
 
 
 def test_children_forked_together_are_processes_of_their_own() -> None:
-    seen = told(
+    seen = results(
         """
 def become(arguments):
     me = [arguments, os.getpid(), os.getsid(0), psutil.Process().name()]
@@ -108,19 +108,19 @@ os.dup2(writing, 1)
 supervisor.start_all([(f"v{k}", ["vehicle", str(k)]) for k in range(5)])
 os.dup2(kept, 1)
 with os.fdopen(reading) as lines:
-    said = [json.loads(next(lines)) for _ in supervisor.children]
+    states = [json.loads(next(lines)) for _ in supervisor.children]
 supervisor.children[2].process.kill()
 ends = [ended(supervisor.children[2])]
 assert [child.exit_code for child in supervisor.children] == [None, None, -9, None, None]
 for child in supervisor.children:
     child.process.stdin.close()
 ends += [ended(child) for child in supervisor.children]
-print(json.dumps([[c.process.pid for c in supervisor.children], sorted(said), ends]))
+print(json.dumps([[c.process.pid for c in supervisor.children], sorted(states), ends]))
 """
     )
-    pids, said, ends = seen
+    pids, reported, ends = seen
     assert len(set(pids)) == 5
-    assert said == [[["vehicle", str(k)], pids[k], pids[k], f"convoy-v{k}"] for k in range(5)]
+    assert reported == [[["vehicle", str(k)], pids[k], pids[k], f"convoy-v{k}"] for k in range(5)]
     good = [f"v{k} ended with exit code 0" for k in range(5)]
     assert ends == ["v2 was killed by signal 9", *good[:2], "v2 was killed by signal 9", *good[3:]]
 
@@ -174,7 +174,7 @@ print(ended(supervisor.start("one", ["one"])))
     assert ("what went wrong" in done.stderr) == ("what went wrong" in deed)
 
 
-def test_what_a_child_does_is_prepared_before_it_is_there() -> None:
+def test_the_task_of_a_child_is_prepared_before_the_fork() -> None:
     done = parent(
         """
 def prepare(arguments):
@@ -198,21 +198,21 @@ supervisor.start("one", ["one"]).process.wait()
     assert done.stdout == "before the child's\nthe parent's\n"
 
 
-def test_a_child_hears_its_reason_and_no_signal_to_it_is_lost() -> None:
+def test_a_child_receives_its_reason_and_loses_no_signal() -> None:
     done = parent(
         """
 supervisor = Supervisor(doing(wait_for_the_end))
-told = supervisor.start("told", ["told"], piped=True)
-told.process.stdout.readline()
-supervisor.send_reason("told", "v2 failed")
-print(ended(told))
+informed = supervisor.start("informed", ["informed"], piped=True)
+informed.process.stdout.readline()
+supervisor.send_reason("informed", "v2 failed")
+print(ended(informed))
 for _ in range(25):  # it may come at any instant of its life
     child = supervisor.start("one", ["one"])
     child.process.terminate()
     assert ended(child) == "one ended with exit code 143", describe(child)
 """
     )
-    assert done.stdout.splitlines()[0] == "told ended with exit code 1"
+    assert done.stdout.splitlines()[0] == "informed ended with exit code 1"
 
 
 def test_with_other_threads_about_nothing_is_forked() -> None:

@@ -29,12 +29,12 @@ from transport.log.repair import repair_if_truncated
 ENDPOINT = "tcp/127.0.0.1:4711"
 SEGMENTATION_FAULT = -signal.SIGSEGV
 Event = tuple[float, str, int]
-"""Time (s), process, exit code. `SIGINT` asks the launcher to stop, with the given exit code."""
+"""Time (s), process, exit code. `SIGINT` stops the launcher, with the given exit code."""
 
 
 @dataclass(eq=False)
 class FakeChild:
-    """A process that ends when its history says so."""
+    """A process that ends at the instant in its history."""
 
     name: str
     arguments: Sequence[str]
@@ -43,7 +43,7 @@ class FakeChild:
 
 @dataclass
 class FakeSupervisor:
-    """Starts nothing: children end as their history says, and all calls are kept."""
+    """Starts nothing: children end by their history, and all calls are kept."""
 
     router_starts: bool = True
     recorder_ends_with: int = 1
@@ -63,12 +63,12 @@ class FakeSupervisor:
         self.started.append(child)
         return child
 
-    def start_all(self, asked: Sequence[tuple[str, Sequence[str]]]) -> None:
-        for name, arguments in asked:
+    def start_all(self, requested: Sequence[tuple[str, Sequence[str]]]) -> None:
+        for name, arguments in requested:
             self.start(name, arguments)
 
     def send_reason(self, name: str, reason: str) -> None:
-        self.calls.append(("tell", name, reason))
+        self.calls.append(("send reason", name, reason))
 
     def ended(self) -> list[FakeChild]:
         ended = [child for child in self.children if child.exit_code is not None]
@@ -115,7 +115,7 @@ def play(
 ) -> Launched:
     """Launch a convoy whose processes live through `history`, in no time.
 
-    A recorder that is asked to end does so with the exit code given.
+    A recorder that is stopped ends with the given exit code.
     """
     supervisor, stop = FakeSupervisor(recorder_ends_with=recorder_ends_with), Stop()
     waiting, now = sorted(history), 0.0
@@ -143,7 +143,7 @@ def play(
 # ---- Starting
 
 
-def test_every_process_is_told_the_scenario_and_the_endpoint_of_the_router(folder: Path) -> None:
+def test_every_process_gets_the_scenario_and_the_router_endpoint(folder: Path) -> None:
     started = play(folder, (1.0, "recorder", 0)).supervisor.started
     assert [child.name for child in started] == ["router", "recorder", "v1", "v2", "v3"]
     common = ["my.toml", "--seed=3", "--parent-watch", "--run", "mine", "-e", ENDPOINT]
@@ -172,7 +172,7 @@ def test_a_run_is_completed_when_its_recorder_is(folder: Path) -> None:
     assert launched.over == pytest.approx(20.5, abs=2 * WATCH_PERIOD_S)
     assert not launched.outcome.repaired
     assert launched.supervisor.calls == [
-        ("tell", "recorder", ""),
+        ("send reason", "recorder", ""),
         ("stop",),
         ("stop",),
         ("stop", "router"),
@@ -198,7 +198,7 @@ def test_a_vehicle_that_is_killed_ends_the_run(folder: Path) -> None:
     assert launched.ending == (1, reason)
     assert launched.over == pytest.approx(7.0, abs=2 * WATCH_PERIOD_S)
     assert launched.supervisor.calls == [
-        ("tell", "recorder", reason),
+        ("send reason", "recorder", reason),
         ("stop", "v1", "v3"),  # before the recorder, which gets their last messages
         ("stop", "recorder"),
         ("stop", "router"),
@@ -210,7 +210,7 @@ def test_a_vehicle_that_fails_ends_the_run_with_its_exit_code_in_the_line(folder
     assert launched.ending == (1, "v3 ended with exit code 2; the run ends")
 
 
-def test_the_convoy_goes_on_without_the_dead_if_it_should(folder: Path) -> None:
+def test_the_convoy_continues_without_failed_vehicles_if_requested(folder: Path) -> None:
     deaths = [(7.0, "v2", SEGMENTATION_FAULT), (8.0, "v3", 1)]
     launched = play(folder, *deaths, (20.0, "recorder", 0), goes_on=True)
     assert launched.ending == (0, "")
@@ -228,19 +228,19 @@ def test_a_recorder_that_completed_its_run_decides_over_the_router(folder: Path)
     launched = play(folder, (19.5, "router", -9), recorder_ends_with=0)
     assert launched.ending == (0, "")
     reason = "router was killed by signal 9; the run ends"
-    assert ("tell", "recorder", reason) in launched.supervisor.calls
+    assert ("send reason", "recorder", reason) in launched.supervisor.calls
     launched = play(folder, (20.0, "router", -9), (20.0, "recorder", 0))
     assert launched.ending == (0, "")
 
 
 def test_a_recorder_that_completed_its_run_decides_over_nothing_else(folder: Path) -> None:
-    for who in ("v2", "SIGINT"):
-        launched = play(folder, (19.5, who, -9), (19.5, "router", -9), recorder_ends_with=0)
+    for source in ("v2", "SIGINT"):
+        launched = play(folder, (19.5, source, -9), (19.5, "router", -9), recorder_ends_with=0)
         assert launched.ending[0] != 0
 
 
 @pytest.mark.parametrize("goes_on", [False, True])
-def test_a_recorder_that_failed_has_said_why_itself(folder: Path, *, goes_on: bool) -> None:
+def test_a_failed_recorder_has_printed_the_reason(folder: Path, *, goes_on: bool) -> None:
     launched = play(folder, (5.0, "recorder", 1), goes_on=goes_on)
     assert launched.ending == (1, RECORDER_FAILED)
 
@@ -261,13 +261,13 @@ def test_the_first_failure_decides(folder: Path) -> None:
 # ---- Being stopped
 
 
-def test_a_launcher_that_is_asked_to_stop_ends_the_run_with_the_exit_code_of_the_signal(
+def test_a_stopped_launcher_ends_the_run_with_the_exit_code_of_the_signal(
     folder: Path,
 ) -> None:
     launched = play(folder, (4.0, "SIGINT", 130), (20.0, "recorder", 0))
     assert launched.ending == (130, "stopped by SIGINT")
     assert launched.over == pytest.approx(4.0, abs=2 * WATCH_PERIOD_S)
-    assert ("tell", "recorder", "stopped by SIGINT") in launched.supervisor.calls
+    assert ("send reason", "recorder", "stopped by SIGINT") in launched.supervisor.calls
 
 
 def test_a_stop_decides_over_the_deaths_that_it_brings(folder: Path) -> None:

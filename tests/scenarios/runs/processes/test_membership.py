@@ -47,7 +47,7 @@ class Network:
         return member
 
 
-def test_those_of_one_run_see_one_another() -> None:
+def test_members_of_one_run_see_one_another() -> None:
     here = Network()
     first = here.join(VEHICLE, "v1", scenario())
     assert not first.recorder_is_present
@@ -122,7 +122,7 @@ def test_a_token_of_an_unknown_form_is_of_another_version() -> None:
         here.join(VEHICLE, "v2", scenario())
 
 
-def test_of_two_that_come_at_the_same_instant_one_stays() -> None:
+def test_of_two_that_join_at_the_same_instant_one_stays() -> None:
     here = Network()
     first, third = MemoryBus(here.network), MemoryBus(here.network)
     chunk = Fingerprint.of(scenario()).chunk

@@ -49,7 +49,7 @@ def supervisor() -> Iterator[Supervisor]:
         child.process.wait()
         for stream in (child.process.stdin, child.process.stdout):
             if stream:
-                with suppress(OSError):  # what nobody read cannot be written any more
+                with suppress(OSError):  # without a reader nothing can be written
                     stream.close()
 
 
@@ -95,32 +95,32 @@ def test_a_router_listens_on_a_port_of_its_own(supervisor: Supervisor) -> None:
     assert supervisor.children == []
 
 
-def test_deaths_are_seen_reasons_told_and_the_stubborn_killed(supervisor: Supervisor) -> None:
-    killed, told, orphan, stubborn = (
-        supervisor.start(name, ROUTER) for name in ("killed", "told", "orphan", "stubborn")
+def test_failures_are_noticed_reasons_sent_and_hung_children_killed(supervisor: Supervisor) -> None:
+    killed, results, orphan, stubborn = (
+        supervisor.start(name, ROUTER) for name in ("killed", "informed", "orphan", "stubborn")
     )
-    for child in (killed, told, orphan, stubborn):
+    for child in (killed, results, orphan, stubborn):
         until(lambda child=child: catches(child.process, signal.SIGTERM))  # type: ignore[misc]
     killed.process.kill()
     until(lambda: killed.exit_code is not None)
     assert supervisor.ended() == [killed]
     assert describe(killed) == "killed was killed by signal 9"
-    assert supervisor.ended() == []  # told once
+    assert supervisor.ended() == []  # informed once
 
-    supervisor.send_reason("told", "v2 failed; the run ends")
+    supervisor.send_reason("informed", "v2 failed; the run ends")
     supervisor.send_reason("killed", "too late")
     supervisor.send_reason("nobody", "nothing happens")
-    until(lambda: told.exit_code is not None)
-    assert describe(told) == "told ended with exit code 1"
-    supervisor.send_reason("told", "has ended, nothing happens")
+    until(lambda: results.exit_code is not None)
+    assert describe(results) == "informed ended with exit code 1"
+    supervisor.send_reason("informed", "has ended, nothing happens")
 
     assert orphan.process.stdin is not None
     orphan.process.stdin.close()
     until(lambda: orphan.exit_code is not None)
     assert describe(orphan) == "orphan ended with exit code 1"
-    assert supervisor.ended() == [told, orphan]
+    assert supervisor.ended() == [results, orphan]
 
-    stubborn.process.send_signal(signal.SIGSTOP)  # hears no SIGTERM any more
+    stubborn.process.send_signal(signal.SIGSTOP)  # ignores SIGTERM
     assert supervisor.stop(["someone else"]) == []
     assert stubborn.exit_code is None
     began = time.monotonic()
@@ -157,7 +157,7 @@ def test_a_router_that_logs_starts_and_is_not_blocked_by_its_log(
     assert LISTENING not in capfd.readouterr().out
 
 
-def test_a_router_that_does_not_start_is_told_in_one_line(
+def test_a_router_that_does_not_start_is_reported_in_one_line(
     supervisor: Supervisor, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sys, "executable", "/bin/false")

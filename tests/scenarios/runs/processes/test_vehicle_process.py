@@ -42,7 +42,7 @@ def scenario() -> Scenario:
     ],
     ids=["late", "ahead", "late and ahead"],
 )
-def test_a_start_that_lies_behind_is_told_apart_from_a_clock_ahead(
+def test_a_past_start_differs_from_a_clock_ahead(
     scenario: Scenario, ahead_s: float, started_s: float, why: str
 ) -> None:
     network, stop = MemoryNetwork(), Stop()
@@ -117,7 +117,7 @@ def test_a_tick_begins_at_the_vehicle_s_turn_and_is_late_from_then_on() -> None:
 
 
 @pytest.mark.parametrize(("rate_hz", "most"), [(20.0, 200), (7.5, 75), (0.01, 1), (1e6, QUEUE)])
-def test_there_is_room_for_what_comes_of_a_sender_in_ten_seconds(rate_hz: float, most: int) -> None:
+def test_the_queue_holds_ten_seconds_of_a_sender(rate_hz: float, most: int) -> None:
     (link,) = VehicleBuilder(load_scenario("lane_change"), "v2").links(0)
     link.gate = replace(link.gate, rate_hz=rate_hz)
     assert process.queue_limit(link) == most

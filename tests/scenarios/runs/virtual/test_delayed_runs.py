@@ -71,7 +71,7 @@ def test_the_log_s_own_scenario_gives_the_same_bytes_again() -> None:
     assert run(scenario_from_text(ran().text)).log == ran().log
 
 
-def test_the_summary_with_what_was_asked_is_the_same_after_json() -> None:
+def test_the_summary_with_requests_survives_json() -> None:
     assert from_json(to_json(ran().summary)) == ran().summary
 
 
@@ -101,11 +101,11 @@ def test_times_and_places_are_those_of_the_run() -> None:
     assert len(differ) <= 2  # at the bounds: the receiver knows itself at its last tick
 
 
-def test_what_is_delivered_comes_in_order() -> None:
+def test_deliveries_come_in_order() -> None:
     for sender, receiver in ran().scenario.links:
-        heard = [v for v in ran().over(sender, receiver) if v.outcome == "delivered"]
-        assert len(heard) > 20
-        assert [v.pose_seq for v in heard] == sorted(v.pose_seq for v in heard)
+        received = [v for v in ran().over(sender, receiver) if v.outcome == "delivered"]
+        assert len(received) > 20
+        assert [v.pose_seq for v in received] == sorted(v.pose_seq for v in received)
 
 
 def test_verdicts_follow_from_the_stream_alone() -> None:

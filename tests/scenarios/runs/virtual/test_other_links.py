@@ -38,13 +38,13 @@ def convoy(vehicles: int, entries: list[Raw], off: Raw) -> Scenario:
 
 
 def verdicts(scenario: Scenario, folder: Path) -> dict[Pair, dict[int, Raw]]:
-    """All that the log says of each message on each link, but how many others were judged."""
+    """Every verdict in the log, without the number of other verdicts."""
     run_virtual(scenario, folder, Stop())
     found: dict[Pair, dict[int, Raw]] = {}
     for _, _, message in LogReader(folder / "run.mcap").messages(("verdict",)):
         assert isinstance(message, LinkVerdict)
-        said = {name: getattr(message, name) for name in LinkVerdict.__slots__ if name != "seq"}
-        found.setdefault((message.sender, message.vehicle), {})[message.pose_seq] = said
+        reported = {name: getattr(message, name) for name in LinkVerdict.__slots__ if name != "seq"}
+        found.setdefault((message.sender, message.vehicle), {})[message.pose_seq] = reported
     return found
 
 
@@ -59,6 +59,6 @@ def test_other_vehicles_links_and_rules_change_no_verdict(case: int, tmp_path: P
     many = verdicts(convoy(5, [*others[:2], *entries, *others[2:]], off), tmp_path / "many")
     for pair in OWN:
         assert many.get(pair) == few.get(pair), pair
-    # Another rule for one link of a receiver changes where that drives, but not what another hears.
+    # Another rule for one link changes where its receiver drives, but not what others receive.
     ruled = [entries[0], entry(chance, OWN[1]), entries[2]]
     assert verdicts(convoy(3, ruled, {}), tmp_path / "ruled").get(OWN[0]) == few.get(OWN[0])

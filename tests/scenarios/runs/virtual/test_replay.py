@@ -1,4 +1,4 @@
-"""A recorded vehicle back on the bus: the same messages, and followers that cannot tell."""
+"""A recorded vehicle on the bus: the same messages, and the same followers."""
 
 from dataclasses import replace
 from math import cos, sin
@@ -51,24 +51,24 @@ def lead(recorded: tuple[Path, Trial]) -> RecordedVehicle:
 
 def published(drive: RecordedVehicle, start_at: int, ahead: float = 0.0) -> list[Message]:
     """What comes over the bus while the record is replayed."""
-    heard: list[Message] = []
+    received: list[Message] = []
     bus = MemoryBus()
-    bus.subscribe("convoy/v1/gps", lambda _, data: heard.append(decode(TOPICS["gps"], data)))
-    bus.subscribe("convoy/v1/truth", lambda _, data: heard.append(decode(TOPICS["truth"], data)))
+    bus.subscribe("convoy/v1/gps", lambda _, data: received.append(decode(TOPICS["gps"], data)))
+    bus.subscribe("convoy/v1/truth", lambda _, data: received.append(decode(TOPICS["truth"], data)))
     replay = drive.replay(start_at=start_at, ahead=ahead)
     stepper = replaying(replay, BusSink(replay.vehicle, bus))
     for tick in stepper.ticks():
         stepper.step(tick)
-    return heard
+    return received
 
 
-def test_a_replayed_vehicle_says_what_was_recorded(
+def test_a_replayed_vehicle_sends_the_recorded_messages(
     convoy: Scenario, recorded: tuple[Path, Trial], lead: RecordedVehicle
 ) -> None:
     later = convoy.start_at_ns + 300 * SECOND
-    said = published(lead, later)
+    reported = published(lead, later)
     log = [m for _, _, m in LogReader(recorded[0]).messages(topics=("gps",), vehicles=("v1",))]
-    poses = [message for message in said if isinstance(message, GpsPose)]
+    poses = [message for message in reported if isinstance(message, GpsPose)]
     back = [
         replace(
             p,
@@ -80,7 +80,7 @@ def test_a_replayed_vehicle_says_what_was_recorded(
     assert len(poses) == 120
     # As bytes: a number that is not known is unlike itself.
     assert [encode(pose) for pose in back] == [encode(pose) for pose in log]
-    truth = [message for message in said if isinstance(message, TruePose)]
+    truth = [message for message in reported if isinstance(message, TruePose)]
     assert [t.true_at_ns - later for t in truth] == [k * SECOND // 50 for k in range(300)]
 
 
@@ -91,7 +91,7 @@ def test_it_is_replayed_in_order_of_time(lead: RecordedVehicle) -> None:
     assert instants[0] == 7 * SECOND
 
 
-def test_further_ahead_it_begins_later_in_its_record_and_is_numbered_anew(
+def test_further_ahead_a_replay_begins_later_and_is_renumbered(
     lead: RecordedVehicle,
 ) -> None:
     poses = [m for m in published(lead, 7 * SECOND, ahead=0.5) if isinstance(m, GpsPose)]
@@ -113,9 +113,9 @@ def test_an_inbox_takes_every_replayed_pose(lead: RecordedVehicle, ahead: float)
     stepper = replaying(replay, BusSink(replay.vehicle, bus))
     for tick in stepper.ticks():
         stepper.step(tick)
-    heard = inbox.take(start_at + 10 * SECOND)
+    received = inbox.take(start_at + 10 * SECOND)
     assert not inbox.rejected
-    assert len(heard) == sum(isinstance(message, GpsPose) for message in replay.messages)
+    assert len(received) == sum(isinstance(message, GpsPose) for message in replay.messages)
 
 
 def test_it_may_take_another_name(lead: RecordedVehicle) -> None:
@@ -123,7 +123,7 @@ def test_it_may_take_another_name(lead: RecordedVehicle) -> None:
     assert {message.vehicle for message in replay.messages} == {"PL1"}
 
 
-def test_followers_cannot_tell_a_replayed_car_from_a_live_one(
+def test_followers_treat_replayed_and_live_cars_alike(
     convoy: Scenario, recorded: tuple[Path, Trial]
 ) -> None:
     log, live = recorded
@@ -180,7 +180,7 @@ def test_from_the_same_start_the_record_is_a_gap_further_on(
     start = convoy.route.path.at(convoy.route.start + 40.0)
     place = (start.east - aside * sin(start.yaw), start.north + aside * cos(start.yaw))
     ahead = head_start(lead, LocalPlane(convoy.origin), place, 15.0)
-    assert ahead * SPEED == pytest.approx(55.0, abs=0.8)  # half the way from fix to fix
+    assert ahead * SPEED == pytest.approx(55.0, abs=0.8)  # half the distance between fixes
 
 
 def test_a_record_that_begins_too_far_ahead_is_taken_from_its_start(

@@ -50,7 +50,7 @@ def ran(folder: Path, *overrides: str, seed: int = 1) -> tuple[RunSummary, Stop]
 
 @pytest.fixture(scope="module")
 def crashed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunSummary, Stop]:
-    """Seed 1 of the convoy that brakes and hears little: its folder and how it went."""
+    """Seed 1 of the convoy that brakes and receives little: its folder and summary."""
     folder = tmp_path_factory.mktemp("crashed")
     return folder, *ran(folder)
 
@@ -74,21 +74,21 @@ def overlapping(log: Path) -> set[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("seed", [1, 3, 4])
-def test_cars_that_drive_through_each_other_are_said_everywhere(
+def test_collisions_are_reported_everywhere(
     crashed: tuple[Path, RunSummary, Stop], tmp_path: Path, seed: int
 ) -> None:
     folder, summary, stop = crashed if seed == 1 else (tmp_path, *ran(tmp_path, seed=seed))
     collisions = [one for one in summary.events if one.kind == "collision"]
     assert collisions
     assert {one.vehicles for one in collisions} == overlapping(folder / LOG_NAME)
-    assert (summary.outcome, stop.exit_code) == ("completed", 0)  # nobody set a limit
+    assert (summary.outcome, stop.exit_code) == ("completed", 0)  # without limits
     assert min(row.true_gap_m_min or 0.0 for row in summary.vehicles[1:]) == 0.0
-    said = {
+    reported = {
         (message.text, message.level)
         for _, _, message in LogReader(folder / LOG_NAME).messages(["log"])
         if isinstance(message, LogText)
     }
-    assert {(one.line, "error") for one in collisions} <= said
+    assert {(one.line, "error") for one in collisions} <= reported
 
 
 def test_without_loss_nothing_happens(tmp_path: Path) -> None:
@@ -117,7 +117,7 @@ def test_a_figure_s_limit_fails_a_run_that_went_on_to_its_end(tmp_path: Path) ->
     assert summary.reason.startswith("limits.true_gap_m_min = 50: v2 was ")
 
 
-def test_a_log_tells_the_same_events_as_the_run_whatever_the_order(
+def test_a_log_gives_the_same_events_as_the_run_in_any_order(
     crashed: tuple[Path, RunSummary, Stop],
 ) -> None:
     folder, summary, _ = crashed

@@ -15,16 +15,16 @@ END = 200_000_000
 def test_all_ticks_come_in_order_and_those_of_one_instant_from_the_first_stepper_on(
     rates: list[float],
 ) -> None:
-    told: list[tuple[int, int]] = []
+    results: list[tuple[int, int]] = []
 
-    def tell(place: int, tick: Tick) -> None:
-        told.append((tick.at, place))
+    def report(place: int, tick: Tick) -> None:
+        results.append((tick.at, place))
 
     steppers = [
-        Stepper(rate, partial(ticks, 0, END, rate), partial(tell, place))
+        Stepper(rate, partial(ticks, 0, END, rate), partial(report, place))
         for place, rate in enumerate(rates)
     ]
     for tick, step in steps_in_order(steppers):
         step(tick)
     every = [(tick.at, place) for place, rate in enumerate(rates) for tick in ticks(0, END, rate)]
-    assert told == sorted(every)
+    assert results == sorted(every)

@@ -146,8 +146,8 @@ def test_every_vehicle_decides_and_moves_at_the_control_rate() -> None:
         start = ran().scenario.start_at_ns
         assert [pose.true_at_ns - start for pose in poses] == [20 * MS * k for k in range(150)]
         for before, pose in pairwise(poses):
-            way = math.hypot(pose.east_m - before.east_m, pose.north_m - before.north_m)
-            assert way == pytest.approx(0.02 * 30.0, rel=0.02)
+            distance = math.hypot(pose.east_m - before.east_m, pose.north_m - before.north_m)
+            assert distance == pytest.approx(0.02 * 30.0, rel=0.02)
         assert len(ran().of(name, Tracking)) == 150
 
 
@@ -191,12 +191,12 @@ def test_the_summary_counts_what_is_in_the_log() -> None:
         assert (link.sent, link.late, link.dropped) == (60, 0, {})
         verdicts = ran().verdicts(link.sender, link.receiver)
         assert link.delivered == len(verdicts)
-        # What was sent in the last moment is not heard any more.
+        # Messages sent at the very end are not received.
         assert link.delivered == sum(50 * k + 20 <= 2990 for k in range(60))
         assert link.latency_ms_mean == pytest.approx(20.0)
 
 
-def test_listeners_hear_what_is_logged(tmp_path: Path) -> None:
+def test_listeners_receive_what_is_logged(tmp_path: Path) -> None:
     delivered: list[tuple[int, Message]] = []
     run_virtual(
         load_scenario("lane_change", SHORT),
@@ -230,13 +230,13 @@ def test_a_run_that_is_stopped_has_a_whole_log(tmp_path: Path) -> None:
 
 
 def test_a_link_that_loses_everything_leaves_the_other_source() -> None:
-    deaf = ran('link=[{sender="v1", receiver="v3", loss_ratio=1.0}]')
-    assert deaf.link("v1", "v3").delivered == 0
-    assert deaf.link("v1", "v3").loss_ratio == 1.0
-    assert {verdict.reason for verdict in deaf.verdicts("v1", "v3")} == {"loss"}
-    assert deaf.modes("v3") == {"straight", "predecessor"}
-    assert deaf.modes("v4") == {"straight", "composite"}
-    assert deaf.link("v1", "v4").delivered == ran().link("v1", "v4").delivered
+    silent = ran('link=[{sender="v1", receiver="v3", loss_ratio=1.0}]')
+    assert silent.link("v1", "v3").delivered == 0
+    assert silent.link("v1", "v3").loss_ratio == 1.0
+    assert {verdict.reason for verdict in silent.verdicts("v1", "v3")} == {"loss"}
+    assert silent.modes("v3") == {"straight", "predecessor"}
+    assert silent.modes("v4") == {"straight", "composite"}
+    assert silent.link("v1", "v4").delivered == ran().link("v1", "v4").delivered
     without = ran('link=[{sender="v2", receiver="v3", loss_ratio=1.0}]')
     assert without.modes("v3") == {"straight", "lead"}
     why = [message.reason for message in without.of("v3", Tracking) if message.mode == "lead"]
@@ -246,13 +246,13 @@ def test_a_link_that_loses_everything_leaves_the_other_source() -> None:
     assert set(why[1:]) == {"v2 not received yet"}
 
 
-def test_vehicles_that_hear_nothing_drive_straight_on_and_stop() -> None:
-    deaf = ran("links.loss_ratio=1")
+def test_vehicles_without_messages_drive_straight_and_stop() -> None:
+    silent = ran("links.loss_ratio=1")
     for name in ("v2", "v3", "v4"):
-        assert deaf.modes(name) == {"straight", "stop"}
-        for pose in deaf.of(name, TruePose):
+        assert silent.modes(name) == {"straight", "stop"}
+        for pose in silent.of(name, TruePose):
             assert abs(pose.steering_rad) < 0.01
-    assert deaf.true_path("v1") == ran().true_path("v1")
+    assert silent.true_path("v1") == ran().true_path("v1")
 
 
 @pytest.mark.parametrize("latency_ms", [0, 20, 50, 123])
@@ -287,7 +287,7 @@ def test_jitter_adds_to_latency_up_to_its_span() -> None:
     assert 85 < max(delays) <= 100
 
 
-def test_losses_strike_about_as_many_as_asked() -> None:
+def test_about_the_requested_share_is_lost() -> None:
     lossy = ran("links.loss_ratio=0.4")
     rows = lossy.summary.links
     judged = sum(row.judged for row in rows)
@@ -306,7 +306,7 @@ def test_a_link_s_rate_lets_every_second_pose_through() -> None:
     assert slow.link("v1", "v2").loss_ratio == 0.0
 
 
-def test_a_sender_with_a_receiver_of_its_own_rate_is_heard_at_that_rate() -> None:
+def test_a_sender_with_its_own_gnss_rate_is_received_at_that_rate() -> None:
     quick = ran("vehicle.v1.gnss.rate_hz=40")
     assert len(quick.of("v1", GpsPose)) == 120
     for receiver in ("v2", "v3", "v4"):
@@ -319,7 +319,7 @@ def test_a_lead_that_starts_askew_does_not_put_its_followers_off_the_path(tmp_pa
     for row in askew.summary.vehicles[1:]:
         assert row.cross_track_error_m_max is not None
         assert row.cross_track_error_m_max < 0.3
-    # A log without a summary has its messages and its scenario to tell the same.
+    # Without its summary, a log gives the same from messages and scenario.
     log = tmp_path / "run.mcap"
     with LogWriter(log) as writer:
         writer.attach(ATTACHED_AS, "application/toml", askew.attached[ATTACHED_AS])
@@ -329,7 +329,7 @@ def test_a_lead_that_starts_askew_does_not_put_its_followers_off_the_path(tmp_pa
 
 
 def test_alpha_is_the_weight_of_the_predecessor() -> None:
-    """Without weight it does not matter where the predecessor drives and says it is."""
+    """Without weight the predecessor's positions do not matter."""
     beside = "vehicle.v2.lateral_offset_m=0.5"
     for alpha, matters in ((0, False), (1, True)):
         weight = f"vehicle.v3.control.alpha_ratio={alpha}"
@@ -348,7 +348,7 @@ def test_a_trajectory_reaches_as_far_as_the_preview() -> None:
     assert reach[0.8] - reach[0.4] == pytest.approx(0.4 * 30.0, abs=1.5)
 
 
-def test_one_vehicle_more_changes_nobody_ahead_of_it() -> None:
+def test_another_vehicle_changes_none_ahead_of_it() -> None:
     fewer = ran("convoy.vehicles=3")
     for name in ("v1", "v2", "v3"):
         assert fewer.true_path(name) == ran().true_path(name)

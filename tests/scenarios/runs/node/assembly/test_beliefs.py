@@ -1,4 +1,4 @@
-"""Sources of the scenarios that ship are believed; false content is named in the log."""
+"""Sources of shipped scenarios are trusted; false content is named in the log."""
 
 import pytest
 
@@ -15,13 +15,13 @@ from vehicles.messages import Command, LogText, Message
 from vehicles.schedule import SECOND
 
 THREE = "convoy.vehicles=3"
-"""A lead, one that hears it alone, and one that hears two."""
+"""A lead, a follower of it alone, and a follower with two sources."""
 WORDS = ("distrusted", "over-confident", "trusted again")
 
 
 def driven(scenario: Scenario) -> tuple[list[str], list[bytes]]:
-    """What was said of sources, by whom and when (s), and all commands as they went out."""
-    said: list[str] = []
+    """Logged texts about sources, by vehicle and time (s), and all commands."""
+    reported: list[str] = []
     commands: list[bytes] = []
 
     def record(_at: int, message: Message) -> None:
@@ -29,10 +29,10 @@ def driven(scenario: Scenario) -> tuple[list[str], list[bytes]]:
             commands.append(encode(message))
         elif isinstance(message, LogText) and any(word in message.text for word in WORDS):
             at = (message.logged_at_ns - scenario.start_at_ns) / SECOND
-            said.append(f"{at:.2f} {message.vehicle}: {message.text}")
+            reported.append(f"{at:.2f} {message.vehicle}: {message.text}")
 
     drive(scenario, [OnMessage(record)]).raise_fault()
-    return said, commands
+    return reported, commands
 
 
 WHOLE = ("church_lot", "highway", "lane_change")
@@ -49,7 +49,7 @@ def test_no_source_of_a_whole_drive_is_distrusted(
     texts = [
         message.text for _, _, message in log.messages(("log",)) if isinstance(message, LogText)
     ]
-    assert len(texts) > 2  # each link is told of at least
+    assert len(texts) > 2  # at least one per link
     assert not [text for text in texts if any(word in text for word in WORDS)]
 
 
@@ -72,16 +72,16 @@ def test_the_gate_leaves_commands_as_they_are(name: str, monkeypatch: pytest.Mon
     "sending", ['{ kind = "cam" }', '{ kind = "intervals", table = "cam_vw_highway" }']
 )
 @pytest.mark.parametrize("name", ["highway", "church_lot"])
-def test_sources_that_send_seldom_are_believed(name: str, sending: str) -> None:
+def test_sources_that_send_rarely_are_trusted(name: str, sending: str) -> None:
     assert driven(load_scenario(name, [f"sending={sending}", "duration_s=20", THREE]))[0] == []
 
 
-def test_sources_whose_fix_comes_and_goes_are_believed() -> None:
+def test_sources_with_an_intermittent_fix_are_trusted() -> None:
     states = """{ kind = "schedule", entries = [
         { at_s = 3.0, state = "float" }, { at_s = 8.0, state = "fixed" },
         { at_s = 12.0, state = "single" }, { at_s = 15.0, state = "fixed" } ] }"""
-    asked = ['gnss.preset="rtk_fixed"', f"gnss.fix_states={states}", "duration_s=20", THREE]
-    assert driven(load_scenario("highway", asked))[0] == []
+    requested = ['gnss.preset="rtk_fixed"', f"gnss.fix_states={states}", "duration_s=20", THREE]
+    assert driven(load_scenario("highway", requested))[0] == []
 
 
 @pytest.mark.parametrize(
@@ -96,9 +96,9 @@ def test_sources_whose_fix_comes_and_goes_are_believed() -> None:
     ],
 )
 def test_false_content_is_named_and_the_source_comes_back(false: str, line: str) -> None:
-    asked = [f"links.content.false=[{false}]", "duration_s=12", THREE]
-    said, _ = driven(load_scenario("highway", asked))
-    of_v2 = [one for one in said if " v3: v2 " in one]
+    requested = [f"links.content.false=[{false}]", "duration_s=12", THREE]
+    reported, _ = driven(load_scenario("highway", requested))
+    of_v2 = [one for one in reported if " v3: v2 " in one]
     assert any(line in one for one in of_v2)
     assert 5.0 <= float(of_v2[0].split()[0]) <= 5.1
     assert "trusted again" in of_v2[-1]
@@ -107,5 +107,5 @@ def test_false_content_is_named_and_the_source_comes_back(false: str, line: str)
 
 def test_baselines_of_degradation_believe_everything_as_they_did() -> None:
     false = 'links.content.false=[{ kind = "frozen", from_s = 5.0, to_s = 7.0 }]'
-    asked = [false, "duration_s=8", THREE, 'control.degradation.reaction="extrapolate"']
-    assert driven(load_scenario("highway", asked))[0] == []
+    requested = [false, "duration_s=8", THREE, 'control.degradation.reaction="extrapolate"']
+    assert driven(load_scenario("highway", requested))[0] == []

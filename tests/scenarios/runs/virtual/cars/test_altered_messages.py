@@ -1,4 +1,4 @@
-"""Followers whose links copy, corrupt and falsify what they hear: nothing breaks, all is told."""
+"""Links that copy, corrupt and falsify messages: nothing breaks, all is counted."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -40,9 +40,9 @@ CASES = {
         {"ghost", "replayed+ghost", "drift+ghost"},
     ),
     "wrong bits": ("{bit_error_ratio=3e-4}", {""}),
-    "wrong bits believed": ("{bit_error_ratio=1e-3, frame_check=false}", {"", "corrupted"}),
+    "wrong bits accepted": ("{bit_error_ratio=1e-3, frame_check=false}", {"", "corrupted"}),
     "copies": ("{duplicate_ratio=0.5, reorder_ratio=0.2}", {""}),
-    "copies believed": (
+    "copies accepted": (
         "{duplicate_ratio=0.5, filter_duplicates=false, reorder_ratio=0.2}", {""}
     ),
 }  # fmt: skip
@@ -50,7 +50,7 @@ CASES = {
 
 @dataclass(frozen=True)
 class Driven:
-    """A run: its summary and the messages of its log, or what was told without one."""
+    """A run: its summary and the messages of its log, or the messages without one."""
 
     summary: RunSummary | None
     messages: list[Message]
@@ -69,10 +69,10 @@ def drive(content: str, followers: str = "same") -> Driven:
         ],
     )
     if followers != "same":
-        told: list[Message] = []
-        keep = OnMessage(lambda _, message: told.append(message))
+        results: list[Message] = []
+        keep = OnMessage(lambda _, message: results.append(message))
         virtual_drive(scenario, [keep]).raise_fault()
-        return Driven(None, told)
+        return Driven(None, results)
     with TemporaryDirectory() as folder:
         summary = run_virtual(scenario, Path(folder), Stop())
         log = LogReader(Path(folder) / "run.mcap")
@@ -82,7 +82,7 @@ def drive(content: str, followers: str = "same") -> Driven:
 @pytest.mark.spread(6)
 @pytest.mark.parametrize("followers", ["same", "gap"])
 @pytest.mark.parametrize("case", CASES)
-def test_followers_survive_whatever_they_are_told(case: str, followers: str) -> None:
+def test_followers_survive_any_message(case: str, followers: str) -> None:
     content, kinds = CASES[case]
     run = drive(content, followers)
     assert not [m.text for m in run.messages if isinstance(m, LogText) and m.level == "fatal"]
@@ -118,9 +118,9 @@ def test_the_log_holds_what_was_sent_and_a_verdict_on_each(case: str) -> None:
             measured += 1
     assert measured > 100
     verdicts = [m for m in run.messages if isinstance(m, LinkVerdict)]
-    told = Counter((v.vehicle, v.sender, v.pose_seq) for v in verdicts)
-    assert set(told.values()) == {1}
-    # The last ones were still on their way.
+    results = Counter((v.vehicle, v.sender, v.pose_seq) for v in verdicts)
+    assert set(results.values()) == {1}
+    # The last ones were still in transit.
     assert {v.outcome for v in verdicts} <= {"delivered", "dropped"}
     sent = 3 * round(DURATION_S * 20.0)  # on three links
     assert sent - 3 * 5 <= len(verdicts) <= sent
@@ -130,7 +130,7 @@ def test_the_log_holds_what_was_sent_and_a_verdict_on_each(case: str) -> None:
         assert (one.measured_at_ns, one.sent_at_ns) == (pose.measured_at_ns, pose.sent_at_ns)
 
 
-def test_a_summary_with_false_content_is_the_same_after_a_way_through_json() -> None:
+def test_a_summary_with_false_content_survives_a_round_trip_through_json() -> None:
     summary = drive(CASES["all at once"][0]).summary
     assert summary is not None
     assert from_json(to_json(summary)) == summary
@@ -139,7 +139,7 @@ def test_a_summary_with_false_content_is_the_same_after_a_way_through_json() -> 
         assert link.judged == link.delivered + sum(link.dropped.values()) <= link.sent
 
 
-def test_links_that_are_asked_for_nothing_of_it_judge_as_ever() -> None:
+def test_links_without_content_faults_judge_as_before() -> None:
     def judged(content: str) -> list[tuple[object, ...]]:
         found = [m for m in drive(content).messages if isinstance(m, LinkVerdict)]
         return [(v.vehicle, v.sender, v.pose_seq, v.outcome, v.visible_at_ns) for v in found]
@@ -147,8 +147,8 @@ def test_links_that_are_asked_for_nothing_of_it_judge_as_ever() -> None:
     assert judged("{filter_duplicates=false}") == judged("{duplicate_ratio=0.5}")
 
 
-def test_a_follower_believes_a_small_offset_and_leaves_its_lane_for_it() -> None:
-    """So the tests above do test something: both sources say the road is further left."""
+def test_a_follower_trusts_a_small_offset_and_leaves_its_lane() -> None:
+    """Shows that the tests above can fail: both sources state a road further left."""
     straight, aside = drive("{}"), drive(CASES["offset"][0])
     assert straight.summary != aside.summary
 

@@ -1,4 +1,4 @@
-"""Convoys that hear little drive badly, but never as no car can; and what happens is said."""
+"""Convoys with few messages drive badly, but within physics, and events are reported."""
 
 import json
 from itertools import pairwise
@@ -24,26 +24,29 @@ FRICTION, STEERING_RATE, CONTROL_S = 0.9, 1.18, 0.02
 
 
 @pytest.mark.campaign(1, 55)
-def test_friction_and_steering_rate_are_kept_and_slides_and_departures_said(
+def test_friction_and_steering_rate_are_kept_and_slides_and_departures_reported(
     case: int, tmp_path: Path
 ) -> None:
     loss, gap, alpha, fusion = CASES[case]
-    asked = [
+    requested = [
         *(f"links.loss_ratio={loss}", f"convoy.gap_m={gap}", f"control.alpha_ratio={alpha}"),
         f"control.fusion={fusion}",
     ]
-    told: list[Message] = []
-    scenario = load_scenario("lane_change", asked)
+    results: list[Message] = []
+    scenario = load_scenario("lane_change", requested)
     summary = run_virtual(
-        scenario, tmp_path, Stop(), observers=[OnMessage(lambda _, message: told.append(message))]
+        scenario,
+        tmp_path,
+        Stop(),
+        observers=[OnMessage(lambda _, message: results.append(message))],
     )
-    said = {message.text for message in told if isinstance(message, LogText)}
+    reported = {message.text for message in results if isinstance(message, LogText)}
     for name in scenario.vehicle_names:
-        poses = [one for one in told if isinstance(one, TruePose) and one.vehicle == name]
+        poses = [one for one in results if isinstance(one, TruePose) and one.vehicle == name]
         assert max(abs(one.lateral_acceleration_mps2) for one in poses) <= FRICTION * GRAVITY + 1e-9
         assert max(one.friction_ratio for one in poses) <= 1.0 + 1e-9
         commands = [
-            one.steering_rad for one in told if isinstance(one, Command) and one.vehicle == name
+            one.steering_rad for one in results if isinstance(one, Command) and one.vehicle == name
         ]
         steps = [abs(after - before) for before, after in pairwise([0.0, *commands])]
         assert max(steps) <= STEERING_RATE * CONTROL_S + 1e-12
@@ -54,6 +57,6 @@ def test_friction_and_steering_rate_are_kept_and_slides_and_departures_said(
         assert (row.sliding_s or 0.0) > 0.0 if slid else row.sliding_s == 0.0
         if (row.cross_track_error_m_max or 0.0) > 1.0:  # half the lane is 1.75, half a car 0.93 m
             assert "lane_departure" in events
-    assert {event.line for event in summary.events} <= said
-    assert set(summary.warnings) <= said
+    assert {event.line for event in summary.events} <= reported
+    assert set(summary.warnings) <= reported
     assert json.loads((tmp_path / "summary.json").read_text())["events"] or not summary.events

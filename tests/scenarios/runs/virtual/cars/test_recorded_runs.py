@@ -59,7 +59,7 @@ def test_a_convoy_follows_a_rough_drive_to_its_end(tmp_path: Path, case: int) ->
     for row in summary["vehicles"][1:]:
         assert row["cross_track_error_m_max"] < WITHIN_M
         assert row["rejected_messages"] == 0
-    # What check says of the file is said before the run, too.
+    # The run starts with the warnings of check.
     warnings = report_of(scenario_of(CASES[name][0], tmp_path)).warnings
     assert all(f"warning: {line}" in done.stderr for line in warnings if "drive." in line)
 
@@ -72,7 +72,7 @@ def test_every_rough_drive_is_driven_to_its_end(tmp_path: Path, case: int) -> No
             assert max(one.cross_track_max for one in trial.drives[1:]) < WITHIN_M, name
 
 
-def test_the_log_of_a_run_tells_the_offset_of_its_coordinates(tmp_path: Path) -> None:
+def test_the_log_of_a_run_has_the_offset_of_its_coordinates(tmp_path: Path) -> None:
     scenario = scenario_of(CASES["utm"][0], tmp_path, "duration_s = 2.0\n")
     record_trial(scenario, tmp_path / "run")
     log = LogReader(tmp_path / "run" / "run.mcap")
@@ -115,8 +115,8 @@ def test_a_replayed_vehicle_is_where_and_when_it_was_recorded(tmp_path: Path, fo
     run_in = scenario.route.run_in
     for seconds in np.arange(5.0, 28.0, 0.37).tolist():
         place, speed, _ = scenario.replays["v2"].at(seconds)
-        way = np.array([15.0 * (seconds - run_in - 1.0)])
-        east, north = truth(SWEEP, way)
+        distance = np.array([15.0 * (seconds - run_in - 1.0)])
+        east, north = truth(SWEEP, distance)
         assert place.east == pytest.approx(float(east[0]), abs=0.05)
         assert place.north == pytest.approx(float(north[0]), abs=0.05)
         assert speed == pytest.approx(15.0, abs=0.15)
@@ -126,13 +126,13 @@ def test_a_stop_is_replayed_as_one_and_never_backwards(tmp_path: Path) -> None:
     lead = Rough(course=SWEEP, speed=15.0, stands=((150.0, 5.0),), form="gpx")
     drive = with_two(tmp_path, lead).replays["v2"]
     found = [drive.at(0.05 * k) for k in range(700)]
-    ways = [way for _, _, way in found]
-    assert all(after >= before - 1e-9 for before, after in pairwise(ways))
+    distances = [distance for _, _, distance in found]
+    assert all(after >= before - 1e-9 for before, after in pairwise(distances))
     assert sum(speed < 0.1 for _, speed, _ in found) * 0.05 == pytest.approx(5.0, abs=0.7)
     assert min(speed for _, speed, _ in found) >= 0.0
 
 
-def test_followers_hear_a_replayed_vehicle_as_any_other(tmp_path: Path) -> None:
+def test_followers_receive_a_replayed_vehicle_like_any_other(tmp_path: Path) -> None:
     scenario = with_two(tmp_path)
     assert report_of(scenario).warnings == ()
     assert set(scenario.links) == {("v1", "v3"), ("v2", "v3"), ("v1", "v4"), ("v3", "v4")}
@@ -196,7 +196,7 @@ def test_a_run_without_a_duration_ends_with_the_drive_that_is_over_first(tmp_pat
     assert scenario_from_text(scenario.text).duration_s == scenario.duration_s
 
 
-def test_where_a_follower_starts_ahead_of_who_is_replayed_check_says_what_to_set(
+def test_check_names_the_setting_for_a_follower_ahead_of_a_replay(
     tmp_path: Path,
 ) -> None:
     early = with_two(tmp_path, LEAD, 3.0)
@@ -249,7 +249,7 @@ def test_a_log_is_replayed_as_a_file_is(tmp_path: Path) -> None:
     assert drive_trial(scenario).drives[2].cross_track_max < WITHIN_M
 
 
-def test_what_does_not_fit_is_said_before_the_run(tmp_path: Path) -> None:
+def test_contradictions_are_reported_before_the_run(tmp_path: Path) -> None:
     late = report_of(with_two(tmp_path, LEAD, 3.0)).warnings
     assert any(re.match(r"v2: .* 1\d\.\d m behind v3, its follower", w) for w in late)
     early = report_of(with_two(tmp_path, LEAD, -2.0)).warnings
@@ -271,9 +271,7 @@ def test_what_does_not_fit_is_said_before_the_run(tmp_path: Path) -> None:
         ('{}[vehicle.v2]\nreplay = "far.gpx"\n', "comes no nearer than .* km"),
     ],
 )
-def test_a_replay_that_cannot_be_is_refused_in_one_line(
-    tmp_path: Path, text: str, why: str
-) -> None:
+def test_an_impossible_replay_is_refused_in_one_line(tmp_path: Path, text: str, why: str) -> None:
     points = LEAD.points()
     (tmp_path / "short.gpx").write_bytes(FORMATS["gpx"](points[:150]))
     (tmp_path / "plane.csv").write_bytes(FORMATS["csv"](points))

@@ -82,8 +82,8 @@ def test_it_drives_and_the_same_again(changes: tuple[str, ...], tmp_path: Path) 
 
 def test_the_wire_carries_state_and_accuracy(tmp_path: Path) -> None:
     ran(made(STATES, "gnss.while_float.accuracy_ratio=0.05"), tmp_path)
-    said = {(one.fix, round(one.position_accuracy_m, 6)) for one in poses(tmp_path, "v1")}
-    assert said == {("fixed", 0.02), ("float", round(0.05 * 0.19, 6))}
+    reported = {(one.fix, round(one.position_accuracy_m, 6)) for one in poses(tmp_path, "v1")}
+    assert reported == {("fixed", 0.02), ("float", round(0.05 * 0.19, 6))}
 
 
 def test_in_a_tunnel_nothing_is_sent_and_each_car_has_its_own(tmp_path: Path) -> None:
@@ -137,7 +137,7 @@ def test_late_fixes_cost_little() -> None:
     assert found[100] < found[0] + 0.05
 
 
-def test_a_common_error_moves_nobody_against_another() -> None:
+def test_a_common_error_moves_no_vehicle_relative_to_another() -> None:
     """Followers of a lead that strays by metres stray with it; errors of their own part them.
 
     A convoy is no point: the error drifts on by a decimetre while the last car comes to where the

@@ -13,7 +13,7 @@ def true_errors(*changes: str) -> list[float]:
     return [row.cross_track_error_m_max or 0.0 for row in summary.vehicles[1:]]
 
 
-def test_a_load_that_is_learned_leaves_the_errors_of_one_that_is_known() -> None:
+def test_an_estimated_load_leaves_the_errors_of_a_known_one() -> None:
     learned = true_errors("control.estimate_slip=true")
     known = true_errors("control.knows_loading=true")
     for errors in (learned, known):

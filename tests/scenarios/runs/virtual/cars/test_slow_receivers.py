@@ -53,7 +53,7 @@ def outcome(case: int) -> Outcome:
             f"duration_s={min(330.0 / speed, 30.0):.1f}", *imu,
         ],
     )  # fmt: skip
-    said = warnings(scenario)
+    reported = warnings(scenario)
     with tempfile.TemporaryDirectory() as folder:
         lead, *followers = run_virtual(scenario, Path(folder) / "run", Stop()).vehicles
     off = [one.cross_track_error_m_max for one in followers]
@@ -61,14 +61,16 @@ def outcome(case: int) -> Outcome:
     return Outcome(
         lead=lead.lateral_error_m_max,
         followers=max(error for error in off if error is not None),
-        growth=max((float(found[1]) for found in map(GROWTH.search, said) if found), default=0.0),
+        growth=max(
+            (float(found[1]) for found in map(GROWTH.search, reported) if found), default=0.0
+        ),
         seconds=scenario.duration_s,
-        short_of_poses=any("poses" in line and "preview" in line for line in said),
+        short_of_poses=any("poses" in line and "preview" in line for line in reported),
     )
 
 
 @pytest.mark.campaign(2, len(CASES))
-def test_cars_stay_in_their_lane_or_it_is_said_beforehand(case: int) -> None:
+def test_cars_stay_in_their_lane_or_a_warning_predicts_it(case: int) -> None:
     found = outcome(case)
     if found.growth > 0.0:
         # What grows slowly has not come far by the end of the run.

@@ -53,7 +53,7 @@ SHORT = ("duration_s=4", 'control.own_state="estimated"')
 
 
 def by_hand(changes: Sequence[AnyChange], *overrides: str) -> ChangedConvoy:
-    """Run the convoy with changes asked for by hand before their time."""
+    """Run the convoy with changes requested by hand before their time."""
     convoy = ChangedConvoy(changed(overrides=(*SHORT, *overrides)))
     for change in changes:
         at = convoy.start_at + nanoseconds(change.at_s)
@@ -88,7 +88,7 @@ def test_nothing_fails_whatever_is_done(changes: list[AnyChange], kept: str) -> 
 
 @settings(max_examples=5, deadline=None)
 @given(anything)
-def test_what_is_done_by_hand_is_repeated_by_schedule(change: AnyChange) -> None:
+def test_changes_by_hand_are_repeated_by_schedule(change: AnyChange) -> None:
     if isinstance(change, JoinTable):  # by schedule it would not be there before
         return
     hand = by_hand([change])
@@ -96,5 +96,7 @@ def test_what_is_done_by_hand_is_repeated_by_schedule(change: AnyChange) -> None
     tables = hand.scenario.tables.model_copy(update={"change": (change,)})
     plan = ChangedConvoy(type(hand.scenario)(tables)).run()
     assert {one.table for one in plan.sent if isinstance(one, Change)} == {table}
-    asked = [replace(one, by_hand=True) if isinstance(one, Change) else one for one in plan.sent]
-    assert list(map(encode, asked)) == list(map(encode, hand.sent))  # NaN equals NaN there
+    requested = [
+        replace(one, by_hand=True) if isinstance(one, Change) else one for one in plan.sent
+    ]
+    assert list(map(encode, requested)) == list(map(encode, hand.sent))  # NaN equals NaN there

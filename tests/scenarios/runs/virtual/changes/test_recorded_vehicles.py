@@ -43,13 +43,13 @@ def test_its_receiver_changes_and_its_clock_is_off(tmp_path: Path) -> None:
     assert older == pytest.approx(calm.of("v3", Tracking)[50].predecessor_age_s + 0.2, abs=1e-6)
 
 
-def test_what_needs_software_of_its_own_is_refused(tmp_path: Path) -> None:
+def test_changes_of_software_are_refused_for_a_replay(tmp_path: Path) -> None:
     change = '[[change]]\nkind = "stall"\nvehicle = "v2"\nat_s = 2.0\nfor_s = 1.0\n'
     with pytest.raises(ScenarioError, match="moves as it was recorded: allowed only kind"):
         with_recorded(tmp_path, change)
 
 
-def test_what_needs_software_of_its_own_has_no_effect_by_hand(tmp_path: Path) -> None:
+def test_changes_of_software_by_hand_do_not_affect_a_replay(tmp_path: Path) -> None:
     run = ChangedConvoy(with_recorded(tmp_path, ""))
     leave = LeaveTable(kind="leave", vehicle="v2", at_s=1.0)
     run.nodes["v2"].pending_changes.add(DueChange(run.start_at + SECOND, leave, by_hand=True))

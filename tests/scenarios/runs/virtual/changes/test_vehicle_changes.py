@@ -53,12 +53,12 @@ def sent_between(run: ChangedConvoy, vehicle: str, begin: float, end: float) -> 
 
 
 def until(run: ChangedConvoy, at_s: float, *kinds: type[Message]) -> list[bytes]:
-    """What all vehicles said of instants before this one, as bytes: NaN equals NaN there."""
+    """Messages of all vehicles before an instant, as bytes: NaN equals NaN there."""
     end = run.start_at + round(at_s * SECOND)
     return [encode(one) for one in run.sent if type(one) in kinds and valid_at(one) < end]
 
 
-def test_what_is_done_later_changes_nothing_before(calm: ChangedConvoy) -> None:
+def test_later_changes_have_no_earlier_effect(calm: ChangedConvoy) -> None:
     kinds = (TruePose, GpsPose, Command, Tracking, LinkVerdict)
     for change in (
         'kind = "stall"\nvehicle = "v2"\nfor_s = 1.0',
@@ -72,7 +72,7 @@ def test_what_is_done_later_changes_nothing_before(calm: ChangedConvoy) -> None:
         assert until(run, 3.0, *kinds) != until(calm, 3.0, *kinds), change
 
 
-def test_each_is_said_once_by_who_carries_it_out() -> None:
+def test_each_change_is_logged_once_by_the_vehicle_that_carries_it_out() -> None:
     run = driven('kind = "stall"\nvehicle = "v2"\nat_s = 1.003\nfor_s = 0.5')
     (change,) = [one for one in run.sent if isinstance(one, Change)]
     assert (change.vehicle, change.kind, change.by_hand) == ("v2", "stall", False)
@@ -84,7 +84,7 @@ def test_each_is_said_once_by_who_carries_it_out() -> None:
     assert lines[0].logged_at_ns - run.start_at == 1_020_000_000  # its first tick from then on
 
 
-def test_a_stall_holds_the_command_and_sends_nothing_and_then_all_is_heard(
+def test_a_stall_holds_the_command_and_sends_nothing_and_messages_wait(
     calm: ChangedConvoy,
 ) -> None:
     run = driven('kind = "stall"\nvehicle = "v2"\nat_s = 1.5\nfor_s = 0.7')
@@ -92,16 +92,16 @@ def test_a_stall_holds_the_command_and_sends_nothing_and_then_all_is_heard(
     decided = [(one.decided_at_ns - run.start_at) / SECOND for one in run.of("v2", Command)]
     assert not [at for at in decided if 1.5 <= at < 2.2]
     assert len(run.of("v2", TruePose)) == len(calm.of("v2", TruePose))
-    heard = [one for one in run.of("v2", LinkVerdict) if one.outcome == "delivered"]
-    assert [one.pose_seq for one in heard] == list(range(len(heard)))  # not one is lost
+    received = [one for one in run.of("v2", LinkVerdict) if one.outcome == "delivered"]
+    assert [one.pose_seq for one in received] == list(range(len(received)))  # not one is lost
     waited = [
         one
-        for one in heard
+        for one in received
         if one.visible_at_ns - run.start_at in range(1_520_000_000, 2_200_000_000)
     ]
     assert waited
     assert {one.received_at_ns - run.start_at for one in waited} == {2_200_000_000}
-    assert not any(one.late for one in heard)
+    assert not any(one.late for one in received)
 
 
 def test_noise_after_a_stall_is_that_without_one(calm: ChangedConvoy) -> None:
@@ -136,9 +136,9 @@ def test_new_software_remembers_nothing_and_numbers_go_on() -> None:
     for kind in (GpsPose, TruePose, LinkVerdict, LogText, Change):
         numbers = [one.seq for one in run.of("v2", kind)]
         assert numbers == list(range(len(numbers))), kind.__name__
-    heard = [one.sent_at_ns - run.start_at for one in run.of("v2", LinkVerdict)]
-    assert not [at for at in heard if 1_000_000_000 <= at < 2_500_000_000]
-    assert min(at for at in heard if at > 1_000_000_000) == 2_500_000_000
+    received = [one.sent_at_ns - run.start_at for one in run.of("v2", LinkVerdict)]
+    assert not [at for at in received if 1_000_000_000 <= at < 2_500_000_000]
+    assert min(at for at in received if at > 1_000_000_000) == 2_500_000_000
     (first, *_) = [
         one for one in run.of("v2", Tracking) if one.decided_at_ns >= run.start_at + 2_500_000_000
     ]
@@ -148,11 +148,11 @@ def test_new_software_remembers_nothing_and_numbers_go_on() -> None:
 
 
 def test_a_crash_for_good_is_a_fault() -> None:
-    with pytest.raises(VehicleFaultError, match="v2: its process has crashed, as asked"):
+    with pytest.raises(VehicleFaultError, match="v2: its process has crashed, as requested"):
         driven('kind = "crash"\nvehicle = "v2"\nat_s = 1.003')
 
 
-def test_who_joins_late_is_driven_by_hand_until_then_beside_nobody_s_messages(
+def test_a_late_joiner_is_driven_by_a_human_without_messages_until_then(
     calm: ChangedConvoy,
 ) -> None:
     run = driven('kind = "join"\nvehicle = "v3"\nat_s = 3.0')
@@ -167,7 +167,7 @@ def test_who_joins_late_is_driven_by_hand_until_then_beside_nobody_s_messages(
         assert math.hypot(pose.east_m - other.east_m, pose.north_m - other.north_m) < 0.7
 
 
-def test_who_leaves_drives_on_along_the_road(calm: ChangedConvoy) -> None:
+def test_a_leaver_drives_on_along_the_road(calm: ChangedConvoy) -> None:
     run = driven('kind = "leave"\nvehicle = "v2"\nat_s = 2.0')
     assert not sent_between(run, "v2", 2.0, 6.0)
     for at, pose in run.truths("v2").items():
@@ -177,7 +177,7 @@ def test_who_leaves_drives_on_along_the_road(calm: ChangedConvoy) -> None:
     assert "composite" not in modes
 
 
-def test_who_left_can_join_again() -> None:
+def test_a_leaver_can_join_again() -> None:
     run = driven(
         'kind = "leave"\nvehicle = "v2"\nat_s = 1.0', 'kind = "join"\nvehicle = "v2"\nat_s = 2.0'
     )
@@ -201,9 +201,7 @@ def test_commands_never_step_by_more_than_the_wheels_turn() -> None:
 
 
 @pytest.mark.parametrize(("fix", "worst"), [("single", 1.0), ("float", 0.1)])
-def test_a_receiver_has_the_fix_that_it_is_given_until_it_is_over(
-    fix: str, worst: float, calm: ChangedConvoy
-) -> None:
+def test_a_forced_fix_holds_until_its_end(fix: str, worst: float, calm: ChangedConvoy) -> None:
     run = driven(f'kind = "gnss"\nvehicle = "v1"\nat_s = 1.003\nfor_s = 2.0\nfix = "{fix}"')
     at = {(one.sent_at_ns - run.start_at) / SECOND: one for one in run.of("v1", GpsPose)}
     assert {one.fix for t, one in at.items() if 1.003 <= t < 3.003} == {fix}
@@ -221,7 +219,7 @@ def test_without_a_fix_nothing_is_sent_and_its_own_law_comes_back() -> None:
     assert len(sent_between(run, "v1", 2.0, 6.0)) == 80
 
 
-def test_nobody_fails_who_has_no_fix_from_the_first_tick_on() -> None:
+def test_a_vehicle_without_an_early_fix_does_not_fail() -> None:
     nothing = driven('kind = "gnss"\nvehicle = "v2"\nat_s = 0.0\nfix = "none"')
     assert not nothing.of("v2", GpsPose)
     stalled = driven('kind = "stall"\nvehicle = "v2"\nat_s = 0.0\nfor_s = 1.01')
@@ -235,13 +233,13 @@ def test_another_set_speed_is_come_to_evenly(followers: str) -> None:
     for at, pose in run.truths("v1").items():
         planned = min(max(15.0 - 2.0 * (at - 1.0), 10.0), 15.0)
         assert pose.speed_mps == pytest.approx(planned, abs=0.3)
-    who = {one.vehicle for one in run.sent if isinstance(one, Change)}
-    assert who == ({"v1", "v2", "v3"} if followers == "same" else {"v1"})
+    vehicles = {one.vehicle for one in run.sent if isinstance(one, Change)}
+    assert vehicles == ({"v1", "v2", "v3"} if followers == "same" else {"v1"})
     last = run.truths("v3")[5.98]
     assert last.speed_mps == pytest.approx(10.0, abs=0.5)
 
 
-def test_a_clock_that_is_off_moves_stamps_and_what_is_made_of_them_and_nothing_else(
+def test_a_wrong_clock_moves_only_stamps_and_what_is_derived_from_them(
     calm: ChangedConvoy,
 ) -> None:
     run = driven(rest="[vehicle.v2.clock]\noffset_ms = 250.0\ndrift_ppm = 1000.0")
@@ -253,7 +251,7 @@ def test_a_clock_that_is_off_moves_stamps_and_what_is_made_of_them_and_nothing_e
     usual_ages = [one.lead_age_s for one in calm.of("v2", Tracking)[10:]]
     for k, (age, usual_age) in enumerate(zip(ages, usual_ages, strict=True)):
         assert age - usual_age == pytest.approx(0.25 + 0.001 * CONTROL_S * (k + 10), abs=1e-3)
-    # v3 sees the ages of v2 too small by that, and hears the same.
+    # v3 sees the ages of v2 too small by that, and receives the same.
     seen = [one.predecessor_age_s for one in run.of("v3", Tracking)[10:]]
     usual_seen = [one.predecessor_age_s for one in calm.of("v3", Tracking)[10:]]
     for k, (age, usual_age) in enumerate(zip(seen, usual_seen, strict=True)):
@@ -264,7 +262,7 @@ def test_a_clock_that_is_off_moves_stamps_and_what_is_made_of_them_and_nothing_e
 
 
 @pytest.mark.parametrize("offset_ms", [-10_000.0, 10_000.0])
-def test_a_clock_that_is_off_by_ten_seconds_is_heard_all_the_same(offset_ms: float) -> None:
+def test_messages_of_a_clock_off_by_ten_seconds_are_received(offset_ms: float) -> None:
     run = driven(rest=f"[vehicle.v1.clock]\noffset_ms = {offset_ms}")
     for name in ("v2", "v3"):
         assert not run.nodes[name].inbox.rejected
@@ -277,7 +275,7 @@ def test_a_clock_that_is_off_by_ten_seconds_is_heard_all_the_same(offset_ms: flo
     for_s=st.integers(100, 250).map(lambda k: k / 100.0),
     name=st.sampled_from(["v1", "v2", "v3"]),
 )
-def test_a_process_that_starts_anew_from_the_handover_does_the_same(
+def test_a_restarted_process_continues_from_the_handover(
     at_s: float, for_s: float, name: str
 ) -> None:
     """Through bytes, as the real process hands itself over: what is sent is equal to the bit."""
@@ -288,11 +286,11 @@ def test_a_process_that_starts_anew_from_the_handover_does_the_same(
         rest="[gnss]\ndrift = { deviation_m = 0.1, time_constant_s = 30.0 }\n"
         "[links]\nloss_ratio = 0.2\njitter_ms = 10.0",
     )
-    kept, anew = ChangedConvoy(scenario).run(), ChangedConvoy(scenario)
+    kept, restarted = ChangedConvoy(scenario).run(), ChangedConvoy(scenario)
     exchanged = 0
-    for tick, step in steps_in_order(anew.steps()):
+    for tick, step in steps_in_order(restarted.steps()):
         step(tick)
-        node = anew.nodes[name]
+        node = restarted.nodes[name]
         assert isinstance(node, Node)
         handover = node.handover(tick.at)
         if handover is None or exchanged:
@@ -301,10 +299,12 @@ def test_a_process_that_starts_anew_from_the_handover_does_the_same(
         pack(handover, file := BytesIO())
         handover = pickle.loads(file.getvalue())
         arrived = node.inbox
-        other = anew.builders[name].node(anew.start_at, anew.sink(name), NoProbe(), handover)
+        other = restarted.builders[name].node(
+            restarted.start_at, restarted.sink(name), NoProbe(), handover
+        )
         assert isinstance(other, Node)
         assert isinstance(other.phase, Down)
         assert other.inbox is not arrived
-        anew.put(name, other)
+        restarted.put(name, other)
     assert exchanged == 1
-    assert list(map(encode, anew.sent)) == list(map(encode, kept.sent))
+    assert list(map(encode, restarted.sent)) == list(map(encode, kept.sent))

@@ -1,4 +1,4 @@
-"""Convoys that keep their gaps, hear next to nothing, and whose lead brakes."""
+"""Convoys that keep their gaps almost without messages, and whose lead brakes."""
 
 from itertools import pairwise
 
@@ -44,7 +44,7 @@ def test_physics_allows_this_convoy_to_be_safe_whatever_is_lost() -> None:
 @pytest.mark.campaign(0, 200)
 @pytest.mark.parametrize("braking", [2.5, 6.0])
 @pytest.mark.parametrize("loss", [0.8, 0.9, 0.97])
-def test_nobody_of_eight_drives_into_anybody(loss: float, braking: float, case: int) -> None:
+def test_none_of_eight_vehicles_collides(loss: float, braking: float, case: int) -> None:
     assert_nobody_drives_into_anybody(loss, braking, 8, case)
 
 
@@ -52,7 +52,7 @@ def test_nobody_of_eight_drives_into_anybody(loss: float, braking: float, case: 
 @pytest.mark.spread(2)
 @pytest.mark.parametrize("braking", [2.5, 6.0])
 @pytest.mark.parametrize("loss", [0.8, 0.9, 0.97])
-def test_nobody_drives_into_anybody(loss: float, braking: float, case: int) -> None:
+def test_no_vehicle_collides(loss: float, braking: float, case: int) -> None:
     assert_nobody_drives_into_anybody(loss, braking, 4, case)
 
 
@@ -101,9 +101,7 @@ headway_s = 0.0
 
 @pytest.mark.spread(1)
 @pytest.mark.parametrize(("followers", "gap"), [("gap", 12.0), ("same", 15.0)])
-def test_gaps_do_not_grow_along_eight_vehicles_that_hear_only_the_one_ahead(
-    followers: str, gap: float
-) -> None:
+def test_gaps_do_not_grow_along_eight_predecessor_only_vehicles(followers: str, gap: float) -> None:
     silence = 'outages = [{ kind = "window", from_s = 5.0, to_s = 1000.0 }]'
     links = "".join(
         f'[[link]]\nsender = "v1"\nreceiver = "v{place}"\n{silence}\n' for place in range(3, 9)
@@ -116,7 +114,7 @@ def test_gaps_do_not_grow_along_eight_vehicles_that_hear_only_the_one_ahead(
         for ahead, behind in pairwise(truth)
     ]
     assert min(map(min, gaps)) > gap - 1.5
-    # The second vehicle hears the lead; all others open to the headway that is stable without it.
+    # The second vehicle receives the lead; others open to the headway that is stable without it.
     opened = 0.35 * FAST if followers == "gap" else 0.0
     for one in gaps[1:]:
         assert max(one) < gap + opened + 0.5

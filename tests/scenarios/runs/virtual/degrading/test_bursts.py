@@ -16,11 +16,11 @@ WORST = {1: 14.0, 13: 35.0}
 
 
 @pytest.mark.campaign(1, 40)
-def test_nobody_swerves_because_of_a_hole_in_what_it_heard(case: int) -> None:
+def test_a_gap_in_received_poses_causes_no_swerve(case: int) -> None:
     seed = (*WORST, *range(50, 90))[case]
     duration_s, vehicles = WORST.get(seed, 35.0), 6 if seed == 1 else 5
-    asked = ["links.preset=bursty", f"convoy.vehicles={vehicles}", f"duration_s={duration_s}"]
-    summary = run_unlogged(load_scenario("lossy_lane_change", asked, seed))
+    requested = ["links.preset=bursty", f"convoy.vehicles={vehicles}", f"duration_s={duration_s}"]
+    summary = run_unlogged(load_scenario("lossy_lane_change", requested, seed))
     for row in summary.vehicles[1:]:
         assert row.self_estimate_error_m_max is not None
         assert row.self_estimate_error_m_max < 0.5, row.name

@@ -22,7 +22,7 @@ ROAD_M = 1110.0
 
 @dataclass
 class Told:
-    """What was told of one follower at its control instants."""
+    """Messages of one follower at its control instants."""
 
     truth: list[TruePose] = field(default_factory=list)
     tracking: list[Tracking] = field(default_factory=list)
@@ -42,8 +42,8 @@ class Cut:
     back_s: float
     followers: dict[str, Told]
 
-    def seconds(self, told: Tracking) -> float:
-        return (told.decided_at_ns - self.scenario.start_at_ns) / SECOND
+    def seconds(self, results: Tracking) -> float:
+        return (results.decided_at_ns - self.scenario.start_at_ns) / SECOND
 
     def off(self, name: str) -> list[float]:
         """True distance (m) from the road at each control instant."""
@@ -74,16 +74,16 @@ def cut(case: int) -> Cut:
     followers = {name: Told() for name in ("v2", "v3", "v4")}
 
     def record(_at: int, message: Message) -> None:
-        told = followers.get(message.vehicle, Told())
+        results = followers.get(message.vehicle, Told())
         match message:
             case TruePose():
-                told.truth.append(message)
+                results.truth.append(message)
             case Tracking():
-                told.tracking.append(message)
+                results.tracking.append(message)
             case Command():
-                told.commands.append(message)
+                results.commands.append(message)
             case LogText():
-                told.lines.append(message.text)
+                results.lines.append(message.text)
 
     drive(scenario, [OnMessage(record)]).raise_fault()
     return Cut(scenario, cut_s, back_s, followers)
@@ -94,15 +94,15 @@ def test_inside_the_known_path_cars_keep_to_the_road_and_commands_to_their_limit
     case: int,
 ) -> None:
     ran = cut(case)
-    for name, told in ran.followers.items():
-        for (truth, tracking, command), off in zip(told.instants(), ran.off(name), strict=True):
+    for name, results in ran.followers.items():
+        for (truth, tracking, command), off in zip(results.instants(), ran.off(name), strict=True):
             assert math.isfinite(command.steering_rad + command.acceleration_mps2)
             assert command.acceleration_mps2 >= -6.0 - 1e-9
             assert truth.friction_ratio <= 1.0 + 1e-9
             silent = ran.seconds(tracking) < ran.back_s
             if tracking.mode in SLOWING and tracking.known_m > 0.0 and silent:
                 assert abs(off) <= 0.3, (name, ran.seconds(tracking))
-        for before, command in pairwise(told.commands):
+        for before, command in pairwise(results.commands):
             turned = command.steering_rad - before.steering_rad
             assert abs(turned) <= RATE * CONTROL_S + 1e-12
 
@@ -110,11 +110,11 @@ def test_inside_the_known_path_cars_keep_to_the_road_and_commands_to_their_limit
 @pytest.mark.campaign(4, 200)
 def test_modes_change_for_a_reason_once_and_all_come_back(case: int) -> None:
     ran = cut(case)
-    for name, told in ran.followers.items():
+    for name, results in ran.followers.items():
         entered: dict[Mode, float] = {}
-        lines = iter(one for one in told.lines if one.startswith("mode "))
+        lines = iter(one for one in results.lines if one.startswith("mode "))
         next(lines)
-        for before, tracking in pairwise(told.tracking):
+        for before, tracking in pairwise(results.tracking):
             if tracking.mode == before.mode:
                 continue
             now = ran.seconds(tracking)
@@ -125,18 +125,18 @@ def test_modes_change_for_a_reason_once_and_all_come_back(case: int) -> None:
             entered[tracking.mode] = now
         assert next(lines, None) is None
         usual = "lead" if name == "v2" else "composite"
-        assert told.tracking[-1].mode == usual
-        if ran.seconds(told.tracking[-1]) > ran.back_s + 10.0:
-            assert told.truth[-1].speed_mps > 3.0
+        assert results.tracking[-1].mode == usual
+        if ran.seconds(results.tracking[-1]) > ran.back_s + 10.0:
+            assert results.truth[-1].speed_mps > 3.0
 
 
 @pytest.mark.campaign(4, 200)
-def test_a_stop_ends_inside_the_known_path_or_where_it_was_said_to(case: int) -> None:
-    """The metres driven blind are those foretold when the sources were given up, to 5 %."""
+def test_a_stop_ends_inside_the_known_path_or_where_predicted(case: int) -> None:
+    """The blind distance is the one predicted when the sources were lost, to 5 %."""
     ran = cut(case)
-    for told in ran.followers.values():
+    for results in ran.followers.values():
         began: Tracking | None = None
-        for truth, tracking, _ in told.instants():
+        for truth, tracking, _ in results.instants():
             if ran.seconds(tracking) > ran.back_s:
                 break
             if tracking.mode in SLOWING:
@@ -151,9 +151,9 @@ def test_some_cuts_end_inside_and_some_beyond() -> None:
     """Else the tests above would have nothing to find."""
     stood, blind = 0, []
     for case in range(4):
-        for told in cut(case).followers.values():
-            stood += any(one.speed_mps == 0.0 for one in told.truth)
-            blind.append(max(one.blind_m for one in told.tracking if one.mode in SLOWING))
+        for results in cut(case).followers.values():
+            stood += any(one.speed_mps == 0.0 for one in results.truth)
+            blind.append(max(one.blind_m for one in results.tracking if one.mode in SLOWING))
     assert stood > 3
     assert min(blind) == 0.0
     assert max(blind) > 20.0

@@ -1,4 +1,4 @@
-"""Cars that have hardly heard anybody yet: who waits in vain for a first message stops, too."""
+"""Cars with hardly any messages yet: a follower without a first message stops, too."""
 
 from dataclasses import replace
 from math import isnan
@@ -23,8 +23,8 @@ DARK_S = 8.0
 
 
 def convoy(vehicles: int, gap_m: float, *more: str, seed: int = 1) -> Scenario:
-    asked = (f"convoy.vehicles={vehicles}", f"convoy.gap_m={gap_m}", *more)
-    return load_scenario("lane_change", asked, seed)
+    requested = (f"convoy.vehicles={vehicles}", f"convoy.gap_m={gap_m}", *more)
+    return load_scenario("lane_change", requested, seed)
 
 
 def summary(vehicles: int, gap_m: float, *more: str, seed: int = 1) -> RunSummary:
@@ -43,7 +43,7 @@ def speed_at(driven: Driven, scenario: Scenario, vehicle: str, seconds: float) -
 
 
 @pytest.mark.parametrize("gap_m", [3, 10])
-def test_all_that_hear_nobody_stop_alike_and_drive_on_when_they_hear(gap_m: float) -> None:
+def test_vehicles_without_messages_stop_together_and_drive_on_with_them(gap_m: float) -> None:
     dark = f"change=[{{kind='cut', at_s=0, for_s={DARK_S}}}]"
     scenario = convoy(5, gap_m, dark, "duration_s=24")
     driven = Driven()
@@ -62,14 +62,14 @@ def test_all_that_hear_nobody_stop_alike_and_drive_on_when_they_hear(gap_m: floa
 
 @pytest.mark.campaign(1, 100)
 @pytest.mark.parametrize("loss", [0.9, 0.95, 0.98])
-def test_nobody_is_hit_who_brakes_for_want_of_first_messages(loss: float, case: int) -> None:
+def test_a_vehicle_that_brakes_without_first_messages_is_not_hit(loss: float, case: int) -> None:
     """Where a convoy begins closer than is safe, and hardly a message comes."""
     own = (f"links.loss_ratio={loss}", "duration_s=8")
     assert collisions(summary(3, 10.07, *own, seed=25 + case)) == 0
 
 
 @interpreted_only
-def test_if_nobody_missed_first_messages_some_would_be_hit(
+def test_without_late_first_messages_collisions_would_occur(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     own = ("links.loss_ratio=0.95", "duration_s=5")
@@ -93,18 +93,18 @@ def test_a_latency_is_no_silence(gap_m: float, latency_ms: float) -> None:
     assert not any("stop" in row.ticks_by_mode for row in run.vehicles)
 
 
-def test_who_never_hears_the_one_ahead_keeps_away_from_where_it_may_stand() -> None:
-    """v3 hears the lead alone, v2 nobody: it stops, and nobody tells v3."""
-    deaf = ("{sender='v1', receiver='v2'}", "{sender='v2', receiver='v3'}")
-    links = ",".join(one.replace("}", ", loss_ratio=1.0}") for one in deaf)
+def test_a_follower_without_its_predecessor_keeps_away_from_where_it_may_stand() -> None:
+    """v3 receives only the lead, v2 nothing: v2 stops without a warning to v3."""
+    silent = ("{sender='v1', receiver='v2'}", "{sender='v2', receiver='v3'}")
+    links = ",".join(one.replace("}", ", loss_ratio=1.0}") for one in silent)
     run = summary(3, 10.07, f"link=[{links}]", "duration_s=12")
     assert collisions(run) == 0
     assert (run.vehicles[2].true_gap_m_min or 0.0) > 5.0
     assert run.vehicles[2].estimated_gap_m_min is None or isnan(run.vehicles[2].estimated_gap_m_min)
 
 
-def test_who_goes_on_says_whom_it_heard() -> None:
-    """Heard again before it may leave the mode, so that nothing new happens when it does."""
+def test_the_log_names_the_sources_of_a_continuing_follower() -> None:
+    """Received again before the mode may be left, so that leaving it changes nothing."""
     dark = "change=[{kind='cut', at_s=0, for_s=0.8}]"
     driven = drive(convoy(3, 15.0, dark, "duration_s=3"))
     for name, source in (("v2", "v1"), ("v3", "v2")):

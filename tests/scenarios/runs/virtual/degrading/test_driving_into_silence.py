@@ -17,9 +17,9 @@ GUARD_MARGIN_M = 1.0
 
 def driven(preset: str, gap_m: float, seed: int, *more: str) -> RunSummary:
     """Six cars at 30 m/s, past the instants at which the last of them has come to a stand."""
-    asked = ("convoy.vehicles=6", "duration_s=22", f"links.preset={preset}")
+    requested = ("convoy.vehicles=6", "duration_s=22", f"links.preset={preset}")
     return run_unlogged(
-        load_scenario("lane_change", (*asked, f"convoy.gap_m={gap_m}", *more), seed)
+        load_scenario("lane_change", (*requested, f"convoy.gap_m={gap_m}", *more), seed)
     )
 
 
@@ -41,13 +41,13 @@ def collisions(summary: RunSummary) -> int:
     ("preset", "gap_m", "rate_hz"),
     [("tunnel", 3, 20), ("tunnel", 10, 20), ("tunnel", 10, 10), ("lead_lost", 3, 20)],
 )
-def test_nobody_drives_into_the_one_ahead(
+def test_no_vehicle_hits_its_predecessor(
     preset: str, gap_m: float, rate_hz: int, case: int
 ) -> None:
     summary = driven(preset, gap_m, case + 1, f"gnss.rate_hz={rate_hz}")
     assert any("stop" in row.ticks_by_mode for row in summary.vehicles)
     assert collisions(summary) == 0
-    # 80 m blind, along what they knew of a straight from so many samples.
+    # 80 m blind, along a straight known from few samples.
     assert largest_error_m(summary) < LANE_M * 20 / rate_hz
     assert least_gap_m(summary) > min(0.5 * gap_m, 0.8 * GUARD_MARGIN_M)
 
@@ -61,14 +61,14 @@ def test_one_link_lost_stops_the_whole_convoy_at_once(case: int) -> None:
     assert least_gap_m(summary) > 2.0  # of 3 m; it was 0, with a collision for each car
 
 
-def test_the_log_says_why_a_car_brakes_whose_road_is_known() -> None:
-    asked = ("duration_s=12", "links.preset=tunnel")
-    said = drive(load_scenario("lane_change", asked)).texts
-    braked = [text for text in said["v3"] if text.text.startswith("braking: v2 announced a stop")]
-    own = [text for text in said["v3"] if text.text.startswith("mode stop")]
+def test_the_log_has_the_reason_of_braking_on_a_known_path() -> None:
+    requested = ("duration_s=12", "links.preset=tunnel")
+    reported = drive(load_scenario("lane_change", requested)).texts
+    braked = [one for one in reported["v3"] if one.text.startswith("braking: v2 announced a stop")]
+    own = [one for one in reported["v3"] if one.text.startswith("mode stop")]
     assert len(braked) == len(own) == 1
     assert braked[0].logged_at_ns < own[0].logged_at_ns
-    assert not [text for text in said["v2"] if "announced a stop" in text.text]
+    assert not [one for one in reported["v2"] if "announced a stop" in one.text]
 
 
 @interpreted_only
@@ -77,7 +77,7 @@ def test_if_none_announced_its_stop_some_would(monkeypatch: pytest.MonkeyPatch) 
     assert collisions(driven("tunnel", 3.07, 1)) > 0
 
 
-def test_nobody_is_hit_who_brakes_for_lack_of_messages_himself() -> None:
+def test_a_vehicle_that_brakes_for_lack_of_messages_is_not_hit() -> None:
     """Shadowed links in a dense convoy: each at its own time, for one to three seconds."""
     assert collisions(driven("lte_v2x_dense", 3.07, 1, "duration_s=24")) == 0
 

@@ -50,7 +50,7 @@ class Driven:
         self.truth: defaultdict[str, list[TruePose]] = defaultdict(list)
         self.steering: defaultdict[str, list[float]] = defaultdict(list)
         self.modes: defaultdict[str, list[str]] = defaultdict(list)
-        self.told: defaultdict[str, list[float]] = defaultdict(list)
+        self.results: defaultdict[str, list[float]] = defaultdict(list)
         virtual, driven, liars = VirtualConvoy(scenario), self, lies or {}
 
         class Kept:
@@ -62,9 +62,9 @@ class Driven:
                 match message:
                     case GpsPose():
                         if message.vehicle in liars:
-                            said = liars[message.vehicle]
-                            message.path_offset_m = said[message.seq % len(said)]
-                        driven.told[message.vehicle].append(message.path_offset_m)
+                            reported = liars[message.vehicle]
+                            message.path_offset_m = reported[message.seq % len(reported)]
+                        driven.results[message.vehicle].append(message.path_offset_m)
                         self._poses.send(message)
                     case TruePose():
                         driven.truth[message.vehicle].append(message)
@@ -124,35 +124,35 @@ def test_it_grows_where_the_way_driven_is_followed() -> None:
     assert errors["v4"] > errors["v3"] + 0.04 > errors["v2"] + 0.08
 
 
-def test_all_but_the_lead_announce_how_far_off_its_path_they_are() -> None:
+def test_followers_announce_their_offset_from_the_lead_s_path() -> None:
     run = driven("", *EXACT, vehicles=4)
-    assert all(map(math.isnan, run.told["v1"]))
+    assert all(map(math.isnan, run.results["v1"]))
     for name, error in run.errors().items():
-        told = [offset for offset in run.told[name] if not math.isnan(offset)]
-        assert len(told) > len(run.told[name]) - 5
-        assert max(map(abs, told)) == pytest.approx(error, abs=0.005)
+        results = [offset for offset in run.results[name] if not math.isnan(offset)]
+        assert len(results) > len(run.results[name]) - 5
+        assert max(map(abs, results)) == pytest.approx(error, abs=0.005)
 
 
 def test_no_command_steps_when_the_lead_is_lost_and_comes_back() -> None:
-    run, heard = driven(FOR_A_WHILE, *EXACT, vehicles=4), driven("", *EXACT, vehicles=4)
+    run, received = driven(FOR_A_WHILE, *EXACT, vehicles=4), driven("", *EXACT, vehicles=4)
     assert run.modes["v4"][-1] == "composite"
     assert "predecessor" in run.modes["v4"]
-    assert run.largest_step() < heard.largest_step() + 1e-3
+    assert run.largest_step() < received.largest_step() + 1e-3
 
 
-def test_what_is_announced_changes_no_command_while_the_lead_is_heard() -> None:
+def test_announcements_change_no_command_while_the_lead_is_received() -> None:
     followed = driven("", DRIVEN, *EXACT, vehicles=4)
     assert followed.steering == driven("", *EXACT, vehicles=4).steering
 
 
-def test_a_predecessor_that_tells_nothing_true_is_followed_where_it_drove() -> None:
+def test_a_follower_of_a_false_predecessor_drives_where_it_drove() -> None:
     told_nothing = Driven(convoy(FOR_GOOD, vehicles=3), {"v2": [math.nan, 1e9, -3.0]})
     assert told_nothing.modes["v3"][-1] == "predecessor"
     assert told_nothing.steering == driven(FOR_GOOD, DRIVEN, vehicles=3).steering
 
 
 @pytest.mark.parametrize("lie", [[1.7], [1.7, -1.7]])
-def test_a_predecessor_that_lies_leads_nobody_further_astray_than_half_a_lane(
+def test_false_content_of_a_predecessor_costs_at_most_half_a_lane(
     lie: list[float],
 ) -> None:
     run = Driven(convoy(FOR_GOOD, vehicles=3), {"v2": lie})

@@ -31,10 +31,10 @@ loss = { kind = "gilbert_elliott", loss_ratio = 0.4, burst_messages_mean = 4.0 }
 
 
 @pytest.mark.campaign(1, 10)
-def test_alarms_are_as_many_as_the_law_of_the_link_says(case: int) -> None:
+def test_the_number_of_alarms_follows_the_law_of_the_link(case: int) -> None:
     scenario = scenario_from_text(SCENARIO, seed=case + 1)
-    told: list[Message] = []
-    keep = OnMessage(lambda _, message: told.append(message), frozenset({Tracking}))
+    results: list[Message] = []
+    keep = OnMessage(lambda _, message: results.append(message), frozenset({Tracking}))
     summary = run_unlogged(scenario, [keep])
     alarms = [link.false_alarms for link in summary.links if link.false_alarms]
     # 20 messages a second of which 0.6 pass, each before a burst with 1/6; 0.75 that one goes on.
@@ -44,7 +44,7 @@ def test_alarms_are_as_many_as_the_law_of_the_link_says(case: int) -> None:
     assert predicted > 50.0
     assert abs(counted - predicted) < 3.5 * predicted**0.5  # they come nearly one by one
     for name in scenario.vehicle_names[1:]:
-        tracking = [one for one in told if isinstance(one, Tracking) and one.vehicle == name]
+        tracking = [one for one in results if isinstance(one, Tracking) and one.vehicle == name]
         entered: dict[str, int] = {}
         changes = [one for before, one in pairwise(tracking) if one.mode != before.mode]
         for one in changes:

@@ -9,11 +9,11 @@ SETTINGS = (
     *("convoy.vehicles=3", "gnss.rate_hz=10", "duration_s=11", "links.jitter_ms=0"),
     *("convoy.gap_m=3", "links.latency_ms=300"),
 )
-"""At 30 m/s what is heard of the lead 8 m ahead ends a metre behind the first follower."""
+"""At 30 m/s the received path of a lead 8 m ahead ends a metre behind the first follower."""
 
 
 @pytest.mark.parametrize(("loss_ratio", "seed"), [(0.0, 1), (0.2, 1), (0.2, 8), (0.2, 9)])
-def test_who_hears_only_of_road_behind_falls_back_and_then_follows(
+def test_a_follower_that_knows_only_road_behind_falls_back_and_then_follows(
     loss_ratio: float, seed: int
 ) -> None:
     scenario = load_scenario(
@@ -29,9 +29,9 @@ def test_who_hears_only_of_road_behind_falls_back_and_then_follows(
     assert not [event for event in summary.events if event.kind in ("lane_departure", "slide")]
 
 
-def test_who_knows_road_ahead_does_not_fall_back() -> None:
-    asked = (*SETTINGS, "convoy.gap_m=10", "links.loss_ratio=0")
-    summary = run_unlogged(load_scenario("lossy_lane_change", asked, 1))
+def test_a_follower_that_knows_road_ahead_does_not_fall_back() -> None:
+    requested = (*SETTINGS, "convoy.gap_m=10", "links.loss_ratio=0")
+    summary = run_unlogged(load_scenario("lossy_lane_change", requested, 1))
     for row in summary.vehicles[1:]:
         assert "coast" not in row.ticks_by_mode
         assert row.cross_track_error_m_max is not None

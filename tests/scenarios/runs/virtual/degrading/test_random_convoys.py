@@ -107,13 +107,13 @@ def drawn_convoy(case: int) -> Scenario:
 @pytest.mark.campaign(6, 500)
 def test_no_convoy_gets_a_command_that_no_car_can_take(case: int) -> None:
     scenario = drawn_convoy(case)
-    told: defaultdict[str, list[Message]] = defaultdict(list)
-    keep = OnMessage(lambda _, message: told[message.vehicle].append(message))
+    results: defaultdict[str, list[Message]] = defaultdict(list)
+    keep = OnMessage(lambda _, message: results[message.vehicle].append(message))
     drive(scenario, [keep]).raise_fault()
     period_s = 1.0 / scenario.control_rate_hz
     for name in scenario.vehicle_names:
         car = scenario.vehicle(name).parameters
-        commands = [one for one in told[name] if isinstance(one, Command)]
+        commands = [one for one in results[name] if isinstance(one, Command)]
         assert all(isfinite(one.steering_rad + one.acceleration_mps2) for one in commands)
         assert max(abs(one.steering_rad) for one in commands) <= car.steering_limit + ROUNDING
         most = car.steering_rate_limit * period_s + ROUNDING
@@ -122,11 +122,11 @@ def test_no_convoy_gets_a_command_that_no_car_can_take(case: int) -> None:
             for a, b in pairwise(commands)
             if b.decided_at_ns - a.decided_at_ns < 1.5e9 * period_s
         )
-        poses = [one for one in told[name] if isinstance(one, TruePose)]
+        poses = [one for one in results[name] if isinstance(one, TruePose)]
         assert all(isfinite(one.east_m + one.north_m + one.speed_mps) for one in poses)
         assert max((one.friction_ratio for one in poses), default=0.0) <= 1.0 + ROUNDING
     for name in scenario.vehicle_names[1:]:
-        tracking = [one for one in told[name] if isinstance(one, Tracking)]
+        tracking = [one for one in results[name] if isinstance(one, Tracking)]
         assert {one.mode for one in tracking} <= set(get_args(Mode))
         for before, one in pairwise(tracking):
             if one.mode != before.mode and one.mode not in ALONE:
