@@ -116,7 +116,7 @@ def new(file: Path | None) -> None:
 
     The file lists every key with its default. Without FILE it goes to standard output.
     """
-    from scenarios.definition.template import template
+    from scenarios.definition.library import template
 
     with clear_errors():
         if file is None:

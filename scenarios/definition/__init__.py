@@ -1,6 +1,6 @@
 """Scenario files: read, validated and resolved.
 
-library          scenario files as text: shipped ones and the user's
+library          scenario files as text: shipped ones, the template, and the user's
 extends          a file laid over the one that it extends
 overrides        `--set` laid over both
 renamed          old names of keys and values
@@ -16,6 +16,5 @@ traces/          recorded drives
 road/            the lead's path and speed, and where each vehicle starts
 vehicle_setup    one vehicle: its own tables merged into the convoy's
 scenario         a valid scenario
-template         the commented scenario of `convoy new`
 check/           figures and warnings before a run
 """

@@ -23,7 +23,7 @@ MAX_BYTES = 200_000_000
 """Largest scenario file: one with the points of a long drive has a tenth of this."""
 
 TEMPLATE = "_template"
-"""The file in the library that `convoy new` writes; it is not listed."""
+"""The file that `convoy new` writes; it is not listed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +44,11 @@ class ScenarioFile:
 
 def library() -> tuple[str, ...]:
     return tuple(sorted(name for name, path in _shipped().items() if path.parent != DRILLS))
+
+
+def template() -> str:
+    """Return the commented scenario that `convoy new` writes."""
+    return (LIBRARY / f"{TEMPLATE}.toml").read_text(encoding="utf-8")
 
 
 def drills() -> tuple[str, ...]:

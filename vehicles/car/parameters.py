@@ -130,8 +130,8 @@ class Loading:
     Masses in kg per passenger; luggage_offset (m) is the paper's c, behind the rear axle.
     """
 
-    front_passengers: Annotated[int, Setting("in addition to the driver", "", 0, 8)] = 0
-    rear_passengers: Annotated[int, Setting("", "", 0, 60)] = 0
+    front_passengers: Annotated[int, Setting("in front, in addition to the driver", "", 0, 8)] = 0
+    rear_passengers: Annotated[int, Setting("in the rear", "", 0, 60)] = 0
     passenger_mass: Annotated[float, Setting("per passenger", "kg", 0, 500)] = 70.0
     luggage_mass: Annotated[float, Setting("per passenger, in the boot", "kg", 0, 1000)] = 50.0
     luggage_offset: Annotated[

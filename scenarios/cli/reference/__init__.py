@@ -3,7 +3,7 @@
 reference_command  the command, and the list of pages
 printing           texts and rows at the width of a terminal
 table_keys         keys of a scenario's tables with ranges, defaults and documentation
-scenario_pages     links, presets, gnss, degradation, limits
+scenario_pages     scenario, links, presets, gnss, degradation, limits
 message_pages      topics, wire, reasons, .proto
 other_pages        fields, controllers, exit-codes
 """

@@ -6,6 +6,7 @@ from typing import Any
 import click
 
 PAGES: Mapping[str, str] = {
+    "scenario": "keys of all other tables of a scenario file",
     "links": "keys of [links] and [[link]]; laws with parameters and sources",
     "presets": "shipped channels and their sources",
     "gnss": "keys of [gnss]; presets of the receiver",
@@ -55,6 +56,7 @@ def printers() -> Mapping[str, Callable[[], None]]:
     from scenarios.cli.reference import message_pages, other_pages, scenario_pages
 
     return {
+        "scenario": scenario_pages.scenario_page,
         "links": scenario_pages.links_page,
         "presets": scenario_pages.presets_page,
         "gnss": scenario_pages.gnss_page,

@@ -1,9 +1,9 @@
-"""Reference pages about scenario files: links, presets, gnss, degradation, limits."""
+"""Reference pages about scenario files: scenario, links, presets, gnss, degradation, limits."""
 
 from collections.abc import Iterator
 
 from scenarios.cli.reference.printing import print_section, print_text
-from scenarios.cli.reference.table_keys import models_at, tables_at
+from scenarios.cli.reference.table_keys import models_at, scenario_tables, tables_at
 from scenarios.definition.channel.presets import presets, read_preset
 from scenarios.definition.schema.limit_rows import LIMITS
 from scenarios.definition.schema.settings_table import keys_with
@@ -16,6 +16,21 @@ def _print_tables(key: str) -> None:
         reason = getattr(table.model, "reason", None)
         drops = f" Drops messages with the reason {reason}." if reason else ""
         print_section(table.place, table.keys.items(), table.text + drops)
+
+
+OTHER_PAGES = ("links", "link", "gnss", "control.degradation", "limits")
+"""Tables that have pages of their own."""
+
+
+def scenario_page() -> None:
+    print_text(
+        "The keys of a scenario file. A key ends in its unit; a ratio is from 0 to 1. Headings are "
+        "compass courses. Curvature, steering and lateral offsets are positive to the left. Links, "
+        "gnss, degradation and limits have pages of their own."
+    )
+    for table in scenario_tables():
+        if not table.place.startswith(tuple(f"[{key}{end}" for key in OTHER_PAGES for end in ".]")):
+            print_section(table.place, table.keys.items(), table.text)
 
 
 def links_page() -> None:

@@ -41,6 +41,11 @@ def tables_at(key: str) -> Iterator[TableDoc]:
     yield from _tables(key, models_at(key), {})
 
 
+def scenario_tables() -> Iterator[TableDoc]:
+    """Document all tables of a scenario file, the top level first."""
+    yield from _tables("", [ScenarioTables], {})
+
+
 def _tables(
     place: str, models: list[type[BaseModel]], first_places: dict[type[BaseModel], str]
 ) -> Iterator[TableDoc]:
@@ -50,7 +55,8 @@ def _tables(
             yield TableDoc(title, model, f"The same keys as {first_places[model]}.", {})
             continue
         first_places[model] = title
-        text, documented = _split(model.__doc__ or "")
+        text, _ = _split(model.__doc__ or "")
+        documented = _documented(model)
         if issubclass(model, SettingsTable):
             documented = {name: one.setting.doc for name, one in model.by_key.items()}
         keys = {
@@ -60,12 +66,22 @@ def _tables(
         }
         yield TableDoc(title, model, text, keys)
         for name, field in model.model_fields.items():
-            yield from _tables(f"{place}.{name}", list(models_of(field.annotation)), first_places)
+            inner = f"{place}.{name}".lstrip(".")
+            inner += ".NAME" if get_origin(field.annotation) is dict else ""
+            yield from _tables(inner, list(models_of(field.annotation)), first_places)
+
+
+def _documented(model: type[BaseModel]) -> dict[str, str]:
+    """Return the documentation of keys in the docstrings of a class and its bases."""
+    docs = [_split(base.__doc__ or "")[1] for base in reversed(model.__mro__)]
+    return {name: text for keys in docs for name, text in keys.items()}
 
 
 def _titled(place: str, model: type[BaseModel]) -> str:
     kind = model.model_fields.get("kind")
     words = get_args(kind.annotation) if kind else ()
+    if not place:
+        return "top level"
     return f'[{place}] kind = "{words[0]}"' if words else f"[{place}]"
 
 
@@ -98,6 +114,8 @@ def _values(field: FieldInfo) -> Iterator[str]:
     words = [word for part in _parts(annotation) for word in _words(part)]
     if words:
         yield " | ".join(f'"{word}"' for word in words)
+    elif get_origin(annotation) is dict:
+        yield "a table for each name"
     elif any(part is bool for part in _parts(annotation)):
         yield "true or false"
     elif str in _parts(annotation):
@@ -114,7 +132,11 @@ def _values(field: FieldInfo) -> Iterator[str]:
     if {"ge", "le"} <= set(bounds):
         yield f"{bounds['ge']:g} to {bounds['le']:g}"
     else:
-        yield from (f"{BOUNDS[word]} {bound:g}" for word, bound in bounds.items())
+        yield from (f"{BOUNDS[word]} {_shown(bound)}" for word, bound in bounds.items())
+
+
+def _shown(bound: Any) -> str:
+    return f"{bound:g}" if isinstance(bound, int | float) else str(bound)
 
 
 def _default(field: FieldInfo) -> Iterator[str]:

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
+from math import inf
 
 from scenarios.definition.channel.build import usual_delay_ms, vehicles_between
 from scenarios.definition.channel.expected import expected_channel
@@ -24,7 +25,7 @@ class _Sight:
 
     The path is known `reach` (m) ahead when the newest pose is oldest. The preview takes `preview`
     (m) of it, which hold `samples` poses, `spacing` (m) apart. The fit keeps `behind` (m) behind
-    the ego. `remedy` is the key that raises the rate of poses.
+    the ego. `remedy` is the way to more poses.
     """
 
     source: str
@@ -57,14 +58,12 @@ def preview_warnings(scenario: Scenario, speeds: tuple[float, float]) -> Iterato
     keeps_gap = scenario.tables.speed.followers == "gap"
     gap_key = "speed.gap.standstill_m" if keeps_gap else "convoy.gap_m"
     for names, sight in _worst(thin):
-        remedy = f"Raise {sight.remedy} or {gap_key}."
-        if sight.reach <= 0.0:
-            remedy = f"Lower links.latency_ms or the loss, or raise {gap_key}."
+        apart = f", {sight.spacing:.3g} m apart," if sight.spacing < inf else ""
         yield (
             f"{names}: at {sight.speed:g} m/s the preview holds {sight.samples:.1f} poses of "
-            f"{sight.source} ({MIN_SAMPLES} needed), {sight.spacing:.3g} m apart, in "
+            f"{sight.source} ({MIN_SAMPLES} needed){apart} in "
             f"{sight.preview:.1f} m of known path: curves are cut and the path is extrapolated. "
-            f"{remedy}"
+            f"{sight.remedy} or raise {gap_key}."
         )
     for names, sight in _worst(short):
         yield (
@@ -101,10 +100,18 @@ def _sight(
     source_hz = sender.highest_rate_hz
     loss = expected_channel(link, source_hz, distance, between).loss_ratio
     # An unknown loss, as in a tunnel, counts only where the link carries anything at all.
-    rate = min(sent, link.rate_hz or sent) * (1.0 - (link.loss_ratio if loss is None else loss))
-    late_ms = sender.gnss.latency / MILLISECOND + usual_delay_ms(link)
-    age = late_ms / 1000.0 + (1.0 / rate if rate else float("inf"))
-    reach = distance - speed * age
+    lost = link.loss_ratio if loss is None else loss
+    rate = min(sent, link.rate_hz or sent) * (1.0 - lost)
+    interval = 1.0 / rate if rate else inf
+    delay = (sender.gnss.latency / MILLISECOND + usual_delay_ms(link)) / 1000.0
+    reach = distance - speed * (delay + interval)
+    if delay > interval:
+        remedy = "Lower links.latency_ms"
+    elif lost > 0.6:
+        remedy = "Reduce the loss"
+    else:
+        is_every_fix = isinstance(sender.sending, EveryFix)
+        remedy = "Raise gnss.rate_hz" if is_every_fix else "Raise the rate of sending"
     preview = min(settings.ahead(speed), max(reach, 0.0))
     return _Sight(
         source=source,
@@ -113,8 +120,8 @@ def _sight(
         preview=preview,
         samples=preview * rate / speed,
         behind=settings.behind(speed),
-        spacing=speed / rate if rate else float("inf"),
-        remedy="gnss.rate_hz" if isinstance(sender.sending, EveryFix) else "the rate of sending",
+        spacing=speed * interval,
+        remedy=remedy,
     )
 
 

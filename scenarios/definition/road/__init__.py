@@ -1,7 +1,9 @@
 """The lead's path and speed, and recorded motions of followers.
 
 route            the lead's path, the gaps at the start, and the lead's speed
+spacing          gaps between bumpers and spacings between centres of mass
 replayed_drive   the motion of a replayed vehicle
 lead_speed       the lead's speed: lowered before curves, or as recorded
 set_speed        the lead's speed after a change, and the speed of a car that sets off
+earlier_gaps     gaps in logs before version 0.2
 """

@@ -1,11 +1,11 @@
-"""What the tables of a scenario file have in common."""
+"""Base class of the tables of a scenario file."""
 
 from typing import Annotated, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_-]{0,31}$"
-"""Names become part of a key expression on the bus, so they keep to letters, digits, _ and -."""
+"""Names are part of key expressions on the bus: letters, digits, _ and - only."""
 
 Name = Annotated[str, StringConstraints(pattern=NAME_PATTERN)]
 Ratio = Annotated[float, Field(ge=0, le=1)]
@@ -14,7 +14,7 @@ Speed = Annotated[float, Field(ge=0, le=100)]
 
 
 class Table(BaseModel):
-    """A table of a scenario file: unknown keys and wrong types are refused, values are frozen."""
+    """A frozen table of a scenario file, without unknown keys or type conversions."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
@@ -23,9 +23,9 @@ AnyTable = TypeVar("AnyTable", bound=BaseModel)
 
 
 def overlay(base: AnyTable, own: BaseModel | None) -> AnyTable:
-    """Return `base` with every key that was written in `own`, table by table.
+    """Merge the keys given in `own` into `base`, table by table.
 
-    A table of another kind replaces what was there.
+    A table of another kind replaces the one in `base`.
     """
     if own is None:
         return base

@@ -1,7 +1,4 @@
-"""What a scenario file may say is done to a running convoy: to its links and to its vehicles.
-
-The same tables are asked for by hand while a convoy runs, and stand in its log.
-"""
+"""Tables of changes to a running convoy, scheduled or requested live, and as logged."""
 
 from typing import Annotated, Literal
 
@@ -13,16 +10,25 @@ LATEST_S = 86_400
 
 
 class ChangeTable(Table):
-    """Something done `at_s` after the start of the run."""
+    """A change during the run.
+
+    at_s     time after the start of the run
+    for_s    duration; without it the change lasts until the next one
+    """
 
     at_s: float = Field(ge=0, le=LATEST_S)
 
 
 class LinkChangeTable(ChangeTable):
-    """Links of another quality for what is sent from `at_s` on, until `for_s` later or the next.
+    """Set the quality of links, for messages sent from `at_s` on. Omitted keys do not change.
 
-    Each end is a vehicle's name, a role ("lead", "predecessor", "follower"), or "*" for any. A key
-    that is left out stays as it is.
+    at_s        time after the start of the run
+    for_s       duration; without it until the next change
+    sender      a vehicle, a role ("lead", "predecessor", "follower"), or "*" for any vehicle
+    receiver    likewise
+    loss_ratio  independent loss
+    latency_ms  smallest delay
+    jitter_ms   additional uniform delay, from 0 to this
     """
 
     kind: Literal["link"]
@@ -35,7 +41,13 @@ class LinkChangeTable(ChangeTable):
 
 
 class CutTable(ChangeTable):
-    """Links that carry nothing of what is sent from `at_s` on, until `for_s` later or healed."""
+    """Cut links: nothing sent from `at_s` on is delivered, for `for_s` or until healed.
+
+    at_s      time after the start of the run
+    for_s     duration; without it until healed
+    sender    a vehicle, a role, or "*"
+    receiver  likewise
+    """
 
     kind: Literal["cut"]
     sender: str = "*"
@@ -44,7 +56,12 @@ class CutTable(ChangeTable):
 
 
 class HealTable(ChangeTable):
-    """Links as the scenario has them again: nothing that was changed before counts any more."""
+    """Restore links to the scenario's settings.
+
+    at_s      time after the start of the run
+    sender    a vehicle, a role, or "*"
+    receiver  likewise
+    """
 
     kind: Literal["heal"]
     sender: str = "*"
@@ -52,13 +69,19 @@ class HealTable(ChangeTable):
 
 
 class VehicleChangeTable(ChangeTable):
-    """Something done to one vehicle, at its first tick from `at_s` on."""
+    """A change of one vehicle, at its first tick from `at_s` on."""
 
     vehicle: Name
 
 
 class FixChangeTable(VehicleChangeTable):
-    """Its receiver has this fix, until `for_s` later; "auto" gives it back to its own law."""
+    """Set the fix state of a GNSS receiver.
+
+    at_s     time after the start of the run
+    for_s    duration; without it until the next change
+    vehicle  name of the vehicle
+    fix      fix state; "auto" restores the receiver's own law
+    """
 
     kind: Literal["gnss"]
     fix: Literal["fixed", "float", "single", "none", "auto"]
@@ -66,9 +89,11 @@ class FixChangeTable(VehicleChangeTable):
 
 
 class StallTable(VehicleChangeTable):
-    """Its control does not run for `for_s`: it hears, decides and sends nothing.
+    """Stall the software: it receives and sends nothing. The car keeps its last command.
 
-    The car keeps the command that it was given last.
+    at_s     time after the start of the run
+    for_s    duration
+    vehicle  name of the vehicle
     """
 
     kind: Literal["stall"]
@@ -76,9 +101,11 @@ class StallTable(VehicleChangeTable):
 
 
 class CrashTable(VehicleChangeTable):
-    """Its process ends, and starts anew `for_s` later, without memory; never, without `for_s`.
+    """Kill the process of a vehicle; it restarts without memory. Meanwhile the car brakes straight.
 
-    Meanwhile the car brakes to a standstill with its wheels as they were.
+    at_s     time after the start of the run
+    for_s    time until the restart; without it the process does not restart
+    vehicle  name of the vehicle
     """
 
     kind: Literal["crash"]
@@ -86,22 +113,31 @@ class CrashTable(VehicleChangeTable):
 
 
 class LeaveTable(VehicleChangeTable):
-    """Its driver takes over: it sends nothing any more and drives on by itself."""
+    """Let a vehicle leave the convoy: its human driver takes over, and it sends nothing.
+
+    at_s     time after the start of the run
+    vehicle  name of the vehicle
+    """
 
     kind: Literal["leave"]
 
 
 class JoinTable(VehicleChangeTable):
-    """It joins the convoy: until then its driver drives it, and it sends nothing."""
+    """Let a vehicle join the convoy. Until then its human driver drives, and it sends nothing.
+
+    at_s     time after the start of the run
+    vehicle  name of the vehicle
+    """
 
     kind: Literal["join"]
 
 
 class SpeedChangeTable(ChangeTable):
-    """The lead drives at another set speed from `at_s` on, which it comes to at this acceleration.
+    """Change the set speed of the lead, and of followers with speed.followers = "same".
 
-    So do followers that drive the same speed at the same time: of this they are told. Followers
-    that keep a gap find out by themselves.
+    at_s               time after the start of the run
+    speed_mps          new set speed
+    acceleration_mps2  acceleration until it is reached
     """
 
     kind: Literal["speed"]

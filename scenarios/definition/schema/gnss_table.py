@@ -1,4 +1,4 @@
-"""The table of a GNSS receiver, under which its presets are laid."""
+"""The table of a GNSS receiver, completed by its preset."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -15,12 +15,12 @@ from vehicles.car.positioning.gnss_settings import (
 
 
 class GnssTable(SettingsTable[GnssSettings]):
-    """The emulated receiver; a `preset` is laid under the other keys."""
+    """The emulated receiver. Its keys replace the values of a `preset`."""
 
     @model_validator(mode="before")
     @classmethod
     def _lay_presets_under(cls, given: Any) -> Any:
-        """Add the preset's values of keys that the file leaves out, so that the table is whole."""
+        """Fill in the preset's values of keys that are not given."""
         if not isinstance(given, dict):
             return given
         under = [figures for preset, figures in PRESETS.items() if preset == given.get("preset")]
@@ -34,7 +34,7 @@ class GnssTable(SettingsTable[GnssSettings]):
 
 
 def _laid_over(under: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Keys of `under` that are not given, table by table, and all that are."""
+    """Merge two tables and the tables inside them; `given` keys win."""
     whole = {**under, **given}
     for key, value in under.items():
         if isinstance(value, dict) and isinstance(given.get(key), dict):

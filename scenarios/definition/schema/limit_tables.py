@@ -1,4 +1,4 @@
-"""Limits of a scenario file, which a run has to keep, or else has failed."""
+"""Tables of the limits of a run."""
 
 from collections.abc import Mapping
 from math import inf
@@ -15,7 +15,7 @@ Span = Annotated[float, Field(gt=0, le=86_400)]
 
 
 class DeadlineTable(Table):
-    """Something that a follower has to have done `within_s` after the instant `after_s`."""
+    """A deadline of a follower: `within_s` after `after_s`."""
 
     vehicle: Name
     after_s: NotNegative = 0.0
@@ -23,20 +23,39 @@ class DeadlineTable(Table):
 
 
 class ModeLimit(DeadlineTable):
-    """It steers in this mode by then; one that it has already at `after_s` counts."""
+    """Deadline for a mode of a follower, which may have it already at `after_s`.
+
+    vehicle   the follower
+    mode      mode of steering
+    after_s   time after the start of the run
+    within_s  deadline after `after_s`
+    """
 
     mode: Literal["composite", "lead", "predecessor", "coast", "stop", "straight"]
 
 
 class SourceLimit(DeadlineTable):
-    """It makes this of a source by then: of the lead, or of the vehicle ahead of it."""
+    """Deadline for the status of a source: the lead or the predecessor.
+
+    vehicle   the follower
+    source    the vehicle that it receives from
+    status    status of the source
+    after_s   time after the start of the run
+    within_s  deadline after `after_s`
+    """
 
     source: Name
     status: Literal["fresh", "late", "lost", "distrusted", "probation"]
 
 
 class RecoveryLimit(DeadlineTable):
-    """From then on, to the end, it relies on all its sources and keeps within `error_m` (true)."""
+    """Deadline for recovery: from then on all sources are fresh and the error is bounded.
+
+    vehicle   the follower
+    error_m   largest true distance from the lead's path
+    after_s   time after the start of the run
+    within_s  deadline after `after_s`
+    """
 
     error_m: NotNegative
 
@@ -61,7 +80,7 @@ else:
 
 
 def _vehicle_table(given: object) -> object:
-    """Refuse what is no table as an unknown key, rather than as a table of the wrong type."""
+    """Report a value that is not a table as an unknown key."""
     if not isinstance(given, Mapping | VehicleLimits):
         raise PydanticCustomError("extra_forbidden", "unknown key")
     return given
@@ -71,14 +90,16 @@ OwnLimits = Annotated[VehicleLimits, BeforeValidator(_vehicle_table)]
 
 
 class LimitsTable(VehicleLimits):
-    """Limits whose breach makes a run fail; one that is left out is none.
+    """Limits of a run, which fails if it breaks one.
 
-    Its keys are those of `LIMITS`. A table with the name of a vehicle has the same keys: its bounds
-    replace those of the convoy for that vehicle, its counts are of the events that involve it.
-    `modes`, `sources` and `recovery` are what followers have to have done by an instant.
+    A table with the name of a vehicle, such as [limits.v3], has the same bounds: they replace those
+    of the convoy for that vehicle, and count the events that involve it.
 
-    `after_collision` tells whether the run ends when a collision breaks the limit of the convoy, or
-    with "end" and without that limit, at the first one. Left out, it ends if there is a limit.
+    modes            deadlines for modes of followers
+    sources          deadlines for the status of sources
+    recovery         deadlines for recovery after a failure
+    after_collision  "end" the run with the collision that breaks the limit, or with the first
+                     without a limit; or "continue". Default: "end" if collisions_max is given
     """
 
     model_config = ConfigDict(extra="allow")
@@ -95,5 +116,5 @@ class LimitsTable(VehicleLimits):
 
     @property
     def of_vehicles(self) -> Mapping[str, VehicleLimits]:
-        """Limits of single vehicles by name."""
+        """Bounds of single vehicles by name."""
         return self.__pydantic_extra__

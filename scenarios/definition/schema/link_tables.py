@@ -1,4 +1,4 @@
-"""What a scenario file may say of the directed links between vehicles."""
+"""Tables of the directed links between vehicles."""
 
 from typing import Annotated
 
@@ -12,21 +12,21 @@ from transport.links.laws.registry import DelayLaw, LossLaw, OutageLaw, RadioLaw
 
 
 class LinkTable(Table):
-    """What a directed link does to messages.
+    """Impairments of a directed link.
 
-    latency_ms    least delay from sending to reception, the floor that the wire has to beat
-    jitter_ms     further delay, uniform between 0 and this
-    loss_ratio    share of messages lost, each on its own (Bernoulli)
-    rate_hz       messages a second that the link carries; left out, it carries every message
-    loss          another law of loss besides: in bursts, by number, as recorded
-    collisions    loss of whole reservations besides
-    content       copies, messages held back, wrong bits and false content
-    delay         further delay by a law, and whether messages keep their order
-    queue         bytes a second that the sender sends, and how many messages wait
-    outages       times and places at which nothing is carried
-    radio         what is received over the true distance, with loss on the way and obstruction
-    preset        a shipped channel, laid under the other keys when a scenario is read
-    preset_source  where its figures are from, which says that this has been done
+    latency_ms     smallest delay from sending to reception; the real transport must be faster
+    jitter_ms      additional uniform delay, from 0 to this
+    loss_ratio     independent loss (Bernoulli)
+    rate_hz        messages per second that the link carries; without it all
+    loss           an additional law of loss: bursts, numbered messages, a recording
+    collisions     additional loss of complete reservations
+    content        duplicates, reordering, bit errors and false content
+    delay          an additional law of delay, and the order of messages
+    queue          bytes per second that the sender can send, and the length of its queue
+    outages        times and places without reception
+    radio          reception over the true distance, with path loss and obstruction
+    preset         a shipped channel; other keys replace its values
+    preset_source  source of the preset's figures, once its keys are filled in
     """
 
     preset: str | None = None
@@ -46,16 +46,18 @@ class LinkTable(Table):
 
     @property
     def is_lossless(self) -> bool:
-        """Whether it carries every message, by nothing but latency and jitter."""
-        asked = {key for key, value in self if value != LinkTable.model_fields[key].default}
-        return asked <= {"latency_ms", "jitter_ms", "preset", "preset_source"}
+        """Whether the link only delays messages, by latency and jitter."""
+        given = {key for key, value in self if value != LinkTable.model_fields[key].default}
+        return given <= {"latency_ms", "jitter_ms", "preset", "preset_source"}
 
 
 class LinkEntry(LinkTable):
-    """Other values for the link from `sender` to `receiver`.
+    """Other values for the links from `sender` to `receiver`.
 
-    Each end is a vehicle's name, a role ("lead", "predecessor", "follower"), or "*" for any. With a
-    preset it takes nothing from the convoy's values: a preset is a whole channel.
+    With a preset the values of [links] do not apply, since a preset is a complete channel.
+
+    sender    a vehicle, a role ("lead", "predecessor", "follower"), or "*" for any vehicle
+    receiver  likewise
     """
 
     sender: str

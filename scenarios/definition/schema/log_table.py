@@ -1,4 +1,4 @@
-"""What a scenario file may say of what the log of a run holds."""
+"""The table of the log."""
 
 from typing import Annotated
 
@@ -10,10 +10,16 @@ LoggedRate = Annotated[float, Field(ge=0, le=1000)]
 
 
 class LogTable(Table):
-    """How many messages a second of each vehicle the log holds at most, by topic.
+    """Largest rates of messages in the log, per vehicle. 0 logs none; without the key all.
 
-    0 means none, and without the key it holds all of them. The figures of a run are of all either
-    way, but for what is worked out later from the log.
+    The summary counts all messages in any case. Trajectories and commands that are not logged are
+    not sent, so the live picture lacks them too.
+
+    truth_rate_hz       true poses
+    trajectory_rate_hz  fitted trajectories
+    tracking_rate_hz    tracking errors
+    command_rate_hz     commands
+    verdicts            whether the verdict of each link on each message is logged
     """
 
     truth_rate_hz: LoggedRate | None = None
@@ -24,7 +30,7 @@ class LogTable(Table):
 
     @property
     def rates_hz(self) -> dict[str, float]:
-        """Highest rate of each topic that is not logged whole."""
+        """Largest rate by topic, for topics that are not logged completely."""
         rates = {
             "truth": self.truth_rate_hz,
             "trajectory": self.trajectory_rate_hz,

@@ -1,4 +1,4 @@
-"""What a scenario file may say of the path: segments, a recorded trace, or points."""
+"""Tables of the path: segments, a recorded trace, or points."""
 
 from typing import Annotated, Literal
 
@@ -8,7 +8,13 @@ from scenarios.definition.schema.base_table import Table
 
 
 class SegmentTable(Table):
-    """A straight, or an arc of `curvature_per_m`, or of `radius_m` towards `turn`."""
+    """A straight or an arc.
+
+    length_m         arc length
+    curvature_per_m  curvature, positive to the left; without it a straight
+    radius_m         radius instead of a curvature, with `turn`
+    turn             direction of an arc with a radius
+    """
 
     length_m: float = Field(ge=0.1, le=100_000)
     curvature_per_m: float | None = Field(default=None, ge=-1, le=1)
@@ -20,7 +26,12 @@ Laps = Annotated[int, Field(ge=1, le=1000)]
 
 
 class SegmentsPath(Table):
-    """Straights and arcs joined tangentially, driven `laps` times one after the other."""
+    """Straights and arcs joined tangentially.
+
+    segments     the straights and arcs in order
+    heading_deg  initial compass course
+    laps         repetitions of all segments
+    """
 
     kind: Literal["segments"]
     segments: Annotated[tuple[SegmentTable, ...], Field(strict=False, min_length=1)]
@@ -29,7 +40,12 @@ class SegmentsPath(Table):
 
 
 class SmoothedPathTable(Table):
-    """How points become a drivable path: half the width of the smoothing window, and laps."""
+    """A path through points.
+
+    smoothing_m  half width of the smoothing window; about half the smallest radius, more for noise
+    closed       whether the path ends where it begins
+    laps         laps of a closed path
+    """
 
     smoothing_m: float = Field(default=8.0, gt=0, le=500)
     closed: bool = False
@@ -37,7 +53,19 @@ class SmoothedPathTable(Table):
 
 
 class TracePath(SmoothedPathTable):
-    """A recorded drive: CSV, GPX, NMEA 0183, or an MCAP log of this project (one vehicle's)."""
+    """A recorded drive.
+
+    Jumps are removed, a standstill becomes one point, and the drive starts with its first movement.
+    A step of more than 5 m and of four usual steps is a hole, bridged by a smooth curve. `convoy
+    check` lists all of them.
+
+    file         CSV (x_m, y_m or latitude_deg, longitude_deg; optional t_s, speed_mps), GPX,
+                 NMEA 0183 (GGA, RMC), or run.mcap; relative to the scenario, or a shipped drive
+    vehicle      vehicle of a run.mcap; without it the lead
+    smoothing_m  half width of the smoothing window; default 8, or what the noise requires
+    closed       whether the drive ends where it begins
+    laps         laps of a closed drive
+    """
 
     kind: Literal["trace"]
     file: Annotated[str, StringConstraints(min_length=1)]
@@ -50,14 +78,29 @@ Texts = Annotated[tuple[str, ...], Field(strict=False)]
 
 
 class PointsPath(SmoothedPathTable):
-    """Points in the plane, which a trace becomes when it is read: a log needs no other file.
+    """Points in the plane: what a trace becomes when it is read, so that a log needs no other file.
 
-    `time_s` and `speed_mps`, where known, have an entry for each point. Coordinates of the source
-    are those of the points plus the offset. `source_numbers` say where in the source each point
-    stands, by its `source_unit` (line, point, message); `remarks` what was changed on reading it.
-    It is `geodetic` if it has latitudes. Times count from `epoch_s` on the `clock` if they are
-    absolute, or else on that of the source. The points' noise is at least `noise_m` (standard
-    deviation, per axis).
+    east_m           coordinates
+    north_m          coordinates
+    time_s           times, one per point, or none
+    speed_mps        speeds, one per point, or none
+    smoothing_m      half width of the smoothing window
+    closed           whether the path ends where it begins
+    laps             laps of a closed path
+    source           file that the points are from
+    geodetic         whether the source has latitudes
+    east_offset_m    added to the points to get the coordinates of the source
+    north_offset_m   likewise
+    clock            clock of absolute times: Unix time, or seconds since midnight
+    epoch_s          time on that clock of time_s = 0
+    source_unit      unit of source_numbers: line, point or message
+    source_numbers   place of each point in the source
+    noise_m          smallest noise of the points (standard deviation per axis)
+    jumping_points   number of points removed as outliers
+    standing_points  number of points removed at standstills
+    remarks          changes made while reading the source
+    skipped_lines    number of invalid lines in the source
+    skipped_first    the first of them
     """
 
     kind: Literal["points"]

@@ -1,8 +1,7 @@
-"""What a scenario file may say: its tables, their keys with units, defaults and limits.
+"""The tables of a scenario file: keys with units, defaults and limits.
 
-Every number's key ends in its unit. Nothing is converted: a text where a number belongs, an
-unknown key, NaN or infinity is refused. A heading is a compass course in degrees (clockwise from
-north); left is positive for curvature and for offsets from the path.
+Keys of numbers end in a unit. Types are not converted; unknown keys, NaN and infinity are errors.
+Headings are compass courses. Curvature and lateral offsets are positive to the left.
 """
 
 from datetime import UTC, datetime
@@ -31,7 +30,7 @@ from vehicles.preview.curve_fit import FitSettings
 FIT = FitSettings()
 GAP_LIMITS = GapLimits()
 EPOCH, LATEST = datetime(1970, 1, 1, tzinfo=UTC), datetime(2200, 1, 1, tzinfo=UTC)
-"""Between them instants fit into 64 bits of nanoseconds, of which a log's have no sign."""
+"""Range in which instants fit into the unsigned 64 bits of nanoseconds of a log."""
 
 CONTROLLERS = {
     "slip_compensated": "vehicles.driver.steering.SlipCompensated",
@@ -39,7 +38,7 @@ CONTROLLERS = {
     "stanley": "vehicles.driver.steering.Stanley",
     "pure_pursuit": "vehicles.driver.steering.PurePursuit",
 }
-"""The shipped controllers; any other is the dotted name of the user's own class."""
+"""The shipped controllers; other names are dotted names of classes."""
 
 
 if TYPE_CHECKING:
@@ -49,7 +48,12 @@ else:
 
 
 class OriginTable(Table):
-    """Where the east-north plane touches the earth (WGS84)."""
+    """Origin of the east-north plane (WGS84). Without it: the first point of a geodetic trace.
+
+    latitude_deg   latitude
+    longitude_deg  longitude
+    altitude_m     height above the ellipsoid
+    """
 
     latitude_deg: float = Field(default=30.6380, ge=-90, le=90)
     longitude_deg: float = Field(default=-96.4810, ge=-180, le=180)
@@ -57,12 +61,14 @@ class OriginTable(Table):
 
 
 class ConvoyTable(Table):
-    """Who drives, in order from the lead, and how far apart.
+    """The vehicles, the lead first. A gap is measured from bumper to bumper along the path.
 
-    A gap is the distance along the path from the rear bumper of a vehicle to the front bumper of
-    its follower. Without `gap_m` the convoy starts at 10 m, or at the gap that it keeps. A
-    wall-clock run does not start while a vehicle's clock is further from the recorder's than
-    `clock_offset_ms_max`.
+    vehicles             number of vehicles
+    names                names, the lead first; default v1, v2, …
+    gap_m                initial gaps; default 10 m, or the gap that followers keep
+    on_vehicle_failure   "end" the run, or "continue" without the failed vehicle
+    clock_offset_ms_max  largest offset of a vehicle's clock from the recorder's at the start of a
+                         wall-clock run
     """
 
     vehicles: int = Field(default=4, ge=1, le=200)
@@ -77,7 +83,12 @@ class ConvoyTable(Table):
 
 
 class GainsTable(Table):
-    """Feedback gains of the steering law (paper, Section III-E); the nominal ones by default."""
+    """Feedback gains of the steering law (paper, Section III-E).
+
+    lateral_rad_per_m    steering per lateral error
+    heading_rad_per_rad  steering per heading error
+    yaw_rate_s           steering per yaw rate error
+    """
 
     lateral_rad_per_m: float = Field(default=NOMINAL_GAINS.lateral, ge=0, le=10)
     heading_rad_per_rad: float = Field(default=NOMINAL_GAINS.heading, ge=0, le=100)
@@ -85,9 +96,25 @@ class GainsTable(Table):
 
 
 class SteeringTable(Table):
-    """How a vehicle makes its trajectory from the poses received, and steers along it.
+    """Trajectory and steering of a vehicle.
 
-    With own_state = "exact" it knows its own true state; what it broadcasts is measured anyway.
+    controller     "slip_compensated": the paper's law with slip compensation for bends;
+                   "feedforward_feedback": the paper's law; "stanley"; "pure_pursuit"; or your own
+                   class, "module.Class" (convoy reference controllers)
+    fusion         "composite": one trajectory from lead and predecessor; "predecessor" alone; or
+                   "blend": one steering command from each
+    trajectory     "fitted": curve fitted to the samples. Baselines that fail below radii of 300 m
+                   and with noise: "paper": a line within tolerance_m, else one circle (Section
+                   III-B); "paper_prefix": the longest line first, then a circle (Section III-A)
+    alpha_ratio    weight of the predecessor; the lead has the rest
+    preview_s      length of the preview, as a time at the current speed
+    tolerance_m    largest distance of samples from a trajectory
+    knows_loading  whether controller and estimator know the load of the car
+    estimate_slip  whether the controller estimates the effect of the load
+    own_state      "estimated" from receiver and inertial sensor, or "exact"; broadcast poses are
+                   measured in any case
+    gains          feedback gains
+    degradation    behaviour without data
     """
 
     controller: str = "slip_compensated"
@@ -104,22 +131,32 @@ class SteeringTable(Table):
 
 
 class ControlTable(SteeringTable):
-    """Steering of all vehicles, and the rate at which they decide."""
+    """Steering of all vehicles.
+
+    rate_hz  rate of control
+    """
 
     rate_hz: float = Field(default=50.0, ge=5, le=500)
 
 
 class ProfilePoint(Table):
-    """The speed wanted at a time after the start; between two points it changes linearly."""
+    """A point of a speed profile, which is linear between points.
+
+    at_s       time after the start of the run
+    speed_mps  speed
+    """
 
     at_s: NotNegative
     speed_mps: Speed
 
 
 class GapTable(Table):
-    """Gap keeping: `standstill_m + headway_s * speed` to the vehicle ahead, and its limits.
+    """Gap keeping: standstill_m + headway_s * speed, bumper to bumper.
 
-    Followers may brake harder than their lead, to compensate for the delay of what they receive.
+    standstill_m           gap at standstill
+    headway_s              time headway; 0 keeps a constant gap
+    acceleration_mps2_max  largest acceleration of followers
+    braking_mps2_max       largest braking of followers; more than the lead's, since poses are late
     """
 
     standstill_m: float = Field(default=3.0, gt=0, le=1000)
@@ -129,12 +166,18 @@ class GapTable(Table):
 
 
 class SpeedTable(Table):
-    """How fast the convoy goes.
+    """Speed of the convoy.
 
-    The lead drives one set speed, a profile, or the speed recorded in its trace. Before curves,
-    set speeds and profiles are lowered to keep the lateral acceleration. With `lead_waits` it
-    listens to its followers, and slows down while one of them is lost. The others drive the same
-    speed at the same time (as in the paper), or keep their gap.
+    lead                           "set" speed, "profile", or "recorded" in the trace
+    lead_waits                     whether the lead slows down while it receives nothing from a
+                                   follower
+    set_mps                        set speed
+    profile                        points of the profile
+    followers                      "same" speed as the lead at the same time, or keep a "gap"
+    lateral_acceleration_mps2_max  set speeds and profiles are lowered in curves to keep it
+    acceleration_mps2_max          acceleration of the lead after curves
+    braking_mps2_max               braking of the lead before curves
+    gap                            gap keeping
     """
 
     lead: Literal["set", "profile", "recorded"] = "set"
@@ -149,13 +192,24 @@ class SpeedTable(Table):
 
 
 class ParametersTable(Table):
-    """The empty car; a key that is left out keeps the value of the paper's Table I.
+    """The empty car; by default a Lincoln MKZ (paper, Table I).
 
-    What Table I does not know: tyres that saturate ("brush") where the paper's are "linear",
-    the friction between them and the road (0.9: dry asphalt), and how fast the front wheels can be
-    turned, or inf for no limit. 1.18 rad/s is what the drive-by-wire kit for the paper's car
-    takes, 17.5 rad/s at the steering wheel (VELOCITY_MAX in dbw_mkz_msgs/SteeringCmd; its first
-    releases took half of that), over the steering ratio of 14.8.
+    mass_kg                              mass; default 1896
+    yaw_inertia_kgm2                     yaw inertia; default 3803
+    front_cornering_stiffness_n_per_rad  default 400000
+    rear_cornering_stiffness_n_per_rad   default 381900
+    front_axle_distance_m                distance from the centre of mass; default 1.2682
+    rear_axle_distance_m                 distance from the centre of mass; default 1.5818
+    steering_frequency_radps             natural frequency of the steering; default 21.4813
+    steering_damping_ratio               its damping; default 0.4056
+    steering_limit_rad                   largest angle of the front wheels; default 0.54
+    length_m                             default 4.93
+    width_m                              default 1.86
+    steering_rate_limit_radps            largest rate of the front wheels, or inf; default:
+                                         17.5 rad/s at the steering wheel (VELOCITY_MAX in
+                                         dbw_mkz_msgs/SteeringCmd) over the ratio of 14.8
+    tyres                                "brush": saturating; "linear": as in the paper
+    friction_ratio                       friction: dry 0.9, wet 0.6, snow 0.3
     """
 
     mass_kg: float | None = Field(default=None, gt=100, le=100_000)
@@ -175,15 +229,14 @@ class ParametersTable(Table):
 
 
 class EventsTable(Table):
-    """From when on something that happens on the road is an event.
+    """Thresholds of events, by true poses.
 
-    lane_width_m       a corner of a body further than half of it from the lead's driven path has
-                       left the lane; lanes of motorways are 3.5 to 3.75 m wide
-    near_miss_gap_m    gap of neighbours; convoys that ship keep 2 m at least
-    near_miss_time_s   that gap over the speed at which it shrinks; conflicts below 1.5 s count
-                       as severe in traffic research
-    path_lost_s        time without a path from what was received: 1 s is more than the preview,
-                       so nothing is left of what was known of the road
+    lane_width_m      a corner of a car further than half of this from the lead's path has left the
+                      lane; motorway lanes are 3.5 to 3.75 m wide
+    near_miss_gap_m   smallest gap without a near miss; shipped convoys keep at least 2 m
+    near_miss_time_s  smallest time to collision; conflicts below 1.5 s count as severe in traffic
+                      research
+    path_lost_s       longest time without a received path; 1 s is longer than the preview
     """
 
     lane_width_m: float = Field(default=3.5, gt=0, le=100)
@@ -193,19 +246,38 @@ class EventsTable(Table):
 
 
 class ClockTable(Table):
-    """How far a vehicle's own clock is off: at the start of the run, and by how much more since."""
+    """Error of a vehicle's clock, by which it stamps its fixes and judges ages.
+
+    offset_ms  clock minus true time at the start of the run
+    drift_ppm  gain of the clock
+    """
 
     offset_ms: float = Field(default=0.0, ge=-10_000, le=10_000)
     drift_ppm: float = Field(default=0.0, ge=-1000, le=1000)
 
 
 class VehicleTable(Table):
-    """What is different about one vehicle; keys that are left out keep the convoy's values.
+    """Other values for one vehicle.
 
-    With `replay` it moves as in that recorded drive, `replay_offset_s` later, rather than by its
-    own decision; of the log of a run it is `replay_vehicle`. When the file has been read, its
-    points are the `drive`. While its transmitter or receiver is off no link from or to it carries
-    anything.
+    A vehicle with `replay` follows a recorded drive and receives nothing. The drive needs times. By
+    absolute times it keeps its distance in time to a recorded lead; otherwise both begin together.
+
+    replay              recorded drive, of any kind that path.file may be
+    replay_vehicle      vehicle of a run.mcap; without it the lead
+    replay_offset_s     delay of the drive
+    drive               points of the drive, once the file is read
+    gap_m               initial gap to its predecessor
+    lateral_offset_m    initial offset to the left of the path
+    heading_offset_deg  initial heading to the left of the path's direction
+    transmitter_off     times in which none of its messages is received
+    receiver_off        times in which it receives nothing
+    clock               error of its clock
+    control             keys of [control], except rate_hz
+    gnss                keys of [gnss]
+    sending             keys of [sending]
+    imu                 keys of [imu]
+    parameters          keys of [parameters]
+    loading             keys of [loading]
     """
 
     replay: Annotated[str, StringConstraints(min_length=1)] | None = None
@@ -227,11 +299,33 @@ class VehicleTable(Table):
 
 
 class ScenarioTables(Table):
-    """A scenario file as a whole.
+    """A scenario file.
 
-    `extends` names the file that another one is laid over; it is resolved before the tables are
-    validated, and None here. `overrides` are the `key.path=value` that were laid over the file, for
-    its title; in it they change nothing any more.
+    extends      scenario to start from: a shipped one, or a file; resolved before validation
+    name         name of the scenario
+    overrides    overrides by --set and --seed, for the title; they are already applied
+    description  one line for `convoy list`
+    duration_s   length of the run; default: until the lead reaches the end of its path, or a
+                 replayed drive ends
+    seed         seed of all random numbers
+    start_at     start of a virtual run; wall-clock runs start at once
+    origin       origin of the east-north plane
+    convoy       vehicles and gaps
+    control      steering
+    gnss         receivers
+    sending      rule of sending
+    imu          inertial sensors
+    speed        speed of lead and followers
+    path         path of the lead
+    links        all links
+    events       thresholds of events
+    limits       limits of the run
+    log          rates of the log
+    link         other values for some links
+    change       changes during the run
+    parameters   the empty car
+    loading      passengers and luggage
+    vehicle      other values for single vehicles
     """
 
     extends: str | None = None

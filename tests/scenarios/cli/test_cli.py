@@ -18,8 +18,8 @@ from click.testing import CliRunner, Result
 
 from scenarios.cli.main import cli
 from scenarios.definition.channel.presets import presets, read_preset
+from scenarios.definition.library import template
 from scenarios.definition.scenario import drills, library, load_scenario
-from scenarios.definition.template import template
 from scenarios.runs.run_log import RunLog
 from transport.codec import encode
 from transport.log.reader import LogReader

@@ -12,9 +12,9 @@ from click.shell_completion import ShellComplete
 
 from scenarios.cli.main import EXAMPLES, cli
 from scenarios.definition.channel.presets import presets
+from scenarios.definition.library import template
 from scenarios.definition.overrides import parse_override
 from scenarios.definition.scenario import library, load_scenario
-from scenarios.definition.template import template
 
 MINE = 'extends = "lane_change"\nname = "mine"\n[convoy]\nnames = ["ann", "bob"]\n'
 
@@ -76,7 +76,7 @@ def test_limits_of_all_vehicles_and_of_each_are_offered() -> None:
 def test_every_commented_key_of_the_template_is_offered() -> None:
     """The tables without which a scenario cannot be written."""
     keys = {key.rstrip("=") for key in offered("run", "--set", "")}
-    for table in ("convoy", "speed", "control", "gnss", "links", "events", "limits", "loading"):
+    for table in ("convoy", "speed", "control", "gnss", "links", "limits", "loading"):
         assert f"[{table}]" in template()
         assert any(key.startswith(f"{table}.") for key in keys)
 

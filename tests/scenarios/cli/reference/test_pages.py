@@ -13,7 +13,7 @@ from scenarios.cli.main import cli
 from scenarios.cli.reference.other_pages import controller_texts
 from scenarios.cli.reference.reference_command import ALIASES, PAGES, printers
 from scenarios.cli.reference.scenario_pages import gnss_presets, limit_texts
-from scenarios.cli.reference.table_keys import models_at, tables_at
+from scenarios.cli.reference.table_keys import models_at, scenario_tables, tables_at
 from scenarios.definition.channel.presets import presets, read_preset
 from scenarios.definition.schema.limit_rows import LIMITS, WORDS
 from scenarios.definition.schema.scenario_tables import CONTROLLERS
@@ -224,3 +224,14 @@ def test_every_exit_code_is_printed() -> None:
     found = rows(sections("exit-codes")["exit codes"])
     assert found == [[str(code), meaning] for code, meaning in EXIT_CODES.items()]
     assert [int(code) for code, _ in found] == [EXIT_DONE, EXIT_FAILED, EXIT_BAD_INPUT, 130, 143]
+
+
+def test_every_key_of_a_scenario_is_documented() -> None:
+    undocumented = [
+        f"{table.place} {key}"
+        for table in scenario_tables()
+        for key, text in table.keys.items()
+        if not text.partition(";")[0].strip() or text.startswith(("text", "table", "0 to"))
+        if key not in LIMITS and not table.place.startswith("[link")
+    ]
+    assert undocumented == []

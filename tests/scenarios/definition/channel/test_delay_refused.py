@@ -1,13 +1,11 @@
 """Broken delays, queues and outages: one clear line each, with what was given and is allowed."""
 
-import json
 from pathlib import Path
 
 import pytest
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import scenario_from_text
-from scenarios.definition.template import template
 from tests.made.scenarios.messages import STRAIGHT
 
 DELAY, OUTAGE = "links.delay", "links.outages[0]"
@@ -175,16 +173,3 @@ def test_bytes_that_are_no_text_are_refused(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_bytes(b"delay_ms\n\xff\xfe\n")
     (line,) = error_lines("links.delay={kind='empirical', file='a.csv'}", tmp_path)
     assert "not a text" in line
-
-
-def test_the_template_s_examples_are_valid() -> None:
-    examples = [
-        line.removeprefix("#     ").partition("   #")[0].replace(" = ", "=", 1)
-        for line in template().splitlines()
-        if line.startswith(("#     links.", "# transmitter_off", "# receiver_off"))
-    ]
-    assert len(examples) >= 14
-    for one in examples:
-        change = one.replace("# ", "vehicle.v2.", 1) if one.startswith("# ") else one
-        scenario = scenario_from_text(STRAIGHT, overrides=[change])
-        assert json.dumps(scenario.overrides[-1])

@@ -1,15 +1,10 @@
 """Laws of loss as a scenario asks for them: which law each table is, and what is refused."""
 
-import re
-import tomllib
-
 import pytest
-from pydantic import TypeAdapter
 
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import scenario_from_text
-from scenarios.definition.template import template
 from tests.made.channels.laws import collisions, four_state, gilbert, gilbert_elliott, long_run
 from tests.made.scenarios.messages import STRAIGHT
 from transport.links.laws.basic import Decimation, Jitter, Latency, Loss
@@ -19,7 +14,6 @@ from transport.links.laws.loss.by_number import EveryNth, Listed, RecordedPatter
 from transport.links.laws.loss.collisions import Collisions
 from transport.links.laws.loss.earlier_run import EarlierRun
 from transport.links.laws.loss.number_sets import NumberSet
-from transport.links.laws.registry import LossLaw
 from transport.links.link import Link, Verdict
 
 ASKED: dict[str, tuple[str, Effect]] = {
@@ -334,17 +328,3 @@ def test_what_cannot_be_is_refused_in_one_line(
     assert line.isprintable()
     assert line.count(f"{key}: ") == 1
     assert len(line) < 250
-
-
-def test_the_template_shows_every_kind_and_all_are_valid() -> None:
-    shown = re.findall(r"^# +(loss = \{.*?\})(?: +#.*)?$", template(), re.MULTILINE)
-    tables = [
-        TypeAdapter[LossLaw](LossLaw).validate_python(tomllib.loads(one)["loss"]) for one in shown
-    ]
-    for table in tables:
-        assert list(table.problems()) == []
-    assert {table.kind for table in tables} | {"none"} == {
-        *("none", "gilbert_elliott", "four_state"),
-        *("every_nth", "listed", "pattern", "log"),
-    }
-    assert 'kind = "none"' in template()
