@@ -13,7 +13,7 @@ log_commands       review, report, explain
 paper_commands     gains, reproduce
 common_options     options that several commands share
 summary_tables     the tables printed after a run
-display_options    what a run shows while it goes on and at its end
+display_options    what a run displays and prints
 columns            columns of a table as data, and their rendering
 output             standard output and error that never end a run
 error_lines        errors as lines and exit codes

@@ -31,7 +31,6 @@ class Column(Generic[Row]):
     max_width: int | None = None
 
     def cell(self, row: Row) -> "str | Text":
-        """Format the cell of a row."""
         value = self.value(row)
         if value is None or isinstance(value, int | float):
             return figure(value, self.format, self.scale)
@@ -70,7 +69,7 @@ def table_of(
 
 
 def grid_of(rows: Iterable[tuple[str, ...]]) -> "Table":
-    """Make a table without headings and lines; the last column takes what the others leave."""
+    """Make a table without headings and lines; the last column takes the remaining width."""
     from rich.markup import escape
     from rich.table import Table
 
@@ -85,10 +84,10 @@ def grid_of(rows: Iterable[tuple[str, ...]]) -> "Table":
 
 
 def print_whole(table: "Table", console: "Console") -> None:
-    """Print a table without cutting its figures, however narrow the terminal is.
+    """Print a table without cutting its figures.
 
-    Rich would cut cells to an ellipsis: half a figure is worse than a line that the terminal wraps,
-    and a pipe or a file has no width at all. Tables with columns that may wrap do.
+    In a narrow terminal, rich would shorten cells to an ellipsis. Tables without wrapping columns
+    are printed in full width instead.
     """
     from rich.measure import Measurement
 
@@ -101,6 +100,6 @@ def print_whole(table: "Table", console: "Console") -> None:
 
 
 def worst_rows(rows: Sequence[Row], trouble: Callable[[Row], float], most: int | None) -> list[Row]:
-    """The `most` rows with the largest `trouble`, in their own order; all of them for None."""
+    """The `most` rows with the largest `trouble`, in their own order; all rows for None."""
     worst = sorted(range(len(rows)), key=lambda place: -trouble(rows[place]))[:most]
     return [rows[place] for place in sorted(worst)]

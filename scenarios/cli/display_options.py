@@ -1,4 +1,4 @@
-"""What a run shows while it goes on and at its end."""
+"""Options for what a run displays and prints."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -22,7 +22,7 @@ class Drive:
     """The drive of one vehicle, an entry per control instant (s from the start, m, m/s, rad).
 
     `lateral_error` and `heading_error` are the paper's: relative to the vehicle's own trajectory.
-    `station` and `cross_track` are the true position along and beside the lead's driven path, where
+    `station` and `cross_track` are the true position along and across the lead's driven path, where
     the lead has driven; empty for the lead.
     """
 

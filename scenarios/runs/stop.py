@@ -117,8 +117,8 @@ def _reason(number: int) -> str:
 def end_on_signals(*, report: bool) -> None:
     """Let SIGINT and SIGTERM end this process until the command has begun.
 
-    The exit codes are the shell's, 130 and 143; with `say` a line is printed. Call it once, in the
-    main thread, before the command's imports.
+    The exit codes are the shell's, 130 and 143; with `report` a line is printed. Call it once, in
+    the main thread, before the command's imports.
     """
     global _watch  # noqa: PLW0603 - signals are the process's, not an object's
     _watch = _Watch(report=report)

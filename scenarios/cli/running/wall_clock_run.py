@@ -1,7 +1,6 @@
-"""A run on the wall clock: prepare what its processes share, then start them.
+"""A run on the wall clock: prepare shared modules and data, then start the processes.
 
-Modules of the recorder are not imported before the vehicles are forked, whose memory they would
-enlarge.
+Modules of the recorder are not imported before the vehicles are forked, to save their memory.
 """
 
 from collections.abc import Callable, Sequence
@@ -70,7 +69,7 @@ def _complete(log: Path) -> bool:
 
 
 def prepare_parts(scenario: Scenario) -> None:
-    """Do once what every part of a run of `scenario` would do first."""
+    """Do common work of all processes once."""
     for module in PARTS:
         import_module(module)
     Fingerprint.of(scenario)
@@ -82,7 +81,7 @@ def prepare_parts(scenario: Scenario) -> None:
 def warm_up() -> None:
     """Drive three vehicles for a second of virtual time, so that the interpreter specializes code.
 
-    Otherwise each vehicle does so in memory of its own, and its first ticks take longer.
+    Otherwise each vehicle specializes it in its own memory, which slows its first ticks.
     """
     convoy = VirtualConvoy(load_scenario("lane_change", ("duration_s=1", "convoy.vehicles=3")))
     convoy.build(lambda vehicle: BatchingSink(vehicle, convoy.bus, convoy.clock.now))

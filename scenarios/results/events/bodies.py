@@ -111,10 +111,10 @@ def overlap(one: CarBody, other: CarBody) -> bool:
     sine = abs(one.along_east * other.along_north - one.along_north * other.along_east)
     for here, there in ((one, other), (other, one)):
         along = abs(to_east * here.along_east + to_north * here.along_north)
-        aside = abs(to_north * here.along_east - to_east * here.along_north)
+        across = abs(to_north * here.along_east - to_east * here.along_north)
         if along >= here.half_length + there.half_length * cosine + there.half_width * sine:
             return False
-        if aside >= here.half_width + there.half_length * sine + there.half_width * cosine:
+        if across >= here.half_width + there.half_length * sine + there.half_width * cosine:
             return False
     return True
 
@@ -169,15 +169,15 @@ def separation(one: CarBody, other: CarBody) -> Separation:
         for corner_east, corner_north in corners(here):
             to_east, to_north = there_east - corner_east, there_north - corner_north
             along = to_east * ux + to_north * uy
-            aside = to_north * ux - to_east * uy
+            across = to_north * ux - to_east * uy
             # Distance beyond the half sizes of the other body.
             along -= min(max(along, -length), length)
-            aside -= min(max(aside, -width), width)
-            distance = hypot(along, aside)
+            across -= min(max(across, -width), width)
+            distance = hypot(along, across)
             if distance < nearest:
                 nearest = distance
-                east = sign * (along * ux - aside * uy)
-                north = sign * (along * uy + aside * ux)
+                east = sign * (along * ux - across * uy)
+                north = sign * (along * uy + across * ux)
     return Separation(nearest, _closing(one, other, east, north))
 
 

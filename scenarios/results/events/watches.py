@@ -13,8 +13,7 @@ ORIGIN = (0.0, 0.0)
 LOST_MODES = frozenset({"coast", "stop", "straight"})
 """Modes of a follower that has no trajectory from what it received, unless it knows the road."""
 UNRECORDED_NS = SECOND // 2
-"""Between two tracking messages so far apart nobody knows what a vehicle steered along; the
-slowest control runs at 5 Hz."""
+"""Longest time between two tracking messages of one episode; the slowest control runs at 5 Hz."""
 
 
 class TrackingWatch(Protocol):

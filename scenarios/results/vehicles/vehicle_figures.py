@@ -21,8 +21,8 @@ from vehicles.schedule import SECOND
 
 USUAL_RATE_HZ, USUAL_CONTROL_RATE_HZ = 20.0, 50.0
 SILENT_NS = SECOND
-"""A vehicle of which nothing was recorded for so long before the end was not there any more: what
-is on its way when a run is stopped takes less."""
+"""A vehicle without records for this time before the end had left; messages in transit at a stop
+take less."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

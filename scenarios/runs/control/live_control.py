@@ -1,4 +1,4 @@
-"""Answers of a vehicle to requests for changes."""
+"""Answers of a vehicle to change requests."""
 
 import json
 from collections.abc import Callable
@@ -16,8 +16,7 @@ from transport.topics import control_key
 from vehicles.schedule import SECOND, Cadence, instant, nanoseconds
 
 PERIODS_AHEAD = 2
-"""A change takes effect this number of control periods ahead: the vehicle has not begun that tick,
-and earlier messages are judged as before."""
+"""Control periods from a request to its effect: that tick has not begun yet."""
 FARTHEST_NS = SECOND
 """A requested instant lies at most this far ahead."""
 
@@ -72,7 +71,7 @@ class LiveControl:
         self._under_way = start_at, pending_changes
 
     def answer(self, text: bytes) -> Confirmation:
-        """Take one change or refuse it; a question without one asks for the first instant."""
+        """Accept or refuse a change; without one, return the first possible instant."""
         try:
             return self._taken(ChangeRequest.of(text))
         except ScenarioError as error:

@@ -52,12 +52,12 @@ def announced(run: OpenRun, where: Path | None = None) -> Iterator[None]:
 def _write(path: Path, run: OpenRun) -> int:
     """Write the file under its lock, then rename it; returns the locking descriptor."""
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    beside = path.with_suffix(".part")
-    descriptor = os.open(beside, os.O_CREAT | os.O_WRONLY | os.O_TRUNC, 0o600)
+    partial = path.with_suffix(".part")
+    descriptor = os.open(partial, os.O_CREAT | os.O_WRONLY | os.O_TRUNC, 0o600)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         os.write(descriptor, json.dumps(asdict(run)).encode())
-        beside.replace(path)
+        partial.replace(path)
     except OSError:
         os.close(descriptor)
         raise

@@ -16,7 +16,7 @@ MOST_BYTES = 64 * 2**20
 """Size of all waiting messages, half a minute of forty vehicles. A key may always fill its own
 share, so a flood under some keys displaces nothing under the others."""
 OVERHEAD_BYTES = 160
-"""Memory of a queued message besides its bytes."""
+"""Memory of a queued message in addition to its bytes."""
 MOST_HELD_BYTES = 32 * 2**20
 """Size of messages held for reordering, ten times that of a hundred vehicles."""
 OLDEST_NS = SECOND

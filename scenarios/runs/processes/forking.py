@@ -30,7 +30,7 @@ LONGEST_NAME = 15
 
 
 def can_fork() -> bool:
-    """Whether children can be forked: on Linux, without threads besides that of the signals.
+    """Whether children can be forked: on Linux, without threads other than that of the signals.
 
     Elsewhere system libraries may not be used in a forked child.
     """

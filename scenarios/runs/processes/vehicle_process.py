@@ -62,8 +62,8 @@ def run_vehicle(
 ) -> int:
     """Drive vehicle `name` of `scenario` for one run; returns the exit code.
 
-    `say` receives news and `complain` errors, a line each. A `launched` vehicle does not repeat
-    announcements of the recorder: its launcher has them.
+    `report` and `report_error` print lines. A `launched` vehicle does not repeat announcements of
+    the recorder, which its launcher prints.
     """
     before = received_handover()
     builder = VehicleBuilder(scenario, name)

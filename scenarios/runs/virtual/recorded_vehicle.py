@@ -102,7 +102,7 @@ def head_start(
 ) -> float:
     """Time (s) after its start at which the recorded vehicle was `distance` (m) ahead of `place`.
 
-    `place` (east, north, m) is where the vehicle behind it will start, beside the first part of
+    `place` (east, north, m) is where the vehicle behind it will start, along the first part of
     the recorded drive or behind it. 0 if that begins further ahead than `distance` already.
     """
     fixes = [receive(pose, plane, pose.sent_at_ns) for pose in recorded.poses]
