@@ -1,11 +1,11 @@
-"""The MCAP log of a run, written during the run and read back.
+"""The MCAP log of a run.
 
-writer            writes messages, each with its standard twins
-reader            reads messages, metadata and attachments
-foxglove          standard messages made of our own
-scene             cars and road as Foxglove's scene entities
-foxglove_layout   layout for a log in Foxglove
-mcap_file         the readable records of a file
-records           records of a file that may break off or be damaged
-repair            completes a file that breaks off
+writer           writes messages, each with its standard Foxglove messages
+reader           reads messages, metadata and attachments
+foxglove         standard Foxglove messages made from ours
+scene            cars and road as Foxglove scene entities
+foxglove_layout  layout of a log for Foxglove
+mcap_file        readable records of a file
+records          records of a file that may be truncated or damaged
+repair           completes a truncated file
 """

@@ -1,6 +1,6 @@
-"""Standard Foxglove messages made of our own, so that a log opens without this project.
+"""Standard Foxglove messages made from ours, so that a log opens without this project.
 
-| ours                | standard                | in the log under                |
+| ours                | standard                | topic in the log                |
 | ------------------- | ----------------------- | ------------------------------- |
 | GpsPose             | foxglove.LocationFix    | `/convoy/<vehicle>/location` ¹  |
 | TruePose            | foxglove.PoseInFrame    | `/convoy/<vehicle>/pose`        |
@@ -13,8 +13,8 @@
 
 ¹ As JSON: Rerun shows a LocationFix in Protobuf on a map, for which it asks the Internet for tiles.
 
-World frame `map` is east, north, up at the scenario's origin; a vehicle's frame has its name and
-looks forward, left, up.
+The world frame `map` is east, north, up at the scenario's origin. The frame of a vehicle has its
+name and is forward, left, up.
 """
 
 import json
@@ -38,12 +38,12 @@ from vehicles.messages import CompositeTrajectory, GpsPose, LogText, Message, Ru
 from vehicles.schedule import MILLISECOND, SECOND
 
 PREVIEW_SPACING_M = 2.0
-"""Distance between the poses that represent a composite trajectory."""
+"""Distance between the poses of a composite trajectory."""
 PREVIEW_PERIOD_NS = 200 * MILLISECOND
 POSE_PERIOD_NS = 80 * MILLISECOND
-"""True poses of every fourth control tick; our own topics have all trajectories and poses."""
+"""True poses of every fourth control tick; our own topics contain all of them."""
 ONCE_NS = 2**62
-"""Period of messages that are logged once."""
+"""Period of messages logged once."""
 _LEVELS = {
     "debug": Log.DEBUG,
     "info": Log.INFO,
@@ -65,7 +65,7 @@ class Schema(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class StandardMessage:
-    """A standard message next to one of ours, at most one per vehicle and `period_ns`."""
+    """A standard message made from one of ours, at most one per vehicle and `period_ns`."""
 
     name: str
     schema: Schema
@@ -75,16 +75,16 @@ class StandardMessage:
 
 @cache
 def protobuf_schema(message_class: Any) -> Schema:
-    """Schema of a Protobuf class: the FileDescriptorSet of its file after all files it needs."""
+    """Schema of a Protobuf class: the FileDescriptorSet of its file after all dependencies."""
     files = FileDescriptorSet()
-    seen: set[str] = set()
+    added: set[str] = set()
 
     def add(file: FileDescriptor) -> None:
-        if file.name in seen:
+        if file.name in added:
             return
-        seen.add(file.name)
-        for needed in file.dependencies:
-            add(needed)
+        added.add(file.name)
+        for dependency in file.dependencies:
+            add(dependency)
         file.CopyToProto(files.file.add())
 
     add(message_class.DESCRIPTOR.file)
@@ -122,7 +122,7 @@ _APPROXIMATED = 1
 def _make_location(gps: GpsPose) -> bytes:
     seconds, nanoseconds = divmod(gps.measured_at_ns, SECOND)
     heading = math.radians(gps.heading_deg)
-    # Stated by the receiver, and assumed equal for altitude.
+    # Reported by the receiver; the altitude is assumed to be as accurate.
     variance = gps.position_accuracy_m**2
     fix = {
         "timestamp": {"sec": seconds, "nsec": nanoseconds},
@@ -205,7 +205,7 @@ def _make_text(line: LogText) -> bytes:
 def standard_messages(
     scene: Scene | None = None,
 ) -> Mapping[type[Message], tuple[StandardMessage, ...]]:
-    """Standard messages next to each of ours; each call creates its own makers."""
+    """Standard messages by the class of ours; each call creates its own makers."""
     scene = scene or Scene()
     return {
         GpsPose: (StandardMessage("location", LOCATION_SCHEMA, _make_location),),

@@ -1,4 +1,4 @@
-"""Foxglove layout for a log: the scene, text, and plots."""
+"""Foxglove layout of a log: scene, text and plots."""
 
 import json
 from collections.abc import Sequence
@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from transport.panels import PANELS, Panel
 
 KINDS = {"plot": "Plot", "states": "StateTransitions", "plot_of_one": "Plot"}
-"""Foxglove's names of the kinds of panels, in the order from top to bottom."""
+"""Foxglove's panel types by kind of panel, from top to bottom."""
 
 
 def foxglove_layout(vehicles: Sequence[str]) -> str:
-    """Layout for the log of a run of `vehicles`, lead first, to be imported in Foxglove."""
+    """Layout (JSON) of the log of a run with `vehicles`, lead first, for import in Foxglove."""
     panels = [panel for panel in PANELS.values() if panel.foxglove and panel.applies_to(vehicles)]
     panels.sort(key=lambda panel: list(KINDS).index(panel.kind))
     shown = {f"{KINDS[panel.kind]}!{panel.name}": _panel(panel, vehicles) for panel in panels}

@@ -1,4 +1,4 @@
-"""The readable records of the MCAP file of a log."""
+"""Readable records of the MCAP file of a log."""
 
 import struct
 import zlib
@@ -35,15 +35,15 @@ from transport.log.records import (
 
 SECOND = 1_000_000_000
 LARGEST_CHUNK = 2**30
-"""Largest size of an unpacked chunk (bytes); a larger stated size is damage."""
+"""Maximum size of an unpacked chunk (bytes); a larger stated size is damage."""
 MAX_LISTED = 3
-"""Number of places of damage that are listed."""
+"""Maximum number of damaged places that are listed."""
 
 
 class McapFile:
-    """The records of an MCAP file, which may break off in the middle of one or be damaged.
+    """The records of an MCAP file, which may be truncated or damaged.
 
-    `damage` names in one line unreadable bytes before the end; empty without any.
+    `damage` describes unreadable bytes in one line; empty if there are none.
     """
 
     def __init__(self, path: Path) -> None:
@@ -64,7 +64,7 @@ class McapFile:
         self.damage = self._describe_damage() if self._damaged else ""
 
     def unpack(self, head: ChunkHead) -> bytes:
-        """Return the records of a chunk; raises DamageError."""
+        """Records of a chunk; raises DamageError."""
         packed = self.bytes[head.packed.start : head.packed.end]
         if head.size > LARGEST_CHUNK:
             raise DamageError(f"a chunk of {head.size} bytes")
@@ -100,7 +100,7 @@ class McapFile:
         return f"{self.path}: damaged, {lost} bytes cannot be read: {'; '.join(named)}"
 
     def _place(self, span: Span) -> str:
-        """Describe the place of a damaged span, in bytes and in time between messages."""
+        """Describe a damaged span by its bytes and by the time between the nearest messages."""
         before = [head.last_at for record, head in self.chunks if record.end <= span.start]
         after = [head.first_at for record, head in self.chunks if record.start >= span.end]
         text = f"{span.end - span.start} at byte {span.start}"
@@ -126,7 +126,7 @@ class McapFile:
         return (record for record in self.layout.records if record.opcode == opcode)
 
     def channels(self) -> tuple[dict[int, str], Mapping[int, int]]:
-        """Topics of the channels by number, and numbers of messages."""
+        """Topics and message counts of the channels, by channel number."""
         topics: dict[int, str] = {}
         if self.layout.summary.end:
             summary = SeekingReader(cast("IO[bytes]", self.bytes)).get_summary()
@@ -144,7 +144,7 @@ class McapFile:
 
 
 def _joined(spans: list[Span]) -> list[Span]:
-    """Sort spans, and join those that touch."""
+    """Sort spans and join adjacent ones."""
     joined: list[Span] = []
     for span in sorted(spans):
         if joined and span.start <= joined[-1].end:

@@ -1,4 +1,4 @@
-"""Reads the log of a run back as messages, whether it is complete or breaks off."""
+"""Reads the messages of a log, complete or truncated."""
 
 from collections.abc import Collection, Iterator
 from pathlib import Path
@@ -13,9 +13,9 @@ from vehicles.messages import Message
 class LogReader:
     """The messages, metadata and attachments of a log.
 
-    A `truncated` log was not completed (its recorder was killed): it holds everything up to the
-    last `flush()`, and `repair` completes it. `damage` names, in one line, unreadable bytes within
-    it; the rest is read. It is empty if nothing is damaged.
+    A `truncated` log was not completed, because its recorder was killed: it contains everything up
+    to the last `flush()`, and `repair` completes it. `damage` describes unreadable bytes in one
+    line, empty if there are none; the rest is read.
     """
 
     def __init__(self, path: Path) -> None:
@@ -26,7 +26,7 @@ class LogReader:
         channels, counts = self._file.channels()
         nameless = sum(count for number, count in counts.items() if number not in channels)
         if self.damage and nameless:
-            self.damage += f"; with it the topics of {nameless} messages"
+            self.damage += f"; the topics of {nameless} messages are lost"
         self._sources = {number: _source(name) for number, name in channels.items()}
         self.counts: dict[tuple[str, str], int] = {
             (source[0], source[1].name): counts.get(number, 0)
@@ -35,15 +35,15 @@ class LogReader:
         }
         """Number of messages by (vehicle, topic)."""
         if not self.counts:
-            why = "breaks off before its first message: nothing of it can be read"
+            why = "is truncated before the first message"
             if channels or not self.truncated:
                 why = (
-                    "holds no messages of a convoy: no topic /convoy/<vehicle>/<topic> "
-                    f"with a topic of {', '.join(TOPICS)}"
+                    "contains no messages of a convoy: no topic /convoy/<vehicle>/<topic> "
+                    f"with <topic> one of {', '.join(TOPICS)}"
                 )
             raise LogError(self.damage or f"{path}: {why}")
         self.last_at = max((head.last_at for _, head in self._file.chunks), default=0)
-        """Instant at which the last message was recorded (ns)."""
+        """Instant (ns) at which the last message was recorded."""
         self.vehicles = tuple(sorted({vehicle for vehicle, _ in self.counts}))
 
     def messages(
@@ -51,7 +51,7 @@ class LogReader:
     ) -> Iterator[tuple[int, str, Message]]:
         """Yield (log time in ns, vehicle, message) in the order of the log.
 
-        `topics` and `vehicles` select messages, by default all of them.
+        `topics` and `vehicles` select messages; by default all are read.
         """
         wanted = {
             number: source
@@ -71,17 +71,17 @@ class LogReader:
 
     @property
     def thinned(self) -> dict[str, str]:
-        """Highest rates (Hz) of the topics that the log was configured to thin."""
+        """Maximum rates (Hz) of thinned topics."""
         return self.metadata().get(THINNED_NAME, {})
 
     def require_all(self, *topics: str) -> None:
-        """Raise LogError if the log was configured to thin one of these topics."""
+        """Raise LogError if one of these topics is thinned."""
         for topic, rate in self.thinned.items():
             if topic in topics:
-                held = "none" if rate == "0" else f"at most {rate} a second"
+                kept = "no messages" if rate == "0" else f"at most {rate} messages per second"
                 raise LogError(
-                    f"{self.path}: holds {held} of the messages of {topic}, as [log] of its "
-                    "scenario asks; this needs all of them"
+                    f"{self.path}: contains {kept} of topic {topic}, by [log] of the scenario; all "
+                    "of them are needed"
                 )
 
     def metadata(self) -> dict[str, dict[str, str]]:

@@ -1,7 +1,7 @@
-"""The sound records of an MCAP file that breaks off or is damaged.
+"""Valid records of an MCAP file that may be truncated or damaged.
 
-A record is sound if its content has the form of its kind. After an unsound one the scan resumes at
-the next sound record that is followed by another, so a damaged length costs one record.
+A record is valid if its content has the structure of its type. After an invalid one the scan
+resumes at the next valid record followed by another one, so that a damaged length costs one record.
 """
 
 import fcntl
@@ -16,7 +16,7 @@ from typing import IO, NamedTuple
 
 MAGIC = b"\x89MCAP0\r\n"
 """An MCAP file begins and ends with these bytes (MCAP specification, section Magic)."""
-_HEAD = struct.Struct("<BQ")  # what each record begins with: opcode, length of the rest
+_HEAD = struct.Struct("<BQ")  # opcode, length of the content
 HEAD_BYTES = _HEAD.size
 _MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _CHUNK_HEAD = struct.Struct("<QQQII")  # first and last log time, size, CRC, length of a name
@@ -34,19 +34,19 @@ ATTACHMENT = 0x09
 METADATA = 0x0C
 DATA_END = 0x0F
 _BEGINNING = re.compile(rb"[\x06\x07\x09\x0c\x0f](?=.{4}\x00{4})", re.DOTALL)
-"""Opcode of a record of the data section and a length below 4 GiB."""
+"""Opcode of a record of the data section, and a length below 4 GiB."""
 
 
 THINNED_NAME = "thinned"
-"""Name of the metadata record with the rates of thinned topics."""
+"""Name of the metadata record with the maximum rates of thinned topics."""
 
 
 class LogError(Exception):
-    """A log that cannot be written or read, in one line: what, where and what is allowed."""
+    """A log that cannot be written or read, in one line."""
 
 
 class DamageError(ValueError):
-    """A record whose content does not have the form of its kind."""
+    """A record whose content does not have the structure of its type."""
 
 
 class Span(NamedTuple):
@@ -57,7 +57,7 @@ class Span(NamedTuple):
 
 
 class Record(NamedTuple):
-    """A sound record: its opcode, its start and the start of the next one."""
+    """A valid record: opcode, start, and start of the next record."""
 
     opcode: int
     start: int
@@ -65,12 +65,12 @@ class Record(NamedTuple):
 
     @property
     def content(self) -> slice:
-        """The bytes without opcode and length."""
+        """Bytes without opcode and length."""
         return slice(self.start + _HEAD.size, self.end)
 
 
 class ChunkHead(NamedTuple):
-    """Statements of a chunk about its messages (instants in ns), and its packed bytes."""
+    """Header of a chunk (instants in ns), and its packed bytes."""
 
     first_at: int
     last_at: int
@@ -82,9 +82,9 @@ class ChunkHead(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """The sound records of the data section, and the gaps between them.
+    """Valid records of the data section, and the gaps between them.
 
-    A `truncated` file was not completed; `summary` is the summary section, empty if there is none
+    A `truncated` file was not completed. `summary` is the summary section, empty if it is missing
     or its checksum is wrong.
     """
 
@@ -95,7 +95,7 @@ class Layout:
 
 
 def lock(file: IO[bytes], path: Path) -> None:
-    """Hold a log for writing until `file` is closed; raises LogError if another process does."""
+    """Lock a log for writing until `file` is closed; raises LogError if it is locked."""
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
@@ -105,11 +105,11 @@ def lock(file: IO[bytes], path: Path) -> None:
 
 
 def map_log(path: Path) -> mmap.mmap:
-    """Map an MCAP file; raises LogError if there is no such file or it is no MCAP."""
+    """Map an MCAP file into memory; raises LogError for missing and other files."""
     try:
         with path.open("rb") as file:
             log = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-    except ValueError as error:  # nothing to map
+    except ValueError as error:  # an empty file cannot be mapped
         raise LogError(f"{path}: is empty, not an MCAP log") from error
     except OSError as error:
         raise LogError(f"{path}: cannot read the log: {error.strerror}") from error
@@ -119,7 +119,7 @@ def map_log(path: Path) -> mmap.mmap:
 
 
 def scan(log: mmap.mmap) -> Layout:
-    """Find the sound records of a file."""
+    """Find the valid records of a file."""
     records: list[Record] = []
     gaps: list[Span] = []
     complete, summary = _ending(log)
@@ -127,11 +127,11 @@ def scan(log: mmap.mmap) -> Layout:
     while True:
         record = _record_at(log, at)
         if record is None:
-            found = _next_sound(log, at + 1)
-            if found is None:
+            resumed_at = _next_valid(log, at + 1)
+            if resumed_at is None:
                 break
-            gaps.append(Span(at, found))
-            at = found
+            gaps.append(Span(at, resumed_at))
+            at = resumed_at
         elif record.opcode == DATA_END:
             at = record.end
             break
@@ -140,14 +140,14 @@ def scan(log: mmap.mmap) -> Layout:
             at = record.end
     if complete and at < summary.end and at != summary.start:
         gaps.append(Span(at, summary.start or size))
-    if complete and summary.end and not _summary_is_sound(log, summary):
+    if complete and summary.end and not _summary_is_valid(log, summary):
         gaps.append(summary)
         summary = Span(0, 0)
     return Layout(tuple(records), tuple(gaps), not complete, summary)
 
 
 def _ending(log: mmap.mmap) -> tuple[bool, Span]:
-    """Whether the file ends as a complete one does, and its summary section, which may be empty."""
+    """Whether the file has a complete ending, and its summary section, which may be empty."""
     at = len(log) - len(MAGIC) - _FOOTER_HEAD.size
     if at < len(MAGIC) or log[-len(MAGIC) :] != MAGIC:
         return False, Span(0, 0)
@@ -157,14 +157,14 @@ def _ending(log: mmap.mmap) -> tuple[bool, Span]:
     return True, Span(start, at) if len(MAGIC) < start < at else Span(0, 0)
 
 
-def _summary_is_sound(log: mmap.mmap, summary: Span) -> bool:
+def _summary_is_valid(log: mmap.mmap, summary: Span) -> bool:
     crc: int = _FOOTER_HEAD.unpack_from(log, summary.end)[-1]
     covered = log[summary.start : summary.end + _FOOTER_HEAD.size - _U32.size]
     return crc in {0, zlib.crc32(covered)}
 
 
-def _next_sound(log: mmap.mmap, at: int) -> int | None:
-    """Find the next sound record that is followed by another, or by the end of the file."""
+def _next_valid(log: mmap.mmap, at: int) -> int | None:
+    """Find the next valid record that is followed by another one or by the end of the file."""
     for match in _BEGINNING.finditer(log, at):
         record = _record_at(log, match.start())
         if record and (record.end == len(log) or _record_at(log, record.end)):
@@ -175,7 +175,7 @@ def _next_sound(log: mmap.mmap, at: int) -> int | None:
 
 
 def _record_at(log: mmap.mmap, at: int) -> Record | None:
-    """Return the record that starts there; None if it is not sound."""
+    """Record at byte `at`; None if it is not valid."""
     if at + _HEAD.size > len(log):
         return None
     opcode, length = _HEAD.unpack_from(log, at)
@@ -226,7 +226,7 @@ def chunk_head(log: mmap.mmap, record: Record) -> ChunkHead:
 
 
 def message_index_of(log: mmap.mmap, record: Record) -> tuple[int, int]:
-    """Channel of an index of a chunk's messages, and their number."""
+    """Channel of a message index, and the number of messages."""
     at = record.content.start
     if record.end - at < 6:
         raise DamageError("not an index")
@@ -237,7 +237,7 @@ def message_index_of(log: mmap.mmap, record: Record) -> tuple[int, int]:
 
 
 def attachment(log: mmap.mmap, record: Record) -> tuple[str, bytes]:
-    """Read the name and the content of an attached file."""
+    """Name and content of an attached file."""
     at = record.content.start
     crc_at = record.end - _U32.size
     name, start = _text(log, at + 2 * _U64.size, crc_at)
@@ -253,7 +253,7 @@ def attachment(log: mmap.mmap, record: Record) -> tuple[str, bytes]:
 
 
 def metadata(log: mmap.mmap, record: Record) -> tuple[str, dict[str, str]]:
-    """Read a record of named text values."""
+    """Name and values of a metadata record."""
     name, at = _text(log, record.content.start, record.end)
     (length,) = _U32.unpack_from(log, at)
     at += _U32.size
@@ -267,16 +267,16 @@ def metadata(log: mmap.mmap, record: Record) -> tuple[str, dict[str, str]]:
 
 
 def _text(log: mmap.mmap, at: int, end: int) -> tuple[str, int]:
-    """Read a text after its length, which must end before `end`; returns it and its end."""
+    """Read a text with its length, which must end by `end`; returns the text and its end."""
     (length,) = _U32.unpack_from(log, at)
     at += _U32.size
     if at + length > end:
-        raise DamageError("a text goes beyond its record")
+        raise DamageError("a text exceeds its record")
     return log[at : at + length].decode(), at + length
 
 
 def entries_in(chunk: bytes) -> Iterator[tuple[int, int, int]]:
-    """Yield (opcode, start, end) of the contents of the records in an unpacked chunk."""
+    """Yield (opcode, start, end) of the contents of all records in an unpacked chunk."""
     at, size = 0, len(chunk)
     unpack, head = _HEAD.unpack_from, _HEAD.size
     while at < size:

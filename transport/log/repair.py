@@ -1,7 +1,7 @@
-"""The repair of a log that breaks off: its whole records are kept and indexed.
+"""Repair of a truncated log: its complete records are kept and indexed.
 
-Messages are neither decoded nor packed again. The missing end is written behind the last whole
-record; with a damaged record before that, a file without it replaces the first.
+Messages are neither decoded nor repacked. The missing end is written after the last complete
+record. If a record before that is damaged, a new file without it replaces the log.
 """
 
 import os
@@ -47,10 +47,10 @@ _ENTRY = struct.Struct("<QQ")  # log time, offset in the chunk
 
 @dataclass(slots=True)
 class _Kept:
-    """Whole records that stay together, and their data for the index.
+    """Complete records that belong together, and their data for the index.
 
-    For a chunk `parts` are itself and the indices of its messages, as spans of the broken file or,
-    where those are not whole, as bytes. `channels` are in the order of the indices.
+    For a chunk, `parts` are the chunk and its message indices, as spans of the truncated file or,
+    if they are incomplete, as bytes. `channels` are in the order of the indices.
     """
 
     opcode: int
@@ -62,18 +62,18 @@ class _Kept:
 
 
 def repair_if_truncated(log: Path) -> bool:
-    """Repair a log if it exists and breaks off; returns whether it was repaired."""
-    with suppress(LogError):  # its writer was killed before the first record
+    """Repair a log if it exists and is truncated; returns whether it was repaired."""
+    with suppress(LogError):  # the writer was killed before the first record
         return log.exists() and repair(log)
     return False
 
 
 def repair(path: Path) -> bool:
-    """Complete a log that breaks off, with every readable record; returns whether it was needed.
+    """Complete a truncated log with every readable record; returns whether it was truncated.
 
-    The metadata `repaired` state how many messages were kept. On a full disk the last messages make
-    room for the index. Raises LogError if the file is no MCAP log, is being written, or cannot be
-    changed.
+    The metadata `repaired` contains the number of kept messages. On a full disk the last messages
+    are removed to make room for the index. Raises LogError if the file is not an MCAP log, is being
+    written or cannot be changed.
     """
     try:
         with path.open("r+b", buffering=0) as file:
@@ -82,7 +82,7 @@ def repair(path: Path) -> bool:
             if not log.truncated:
                 return False
             kept = _kept(log)
-            if _is_unbroken(kept):
+            if _is_beginning(kept):
                 _complete(file, kept)
             else:
                 _write_beside(path, log, kept)
@@ -96,15 +96,15 @@ def _kept(log: McapFile) -> list[_Kept]:
     """Readable records of a log, in order."""
     heads = {record.start: head for record, head in log.chunks}
     kept: list[_Kept] = [_Kept(0, [Span(0, len(MAGIC))])]
-    found = list(log.layout.records)
-    if not found or found[0].opcode != HEADER:
+    valid = list(log.layout.records)
+    if not valid or valid[0].opcode != HEADER:
         builder = RecordBuilder()
         records.Header("", "").write(builder)
         kept.append(_Kept(HEADER, [builder.end()]))  # type: ignore[no-untyped-call]
     known: set[int] = set()
-    for place, record in enumerate(found):
+    for position, record in enumerate(valid):
         if record.opcode == CHUNK and record.start in heads:
-            kept.append(_kept_chunk(log, heads[record.start], found, place, known))
+            kept.append(_kept_chunk(log, heads[record.start], valid, position, known))
         elif record.opcode in {HEADER, ATTACHMENT, METADATA}:
             content = log.bytes[record.content]
             kept.append(_Kept(record.opcode, [Span(record.start, record.end)], described=content))
@@ -112,20 +112,20 @@ def _kept(log: McapFile) -> list[_Kept]:
 
 
 def _kept_chunk(
-    log: McapFile, head: ChunkHead, found: Sequence[Record], place: int, known: set[int]
+    log: McapFile, head: ChunkHead, valid: Sequence[Record], position: int, known: set[int]
 ) -> _Kept:
-    """Keep the chunk at `place` of `found`; `known` are the channels described before.
+    """Keep the chunk at `position` of `valid`; `known` are the channels described before.
 
     Its messages are read one by one only if an index may be missing, because no record follows
     directly, or if a channel is new.
     """
-    record, *indices = group = _unbroken(found, place)
+    record, *indices = group = _contiguous(valid, position)
     counts = Counter(dict(message_index_of(log.bytes, index) for index in indices))
-    distinct = len(counts) == len(indices)  # else the number of a channel is damaged
-    after = found[place + len(group) : place + len(group) + 1]
+    distinct = len(counts) == len(indices)  # otherwise a channel number is damaged
+    after = valid[position + len(group) : position + len(group) + 1]
     followed = bool(after) and after[0].start == group[-1].end
     if distinct and followed and counts and known.issuperset(counts):
-        spans = [Span(one.start, one.end) for one in (record, *indices)]
+        spans = [Span(part.start, part.end) for part in (record, *indices)]
         return _Kept(CHUNK, [*spans], head, list(counts), counts)
     chunk = log.unpack(head)
     described = []
@@ -136,22 +136,21 @@ def _kept_chunk(
             entries[channel] += _ENTRY.pack(log_time, start - HEAD_BYTES)
         elif opcode in {SCHEMA, CHANNEL}:
             described.append(chunk[start - HEAD_BYTES : end])
-    walked = Counter({channel: len(rows) // _ENTRY.size for channel, rows in entries.items()})
-    known.update(walked)
+    counted = Counter({channel: len(rows) // _ENTRY.size for channel, rows in entries.items()})
+    known.update(counted)
     parts: list[Span | bytes] = [Span(record.start, record.end)]
-    if distinct and walked == counts:
+    if distinct and counted == counts:
         parts += [Span(index.start, index.end) for index in indices]
     else:
         parts += [_index(channel, bytes(rows)) for channel, rows in entries.items()]
-    channels = list(counts if distinct and walked == counts else walked)
-    return _Kept(CHUNK, parts, head, channels, walked, b"".join(described))
+    channels = list(counts if distinct and counted == counts else counted)
+    return _Kept(CHUNK, parts, head, channels, counted, b"".join(described))
 
 
-def _unbroken(found: Sequence[Record], place: int) -> list[Record]:
-    """The chunk at `place` and the indices directly behind it."""
-    group = [found[place]]
-    for at in range(place + 1, len(found)):
-        record = found[at]
+def _contiguous(valid: Sequence[Record], position: int) -> list[Record]:
+    """The chunk at `position` and the indices directly after it."""
+    group = [valid[position]]
+    for record in valid[position + 1 :]:
         if record.opcode != MESSAGE_INDEX or record.start != group[-1].end:
             break
         group.append(record)
@@ -162,14 +161,13 @@ def _index(channel: int, rows: bytes) -> bytes:
     return struct.pack("<BQHI", MESSAGE_INDEX, 6 + len(rows), channel, len(rows)) + rows
 
 
-def _is_unbroken(kept: Sequence[_Kept]) -> bool:
-    """Whether the kept spans are the beginning of the file, and only bytes follow."""
-    at = 0
-    own = False
-    for part in (part for one in kept for part in one.parts):
+def _is_beginning(kept: Sequence[_Kept]) -> bool:
+    """Whether the kept spans are the beginning of the file, followed by bytes only."""
+    at, has_bytes = 0, False
+    for part in (part for group in kept for part in group.parts):
         if isinstance(part, bytes):
-            own = True
-        elif own or part.start != at:
+            has_bytes = True
+        elif has_bytes or part.start != at:
             return False
         else:
             at = part.end
@@ -183,20 +181,20 @@ def _write_all(file: RawIOBase, data: bytes) -> None:
 
 
 def _complete(file: RawIOBase, kept: list[_Kept]) -> None:
-    """Write the end behind the last whole record, in the broken file itself."""
+    """Write the end after the last complete record of the truncated file."""
     while True:
-        parts = [part for one in kept for part in one.parts]
+        parts = [part for group in kept for part in group.parts]
         size = max(part.end for part in parts if isinstance(part, Span))
         file.truncate(size)
         file.seek(size)
         try:
-            own = b"".join(part for part in parts if isinstance(part, bytes))
-            _write_all(file, own + _end(kept))
+            added = b"".join(part for part in parts if isinstance(part, bytes))
+            _write_all(file, added + _end(kept))
             os.fsync(file.fileno())
         except OSError:
             if len(kept) <= 2:
                 raise
-            kept.pop()  # makes room
+            kept.pop()  # to make room
         else:
             return
 
@@ -205,7 +203,7 @@ def _write_beside(path: Path, log: McapFile, kept: Sequence[_Kept]) -> None:
     beside = path.with_name(path.name + ".repaired")
     try:
         with beside.open("wb") as file:
-            for part in (part for one in kept for part in one.parts):
+            for part in (part for group in kept for part in group.parts):
                 file.write(log.bytes[part.start : part.end] if isinstance(part, Span) else part)
             file.write(_end(kept))
             file.flush()
@@ -216,7 +214,7 @@ def _write_beside(path: Path, log: McapFile, kept: Sequence[_Kept]) -> None:
 
 
 class _Summary:
-    """The end of a file: index, statistics and footer (MCAP specification, section Summary)."""
+    """End of a file: index, statistics and footer (MCAP specification, section Summary)."""
 
     def __init__(self) -> None:
         self.schemas: dict[int, records.Schema] = {}
@@ -226,36 +224,36 @@ class _Summary:
         self.metadata: list[records.MetadataIndex] = []
         self.counts: Counter[int] = Counter()
 
-    def add(self, one: _Kept, at: int) -> int:
+    def add(self, group: _Kept, at: int) -> int:
         """Add the records at byte `at` of the file; returns their end."""
-        lengths = [len(p) if isinstance(p, bytes) else p.end - p.start for p in one.parts]
-        content = ReadDataStream(BytesIO(one.described))
-        if one.head is not None:
-            self._add_chunk(one, one.head, at, lengths)
-        elif one.opcode == ATTACHMENT:
-            a = records.Attachment.read(content)
+        lengths = [len(p) if isinstance(p, bytes) else p.end - p.start for p in group.parts]
+        content = ReadDataStream(BytesIO(group.described))
+        if group.head is not None:
+            self._add_chunk(group, group.head, at, lengths)
+        elif group.opcode == ATTACHMENT:
+            file = records.Attachment.read(content)
             self.attachments.append(
                 records.AttachmentIndex(
                     offset=at,
                     length=lengths[0],
-                    create_time=a.create_time,
-                    log_time=a.log_time,
-                    data_size=len(a.data),
-                    name=a.name,
-                    media_type=a.media_type,
+                    create_time=file.create_time,
+                    log_time=file.log_time,
+                    data_size=len(file.data),
+                    name=file.name,
+                    media_type=file.media_type,
                 )
             )
-        elif one.opcode == METADATA:
+        elif group.opcode == METADATA:
             name = records.Metadata.read(content).name
             self.metadata.append(records.MetadataIndex(offset=at, length=lengths[0], name=name))
         return at + sum(lengths)
 
-    def _add_chunk(self, one: _Kept, head: ChunkHead, at: int, lengths: Sequence[int]) -> None:
+    def _add_chunk(self, group: _Kept, head: ChunkHead, at: int, lengths: Sequence[int]) -> None:
         offsets: dict[int, int] = {}
-        place = at + lengths[0]
-        for channel, length in zip(one.channels, lengths[1:], strict=True):
-            offsets[channel] = place
-            place += length
+        offset = at + lengths[0]
+        for channel, length in zip(group.channels, lengths[1:], strict=True):
+            offsets[channel] = offset
+            offset += length
         self.chunks.append(
             records.ChunkIndex(
                 chunk_start_offset=at,
@@ -269,9 +267,9 @@ class _Summary:
                 uncompressed_size=head.size,
             )
         )
-        self.counts += one.counts
-        for opcode, start, end in entries_in(one.described):
-            content = ReadDataStream(BytesIO(one.described[start:end]))
+        self.counts += group.counts
+        for opcode, start, end in entries_in(group.described):
+            content = ReadDataStream(BytesIO(group.described[start:end]))
             if opcode == SCHEMA:
                 schema = records.Schema.read(content)
                 self.schemas[schema.id] = schema
@@ -294,7 +292,7 @@ class _Summary:
         )
 
     def pack(self, at: int) -> bytes:
-        """Bytes of the summary section, which starts at byte `at`, and the footer."""
+        """Bytes of the summary section at byte `at`, and of the footer."""
         builder = RecordBuilder()
         offsets: list[records.SummaryOffset] = []
         groups: tuple[tuple[Opcode, Sequence[records.McapRecord]], ...] = (
@@ -319,10 +317,10 @@ class _Summary:
 
 
 def _end(kept: Sequence[_Kept]) -> bytes:
-    """Bytes of the end of a file of these records."""
+    """Bytes of the end of a file with these records."""
     summary, at = _Summary(), 0
-    for one in kept:
-        at = summary.add(one, at)
+    for group in kept:
+        at = summary.add(group, at)
     builder = RecordBuilder()
     records.Metadata(REPAIRED, {"messages": str(summary.counts.total())}).write(builder)
     note: bytes = builder.end()  # type: ignore[no-untyped-call]

@@ -1,6 +1,6 @@
-"""Foxglove scene entities of a run: the cars, the lead's path and its lane.
+"""Foxglove scene entities of a run: cars, the lead's path and its lane.
 
-A car is logged once, in its own frame, and moves with that.
+A car is logged once, in its own frame, which moves.
 """
 
 import math
@@ -21,17 +21,18 @@ FRAME_ID = "map"
 """Name of the world frame: east, north, up at the scenario's origin."""
 HEIGHT_M = 1.5
 DASHES_M = 5.0
-"""Largest distance between the poses that represent a path."""
+"""Maximum distance between the poses of a path."""
 ROAD: Colour = (0x6A, 0x6A, 0x6A)
 EDGE: Colour = (0xA0, 0xA0, 0xA0)
 
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """The constant scene of a run, in metres.
+    """The constant scene of a run (m).
 
-    Length, width and distance of the middle ahead of the pose by car, the lead first; east and
-    north of the lead's path; the width of the lane about it.
+    cars  (length, width, distance of the centre ahead of the pose) by name, the lead first
+    path  east and north of the lead's path
+    lane  width of the lane around the path
     """
 
     cars: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
@@ -39,7 +40,7 @@ class Scene:
     lane: float | None = None
 
     def box_maker(self) -> Callable[[TruePose], bytes]:
-        """Function that makes the box of a vehicle, with its name above, from one of its poses."""
+        """Function that makes the box of a vehicle, labelled with its name."""
         places = {name: place for place, name in enumerate(self.cars)}
 
         def make(truth: TruePose) -> bytes:
@@ -62,7 +63,7 @@ class Scene:
         return make
 
     def make_road(self, start: RunStart) -> bytes:
-        """Make the lead's path and the edges of its lane."""
+        """The lead's path and the edges of its lane."""
         update = SceneUpdate()
         if self.path is not None:
             entity = _entity(update, start.start_at_ns, FRAME_ID, "road")
@@ -75,7 +76,7 @@ class Scene:
         return data
 
     def make_path(self, start: RunStart) -> bytes:
-        """Make the lead's path as poses, for viewers that know no scene entities."""
+        """The lead's path as poses, for viewers without scene entities."""
         poses = PosesInFrame(frame_id=FRAME_ID)
         poses.timestamp.FromNanoseconds(start.start_at_ns)
         if self.path is not None:

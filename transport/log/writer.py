@@ -1,8 +1,8 @@
-"""Writes the log of a run: one MCAP file, as it happens.
+"""Writes the log of a run, one MCAP file.
 
-Our own Protobuf messages are logged unchanged under `/convoy/<vehicle>/<topic>`, the standard
-Foxglove messages of `transport/log/foxglove.py` beside them; the scenario, versions and summary are
-metadata and attachments. This file alone is needed to review and measure a run.
+Our Protobuf messages are logged unchanged under `/convoy/<vehicle>/<topic>`, with the standard
+Foxglove messages of `transport/log/foxglove.py`. The scenario, versions and summary are metadata
+and attachments, so that the file alone suffices to review and measure the run.
 """
 
 import contextlib
@@ -28,19 +28,19 @@ from vehicles.messages import Message
 from vehicles.schedule import SECOND, Timer
 
 SEQUENCE_MASK = 0xFFFF_FFFF
-"""MCAP holds sequence numbers in 32 bits; our own message has the full number."""
+"""MCAP has sequence numbers of 32 bits; our message contains the full number."""
 CHUNK_NS = SECOND
-"""Longest time of the messages in one chunk: a flipped bit costs the whole chunk."""
+"""Maximum duration of a chunk; a flipped bit costs the whole chunk."""
 
 
 def library_name() -> str:
-    """Name of the writing software, with the versions on which the bytes of a log depend."""
+    """Name of the software, with the versions that determine the bytes of a log."""
     parts = ("convoy-emulator", "mcap", "protobuf", "tomli-w", "zstandard")
     return " ".join(f"{part} {version(part)}" for part in parts)
 
 
 class _Channel:
-    """The channels of one topic of one vehicle: its own and those of its twins."""
+    """Channels of one topic of one vehicle: our message and its standard messages."""
 
     __slots__ = ("identifier", "standard_messages")
 
@@ -54,13 +54,12 @@ class _Channel:
 class LogWriter(Closing):
     """Writes the log of one run to `path`; the same calls give the same bytes.
 
-    No clock is read. A kill loses what was written after the last `flush()`: on a wall clock call
-    that at least twice a second; in virtual time `close()` is enough. A chunk holds one second or
-    one mebibyte at most, so memory stays small either way. Not for use by several threads at once.
+    No clock is read. A kill loses messages written after the last `flush()`: call it at least twice
+    a second on the wall clock; in virtual time `close()` is enough. A chunk contains at most one
+    second or one mebibyte, which bounds the memory. Not thread-safe.
 
-    Once the file cannot be written (the disk is full, the file was removed), the first call raises
-    LogError; the file is closed and later calls do nothing, so that a run can still end. `repair`
-    completes the file.
+    If the file cannot be written (full disk, removed file), the first call raises LogError; the
+    file is closed and later calls do nothing, so that a run can end. `repair` completes the file.
     """
 
     def __init__(
@@ -71,7 +70,7 @@ class LogWriter(Closing):
         scene: Scene | None = None,
         rates_hz: Mapping[str, float] | None = None,
     ) -> None:
-        """Begin the log; raises LogError. `rates_hz` limit the messages a second by topic."""
+        """Create the file; raises LogError. `rates_hz` are maximum rates by topic."""
         self._path = path
         self.broken = False
         """True once the file cannot be written."""
@@ -84,7 +83,7 @@ class LogWriter(Closing):
             raise LogError(f"{path}: cannot write the log: {error.strerror}") from error
         self._writer = Writer(self._file)
         self._writer.start(profile="", library=library or library_name())
-        self._file.flush()  # even a log without a message is recognised as one
+        self._file.flush()  # a log without messages is recognised, too
         self._twins = standard_messages(scene)
         self._deviations: dict[str, tuple[_Channel, Iterator[int]]] = {}
         self._channels: dict[tuple[str, str], _Channel] = {}
@@ -96,10 +95,10 @@ class LogWriter(Closing):
             self.metadata(THINNED_NAME, {topic: f"{rate:g}" for topic, rate in rates_hz.items()})
 
     def write(self, log_time: int, message: Message, data: bytes | None = None) -> None:
-        """Log one message and its standard twins.
+        """Log one message and its standard messages.
 
-        `log_time` is the instant of recording (ns); it is raised to the last one, so that the log
-        is in order. `data` are the received bytes; without them the message is encoded here.
+        `log_time` is the instant of recording (ns), raised to the previous one if smaller. `data`
+        are the received bytes; by default the message is encoded.
         """
         if self.broken:
             return
@@ -118,7 +117,7 @@ class LogWriter(Closing):
     def write_deviation(
         self, log_time: int, vehicle: str, true_at: int, error: float, gap: float
     ) -> None:
-        """Log true error and gap (m, may be NaN) of a vehicle at an instant (ns)."""
+        """Log the true error and gap (m, may be NaN) of a vehicle at an instant (ns)."""
         if self.broken:
             return
         opened = self._deviations.get(vehicle)
@@ -177,14 +176,14 @@ class LogWriter(Closing):
             )
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
-        """Attach a file, at the time of the last message."""
+        """Attach a file with the log time of the last message."""
         if self.broken:
             return
         with self._named_failure():
             self._writer.add_attachment(0, self._log_time, name, media_type, data)
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Write named text values; a later record replaces an earlier one of the same name."""
+        """Write named text values; readers use the last record of a name."""
         if self.broken:
             return
         with self._named_failure():
@@ -199,7 +198,7 @@ class LogWriter(Closing):
             self._find_file()
 
     def close(self) -> None:
-        """Complete the log with its index and summary; a second call has no effect."""
+        """Complete the log with its index and summary; further calls have no effect."""
         if self._file.closed:
             return
         with self._named_failure():

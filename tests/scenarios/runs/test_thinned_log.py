@@ -79,13 +79,13 @@ def test_the_log_is_smaller(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "topic", "holds"),
     [
-        (["explain", "LOG", "--vehicle", "v2", "--at", "2"], "truth", "at most 10 a second"),
-        (["blame", "LOG", "--limit", "lane"], "truth", "at most 10 a second"),
-        (["channel", "fit", "LOG"], "truth", "at most 10 a second"),
+        (["explain", "LOG", "--vehicle", "v2", "--at", "2"], "truth", "at most 10"),
+        (["blame", "LOG", "--limit", "lane"], "truth", "at most 10"),
+        (["channel", "fit", "LOG"], "truth", "at most 10"),
         (
             ["run", "lane_change", "--clock", "virtual", "--out", "OUT", "--set",
              'links.loss={kind="log", file="LOG"}'],
-            "verdict", "none",
+            "verdict", "no messages",
         ),
     ],
 )  # fmt: skip
@@ -100,7 +100,8 @@ def test_queries_that_need_whole_topics_refuse_a_thinned_log(
     assert found.exit_code == 2, found.output
     lines = [line for line in found.output.splitlines() if "[log]" in line]
     assert len(lines) == 1
-    assert f"holds {holds} of the messages of {topic}" in lines[0]
+    assert holds in lines[0]
+    assert topic in lines[0]
     assert not (tmp_path / "run").exists()
 
 

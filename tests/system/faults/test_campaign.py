@@ -81,7 +81,7 @@ def truths_of(log: Path) -> list[TruePose]:
         return [m for _, _, m in LogReader(log).messages(("truth",)) if isinstance(m, TruePose)]
     except LogError as error:
         # Killed, it breaks off; its launcher may have completed it since.
-        if re.search("before its first message|holds no messages|is empty", str(error)):
+        if re.search("before the first message|contains no messages|is empty", str(error)):
             return []
         raise
 

@@ -75,7 +75,7 @@ def test_a_log_without_its_first_message_says_that_it_breaks_off(tmp_path: Path)
     write_chunks(path)
     first, _ = McapFile(path).chunks[0]
     path.write_bytes(path.read_bytes()[: first.end - 1])
-    with pytest.raises(LogError, match=r"run\.mcap: breaks off before its first message"):
+    with pytest.raises(LogError, match=r"run\.mcap: .*before the first message"):
         LogReader(path)
 
 
