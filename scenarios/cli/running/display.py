@@ -50,9 +50,9 @@ def observers(
         yield found
 
 
-def print_start(run: str, folder: Path, display: DisplayOptions) -> None:
+def print_start(run: str, folder: Path, display: DisplayOptions, endpoint: str = "") -> None:
     if not display.quiet:
-        click.echo(start_line(run, folder), err=True)
+        click.echo(start_line(run, folder, endpoint), err=True)
 
 
 def show(summary: RunSummary, folder: Path, display: DisplayOptions) -> None:

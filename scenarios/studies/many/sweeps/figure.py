@@ -11,7 +11,7 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.topology import directed_links
 from scenarios.results.channel.link_summary import SAFE_AGES_MS, LinkSummary
 from scenarios.results.events.encounters import EventKind
-from scenarios.results.summary import RunSummary
+from scenarios.results.summary import RENAMED, RunSummary
 from scenarios.results.vehicles.vehicle_figures import VehicleSummary
 from transport.reasons import DropReason
 from vehicles.messages import Mode
@@ -92,6 +92,9 @@ def _paths(kind: type) -> Iterator[str]:
 
 OF_VEHICLE = tuple(_paths(VehicleSummary))
 OF_LINK = tuple(_paths(LinkSummary))
+RENAMED_FIGURES = {old: new for names in RENAMED.values() for old, new in names.items()} | {
+    "gap_m_min": "estimated_gap_m_min"
+}
 FIRST_OF_VEHICLE = frozenset(path.split(".")[0] for path in OF_VEHICLE)
 
 
@@ -108,7 +111,9 @@ def parsed_figure(text: str, vehicles: Sequence[str]) -> SweepFigure:
         known += [f"links.{path}" for path in OF_LINK]
     if text in known:
         return SweepFigure(text)
-    near = _near(text, known)
+    scope, _, name = text.rpartition(".")
+    renamed = f"{scope}.{RENAMED_FIGURES.get(name)}".removeprefix(".")
+    near = [renamed] if renamed in known else _near(text, known)
     allowed = ", ".join(near) if near else "the numbers that `convoy reference fields` lists"
     raise ScenarioError([f"--figure: unknown figure {text!r}, near it: {allowed}"])
 

@@ -82,3 +82,16 @@ def test_an_unknown_name_is_refused_with_near_ones(text: str, near: str) -> None
     (line,) = error.value.lines
     assert line.startswith(f"--figure: unknown figure {text!r}, near it: ")
     assert near in line
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("believed_minus_true_error_m_max", "self_estimate_error_m_max"),
+        ("v2.gap_m_min", "v2.estimated_gap_m_min"),
+        ("v1:v2.heard", "v1:v2.delivered"),
+    ],
+)
+def test_a_renamed_figure_is_refused_with_its_new_name(old: str, new: str) -> None:
+    with pytest.raises(ScenarioError, match=f"near it: {new}$"):
+        parsed_figure(old, ("v1", "v2"))
