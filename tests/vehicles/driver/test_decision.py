@@ -32,7 +32,7 @@ DECISION = Decision(
     steering=SteeringCommand(steering=0.03, feedforward=0.05, feedback=-0.01),
     errors=TrackingErrors(lateral=0.21, heading=-0.02, yaw_rate=0.003, curvature=0.004),
     mode="composite",
-    reason="for once",
+    reason="example",
     fit=FIT,
     target_speed=29.5,
     estimated_gap=14.8,
@@ -54,14 +54,14 @@ DECISION = Decision(
 )
 
 
-def test_a_decision_tells_what_was_tracked_and_asked() -> None:
+def test_a_decision_logs_tracking_and_command() -> None:
     tracking, command, _ = log_messages(DECISION, "v3", 17, NOW)
     assert tracking == Tracking(
         vehicle="v3",
         seq=17,
         decided_at_ns=NOW,
         mode="composite",
-        reason="for once",
+        reason="example",
         lateral_error_m=0.21,
         heading_error_rad=-0.02,
         yaw_rate_error_radps=0.003,
@@ -97,7 +97,7 @@ def test_a_decision_tells_what_was_tracked_and_asked() -> None:
     )
 
 
-def test_a_decision_tells_the_trajectory_and_the_samples_behind_it() -> None:
+def test_a_decision_logs_the_trajectory_and_its_samples() -> None:
     trajectory = log_messages(DECISION, "v3", 17, NOW)[2]
     assert trajectory == CompositeTrajectory(
         vehicle="v3",
@@ -119,14 +119,14 @@ def test_a_decision_tells_the_trajectory_and_the_samples_behind_it() -> None:
 
 
 @pytest.mark.parametrize("fit", [FIT, None])
-def test_what_is_told_survives_the_wire(fit: Fit | None) -> None:
+def test_log_messages_survive_encoding(fit: Fit | None) -> None:
     messages = log_messages(replace(DECISION, fit=fit), "v3", 0, NOW)
     assert len(messages) == (2 if fit is None else 3)
     for message in messages:
         assert decode(TOPIC_OF[type(message)], encode(message)) == message
 
 
-def test_what_is_not_known_is_not_a_number() -> None:
+def test_unknown_values_are_nan() -> None:
     plain = Decision(
         actuation=DECISION.actuation,
         steering=DECISION.steering,
@@ -140,5 +140,5 @@ def test_what_is_not_known_is_not_a_number() -> None:
     assert plain.fresh
 
 
-def test_held_it_is_the_same_but_not_fresh() -> None:
+def test_a_held_decision_differs_only_in_freshness() -> None:
     assert DECISION.held() == replace(DECISION, fresh=False)

@@ -43,11 +43,11 @@ from vehicles.schedule import SECOND, Cadence
 HEADINGS = [0.0, math.pi / 2, math.pi, -math.pi / 2]
 
 
-# ---- What is steered along
+# ---- Trajectory
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.7, math.pi])
-def test_a_follower_that_hears_nothing_drives_straight_on(yaw: float) -> None:
+def test_a_follower_without_data_drives_straight(yaw: float) -> None:
     path = path_from_segments([Segment(200.0, 0.0)], yaw=yaw)
     steps = drive(follower(), on(path, 0.0, 10.0), 5.0)
     assert modes(steps) == [("straight", 0.0)]
@@ -59,7 +59,7 @@ def test_a_follower_that_hears_nothing_drives_straight_on(yaw: float) -> None:
     assert max(map(abs, lateral(path, steps))) < 1e-9
 
 
-def test_both_sources_make_a_composite_along_which_it_follows() -> None:
+def test_both_sources_determine_a_composite_trajectory() -> None:
     steps = drive(
         follower(), on(BEND, 0.0, 10.0), 12.0, received_from(lead_of(BEND), predecessor_of(BEND))
     )
@@ -79,7 +79,7 @@ def test_both_sources_make_a_composite_along_which_it_follows() -> None:
     ("source", "mode", "missing"),
     [(lead_of, "lead", "v2"), (predecessor_of, "predecessor", "v1")],
 )
-def test_one_source_alone_is_followed_and_the_other_named(
+def test_one_source_alone_is_followed_and_the_reason_names_the_other(
     source: Callable[[SampledPath], Source], mode: str, missing: str
 ) -> None:
     steps = drive(follower(), on(BEND, 0.0, 10.0), 10.0, received_from(source(BEND)))
@@ -88,7 +88,7 @@ def test_one_source_alone_is_followed_and_the_other_named(
     assert max(map(abs, lateral(BEND, steps))) < 0.05
 
 
-def test_sources_that_fall_silent_are_followed_as_far_as_they_were_heard() -> None:
+def test_silent_sources_are_followed_to_their_last_sample() -> None:
     """At 10 m/s the last sample of a source 15 m ahead is reached 1.5 s after it was measured."""
     until, last = 4.0, 3.95
     delivered = ((0.0, until), (9.0, math.inf))
@@ -103,17 +103,17 @@ def test_sources_that_fall_silent_are_followed_as_far_as_they_were_heard() -> No
     assert began[3][1] == pytest.approx(last + 3.0, abs=0.05)
     for step in (step for step in steps if step.seconds < 9.0):
         silent = {"lead": ["v2"], "coast": ["v1", "v2"]}.get(step.decision.mode, [])
-        said = re.findall(r"pose of (\w+) ([\d.]+) s old", step.decision.reason)
-        assert [name for name, _ in said] == silent
-        for _, age in said:
+        reported = re.findall(r"pose of (\w+) ([\d.]+) s old", step.decision.reason)
+        assert [name for name, _ in reported] == silent
+        for _, age in reported:
             assert float(age) == pytest.approx(step.seconds - last, abs=0.11)
-    # Coasting keeps to the bend: a straight line would be 1 m off after 1.4 s, 4 m after 3 s.
+    # Coasting follows the bend: a straight line would be 1 m off after 1.4 s, 4 m after 3 s.
     off = lateral(BEND, steps)
     assert max(map(abs, off)) < 0.4
     assert abs(off[-1]) < 0.02
 
 
-def test_lead_or_predecessor_may_be_silent_alone() -> None:
+def test_a_silent_lead_leaves_the_predecessor() -> None:
     silent = ((0.0, 4.0),)
     steps = drive(
         follower(),
@@ -147,7 +147,7 @@ def test_a_follower_left_of_the_lead_s_path_steers_right(yaw: float, aside: floa
     first = next(step for step in steps if abs(step.decision.actuation.steering) > 1e-4)
     assert math.copysign(1, first.decision.actuation.steering) == -away
     assert abs(off[-1]) < 0.02
-    assert min(away * value for value in off) > -0.1  # no swinging to the other side
+    assert min(away * value for value in off) > -0.1  # no overshoot
     assert max(away * value for value in off) < 0.81
 
 
@@ -168,7 +168,7 @@ def test_bends_to_both_sides_are_followed_in_all_headings(yaw: float, sign: int)
 
 
 @pytest.mark.parametrize("fusion", FUSIONS)
-def test_the_first_follower_hears_the_lead_alone_whatever_the_fusion(fusion: Fusion) -> None:
+def test_the_first_follower_has_one_source_whatever_the_fusion(fusion: Fusion) -> None:
     def drive_behind(chosen: Fusion) -> list[Step]:
         first = follower(lead="v1", predecessor="v1", fusion=chosen, alpha=0.3)
         return drive(
@@ -184,11 +184,11 @@ def test_the_first_follower_hears_the_lead_alone_whatever_the_fusion(fusion: Fus
 
 
 @pytest.mark.parametrize("alpha", [0.2, 0.5, 0.9])
-def test_a_blend_steers_by_the_weighted_mean_of_what_each_source_asks(alpha: float) -> None:
-    """Three followers are told the same; one blends what the others do with one source each."""
+def test_a_blend_steers_by_the_weighted_mean_of_both_commands(alpha: float) -> None:
+    """Of three followers with the same data, one blends the commands of the others."""
     path = path_from_segments([Segment(80.0, 0.0), Segment(200.0, 1 / 120)])
     other = path_from_segments([Segment(80.0, 0.0), Segment(200.0, 1 / 110)], 0.0, 0.4)
-    told = received_from(lead_of(path), predecessor_of(other))
+    sources = received_from(lead_of(path), predecessor_of(other))
     blended = follower(fusion="blend", alpha=alpha)
     by_lead = follower(fusion="composite", alpha=0.0)
     by_predecessor = follower(fusion="predecessor")
@@ -216,9 +216,9 @@ def test_a_blend_steers_by_the_weighted_mean_of_what_each_source_asks(alpha: flo
                 compared += abs(lead.steering.steering - predecessor.steering.steering) > 1e-3
             return decision
 
-    steps = drive(Three(), on(path, 0.0, 10.0), 11.0, told)
+    steps = drive(Three(), on(path, 0.0, 10.0), 11.0, sources)
     assert compared > 100
-    # Sources that disagree are driven between.
+    # It drives between sources that disagree.
     off = lateral(path, steps)[-1]
     assert 0.05 < off < lateral(path, [replace(steps[-1], body=on_other(other, steps[-1]))])[0]
 
@@ -227,7 +227,7 @@ def on_other(path: SampledPath, step: Step) -> Body:
     return on(path, path.project(step.body.east, step.body.north, step.body.distance).station, 10.0)
 
 
-def test_predecessor_fusion_does_without_the_lead() -> None:
+def test_predecessor_fusion_ignores_the_lead() -> None:
     crooked = path_from_segments([Segment(60.0, 0.0), Segment(400.0, -1 / 60)])
     with_lead = drive(
         follower(fusion="predecessor"),
@@ -249,7 +249,7 @@ def test_predecessor_fusion_does_without_the_lead() -> None:
 # ---- Gap and age
 
 
-def test_gap_and_ages_are_those_of_the_moment() -> None:
+def test_gap_and_ages_refer_to_the_present_instant() -> None:
     steps = drive(
         follower(), on(BEND, 0.0, 10.0), 8.0, received_from(lead_of(BEND), predecessor_of(BEND))
     )
@@ -264,7 +264,7 @@ def test_gap_and_ages_are_those_of_the_moment() -> None:
         assert step.decision.estimated_gap + CAR.length == pytest.approx(ahead - place, abs=0.05)
 
 
-def test_a_gap_that_opens_is_known_between_messages_too() -> None:
+def test_an_opening_gap_is_extrapolated_between_messages() -> None:
     steps = drive(
         follower(speed=10.0),
         on(STRAIGHT, 0.0, 10.0),
@@ -276,7 +276,7 @@ def test_a_gap_that_opens_is_known_between_messages_too() -> None:
         assert step.decision.estimated_gap == pytest.approx(gap, abs=0.02)
 
 
-def test_a_gap_is_closed_to_what_the_policy_asks() -> None:
+def test_the_gap_converges_to_the_policy() -> None:
     law = GapKeeping(SpacingPolicy(6.0, 0.4), GapLimits())
     steps = drive(
         follower(law=law),

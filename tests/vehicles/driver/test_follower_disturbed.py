@@ -50,14 +50,16 @@ def usual() -> list[Step]:
     )
 
 
-def hearing_jumps(who: str, numbers: Container[int], far: float, towards: float) -> list[Step]:
-    """Drive with messages of `who` that lie `far` m off, in the world's direction `towards`."""
+def drive_with_jumps(
+    sender: str, numbers: Container[int], far: float, towards: float
+) -> list[Step]:
+    """Drive with messages of `sender` displaced by `far` (m) in the direction `towards` (rad)."""
     usually = received_from(lead_of(BEND), predecessor_of(BEND))
 
     def receive_at(now: int) -> list[ReceivedPose]:
         return [
             displaced(pose, far * math.cos(towards), far * math.sin(towards))
-            if pose.message.vehicle == who and pose.message.seq in numbers
+            if pose.message.vehicle == sender and pose.message.seq in numbers
             else pose
             for pose in usually(now)
         ]
@@ -66,25 +68,25 @@ def hearing_jumps(who: str, numbers: Container[int], far: float, towards: float)
 
 
 def moved_by(steps: Sequence[Step]) -> float:
-    """How far (m) the car at most was from where it usually is."""
+    """Largest distance (m) of the car from the undisturbed drive."""
     pairs = zip(steps, usual(), strict=True)
     return max(apart(step.body, undisturbed.body) for step, undisturbed in pairs)
 
 
 @pytest.mark.spread(4)
 @pytest.mark.parametrize("far", [0.5, 5.0, 50.0, 1000.0])
-@pytest.mark.parametrize("who", ["v1", "v2"])
-def test_a_heard_position_that_jumps_hardly_moves_the_car(far: float, who: str) -> None:
-    steps = hearing_jumps(who, {7, 57, 107}, far, math.radians(127))
+@pytest.mark.parametrize("sender", ["v1", "v2"])
+def test_a_received_jump_hardly_moves_the_car(far: float, sender: str) -> None:
+    steps = drive_with_jumps(sender, {7, 57, 107}, far, math.radians(127))
     assert moved_by(steps) < 0.03
     assert max(abs(step.decision.actuation.steering) for step in steps) < 0.1
 
 
 @pytest.mark.spread(2)
 @pytest.mark.parametrize("far", [1.0, 1.5, 2.0, 3.0])
-def test_a_heard_position_that_jumps_a_little_hardly_moves_the_car(far: float) -> None:
+def test_a_small_received_jump_hardly_moves_the_car(far: float) -> None:
     for towards in range(0, 360, 45):
-        assert moved_by(hearing_jumps("v2", {7}, far, math.radians(towards))) < 0.03, towards
+        assert moved_by(drive_with_jumps("v2", {7}, far, math.radians(towards))) < 0.03, towards
 
 
 def test_sources_with_poor_receivers_are_followed_within_their_noise() -> None:
@@ -108,7 +110,7 @@ def apart(one: Body, other: Body) -> float:
     return math.hypot(one.east - other.east, one.north - other.north)
 
 
-def test_an_own_fix_that_jumps_hardly_moves_the_car() -> None:
+def test_a_jump_of_the_own_fix_hardly_moves_the_car() -> None:
     def jumping(body: Body, now: int) -> Fix | None:
         fix = measured(body, now)
         if fix is not None and fix.seq % 40 == 11:
@@ -133,7 +135,7 @@ def test_repeated_messages_change_nothing() -> None:
 
 
 def test_messages_out_of_order_hardly_move_the_car() -> None:
-    """Pairs come swapped: 100 ms late at most, which costs nothing 15 m ahead."""
+    """Pairs arrive swapped, up to 100 ms late, which has no effect 15 m ahead."""
     sources = [lead_of(BEND), predecessor_of(BEND)]
 
     def receive_at(now: int) -> list[ReceivedPose]:
@@ -163,7 +165,7 @@ def test_messages_out_of_order_hardly_move_the_car() -> None:
     ],
     ids=str,
 )
-def test_a_pose_that_no_vehicle_of_the_convoy_can_send_is_passed_over(
+def test_impossible_poses_are_ignored(
     wrong: dict[str, float],
 ) -> None:
     usually = received_from(lead_of(BEND), predecessor_of(BEND))
@@ -180,17 +182,17 @@ def test_a_pose_that_no_vehicle_of_the_convoy_can_send_is_passed_over(
 places = st.tuples(st.floats(-40.0, 160.0), st.floats(-30.0, 30.0)) | st.tuples(
     st.floats(-90_000.0, 90_000.0), st.floats(-90_000.0, 90_000.0)
 )
-heard_poses = st.tuples(
+pose_inputs = st.tuples(
     st.sampled_from(["v1", "v2"]),
-    st.integers(0, 60),  # number, and so the instant of measurement: any order, many repeated
-    places | st.none(),  # None: where it should be
+    st.integers(0, 60),  # sequence number: any order, many repeated
+    places | st.none(),  # None: the true position
     st.floats(-math.pi, math.pi),
     st.floats(0.0, 150.0),
 )
 
 
 @given(
-    ticks=st.lists(st.lists(heard_poses, max_size=4), min_size=30, max_size=60),
+    ticks=st.lists(st.lists(pose_inputs, max_size=4), min_size=30, max_size=60),
     own=st.dictionaries(st.integers(1, 20), places, max_size=6),
     fusion=st.sampled_from(FUSIONS),
     alpha=st.floats(0.0, 1.0),
@@ -198,7 +200,7 @@ heard_poses = st.tuples(
     keeps_gap=st.booleans(),
 )
 @examples(26, 80)
-def test_whatever_is_heard_commands_stay_finite_and_within_the_limits(
+def test_with_any_input_commands_are_finite_and_within_the_limits(
     ticks: list[list[tuple[str, int, tuple[float, float] | None, float, float]]],
     own: dict[int, tuple[float, float]],
     fusion: Fusion,
@@ -211,9 +213,9 @@ def test_whatever_is_heard_commands_stay_finite_and_within_the_limits(
     driver = follower(fusion=fusion, alpha=alpha, speed=speed, law=law)
     body = on(BEND, 0.0, speed)
     true = {"v1": lead_of(BEND), "v2": predecessor_of(BEND)}
-    for k, told in enumerate(ticks):
+    for k, inputs in enumerate(ticks):
         now = instant(START, k, CONTROL_HZ)
-        poses = (pose_of(true[name], seq, place, yaw, v) for name, seq, place, yaw, v in told)
+        poses = (pose_of(true[name], seq, place, yaw, v) for name, seq, place, yaw, v in inputs)
         received = admitted(poses, now)
         fix = measured(body, now)
         if fix is not None and fix.seq in own:

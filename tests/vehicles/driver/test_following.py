@@ -1,4 +1,4 @@
-"""A car that steers along what it hears, round courses that come close to themselves."""
+"""A car that follows received samples on courses that come close to themselves."""
 
 import math
 
@@ -25,7 +25,7 @@ COURSES: dict[str, tuple[Place, float]] = {
 
 
 def cross_track(place: Place, station: float, body: Body) -> tuple[float, float]:
-    """Where on the course the car is, near `station` (m), and how far beside it (m)."""
+    """Nearest station (m) of the course around `station` (m), and the distance from it (m)."""
     around = np.arange(station - 1.0, station + 2.0, 0.02)
     away = [
         math.hypot(body.east - east, body.north - north)

@@ -24,7 +24,7 @@ from vehicles.schedule import Cadence
 HEADINGS = [0.0, math.pi / 2, math.pi, -math.pi / 2]
 LEFT_AND_RIGHT = [Segment(40.0, 0.0), Segment(60.0, 1 / 80), Segment(60.0, -1 / 80)]
 RADIUS, AWAY = 12.0, math.acos(0.5 + 3.5 / (4 * 12.0))
-BULB_TURN = [  # out, away to the right, round to the left, and back 3.5 m beside the way out
+BULB_TURN = [  # out, right, round to the left, and back at 3.5 m from the first straight
     Segment(60.0, 0.0),
     Segment(RADIUS * AWAY, -1 / RADIUS),
     Segment(RADIUS * (math.pi + 2 * AWAY), 1 / RADIUS),
@@ -58,7 +58,7 @@ def leader(
 
 
 def lateral(path: SampledPath, steps: Sequence[Step]) -> list[float]:
-    """True distance (m) of the car from the path, by how far it has come."""
+    """True lateral error (m) of the car at the distance driven."""
     return [
         path.project(step.body.east, step.body.north, step.body.distance).lateral for step in steps
     ]
@@ -69,9 +69,9 @@ def test_arcs_to_both_sides_are_tracked(yaw: float) -> None:
     path = path_from_segments(LEFT_AND_RIGHT, 50.0, -30.0, yaw)
     steps = drive(leader(path, 15.0), on(path, 0.0, 15.0), 10.0)
     assert max(map(abs, lateral(path, steps))) < 0.15
-    by_way = {round(step.body.distance): step.decision for step in steps}
-    for way, sign in ((80, 1), (140, -1)):
-        decision = by_way[way]
+    by_distance = {round(step.body.distance): step.decision for step in steps}
+    for distance, sign in ((80, 1), (140, -1)):
+        decision = by_distance[distance]
         assert decision.mode == "path"
         assert decision.errors.curvature == pytest.approx(sign / 80)
         assert math.copysign(1, decision.actuation.steering) == sign
@@ -79,7 +79,7 @@ def test_arcs_to_both_sides_are_tracked(yaw: float) -> None:
     assert abs(lateral(path, steps)[-1]) < 0.02
 
 
-def test_steady_on_an_arc_the_steering_is_the_one_that_the_car_needs() -> None:
+def test_the_steady_steering_on_an_arc_is_the_one_needed() -> None:
     for curvature in (1 / 100, -1 / 100):
         path = path_from_segments([Segment(200.0, curvature)])
         last = drive(leader(path, 20.0), on(path, 0.0, 20.0), 8.0)[-1]
@@ -102,7 +102,7 @@ def test_left_and_right_are_mirror_images() -> None:
 
 @pytest.mark.parametrize("yaw", HEADINGS)
 @pytest.mark.parametrize("aside", [1.0, -1.0])
-def test_a_lead_left_of_its_path_steers_right_and_comes_back(yaw: float, aside: float) -> None:
+def test_a_lead_left_of_its_path_steers_right_and_returns(yaw: float, aside: float) -> None:
     path = path_from_segments([Segment(300.0, 0.0)], yaw=yaw)
     steps = drive(leader(path, 20.0), on(path, 0.0, 20.0, aside), 10.0)
     first = steps[0].decision
@@ -123,7 +123,7 @@ def test_a_path_that_meets_itself_is_driven_in_order(segments: list[Segment]) ->
     path = path_from_segments(segments)
     speed = 5.0
     steps = drive(leader(path, speed), on(path, 0.0, speed), (path.length - 1.0) / speed)
-    # By arc length, not by the nearest place: on the wrong leg this would be metres.
+    # Compared by arc length: on the wrong leg the distance would be metres.
     for step in steps:
         point = path.at(step.body.distance)
         assert math.hypot(step.body.east - point.east, step.body.north - point.north) < 0.6
@@ -132,9 +132,7 @@ def test_a_path_that_meets_itself_is_driven_in_order(segments: list[Segment]) ->
 
 
 @pytest.mark.parametrize(("control_hz", "speed"), [(5.0, 30.0), (10.0, 40.0), (50.0, 60.0)])
-def test_a_lead_that_goes_far_between_two_decisions_keeps_its_place(
-    control_hz: float, speed: float
-) -> None:
+def test_a_lead_keeps_its_station_at_low_control_rates(control_hz: float, speed: float) -> None:
     path = path_from_segments([Segment(400.0, 0.0), Segment(600.0, 1 / 2000)])
     driver = leader(path, speed, control_hz=control_hz)
     steps = drive(driver, on(path, 0.0, speed), 950.0 / speed, control_hz=control_hz)
@@ -163,11 +161,11 @@ def test_between_control_instants_the_last_decision_is_held() -> None:
             assert step.decision.actuation == before.decision.actuation
 
 
-def test_a_lead_minds_nobody() -> None:
+def test_a_lead_ignores_other_vehicles() -> None:
     path = path_from_segments(LEFT_AND_RIGHT)
     other = path_from_segments([Segment(300.0, 0.0)], yaw=1.0)
     alone = drive(leader(path, 15.0), on(path, 0.0, 15.0), 3.0)
-    told = drive(
+    with_other = drive(
         leader(path, 15.0), on(path, 0.0, 15.0), 3.0, received_from(Source("v9", other, 5.0, 15.0))
     )
-    assert [step.body for step in alone] == [step.body for step in told]
+    assert [step.body for step in alone] == [step.body for step in with_other]

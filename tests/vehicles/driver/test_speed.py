@@ -74,7 +74,7 @@ def test_impossible_profiles_are_refused(
 
 
 @given(st.floats(0.0, 40.0))
-def test_the_distance_is_the_sum_of_the_speed(seconds: float) -> None:
+def test_the_distance_is_the_integral_of_the_speed(seconds: float) -> None:
     steps = 4000
     middles = ((k + 0.5) * seconds / steps for k in range(steps))
     driven = sum(PROFILE.at(middle)[0] for middle in middles) * seconds / steps
@@ -82,14 +82,12 @@ def test_the_distance_is_the_sum_of_the_speed(seconds: float) -> None:
 
 
 @given(st.floats(0.0, 24.9), st.floats(0.5, 10.0))
-def test_the_time_to_a_distance_is_that_after_which_it_is_driven(
-    seconds: float, last: float
-) -> None:
+def test_time_to_is_the_inverse_of_distance(seconds: float, last: float) -> None:
     for profile in (PROFILE, SpeedProfile((1.0, 2.0), (5.0, last))):
         assert profile.time_to(profile.distance(seconds)) == pytest.approx(seconds, abs=1e-6)
 
 
-def test_a_distance_beyond_the_last_stop_is_never_driven() -> None:
+def test_a_distance_beyond_the_last_stop_is_never_reached() -> None:
     assert PROFILE.distance(100.0) == 150.0 + 250.0 + 62.5
     assert PROFILE.time_to(462.5) == pytest.approx(25.0)
     assert PROFILE.time_to(462.6) == math.inf
@@ -104,7 +102,7 @@ def test_gap_grows_with_headway_and_not_without() -> None:
         GapLimits(deceleration=math.nan)
 
 
-def ask(spacing: float, own: float, predecessor: float, lead: float) -> float:
+def acceleration(spacing: float, own: float, predecessor: float, lead: float) -> float:
     return gap_acceleration(
         spacing=spacing,
         own_speed=own,
@@ -115,28 +113,28 @@ def ask(spacing: float, own: float, predecessor: float, lead: float) -> float:
     )
 
 
-def test_nothing_is_asked_at_the_right_gap_and_speed() -> None:
-    assert ask(8.0, 20.0, 20.0, 20.0) == 0.0
+def test_no_acceleration_at_the_desired_gap_and_speed() -> None:
+    assert acceleration(8.0, 20.0, 20.0, 20.0) == 0.0
 
 
-def test_each_term_pulls_the_right_way() -> None:
-    assert ask(8.5, 20.0, 20.0, 20.0) > 0.0 > ask(7.5, 20.0, 20.0, 20.0)
-    assert ask(8.0, 20.0, 20.5, 20.0) > 0.0 > ask(8.0, 20.0, 19.5, 20.0)
-    assert ask(8.0, 20.0, 20.0, 20.5) > 0.0 > ask(8.0, 20.0, 20.0, 19.5)
+def test_each_term_has_the_right_sign() -> None:
+    assert acceleration(8.5, 20.0, 20.0, 20.0) > 0.0 > acceleration(7.5, 20.0, 20.0, 20.0)
+    assert acceleration(8.0, 20.0, 20.5, 20.0) > 0.0 > acceleration(8.0, 20.0, 19.5, 20.0)
+    assert acceleration(8.0, 20.0, 20.0, 20.5) > 0.0 > acceleration(8.0, 20.0, 20.0, 19.5)
 
 
 @given(
     spacing=st.floats(-100, 1000), own=st.floats(0, 50), predecessor=st.floats(0, 50),
     lead=st.one_of(st.floats(0, 50), st.just(math.nan)),
 )  # fmt: skip
-def test_limits_hold_whatever_was_heard(
+def test_limits_hold_for_any_input(
     spacing: float, own: float, predecessor: float, lead: float
 ) -> None:
-    assert -6.0 <= ask(spacing, own, predecessor, lead) <= 2.0
+    assert -6.0 <= acceleration(spacing, own, predecessor, lead) <= 2.0
 
 
-def test_lead_that_was_not_heard_counts_as_the_predecessor() -> None:
-    assert ask(8.0, 20.0, 19.9, math.nan) == ask(8.0, 20.0, 19.9, 19.9)
+def test_an_unknown_lead_speed_is_replaced_by_the_predecessor_s() -> None:
+    assert acceleration(8.0, 20.0, 19.9, math.nan) == acceleration(8.0, 20.0, 19.9, 19.9)
 
 
 @pytest.mark.parametrize(
@@ -159,17 +157,17 @@ def test_errors_shrink_from_vehicle_to_vehicle_at_every_frequency(
 
 
 class String:
-    """Five vehicles that drive as commanded and hear each other 20 times a second, 20 ms late.
+    """Five vehicles that drive as commanded and receive each other at 20 Hz with 20 ms latency.
 
-    Gaps are measured from what was heard, extrapolated by its speed and age, as followers do.
+    Spacings are measured from received positions, extrapolated by speed and age.
     """
 
-    def __init__(self, policy: SpacingPolicy, speed: float, *, hears_lead: bool = True) -> None:
+    def __init__(self, policy: SpacingPolicy, speed: float, *, receives_lead: bool = True) -> None:
         pitch = policy.desired(speed)
-        self.policy, self.hears_lead = policy, hears_lead
+        self.policy, self.receives_lead = policy, receives_lead
         self.places = [-pitch * k for k in range(5)]
         self.speeds = [speed] * 5
-        self.heard = [(0.0, place, speed) for place in self.places]
+        self.received = [(0.0, place, speed) for place in self.places]
         self.air: deque[tuple[float, int, float, float]] = deque()
         self.commands = [0.0] * 5
         self.errors: list[list[float]] = []
@@ -181,12 +179,12 @@ class String:
                 self.air.append((now, i, place, speed))
         while self.air and self.air[0][0] <= now - 0.02 + 1e-9:
             at, i, place, speed = self.air.popleft()
-            self.heard[i] = (at, place, speed)
+            self.received[i] = (at, place, speed)
         if k % 2 == 0:
             self.commands[1:] = [self.command(i, now) for i in range(1, 5)]
         self.commands[0] = lead_acceleration
-        for i, wanted in enumerate(self.commands):
-            speed = max(0.0, self.speeds[i] + wanted * STEP)
+        for i, command in enumerate(self.commands):
+            speed = max(0.0, self.speeds[i] + command * STEP)
             self.places[i] += 0.5 * (speed + self.speeds[i]) * STEP
             self.speeds[i] = speed
         gaps = [a - b for a, b in pairwise(self.places)]
@@ -194,12 +192,12 @@ class String:
         self.errors.append([spacing - want for spacing, want in zip(gaps, desired, strict=True)])
 
     def command(self, i: int, now: float) -> float:
-        at, place, speed = self.heard[i - 1]
+        at, place, speed = self.received[i - 1]
         return gap_acceleration(
             spacing=place + speed * (now - at) - self.places[i],
             own_speed=self.speeds[i],
             predecessor_speed=speed,
-            lead_speed=self.heard[0][2] if self.hears_lead else math.nan,
+            lead_speed=self.received[0][2] if self.receives_lead else math.nan,
             policy=self.policy,
             limits=GapLimits(),
         )
@@ -212,21 +210,21 @@ POLICIES = [SpacingPolicy(standstill=8.0), SpacingPolicy(standstill=4.0, headway
 
 
 @pytest.mark.parametrize("policy", POLICIES)
-def test_nobody_is_hit_when_the_lead_brakes_to_a_stop(policy: SpacingPolicy) -> None:
+def test_no_collision_when_the_lead_brakes_to_a_stop(policy: SpacingPolicy) -> None:
     string = String(policy, 30.0)
     for k in range(3000):
         string.step(k, -3.0 if 100 <= k < 1100 else 0.0)
         gaps = [a - b for a, b in pairwise(string.places)]
         assert min(gaps) > 1.0
     assert string.speeds == pytest.approx([0.0] * 5, abs=0.01)
-    # At constant distance the 1 m that braking takes stays: nobody reverses.
+    # At constant distance the error of 1 m from braking remains, as no car reverses.
     assert all(-1.2 < error < 0.01 for error in string.errors[-1])
     assert all(later <= earlier for earlier, later in pairwise(string.worst()))
 
 
 @pytest.mark.parametrize("policy", POLICIES)
 @pytest.mark.parametrize("period", [2.0, 5.0, 10.0, 20.0])
-def test_spacing_errors_do_not_amplify_when_the_lead_s_speed_waves(
+def test_spacing_errors_do_not_amplify_when_the_lead_s_speed_oscillates(
     policy: SpacingPolicy, period: float
 ) -> None:
     string = String(policy, 20.0)
@@ -236,7 +234,7 @@ def test_spacing_errors_do_not_amplify_when_the_lead_s_speed_waves(
 
 
 def test_without_the_lead_s_speed_a_constant_distance_amplifies() -> None:
-    string = String(SpacingPolicy(standstill=8.0), 20.0, hears_lead=False)
+    string = String(SpacingPolicy(standstill=8.0), 20.0, receives_lead=False)
     for k in range(6000):
         string.step(k, 0.5 * math.sin(2.0 * math.pi * k * STEP / 10.0))
     assert all(later > earlier for earlier, later in pairwise(string.worst()))
@@ -251,7 +249,7 @@ def test_vehicle_far_behind_catches_up_without_a_crash() -> None:
     assert max(map(abs, string.errors[-1])) < 0.1
 
 
-# --- The laws: a command at each control instant
+# --- Speed laws
 
 
 START = 1_790_000_000 * SECOND
@@ -266,14 +264,14 @@ def tick(k: int) -> int:
     return instant(START, k, 50.0)
 
 
-def test_at_the_profile_s_speed_its_own_acceleration_is_asked() -> None:
+def test_at_the_profile_s_speed_the_command_is_its_acceleration() -> None:
     law = ProfileSpeed(SpeedProfile((0.0, 10.0), (10.0, 30.0)), START, PERIOD)
     command = law.command(tick(100), at_speed(14.0), VehiclesAhead())
     assert command.acceleration == pytest.approx(2.0)
     assert command.target_speed == pytest.approx(14.04)
 
 
-def test_a_corner_within_a_period_is_met_at_the_period_s_end() -> None:
+def test_a_corner_within_a_period_is_reached_at_its_end() -> None:
     law = ProfileSpeed(SpeedProfile((0.0, 0.01, 5.0), (20.0, 20.0, 10.0)), START, PERIOD)
     command = law.command(tick(0), at_speed(20.0), VehiclesAhead())
     slope = -10.0 / 4.99
@@ -296,7 +294,7 @@ def test_a_speed_error_decays_at_the_stated_rate() -> None:
     assert 20.0 - speed == pytest.approx(2.0 * math.exp(-PROFILE_CORRECTION), rel=0.01)
 
 
-def test_a_car_that_stood_while_the_others_drove_sets_off_like_a_car() -> None:
+def test_the_correction_of_large_speed_errors_is_limited() -> None:
     law = ProfileSpeed(SpeedProfile((0.0,), (20.0,)), START, PERIOD)
     assert law.command(tick(5), at_speed(0.0), VehiclesAhead()).acceleration == CORRECTION_MAX
     law.follow(SpeedProfile((0.0,), (1.0,)))
@@ -309,7 +307,7 @@ def test_a_car_that_stood_while_the_others_drove_sets_off_like_a_car() -> None:
     speeds=st.lists(st.floats(0.0, 40.0), min_size=8, max_size=8),
 )
 @examples(16, 50)
-def test_a_car_that_does_as_told_is_on_the_profile_at_every_tick(
+def test_a_car_that_follows_commands_exactly_is_on_the_profile(
     spans: list[float], speeds: list[float]
 ) -> None:
     profile = SpeedProfile(tuple(accumulate(spans)), tuple(speeds[: len(spans)]))
@@ -324,22 +322,22 @@ def keeper(headway: float = 0.5) -> GapKeeping:
     return GapKeeping(SpacingPolicy(8.0, headway), GapLimits(acceleration=2.0, deceleration=6.0))
 
 
-def test_without_a_predecessor_heard_the_speed_is_kept() -> None:
+def test_without_a_received_predecessor_the_speed_is_kept() -> None:
     command = keeper().command(tick(0), at_speed(17.0), VehiclesAhead())
     assert (command.acceleration, command.target_speed) == (0.0, 17.0)
-    # The lead's speed alone says nothing about the gap.
+    # The lead's speed alone does not determine the gap.
     command = keeper().command(tick(0), at_speed(17.0), VehiclesAhead(lead_speed=30.0))
     assert command.acceleration == 0.0
 
 
-def test_at_the_right_gap_and_speed_nothing_is_asked() -> None:
+def test_at_the_desired_gap_and_speed_the_command_is_zero() -> None:
     ahead = VehiclesAhead(spacing=8.0 + 0.5 * 20.0, predecessor_speed=20.0, lead_speed=20.0)
     command = keeper().command(tick(0), at_speed(20.0), ahead)
     assert command.acceleration == pytest.approx(0.0)
     assert command.target_speed == 20.0
 
 
-def test_the_speed_aimed_at_is_the_predecessor_s() -> None:
+def test_the_target_speed_is_the_predecessor_s() -> None:
     ahead = VehiclesAhead(spacing=18.0, predecessor_speed=17.0, lead_speed=22.0)
     assert keeper().command(tick(0), at_speed(20.0), ahead).target_speed == 17.0
 
@@ -348,7 +346,7 @@ def test_the_speed_aimed_at_is_the_predecessor_s() -> None:
     ("spacing", "predecessor_speed", "sign"),
     [(16.0, 20.0, -1), (20.0, 20.0, 1), (18.0, 19.0, -1), (18.0, 21.0, 1)],
 )
-def test_too_near_or_too_fast_brakes_too_far_or_too_slow_hurries(
+def test_errors_of_gap_and_speed_have_the_right_sign(
     spacing: float, predecessor_speed: float, sign: int
 ) -> None:
     ahead = VehiclesAhead(
@@ -358,12 +356,12 @@ def test_too_near_or_too_fast_brakes_too_far_or_too_slow_hurries(
 
 
 @pytest.mark.parametrize("headway", [0.0, 0.5])
-def test_a_lead_that_was_not_heard_counts_as_fast_as_the_predecessor(headway: float) -> None:
-    unheard = VehiclesAhead(spacing=15.0, predecessor_speed=19.5)
-    heard = VehiclesAhead(spacing=15.0, predecessor_speed=19.5, lead_speed=19.5)
+def test_an_unknown_lead_counts_as_fast_as_the_predecessor(headway: float) -> None:
+    without_lead = VehiclesAhead(spacing=15.0, predecessor_speed=19.5)
+    with_lead = VehiclesAhead(spacing=15.0, predecessor_speed=19.5, lead_speed=19.5)
     law = keeper(headway)
-    assert law.command(tick(0), at_speed(20.0), unheard) == law.command(
-        tick(0), at_speed(20.0), heard
+    assert law.command(tick(0), at_speed(20.0), without_lead) == law.command(
+        tick(0), at_speed(20.0), with_lead
     )
 
 
@@ -374,7 +372,7 @@ def test_a_lead_that_was_not_heard_counts_as_fast_as_the_predecessor(headway: fl
     lead=st.floats(0.0, 60.0) | st.just(math.nan),
 )
 @examples(33, 100)
-def test_no_more_is_asked_than_the_limits_allow(
+def test_commands_are_within_the_limits(
     spacing: float, own: float, predecessor: float, lead: float
 ) -> None:
     command = keeper().command(tick(0), at_speed(own), VehiclesAhead(spacing, predecessor, lead))
@@ -393,7 +391,7 @@ def test_a_follower_settles_at_the_gap_of_the_policy() -> None:
     assert spacing == pytest.approx(18.0, abs=1e-3)
 
 
-def test_a_bend_slows_a_follower_down_before_it_and_in_it() -> None:
+def test_a_bend_limits_the_speed_before_and_within_it() -> None:
     limits = GapLimits(lateral=3.0)
     assert bend_acceleration(12.0, None, limits) == math.inf
     assert bend_acceleration(12.0, lambda _: 0.1, GapLimits()) == math.inf  # no limit
@@ -408,10 +406,10 @@ def test_a_bend_slows_a_follower_down_before_it_and_in_it() -> None:
     )
 
 
-def test_a_follower_takes_a_bend_at_the_speed_that_it_allows() -> None:
+def test_a_follower_drives_a_bend_at_its_allowed_speed() -> None:
     law = GapKeeping(SpacingPolicy(8.0, 0.5), GapLimits(lateral=3.0))
     speed = 12.0
-    for _ in range(500):  # its predecessor is far ahead and fast
+    for _ in range(500):  # the predecessor is far ahead and fast
         ahead = VehiclesAhead(60.0, 20.0, 20.0, lambda _: 0.05)
         pose = Pose(0.0, 0.0, 0.0, speed, 0.0)
         speed += 0.02 * law.command(0, pose, ahead).acceleration

@@ -36,7 +36,6 @@ def drive(
     body = Body(0.0, left, 0.0, speed)
     history = []
     for _ in range(round(50 * seconds)):
-        # A car's path is where its centre of mass goes; it knows place, yaw, speed, yaw rate.
         errors = track(path, body)
         history.append(errors)
         command = controller.steer(errors, body.speed)
@@ -61,13 +60,13 @@ def test_signs(controller: Callable[..., LateralController]) -> None:
     assert law.steer(TrackingErrors(0.3, 0.0, 0.0, 0.0), 20.0).steering < 0.0  # left: steer right
     assert law.steer(TrackingErrors(0.0, 0.1, 0.0, 0.0), 20.0).steering < 0.0
     damped = law.steer(TrackingErrors(0.0, 0.0, 0.1, 0.0), 20.0).steering
-    assert damped == 0.0 if controller is PurePursuit else damped < 0.0  # a law of places alone
+    assert damped == 0.0 if controller is PurePursuit else damped < 0.0  # geometric: no damping
     assert law.steer(TrackingErrors(0.0, 0.0, 0.0, 0.01), 20.0).feedforward > 0.0  # left turn
 
 
 @pytest.mark.parametrize("controller", CONTROLLERS)
 @pytest.mark.parametrize("lateral", [-1e3, 1e3])
-def test_steering_is_limited_and_says_what_it_wanted(
+def test_steering_is_limited_but_its_parts_are_not(
     controller: Callable[..., LateralController], lateral: float
 ) -> None:
     command = controller(CAR, NOMINAL_GAINS).steer(TrackingErrors(lateral, -lateral, 0.0, 0.0), 5.0)
@@ -77,7 +76,7 @@ def test_steering_is_limited_and_says_what_it_wanted(
 
 @pytest.mark.parametrize("controller", CONTROLLERS)
 @pytest.mark.parametrize("speed", [3.0, 10.0, 30.0])
-def test_an_offset_on_a_straight_road_fades(
+def test_an_offset_on_a_straight_road_decays(
     controller: Callable[..., LateralController], speed: float
 ) -> None:
     history = drive(controller(CAR, NOMINAL_GAINS), course([(0.0, 900.0)]), speed, 25.0, left=0.5)
@@ -109,7 +108,7 @@ def test_the_paper_s_law_settles_beside_a_curve(speed: float, curvature: float) 
 def test_slip_compensation_settles_on_the_curve(speed: float, curvature: float) -> None:
     path = course([(curvature, 0.5 * math.pi / abs(curvature))])
     settled = drive(SlipCompensated(CAR), path, speed, 25.0)[-1]
-    # On a radius of 7 m the slip angle is 12 degrees: with small angles 10 cm would be left.
+    # At 7 m radius the slip angle is 12 degrees: with small angles 10 cm would remain.
     assert abs(settled.lateral) < 0.005
     assert settled.heading == pytest.approx(-math.asin(slip(speed) * curvature), abs=3e-4)
 
@@ -121,24 +120,24 @@ def test_slip_compensation_settles_on_the_curve(speed: float, curvature: float) 
 def test_slip_compensation_keeps_to_the_path_where_its_curvature_jumps(
     speed: float, radius: float, most: float
 ) -> None:
-    """Within half of what following the curvature at the slip's distance leaves, or less."""
+    """Less than half of the error when following the curvature at the distance l."""
     path = course([(0.0, 2 * speed), (1 / radius, 2 * speed), (0.0, speed), (-1 / radius, speed)])
     history = drive(SlipCompensated(CAR), path, speed, 6.0)
     assert max(abs(errors.lateral) for errors in history) < most
 
 
-def test_slip_compensation_looks_back_in_slow_cars_at_the_way_as_it_was_followed() -> None:
-    """There a trajectory errs behind the car; in fast cars both errors of it belong together."""
-    way, straight = course([(0.05, 40.0), (0.0, 40.0)]), course([(0.0, 80.0)])
+def test_slip_compensation_uses_the_path_as_followed_in_slow_cars() -> None:
+    """In fast cars the errors of the trajectory behind the car cancel those beside it."""
+    bend, straight = course([(0.05, 40.0), (0.0, 40.0)]), course([(0.0, 80.0)])
     law, behind = SlipCompensated(CAR), PathBehind()
     for station in range(41):
-        there = TrackingErrors(0.0, 0.0, 0.0, 0.05, way, station)
+        there = TrackingErrors(0.0, 0.0, 0.0, 0.05, bend, station)
         behind.extend(station, there)
-    for speed, right in ((5.0, way), (30.0, straight)):
+    for speed, right in ((5.0, bend), (30.0, straight)):
         seen = TrackingErrors(0.0, 0.0, 0.0, 0.0, straight, 40.0, behind)
         expected = law.steer(TrackingErrors(0.0, 0.0, 0.0, 0.0, right, 40.0), speed)
         assert law.steer(seen, speed).steering == pytest.approx(expected.steering, abs=2e-3)
-        assert (abs(expected.feedback) > 0.04) is (right is way)
+        assert (abs(expected.feedback) > 0.04) is (right is bend)
 
 
 @pytest.mark.parametrize(("speed", "curvature"), CURVES)
@@ -154,9 +153,9 @@ def test_stanley_settles_with_its_front_axle_on_the_curve(speed: float, curvatur
 def test_pure_pursuit_turns_its_rear_axle_on_the_circle_through_the_goal(
     speed: float, curvature: float
 ) -> None:
-    """On the curve, along the chord to a goal on it: the wheels stand as Ackermann says."""
+    """On the curve the steering is the Ackermann angle."""
     law, rear = PurePursuit(CAR), CAR.rear_axle_distance
-    # A car whose rear axle is on the circle, and along it: its centre is b ahead on the tangent.
+    # The rear axle is on the circle and tangent to it; the centre is b ahead on the tangent.
     heading = math.atan(rear * curvature)
     lateral = (1.0 - math.hypot(1.0, rear * curvature)) / curvature
     command = law.steer(TrackingErrors(lateral, -heading, 0.0, curvature), speed)
@@ -188,7 +187,7 @@ def test_gains_are_used() -> None:
 
 
 class Bang:
-    """A user's own controller: as simple as may be."""
+    """A minimal user-defined controller."""
 
     built_with: tuple[object, Gains]
 
@@ -205,14 +204,14 @@ class Mute:
 
 
 class Odd:
-    """Cannot be built like a controller."""
+    """Has another constructor than a controller."""
 
     def __init__(self) -> None: ...
 
     def steer(self, errors: TrackingErrors, speed: float) -> None: ...
 
 
-def test_a_controller_of_the_user_s_own_is_loaded_by_name() -> None:
+def test_a_user_s_controller_is_loaded_by_name() -> None:
     law = load_controller(f"{__name__}.Bang", CAR, NOMINAL_GAINS)
     assert isinstance(law, GuardedController)
     assert Bang.built_with == (CAR, NOMINAL_GAINS)

@@ -49,7 +49,7 @@ def test_heading_error_does_not_depend_on_full_turns(turns: int, yaw: float, off
     assert errors.heading == pytest.approx(off, abs=1e-9)
 
 
-def test_steady_driving_along_an_arc_is_free_of_error() -> None:
+def test_steady_driving_along_an_arc_has_no_error() -> None:
     path = course([(1 / 30, 20.0)])
     place = path.at(8.0)
     errors = track(path, pose(place.east, place.north, place.yaw, speed=6.0, yaw_rate=0.2))
@@ -65,7 +65,7 @@ def test_curvature_is_known_ahead_and_behind() -> None:
     assert TrackingErrors(0.0, 0.0, 0.0, 0.02).curvature_ahead(7.0) == 0.02
 
 
-def test_beyond_both_ends_the_path_goes_on() -> None:
+def test_the_path_is_extrapolated_beyond_both_ends() -> None:
     path = course([(0.0, 10.0), (1 / 20, 10.0)])
     assert track(path, pose(-5.0, 0.3, 0.0)).lateral == pytest.approx(0.3)
     errors = track(path, pose(*beside(path, 26.0, 0.3), 0.8))
@@ -73,17 +73,15 @@ def test_beyond_both_ends_the_path_goes_on() -> None:
 
 
 class Bends:
-    """A way whose curvature grows by `rate` per metre, and is off by `wrong` behind the car."""
+    """A path whose curvature grows by `rate` (1/m²), with an error `wrong` (1/m) behind the car."""
 
     def __init__(self, rate: float, here: float = 0.0, wrong: float = 0.0) -> None:
         self._rate, self._here, self._wrong = rate, here, wrong
 
     def curvature_at(self, station: float) -> float:
-        """Curvature of the way."""
         return self._rate * station + (self._wrong if station < self._here - 1.0 else 0.0)
 
     def curvatures(self, start: float, step: float, count: int) -> list[float]:
-        """Curvatures of the way."""
         return [self.curvature_at(start + k * step) for k in range(count)]
 
 
@@ -92,27 +90,27 @@ class Bends:
     start=st.floats(-12.0, 1.0),
     step=st.floats(0.05, 1.0),
 )
-def test_behind_the_car_curvature_is_that_which_was_followed_there(
+def test_behind_the_car_the_curvature_is_the_one_followed_there(
     steps: list[float], start: float, step: float
 ) -> None:
-    """Whatever the trajectory of now says of places passed more than a metre ago."""
+    """Regardless of the present trajectory at stations more than a metre behind."""
     rate, behind, driven = 0.01, PathBehind(), 0.0
     for distance in (0.0, *steps):
         driven += distance
-        way = Bends(rate, driven, wrong=0.7)
-        errors = TrackingErrors(0.0, 0.0, 0.0, rate * driven, way, driven)
+        path = Bends(rate, driven, wrong=0.7)
+        errors = TrackingErrors(0.0, 0.0, 0.0, rate * driven, path, driven)
         behind.extend(driven, errors)
     errors.behind = behind
-    found = errors.curvatures_driven(start, step, 30)
-    assert len(found) == 30
-    for k, curvature in enumerate(found):
-        place = max(driven + start + k * step, 0.0)  # before the beginning it is as there
+    curvatures = errors.curvatures_driven(start, step, 30)
+    assert len(curvatures) == 30
+    for k, curvature in enumerate(curvatures):
+        place = max(driven + start + k * step, 0.0)  # constant before the start
         assert curvature == pytest.approx(rate * place, abs=1.01 * rate * SPACING)
     errors.behind = None
     assert errors.curvatures_driven(start, step, 30) == errors.curvatures_ahead(start, step, 30)
 
 
-def test_the_way_behind_is_kept_for_as_far_as_a_fast_car_looks_back() -> None:
+def test_enough_of_the_path_behind_is_stored_for_a_fast_car() -> None:
     behind = PathBehind()
     for k in range(3000):
         behind.extend(1.0 * k, TrackingErrors(0.0, 0.0, 0.0, 0.0, Bends(1.0), 1.0 * k))

@@ -30,70 +30,70 @@ def watch() -> ConvoyWatch:
 
 
 def reason(one: ConvoyWatch, now: int, poses: Sequence[ReceivedPose]) -> str:
-    """Why the lead waits once it has received these poses."""
+    """Reason for which the lead waits after receiving these poses."""
     one.observe(now, [replace(pose, received_at=now) for pose in poses])
     assert one.waits == bool(one.reason)
     return one.reason
 
 
 def waited(silent_from: float, silent_to: float, until: float) -> list[tuple[float, str]]:
-    """Instants (s) at which what the lead waits for changes, if v3 is silent for a while."""
-    one, found, before = watch(), [], ""
+    """Instants (s) at which the lead begins or ends to wait while v3 is silent, with reasons."""
+    convoy, changes, before = watch(), [], ""
     for now in range(0, round(until * SECOND), TICK):
-        heard = [pose_of("v2", now)]
+        received = [pose_of("v2", now)]
         if not silent_from <= now / SECOND < silent_to:
-            heard.append(pose_of("v3", now))
-        why = reason(one, now, heard)
+            received.append(pose_of("v3", now))
+        why = reason(convoy, now, received)
         if bool(why) != bool(before):
-            found.append((now / SECOND, why))
+            changes.append((now / SECOND, why))
         before = why
-    return found
+    return changes
 
 
-def test_a_follower_is_waited_for_from_when_it_is_lost_until_its_probation_is_over() -> None:
-    (lost, why), (found, nothing) = waited(4.0, 6.0, 10.0)
+def test_the_lead_waits_from_the_loss_of_a_follower_to_the_end_of_its_probation() -> None:
+    (lost, why), (resumed, nothing) = waited(4.0, 6.0, 10.0)
     assert lost == pytest.approx(4.0 + SETTINGS.lost_after, abs=0.041)
     assert "v3 (silent for 0.5 s)" in why
     assert "v2" not in why
-    assert found == pytest.approx(6.0 + SETTINGS.probation, abs=0.041)
+    assert resumed == pytest.approx(6.0 + SETTINGS.probation, abs=0.041)
     assert nothing == ""
 
 
-def test_short_silence_is_no_loss_and_one_never_heard_is_lost_soon() -> None:
+def test_short_silence_is_no_loss_but_a_missing_first_message_is() -> None:
     assert waited(4.0, 4.4, 8.0) == []
     assert waited(0.0, 9.0, 3.0)[0][0] == pytest.approx(SETTINGS.lost_after, abs=0.041)
 
 
 @pytest.mark.parametrize(("mode", "hazard"), [("coast", False), ("stop", True), ("lead", True)])
-def test_one_that_says_that_it_degrades_is_waited_for(mode: Mode, hazard: bool) -> None:
-    one = watch()
-    assert reason(one, 0, [pose_of("v2", 0), pose_of("v3", 0)]) == ""
-    told = reason(one, TICK, [pose_of("v2", TICK, mode, hazard=hazard)])
-    assert told == f"waiting for v2 (mode {mode})"
+def test_the_lead_waits_for_a_follower_that_announces_trouble(mode: Mode, hazard: bool) -> None:
+    convoy = watch()
+    assert reason(convoy, 0, [pose_of("v2", 0), pose_of("v3", 0)]) == ""
+    why = reason(convoy, TICK, [pose_of("v2", TICK, mode, hazard=hazard)])
+    assert why == f"waiting for v2 (mode {mode})"
     later = 2 * TICK
-    assert reason(one, later, [pose_of("v2", TICK // 2)]) != ""  # overtaken: it says nothing new
+    assert reason(convoy, later, [pose_of("v2", TICK // 2)]) != ""  # an older pose changes nothing
     soon, after = later + round(0.9 * SECOND), later + round(1.1 * SECOND)
     for now in range(later + TICK, after, TICK):
-        found = reason(one, now, [pose_of("v2", now), pose_of("v3", now)])
-        assert found or now > soon
-    assert reason(one, after, [pose_of("v2", after), pose_of("v3", after)]) == ""
+        why = reason(convoy, now, [pose_of("v2", now), pose_of("v3", now)])
+        assert why or now > soon
+    assert reason(convoy, after, [pose_of("v2", after), pose_of("v3", after)]) == ""
 
 
 def driven(waits: tuple[float, float], until: float) -> list[tuple[float, float, float]]:
-    """Time (s), way (m) and acceleration (m/s²) of a lead that waits between two instants (s)."""
+    """Time (s), distance (m), acceleration (m/s²) of a lead that waits between two instants (s)."""
     law = WaitingProfile(PROFILE, 0, TICK / SECOND, SETTINGS.comfortable)
-    speed, way, found = 20.0, 0.0, []
+    speed, distance, states = 20.0, 0.0, []
     for now in range(0, round(until * SECOND), TICK):
         law.waits = waits[0] <= now / SECOND < waits[1]
-        asked = law.command(now, Pose(way, 0.0, 0.0, speed, 0.0), VehiclesAhead())
-        found.append((now / SECOND, way, asked.acceleration))
-        after = speed + asked.acceleration * TICK / SECOND
-        way += 0.5 * (speed + after) * TICK / SECOND
+        command = law.command(now, Pose(distance, 0.0, 0.0, speed, 0.0), VehiclesAhead())
+        states.append((now / SECOND, distance, command.acceleration))
+        after = speed + command.acceleration * TICK / SECOND
+        distance += 0.5 * (speed + after) * TICK / SECOND
         speed = after
-    return found
+    return states
 
 
-def test_without_anybody_to_wait_for_it_is_the_profile_to_the_bit() -> None:
+def test_without_waiting_it_equals_the_profile_exactly() -> None:
     law = WaitingProfile(PROFILE, 0, TICK / SECOND, SETTINGS.comfortable)
     usual = ProfileSpeed(PROFILE, 0, TICK / SECOND)
     for now in range(0, 40 * SECOND, TICK):
@@ -101,23 +101,23 @@ def test_without_anybody_to_wait_for_it_is_the_profile_to_the_bit() -> None:
         assert law.command(now, pose, VehiclesAhead()) == usual.command(now, pose, VehiclesAhead())
 
 
-def test_it_slows_down_comfortably_to_half_its_speed_and_back() -> None:
-    found = driven((1.0, 30.0), 9.9)
+def test_it_slows_down_comfortably_to_half_speed_and_back() -> None:
+    states = driven((1.0, 30.0), 9.9)
     comfortable = SETTINGS.comfortable
-    assert min(a for _, _, a in found) >= -comfortable.deceleration - 0.01
-    changes = [later[2] - sooner[2] for sooner, later in pairwise(found)]
+    assert min(a for _, _, a in states) >= -comfortable.deceleration - 0.01
+    changes = [later[2] - sooner[2] for sooner, later in pairwise(states)]
     assert min(changes) >= -comfortable.jerk * TICK / SECOND - 0.02
 
 
-def test_where_it_waited_it_is_nowhere_faster_than_the_profile_is_there() -> None:
-    found = driven((2.0, 25.0), 60.0)
+def test_while_waiting_it_is_never_faster_than_the_profile_at_that_position() -> None:
+    states = driven((2.0, 25.0), 60.0)
     usual = driven((90.0, 91.0), 60.0)
-    ways = [way for _, way, _ in usual]
-    speeds = [(b - a) / 0.02 for a, b in pairwise(ways)]
-    for (_, here, _), (_, there, _) in pairwise(found):
-        if here > ways[-2]:
+    distances = [distance for _, distance, _ in usual]
+    speeds = [(b - a) / 0.02 for a, b in pairwise(distances)]
+    for (_, here, _), (_, there, _) in pairwise(states):
+        if here > distances[-2]:
             break
-        k = next(k for k, way in enumerate(ways) if way >= here)
+        k = next(k for k, distance in enumerate(distances) if distance >= here)
         assert (there - here) / 0.02 <= max(speeds[max(k - 2, 0) : k + 3]) + 0.1
-    half = [(b - a) / 0.02 for (_, a, _), (_, b, _) in pairwise(found)]
+    half = [(b - a) / 0.02 for (_, a, _), (_, b, _) in pairwise(states)]
     assert min(half) >= WAITING_SHARE * 8.0 - 0.1

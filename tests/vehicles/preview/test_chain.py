@@ -1,4 +1,4 @@
-"""Cars that drive exactly along what they fit, one behind the other: what the fit alone passes on.
+"""Errors of the fit alone, passed on along a chain of cars that follow their fits exactly.
 
 In a convoy each car adds what its steering is off by; with a composite trajectory half of that is
 passed on, so it grows to twice the first one's. Here nothing steers: whatever grows is the fit's.
@@ -35,7 +35,7 @@ def corner(radius: float = 8.0, ramp: float = 6.0) -> ArcSpline:
 
 
 def shaken(drive: Drive, noise: float, random: np.random.Generator) -> Drive:
-    """Where a car that drove so is measured."""
+    """Add noise to the positions of a drive."""
     off = noise * random.standard_normal((len(drive), 2))
     return [
         (east + by_east, north + by_north, yaw)
@@ -44,7 +44,7 @@ def shaken(drive: Drive, noise: float, random: np.random.Generator) -> Drive:
 
 
 def trace_of(drive: Drive) -> Trace:
-    """What is received of a car that was measured so, all of it."""
+    """Trace of a completely received drive."""
     trace = Trace()
     for k, (east, north, yaw) in enumerate(drive):
         trace.add(received(round((k + 1) * STEP_S * SECOND), east, north, yaw, SPEED))
@@ -56,7 +56,7 @@ def seen(trace: Trace, east: float, north: float) -> Window:
 
 
 def driven(lead: Drive, predecessor: Drive | None) -> Drive:
-    """Drive along the fits to what was received, each from where the one before led to."""
+    """Drive along successive fits to the received samples."""
     first, second = trace_of(lead), None if predecessor is None else trace_of(predecessor)
     east, north, drive = BEGIN, 0.0, []
     for _ in range(round((END - BEGIN) / (SPEED * STEP_S))):
@@ -70,14 +70,14 @@ def driven(lead: Drive, predecessor: Drive | None) -> Drive:
 
 
 @pytest.mark.parametrize(("noise", "within"), [(0.0, 0.02), (0.02, 0.045)])
-def test_what_the_fit_is_off_by_does_not_grow_along_a_convoy(noise: float, within: float) -> None:
+def test_errors_of_the_fit_do_not_grow_along_a_convoy(noise: float, within: float) -> None:
     path, random = corner(), np.random.default_rng(11)
     stations = np.arange(0.0, path.length, SPEED * STEP_S).tolist()
     course = [(place.east, place.north, place.yaw) for place in map(path.at, stations)]
     lead, predecessor, largest = shaken(course, noise, random), None, []
     for _ in range(CARS):
         drive = driven(lead, predecessor)
-        # Behind the start of its own drive a predecessor was on the lead's course.
+        # Before its own drive a predecessor was on the lead's course.
         before = [place for place in course if place[0] < BEGIN and place[2] == 0.0]
         predecessor = shaken(before + drive, noise, random)
         largest.append(max(abs(path.project(east, north).lateral) for east, north, _ in drive))

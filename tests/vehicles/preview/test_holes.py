@@ -1,4 +1,4 @@
-"""What a source drove while it was lost, bridged from both sides."""
+"""Bridges over the path of a source while it was lost."""
 
 import math
 from itertools import pairwise
@@ -37,7 +37,7 @@ def receive(path: SampledPath, trace: Trace, seq: int, *, after_hole: bool = Fal
 
 
 def farthest(path: SampledPath, trace: Trace, station: float) -> float:
-    """How far (m) any held place within 80 m of `station`, where the car is, is from the path."""
+    """Largest distance (m) from the path of held points within 80 m of `station`."""
     point = path.at(station)
     window = trace.window(point.east, point.north, 80.0, 80.0)
     places = zip(*(one.tolist() for one in window), strict=True)
@@ -49,12 +49,12 @@ def farthest(path: SampledPath, trace: Trace, station: float) -> float:
 @pytest.mark.parametrize("road", ROADS)
 @pytest.mark.parametrize("hole", [10, 30, 60])
 def test_a_hole_is_bridged_by_a_curve(road: str, hole: int) -> None:
-    """A metre per message: on one circle the bridge is the circle, else it is not far off."""
+    """One metre per message: on a circle the bridge is exact, otherwise close."""
     path, trace = ROADS[road], Trace()
     receive_all(path, trace, range(100))
     receive_all(path, trace, range(100 + hole, 250), after_hole=True)
     here = 0.0
-    for station in range(100 + hole):  # drive there, as the place on a trace is followed
+    for station in range(100 + hole):  # drive there: the station is tracked
         point = path.at(float(station))
         here = trace.known_ahead(point.east, point.north)
     assert here == pytest.approx(249.0 - (99.0 + hole), abs=0.6)
@@ -63,7 +63,7 @@ def test_a_hole_is_bridged_by_a_curve(road: str, hole: int) -> None:
     assert farthest(path, trace, 99.0 + hole) < (0.05 if exact else max(sagitta / 2, 0.1))
 
 
-def test_what_comes_late_into_a_hole_is_believed_more_than_the_bridge() -> None:
+def test_late_samples_replace_the_bridge() -> None:
     path = path_from_segments(
         [Segment(105.0, 0.0), Segment(20.0, 1 / 40), Segment(20.0, -1 / 40), Segment(200.0, 0.0)]
     )
@@ -80,14 +80,14 @@ def test_what_comes_late_into_a_hole_is_believed_more_than_the_bridge() -> None:
     assert all(after > before for before, after in pairwise(window.station.tolist()))
 
 
-def test_a_hole_whose_sides_turn_their_backs_is_a_straight_line() -> None:
+def test_a_hole_without_a_possible_curve_stays_straight() -> None:
     trace = Trace()
     trace.add(received(0, 0.0, 0.0, math.pi, SPEED))
     trace.add(received(SECOND, 15.0, 0.0, math.pi, SPEED), after_hole=True)
     assert len(trace) == 2
 
 
-def test_without_being_told_of_a_hole_nothing_is_put_there() -> None:
+def test_holes_are_bridged_only_on_request() -> None:
     trace = Trace()
     receive_all(ROADS["left"], trace, range(50))
     receive_all(ROADS["left"], trace, range(80, 100))
@@ -97,8 +97,8 @@ def test_without_being_told_of_a_hole_nothing_is_put_there() -> None:
 @pytest.mark.spread(3)
 @pytest.mark.parametrize("road", ["straight", "left", "right"])
 @pytest.mark.parametrize("hole", [6, 9, 13])
-def test_in_a_hole_the_trajectory_passes_where_the_car_is(road: str, hole: int) -> None:
-    """A few samples a metre apart lie ahead: by these alone it is off by twice as much and more."""
+def test_in_a_hole_the_trajectory_passes_the_car(road: str, hole: int) -> None:
+    """With the few samples ahead alone the error is at least twice as large."""
     path, settings, random = ROADS[road], FitSettings(), np.random.default_rng(hole)
     behind, ahead = settings.behind(SPEED / 2), settings.ahead(SPEED)
     off: dict[str, list[float]] = {"with one behind": [], "by those ahead": []}
@@ -121,19 +121,19 @@ def test_in_a_hole_the_trajectory_passes_where_the_car_is(road: str, hole: int) 
     assert np.median(off["with one behind"]) < 0.05
 
 
-def test_a_window_says_whether_it_holds_what_bridges_a_hole() -> None:
+def test_bridge_points_over_a_hole_are_detected() -> None:
     path, trace = ROADS["straight"], Trace()
     receive_all(path, trace, range(100))
     receive_all(path, trace, range(130, 250), after_hole=True)
     for station in range(240):
         point = path.at(float(station))
         seen = trace.window(point.east, point.north, 10.0, 20.0)
-        # A metre per message: the hole is between 99 and 130 m, its bridge a metre less.
+        # One metre per message: the hole is from 99 to 130 m.
         guessed = any(99.5 < station + along < 129.5 for along in seen.station.tolist())
         assert trace.has_bridge_points(seen) == guessed, station
 
 
-def test_a_window_says_whether_it_holds_what_bridges_the_way_to_the_first_sample() -> None:
+def test_bridge_points_before_the_first_sample_are_detected() -> None:
     trace = Trace()
     assert not trace.has_bridge_points(Window(*np.zeros((3, 0))))
     for seq in range(100):
@@ -146,7 +146,7 @@ def test_a_window_says_whether_it_holds_what_bridges_the_way_to_the_first_sample
 
 
 def test_noisy_samples_behind_a_smooth_bridge_make_no_bend() -> None:
-    """Some samples 5 cm beside one another, behind points that lie on a line to a millimetre."""
+    """Some noisy samples after points that are on a line to a millimetre."""
     random = np.random.default_rng(5)
     station = np.concatenate((np.arange(-8.0, 16.0), [17.5, 19.0, 22.0, 25.0]))
     noisy, aware = list[float](), list[float]()
@@ -161,7 +161,7 @@ def test_noisy_samples_behind_a_smooth_bridge_make_no_bend() -> None:
 
 
 def test_four_noisy_samples_make_no_bend_by_chance() -> None:
-    """2 cm of noise: at the usual price one of a hundred straight roads is a bend of 1/340 m."""
+    """With 2 cm of noise 1 % of straight roads would be bends of 340 m at the usual price."""
     random = np.random.default_rng(6)
     station = np.array([-8.5, -5.4, 2.1, 3.6])
     bends = list[float]()
@@ -175,7 +175,7 @@ def test_four_noisy_samples_make_no_bend_by_chance() -> None:
 
 
 @pytest.mark.parametrize("radius", [40.0, 80.0])
-def test_four_samples_of_a_bend_that_noise_cannot_be_are_a_bend(radius: float) -> None:
+def test_four_samples_of_a_clear_bend_are_a_bend(radius: float) -> None:
     random = np.random.default_rng(6)
     station = np.array([-6.0, -2.0, 2.0, 6.0])
     aside = station**2 / (2.0 * radius)

@@ -35,8 +35,8 @@ def fit(
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_the_circle_is_the_least_of_j(seed: int) -> None:
-    """Eq. (5) minimised by iteration from elsewhere, in its own unknowns and weights."""
+def test_the_circle_minimises_j(seed: int) -> None:
+    """Compared with an iterative minimisation of eq. (5)."""
     random = np.random.default_rng(seed)
     angles = np.linspace(0.1, random.uniform(0.4, 4.0), 17)
     radius = random.uniform(8.0, 60.0)
@@ -55,20 +55,20 @@ def test_the_circle_is_the_least_of_j(seed: int) -> None:
 
 
 @given(start=STARTS, radius=st.floats(20.0, 600.0), side=st.sampled_from([-1.0, 1.0]))
-def test_exact_arcs_ahead_are_found_anywhere_and_carry_on_to_the_car(
+def test_exact_arcs_ahead_are_recovered_and_extrapolated_to_the_car(
     start: tuple[float, float, float], radius: float, side: float
 ) -> None:
     path = course([(side / radius, 30.0)], start)
     lead = window(path, np.linspace(4.0, 30.0, 18), 3.0)
     predecessor = window(path, np.linspace(3.4, 18.0, 11), 3.0)
     offset, heading, bend = misses(fit(lead, predecessor), path, 3.0)
-    # So far from the origin a place is a number of 1e-9 m, and a sagitta of 20 cm.
+    # Far from the origin positions are rounded to 1e-9 m.
     assert abs(offset) < 1e-5
     assert abs(heading) < 1e-6
     assert abs(bend) * radius < 1e-4
 
 
-def test_an_arc_of_more_than_half_a_turn_keeps_its_sense() -> None:
+def test_an_arc_of_more_than_half_a_turn_keeps_its_direction() -> None:
     for side in (-1.0, 1.0):
         path = course([(side / 8.0, 36.0)], (3.0, -4.0, 2.0))  # 258 degrees
         found = fit(window(path, np.linspace(0.5, 36.0, 25), 0.0), None)
@@ -76,7 +76,7 @@ def test_an_arc_of_more_than_half_a_turn_keeps_its_sense() -> None:
 
 
 @pytest.mark.parametrize(("radius", "straight"), [(725.0, True), (715.0, False)])
-def test_ten_centimetres_from_the_chord_tell_a_line(radius: float, *, straight: bool) -> None:
+def test_a_line_is_within_ten_centimetres_of_its_chord(radius: float, *, straight: bool) -> None:
     path = course([(1.0 / radius, 24.0)])
     found = fit(window(path, np.linspace(0.0, 24.0, 17), 0.0), None)  # 24² / 8 R = 10 cm at 720 m
     (piece,) = found.spline.pieces
@@ -93,7 +93,7 @@ def test_lines_have_a_heading_in_every_direction_and_side_by_side(yaw: float) ->
     assert (heading, bend) == pytest.approx((0.0, 0.0), abs=2e-3)
 
 
-def test_alpha_weighs_the_predecessor() -> None:
+def test_alpha_weights_the_predecessor() -> None:
     path, stations = course([(0.0, 20.0)]), np.linspace(1.0, 20.0, 15)
     lead, aside = window(path, stations, 0.0), window(path, stations, 0.0, left=0.09)
     for alpha in (0.0, 0.25, 0.5, 1.0):
@@ -101,7 +101,7 @@ def test_alpha_weighs_the_predecessor() -> None:
         assert offset == pytest.approx(-0.09 * alpha, abs=1e-6)
 
 
-def test_with_equal_weights_both_sources_are_as_one() -> None:
+def test_with_equal_weights_both_sources_act_as_one() -> None:
     """Section III-A.1 on α = 0.5."""
     path, random = course([(1 / 60, 30.0)]), np.random.default_rng(3)
     lead = shaken(window(path, np.linspace(2.0, 30.0, 15), 0.0), random)
@@ -114,7 +114,7 @@ def test_with_equal_weights_both_sources_are_as_one() -> None:
 
 
 def test_noise_makes_the_circle_small() -> None:
-    """Least squares of e are biased, as those of distances are not: 14 % with 2 cm at 500 m."""
+    """Least squares of e are biased, unlike those of distances: 14 % with 2 cm at 500 m."""
     path, random = course([(1 / 500, 30.0)]), np.random.default_rng(9)
     exact = window(path, np.linspace(0.5, 24.0, 16), 0.0)
     found = {}
@@ -137,7 +137,7 @@ def test_residuals_are_distances_from_the_trajectory(settings: FitSettings, radi
     assert found.residual_rms == pytest.approx(float(np.sqrt(np.mean(np.square(away)))), rel=1e-6)
 
 
-def test_no_sample_is_left_out_and_none_behind_is_asked_for() -> None:
+def test_no_sample_is_left_out_and_none_behind_is_used() -> None:
     path = course([(0.0, 30.0)])
     seen = window(path, np.linspace(1.0, 24.0, 17), 0.0)
     seen.north[9] += 1.5
@@ -160,7 +160,7 @@ def test_the_longest_prefix_swallows_an_arc() -> None:
     assert fit(seen, None).spline.pieces[0].curvature == pytest.approx(1 / 300, rel=1e-6)
 
 
-def test_the_prefix_of_a_road_that_begins_to_bend_is_its_straight() -> None:
+def test_the_prefix_before_a_bend_is_the_straight() -> None:
     path = course([(0.0, 10.0), (1 / 40, 14.0)])
     found = fit(window(path, np.linspace(0.0, 24.0, 25), 0.0), None, settings=PREFIX)
     line, arc = found.spline.pieces
@@ -170,7 +170,7 @@ def test_the_prefix_of_a_road_that_begins_to_bend_is_its_straight() -> None:
 
 
 @pytest.mark.parametrize("settings", [PAPER, PREFIX])
-def test_whatever_comes_gives_finite_numbers_or_none(settings: FitSettings) -> None:
+def test_any_samples_give_finite_numbers_or_none(settings: FitSettings) -> None:
     random = np.random.default_rng(1)
     for _ in range(300):
         count = int(random.integers(0, 12))
@@ -194,7 +194,7 @@ def test_too_little_travel_gives_no_trajectory() -> None:
         assert fit_composite(window(path, stations, 0.0), None, alpha=0.5, settings=PAPER) is None
 
 
-def test_every_fusion_knows_the_recipe() -> None:
+def test_every_fusion_supports_the_recipe() -> None:
     path = course([(1 / 200, 30.0)])
     lead = window(path, np.linspace(1.0, 24.0, 17), 0.0)
     other = window(path, np.linspace(1.5, 16.0, 10), 0.0, left=0.02)
@@ -205,7 +205,7 @@ def test_every_fusion_knows_the_recipe() -> None:
 
 
 def test_beside_is_left() -> None:
-    """The builder of these tests: a point to the left has a positive lateral error."""
+    """A point built to the left has a positive lateral error."""
     path = course([(-1 / 50, 30.0)], (7.0, 8.0, 2.5))
     found = fit(window(path, np.linspace(1.0, 24.0, 17), 0.0), None)
     assert found.spline.project(*beside(path, 3.0, 0.4)).lateral == pytest.approx(0.4, abs=1e-6)

@@ -1,4 +1,4 @@
-"""Curves whose curvature changes: exact ones, noisy ones, and how one shape becomes another."""
+"""Curves with changing curvature, exact and noisy, and transitions between shapes."""
 
 import math
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ def test_exact_clothoids_are_recovered(bend: float, rate: float, side: float, ya
     length, ego = 24.0, 6.0
     path = ArcSpline((Piece(400.0, -300.0, yaw, bend, length, side * rate),))
     found = fit(path, np.linspace(0.0, length, 40).tolist(), ego)
-    # To first order in the rate: what the clothoid leaves the arc by is itself bent.
+    # The fit is first order in the rate.
     off = 2e-5 + 0.005 * rate * length**3 / 24.0
     offset, heading, curvature = misses(found, path, ego)
     assert abs(offset) < off
@@ -61,14 +61,14 @@ def test_exact_joins_of_two_arcs_are_recovered(
     assume(abs(after - before) > 0.3 * max(abs(before), abs(after)))
     path = course([(before, join * length), (after, (1.0 - join) * length)], (5.0, 7.0, yaw))
     found = fit(path, np.linspace(0.0, length, 40).tolist(), 0.2 * length)
-    # A curvature that hardly explains more than the noise is not fitted: hence millimetres.
+    # A curvature within the noise is not fitted, hence millimetres.
     assert max(map(abs, misses(found, path, 0.2 * length)[:2])) < 5e-3
     end = path.at(length)
     assert abs(found.spline.project(end.east, end.north).lateral) < 0.02
 
 
 def test_a_hairpin_is_no_clothoid() -> None:
-    # Half a circle of 2 m radius and straight on: the series of the clothoid does not reach round.
+    # Half a circle of 2 m radius, then straight: beyond the series of the clothoid.
     path = course([(0.0, 2.5), (0.5, 2.0 * math.pi), (0.0, 4.0)])
     for ego in np.arange(2.5, 9.0, 0.25).tolist():
         places = np.arange(ego - 2.5, ego + 4.0, 0.2).tolist()
@@ -87,9 +87,9 @@ def test_curvature_is_not_extrapolated_beyond_the_samples() -> None:
     assert spline.curvature_at(-60.0) == spline.curvature_at(0.0)
 
 
-def test_shapes_follow_one_another_without_a_jump() -> None:
-    # A straight runs through a clothoid into an arc: each fit sees a little more of it. What moves
-    # the curve from one to the next is noise and no choice, so no step is far above the usual.
+def test_shapes_change_without_a_jump() -> None:
+    # The window moves from a straight through a clothoid into an arc. Steps of the curve are due to
+    # noise, not to a choice of shape, so none is far above the usual.
     path = ArcSpline(
         (
             Piece(0.0, 0.0, 0.0, 0.0, 60.0),
@@ -120,17 +120,15 @@ def test_shapes_follow_one_another_without_a_jump() -> None:
 @pytest.mark.spread(2)
 @pytest.mark.campaign(300, 3000)
 @pytest.mark.parametrize("name", SMOOTH)
-def test_smooth_shapes_are_met_nearly_as_well_as_if_they_were_known(
-    name: str, campaign: int
-) -> None:
-    # 300 draws know a root mean square to 4 %.
+def test_smooth_shapes_are_fitted_nearly_as_well_as_known_ones(name: str, campaign: int) -> None:
+    # 300 draws determine a root mean square to 4 %.
     assert max(drawn(SMOOTH[name], campaign).ratios) < 1.3
 
 
 @pytest.mark.spread(2)
 @pytest.mark.campaign(300, 3000)
 @pytest.mark.parametrize("name", JUMPING)
-def test_shapes_with_a_jump_of_curvature_are_met_half_as_well_at_least(
+def test_shapes_with_a_jump_of_curvature_are_fitted_at_least_half_as_well(
     name: str, campaign: int
 ) -> None:
     assert max(drawn(JUMPING[name], campaign).ratios) < 2.0

@@ -28,14 +28,14 @@ def driven(samples: int = 100, step: float = 0.5) -> Trace:
     return trace
 
 
-def test_a_window_holds_what_lies_around_the_ego_in_order_of_travel() -> None:
+def test_a_window_holds_the_samples_around_the_ego_in_order_of_travel() -> None:
     seen = driven().window(20.0, 0.3, 4.0, 10.0)
     assert seen.station.tolist() == pytest.approx(np.arange(-4.0, 10.5, 0.5).tolist())
     assert seen.east.tolist() == pytest.approx((seen.station + 20.0).tolist())
     assert not seen.north.any()
 
 
-def test_a_source_heard_rarely_is_seen_further_away() -> None:
+def test_a_window_of_rare_samples_reaches_further() -> None:
     def rare() -> Trace:
         trace = Trace()
         for k in range(10):
@@ -44,27 +44,27 @@ def test_a_source_heard_rarely_is_seen_further_away() -> None:
 
     seen = rare().window(62.0, 0.0, 10.0, 24.0)
     assert seen.station.tolist() == pytest.approx([-17.0, -2.0, 13.0, 28.0])
-    last = rare().window(130.0, 0.0, 10.0, 24.0)  # one is left ahead of it
+    last = rare().window(130.0, 0.0, 10.0, 24.0)  # one is left ahead
     assert last.station.tolist() == pytest.approx([-40.0, -25.0, -10.0, 5.0])
     dense = driven(step=1.0).window(50.0, 0.0, 4.0, 6.0)
     assert (dense.station[0], dense.station[-1]) == pytest.approx((-4.0, 6.0))
 
 
-def test_nothing_heard_is_an_empty_window_and_no_gap() -> None:
+def test_an_empty_trace_has_an_empty_window_and_no_spacing() -> None:
     trace = Trace()
     assert len(trace.window(1.0, 2.0, 5.0, 20.0).station) == 0
     assert trace.spacing(1.0, 2.0) is None
     assert trace.newest is None
 
 
-def test_one_sample_is_seen_at_its_distance() -> None:
+def test_a_single_sample_has_its_distance() -> None:
     trace = Trace()
     send(trace, 0, (10.0, 0.0, 0.0))
     assert trace.window(0.0, 0.0, 5.0, 20.0).station.tolist() == [10.0]
     assert trace.spacing(0.0, 0.0) == 10.0
 
 
-def test_the_gap_is_arc_length_to_the_newest_place() -> None:
+def test_the_spacing_is_the_arc_length_to_the_newest_pose() -> None:
     path = course([(0.0, 20.0), (1 / 15, 30.0)])
     trace = Trace()
     for k in range(101):
@@ -77,11 +77,11 @@ def test_the_gap_is_arc_length_to_the_newest_place() -> None:
 
 
 @given(order=st.permutations(range(40)))
-def test_late_messages_take_their_place(order: list[int]) -> None:
+def test_late_messages_are_inserted_in_order(order: list[int]) -> None:
     path = course([(0.02, 50.0)], (100.0, -50.0, 2.0))
     places = [path.at(0.5 * k) for k in range(40)]
     shuffled, ordered = Trace(), Trace()
-    # Every message comes at most a few places late, the first one in time.
+    # Every message is at most a few positions late, the first one is on time.
     late = sorted(range(1, 40), key=lambda k: k + order[k] % 6)
     for trace, ranks in ((shuffled, [0, *late]), (ordered, list(range(40)))):
         for k in ranks:
@@ -110,7 +110,7 @@ def test_a_late_message_behind_the_ego_does_not_move_the_ego() -> None:
     assert len(trace.window(*ego, 11.0, 8.0).station) == 20
 
 
-def test_a_message_that_comes_twice_counts_once() -> None:
+def test_a_repeated_message_counts_once() -> None:
     trace = driven(20)
     size = len(trace)
     for k in (19, 5, 0):
@@ -118,7 +118,7 @@ def test_a_message_that_comes_twice_counts_once() -> None:
     assert len(trace) == size
 
 
-def test_a_stopped_source_repeats_itself_without_piling_up() -> None:
+def test_a_stopped_source_adds_no_samples() -> None:
     random, trace = np.random.default_rng(3), driven(50)
     for k in range(50, 4000):
         noise = 0.02 * random.standard_normal(2)
@@ -137,7 +137,9 @@ def test_a_crawling_source_is_followed() -> None:
 
 @pytest.mark.parametrize("far", [1.0, 2.0, 3.0])
 @pytest.mark.parametrize("towards", range(0, 360, 45))
-def test_a_small_jump_neither_lengthens_the_way_nor_holds_the_ego(far: float, towards: int) -> None:
+def test_a_small_jump_neither_lengthens_the_line_nor_holds_the_ego(
+    far: float, towards: int
+) -> None:
     trace = driven(40)
     angle = math.radians(towards)
     send(trace, 40, (20.0 + far * math.cos(angle), far * math.sin(angle), 0.0))
@@ -157,7 +159,7 @@ def test_a_noisy_trace_is_not_longer_than_the_road() -> None:
         assert trace.spacing(ego, 0.0) == pytest.approx(199.5 - ego, abs=1.5)
 
 
-def test_a_source_that_turned_round_unheard_is_followed_on() -> None:
+def test_a_source_that_turned_while_silent_is_followed() -> None:
     trace = driven(40)
     for k in range(400, 440):
         send(trace, k, (19.5 - 0.5 * (k - 400), 25.0, math.pi))
@@ -166,7 +168,7 @@ def test_a_source_that_turned_round_unheard_is_followed_on() -> None:
     assert seen.station[-1] == pytest.approx(38.0, abs=0.5)
 
 
-def test_at_a_new_place_another_line_begins() -> None:
+def test_at_a_new_position_another_line_begins() -> None:
     trace = driven(40)
     for k in range(40, 60):
         pose = received((k + 1) * TICK, 0.5 * k, 30.0, 0.0, 10.0)
@@ -175,7 +177,7 @@ def test_at_a_new_place_another_line_begins() -> None:
     assert seen.north.tolist() == [30.0] * 20
 
 
-def test_a_late_pose_beside_its_neighbours_is_left_out() -> None:
+def test_a_late_pose_that_contradicts_its_neighbours_is_ignored() -> None:
     trace = driven(40)
     size = len(trace)
     send(trace, 20, (10.0, 80.0, 0.0))
@@ -183,7 +185,7 @@ def test_a_late_pose_beside_its_neighbours_is_left_out() -> None:
     assert not trace.window(10.0, 0.0, 20.0, 20.0).north.any()
 
 
-def test_a_source_is_where_it_can_be_after_silence() -> None:
+def test_after_a_silence_the_spacing_follows_the_newest_pose() -> None:
     trace = driven(40)
     send(trace, 240, straight(119.5))  # 10 s at 10 m/s later
     assert trace.spacing(15.0, 0.0) == pytest.approx(104.5)
@@ -202,7 +204,7 @@ def test_memory_is_bounded() -> None:
     assert len(parked) <= 1000
 
 
-def test_a_dense_trace_is_thinned_alike_from_tick_to_tick() -> None:
+def test_a_dense_trace_is_thinned_consistently() -> None:
     trace = driven(1000, step=0.25)
     for ahead, step in ((8.0, 0.5), (12.0, 1.0), (29.0, 1.0), (31.0, 2.0)):
         kept: set[float] = set()
@@ -218,7 +220,7 @@ def test_a_bridge_joins_the_ego_to_the_first_sample() -> None:
     send(trace, 0, (30.0, 10.0, 0.3))
     trace.bridge(0.0, 0.0)
     send(trace, 1, (31.0, 10.3, 0.3))
-    trace.bridge(1.0, 0.5)  # laid once
+    trace.bridge(1.0, 0.5)  # ignored: the bridge exists
     seen = trace.window(0.0, 0.0, 5.0, 40.0)
     assert np.diff(seen.station)[:-1].max() <= 1.0
     assert np.allclose(seen.north[:-1], seen.east[:-1] / 3.0)
@@ -227,7 +229,7 @@ def test_a_bridge_joins_the_ego_to_the_first_sample() -> None:
 
 
 @pytest.mark.parametrize("ego", [(35.0, 0.0), (29.5, 0.0), (-600.0, 0.0), (60.0, 40.0)])
-def test_no_bridge_to_a_sample_beside_behind_or_far_away(ego: tuple[float, float]) -> None:
+def test_no_bridge_to_samples_beside_behind_or_far_away(ego: tuple[float, float]) -> None:
     trace = Trace()
     send(trace, 0, (30.0, 0.0, 0.0))
     trace.bridge(*ego)
@@ -245,13 +247,13 @@ def test_a_late_first_sample_shortens_the_bridge() -> None:
     assert np.all(np.diff(seen.east) > 0.0)
 
 
-def test_the_bulb_comes_back_beside_itself() -> None:
+def test_the_bulb_returns_beside_itself() -> None:
     path = bulb()
     end = path.at(path.length)
     assert (end.east, end.north) == pytest.approx((0.0, -3.5), abs=1e-9)
 
 
-# Place, length, and how far left of it the ego drives: in the bulb nearer to the other lane.
+# Position function, length, lateral offset of the ego (in the bulb nearer to the other lane).
 COURSES: dict[str, tuple[Place, float, float]] = {
     "bulb turn": (lap(bulb()), bulb().length - 1.0, -2.2),
     "figure of eight": (eight, 4.0 * math.pi * 15.0 * 2.5, 0.0),
@@ -267,20 +269,20 @@ COURSES: dict[str, tuple[Place, float, float]] = {
 @pytest.mark.spread(4)
 @pytest.mark.parametrize("name", COURSES)
 @pytest.mark.parametrize("spacing", [6.0, 25.0])
-def test_the_wrong_leg_is_never_seen(name: str, spacing: float) -> None:
+def test_samples_of_the_wrong_leg_are_never_used(name: str, spacing: float) -> None:
     place, length, left = COURSES[name]
     random, trace, aside = np.random.default_rng(1), Trace(), 0.0
     speed = 6.0
     for k in range(int((length + spacing) / (speed * 0.05))):
         station = speed * 0.05 * k
         noise = 0.02 * random.standard_normal(2)
-        if station <= length and k % 40 > 5:  # and a third of a second of silence in two seconds
+        if station <= length and k % 40 > 5:  # silent for 0.3 s in every 2 s
             east, north, yaw = place(station)
             send(trace, k, (east + noise[0], north + noise[1], yaw), speed)
         own = station - spacing
         if own < 1.0:
             continue
-        aside = 0.9 * aside + 0.1 * random.standard_normal()  # the ego does not keep to it well
+        aside = 0.9 * aside + 0.1 * random.standard_normal()  # the ego tracks poorly
         east, north, yaw = place(own)
         off = left + aside
         ego = east - off * math.sin(yaw), north + off * math.cos(yaw)

@@ -70,7 +70,7 @@ def test_exact_lines_are_recovered(
 
 
 def test_exact_joins_of_line_and_arc_are_recovered() -> None:
-    """Exactly, but for one in a hundred whose place the parabola misses by millimetres."""
+    """Exact, except for one in a hundred whose join is off by millimetres."""
     random = np.random.default_rng(1)
     found = []
     for _ in range(200):
@@ -80,7 +80,7 @@ def test_exact_joins_of_line_and_arc_are_recovered() -> None:
         )
         join, behind = random.uniform(0.2, 0.8), random.uniform(0.1, 0.4)
         if abs(join - behind) <= 0.05:
-            continue  # nearer to the join than a sample's spacing it may be either piece's
+            continue  # too close to the join to decide on a piece
         length = min(30.0, 2.0 * radius)
         bends = (0.0, side / radius) if random.random() < 0.5 else (side / radius, 0.0)
         path = course([(bends[0], join * length), (bends[1], (1.0 - join) * length)])
@@ -127,13 +127,13 @@ def test_noise_on_a_straight_road_is_not_taken_for_a_bend() -> None:
         found = fit(shaken(seen[0], random), shaken(seen[1], random))
         assert len(found.spline.pieces) == 1
         bends.append(found.spline.curvature_at(7.0))
-    # An arc fitted to each would bend by `of_arc`, rms; most of that is averaged away.
+    # A fitted arc would have the curvature `of_arc` (rms); averaging removes most of it.
     assert np.median(np.abs(bends)) < 0.15 * of_arc
     assert np.sqrt(np.mean(np.square(bends))) < 0.7 * of_arc
 
 
 def model_spread(pieces: list[tuple[float, float]], seen: Window, ego: float) -> list[float]:
-    """Standard deviations that least squares must have, of what `misses` gives.
+    """Theoretical standard deviations of the errors that `misses` returns.
 
     Independent of the fit: the course is rebuilt with each unknown changed a little (sideways,
     turn, curvature, place of the join), and the changes of the samples' distances and of the
@@ -194,14 +194,14 @@ def test_spread_under_noise_is_that_of_least_squares(pieces: list[tuple[float, f
     spread = np.std(found, axis=0)
     mean = np.mean(found, axis=0)
     for measured, bias, expected in zip(spread, mean, model_spread(pieces, both, ego), strict=True):
-        # 400 draws know a standard deviation to 3.5 %, a mean to 5 % of it.
-        # On a line some fits are bent a little, and some curves with a join are taken in part for
-        # one whose curvature changes evenly: hence the 7e-4 /m, and the bias.
+        # 400 draws determine a standard deviation to 3.5 %, a mean to 5 % of it.
+        # Some lines are fitted with a small curvature, and some joins partly as clothoids: hence
+        # the 7e-4 /m and the bias.
         assert measured == pytest.approx(expected, rel=0.4, abs=7e-4)
         assert abs(bias) < 0.4 * expected + 2e-4
 
 
-def test_a_noisy_arc_is_the_one_of_least_distances() -> None:
+def test_a_noisy_arc_minimises_the_distances() -> None:
     path = course([(1 / 25, 20.0)], (3.0, 4.0, 2.0))
     seen = shaken(window(path, np.linspace(0.0, 20.0, 30), 5.0), np.random.default_rng(2))
 
@@ -237,7 +237,7 @@ def test_a_source_alone_gets_all_the_weight() -> None:
 
 
 def test_samples_side_by_side_do_not_turn_the_path() -> None:
-    # Trap: the line through the two samples nearest to the ego points across the road.
+    # The line through the two samples nearest to the ego points across the road.
     path = course([(1 / 300, 30.0)])
     stations = np.linspace(0.0, 30.0, 20)
     found = fit(window(path, stations, 7.0), window(path, stations + 0.01, 7.0, left=0.1))
@@ -283,7 +283,7 @@ POINTS = st.floats(-1e3, 1e3) | st.sampled_from([0.0, 1.0, 1e7, 1e-300])
     split=st.integers(0, 12),
     alpha=st.floats(0.0, 1.0),
 )
-def test_whatever_the_samples_a_fit_is_finite_or_absent(
+def test_any_samples_give_a_finite_fit_or_none(
     rows: list[tuple[float, float, float]], split: int, alpha: float
 ) -> None:
     windows = []

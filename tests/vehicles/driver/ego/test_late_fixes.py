@@ -1,4 +1,4 @@
-"""Fixes that come late correct the estimate of then; the car is carried on from there."""
+"""Late fixes correct the estimate at their instant; stored readings predict it to now."""
 
 import math
 from dataclasses import astuple, replace
@@ -23,7 +23,7 @@ TICK = 10 * MILLISECOND
 
 
 def driven(latency: int, *, seconds: float = 6.0) -> tuple[list[Pose], list[Pose], list[Body]]:
-    """Poses by fixes that come `latency` (ns) late and by the same at once, and the truth."""
+    """Poses from fixes with `latency` (ns), from the same fixes without it, and the truth."""
     gnss = GnssReceiver(GnssNoise(), 20.0, 0, np.random.default_rng(1))
     imu = InertialSensor(InertialNoise(), 50.0, 0, np.random.default_rng(2))
     body = Body(0.0, 0.0, 0.3, 20.0)
@@ -61,24 +61,24 @@ def off(poses: list[Pose], bodies: list[Body]) -> float:
     return math.sqrt(sum(one * one for one in away) / len(away))
 
 
-def test_without_latency_it_is_the_same_estimate_to_the_bit() -> None:
+def test_without_latency_the_estimates_are_identical() -> None:
     late, prompt, _ = driven(0)
     assert list(map(astuple, late)) == list(map(astuple, prompt))
 
 
 @pytest.mark.parametrize("latency_ms", [10, 50, 120, 300])
 def test_late_fixes_are_nearly_as_good(latency_ms: int) -> None:
-    """Only the last few readings have no fix yet: a centimetre more after a third of a second.
+    """Only the last readings have no fix yet: one centimetre more at 300 ms.
 
-    Taken for fixes of now they would put the car back by what it has driven since, 6 m.
+    Treated as present fixes they would displace the car by the distance driven since, 6 m.
     """
     late, prompt, truth = driven(latency_ms * MILLISECOND)
     assert off(late, truth) < 1.2 * off(prompt, truth) + 0.03 * latency_ms / 1000.0
     assert off(late, truth) < 0.03
 
 
-def test_the_estimate_is_that_of_then_carried_on_by_the_readings() -> None:
-    """The same fixes and readings, given to a plain estimator in order of measurement."""
+def test_the_estimate_equals_that_of_ordered_measurements() -> None:
+    """Compared with a plain estimator that processes them in order of measurement."""
     latency = 100 * MILLISECOND
     random = np.random.default_rng(3)
     plain = PoseEstimator(CAR)
@@ -104,8 +104,7 @@ def test_the_estimate_is_that_of_then_carried_on_by_the_readings() -> None:
 
 
 @given(st.integers(1, 400))
-def test_nothing_piles_up_without_fixes(latency_ms: int) -> None:
-    """As in a tunnel: what is put by is no longer than the latency."""
+def test_stored_readings_are_bounded_without_fixes(latency_ms: int) -> None:
     first = PoseEstimator(CAR)
     first.correct(Fix(0, 0, 0.0, 0.0, 0.0, 20.0, 0.0))
     late = LatePoseEstimator(first, latency_ms * MILLISECOND)
@@ -115,8 +114,8 @@ def test_nothing_piles_up_without_fixes(latency_ms: int) -> None:
     assert late.at(2 * SECOND).east == pytest.approx(40.0)
 
 
-def test_a_fix_counts_by_the_accuracy_that_it_states() -> None:
-    """A tenth of the deviation is a hundred times the weight."""
+def test_a_fix_is_weighted_by_its_stated_accuracy() -> None:
+    """A tenth of the standard deviation gives a hundred times the weight."""
     moved = []
     for accuracy in (0.02, 0.2, 2.0):
         estimator = PoseEstimator(CAR, by_accuracy=True)

@@ -56,7 +56,7 @@ def steered(angle: float, acceleration: float = 0.0) -> Command:
 
 @dataclass(frozen=True)
 class Sensors:
-    """What is aboard: noise, fixes per second, and the seed of all that is random."""
+    """Sensor noise, rate of fixes, and random seed."""
 
     gnss: GnssNoise = USUAL
     imu: InertialNoise = IN_CARS
@@ -69,9 +69,9 @@ EXACT = Sensors(SILENT, STILL)
 
 @dataclass(frozen=True)
 class Estimate:
-    """The car, what is estimated of it, how wrong that is and how wrong it may be.
+    """The car, its estimated pose and standard deviations.
 
-    `innovation` is the fix minus the estimate before it was taken, along and across the body (m)
+    `innovation` is the fix minus the estimate before the fix, along and across the body (m)
     and in heading (rad), None without a fix; `before` are the deviations then.
     """
 
@@ -105,12 +105,12 @@ def run(
         now = k * 10 * MS
         estimator.update(now, None, imu.measure(body, now))
         fix = gnss.measure(body, now)
-        told: tuple[tuple[float, float, float] | None, tuple[float, float, float]]
-        told = None, (0.0, 0.0, 0.0)
+        comparison: tuple[tuple[float, float, float] | None, tuple[float, float, float]]
+        comparison = None, (0.0, 0.0, 0.0)
         if fix is not None and k:
-            told = (off(fix, estimator.at(now)), estimator.deviations)
+            comparison = (off(fix, estimator.at(now)), estimator.deviations)
         estimator.update(now, fix, None)
-        yield Estimate(body, estimator.at(now), estimator.deviations, *told)
+        yield Estimate(body, estimator.at(now), estimator.deviations, *comparison)
         body = advance(body, command(k * 0.01), 0.01, car)
 
 
@@ -134,10 +134,10 @@ def swerve(seconds: float) -> Actuation:
 
 
 def test_with_exact_sensors_a_swerve_leaves_less_than_a_millimetre() -> None:
-    """The filter before this one, which took the slip as steady, was 15 mm off in it."""
+    """A filter that assumes steady slip is off by 15 mm."""
     errors = [one.error for one in run(Body(0.0, 0.0, 0.0, 30.0), swerve, EXACT, 6.0)]
     assert np.max(np.abs(np.array(errors)[:, :2])) < 0.0005
-    # Between two fixes a load that is not known shows.
+    # An unknown load has an effect between two fixes.
     errors = [one.error for one in run(Body(0.0, 0.0, 0.0, 30.0), swerve, EXACT, 6.0, FULL)]
     assert 0.0005 < np.max(np.abs(np.array(errors)[:, :2])) < 0.004
 
@@ -149,7 +149,7 @@ def test_braking_leaves_no_lag() -> None:
 
 @pytest.mark.parametrize("car", [CAR, FULL], ids=["empty", "load not known"])
 def test_a_swerve_is_estimated_to_a_centimetre(car: VehicleParameters) -> None:
-    """Root mean square over the swerve and over seeds; the filter before this one had 12 mm."""
+    """Root mean square over the swerve and over seeds."""
     squares = []
     for seed in range(8):
         body = Body(0.0, 0.0, 0.0, 30.0)
@@ -187,7 +187,7 @@ def mean_squares(drives: list[list[Estimate]]) -> tuple[list[float], list[float]
 
 @pytest.mark.spread(2)
 @pytest.mark.parametrize("gnss_hz", [20.0, 5.0, 1.0])
-def test_errors_are_as_large_as_the_filter_says(gnss_hz: float) -> None:
+def test_errors_match_the_covariance_of_the_filter(gnss_hz: float) -> None:
     """Normalised squares of errors and innovations are 1 in the mean, on a straight.
 
     Bounds are those of chi² with the number of seeds as degrees of freedom, at four deviations, as
@@ -203,14 +203,16 @@ def test_errors_are_as_large_as_the_filter_says(gnss_hz: float) -> None:
     slack = 4.0 * math.sqrt(2.0 / (2.0 * seeds))
     for value in (*errors, *innovations):
         assert 1.0 - slack < value < 1.0 + slack
-    # Fixes are many; of them the mean is sharper.
+    # There are more innovations than errors, so their mean is more precise.
     assert innovations == pytest.approx([1.0] * 3, abs=0.1 if gnss_hz == 20.0 else 0.3)
 
 
 @pytest.mark.spread(2)
 @pytest.mark.parametrize(("speed", "radius"), [(30.0, 500.0), (15.0, 100.0), (4.0, 8.0)])
-def test_in_curves_errors_are_no_larger_than_the_filter_says(speed: float, radius: float) -> None:
-    """Here it allows for a load that this car does not have, so the errors are smaller."""
+def test_in_curves_errors_do_not_exceed_the_covariance_of_the_filter(
+    speed: float, radius: float
+) -> None:
+    """The filter allows for a load that this car does not have."""
     steering, drives = turning(speed, radius), []
     for seed in range(20):
         drive = run(settled(speed, steering), steered(steering), Sensors(seed=seed), 10.0)
@@ -222,7 +224,7 @@ def test_in_curves_errors_are_no_larger_than_the_filter_says(speed: float, radiu
 
 
 def test_gains_follow_from_the_noise() -> None:
-    """A worse receiver counts for less: its errors grow by far less than its noise."""
+    """A worse receiver has less weight: errors grow less than its noise."""
     coarse = Sensors(GnssNoise(position=0.5, heading=0.02))
     fine = [one.error[1] for one in run(Body(0, 0, 0, 20), steered(0.0), Sensors(), 60.0)][2000:]
     rough = [one.error[1] for one in run(Body(0, 0, 0, 20), steered(0.0), coarse, 60.0)][2000:]
@@ -230,7 +232,7 @@ def test_gains_follow_from_the_noise() -> None:
     assert np.std(rough) < 0.15
 
 
-def test_biases_of_the_inertial_sensor_are_found() -> None:
+def test_biases_of_the_inertial_sensor_are_estimated() -> None:
     *_, last = run(Body(0, 0, 0, 20), steered(0.0), Sensors(imu=InertialNoise(0, 0, 0.5, 0.01)), 30)
     assert last.pose.speed == pytest.approx(20.0, abs=0.01)
     assert last.pose.yaw_rate == pytest.approx(0.0, abs=5e-4)
@@ -247,8 +249,8 @@ def test_dead_reckoning_keeps_to_the_arc_for_a_second() -> None:
         assert pose.yaw == pytest.approx(wrap_angle(later.yaw), abs=1e-5)
 
 
-def test_without_the_sky_the_sensors_in_the_car_keep_it_on_its_road() -> None:
-    """Ten seconds of a swerve without fixes, after the biases were found."""
+def test_without_fixes_dead_reckoning_stays_within_its_covariance() -> None:
+    """Ten seconds of a swerve without fixes, after the biases were estimated."""
     body = Body(0.0, 0.0, 0.0, 30.0)
     imu = InertialSensor(InertialNoise(), 50.0, 0, np.random.default_rng(5))
     gnss = GnssReceiver(GnssNoise(), 10.0, 0, np.random.default_rng(6))
@@ -265,8 +267,8 @@ def test_without_the_sky_the_sensors_in_the_car_keep_it_on_its_road() -> None:
     assert limits[1] < 2.0
 
 
-def test_first_fix_is_taken_as_it_is_and_the_next_ones_are_averaged() -> None:
-    """A standing car: in the beginning the n-th fix counts for 1/n."""
+def test_the_first_fix_is_adopted_and_the_next_ones_are_averaged() -> None:
+    """For a standing car the n-th fix has the weight 1/n."""
     estimator = PoseEstimator(CAR, imu=STILL)
     estimator.update(0, Fix(0, 0, 1.0, 2.0, 0.5, 0.0, 0.0), Motion(0.0, 0.0))
     assert estimator.at(0) == Pose(1.0, 2.0, 0.5, 0.0, 0.0)
@@ -306,14 +308,14 @@ def test_single_outliers_change_nothing(outlier: Fix) -> None:
     assert estimator.at(1050 * MS).east == pytest.approx(21.0, abs=1e-9)
 
 
-def test_outliers_that_disagree_are_never_believed() -> None:
+def test_outliers_that_disagree_are_never_accepted() -> None:
     estimator = estimator_at(19)
     for k in range(20, 40):
         estimator.correct(straight(k, east=1000.0 * (k % 2) + 100.0 * k))
     assert estimator.at(2000 * MS).east == pytest.approx(40.0, abs=1e-6)
 
 
-def test_a_jump_that_lasts_is_believed_at_its_third_fix() -> None:
+def test_a_lasting_jump_is_accepted_at_its_third_fix() -> None:
     estimator = estimator_at(19)
     for k in range(20, 20 + JUMPS_ACCEPTED - 1):
         estimator.correct(straight(k, east=k + 50.0))
@@ -323,7 +325,7 @@ def test_a_jump_that_lasts_is_believed_at_its_third_fix() -> None:
     assert estimator.at(last * 50 * MS).east == pytest.approx(last + 50.0, abs=1e-6)
 
 
-def test_outliers_with_good_fixes_between_them_are_never_believed() -> None:
+def test_outliers_between_good_fixes_are_never_accepted() -> None:
     estimator = estimator_at(19)
     for k in range(20, 40):
         estimator.correct(straight(k, east=k + (50.0 if k % 2 else 0.0)))
@@ -371,7 +373,7 @@ reading = st.floats(-1e4, 1e4)
     )
 )  # fmt: skip
 @examples(20, 60)
-def test_no_sequence_of_fixes_gives_anything_but_finite_poses(
+def test_any_sequence_of_fixes_gives_finite_poses(
     readings: list[tuple[int, float, float, float, float, float]],
 ) -> None:
     estimator = PoseEstimator(CAR)
