@@ -42,9 +42,10 @@ MARGIN_M = 4.0
 """Margin of the view that moves along, about the centre of a car."""
 FEW_VEHICLES = 5
 """Largest convoy of which one view holds the states of links and modes."""
-TAG_RATIO = 0.03
-"""Distance of a name tag from its car, in widths of the view: that of its height on the screen."""
-MIN_TAG_M = 4.0
+MIN_TAG_M, TAG_PX = 4.0, 30.0
+"""Distance of a name tag from its car: at least half the length of a tag on the screen."""
+VIEW_WIDTH_PX, VIEW_HEIGHT_PX = 888.0, 260.0
+"""Least size of the plan views in a window of 1600 × 1000 pixels."""
 LEGEND_WIDTH, LEGEND_HEIGHT = 100.0, 7.4
 """Size of the legend in its own unit, nearly nine pixels in a window of 1600."""
 ROAD = (0x6A, 0x6A, 0x6A)
@@ -131,7 +132,8 @@ class Reach(NamedTuple):
     @property
     def tag_m(self) -> float:
         """Distance of name tags from their cars (m)."""
-        return max(MIN_TAG_M, TAG_RATIO * (self.behind + self.ahead))
+        width, height = self.behind + self.ahead, 2.0 * self.aside
+        return max(MIN_TAG_M, TAG_PX * max(width / VIEW_WIDTH_PX, height / VIEW_HEIGHT_PX))
 
     def zoom_for(self, ahead: float, left: float) -> float:
         """Factor by which it has to grow to show a place (m), at least 1."""
@@ -180,7 +182,7 @@ def is_small(road: Road | None, spacing_m: float) -> bool:
 
 def plan_tag_m(road: Road) -> float:
     """Distance of the lead's name tag from its dot in the plan (m)."""
-    return 1.2 * TAG_RATIO * _extent(road)
+    return TAG_PX * _extent(road) / VIEW_WIDTH_PX
 
 
 def _bounds(road: Road, margin_ratio: float) -> rrb.VisualBounds2D:

@@ -26,6 +26,7 @@ from rerun.blueprint.encodings import (
 
 from transport.colours import Colour, colour_of
 from transport.panels import PANELS, Panel, Series
+from transport.picture.axes import whole_run
 from transport.picture.blueprint import ROAD, middle
 from transport.topics import TOPICS
 
@@ -126,6 +127,9 @@ def _plot(panel: Panel, names: Sequence[str]) -> rrb.TimeSeriesView:
         origin="convoy",
         contents=[f"/{entity}" for entity in overrides],
         overrides=overrides,
+        axis_x=whole_run(None, 0.0),
+        # The cars in the scene have the colours of their curves.
+        plot_legend=rrb.PlotLegend(visible=any(series.colour for series in panel.series)),
     )
 
 

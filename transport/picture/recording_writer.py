@@ -254,16 +254,16 @@ class RecordingWriter:
         """Write the name of a vehicle next to it; in a long convoy alternately further away."""
         place = self._place(vehicle)
         rows = 1 + place % 2 if len(self._places) > FEW_VEHICLES else 1
-        name = name_tag(self._tag(vehicle), colour_of(place), rows * self._tag_m)
+        name = name_tag(vehicle, colour_of(place), rows * self._tag_m)
         self._recording.log(f"world/cars/{vehicle}/name", name)
-
-    def _tag(self, vehicle: str) -> str:
-        return f"{vehicle} (lead)" if vehicle == self._lead != "lead" else vehicle
 
     def _log_legend(self) -> None:
         """Show the colours of vehicles with curves, of curves with own colours, and of marks."""
-        items = [(name, colour_of(place)) for name, place in self._places.items()]
-        items = [item for item in items if item[0] in self.detail]
+        items = [
+            (f"{name} (lead)" if name == self._lead != "lead" else name, colour_of(place))
+            for name, place in self._places.items()
+            if name in self.detail
+        ]
         if not self.detail.is_all:
             items.append(("furthest off", WORST))
         if len(items) > 1:
@@ -354,7 +354,7 @@ class RecordingWriter:
         if lane_m is not None:
             self._recording.log("world/road/lane", lane_edges(*path, lane_m), static=True)
         if is_small(path, spacing_m):
-            tag = name_tag(self._tag(self._lead), colour_of(0), plan_tag_m(path))
+            tag = name_tag(self._lead, colour_of(0), plan_tag_m(path))
             self._recording.log(f"world/cars/{self._lead}/plan_name", tag, static=True)
 
     def _place(self, vehicle: str) -> int:
