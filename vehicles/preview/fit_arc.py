@@ -151,15 +151,15 @@ def offsets(curve: LocalCurve, data: FitData) -> Floats:
     ux, uy = cos(curve.angle), sin(curve.angle)
     half, half_before = 0.5 * curve.after, 0.5 * curve.before
     # Factors of x² + y², x, y and 1 in the distance to the left of P and in the squared distance.
-    aside, square = uy * x - ux * y, x * x + y * y
+    left_of_p, square = uy * x - ux * y, x * x + y * y
     if half == half_before and rate == 0.0:
         rows = data.rows  # term by term is faster than einsum
         straight: Floats = rows[SQUARE] * -half
         straight += rows[X] * (2.0 * half * x - uy)
         straight += rows[Y] * (2.0 * half * y + ux)
-        straight += aside - half * square
+        straight += left_of_p - half * square
         return straight
-    left = (0.0, -uy, ux, aside)
+    left = (0.0, -uy, ux, left_of_p)
     ahead = (0.0, ux, uy, -ux * x - uy * y)
     seen = np.einsum("ai,ik->ak", (ahead, left, (1.0, -2.0 * x, -2.0 * y, square)), data.rows)
     xi, rho = seen[0], seen[2]  # tuple unpacking takes three times as long

@@ -133,17 +133,17 @@ def test_a_silent_lead_leaves_the_predecessor() -> None:
 @pytest.mark.spread(4)
 @pytest.mark.parametrize("yaw", HEADINGS)
 @pytest.mark.parametrize("aside", [0.8, -0.8])
-def test_a_follower_left_of_the_lead_s_path_steers_right(yaw: float, aside: float) -> None:
+def test_a_follower_left_of_the_lead_s_path_steers_right(yaw: float, offset: float) -> None:
     path = path_from_segments([Segment(400.0, 0.0)], -20.0, 30.0, yaw)
     steps = drive(
         follower(speed=15.0),
-        on(path, 0.0, 15.0, aside),
+        on(path, 0.0, 15.0, offset),
         8.0,
         received_from(lead_of(path, 15.0), predecessor_of(path, 15.0)),
     )
     off = lateral(path, steps)
-    assert off[0] == pytest.approx(aside)
-    away = math.copysign(1, aside)
+    assert off[0] == pytest.approx(offset)
+    away = math.copysign(1, offset)
     first = next(step for step in steps if abs(step.decision.actuation.steering) > 1e-4)
     assert math.copysign(1, first.decision.actuation.steering) == -away
     assert abs(off[-1]) < 0.02

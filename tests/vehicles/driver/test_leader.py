@@ -102,12 +102,12 @@ def test_left_and_right_are_mirror_images() -> None:
 
 @pytest.mark.parametrize("yaw", HEADINGS)
 @pytest.mark.parametrize("aside", [1.0, -1.0])
-def test_a_lead_left_of_its_path_steers_right_and_returns(yaw: float, aside: float) -> None:
+def test_a_lead_left_of_its_path_steers_right_and_returns(yaw: float, offset: float) -> None:
     path = path_from_segments([Segment(300.0, 0.0)], yaw=yaw)
-    steps = drive(leader(path, 20.0), on(path, 0.0, 20.0, aside), 10.0)
+    steps = drive(leader(path, 20.0), on(path, 0.0, 20.0, offset), 10.0)
     first = steps[0].decision
-    assert first.errors.lateral == pytest.approx(aside)
-    assert math.copysign(1, first.actuation.steering) == -math.copysign(1, aside)
+    assert first.errors.lateral == pytest.approx(offset)
+    assert math.copysign(1, first.actuation.steering) == -math.copysign(1, offset)
     assert abs(lateral(path, steps)[-1]) < 0.01
 
 

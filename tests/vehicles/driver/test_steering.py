@@ -165,8 +165,8 @@ def test_pure_pursuit_turns_its_rear_axle_on_the_circle_through_the_goal(
 
 def test_pure_pursuit_aims_at_the_foot_point_when_the_path_is_out_of_reach() -> None:
     command = PurePursuit(CAR).steer(TrackingErrors(40.0, 0.0, 0.0, 0.0), 20.0)
-    ahead, aside = CAR.rear_axle_distance, -40.0
-    bearing = math.atan2(aside, ahead)
+    ahead, left = CAR.rear_axle_distance, -40.0
+    bearing = math.atan2(left, ahead)
     assert command.feedback == pytest.approx(math.atan(2.0 * 2.85 * math.sin(bearing) / 10.0))
     small_circle = PurePursuit(CAR).steer(TrackingErrors(0.0, 0.0, 0.0, 1.0), 30.0)
     assert math.isfinite(small_circle.steering)

@@ -151,12 +151,12 @@ def test_noisy_samples_behind_a_smooth_bridge_make_no_bend() -> None:
     station = np.concatenate((np.arange(-8.0, 16.0), [17.5, 19.0, 22.0, 25.0]))
     noisy, aware = list[float](), list[float]()
     for _ in range(50):
-        aside = np.concatenate((np.zeros(24), random.normal(0.0, 0.03, 4)))
-        seen = Window(station, aside, station)
+        offset = np.concatenate((np.zeros(24), random.normal(0.0, 0.03, 4)))
+        seen = Window(station, offset, station)
         for bends, settings in ((noisy, FitSettings()), (aware, FitSettings().with_stated_noise())):
-            found = fit_composite(seen, None, alpha=0.5, settings=settings)
-            assert found is not None
-            bends.append(abs(math.sin(found.spline.at(33.0).yaw)))
+            fitted = fit_composite(seen, None, alpha=0.5, settings=settings)
+            assert fitted is not None
+            bends.append(abs(math.sin(fitted.spline.at(33.0).yaw)))
     assert max(aware) < 0.5 * max(noisy)
 
 
@@ -167,9 +167,9 @@ def test_four_noisy_samples_make_no_bend_by_chance() -> None:
     bends = list[float]()
     for _ in range(300):
         seen = Window(station, random.normal(0.0, 0.02, 4), station)
-        found = fit_composite(seen, None, alpha=0.5, settings=FitSettings())
-        assert found is not None
-        bends.append(abs(found.spline.at(10.0).curvature))
+        fitted = fit_composite(seen, None, alpha=0.5, settings=FitSettings())
+        assert fitted is not None
+        bends.append(abs(fitted.spline.at(10.0).curvature))
     assert float(np.quantile(bends, 0.99)) < 1e-5
     assert max(bends) < 1e-3
 
@@ -178,12 +178,12 @@ def test_four_noisy_samples_make_no_bend_by_chance() -> None:
 def test_four_samples_of_a_clear_bend_are_a_bend(radius: float) -> None:
     random = np.random.default_rng(6)
     station = np.array([-6.0, -2.0, 2.0, 6.0])
-    aside = station**2 / (2.0 * radius)
+    offset = station**2 / (2.0 * radius)
     bends = list[float]()
     for _ in range(300):
-        seen = Window(station, aside + random.normal(0.0, 0.02, 4), station)
-        found = fit_composite(seen, None, alpha=0.5, settings=FitSettings())
-        assert found is not None
-        bends.append(radius * found.spline.at(8.0).curvature)
+        seen = Window(station, offset + random.normal(0.0, 0.02, 4), station)
+        fitted = fit_composite(seen, None, alpha=0.5, settings=FitSettings())
+        assert fitted is not None
+        bends.append(radius * fitted.spline.at(8.0).curvature)
     low, high = np.quantile(bends, [0.05, 0.95])
     assert 0.75 < low < high < 1.25

@@ -29,9 +29,9 @@ def fit(
     alpha: float = 0.5,
     settings: FitSettings = PAPER,
 ) -> Fit:
-    found = fit_composite(lead, predecessor, alpha=alpha, settings=settings)
-    assert found is not None
-    return found
+    fitted = fit_composite(lead, predecessor, alpha=alpha, settings=settings)
+    assert fitted is not None
+    return fitted
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -48,10 +48,10 @@ def test_the_circle_minimises_j(seed: int) -> None:
         centre_x, centre_y, r = unknowns
         return np.asarray(np.sqrt(weight) * ((x - centre_x) ** 2 + (y - centre_y) ** 2 - r * r))
 
-    found = circle_of_least_squares(x, y, weight)
-    assert found is not None
+    fitted = circle_of_least_squares(x, y, weight)
+    assert fitted is not None
     least = least_squares(e, [0.0, 0.0, radius], xtol=1e-15, ftol=1e-15, gtol=1e-15)
-    assert found == pytest.approx(tuple(least.x), rel=1e-6, abs=1e-6)
+    assert fitted == pytest.approx(tuple(least.x), rel=1e-6, abs=1e-6)
 
 
 @given(start=STARTS, radius=st.floats(20.0, 600.0), side=st.sampled_from([-1.0, 1.0]))
@@ -71,15 +71,15 @@ def test_exact_arcs_ahead_are_recovered_and_extrapolated_to_the_car(
 def test_an_arc_of_more_than_half_a_turn_keeps_its_direction() -> None:
     for side in (-1.0, 1.0):
         path = course([(side / 8.0, 36.0)], (3.0, -4.0, 2.0))  # 258 degrees
-        found = fit(window(path, np.linspace(0.5, 36.0, 25), 0.0), None)
-        assert max(map(abs, misses(found, path, 0.0))) < 1e-9
+        fitted = fit(window(path, np.linspace(0.5, 36.0, 25), 0.0), None)
+        assert max(map(abs, misses(fitted, path, 0.0))) < 1e-9
 
 
 @pytest.mark.parametrize(("radius", "straight"), [(725.0, True), (715.0, False)])
 def test_a_line_is_within_ten_centimetres_of_its_chord(radius: float, *, straight: bool) -> None:
     path = course([(1.0 / radius, 24.0)])
-    found = fit(window(path, np.linspace(0.0, 24.0, 17), 0.0), None)  # 24² / 8 R = 10 cm at 720 m
-    (piece,) = found.spline.pieces
+    fitted = fit(window(path, np.linspace(0.0, 24.0, 17), 0.0), None)  # 24² / 8 R = 10 cm at 720 m
+    (piece,) = fitted.spline.pieces
     assert (piece.curvature == 0.0) is straight
 
 
@@ -87,17 +87,17 @@ def test_a_line_is_within_ten_centimetres_of_its_chord(radius: float, *, straigh
 def test_lines_have_a_heading_in_every_direction_and_side_by_side(yaw: float) -> None:
     path = course([(0.0, 30.0)], (1000.0, 2000.0, yaw))
     stations = np.linspace(0.5, 24.0, 17)
-    found = fit(window(path, stations, 0.0), window(path, stations, 0.0, left=0.06))
-    offset, heading, bend = misses(found, path, 0.0)
+    fitted = fit(window(path, stations, 0.0), window(path, stations, 0.0, left=0.06))
+    offset, heading, bend = misses(fitted, path, 0.0)
     assert offset == pytest.approx(-0.03, abs=1e-4)
     assert (heading, bend) == pytest.approx((0.0, 0.0), abs=2e-3)
 
 
 def test_alpha_weights_the_predecessor() -> None:
     path, stations = course([(0.0, 20.0)]), np.linspace(1.0, 20.0, 15)
-    lead, aside = window(path, stations, 0.0), window(path, stations, 0.0, left=0.09)
+    lead, displaced = window(path, stations, 0.0), window(path, stations, 0.0, left=0.09)
     for alpha in (0.0, 0.25, 0.5, 1.0):
-        offset, _, _ = misses(fit(lead, aside, alpha), path, 10.0)
+        offset, _, _ = misses(fit(lead, displaced, alpha), path, 10.0)
         assert offset == pytest.approx(-0.09 * alpha, abs=1e-6)
 
 
@@ -117,13 +117,13 @@ def test_noise_makes_the_circle_small() -> None:
     """Least squares of e are biased, unlike those of distances: 14 % with 2 cm at 500 m."""
     path, random = course([(1 / 500, 30.0)]), np.random.default_rng(9)
     exact = window(path, np.linspace(0.5, 24.0, 16), 0.0)
-    found = {}
+    ratios = {}
     for settings in (PAPER, FitSettings()):
         noisy = [fit(shaken(exact, random), None, settings=settings) for _ in range(300)]
         bends = [one.spline.pieces[0].curvature * 500.0 for one in noisy]
-        found[settings.trajectory] = float(np.mean(bends))
-    assert found["paper"] == pytest.approx(1.14, abs=0.03)
-    assert found["fitted"] == pytest.approx(1.0, abs=0.03)
+        ratios[settings.trajectory] = float(np.mean(bends))
+    assert ratios["paper"] == pytest.approx(1.14, abs=0.03)
+    assert ratios["fitted"] == pytest.approx(1.0, abs=0.03)
 
 
 @pytest.mark.parametrize("settings", [PAPER, PREFIX])
@@ -131,20 +131,20 @@ def test_noise_makes_the_circle_small() -> None:
 def test_residuals_are_distances_from_the_trajectory(settings: FitSettings, radius: float) -> None:
     path = course([(0.0, 6.0), (1.0 / radius, 20.0)], (300.0, -40.0, 2.0))
     seen = shaken(window(path, np.linspace(0.5, 25.0, 17), 0.0), np.random.default_rng(4))
-    found = fit(seen, None, settings=settings)
-    away = [abs(found.spline.project(*place).lateral) for place in zip(*seen[:2], strict=True)]
-    assert found.residual_max == pytest.approx(max(away), rel=1e-6)
-    assert found.residual_rms == pytest.approx(float(np.sqrt(np.mean(np.square(away)))), rel=1e-6)
+    fitted = fit(seen, None, settings=settings)
+    away = [abs(fitted.spline.project(*place).lateral) for place in zip(*seen[:2], strict=True)]
+    assert fitted.residual_max == pytest.approx(max(away), rel=1e-6)
+    assert fitted.residual_rms == pytest.approx(float(np.sqrt(np.mean(np.square(away)))), rel=1e-6)
 
 
 def test_no_sample_is_left_out_and_none_behind_is_used() -> None:
     path = course([(0.0, 30.0)])
     seen = window(path, np.linspace(1.0, 24.0, 17), 0.0)
     seen.north[9] += 1.5
-    found = fit(seen, None)
-    assert found.outliers == 0
-    assert len(found.east) == 17
-    assert found.residual_max > 0.5
+    fitted = fit(seen, None)
+    assert fitted.outliers == 0
+    assert len(fitted.east) == 17
+    assert fitted.residual_max > 0.5
     assert PAPER.behind(30.0) == PREFIX.behind(30.0) == 0.0
     assert FitSettings().behind(30.0) > 0.0
 
@@ -162,8 +162,8 @@ def test_the_longest_prefix_swallows_an_arc() -> None:
 
 def test_the_prefix_before_a_bend_is_the_straight() -> None:
     path = course([(0.0, 10.0), (1 / 40, 14.0)])
-    found = fit(window(path, np.linspace(0.0, 24.0, 25), 0.0), None, settings=PREFIX)
-    line, arc = found.spline.pieces
+    fitted = fit(window(path, np.linspace(0.0, 24.0, 25), 0.0), None, settings=PREFIX)
+    line, arc = fitted.spline.pieces
     assert 10.0 <= line.length <= 13.5
     assert abs(line.yaw) < 0.02
     assert arc.curvature == pytest.approx(1 / 40, rel=1e-3)
@@ -207,5 +207,5 @@ def test_every_fusion_supports_the_recipe() -> None:
 def test_beside_is_left() -> None:
     """A point built to the left has a positive lateral error."""
     path = course([(-1 / 50, 30.0)], (7.0, 8.0, 2.5))
-    found = fit(window(path, np.linspace(1.0, 24.0, 17), 0.0), None)
-    assert found.spline.project(*beside(path, 3.0, 0.4)).lateral == pytest.approx(0.4, abs=1e-6)
+    fitted = fit(window(path, np.linspace(1.0, 24.0, 17), 0.0), None)
+    assert fitted.spline.project(*beside(path, 3.0, 0.4)).lateral == pytest.approx(0.4, abs=1e-6)

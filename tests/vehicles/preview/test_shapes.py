@@ -21,9 +21,9 @@ YAWS = st.floats(-math.pi, math.pi)
 
 def fit(path: ArcSpline, places: Sequence[float], ego: float, noise: float = 0.0) -> Fit:
     seen = shaken(window(path, places, ego), np.random.default_rng(3), noise)
-    found = fit_composite(seen, None, alpha=0.5, settings=SETTINGS)
-    assert found is not None
-    return found
+    fitted = fit_composite(seen, None, alpha=0.5, settings=SETTINGS)
+    assert fitted is not None
+    return fitted
 
 
 @given(
@@ -35,15 +35,15 @@ def fit(path: ArcSpline, places: Sequence[float], ego: float, noise: float = 0.0
 def test_exact_clothoids_are_recovered(bend: float, rate: float, side: float, yaw: float) -> None:
     length, ego = 24.0, 6.0
     path = ArcSpline((Piece(400.0, -300.0, yaw, bend, length, side * rate),))
-    found = fit(path, np.linspace(0.0, length, 40).tolist(), ego)
+    fitted = fit(path, np.linspace(0.0, length, 40).tolist(), ego)
     # The fit is first order in the rate.
     off = 2e-5 + 0.005 * rate * length**3 / 24.0
-    offset, heading, curvature = misses(found, path, ego)
+    offset, heading, curvature = misses(fitted, path, ego)
     assert abs(offset) < off
     assert abs(heading) < off
     assert abs(curvature) < 0.03 * rate * length + 1e-6
     end = path.at(length)
-    assert abs(found.spline.project(end.east, end.north).lateral) < 3.0 * off
+    assert abs(fitted.spline.project(end.east, end.north).lateral) < 3.0 * off
 
 
 @given(
@@ -60,11 +60,11 @@ def test_exact_joins_of_two_arcs_are_recovered(
     before, after = side / radii[0], side / radii[1] * (-1.0 if opposite else 1.0)
     assume(abs(after - before) > 0.3 * max(abs(before), abs(after)))
     path = course([(before, join * length), (after, (1.0 - join) * length)], (5.0, 7.0, yaw))
-    found = fit(path, np.linspace(0.0, length, 40).tolist(), 0.2 * length)
+    fitted = fit(path, np.linspace(0.0, length, 40).tolist(), 0.2 * length)
     # A curvature within the noise is not fitted, hence millimetres.
-    assert max(map(abs, misses(found, path, 0.2 * length)[:2])) < 5e-3
+    assert max(map(abs, misses(fitted, path, 0.2 * length)[:2])) < 5e-3
     end = path.at(length)
-    assert abs(found.spline.project(end.east, end.north).lateral) < 0.02
+    assert abs(fitted.spline.project(end.east, end.north).lateral) < 0.02
 
 
 def test_a_hairpin_is_no_clothoid() -> None:
@@ -72,11 +72,11 @@ def test_a_hairpin_is_no_clothoid() -> None:
     path = course([(0.0, 2.5), (0.5, 2.0 * math.pi), (0.0, 4.0)])
     for ego in np.arange(2.5, 9.0, 0.25).tolist():
         places = np.arange(ego - 2.5, ego + 4.0, 0.2).tolist()
-        found = fit(path, places, ego, noise=0.02)
-        for piece in found.spline.pieces:
+        fitted = fit(path, places, ego, noise=0.02)
+        for piece in fitted.spline.pieces:
             assert abs(piece.rate) <= RATE_MOST
             assert max(map(abs, (piece.curvature_at(0.0), piece.curvature_at(99.0)))) < 1.0
-        assert abs(misses(found, path, ego)[0]) < 0.3
+        assert abs(misses(fitted, path, ego)[0]) < 0.3
 
 
 def test_curvature_is_not_extrapolated_beyond_the_samples() -> None:
@@ -108,10 +108,10 @@ def test_shapes_change_without_a_jump() -> None:
         cut = seen._replace(
             east=seen.east[chosen], north=seen.north[chosen], station=seen.station[chosen] - ego
         )
-        found = fit_composite(cut, None, alpha=0.5, settings=SETTINGS)
-        assert found is not None
+        fitted = fit_composite(cut, None, alpha=0.5, settings=SETTINGS)
+        assert fitted is not None
         here = path.at(float(ego))
-        bends.append(found.spline.project(here.east, here.north).curvature)
+        bends.append(fitted.spline.project(here.east, here.north).curvature)
     steps = np.abs(np.diff(bends))
     assert steps.max() < 2e-3
     assert np.sqrt(np.mean(steps**2)) < 4e-4

@@ -271,7 +271,7 @@ COURSES: dict[str, tuple[Place, float, float]] = {
 @pytest.mark.parametrize("spacing", [6.0, 25.0])
 def test_samples_of_the_wrong_leg_are_never_used(name: str, spacing: float) -> None:
     place, length, left = COURSES[name]
-    random, trace, aside = np.random.default_rng(1), Trace(), 0.0
+    random, trace, drift = np.random.default_rng(1), Trace(), 0.0
     speed = 6.0
     for k in range(int((length + spacing) / (speed * 0.05))):
         station = speed * 0.05 * k
@@ -282,9 +282,9 @@ def test_samples_of_the_wrong_leg_are_never_used(name: str, spacing: float) -> N
         own = station - spacing
         if own < 1.0:
             continue
-        aside = 0.9 * aside + 0.1 * random.standard_normal()  # the ego tracks poorly
+        drift = 0.9 * drift + 0.1 * random.standard_normal()  # the ego tracks poorly
         east, north, yaw = place(own)
-        off = left + aside
+        off = left + drift
         ego = east - off * math.sin(yaw), north + off * math.cos(yaw)
         seen = trace.window(*ego, 5.0, 12.0)
         assert len(seen.station) > 10

@@ -29,9 +29,9 @@ SIGNS = np.array([-1.0, 1.0])
 
 
 def fit(lead: Window | None, predecessor: Window | None, alpha: float = 0.5) -> Fit:
-    found = fit_composite(lead, predecessor, alpha=alpha, settings=SETTINGS)
-    assert found is not None
-    return found
+    fitted = fit_composite(lead, predecessor, alpha=alpha, settings=SETTINGS)
+    assert fitted is not None
+    return fitted
 
 
 def two_sources(path: ArcSpline, length: float, ego: float) -> tuple[Window, Window]:
@@ -41,12 +41,12 @@ def two_sources(path: ArcSpline, length: float, ego: float) -> tuple[Window, Win
 
 
 def assert_exact(path: ArcSpline, length: float, ego: float, tightest: float) -> None:
-    found = fit(*two_sources(path, length, ego))
-    offset, heading, bend = misses(found, path, ego)
+    fitted = fit(*two_sources(path, length, ego))
+    offset, heading, bend = misses(fitted, path, ego)
     assert abs(offset) < 1e-3
     assert abs(heading) < 1e-4
     assert abs(bend) <= 0.01 * abs(tightest) + 1e-9
-    assert found.residual_max < 4e-3
+    assert fitted.residual_max < 4e-3
 
 
 @given(start=STARTS, radius=RADII, side=SIDES, behind=st.floats(0.05, 0.4))
@@ -72,7 +72,7 @@ def test_exact_lines_are_recovered(
 def test_exact_joins_of_line_and_arc_are_recovered() -> None:
     """Exact, except for one in a hundred whose join is off by millimetres."""
     random = np.random.default_rng(1)
-    found = []
+    errors = []
     for _ in range(200):
         radius, side = (
             math.exp(random.uniform(math.log(8.0), math.log(5000.0))),
@@ -86,10 +86,10 @@ def test_exact_joins_of_line_and_arc_are_recovered() -> None:
         path = course([(bends[0], join * length), (bends[1], (1.0 - join) * length)])
         fitted = fit(*two_sources(path, length, behind * length))
         offset, heading, bend = misses(fitted, path, behind * length)
-        found.append((abs(offset), abs(heading), abs(bend) * radius, fitted.residual_max))
-    bounds = np.array(found) <= (1e-3, 1e-4, 0.01, 4e-3)
+        errors.append((abs(offset), abs(heading), abs(bend) * radius, fitted.residual_max))
+    bounds = np.array(errors) <= (1e-3, 1e-4, 0.01, 4e-3)
     assert np.mean(bounds.all(axis=1)) >= 0.98
-    assert (np.array(found) <= (3e-3, 5e-3, 0.2, 0.03)).all()
+    assert (np.array(errors) <= (3e-3, 5e-3, 0.2, 0.03)).all()
 
 
 def test_a_wide_arc_is_not_mistaken_for_a_line() -> None:
@@ -111,10 +111,10 @@ def test_fewest_pieces_explain_noisy_samples(seed: int) -> None:
     for pieces, paths in courses.items():
         for path in paths:
             lead, predecessor = two_sources(path, 30.0, 7.0)
-            found = fit(shaken(lead, random), shaken(predecessor, random))
-            assert len(found.spline.pieces) == pieces
-            assert found.residual_max < SETTINGS.tolerance
-            assert found.outliers == 0
+            fitted = fit(shaken(lead, random), shaken(predecessor, random))
+            assert len(fitted.spline.pieces) == pieces
+            assert fitted.residual_max < SETTINGS.tolerance
+            assert fitted.outliers == 0
 
 
 def test_noise_on_a_straight_road_is_not_taken_for_a_bend() -> None:
@@ -124,9 +124,9 @@ def test_noise_on_a_straight_road_is_not_taken_for_a_bend() -> None:
     of_arc = model_spread([(1e-9, 30.0)], both, 7.0)[2]
     bends = []
     for _ in range(400):
-        found = fit(shaken(seen[0], random), shaken(seen[1], random))
-        assert len(found.spline.pieces) == 1
-        bends.append(found.spline.curvature_at(7.0))
+        fitted = fit(shaken(seen[0], random), shaken(seen[1], random))
+        assert len(fitted.spline.pieces) == 1
+        bends.append(fitted.spline.curvature_at(7.0))
     # A fitted arc would have the curvature `of_arc` (rms); averaging removes most of it.
     assert np.median(np.abs(bends)) < 0.15 * of_arc
     assert np.sqrt(np.mean(np.square(bends))) < 0.7 * of_arc
@@ -141,12 +141,12 @@ def model_spread(pieces: list[tuple[float, float]], seen: Window, ego: float) ->
     """
 
     def answers(change: list[float]) -> tuple[list[float], list[float]]:
-        aside, turn, bend, shift = change
+        shift_left, turn, bend, shift = change
         bends = [k + bend if k else 0.0 for k, _ in pieces]
         lengths = [length for _, length in pieces]
         if len(lengths) == 2:
             lengths = [lengths[0] + shift, lengths[1] - shift]
-        path = course(list(zip(bends, lengths, strict=True)), (0.0, aside, turn))
+        path = course(list(zip(bends, lengths, strict=True)), (0.0, shift_left, turn))
         away = [
             path.project(east, north).lateral
             for east, north in zip(seen.east, seen.north, strict=True)
@@ -187,12 +187,12 @@ def test_spread_under_noise_is_that_of_least_squares(pieces: list[tuple[float, f
     lead, predecessor = two_sources(path, 30.0, ego)
     both = Window(*(np.concatenate(pair) for pair in zip(lead, predecessor, strict=True)))
     random = np.random.default_rng(5)
-    found = [
+    fitted = [
         misses(fit(shaken(lead, random), shaken(predecessor, random)), path, ego)
         for _ in range(400)
     ]
-    spread = np.std(found, axis=0)
-    mean = np.mean(found, axis=0)
+    spread = np.std(fitted, axis=0)
+    mean = np.mean(fitted, axis=0)
     for measured, bias, expected in zip(spread, mean, model_spread(pieces, both, ego), strict=True):
         # 400 draws determine a standard deviation to 3.5 %, a mean to 5 % of it.
         # Some lines are fitted with a small curvature, and some joins partly as clothoids: hence
@@ -212,21 +212,21 @@ def test_a_noisy_arc_minimises_the_distances() -> None:
     east, north = beside(path, 5.0, 25.0)
     radius = least_squares(away, [east, north, 25.0]).x[2]
     best_alone = replace(SETTINGS, ignored=0.999)
-    found = fit_composite(seen, None, alpha=0.5, settings=best_alone)
-    assert found is not None
-    assert found.spline.pieces[0].curvature == pytest.approx(1.0 / radius, rel=2e-4)
+    fitted = fit_composite(seen, None, alpha=0.5, settings=best_alone)
+    assert fitted is not None
+    assert fitted.spline.pieces[0].curvature == pytest.approx(1.0 / radius, rel=2e-4)
 
 
 @pytest.mark.parametrize("alpha", [0.0, 0.25, 0.5, 0.9, 1.0])
 def test_alpha_is_the_weight_of_the_predecessor(alpha: float) -> None:
     path, stations = course([(0.0, 20.0)], (10.0, 20.0, 1.0)), np.linspace(0.0, 20.0, 15)
-    found = fit(window(path, stations, 4.0), window(path, stations, 4.0, left=0.08), alpha)
-    offset, heading, _ = misses(found, path, 4.0)
+    fitted = fit(window(path, stations, 4.0), window(path, stations, 4.0, left=0.08), alpha)
+    offset, heading, _ = misses(fitted, path, 4.0)
     # Distances are taken along one normal for all samples, which is exact to second order.
     assert offset == pytest.approx(-0.08 * alpha, abs=1e-4)
     assert heading == pytest.approx(0.0, abs=1e-4)
     sources = {0.0: {0}, 1.0: {1}}.get(alpha, {0, 1})
-    assert set(found.source.tolist()) == sources
+    assert set(fitted.source.tolist()) == sources
 
 
 def test_a_source_alone_gets_all_the_weight() -> None:
@@ -240,8 +240,8 @@ def test_samples_side_by_side_do_not_turn_the_path() -> None:
     # The line through the two samples nearest to the ego points across the road.
     path = course([(1 / 300, 30.0)])
     stations = np.linspace(0.0, 30.0, 20)
-    found = fit(window(path, stations, 7.0), window(path, stations + 0.01, 7.0, left=0.1))
-    offset, heading, bend = misses(found, path, 7.0)
+    fitted = fit(window(path, stations, 7.0), window(path, stations + 0.01, 7.0, left=0.1))
+    offset, heading, bend = misses(fitted, path, 7.0)
     assert offset == pytest.approx(-0.05, abs=2e-3)
     assert abs(heading) < 1e-3
     assert abs(bend) < 1e-4
@@ -253,10 +253,10 @@ def test_a_jumped_sample_is_left_out(which: int, jump: float) -> None:
     path = course([(1 / 80, 30.0)])
     lead, predecessor = two_sources(path, 30.0, 7.0)
     lead.north[which] += jump
-    found = fit(lead, predecessor)
-    assert found.outliers == 1
-    assert len(found.station) == 37
-    assert max(map(abs, misses(found, path, 7.0)[:2])) < 1e-4
+    fitted = fit(lead, predecessor)
+    assert fitted.outliers == 1
+    assert len(fitted.station) == 37
+    assert max(map(abs, misses(fitted, path, 7.0)[:2])) < 1e-4
 
 
 def test_samples_too_few_or_degenerate_support_no_trajectory() -> None:
@@ -290,25 +290,25 @@ def test_any_samples_give_a_finite_fit_or_none(
     for part in (rows[:split], rows[split:]):
         east, north, station = np.array(part, dtype=np.float64).reshape(-1, 3).T
         windows.append(Window(east, north, station))
-    found = fit_composite(windows[0], windows[1], alpha=alpha, settings=SETTINGS)
-    if found is None:
+    fitted = fit_composite(windows[0], windows[1], alpha=alpha, settings=SETTINGS)
+    if fitted is None:
         return
-    for piece in found.spline.pieces:
+    for piece in fitted.spline.pieces:
         numbers = (piece.east, piece.north, piece.yaw, piece.curvature, piece.length)
         assert all(map(math.isfinite, numbers))
-    foot = found.spline.project(1.0, 2.0)
+    foot = fitted.spline.project(1.0, 2.0)
     assert math.isfinite(foot.lateral)
     assert math.isfinite(foot.yaw)
-    assert math.isfinite(found.residual_rms + found.residual_max)
+    assert math.isfinite(fitted.residual_rms + fitted.residual_max)
 
 
 def test_samples_are_reported_in_order_of_station() -> None:
     path = course([(0.01, 30.0)])
     lead, predecessor = two_sources(path, 30.0, 7.0)
-    found = fit(lead, predecessor)
-    assert all(a <= b for a, b in pairwise(found.station.tolist()))
-    assert np.count_nonzero(found.source == 0) == 20
-    assert sorted(found.east.tolist()) == sorted([*lead.east.tolist(), *predecessor.east.tolist()])
+    fitted = fit(lead, predecessor)
+    assert all(a <= b for a, b in pairwise(fitted.station.tolist()))
+    assert np.count_nonzero(fitted.source == 0) == 20
+    assert sorted(fitted.east.tolist()) == sorted([*lead.east.tolist(), *predecessor.east.tolist()])
 
 
 def test_fusion_modes() -> None:

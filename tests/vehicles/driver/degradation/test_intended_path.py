@@ -139,10 +139,10 @@ def test_errors_do_not_grow_along_the_convoy(seed: int) -> None:
     largest, first = float(np.max(np.abs(noise))), float(np.std(noise))
     for vehicle in range(10):
         intended, fixes = IntendedPath(), []
-        wave, aside = 0.1 * vehicle, random.normal(0.0, 0.02, 60)
+        wave, jitter = 0.1 * vehicle, random.normal(0.0, 0.02, 60)
         for k in range(2 + vehicle, 57 - vehicle):
             driven = k + random.uniform(0.0, 0.5)
-            off = 0.3 * math.sin(wave * k) + aside.item(k)
+            off = 0.3 * math.sin(wave * k) + jitter.item(k)
             fix = fix_beside(path, 1, off, spacing=driven)
             fix.measured_at = k * PERIOD
             fit = fit_of(moved(window, driven - window.station.item(0)))

@@ -86,20 +86,20 @@ def test_braking_is_limited_by_emergency_braking_and_friction(
     road.yaw_rate = yaw_rate
     for step in range(200):
         left = friction_left(friction, road.speed * yaw_rate)
-        asked = road.tick(0.0, received=step < 50).acceleration
-        assert asked >= -max(min(EMERGENCY.deceleration, left), 0.1) - 1e-9
+        command = road.tick(0.0, received=step < 50).acceleration
+        assert command >= -max(min(EMERGENCY.deceleration, left), 0.1) - 1e-9
 
 
 @given(st.floats(2.0, 60.0), st.floats(0.1, 30.0), st.floats(0.0, 30.0))
 def test_a_wider_gap_never_brakes_harder(gap: float, wider: float, speed: float) -> None:
-    asked = []
+    commands = []
     for apart in (gap, gap + wider):
         road = Road(keeping(), speed=speed, spacing=apart)
         road.tick(0.0, received=True)
         road.known = (0, apart, speed, 0.0)
         road.now = 400 * MILLISECOND
-        asked.append(road.tick(0.0, received=False).acceleration)
-    assert asked[0] <= asked[1] + 1e-9
+        commands.append(road.tick(0.0, received=False).acceleration)
+    assert commands[0] <= commands[1] + 1e-9
 
 
 def test_the_gap_opens_comfortably_at_high_loss_and_closes_again() -> None:
@@ -160,8 +160,8 @@ def test_after_falling_behind_it_catches_up_to_the_common_speed() -> None:
     situation = replace(Situation(), predecessor=SourceFreshness(age=0.02))
     pose = Pose(road.place, 0.0, 0.0, road.speed, 0.0)
     ahead = VehiclesAhead(40.0, 25.0, 25.0)
-    asked = law.command(road.now, pose, ahead)
-    assert road.guard.command(road.now, pose, ahead, situation, "composite") == asked
+    command = law.command(road.now, pose, ahead)
+    assert road.guard.command(road.now, pose, ahead, situation, "composite") == command
 
 
 @pytest.mark.parametrize("headway", [0.0, 0.5])

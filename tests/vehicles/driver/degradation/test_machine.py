@@ -91,8 +91,8 @@ def test_braking_distances_and_blind_distance_match_the_closed_form(speed: float
         acceleration = before.decision.actuation.acceleration
         # The emergency stop accounts for held commands: half a tick of 20 ms.
         emergency, firm, comfortable = (
-            stopping_distance(body.speed, max(asked, -braking.deceleration), braking)
-            for asked, braking in (
+            stopping_distance(body.speed, max(initial, -braking.deceleration), braking)
+            for initial, braking in (
                 (acceleration - 0.01 * DEGRADE.emergency.jerk, DEGRADE.emergency),
                 (acceleration, DEGRADE.firm),
                 (acceleration, DEGRADE.comfortable),

@@ -120,8 +120,8 @@ def test_a_fix_is_weighted_by_its_stated_accuracy() -> None:
     for accuracy in (0.02, 0.2, 2.0):
         estimator = PoseEstimator(CAR, by_accuracy=True)
         estimator.correct(Fix(0, 0, 0.0, 0.0, 0.0, 20.0, 0.0, accuracy=0.2))
-        aside = Fix(1, SECOND // 20, 1.0, 0.3, 0.0, 20.0, 0.0, accuracy=accuracy)
-        estimator.correct(aside)
+        displaced = Fix(1, SECOND // 20, 1.0, 0.3, 0.0, 20.0, 0.0, accuracy=accuracy)
+        estimator.correct(displaced)
         moved.append(estimator.at(SECOND // 20).north / 0.3)
     assert moved[0] > 0.95
     assert moved[1] == pytest.approx(0.5, abs=0.05)
