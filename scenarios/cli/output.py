@@ -1,4 +1,4 @@
-"""Standard output and error that may be closed, full or limited to few letters."""
+"""Standard output and error that may be closed, full or limited in characters."""
 
 import io
 import os
@@ -13,7 +13,7 @@ from scenarios.runs.stop import EXIT_FAILED
 def open_standard_files() -> None:
     """Open the null device in place of closed standard files.
 
-    Otherwise another file would get their number, and receive what is printed.
+    Otherwise a file opened later would get their number and receive the output.
     """
     for number in range(3):
         try:
@@ -28,15 +28,15 @@ def open_standard_files() -> None:
 
 
 class Output(io.FileIO):
-    """A standard file that drops unwritable bytes, so that the command goes on.
+    """A standard file that drops bytes it cannot write, so that the command continues.
 
-    `failure` is the first error, unless the reader is gone, as after `convoy run | head -1`.
+    `failure` is the first error. A reader that has ended, as in `convoy run | head -1`, is none.
     """
 
     failure: OSError | None = None
 
     def write(self, data: Any, /) -> int:
-        """Write what can be written; returns the number of bytes as if all were."""
+        """Write, and report all bytes as written."""
         try:
             return super().write(data)
         except BrokenPipeError:
@@ -47,14 +47,14 @@ class Output(io.FileIO):
 
 
 def keep_output_going() -> None:
-    """Let printing raise no error; letters that the encoding lacks become question marks."""
+    """Make printing raise no error; the encoding's missing characters become question marks."""
     sys.stdout = _lenient(sys.__stdout__ and sys.stdout, 1)
     sys.stderr = _lenient(sys.__stderr__ and sys.stderr, 2)
 
 
 @contextmanager
 def unwritable_output_reported() -> Iterator[None]:
-    """Turn the end of a command into a failure if its standard output is incomplete."""
+    """Exit with an error if the standard output is incomplete."""
     try:
         yield
     except SystemExit as end:
@@ -62,7 +62,7 @@ def unwritable_output_reported() -> Iterator[None]:
         raw = getattr(getattr(sys.stdout, "buffer", None), "raw", None)
         if end.code or not isinstance(raw, Output) or raw.failure is None:
             raise
-        sys.stderr.write(f"standard output: {raw.failure.strerror}\n".lower())
+        sys.stderr.write(f"error: standard output: {raw.failure.strerror}\n".lower())
         raise SystemExit(EXIT_FAILED) from None
 
 

@@ -25,25 +25,25 @@ def list_scenarios(*, as_json: bool) -> None:
     failures = {name: load_scenario(name).tables.description for name in drills()}
     channels = {name: read_preset(name).description for name in presets()}
     if as_json:
-        found = [
+        entries = [
             {"kind": kind, "name": name, "description": description}
-            for kind, some in (
+            for kind, descriptions in (
                 ("scenario", shipped),
                 ("channel", channels),
                 ("drill", failures),
             )
-            for name, description in some.items()
+            for name, description in descriptions.items()
         ]
-        click.echo(json.dumps(found, indent=2))
+        click.echo(json.dumps(entries, indent=2))
         return
     for name, description in shipped.items():
         click.echo(f"{name:20} {description}")
-    for heading, some in (
+    for heading, descriptions in (
         ("channel presets, for links.preset:", channels),
         ("drills, for convoy drill:", failures),
     ):
         click.echo(f"\n{heading}")
-        for name, description in some.items():
+        for name, description in descriptions.items():
             click.echo(f"{name:20} {description}")
 
 
@@ -82,16 +82,16 @@ def check(
         loaded = load_scenario(scenario, overrides, seed)
         report = report_of(loaded)
         warnings = (*report.warnings, *_certificate_warnings(loaded))
-        links, deaf = link_forecasts(loaded) if explain else ((), ())
+        links, receivers = link_forecasts(loaded) if explain else ((), ())
         if as_json:
             figures = asdict(report) | {"warnings": warnings}
             if explain:
-                figures["explained"] = [asdict(one) for one in links]
-                figures["deaf"] = [asdict(one) for one in deaf]
+                figures["explained"] = [asdict(link) for link in links]
+                figures["receivers"] = [asdict(receiver) for receiver in receivers]
             click.echo(json.dumps(figures, indent=2))
             return
         if explain:
-            print_links(loaded.name, links, deaf, Console())
+            print_links(loaded.name, links, receivers, Console())
         else:
             print_report(report, Console())
         for line in warnings:

@@ -186,7 +186,7 @@ def _as_json(links: "tuple[FittedLink, ...]") -> str:
     from math import isfinite
 
     def finite(figures: "dict[str, object]") -> "dict[str, object]":
-        """Replace unbounded ends of intervals by None."""
+        """Replace infinite ends of intervals by None."""
         return {
             key: None if isinstance(value, float) and not isfinite(value) else value
             for key, value in figures.items()

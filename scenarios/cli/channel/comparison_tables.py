@@ -1,4 +1,4 @@
-"""The laws of a link against a sample of them, for a terminal of 80 columns."""
+"""The laws of a link and a sample of them, in 80 columns."""
 
 from collections.abc import Iterator, Sequence
 
@@ -10,72 +10,76 @@ from scenarios.definition.scenario import Scenario
 from scenarios.studies.channel.comparison import Compared, Comparison
 
 WIDEST = 28
-"""Characters of a bar that stands for all."""
+"""Characters of the longest bar."""
 EIGHTHS = " ▏▎▍▌▋▊▉"
 
 
-def print_comparison(name: str, scenario: Scenario, found: Comparison, console: Console) -> None:
+def print_comparison(
+    name: str, scenario: Scenario, comparison: Comparison, console: Console
+) -> None:
     """Print the laws and their figures next to those of the sample."""
-    link = link_forecast(scenario, (found.sender, found.receiver))
-    about = f"{name}, {found.sender} → {found.receiver}"
+    link = link_forecast(scenario, (comparison.sender, comparison.receiver))
+    about = f"{name}, {comparison.sender} → {comparison.receiver}"
     console.print(about, style="bold", highlight=False, markup=False)
-    for line in _about(link.preset_source, [law.words for law in link.laws], found):
+    for line in _about(link.preset_source, [law.words for law in link.laws], comparison):
         console.print(line, highlight=False, markup=False)
-    console.print(table_of(FIGURE_COLUMNS, found.figures))
-    _print_shares("messages lost in a row", found.bursts, console)
-    _print_shares("received over", found.distances, console)
-    if found.dropped:
-        counts = ", ".join(f"{reason} {count}" for reason, count in found.dropped.items())
+    console.print(table_of(FIGURE_COLUMNS, comparison.figures))
+    _print_shares("messages lost in a row", comparison.bursts, console)
+    _print_shares("received over", comparison.distances, console)
+    if comparison.dropped:
+        counts = ", ".join(f"{reason} {count}" for reason, count in comparison.dropped.items())
         console.print(f"dropped: {counts}", highlight=False, markup=False)
 
 
-def _about(source: str | None, laws: Sequence[str], found: Comparison) -> Iterator[str]:
+def _about(source: str | None, laws: Sequence[str], comparison: Comparison) -> Iterator[str]:
     if source:
         yield f"source: {source}"
     yield f"laws: {'; '.join(laws)}"
-    between = f", {found.vehicles_between} vehicles in between" if found.vehicles_between else ""
+    between = (
+        f", {comparison.vehicles_between} vehicles between" if comparison.vehicles_between else ""
+    )
     yield (
-        f"sample: {found.messages} messages, {found.rate_hz:g} a second, {found.distance_m:g} m "
-        f"apart at {found.speed_mps:.3g} m/s{between}"
+        f"sample: {comparison.messages} messages, {comparison.rate_hz:g} per second, "
+        f"{comparison.distance_m:g} m apart at {comparison.speed_mps:.3g} m/s{between}"
     )
 
 
-def _unit(one: Compared) -> tuple[str, float]:
-    """Unit of a figure, and the factor from its own unit to that."""
-    if one.figure == "loss":
+def _unit(row: Compared) -> tuple[str, float]:
+    """Unit of a figure, and the factor to it."""
+    if row.figure == "loss":
         return " %", 100.0
-    return ("" if one.figure == "lost in a row" else " ms"), 1.0
+    return ("" if row.figure == "lost in a row" else " ms"), 1.0
 
 
-def _with_unit(one: Compared, value: float | None) -> str | None:
-    unit, scale = _unit(one)
+def _with_unit(row: Compared, value: float | None) -> str | None:
+    unit, scale = _unit(row)
     return None if value is None else figure(value, ".4g", scale) + unit
 
 
-def _interval(one: Compared) -> str:
-    unit, scale = _unit(one)
-    if one.low is None or one.high is None:
+def _interval(row: Compared) -> str:
+    unit, scale = _unit(row)
+    if row.low is None or row.high is None:
         return ""
-    return f"{figure(one.low, '.4g', scale)} to {figure(one.high, '.4g', scale)}{unit}"
+    return f"{figure(row.low, '.4g', scale)} to {figure(row.high, '.4g', scale)}{unit}"
 
 
 FIGURE_COLUMNS: Sequence[Column[Compared]] = (
-    Column("", lambda one: one.figure, left=True),
-    Column("law", lambda one: _with_unit(one, one.law)),
-    Column("sample", lambda one: _with_unit(one, one.sample)),
-    Column("95 % of samples like it", _interval, left=True),
+    Column("", lambda row: row.figure, left=True),
+    Column("law", lambda row: _with_unit(row, row.law)),
+    Column("sample", lambda row: _with_unit(row, row.sample)),
+    Column("95 % of such samples", _interval, left=True),
 )
 
 
 def _print_shares(heading: str, rows: Sequence[Compared], console: Console) -> None:
     if not rows:
         return
-    most = max(max(one.law or 0.0, one.sample or 0.0) for one in rows) or 1.0
+    most = max(max(row.law or 0.0, row.sample or 0.0) for row in rows) or 1.0
     columns: Sequence[Column[Compared]] = (
-        Column(heading, lambda one: one.figure, left=True),
-        Column("law %", lambda one: one.law, ".2f", 100.0),
-        Column("sample %", lambda one: one.sample or 0.0, ".2f", 100.0),
-        Column("", lambda one: bar((one.sample or 0.0) / most), left=True),
+        Column(heading, lambda row: row.figure, left=True),
+        Column("law %", lambda row: row.law, ".2f", 100.0),
+        Column("sample %", lambda row: row.sample or 0.0, ".2f", 100.0),
+        Column("", lambda row: bar((row.sample or 0.0) / most), left=True),
     )
     console.print(table_of(columns, rows))
 

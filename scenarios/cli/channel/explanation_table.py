@@ -1,4 +1,4 @@
-"""What a vehicle knew at an instant, as a table for a person."""
+"""What a vehicle knew at a time, as a table."""
 
 from collections.abc import Sequence
 
@@ -14,31 +14,31 @@ from scenarios.results.log_queries.explain import (
 )
 
 COLUMNS: Sequence[Column[KnownSource]] = (
-    Column("source", lambda one: one.sender, left=True),
-    Column("newest\nmessage", lambda one: one.number),
-    Column("measured\nat, s", lambda one: one.measured_at_s, ".2f"),
-    Column("known\nat, s", lambda one: one.received_at_s, ".2f"),
-    Column("age\ns", lambda one: one.age_s, ".3f"),
-    Column("path\nleft, m", lambda one: one.path_left_m, ".1f"),
-    Column("received in the\nlast second, %", lambda one: one.received_ratio, ".0f", 100.0),
+    Column("source", lambda source: source.sender, left=True),
+    Column("newest\nmessage", lambda source: source.number),
+    Column("measured\nat, s", lambda source: source.measured_at_s, ".2f"),
+    Column("known\nat, s", lambda source: source.received_at_s, ".2f"),
+    Column("age\ns", lambda source: source.age_s, ".3f"),
+    Column("path\nleft, m", lambda source: source.path_left_m, ".1f"),
+    Column("received in the\nlast second, %", lambda source: source.received_ratio, ".0f", 100.0),
 )
 
 
-def print_explanation(found: Explanation, console: Console) -> None:
-    console.print(found.sentence, highlight=False, markup=False, soft_wrap=True)
-    if not found.sources:
+def print_explanation(explanation: Explanation, console: Console) -> None:
+    console.print(explanation.sentence, highlight=False, markup=False, soft_wrap=True)
+    if not explanation.sources:
         return
-    print_whole(table_of(COLUMNS, found.sources), console)
-    for one in found.sources:
-        for missing in one.missing[:SHOWN]:
-            console.print(_missing(one.sender, missing), highlight=False, markup=False)
-        if len(one.missing) > SHOWN:
-            console.print(f"{one.sender}: {len(one.missing) - SHOWN} more are missing")
+    print_whole(table_of(COLUMNS, explanation.sources), console)
+    for source in explanation.sources:
+        for message in source.missing[:SHOWN]:
+            console.print(_missing(source.sender, message), highlight=False, markup=False)
+        if len(source.missing) > SHOWN:
+            console.print(f"{source.sender}: {len(source.missing) - SHOWN} more messages missing")
 
 
-def _missing(sender: str, one: MissingMessage) -> str:
-    name = f"{sender} message {one.number}, sent at {one.sent_at_s:.2f} s"
-    if one.fate == IN_TRANSIT:
-        return f"{name}: in transit, due at {one.due_at_s:.2f} s"
-    due = f", was due at {one.due_at_s:.2f} s" if one.due_at_s is not None else ""
-    return f"{name}: {one.fate}{f' by {one.cause}' if one.cause else ''}{due}"
+def _missing(sender: str, message: MissingMessage) -> str:
+    name = f"{sender} message {message.number}, sent at {message.sent_at_s:.2f} s"
+    if message.fate == IN_TRANSIT:
+        return f"{name}: in transit, due at {message.due_at_s:.2f} s"
+    due = f", was due at {message.due_at_s:.2f} s" if message.due_at_s is not None else ""
+    return f"{name}: {message.fate}{f' by {message.cause}' if message.cause else ''}{due}"

@@ -1,4 +1,4 @@
-"""The configuration of each link, and the figures that follow from it, as text."""
+"""The configuration of each link and the predicted figures, as text."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -10,28 +10,31 @@ from scenarios.cli.columns import grid_of
 from scenarios.definition.check.false_alarms import SAMPLED
 from scenarios.definition.check.link_forecast import LinkForecast, ReceiverForecast
 
-UNKNOWN = "no number says it beforehand"
+UNKNOWN = "not predictable"
 Row = tuple[str, str]
 
 
 def print_links(
-    name: str, links: Sequence[LinkForecast], deaf: Sequence[ReceiverForecast], console: Console
+    name: str,
+    links: Sequence[LinkForecast],
+    receivers: Sequence[ReceiverForecast],
+    console: Console,
 ) -> None:
     """Print a block for each group of equal links, and how often receivers lose all sources."""
-    console.print(f"[bold]{escape(name)}, its links[/]", highlight=False)
+    console.print(f"[bold]{escape(name)}: links[/]", highlight=False)
     if not links:
-        console.print("none: nobody receives")
+        console.print("none: no vehicle receives")
     alike: dict[LinkForecast, list[LinkForecast]] = {}
-    for one in links:
-        alike.setdefault(replace(one, sender="", receiver=""), []).append(one)
-    for link, some in alike.items():
-        named = ", ".join(f"{one.sender} → {one.receiver}" for one in some)
+    for link in links:
+        alike.setdefault(replace(link, sender="", receiver=""), []).append(link)
+    for link, group in alike.items():
+        named = ", ".join(f"{alike_link.sender} → {alike_link.receiver}" for alike_link in group)
         console.print(f"\n[bold]{escape(named)}[/]", highlight=False)
-        console.print(grid_of((f"  {what}", text) for what, text in _rows(link)))
-    if deaf:
-        console.print("\n[bold]all sources lost, although all send[/]", highlight=False)
+        console.print(grid_of((f"  {name}", text) for name, text in _rows(link)))
+    if receivers:
+        console.print("\n[bold]loss of all sources by chance[/]", highlight=False)
     together: dict[str, list[str]] = {}
-    for receiver in deaf:
+    for receiver in receivers:
         together.setdefault(_often(receiver.all_lost_per_h), []).append(receiver.receiver)
     for often, names in together.items():
         console.print(f"  {', '.join(names)}: {often}", highlight=False, markup=False)
@@ -41,7 +44,7 @@ def _often(per_h: float | None) -> str:
     if per_h is None:
         return UNKNOWN
     if not per_h:
-        return f"not once in a sample of {SAMPLED} messages"
+        return f"never in a sample of {SAMPLED} messages"
     return f"{per_h:.0f} times an hour" if per_h >= 100.0 else f"{per_h:.2g} times an hour"
 
 
@@ -50,7 +53,7 @@ def _rows(link: LinkForecast) -> Iterator[Row]:
     yield "rule", first + (f", over {', '.join(further)}" if further else "")
     if link.preset is not None:
         yield "preset", link.preset
-        yield "source", link.preset_source or "not said"
+        yield "source", link.preset_source or "not stated"
     for place, law in enumerate(link.laws):
         yield "laws" if not place else "", f"{law.words} · {law.key}"
     at = "" if link.distance_m is None else f" at {link.distance_m:.3g} m, as far as at the start"
@@ -64,7 +67,7 @@ def _rows(link: LinkForecast) -> Iterator[Row]:
         yield "delay", f"{link.latency_ms_mean:.4g} ± {link.latency_ms_deviation:.4g} ms"
     age = UNKNOWN if link.age_ms_mean is None else f"{link.age_ms_mean:.4g} ms on average"
     yield "age", f"of the newest message at a command: {age}, at {link.rate_hz:.3g} Hz"
-    silence = f"for more than {link.silence_s_max:.3g} s although the sender sends"
+    silence = f"for more than {link.silence_s_max:.3g} s by chance"
     yield "silent", f"{silence}: {_often(link.false_alarms_per_h)}"
 
 
@@ -72,5 +75,5 @@ def _burst(link: LinkForecast) -> str:
     if link.loss_ratio in {0.0, 1.0}:
         return ""
     if link.burst_messages_mean is None:
-        return ", in bursts of a length that no number says"
+        return ", in bursts of unpredictable length"
     return f", {link.burst_messages_mean:.4g} in a row on average"

@@ -1,4 +1,4 @@
-"""The configuration of a scenario and figures of its planned run: the table of `convoy check`."""
+"""The table of `convoy check`: configuration and predicted figures."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -13,7 +13,7 @@ from scenarios.definition.schema.gnss_table import GnssTable
 from scenarios.definition.schema.scenario_tables import SendingTable
 
 Row = tuple[str, str]
-"""What, and how much of it."""
+"""Name and value."""
 
 
 def print_report(report: CheckReport, console: Console) -> None:
@@ -25,20 +25,20 @@ def print_report(report: CheckReport, console: Console) -> None:
 
 def _convoy(report: CheckReport) -> Iterator[Row]:
     yield "vehicles", ", ".join(report.vehicles)
-    if report.gaps_m:  # a vehicle alone has none
+    if report.gaps_m:  # more than one vehicle
         yield "gaps at the start", ", ".join(f"{gap:.4g}" for gap in report.gaps_m) + " m"
     for name, offset in report.offsets.items():
         turn = f"turned {offset['heading_offset_deg']:g}°"
         yield "start off the path", f"{name}: {offset['lateral_offset_m']:g} m left, {turn}"
     for name, replay in report.replays.items():
-        begun = f"from {replay['begun_s']:.1f} s of it on, by {replay['clock']} times"
+        begun = f"from its time {replay['begun_s']:.1f} s, by {replay['clock']} times"
         off = f"path {100.0 * replay['deviation_m_max']:.1f} cm off its points at most"
         yield "replayed", f"{name}: {replay['file']}, {begun}, {off}"
     yield "duration, seed", f"{report.duration_s:.1f} s, {report.seed}"
 
 
 def _road(report: CheckReport) -> Iterator[Row]:
-    yield "path, driven of it", f"{report.path_length_m:.0f} m, {report.driven_m:.0f} m"
+    yield "path, distance driven", f"{report.path_length_m:.0f} m, {report.driven_m:.0f} m"
     yield "tightest radius", f"{report.radius_m_min:.1f} m" if report.radius_m_min else "straight"
     if report.deviation_m_rms is not None and report.deviation_m_max is not None:
         rms, largest = report.deviation_m_rms * 100, report.deviation_m_max * 100
@@ -55,8 +55,8 @@ def _road(report: CheckReport) -> Iterator[Row]:
 
 def _drive(report: CheckReport) -> Iterator[Row]:
     """Describe a recorded drive."""
-    many = "1 hole of" if report.holes == 1 else f"{report.holes} holes up to"
-    holes = f", {many} {report.hole_m_max:.1f} m" if report.holes else ""
+    size = "1 hole of" if report.holes == 1 else f"{report.holes} holes up to"
+    holes = f", {size} {report.hole_m_max:.1f} m" if report.holes else ""
     noise = f"noise {100.0 * (report.noise_m or 0.0):.1f} cm"
     yield "recorded points", f"{report.points}, {noise}{holes}"
     left_out = {
@@ -65,11 +65,11 @@ def _drive(report: CheckReport) -> Iterator[Row]:
         ("standing", "standing"): report.standing_points,
     }
     if any(left_out.values()):
-        counts = (f"{count} {what[count != 1]}" for what, count in left_out.items() if count)
+        counts = (f"{count} {names[count != 1]}" for names, count in left_out.items() if count)
         yield "points left out", ", ".join(counts)
     if any(report.coordinates_offset_m or ()):
         east, north = report.coordinates_offset_m or (0.0, 0.0)
-        yield "coordinates less", f"{east:.0f} m east, {north:.0f} m north"
+        yield "coordinates offset", f"{east:.0f} m east, {north:.0f} m north"
 
 
 def _followers(gap: Mapping[str, float] | None) -> str:

@@ -1,7 +1,7 @@
 """Shell completion of scenarios, keys of `--set`, vehicles and viewers.
 
-Click makes the scripts for bash, zsh and fish. Each press of Tab starts a process, so imports are
-lazy.
+Click generates the scripts for bash, zsh and fish. Each press of Tab starts a process, so imports
+are lazy.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -23,17 +23,17 @@ if TYPE_CHECKING:
 
 RERUN = ("off", "spawn", "serve", "connect=", "save=")
 DEFAULT = "lane_change"
-"""The scenario that shows a shipped channel."""
+"""Scenario in which a channel preset is shown."""
 FILES_ONLY = {"extends", "overrides"}
 """Keys that `--set` does not accept."""
 
 
 @add_completion_class
 class BashWithEquals(BashComplete):
-    """Bash splits `links.loss_ratio=0` into three words and completes the last one."""
+    """Completion in Bash, which splits `links.loss_ratio=0` into three words."""
 
     def get_completion_args(self) -> tuple[list[str], str]:
-        """Return the words before the current one, and that one whole."""
+        """Return the words before the current word, and the whole current word."""
         place = int(environ["COMP_CWORD"])
         words = split_arg_string(environ["COMP_WORDS"])[: place + 1]
         words += [""] * (place + 1 - len(words))
@@ -49,42 +49,42 @@ class BashWithEquals(BashComplete):
         """Return replacements of the last word, without the part before its last `=`."""
         found = super().get_completions(args, incomplete)
         option, equals, value = incomplete.partition("=")
-        begun = value if equals and option.startswith("-") else incomplete
-        there = begun[: begun.rfind("=") + 1]
+        incomplete = value if equals and option.startswith("-") else incomplete
+        there = incomplete[: incomplete.rfind("=") + 1]
         for item in found:
             item.value = item.value.removeprefix(there)
         return found
 
 
-def scenarios(_context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
+def scenarios(_context: Context, _parameter: Parameter, incomplete: str) -> list[CompletionItem]:
     from scenarios.definition.library import library
 
-    return _names_or_files(library(), begun)
+    return _names_or_files(library(), incomplete)
 
 
-def drills(_context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
+def drills(_context: Context, _parameter: Parameter, incomplete: str) -> list[CompletionItem]:
     from scenarios.definition.library import drills as shipped
 
-    return _names_or_files(shipped(), begun)
+    return _names_or_files(shipped(), incomplete)
 
 
-def channels(_context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
+def channels(_context: Context, _parameter: Parameter, incomplete: str) -> list[CompletionItem]:
     from scenarios.definition.library import library
 
-    return _names_or_files([*_presets(), *library()], begun)
+    return _names_or_files([*_presets(), *library()], incomplete)
 
 
-def _names_or_files(shipped: Iterable[str], begun: str) -> list[CompletionItem]:
-    """Offer shipped names and the TOML files here; elsewhere the shell's own files."""
+def _names_or_files(shipped: Iterable[str], incomplete: str) -> list[CompletionItem]:
+    """Offer shipped names and TOML files in the working folder, or the shell's files."""
     known = [*shipped, *sorted(path.name for path in Path().glob("*.toml"))]
-    return _matching(known, begun) or [CompletionItem(begun, type="file")]
+    return _matching(known, incomplete) or [CompletionItem(incomplete, type="file")]
 
 
-def links(context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
+def links(context: Context, _parameter: Parameter, incomplete: str) -> list[CompletionItem]:
     from scenarios.definition.topology import directed_links
 
     pairs = directed_links(_vehicles(context))
-    return _matching([f"{sender}:{receiver}" for sender, receiver in pairs], begun)
+    return _matching([f"{sender}:{receiver}" for sender, receiver in pairs], incomplete)
 
 
 def _presets() -> list[str]:
@@ -93,36 +93,36 @@ def _presets() -> list[str]:
     return [*presets()]
 
 
-def rerun(_context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
-    return _matching(RERUN, begun)
+def rerun(_context: Context, _parameter: Parameter, incomplete: str) -> list[CompletionItem]:
+    return _matching(RERUN, incomplete)
 
 
-def vehicles(context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
-    return _matching(_vehicles(context), begun)
+def vehicles(context: Context, _parameter: Parameter, incomplete: str) -> list[CompletionItem]:
+    return _matching(_vehicles(context), incomplete)
 
 
-def limits(context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
+def limits(context: Context, _parameter: Parameter, incomplete: str) -> list[CompletionItem]:
     from scenarios.definition.schema.limit_rows import WORDS
 
     words = [word if row.event else f"{word}=" for word, row in WORDS.items()]
     of_one = [f"{vehicle}.{word}" for vehicle in _vehicles(context) for word in words]
-    return _matching([*words, *of_one], begun)
+    return _matching([*words, *of_one], incomplete)
 
 
-def settings(context: Context, _parameter: Parameter, begun: str) -> list[CompletionItem]:
+def settings(context: Context, _parameter: Parameter, incomplete: str) -> list[CompletionItem]:
     """Offer the keys of a scenario, or the values of a complete key."""
     keys = {f"{key}=": values for key, values in _keys(_vehicles(context)).items()}
-    left = [key for key in keys if key.startswith(begun) or begun.startswith(key)]
+    left = [key for key in keys if key.startswith(incomplete) or incomplete.startswith(key)]
     whole = [f"{left[0]}{value}" for value in keys[left[0]]] if len(left) == 1 else []
-    return _matching(whole or left, begun)
+    return _matching(whole or left, incomplete)
 
 
-def _matching(known: Iterable[str], begun: str) -> list[CompletionItem]:
-    return [CompletionItem(one) for one in known if one.startswith(begun)]
+def _matching(known: Iterable[str], incomplete: str) -> list[CompletionItem]:
+    return [CompletionItem(one) for one in known if one.startswith(incomplete)]
 
 
 def _vehicles(context: Context) -> tuple[str, ...]:
-    """Names of the vehicles, as far as file and overrides can be read; else none."""
+    """Names of the vehicles, or none if the scenario cannot be read."""
     from scenarios.definition.errors import ScenarioError
     from scenarios.definition.extends import merged
     from scenarios.definition.library import read_file
@@ -142,7 +142,7 @@ def _keys(vehicles: Sequence[str]) -> dict[str, list[str]]:
     from scenarios.definition.schema.scenario_tables import ScenarioTables
 
     found: dict[str, list[str]] = {}
-    for key, values in _keys_of(ScenarioTables, "", vehicles):  # some are in tables of many kinds
+    for key, values in _keys_of(ScenarioTables, "", vehicles):  # in tables of several kinds
         found[key] = [*dict.fromkeys((*found.get(key, []), *values))]
     return {key: values for key, values in found.items() if key not in FILES_ONLY}
 
@@ -160,7 +160,7 @@ def _keys_of(
         if not tables:
             yield f"{inside}{name}", _values(name, field)
             continue
-        # A list of tables is begun with its first one; vehicles' tables are by name.
+        # Offer the first table of a list; tables of vehicles are keyed by name.
         places = [".0"] if "tuple" in kind else [""]
         if kind.startswith("dict"):
             places = [f".{vehicle}" for vehicle in vehicles]

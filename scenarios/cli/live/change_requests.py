@@ -1,4 +1,4 @@
-"""The requested run, and the answers of its vehicles to a change."""
+"""Requests to the vehicles of a run, and their answers."""
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,14 +19,14 @@ from transport.texts import printable
 from transport.topics import RUN_SENDER, control_key
 
 ANSWER_TIMEOUT_S = 1.0
-"""Timeout of an answer, which usually takes some milliseconds."""
+"""Timeout of an answer, which usually takes a few milliseconds."""
 PARALLEL_REQUESTS_MAX = 32
-"""Vehicles that receive a request at the same time."""
+"""Maximum number of simultaneous requests."""
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleAnswer:
-    """The answer of one vehicle and its delay; None if none came in time."""
+    """Answer of a vehicle and its delay; the answer is None after the timeout."""
 
     vehicle: str
     answer: Confirmation | None
@@ -36,24 +36,24 @@ class VehicleAnswer:
 def run_to_join(
     run_name: str | None, flags: dict[str, Any], runs: Sequence[OpenRun]
 ) -> ZenohOptions:
-    """Return how to join the requested one of the open runs; raises BusError.
+    """Return the Zenoh options to join a run: those of the flags, or of an open run.
 
-    Zenoh's flags locate the router; without them the run does.
+    Raises BusError if no run, or several runs, match.
     """
     if run_name is not None:
         checked_run_name(run_name)
-    elsewhere = any(flags[key] for key in ("connect", "listen", "config", "cfg", "mode"))
-    found = [one for one in runs if run_name in {None, one.run}]
-    if run_name is not None and (elsewhere or not found):
+    has_flags = any(flags[key] for key in ("connect", "listen", "config", "cfg", "mode"))
+    matching = [open_run for open_run in runs if run_name in {None, open_run.run}]
+    if run_name is not None and (has_flags or not matching):
         return zenoh_from(flags, run_name)
-    if elsewhere:
+    if has_flags:
         raise BusError("--run: missing, it is required with -m, -e, -l, -c or --cfg")
-    if not found:
+    if not matching:
         raise BusError("no run started by `convoy run` here; give --run, and -e for its router")
-    if len(found) > 1:
-        names = ", ".join(one.run for one in found)
-        raise BusError(f"{len(found)} runs on this machine; give one by --run: {names}")
-    return replace(zenoh_from(flags, found[0].run), connect=(found[0].endpoint,))
+    if len(matching) > 1:
+        names = ", ".join(open_run.run for open_run in matching)
+        raise BusError(f"{len(matching)} runs on this machine; give one by --run: {names}")
+    return replace(zenoh_from(flags, matching[0].run), connect=(matching[0].endpoint,))
 
 
 @contextmanager
@@ -65,22 +65,22 @@ def joined(run_name: str | None, flags: dict[str, Any]) -> Iterator[tuple[Bus, s
 
 
 def request_change(bus: Bus, run: str, entry: Mapping[str, Any]) -> list[VehicleAnswer]:
-    """Request a change, given as an entry of `[[change]]` without `at_s`; raises BusError.
+    """Request a change, an entry of `[[change]]` without `at_s`; raises BusError.
 
-    The request goes to the vehicle that it names, or to all.
+    The request goes to the vehicle that the entry names, or to all vehicles.
     """
-    present = sorted({one.name for one in bus.members() if one.role == VEHICLE})
+    present = sorted({member.name for member in bus.members() if member.role == VEHICLE})
     if not present:
         raise BusError(f"run {run}: has no vehicle")
-    wanted = entry.get("vehicle")
-    if wanted is not None and wanted not in present:
+    named = entry.get("vehicle")
+    if named is not None and named not in present:
         known = ", ".join(map(shown, present))
-        raise BusError(f"run {run}: has no vehicle {printable(str(wanted))}, allowed {known}")
-    vehicles = present if wanted is None else [wanted]
-    begun = time.monotonic()
-    # All change at the earliest instant that the first of them offers.
+        raise BusError(f"run {run}: has no vehicle {printable(str(named))}, allowed {known}")
+    vehicles = present if named is None else [named]
+    started = time.monotonic()
+    # All vehicles change at the earliest time that the first one offers.
     first = (
-        _request_of_vehicle(bus, vehicles[0], ChangeRequest(), begun).answer
+        _request_of_vehicle(bus, vehicles[0], ChangeRequest(), started).answer
         if len(vehicles) > 1
         else None
     )
@@ -88,15 +88,15 @@ def request_change(bus: Bus, run: str, entry: Mapping[str, Any]) -> list[Vehicle
     question = ChangeRequest(dict(entry), at_s)
     with ThreadPoolExecutor(min(len(vehicles), PARALLEL_REQUESTS_MAX)) as pool:
         return list(
-            pool.map(lambda name: _request_of_vehicle(bus, name, question, begun), vehicles)
+            pool.map(lambda name: _request_of_vehicle(bus, name, question, started), vehicles)
         )
 
 
 def _request_of_vehicle(
-    bus: Bus, vehicle: str, question: ChangeRequest, begun: float
+    bus: Bus, vehicle: str, question: ChangeRequest, started: float
 ) -> VehicleAnswer:
     answer = bus.query(control_key(vehicle), ANSWER_TIMEOUT_S, question.text)
-    took_ms = 1000.0 * (time.monotonic() - begun)
+    took_ms = 1000.0 * (time.monotonic() - started)
     try:
         confirmation = None if answer is None else Confirmation.of(answer)
     except ValueError:
@@ -105,7 +105,7 @@ def _request_of_vehicle(
 
 
 def status(bus: Bus, run: str) -> RunStatus | None:
-    """Request the status of the run, None before its start; raises BusError without an answer."""
+    """Request the status of the run; None before its start. Raises BusError without an answer."""
     answer = bus.query(control_key(RUN_SENDER), ANSWER_TIMEOUT_S)
     if answer is None:
         raise BusError(f"run {run}: has no recorder")

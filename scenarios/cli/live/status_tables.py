@@ -1,4 +1,4 @@
-"""The status of a convoy as tables that refresh in a terminal, or as JSON."""
+"""The status of a run as tables that refresh in a terminal, or as JSON."""
 
 from collections.abc import Callable, Sequence
 
@@ -15,41 +15,46 @@ from transport.texts import printable
 
 POLL_S = 0.05
 MOST_ROWS = 10
-"""Most vehicles, or links, in a table that refreshes; the worst are shown."""
+"""Maximum number of rows in a table that refreshes; the worst are shown."""
 HAZARD_M = 1000.0
-"""Rank of hazard lights, as a true error."""
+"""True error (m) that ranks like hazard lights."""
 
 
-def _sources(one: VehicleStatus) -> str:
-    """Hazard lights, and the status of each source that is not fresh."""
-    sources = {"lead": one.lead, "ahead": one.predecessor}
+def _sources(vehicle: VehicleStatus) -> str:
+    """List hazard lights, and the status of each source that is not fresh."""
+    sources = {"lead": vehicle.lead, "ahead": vehicle.predecessor}
     unusual = [
         f"{name} {printable(source.status)}"
         for name, source in sources.items()
         if source and source.status != "fresh"
     ]
-    return ", ".join((*(["HAZARD"] if one.hazard else []), *unusual))
+    return ", ".join((*(["HAZARD"] if vehicle.hazard else []), *unusual))
 
 
 VEHICLE_COLUMNS: Sequence[Column[VehicleStatus]] = (
-    Column("vehicle", lambda one: printable(one.name), left=True),
-    Column("steers\nalong", lambda one: printable(one.mode), left=True),
-    Column("speed\nm/s", lambda one: one.speed_mps, ".1f"),
-    Column("error\ncm", lambda one: one.true_error_m, ".1f", 100),
-    Column("gap\nm", lambda one: one.true_gap_m, ".1f"),
-    Column("knows\nm", lambda one: one.known_m, ".1f"),
-    Column("lead\nage s", lambda one: one.lead.age_s if one.lead else None, ".2f"),
-    Column("rec.\n%", lambda one: one.lead.received_ratio if one.lead else None, ".0f", 100),
-    Column("ahead\nage s", lambda one: one.predecessor.age_s if one.predecessor else None, ".2f"),
+    Column("vehicle", lambda vehicle: printable(vehicle.name), left=True),
+    Column("steers\nalong", lambda vehicle: printable(vehicle.mode), left=True),
+    Column("speed\nm/s", lambda vehicle: vehicle.speed_mps, ".1f"),
+    Column("error\ncm", lambda vehicle: vehicle.true_error_m, ".1f", 100),
+    Column("gap\nm", lambda vehicle: vehicle.true_gap_m, ".1f"),
+    Column("known\npath m", lambda vehicle: vehicle.known_m, ".1f"),
+    Column("lead\nage s", lambda vehicle: vehicle.lead.age_s if vehicle.lead else None, ".2f"),
+    Column(
+        "rec.\n%", lambda vehicle: vehicle.lead.received_ratio if vehicle.lead else None, ".0f", 100
+    ),
+    Column(
+        "ahead\nage s",
+        lambda vehicle: vehicle.predecessor.age_s if vehicle.predecessor else None,
+        ".2f",
+    ),
     Column(
         "rec.\n%",
-        lambda one: one.predecessor.received_ratio if one.predecessor else None,
+        lambda vehicle: vehicle.predecessor.received_ratio if vehicle.predecessor else None,
         ".0f",
         100,
     ),
     Column("sources", _sources, left=True, wraps=True),
 )
-"""True error and gap, known path, age and share received of each source."""
 LINK_COLUMNS: Sequence[Column[LinkStatus]] = (
     Column("link", lambda link: printable(f"{link.sender} → {link.receiver}"), left=True),
     Column("lost in\n3 s, %", lambda link: link.loss_ratio, ".0f", 100),
@@ -67,17 +72,17 @@ def show(
 ) -> bool:
     """Show the status every `every_s` seconds until the run ends, or once.
 
-    Returns whether there was one.
+    Returns whether the run has a status, which it lacks before its start.
     """
     first = read()
     if every_s is None or as_json or not console.is_terminal:
-        found = _print(first, console, as_json=as_json)
+        has_status = _print(first, console, as_json=as_json)
         while every_s is not None and not _wait(stop, every_s):
             try:
-                found |= _print(read(), console, as_json=as_json)
+                has_status |= _print(read(), console, as_json=as_json)
             except BusError:
-                return found
-        return found
+                return has_status
+        return has_status
     with Live(console=console, auto_refresh=False) as live:
         live.update(tables(first, MOST_ROWS), refresh=True)
         while not _wait(stop, every_s):
@@ -101,9 +106,9 @@ def _print(status: RunStatus | None, console: Console, *, as_json: bool) -> bool
 
 
 def tables(status: RunStatus | None, most: int | None = None) -> Group:
-    """Return tables of the vehicles and links of a run, of each all or the `most` worst."""
+    """Return tables of the vehicles and links of a run: all of them, or the `most` worst."""
     if status is None:
-        return Group("has not started yet")
+        return Group("the run has not started yet")
     shown = worst_rows(status.vehicles, _trouble, most)
     lossy = worst_rows(status.links, lambda link: link.loss_ratio or 0.0, most)
     title = f"{printable(status.run)}: {status.at_s:.1f} of {status.duration_s:.1f} s"
@@ -115,10 +120,10 @@ def tables(status: RunStatus | None, most: int | None = None) -> Group:
     return Group(vehicles, links)
 
 
-def _trouble(one: VehicleStatus) -> float:
-    """Rank of a vehicle: hazard lights first, then the true error."""
-    return (HAZARD_M if one.hazard else 0.0) + abs(one.true_error_m or 0.0)
+def _trouble(vehicle: VehicleStatus) -> float:
+    """Rank vehicles by hazard lights, then by true error."""
+    return (HAZARD_M if vehicle.hazard else 0.0) + abs(vehicle.true_error_m or 0.0)
 
 
-def _left_out(what: str, shown: int, there: int) -> str | None:
-    return f"the worst {shown} of {there} {what}" if shown < there else None
+def _left_out(name: str, shown: int, total: int) -> str | None:
+    return f"the worst {shown} of {total} {name}" if shown < total else None

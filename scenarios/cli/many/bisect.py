@@ -100,9 +100,9 @@ def bisect(
             files=(PICTURE, TWIN),
             identity=question.identity(),
         ) as engine:
-            found = boundary_of(question, engine)
-            write_answer(question, found, out)
-        print_answer(question, found, Console())
+            answer = boundary_of(question, engine)
+            write_answer(question, answer, out)
+        print_answer(question, answer, Console())
         click.echo(f"written: {out / PICTURE} and {out / TWIN}")
 
 
@@ -118,10 +118,10 @@ def _bounds_of(span: str) -> tuple[float, float]:
 
 
 COLUMNS: "Sequence[Column[SharePoint]]" = (
-    Column("runs", lambda one: one.runs),
-    Column("broken", lambda one: one.broken),
-    Column("share\n%", lambda one: one.share, ".0f", 100.0),
-    Column("interval\n%", lambda one: f"{100.0 * one.low:.0f} to {100.0 * one.high:.0f}"),
+    Column("runs", lambda point: point.runs),
+    Column("broken", lambda point: point.broken),
+    Column("share\n%", lambda point: point.share, ".0f", 100.0),
+    Column("interval\n%", lambda point: f"{100.0 * point.low:.0f} to {100.0 * point.high:.0f}"),
 )
 
 
@@ -129,8 +129,8 @@ def print_answer(
     question: "BoundaryQuestion", answer: "BoundaryAnswer", console: "Console"
 ) -> None:
     ends = {answer.low, answer.high}
-    columns = (Column(question.key, lambda one: one.value, "g"), *COLUMNS)
-    table = table_of(columns, answer.points, lambda one: "bold" if one.value in ends else None)
+    columns = (Column(question.key, lambda point: point.value, "g"), *COLUMNS)
+    table = table_of(columns, answer.points, lambda point: "bold" if point.value in ends else None)
     print_whole(table, console)
     for line in answer_lines(question, answer):
         console.print(line, highlight=False, markup=False, emoji=False, soft_wrap=True)
@@ -138,21 +138,23 @@ def print_answer(
 
 def answer_lines(question: "BoundaryQuestion", answer: "BoundaryAnswer") -> list[str]:
     half = 0.5 * (answer.high - answer.low)
-    wanted = f"{100.0 * question.share:g} %" if question.share else "one"
+    share = f"{100.0 * question.share:g} % of the runs" if question.share else "the first run"
     lines = [
-        f"{question.key} = {answer.boundary:g} ± {half:.2g}: there {wanted} of {question.seeds} "
-        f"runs begins to break {question.limit} ({answer.runs} runs)"
+        f"{question.key} = {answer.boundary:g} ± {half:.2g}: from here {share} of "
+        f"{question.seeds} seeds break {question.limit} ({answer.runs} runs simulated)"
     ]
     if question.share:
-        low = f"above {answer.sure_low:g}" if answer.sure_low is not None else "no lower end"
-        high = f"below {answer.sure_high:g}" if answer.sure_high is not None else "no upper end"
-        lines.append(f"of all seeds there are, at 95 %: {low}, {high}, of the values tried")
+        low = f"above {answer.sure_low:g}" if answer.sure_low is not None else "no lower bound"
+        high = f"below {answer.sure_high:g}" if answer.sure_high is not None else "no upper bound"
+        lines.append(f"for other seeds, 95 % confidence: {low}, {high}")
     if answer.crossings > 1:
-        lines.append(f"the share crosses it {answer.crossings} times: this is the first from below")
+        lines.append(
+            f"the share crosses {question.share:g} at {answer.crossings} values; this is the lowest"
+        )
     if answer.turning_seeds:
         count = len(answer.turning_seeds)
         lines.append(
-            f"{count} of {question.seeds} seeds are not monotone: they change more than once "
-            "between broken and held as the value grows"
+            f"{count} of {question.seeds} seeds are not monotone: they switch more than once "
+            "between broken and kept as the value grows"
         )
-    return lines + [f"{what}: {command}" for what, command in answer.commands.items()]
+    return lines + [f"{name}: {command}" for name, command in answer.commands.items()]

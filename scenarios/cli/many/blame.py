@@ -87,30 +87,30 @@ def blame(
             files=(report.PICTURE, report.TWIN, report.SMALLEST),
             identity=study.identity_of_blame(file, limit, ranked, most_runs),
         ) as engine:
-            found = study.blame(file, limit, ranked, engine, most_runs=most_runs)
-            written = report.write_report(found, out)
-        print_blame(found, Console())
-        if found.smallest is not None:
+            result = study.blame(file, limit, ranked, engine, most_runs=most_runs)
+            written = report.write_report(result, out)
+        print_blame(result, Console())
+        if result.smallest is not None:
             click.echo(f"\nbreak {limit} again: {report.command_of(out)}")
         click.echo(f"written: {', '.join(map(str, written))}")
 
 
-def print_blame(found: "Blame", console: "Console") -> None:
-    console.print(_opening(found), highlight=False)
-    console.print(table_of(COLUMNS, found.rows[:MOST_ROWS]))
-    if left := found.rows[MOST_ROWS:]:
+def print_blame(result: "Blame", console: "Console") -> None:
+    console.print(_opening(result), highlight=False)
+    console.print(table_of(COLUMNS, result.rows[:MOST_ROWS]))
+    if left := result.rows[MOST_ROWS:]:
         console.print(f"{len(left)} more rows are in the JSON file")
-    console.print(_ending(found), highlight=False)
+    console.print(_ending(result), highlight=False)
 
 
-def _opening(found: "Blame") -> str:
-    recorded, clean = found.recorded, found.clean
-    figure = "largest true error" if found.question.figure == "error" else "smallest true gap"
-    messages = sum(len(burst.messages) for burst in found.bursts)
+def _opening(result: "Blame") -> str:
+    recorded, clean = result.recorded, result.clean
+    figure = "largest true error" if result.question.figure == "error" else "smallest true gap"
+    messages = sum(len(burst.messages) for burst in result.bursts)
     return (
         f"{figure} {recorded.figure_m:.2f} m ({recorded.vehicle}, {recorded.worst_at / 1e9:.2f} s "
         f"after the start), without any loss {clean.figure_m:.2f} m; {messages} messages lost "
-        f"up to one second later, in {len(found.bursts)} burst{'s' * (len(found.bursts) > 1)}"
+        f"up to one second later, in {len(result.bursts)} burst{'s' * (len(result.bursts) > 1)}"
     )
 
 
@@ -139,21 +139,21 @@ COLUMNS: "Sequence[Column[Attribution]]" = (
 )
 
 
-def _ending(found: "Blame") -> str:
+def _ending(result: "Blame") -> str:
     from scenarios.studies.many.blame.losses import bursts_of
 
-    if found.smallest is None:
-        return f"{found.unshrunk} ({found.runs} runs, {found.seconds:.0f} s)"
+    if result.smallest is None:
+        return f"{result.unshrunk} ({result.runs} runs, {result.seconds:.0f} s)"
     bursts = ", ".join(
         "{} at {:.2f} to {:.2f} s".format(burst.line, *burst.span_s)
-        for burst in bursts_of(found.smallest.items)
+        for burst in bursts_of(result.smallest.items)
     )
     without = (
         "without any one of these messages the limit holds"
-        if found.smallest.is_minimal
+        if result.smallest.is_minimal
         else "not fully reduced, because --runs is used up"
     )
     return (
-        f"smallest set that breaks {found.question.limit}: {len(found.smallest.items)} messages "
-        f"({bursts}); {without} ({found.runs} runs, {found.seconds:.0f} s)"
+        f"smallest set that breaks {result.question.limit}: {len(result.smallest.items)} messages "
+        f"({bursts}); {without} ({result.runs} runs, {result.seconds:.0f} s)"
     )

@@ -93,9 +93,9 @@ def drill(
         refuse_existing(junit)
         chosen = range(1, seeds + 1) if seeds else ()
         variants = [
-            one
+            variant
             for name in dict.fromkeys(names or drills())
-            for one in drill_variants(name, overrides, chosen)
+            for variant in drill_variants(name, overrides, chosen)
         ]
         for first in {variant.name: variant for variant in reversed(variants)}.values():
             confirmed_lines(first.scenario, wall_clock=clock == "wall", confirmed=confirmed)
@@ -126,7 +126,7 @@ def _print_to_stderr(line: str) -> None:
 
 
 def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[DrillRun]":
-    """Run the drills with `convoy run`, one after the other, until one is stopped by a signal."""
+    """Run the drills in real time one after another, until a signal stops one."""
     import time
     from dataclasses import replace
 
@@ -142,14 +142,16 @@ def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[Dril
     if out is None:
         raise ScenarioError(["--out: missing, --clock wall needs a folder for the logs"])
     runs = []
-    for number, one in enumerate(variants, 1):
-        folder = out / f"{Path(one.name).stem}-{one.seed}"
-        _print_to_stderr(f"{number} of {len(variants)}: {one.name}, seed {one.seed}, into {folder}")
+    for number, variant in enumerate(variants, 1):
+        folder = out / f"{Path(variant.name).stem}-{variant.seed}"
+        _print_to_stderr(
+            f"{number} of {len(variants)}: {variant.name}, seed {variant.seed}, into {folder}"
+        )
         began = time.perf_counter()
         exit_code = run_scenario(
-            one.name,
-            one.overrides,
-            one.seed,
+            variant.name,
+            variant.overrides,
+            variant.seed,
             clock="wall",
             prepare_command=prepare_command,
             run_name=None,
@@ -159,13 +161,13 @@ def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[Dril
         )
         if exit_code not in {0, EXIT_FAILED}:
             sys.exit(exit_code)
-        run = drill_run(one, summary_of(folder / LOG_NAME), time.perf_counter() - began)
+        run = drill_run(variant, summary_of(folder / LOG_NAME), time.perf_counter() - began)
         runs.append(replace(run, command=run.command.removesuffix(" --clock virtual")))
     return runs
 
 
 def _columns(*, several_seeds: bool) -> "Sequence[Column[tuple[DrillRow, str]]]":
-    """Columns of limits; the name of a drill is in its first row only."""
+    """Columns of limits; only the first row of a drill has its name."""
     from rich.text import Text
 
     def vehicle(row: "tuple[DrillRow, str]") -> str:
@@ -193,7 +195,7 @@ def _percent(ratio: float | None) -> str | None:
 def print_drills(
     rows: "Sequence[DrillRow]", console: "Console", *, several_seeds: bool = False
 ) -> None:
-    """Print a row for each limit, then each broken limit and the command that repeats its run."""
+    """Print a row for each limit, then each broken limit with the command that repeats its run."""
     from rich.text import Text
 
     firsts = [k for k, row in enumerate(rows) if not k or rows[k - 1].drill != row.drill]

@@ -97,9 +97,9 @@ def risk(
             files=(TWIN,),
             identity=question.identity(),
         ) as engine:
-            found = risk_of(question, engine)
-            write_risk(question, found, out)
-        print_risk(question, found, Console())
+            estimate = risk_of(question, engine)
+            write_risk(question, estimate, out)
+        print_risk(question, estimate, Console())
         click.echo(f"written: {out / TWIN}")
 
 
@@ -119,25 +119,25 @@ COLUMNS: "Sequence[Column[tuple[RiskQuestion, Risk]]]" = (
 )
 
 
-def print_risk(question: "RiskQuestion", found: "Risk", console: "Console") -> None:
-    console.print(table_of(COLUMNS, [(question, found)]))
-    for line in remarks(question, found):
+def print_risk(question: "RiskQuestion", estimate: "Risk", console: "Console") -> None:
+    console.print(table_of(COLUMNS, [(question, estimate)]))
+    for line in remarks(question, estimate):
         console.print(line, highlight=False, markup=False, emoji=False, soft_wrap=True)
 
 
-def remarks(question: "RiskQuestion", found: "Risk") -> list[str]:
+def remarks(question: "RiskQuestion", estimate: "Risk") -> list[str]:
     from scenarios.studies.many.risk import NO_COMMAND, command_of
 
-    if found.method == "counting":
-        command = command_of(question, found)
-        return [f"the first that broke it: {command}"] if command else ["no run broke it"]
-    extinct = sum(one.extinct for one in found.repetitions)
-    lines = [f"interval: {found.interval}"]
+    if estimate.method == "counting":
+        command = command_of(question, estimate)
+        return [f"first run that broke it: {command}"] if command else ["no run broke it"]
+    extinct = sum(repetition.extinct for repetition in estimate.repetitions)
+    lines = [f"interval: {estimate.interval}"]
     if extinct:
         lines.append(
-            f"{extinct} of {len(found.repetitions)} repetitions ended with all runs equally near "
-            "the limit, and count as 0: more --paths, or another --measure, may help"
+            f"{extinct} of {len(estimate.repetitions)} repetitions ended with all runs equally "
+            "near the limit and count as 0; try more --paths or another --measure"
         )
-    if not found.probability:
-        lines.append("none came to the limit: the interval says nothing of how rare it is")
-    return [*lines, NO_COMMAND] if found.probability else lines
+    if not estimate.probability:
+        lines.append("no run reached the limit: the interval does not bound the probability")
+    return [*lines, NO_COMMAND] if estimate.probability else lines

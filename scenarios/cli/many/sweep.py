@@ -179,8 +179,10 @@ def _share_columns(number: int) -> "list[Column[SweptCell]]":
     """Share of runs that broke the limit with this number, and its interval."""
 
     def interval(cell: "SweptCell") -> str | None:
-        one = cell.limits[number]
-        return None if one.ratio is None else f"{100.0 * one.low:.0f} to {100.0 * one.high:.0f}"
+        share = cell.limits[number]
+        if share.ratio is None:
+            return None
+        return f"{100.0 * share.low:.0f} to {100.0 * share.high:.0f}"
 
     return [
         Column("limit\nbroken\n%", lambda cell: cell.limits[number].ratio, ".0f", 100.0),

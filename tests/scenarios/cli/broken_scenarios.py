@@ -1,4 +1,4 @@
-"""Scenario files broken at random: one thing is wrong with each."""
+"""Scenario files with one random fault each."""
 
 from collections.abc import Callable, Iterator, Sequence
 from copy import deepcopy
@@ -10,7 +10,7 @@ import tomli_w
 from tests.made.scenarios.drawn_scenarios import DrawnScenario, Raw
 
 Text = tuple[bytes, Sequence[str]]
-"""A scenario's file, and what is given beside it on the command line."""
+"""A scenario file, and further arguments of the command."""
 
 ODD_VALUES: Sequence[object] = (
     *(float("nan"), float("inf"), float("-inf"), -1e308, 1e308, 5e-324, -1, 0, 2**63, 10**400),
@@ -81,7 +81,7 @@ ODD_TRACES = (
 
 
 def broken(chance: Random, drawn: DrawnScenario) -> Text:
-    """Break a scenario in one way; returns its file and the arguments beside it."""
+    """Break a scenario; returns its file and further arguments."""
     whole = merged(drawn)
     ways: list[Callable[[Random, Raw], Text]] = [
         odd_value, odd_value, odd_value, odd_key, too_deep, cut_off, recoded, odd_trace, odd_points
@@ -94,7 +94,7 @@ def broken(chance: Random, drawn: DrawnScenario) -> Text:
 
 
 def merged(drawn: DrawnScenario) -> Raw:
-    """Return all that a scenario says but its overrides, as one table that may be changed."""
+    """Return a scenario without its overrides as one mutable table."""
     tables = deepcopy(drawn.tables)
     tables.pop("extends", None)
     tables.setdefault("name", "drawn")
@@ -103,7 +103,7 @@ def merged(drawn: DrawnScenario) -> Raw:
 
 
 def places(tables: Raw) -> Iterator[tuple[Any, Any]]:
-    """Give each table or list in a scenario with each of its keys."""
+    """Yield each table or list of a scenario with each of its keys."""
     stack: list[Any] = [tables]
     while stack:
         here = stack.pop()
@@ -114,21 +114,21 @@ def places(tables: Raw) -> Iterator[tuple[Any, Any]]:
 
 
 def odd_value(chance: Random, tables: Raw) -> Text:
-    """Put something where it does not belong."""
+    """Replace a value by an invalid one."""
     here, key = chance.choice(list(places(tables)))
     here[key] = chance.choice(ODD_VALUES)
     return written(tables), []
 
 
 def odd_key(chance: Random, tables: Raw) -> Text:
-    """Add a key that no table has."""
+    """Add an unknown key."""
     held = [tables, *(here[key] for here, key in places(tables) if isinstance(here[key], dict))]
     chance.choice(held)[chance.choice(ODD_KEYS)] = chance.choice(ODD_VALUES)
     return written(tables), []
 
 
 def too_deep(chance: Random, tables: Raw) -> Text:
-    """Nest tables or lists in one another."""
+    """Nest tables or lists deeply."""
     depth = chance.choice([21, 100, 5000])
     here, key = chance.choice(list(places(tables)))
     here[key] = 7
@@ -137,14 +137,14 @@ def too_deep(chance: Random, tables: Raw) -> Text:
 
 
 def cut_off(chance: Random, tables: Raw) -> Text:
-    """Leave out the end, or a byte."""
+    """Cut off the end, or delete a byte."""
     whole = written(tables)
     at = chance.randrange(len(whole))
     return (whole[:at] if chance.random() < 0.5 else whole[:at] + whole[at + 1 :]), []
 
 
 def recoded(chance: Random, tables: Raw) -> Text:
-    """Write it in another encoding, or with wrong bytes."""
+    """Use another encoding, or invalid bytes."""
     whole = b"description = 'caf\xc3\xa9'\n" + written(tables)
     text = whole.decode()
     at = chance.randrange(len(whole))
@@ -160,14 +160,14 @@ def recoded(chance: Random, tables: Raw) -> Text:
 
 
 def odd_trace(chance: Random, tables: Raw) -> Text:
-    """Follow a file that is no drive, or is not there."""
+    """Name a trace that is missing or invalid."""
     named = ["nobody.csv", ".", "/dev/null", "a\0b", "a" * 5000, "\x1b[31m", "", "odd.csv"]
     tables["path"] = {"kind": "trace", "file": chance.choice([*named, *["odd.csv"] * 12])}
     return written(tables), []
 
 
 def odd_points(chance: Random, tables: Raw) -> Text:
-    """Follow points that make no path."""
+    """Use points that form no path."""
     count = chance.choice([0, 1, 2, 3, 50])
     east = [chance.choice([0.0, 1.0, 1e9, 1e300, chance.uniform(0, 100)]) for _ in range(count)]
     more: Raw = chance.choice(
@@ -185,5 +185,5 @@ def odd_points(chance: Random, tables: Raw) -> Text:
 
 
 def written(tables: Raw) -> bytes:
-    """Write tables as TOML, with numbers that it has no end for."""
+    """Write tables as TOML, with infinite numbers."""
     return tomli_w.dumps(tables).encode()

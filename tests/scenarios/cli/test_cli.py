@@ -34,7 +34,7 @@ README = Path(__file__).parents[3] / "README.md"
 
 @pytest.fixture(autouse=True)
 def own_signals() -> Iterator[None]:
-    """Commands set signal handlers; the test run keeps its own."""
+    """Restore the signal handlers of the test run."""
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     yield
     for number, handler in before.items():
@@ -81,7 +81,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def examples(help_text: str) -> list[str]:
-    """Command lines of a help text, without what is said of them."""
+    """Command lines of a help text, without their comments."""
     line = r"^\s*(?:Example:)?\s+convoy (.*?)(?:\s{3,}.*| > .*)?$"
     found = re.findall(line, help_text, re.MULTILINE)
     return [line for line in found if line]
@@ -96,7 +96,7 @@ def test_help_lists_every_command_with_examples() -> None:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_the_help_of_every_command_has_examples_that_it_understands(command: str) -> None:
+def test_examples_in_help_parse(command: str) -> None:
     result = convoy(command, "--help")
     assert result.exit_code == 0
     shown = [line for line in examples(result.stdout) if line.split()[0] == command]
@@ -108,7 +108,7 @@ def test_the_help_of_every_command_has_examples_that_it_understands(command: str
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_every_option_is_explained(command: str) -> None:
+def test_every_option_has_a_help_text(command: str) -> None:
     for parameter in cli.commands[command].params:
         if isinstance(parameter, click.Option):
             assert parameter.help, parameter.name
@@ -120,7 +120,7 @@ def test_the_version_is_that_of_the_distribution() -> None:
     assert re.search(r"\b\d+\.\d+\.\d+\b", result.stdout)
 
 
-def test_help_of_a_process_comes_without_loading_what_is_not_needed() -> None:
+def test_help_imports_no_slow_packages() -> None:
     code = "import scenarios.cli, sys; print(*sys.modules)"
     loaded = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
@@ -133,7 +133,7 @@ def test_help_of_a_process_comes_without_loading_what_is_not_needed() -> None:
 # ---- list, new, check
 
 
-def test_vehicles_are_forked_before_what_a_recorder_needs_is_loaded() -> None:
+def test_modules_of_the_recorder_are_imported_after_the_fork() -> None:
     code = (
         "from scenarios.cli.running.commands import prepare_command\n"
         "from scenarios.cli.running.launching import load_scenario, warnings\n"
@@ -151,7 +151,7 @@ def test_vehicles_are_forked_before_what_a_recorder_needs_is_loaded() -> None:
     assert not [name for name in loaded if name.startswith("scenarios.results.metrics")]
 
 
-def test_a_run_in_virtual_time_loads_no_bus_and_no_theory() -> None:
+def test_a_virtual_run_imports_no_bus_and_no_theory() -> None:
     code = (
         "import scenarios.cli.running.launching, scenarios.cli.running.virtual_run\n"
         "import sys; print(*sys.modules)"
@@ -161,7 +161,7 @@ def test_a_run_in_virtual_time_loads_no_bus_and_no_theory() -> None:
     assert not unneeded & {*done.stdout.split()}
 
 
-def test_list_names_the_scenarios_that_ship() -> None:
+def test_list_names_shipped_scenarios() -> None:
     result = convoy("list")
     assert result.exit_code == 0
     scenarios, channels, failures = (part.splitlines() for part in result.stdout.split("\n\n"))
@@ -216,7 +216,7 @@ def test_new_into_no_folder_is_refused(tmp_path: Path) -> None:
     assert refused(convoy("new", file)) == f"{file}: no such file or directory"
 
 
-def test_check_tells_what_a_scenario_asks_for(tmp_path: Path) -> None:
+def test_check_prints_the_settings(tmp_path: Path) -> None:
     before = sorted(tmp_path.iterdir())
     result = convoy("check", "lane_change", "--set", "convoy.gap_m=7", "--set", "duration_s=30")
     assert result.exit_code == 0
@@ -270,12 +270,14 @@ def test_a_broken_scenario_is_refused_in_one_line(
         (["--speed", "1e300"], "--speed: given 1e+300, allowed 2 to 100 m/s"),
     ],
 )
-def test_gains_that_no_law_has_are_refused(arguments: list[str], line: str, tmp_path: Path) -> None:
+def test_gains_and_speeds_out_of_range_are_refused(
+    arguments: list[str], line: str, tmp_path: Path
+) -> None:
     assert refused(convoy("gains", *arguments, "--out", tmp_path / "gains")) == line
     assert not (tmp_path / "gains").exists()
 
 
-def test_the_mode_of_a_router_is_not_to_be_chosen() -> None:
+def test_a_router_has_no_other_mode() -> None:
     line = refused(convoy("router", "-m", "client"))
     assert line == "--mode client: given for the router, whose mode is router"
 
@@ -285,19 +287,19 @@ def test_the_mode_of_a_router_is_not_to_be_chosen() -> None:
     ["a = " + "[" * 5000 + "]" * 5000, ".".join("a" * 3000) + " = 1", "a = [[[" * 40 + "]]]" * 40],
     ids=["list", "table", "broken"],
 )
-def test_what_is_nested_too_deeply_is_refused(text: str, tmp_path: Path) -> None:
+def test_deeply_nested_toml_is_refused(text: str, tmp_path: Path) -> None:
     file = tmp_path / "deep.toml"
     file.write_text(text, encoding="utf-8")
     assert refused(convoy("check", file)).startswith(f"{file}: not valid TOML: ")
     assert "--set" in refused(convoy("check", "--set", text.replace(" ", "")))
 
 
-def test_a_file_without_end_is_refused_at_once() -> None:
+def test_an_endless_file_is_refused_at_once() -> None:
     assert refused(convoy("check", "/dev/zero")) == "/dev/zero: not a file"
     assert refused(convoy("report", "/dev/zero")).startswith("/dev/zero: ")
 
 
-def test_another_file_than_a_log_is_refused_with_what_is_expected() -> None:
+def test_a_file_that_is_no_log_is_refused_with_the_expected_one() -> None:
     assert "run.mcap" in refused(convoy("report", README))
 
 
@@ -336,7 +338,7 @@ def test_a_vehicle_that_is_not_in_the_scenario_is_refused() -> None:
 
 
 @pytest.mark.parametrize("option", ["telepathy", "save", "connect="])
-def test_a_viewer_that_there_is_not_is_refused_before_anything_is_written(
+def test_an_unknown_viewer_is_refused_before_anything_is_written(
     option: str, tmp_path: Path
 ) -> None:
     out = tmp_path / "run"
@@ -370,7 +372,7 @@ def test_a_viewer_without_a_display_is_refused_before_anything_is_started(
         (["reproduce"], ("scipy",), "studies"),
     ],
 )
-def test_what_is_not_installed_is_named_before_anything_starts(
+def test_a_missing_extra_is_named_before_the_start(
     arguments: list[str],
     missing: tuple[str, ...],
     extra: str,
@@ -386,7 +388,7 @@ def test_what_is_not_installed_is_named_before_anything_starts(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_without_scipy_check_says_that_it_knows_nothing_of_the_certificate(
+def test_without_scipy_check_warns_of_the_missing_certificate(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(sys.modules, "scipy", None)
@@ -400,7 +402,7 @@ def test_without_scipy_check_says_that_it_knows_nothing_of_the_certificate(
     ("content", "why"),
     [(None, "no such file"), (b"", "empty"), (b"rubbish" * 100, "not an MCAP log")],
 )
-def test_a_log_that_is_none_is_refused_in_one_line(
+def test_an_invalid_log_is_refused_in_one_line(
     command: str, content: bytes | None, why: str, tmp_path: Path
 ) -> None:
     log = tmp_path / "run.mcap"
@@ -409,7 +411,7 @@ def test_a_log_that_is_none_is_refused_in_one_line(
     assert why in refused(convoy(command, log)).lower().replace("mcap", "MCAP")
 
 
-def test_as_a_process_it_refuses_with_one_line_and_exit_code_2(tmp_path: Path) -> None:
+def test_a_process_refuses_with_one_line_per_problem(tmp_path: Path) -> None:
     broken = tmp_path / "broken.toml"
     broken.write_text('name = "broken"\nduration_s = -3\n[path]\nkind = "loop"\n', encoding="utf-8")
     ended = process("run", broken, "--out", tmp_path / "run")
@@ -420,7 +422,7 @@ def test_as_a_process_it_refuses_with_one_line_and_exit_code_2(tmp_path: Path) -
     assert not (tmp_path / "run").exists()
 
 
-def test_an_option_that_there_is_not_is_a_matter_of_usage() -> None:
+def test_an_unknown_option_is_a_usage_error() -> None:
     line = refused(convoy("run", "--fast"))
     assert line.startswith("--fast: ")
     assert "convoy run --help" in line
@@ -455,7 +457,7 @@ def test_a_log_is_never_overwritten(finished: Path) -> None:
     assert log.read_bytes() == before
 
 
-def test_without_a_folder_it_is_named_by_start_scenario_and_overrides(
+def test_the_default_folder_has_start_scenario_and_overrides(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -464,7 +466,7 @@ def test_without_a_folder_it_is_named_by_start_scenario_and_overrides(
     assert re.fullmatch(r"\d{8}-\d{6}-lane_change-duration_s=2-seed=7", folder.name)
 
 
-def test_quiet_is_quiet(tmp_path: Path) -> None:
+def test_a_quiet_run_prints_nothing(tmp_path: Path) -> None:
     result = convoy("run", *SHORT, "--quiet", "--out", tmp_path / "run")
     assert (result.exit_code, result.stdout, result.stderr) == (0, "", "")
 
@@ -479,7 +481,7 @@ def test_another_process_writes_the_same_bytes(finished: Path, tmp_path: Path) -
         assert (tmp_path / name).read_bytes() == (finished / name).read_bytes()
 
 
-def test_ctrl_c_ends_a_run_with_a_whole_log(tmp_path: Path) -> None:
+def test_ctrl_c_ends_a_run_with_a_complete_log(tmp_path: Path) -> None:
     out = tmp_path / "run"
     arguments = ["lane_change", "--clock", "virtual", "--out", str(out), "--quiet"]
     running = subprocess.Popen(
@@ -529,10 +531,8 @@ def test_a_log_alone_is_enough(finished: Path, tmp_path: Path) -> None:
     assert convoy("report", copy, "--json").stdout == (finished / "summary.json").read_text()
 
 
-def test_a_log_that_breaks_off_is_reported_as_far_as_it_goes(
-    finished: Path, tmp_path: Path
-) -> None:
-    """Its recorder is killed after the first second, in which it brought all to the file."""
+def test_an_incomplete_log_is_reported(finished: Path, tmp_path: Path) -> None:
+    """The recorder is killed after the first second."""
     scenario = load_scenario("lane_change", ["duration_s=2"])
     run = RunLog(scenario, tmp_path, clock="wall", run_id="killed")
     run.start(scenario.start_at_ns, scenario.start_at_ns)
@@ -551,7 +551,7 @@ def test_a_log_that_breaks_off_is_reported_as_far_as_it_goes(
 
 
 @pytest.mark.campaign(10, 300)
-def test_wherever_a_log_is_cut_it_is_reported_or_refused_in_one_line(
+def test_a_cut_log_is_reported_or_refused_in_one_line(
     finished: Path, tmp_path: Path, campaign: int
 ) -> None:
     whole = (finished / "run.mcap").read_bytes()
@@ -569,7 +569,7 @@ def test_wherever_a_log_is_cut_it_is_reported_or_refused_in_one_line(
 
 
 def with_a_bit_flipped(log: Path, folder: Path, chunk: int = 1) -> Path:
-    """Copy a log with one wrong bit in the packed messages of a chunk."""
+    """Copy a log with one flipped bit in the messages of a chunk."""
     content = bytearray(log.read_bytes())
     at = -1
     for _ in range(chunk):
@@ -580,9 +580,7 @@ def with_a_bit_flipped(log: Path, folder: Path, chunk: int = 1) -> Path:
     return damaged
 
 
-def test_of_a_damaged_log_the_rest_is_reported_with_a_warning(
-    finished: Path, tmp_path: Path
-) -> None:
+def test_a_damaged_log_is_reported_with_a_warning(finished: Path, tmp_path: Path) -> None:
     log = with_a_bit_flipped(finished / "run.mcap", tmp_path)
     result = convoy("report", log, "--json")
     assert result.exit_code == 0
@@ -592,7 +590,7 @@ def test_of_a_damaged_log_the_rest_is_reported_with_a_warning(
 
 
 @pytest.mark.campaign(10, 500)
-def test_wherever_bits_are_flipped_a_log_is_reported_or_refused_in_one_line(
+def test_a_log_with_flipped_bits_is_reported_or_refused_in_one_line(
     finished: Path, tmp_path: Path, campaign: int
 ) -> None:
     whole = (finished / "run.mcap").read_bytes()
@@ -611,7 +609,7 @@ def test_wherever_bits_are_flipped_a_log_is_reported_or_refused_in_one_line(
 
 
 @pytest.mark.parametrize("command", ["report", "review"])
-def test_the_folder_of_a_run_stands_for_its_log(
+def test_a_command_accepts_the_folder_of_a_log(
     command: str, finished: Path, tmp_path: Path
 ) -> None:
     options = [] if command == "report" else ["--rerun", f"save={tmp_path / 'run.rrd'}"]
@@ -622,9 +620,7 @@ def test_the_folder_of_a_run_stands_for_its_log(
     assert line.startswith(f"{tmp_path / 'run.mcap'}: ")
 
 
-def test_a_damaged_log_is_reviewed_and_followed_as_far_as_it_can_be_read(
-    finished: Path, tmp_path: Path
-) -> None:
+def test_a_damaged_log_is_reviewed_with_a_warning(finished: Path, tmp_path: Path) -> None:
     whole = finished / "run.mcap"
     log = with_a_bit_flipped(whole, tmp_path)
     result = convoy("review", log, "--rerun", f"save={tmp_path / 'run.rrd'}")
@@ -633,7 +629,7 @@ def test_a_damaged_log_is_reviewed_and_followed_as_far_as_it_can_be_read(
 
 
 @pytest.mark.parametrize("command", ["review", "run", "record"])
-def test_a_picture_does_not_overwrite_what_is_no_recording(
+def test_a_recording_does_not_overwrite_another_file(
     command: str, finished: Path, tmp_path: Path
 ) -> None:
     precious = tmp_path / "my.toml"
@@ -653,7 +649,7 @@ def test_a_review_does_not_overwrite_its_log(finished: Path) -> None:
     assert log.read_bytes() == before
 
 
-def test_a_picture_cannot_go_where_the_log_goes(tmp_path: Path) -> None:
+def test_a_recording_cannot_replace_the_log(tmp_path: Path) -> None:
     out = tmp_path / "run"
     line = refused(convoy("run", *SHORT, "--out", out, "--rerun", f"save={out / 'run.mcap'}"))
     assert "the run writes this file itself" in line
@@ -661,7 +657,7 @@ def test_a_picture_cannot_go_where_the_log_goes(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["gains.json", "propagation.png"])
-def test_gains_does_not_overwrite_what_it_did_not_write(name: str, tmp_path: Path) -> None:
+def test_gains_does_not_overwrite_other_files(name: str, tmp_path: Path) -> None:
     (tmp_path / name).write_text('{"precious": true}', encoding="utf-8")
     line = refused(convoy("gains", "--speed", "20", "--out", tmp_path))
     assert line.startswith(f"{tmp_path / name}: exists")
@@ -690,7 +686,7 @@ cli(sys.argv[1:])
 """
 
 
-def test_on_a_full_disk_a_run_fails_with_a_line_a_summary_and_a_log(tmp_path: Path) -> None:
+def test_a_run_on_a_full_disk_fails_with_a_line_and_a_log(tmp_path: Path) -> None:
     out = tmp_path / "run"
     ended = subprocess.run(
         [sys.executable, "-c", FULL, "run", "lane_change", "--clock=virtual", f"--out={out}",
@@ -709,7 +705,7 @@ def test_on_a_full_disk_a_run_fails_with_a_line_a_summary_and_a_log(tmp_path: Pa
     assert log.counts["v1", "truth"] > 100
 
 
-def test_a_folder_that_cannot_be_made_is_refused(tmp_path: Path) -> None:
+def test_an_impossible_folder_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     out = tmp_path / "file" / "run"
     assert refused(convoy("run", *SHORT, "--out", out)).startswith(str(tmp_path / "file"))
@@ -717,7 +713,7 @@ def test_a_folder_that_cannot_be_made_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("number", [errno.EACCES, errno.ENOSPC, errno.EROFS])
 @pytest.mark.parametrize("clock", ["wall", "virtual"])
-def test_a_place_that_cannot_be_written_to_is_no_bad_input_but_a_failed_run(
+def test_an_unwritable_place_is_a_failed_run(
     number: int, clock: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(**_: object) -> object:

@@ -1,4 +1,4 @@
-"""Standard output and error that are closed, full or not UTF-8: the run happens all the same."""
+"""Commands with a standard output that is closed, full or not UTF-8."""
 
 import os
 import subprocess
@@ -17,7 +17,7 @@ SOON_S = 120.0
 
 
 def shell(line: str, **environment: str) -> "subprocess.CompletedProcess[bytes]":
-    """Run a line of shell; what its redirections leave must hold no traceback."""
+    """Run a shell command; its output must hold no traceback."""
     done = subprocess.run(
         ["/bin/bash", "-c", f"set -o pipefail; {line}"],
         env={**os.environ, **environment},
@@ -31,7 +31,7 @@ def shell(line: str, **environment: str) -> "subprocess.CompletedProcess[bytes]"
 
 @pytest.fixture(scope="module")
 def expected(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """Bytes of the log of a run whose output is in order."""
+    """Log of a run with normal output."""
     folder = tmp_path_factory.mktemp("expected")
     assert shell(f"{CONVOY} {SHORT} --clock virtual --out {folder}/run").returncode == 0
     return (folder / "run" / LOG_NAME).read_bytes()
@@ -42,7 +42,7 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     ("redirection", "code"),
     [(">&-", 0), ("2>&-", 0), ("<&- >&- 2>&-", 0), (">/dev/full", EXIT_FAILED)],
 )
-def test_a_virtual_run_writes_the_same_log_whatever_its_output_is(
+def test_the_log_of_a_virtual_run_does_not_depend_on_its_output(
     tmp_path: Path, redirection: str, code: int, expected: bytes
 ) -> None:
     done = shell(f"{CONVOY} {SHORT} --clock virtual --out {tmp_path}/run {redirection}")
@@ -54,7 +54,7 @@ def test_a_virtual_run_writes_the_same_log_whatever_its_output_is(
 @pytest.mark.parametrize(
     ("redirection", "code"), [("<&- >&- 2>&-", 0), (">/dev/full 2>/dev/full", EXIT_FAILED)]
 )
-def test_a_convoy_of_processes_is_complete_whatever_its_output_is(
+def test_a_real_time_run_is_complete_with_any_output(
     tmp_path: Path, redirection: str, code: int
 ) -> None:
     done = shell(f"{CONVOY} {SHORT} --out {tmp_path}/run {redirection}")
@@ -63,7 +63,7 @@ def test_a_convoy_of_processes_is_complete_whatever_its_output_is(
     assert (tmp_path / "run" / SUMMARY_NAME).exists()
 
 
-def test_letters_that_an_encoding_lacks_are_replaced(tmp_path: Path) -> None:
+def test_missing_characters_of_an_encoding_are_replaced(tmp_path: Path) -> None:
     done = shell(
         f"{CONVOY} {SHORT} --clock virtual --out {tmp_path}/run", PYTHONIOENCODING="latin-1"
     )
@@ -78,14 +78,14 @@ PRINTING = ("list", "check --explain", "reference links", "new", "channel show b
 @pytest.mark.parametrize(
     ("redirection", "code"), [("| head -1", 0), ("2>/dev/full", 0), (">/dev/full", EXIT_FAILED)]
 )
-def test_a_command_that_only_prints_fails_only_where_its_output_is_lost(
+def test_a_printing_command_fails_only_if_its_output_is_lost(
     command: str, redirection: str, code: int
 ) -> None:
     assert shell(f"{CONVOY} {command} {redirection}").returncode == code
 
 
 @pytest.mark.parametrize("redirection", [">&-", "2>&-", "<&- >&- 2>&-", ">/dev/full 2>/dev/full"])
-def test_a_refusal_keeps_its_exit_code_whatever_its_output_is(redirection: str) -> None:
+def test_a_refusal_keeps_its_exit_code_with_any_output(redirection: str) -> None:
     assert shell(f"{CONVOY} report nowhere {redirection}").returncode == EXIT_BAD_INPUT
     assert shell(f"{CONVOY} run --loss 3 {redirection}").returncode == EXIT_BAD_INPUT
 

@@ -1,4 +1,4 @@
-"""Scenarios drawn at random are run to their end or refused in clear lines, and told truthfully.
+"""Random scenarios run to their end or are refused in lines, and are reported correctly.
 
 `pytest --campaign` draws some hundred of each kind.
 """
@@ -30,7 +30,7 @@ from vehicles.schedule import MILLISECOND
 from vehicles.theory.sampled_loop import SampledLoop, sampled_stability
 
 TWICE = 6
-"""Each so many-th scenario is run twice."""
+"""Interval of the scenarios that run twice."""
 COUNTED = {
     "collisions_max": "collision",
     "lane_departures_max": "lane_departure",
@@ -40,8 +40,8 @@ COUNTED = {
 
 
 @pytest.fixture(scope="module", autouse=True)
-def remedies_are_sought_at_one_rate(request: pytest.FixtureRequest) -> Iterator[None]:
-    """All rates take seconds of a car whose loop is far off: once, and with `--campaign` only."""
+def search_remedies_at_one_rate(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Trying all rates takes seconds: do so in one case, and with `--campaign`."""
 
     def at_the_highest(
         loop_at: Callable[[float], SampledLoop], speed: float, most: int
@@ -56,7 +56,7 @@ def remedies_are_sought_at_one_rate(request: pytest.FixtureRequest) -> Iterator[
 
 
 def convoy(*arguments: str | Path) -> Result:
-    """Run a command in this process; it may fail, but only in words."""
+    """Run a command in this process; it must not raise."""
     result = CliRunner().invoke(cli, list(map(str, arguments)))
     assert result.exception is None or isinstance(result.exception, SystemExit), result.exc_info
     assert result.exit_code in {0, 1, 2}
@@ -66,7 +66,7 @@ def convoy(*arguments: str | Path) -> Result:
 
 
 def strict(text: str) -> Any:
-    """Read JSON without the numbers that only Python knows."""
+    """Read JSON without NaN and infinity."""
 
     def refuse(word: str) -> None:
         raise AssertionError(word)
@@ -80,7 +80,7 @@ def run(file: Path, drawn: DrawnScenario, folder: Path) -> Result:
 
 
 @pytest.mark.campaign(12, 300)
-def test_a_drawn_scenario_is_run_and_told_truthfully(case: int, tmp_path: Path) -> None:
+def test_a_random_scenario_is_run_and_reported_correctly(case: int, tmp_path: Path) -> None:
     drawn = drawn_scenario(Random(case))
     file = drawn.write(tmp_path)
     checked = convoy("check", file, *drawn.settings, "--json")
@@ -108,8 +108,7 @@ def test_a_drawn_scenario_is_run_and_told_truthfully(case: int, tmp_path: Path) 
         assert (tmp_path / "again" / "run.mcap").read_bytes() == log.path.read_bytes()
 
 
-def test_most_of_what_is_drawn_can_be_run(tmp_path: Path) -> None:
-    """Whether it can is what loading says, and the test above that it says the same."""
+def test_most_random_scenarios_can_run(tmp_path: Path) -> None:
     count, refused = 24, 0
     for drawn in map(drawn_scenario, map(Random, range(count))):
         try:
@@ -120,12 +119,14 @@ def test_most_of_what_is_drawn_can_be_run(tmp_path: Path) -> None:
 
 
 def assert_refused(result: Result, folder: Path) -> None:
-    """Each line names where something is wrong, and there is nothing else."""
+    """Each line names the place of a problem, and nothing is written."""
     assert result.exit_code == 2
     assert result.stdout == ""
     lines = result.stderr.splitlines()
     assert lines
-    for line in lines:
+    for error in lines:
+        assert error.startswith("error: ")
+        line = error.removeprefix("error: ")
         assert line.startswith((str(folder), "--set", "drawn.toml", "base.toml", "broken.toml")), (
             line
         )
@@ -133,7 +134,7 @@ def assert_refused(result: Result, folder: Path) -> None:
 
 
 def assert_accounted(scenario: Scenario, summary: Any, messages: list[Message]) -> None:
-    """What was sent on a link was delivered, dropped for a reason, refused, or is on its way."""
+    """Each message was delivered, dropped for a reason, refused, or is in transit."""
     sent: defaultdict[str, dict[int, GpsPose]] = defaultdict(dict)
     judged: defaultdict[tuple[str, str], dict[int, LinkVerdict]] = defaultdict(dict)
     last: dict[str, int] = {}
@@ -168,22 +169,22 @@ def assert_accounted(scenario: Scenario, summary: Any, messages: list[Message]) 
 
 
 def latest(scenario: Scenario, pair: tuple[str, str], sent: dict[int, GpsPose]) -> dict[int, int]:
-    """When (ns) the fate of each message is known at the latest, by its number.
+    """Latest time (ns) at which the fate of each message is known, by its number.
 
     Where and whether others were lost does not matter: they are all taken to have come, in line
     with a queue that is full.
     """
-    asked, rate_hz = scenario.links[pair], scenario.vehicle(pair[0]).gnss.rate
-    link = link_of(asked, *pair, seed=scenario.seed, rate_hz=rate_hz)
-    further_ms = asked.content.reorder_delay_ms if asked.content else 0.0
-    if asked.queue is not None:
+    table, rate_hz = scenario.links[pair], scenario.vehicle(pair[0]).gnss.rate
+    link = link_of(table, *pair, seed=scenario.seed, rate_hz=rate_hz)
+    further_ms = table.content.reorder_delay_ms if table.content else 0.0
+    if table.queue is not None:
         longest = max((len(encode(one)) for one in sent.values()), default=0)
-        waiting = min(asked.queue.depth_messages, len(sent)) + 2
-        further_ms += 1000.0 * waiting * longest / asked.queue.bytes_per_s
+        waiting = min(table.queue.depth_messages, len(sent)) + 2
+        further_ms += 1000.0 * waiting * longest / table.queue.bytes_per_s
     found, before = {}, 0
     for seq, pose in sorted(sent.items()):
         own = link.judge(TransmissionContext(seq, pose.sent_at_ns)).visible_at
-        before = max(before, own) if asked.delay and asked.delay.order == "in_order" else own
+        before = max(before, own) if table.delay and table.delay.order == "in_order" else own
         found[seq] = before + round(further_ms * MILLISECOND)
     return found
 
@@ -221,7 +222,7 @@ def assert_events(scenario: Scenario, summary: Any, messages: list[Message]) -> 
 
 
 @pytest.mark.campaign(30, 1000)
-def test_a_broken_scenario_is_refused_in_words(case: int, tmp_path: Path) -> None:
+def test_a_broken_scenario_is_refused_in_lines(case: int, tmp_path: Path) -> None:
     chance = Random(case)
     content, settings = broken(chance, drawn_scenario(chance))
     file = tmp_path / "broken.toml"

@@ -25,7 +25,7 @@ def convoy(*arguments: str | Path) -> Result:
     return CliRunner().invoke(cli, [*map(str, arguments)], env={"COLUMNS": "80"})
 
 
-def said(*arguments: str | Path) -> str:
+def printed(*arguments: str | Path) -> str:
     result = convoy(*arguments)
     assert result.exit_code == 0, (result.output, result.exception)
     return result.stdout
@@ -54,12 +54,12 @@ def bursty(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("name", ["show", "fit"])
-def test_help_has_examples_that_are_understood(name: str) -> None:
+def test_examples_in_help_parse(name: str) -> None:
     group = cli.commands["channel"]
     assert isinstance(group, click.Group)
     command = group.commands[name]
     shown = re.findall(
-        rf"^ +convoy channel {name} (.*)", said("channel", name, "--help"), re.MULTILINE
+        rf"^ +convoy channel {name} (.*)", printed("channel", name, "--help"), re.MULTILINE
     )
     assert shown
     for line in shown:
@@ -75,7 +75,7 @@ def test_help_has_examples_that_are_understood(name: str) -> None:
 @pytest.mark.spread(5)
 @pytest.mark.parametrize("name", presets())
 def test_a_channel_is_shown_on_a_terminal(name: str) -> None:
-    lines = said("channel", "show", name, *QUICK).splitlines()
+    lines = printed("channel", "show", name, *QUICK).splitlines()
     assert max(map(len, lines)) <= 80
     text = "\n".join(lines)
     assert lines[0] == f"{name}, v1 → v4"
@@ -84,30 +84,30 @@ def test_a_channel_is_shown_on_a_terminal(name: str) -> None:
     assert ("received over" in text) == name.startswith(("ieee", "lte", "nlosv"))
 
 
-def test_law_and_sample_stand_side_by_side_also_for_machines() -> None:
-    asked = ("channel", "show", "bursty", "--link", "v2:v3", "--seed", "5", *QUICK)
-    found = json.loads(said(*asked, "--json"))
+def test_json_has_the_figures_of_law_and_sample() -> None:
+    arguments = ("channel", "show", "bursty", "--link", "v2:v3", "--seed", "5", *QUICK)
+    found = json.loads(printed(*arguments, "--json"))
     loss = next(one for one in found["figures"] if one["figure"] == "loss")
     assert loss["law"] == pytest.approx(0.2)
     assert (found["sender"], found["receiver"]) == ("v2", "v3")
-    assert f"{100 * loss['sample']:.4g} %" in said(*asked)
-    other = json.loads(said(*asked[:-3], "6", *QUICK, "--json"))
+    assert f"{100 * loss['sample']:.4g} %" in printed(*arguments)
+    other = json.loads(printed(*arguments[:-3], "6", *QUICK, "--json"))
     assert other["figures"][0]["sample"] != loss["sample"]
 
 
-def test_a_scenario_s_own_link_is_shown(tmp_path: Path) -> None:
+def test_a_link_of_a_scenario_is_shown(tmp_path: Path) -> None:
     file = tmp_path / "my.toml"
     file.write_text('extends = "lane_change"\n[links]\nloss_ratio = 0.3\n', encoding="utf-8")
     found = json.loads(
-        said("channel", "show", file, "--set", "links.jitter_ms=9", *QUICK, "--json")
+        printed("channel", "show", file, "--set", "links.jitter_ms=9", *QUICK, "--json")
     )
     assert found["figures"][0]["law"] == 0.3
     assert found["figures"][2]["law"] == pytest.approx(24.5)
 
 
-def test_figures_for_machines_are_json_whatever_the_loss() -> None:
+def test_json_has_finite_numbers_at_any_loss() -> None:
     for ratio in ("0.0", "1.0"):
-        text = said(
+        text = printed(
             "channel", "show", "clear", "--set", f"links.loss_ratio={ratio}", *QUICK, "--json"
         )
         assert "Infinity" not in text
@@ -125,35 +125,35 @@ def test_figures_for_machines_are_json_whatever_the_loss() -> None:
         (["lane_change", "--set", "convoy.vehicles=1"], "lane_change: has no links"),
     ],
 )
-def test_what_cannot_be_shown_is_refused_in_one_line(arguments: list[str], line: str) -> None:
+def test_an_unknown_channel_or_link_is_refused_in_one_line(arguments: list[str], line: str) -> None:
     assert line in refused("channel", "show", *arguments)
 
 
 @pytest.mark.parametrize("metres", ["0", "nan", "-3", "1e9"])
-def test_distances_beyond_reason_are_refused(metres: str) -> None:
+def test_distances_out_of_range_are_refused(metres: str) -> None:
     assert "--distance-m" in refused("channel", "show", "clear", "--distance-m", metres)
 
 
-def test_numbers_beyond_reason_are_refused() -> None:
+def test_too_few_messages_are_refused() -> None:
     assert convoy("channel", "show", "clear", "--messages", "0").exit_code == 2
 
 
 @pytest.mark.parametrize("name", ["bursty", "ieee80211p_dense", "lead_lost"])
-def test_a_picture_is_drawn_and_none_is_overwritten(name: str, tmp_path: Path) -> None:
+def test_a_plot_is_drawn_and_never_overwritten(name: str, tmp_path: Path) -> None:
     picture = tmp_path / "channel.png"
-    assert f"written: {picture}" in said("channel", "show", name, *QUICK, "-o", picture)
+    assert f"written: {picture}" in printed("channel", "show", name, *QUICK, "-o", picture)
     drawn = picture.read_bytes()
     assert drawn.startswith(b"\x89PNG")
     assert refused("channel", "show", name, *QUICK, "-o", picture).endswith("file exists")
     assert picture.read_bytes() == drawn
 
 
-def test_a_missing_extra_is_named_and_a_terminal_needs_none(
+def test_a_missing_extra_is_named_only_where_it_is_needed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     for package in ("matplotlib", "scipy"):
         monkeypatch.setitem(sys.modules, package, None)
-    assert "loss" in said("channel", "show", "lossy", *QUICK)
+    assert "loss" in printed("channel", "show", "lossy", *QUICK)
     assert "needs matplotlib" in refused("channel", "show", "lossy", "--output", "lossy.png")
     assert "needs scipy" in refused("channel", "fit", "run.mcap")
 
@@ -171,32 +171,32 @@ def test_bars_grow_by_eighths() -> None:
 # ---- fit
 
 
-def test_a_fitted_block_is_read_by_a_scenario(bursty: Path, tmp_path: Path) -> None:
-    text = said("channel", "fit", bursty)
+def test_a_scenario_accepts_a_fitted_block(bursty: Path, tmp_path: Path) -> None:
+    text = printed("channel", "fit", bursty)
     entries = tomllib.loads(text)["link"]
     pairs = {(one["sender"], one["receiver"]) for one in entries}
     scenario = load_scenario("lane_change")
     assert pairs == {*scenario.links}
     file = tmp_path / "fitted.toml"
     file.write_text(f'extends = "lane_change"\n{text}', encoding="utf-8")
-    asked = load_scenario(file).links["v1", "v3"].loss
-    assert asked is not None
-    assert asked.kind == "gilbert_elliott"
+    arguments = load_scenario(file).links["v1", "v3"].loss
+    assert arguments is not None
+    assert arguments.kind == "gilbert_elliott"
 
 
-def test_one_link_alone_into_a_file_or_for_machines(bursty: Path, tmp_path: Path) -> None:
+def test_one_link_is_written_to_a_file_or_printed_as_json(bursty: Path, tmp_path: Path) -> None:
     out = tmp_path / "v1-v3.toml"
-    asked = ("channel", "fit", bursty, "--link", "v1:v3")
-    assert said(*asked, "-o", out) == f"written: {out}\n"
-    assert out.read_text(encoding="utf-8") == said(*asked)
-    assert refused(*asked, "-o", out).endswith("file exists")
-    (found,) = json.loads(said(*asked, "--json"))
-    (entry,) = tomllib.loads(said(*asked))["link"]
+    arguments = ("channel", "fit", bursty, "--link", "v1:v3")
+    assert printed(*arguments, "-o", out) == f"written: {out}\n"
+    assert out.read_text(encoding="utf-8") == printed(*arguments)
+    assert refused(*arguments, "-o", out).endswith("file exists")
+    (found,) = json.loads(printed(*arguments, "--json"))
+    (entry,) = tomllib.loads(printed(*arguments))["link"]
     assert found["keys"] == {key: entry[key] for key in found["keys"]}
     assert all(one["key"] for one in found["estimates"])
 
 
-def test_what_cannot_be_fitted_is_refused_in_one_line(bursty: Path, tmp_path: Path) -> None:
+def test_an_unknown_link_or_log_is_refused_in_one_line(bursty: Path, tmp_path: Path) -> None:
     assert '"v9:v1", allowed v1:v2' in refused("channel", "fit", bursty, "--link", "v9:v1")
     assert refused("channel", "fit", tmp_path / "run.mcap").endswith("No such file or directory")
     other = tmp_path / "other.mcap"
@@ -207,8 +207,8 @@ def test_what_cannot_be_fitted_is_refused_in_one_line(bursty: Path, tmp_path: Pa
 # ---- check --explain
 
 
-def test_links_are_explained_alike_ones_together() -> None:
-    text = said("check", "lane_change", "--explain", "--set", "links.preset=bursty")
+def test_equal_links_share_a_block() -> None:
+    text = printed("check", "lane_change", "--explain", "--set", "links.preset=bursty")
     assert max(map(len, text.splitlines())) <= 80
     assert "v1 → v2, v1 → v3, v2 → v3, v1 → v4, v3 → v4" in text
     flat = " ".join(text.split())
@@ -218,41 +218,41 @@ def test_links_are_explained_alike_ones_together() -> None:
     assert "at a command: 120 ms on average, at 20 Hz" in flat
 
 
-def test_hundreds_of_silences_an_hour_are_a_number_without_an_exponent() -> None:
-    text = said("check", "lane_change", "--explain", "--set", "links.preset=bursty")
-    assert re.search(r"silent +for .* sends: \d{3} times an hour", text)
+def test_large_numbers_have_no_exponent() -> None:
+    text = printed("check", "lane_change", "--explain", "--set", "links.preset=bursty")
+    assert re.search(r"silent +for .*: \d{3} times an hour", text)
     assert "e+" not in text
 
 
-def test_what_no_number_says_is_said() -> None:
-    flat = " ".join(said("check", "--explain", "--set", "links.preset=tunnel").split())
-    assert "loss no number says it beforehand" in flat
+def test_unpredictable_figures_are_marked() -> None:
+    flat = " ".join(printed("check", "--explain", "--set", "links.preset=tunnel").split())
+    assert "loss not predictable" in flat
     assert "outage with either on the road from 300 to 450 m · links.outages" in flat
-    flat = " ".join(said("check", "--explain", "--set", "links.preset=congested").split())
-    assert "delay no number says it beforehand" in flat
+    flat = " ".join(printed("check", "--explain", "--set", "links.preset=congested").split())
+    assert "delay not predictable" in flat
 
 
-def test_other_links_have_blocks_of_their_own() -> None:
+def test_different_links_have_separate_blocks() -> None:
     entry = 'link=[{sender="lead",receiver="*",loss_ratio=0.1}]'
-    flat = " ".join(said("check", "--explain", "--set", entry).split())
+    flat = " ".join(printed("check", "--explain", "--set", entry).split())
     assert "v1 → v2, v1 → v3, v1 → v4 rule link[0] (lead → *), over links" in flat
     assert "independent loss 0.1 · link[0].loss_ratio = 0.1 (lead → *)" in flat
     assert "v2 → v3, v3 → v4 rule links" in flat
 
 
-def test_the_same_is_there_for_machines() -> None:
-    figures = json.loads(said("check", "--explain", "--json", "--set", "links.loss_ratio=0.2"))
+def test_json_has_the_same_figures() -> None:
+    figures = json.loads(printed("check", "--explain", "--json", "--set", "links.loss_ratio=0.2"))
     first = figures["explained"][0]
     assert (first["sender"], first["receiver"], first["loss_ratio"]) == ("v1", "v2", 0.2)
     assert first["laws"][0] == {"words": "independent loss 0.2", "key": "links.loss_ratio = 0.2"}
     assert figures["name"] == "lane_change"
-    assert "explained" not in json.loads(said("check", "--json"))
+    assert "explained" not in json.loads(printed("check", "--json"))
 
 
-def test_a_vehicle_alone_has_no_links_to_explain() -> None:
-    assert "none: nobody receives" in said("check", "--explain", "--set", "convoy.vehicles=1")
+def test_a_single_vehicle_has_no_links() -> None:
+    assert "none: " in printed("check", "--explain", "--set", "convoy.vehicles=1")
 
 
-def test_check_says_the_laws_in_brief() -> None:
-    flat = " ".join(said("check", "--set", "links.preset=congested").split())
+def test_check_summarizes_the_laws() -> None:
+    flat = " ".join(printed("check", "--set", "links.preset=congested").split())
     assert "loss 0.3, every message; delay gamma, 60 ms ± 40 ms, correlation 0.5; in order" in flat

@@ -1,4 +1,4 @@
-"""What `convoy check` says that a scenario asks for."""
+"""The table of `convoy check`."""
 
 import json
 import re
@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from scenarios.cli.main import cli
 from scenarios.definition.scenario import library
 
-ASKED = {
+SETTINGS = {
     "links.loss_ratio=0.2": ("links", "loss 0.2"),
     "links.latency_ms=70": ("links", "70 ms"),
     "links.jitter_ms=11": ("links", "jitter 11 ms"),
@@ -76,18 +76,18 @@ ASKED = {
     "parameters.steering_rate_limit_radps=inf": ("tyres", "no limit of the steering rate"),
     "loading.rear_passengers=0": ("mass", "2016 kg"),
 }  # fmt: skip
-"""Settings, and the row in which each of them is said."""
+"""Settings, and the row that each changes."""
 
 
 def checked(*arguments: str) -> str:
-    """Output of `convoy check` where it is 80 columns wide."""
+    """Output of `convoy check` in 80 columns."""
     result = CliRunner().invoke(cli, ["check", *arguments], env={"COLUMNS": "80"})
     assert result.exit_code == 0, result.output
     return result.stdout
 
 
 def rows(text: str) -> list[tuple[str, str]]:
-    """What stands on the left, and what on the right; a row may take several lines."""
+    """Names and values of the rows; a row may take several lines."""
     found: list[tuple[str, str]] = []
     for line in text.splitlines()[1:]:
         what, figure = line[:26].strip(), line[26:].strip()
@@ -98,15 +98,15 @@ def rows(text: str) -> list[tuple[str, str]]:
     return found
 
 
-@pytest.mark.parametrize("setting", ASKED)
-def test_a_setting_is_said_in_its_row(setting: str) -> None:
-    what, expected = ASKED[setting]
+@pytest.mark.parametrize("setting", SETTINGS)
+def test_a_setting_is_printed_in_its_row(setting: str) -> None:
+    what, expected = SETTINGS[setting]
     found = rows(checked("lane_change", "--set", setting))
-    said = [figure for row, figure in found if row == what]
-    assert any(re.search(expected, figure) for figure in said), found
+    values = [figure for row, figure in found if row == what]
+    assert any(re.search(expected, figure) for figure in values), found
 
 
-def test_without_limits_that_is_said() -> None:
+def test_absent_limits_are_printed_as_none() -> None:
     assert ("limits that fail the run", "none") in rows(checked("lane_change"))
 
 
@@ -117,12 +117,12 @@ def test_no_line_is_empty_or_wider_than_a_terminal(name: str) -> None:
     assert max(map(len, lines)) <= 80 or lines[-1].startswith("warning: ")
 
 
-def test_a_vehicle_alone_has_neither_gaps_nor_links() -> None:
+def test_a_single_vehicle_has_neither_gaps_nor_links() -> None:
     found = {what for what, _ in rows(checked("lane_change", "--set", "convoy.vehicles=1"))}
     assert not found & {"gaps at the start", "links", "fusion", "followers drive"}
 
 
-def test_the_same_is_there_for_machines() -> None:
+def test_json_has_the_same_figures() -> None:
     figures = json.loads(checked("church_lot", "--json", "--set", "limits.near_misses_max=3"))
     assert figures["gap_policy"]["standstill_m"] == 2.0
     assert figures["control"]["v4"]["controller"] == "slip_compensated"

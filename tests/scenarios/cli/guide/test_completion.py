@@ -1,4 +1,4 @@
-"""What Tab offers in a shell, and that it comes quickly."""
+"""Shell completion, and its speed."""
 
 import os
 import re
@@ -20,7 +20,7 @@ MINE = 'extends = "lane_change"\nname = "mine"\n[convoy]\nnames = ["ann", "bob"]
 
 
 def offered(*words: str) -> list[str]:
-    """What is offered for the last of the words behind `convoy`."""
+    """Completions of the last word of a command line."""
     *before, begun = words
     shell = ShellComplete(cli, {}, "convoy", "_CONVOY_COMPLETE")
     return [item.value for item in shell.get_completions(before, begun) if item.type == "plain"]
@@ -28,13 +28,13 @@ def offered(*words: str) -> list[str]:
 
 @pytest.fixture(autouse=True)
 def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Press Tab in a folder with one scenario in it."""
+    """Work in a folder with one scenario."""
     (tmp_path / "mine.toml").write_text(MINE, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
 
 
 @pytest.mark.parametrize("command", ["run", "check", "record", "vehicle"])
-def test_scenarios_that_ship_and_files_are_offered(command: str) -> None:
+def test_shipped_scenarios_and_files_are_offered(command: str) -> None:
     assert offered(command, "") == [*library(), "mine.toml"]
     assert offered(command, "lo") == ["lossy_lane_change"]
 
@@ -49,7 +49,7 @@ def test_channels_and_links_are_offered() -> None:
     assert offered("run", "--set", "links.preset=bu") == ["links.preset=bursty"]
 
 
-def test_vehicles_are_those_of_the_scenario_named_before() -> None:
+def test_vehicles_are_those_of_the_given_scenario() -> None:
     assert offered("vehicle", "--name", "") == ["v1", "v2", "v3", "v4"]
     assert offered("vehicle", "mine.toml", "--name", "a") == ["ann"]
     assert offered("vehicle", "--set", "convoy.vehicles=2", "--name", "") == ["v1", "v2"]
@@ -74,14 +74,13 @@ def test_limits_of_all_vehicles_and_of_each_are_offered() -> None:
 
 
 def test_every_commented_key_of_the_template_is_offered() -> None:
-    """The tables without which a scenario cannot be written."""
     keys = {key.rstrip("=") for key in offered("run", "--set", "")}
     for table in ("convoy", "speed", "control", "gnss", "links", "limits", "loading"):
         assert f"[{table}]" in template()
         assert any(key.startswith(f"{table}.") for key in keys)
 
 
-def test_a_key_that_is_whole_is_offered_with_its_values() -> None:
+def test_a_complete_key_is_offered_with_its_values() -> None:
     fusions = ["composite", "predecessor", "blend"]
     assert offered("run", "--set", "control.fu") == [f"control.fusion={one}" for one in fusions]
     assert offered("run", "--set", "control.fusion=b") == ["control.fusion=blend"]
@@ -91,14 +90,14 @@ def test_a_key_that_is_whole_is_offered_with_its_values() -> None:
     assert "control.controller=stanley" in offered("run", "--set", "control.controller=")
 
 
-def test_values_that_are_offered_are_taken() -> None:
+def test_offered_values_are_accepted() -> None:
     for begun in ("control.fu", "links.loss_", "control.knows", "gnss.rate", "events.path"):
         for setting in offered("run", "--set", begun):
             parse_override(setting)
             load_scenario("lane_change", [setting])
 
 
-def test_where_the_picture_can_go_is_offered() -> None:
+def test_viewers_are_offered() -> None:
     assert offered("run", "--rerun", "s") == ["spawn", "serve", "save="]
 
 
@@ -110,7 +109,7 @@ press convoy run --set control.fusion = b; echo "${{COMPREPLY[@]}}"
 press convoy run --set = convoy.on_v; echo "${{COMPREPLY[@]}}"
 press convoy run --set = links.loss_ratio = 0.1 lo; echo "${{COMPREPLY[@]}}"
 """
-"""Bash makes words of their own of what stands beside `=`, and completes the last one."""
+"""Bash splits words at `=` and completes the last part."""
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="no bash here")
@@ -142,9 +141,7 @@ def test_bash_completes_with_the_line_of_the_help(tmp_path: Path) -> None:
         ("run --set links.preset=nlosv_e", "nlosv_etsi"),
     ],
 )
-def test_the_script_of_a_shell_loads_nothing_that_drives(
-    shell: str, words: str, found: str
-) -> None:
+def test_the_script_of_a_shell_loads_no_simulation(shell: str, words: str, found: str) -> None:
     code = "import sys; from scenarios.cli.main import cli\ntry: cli(prog_name='convoy')\n"
     code += "finally: print(*sys.modules, file=sys.stderr)"
     done = subprocess.run(

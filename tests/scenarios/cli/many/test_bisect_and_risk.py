@@ -1,4 +1,4 @@
-"""`convoy bisect` and `convoy risk` on a small convoy: files, figures, refusals in one line."""
+"""`convoy bisect` and `convoy risk` on a small convoy: files, figures, refusals."""
 
 import json
 from pathlib import Path
@@ -18,52 +18,62 @@ def convoy(*words: str) -> Result:
 
 
 def test_a_boundary_is_bracketed_and_written(tmp_path: Path) -> None:
-    asked = [
+    options = [
         "--limit=error_m=1",
         "--precision=0.1",
         "--seeds=8",
         "--workers=0",
         f"--out={tmp_path}",
     ]
-    done = convoy("bisect", NAME, "links.loss_ratio", *asked, *SMALL)
+    done = convoy("bisect", NAME, "links.loss_ratio", *options, *SMALL)
     assert done.exit_code == 0, done.output
-    twin = json.loads((tmp_path / "bisect.json").read_text())
-    assert twin["schema"] == "convoy.bisect/1"
-    assert twin["high"] - twin["low"] == pytest.approx(0.2)
+    result = json.loads((tmp_path / "bisect.json").read_text())
+    assert result["schema"] == "convoy.bisect/1"
+    assert result["high"] - result["low"] == pytest.approx(0.2)
     assert (tmp_path / "boundary.png").stat().st_size > 10_000
-    shares = {one["value"]: (one["broken"], one["runs"]) for one in twin["points"]}
-    assert shares[twin["low"]][0] < 4 <= shares[twin["high"]][0]
-    known = KnownRuns(twin["high"], 1.0)
+    shares = {one["value"]: (one["broken"], one["runs"]) for one in result["points"]}
+    assert shares[result["low"]][0] < 4 <= shares[result["high"]][0]
+    known = KnownRuns(result["high"], 1.0)
     broken = sum(known.run(seed).severity > 0.0 for seed in range(1, 9))
-    assert shares[twin["high"]] == (broken, 8)
-    assert f"links.loss_ratio = {twin['boundary']:g} ± 0.1" in done.output
-    again = convoy("bisect", NAME, "links.loss_ratio", *asked, *SMALL)
+    assert shares[result["high"]] == (broken, 8)
+    assert f"links.loss_ratio = {result['boundary']:g} ± 0.1" in done.output
+    again = convoy("bisect", NAME, "links.loss_ratio", *options, *SMALL)
     assert again.exit_code == 2
     assert "exists; give another folder by --out" in again.output
 
 
 def test_a_risk_is_counted_and_written(tmp_path: Path) -> None:
-    asked = ["--limit=error_m=1", "--set=links.loss_ratio=0.5", "--workers=0", f"--out={tmp_path}"]
-    done = convoy("risk", NAME, *SMALL, *asked, "--method=counting", "--runs=30")
+    options = [
+        "--limit=error_m=1",
+        "--set=links.loss_ratio=0.5",
+        "--workers=0",
+        f"--out={tmp_path}",
+    ]
+    done = convoy("risk", NAME, *SMALL, *options, "--method=counting", "--runs=30")
     assert done.exit_code == 0, done.output
-    twin = json.loads((tmp_path / "risk.json").read_text())
+    result = json.loads((tmp_path / "risk.json").read_text())
     known = KnownRuns(0.5, 1.0)
     broken = [seed for seed in range(1, 31) if known.run(seed).severity > 0.0]
-    assert twin["broken_seeds"] == broken
-    assert twin["low"] < twin["probability"] == len(broken) / 30 < twin["high"]
-    assert f"--seed {broken[0]} " in twin["command"]
+    assert result["broken_seeds"] == broken
+    assert result["low"] < result["probability"] == len(broken) / 30 < result["high"]
+    assert f"--seed {broken[0]} " in result["command"]
 
 
 def test_a_risk_is_split_and_written(tmp_path: Path) -> None:
-    asked = ["--limit=error_m=1", "--set=links.loss_ratio=0.3", "--workers=0", f"--out={tmp_path}"]
-    words = ["risk", NAME, *SMALL, *asked, "--method=splitting", "--paths=4", "--runs=80"]
+    options = [
+        "--limit=error_m=1",
+        "--set=links.loss_ratio=0.3",
+        "--workers=0",
+        f"--out={tmp_path}",
+    ]
+    words = ["risk", NAME, *SMALL, *options, "--method=splitting", "--paths=4", "--runs=80"]
     done = convoy(*words)
     assert done.exit_code == 0, done.output
-    twin = json.loads((tmp_path / "risk.json").read_text())
-    assert len(twin["repetitions"]) >= 10
-    assert twin["runs"] == sum(one["runs"] for one in twin["repetitions"])
+    result = json.loads((tmp_path / "risk.json").read_text())
+    assert len(result["repetitions"]) >= 10
+    assert result["runs"] == sum(one["runs"] for one in result["repetitions"])
     assert "no command repeats it" in done.output
-    assert twin["command"] is None
+    assert result["command"] is None
 
 
 REFUSED = {
@@ -99,10 +109,10 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_refusals_are_one_clear_line(case: str, tmp_path: Path) -> None:
-    words, said = REFUSED[case]
+def test_refusals_are_one_line(case: str, tmp_path: Path) -> None:
+    words, fact = REFUSED[case]
     done = convoy(*words, f"--out={tmp_path}")
     assert done.exit_code == 2
-    assert said in done.output
+    assert fact in done.output
     assert "Traceback" not in done.output
     assert not list(tmp_path.iterdir())

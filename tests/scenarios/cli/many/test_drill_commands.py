@@ -39,7 +39,7 @@ within_s = 0.5
 
 @pytest.fixture(autouse=True)
 def own_signals() -> Iterator[None]:
-    """Commands set signal handlers; the test run keeps its own."""
+    """Restore the signal handlers of the test run."""
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     yield
     for number, handler in before.items():
@@ -63,7 +63,7 @@ def test_drills_are_listed_with_what_fails() -> None:
         assert line.endswith(load_scenario(name).tables.description)
 
 
-def test_a_drill_that_passes_is_a_table_two_files_and_exit_code_0(tmp_path: Path) -> None:
+def test_a_passed_drill_has_a_table_two_files_and_exit_code_0(tmp_path: Path) -> None:
     file, xml = short(tmp_path), tmp_path / "reports" / "drills.xml"
     done = convoy("drill", file, "--workers", 0, "--out", tmp_path / "out", "--junit", xml)
     assert done.exit_code == 0, done.output
@@ -81,7 +81,7 @@ def test_a_drill_that_passes_is_a_table_two_files_and_exit_code_0(tmp_path: Path
     assert (again.exit_code, again.stderr) == (2, f"error: {xml}: exists; give another place\n")
 
 
-def test_a_drill_that_fails_names_the_command_that_repeats_it(tmp_path: Path) -> None:
+def test_a_failed_drill_names_the_command_that_repeats_it(tmp_path: Path) -> None:
     file = short(tmp_path, error=0.001)
     done = convoy("drill", file, "--workers", 0, "--seeds", 2)
     assert done.exit_code == 1
@@ -93,30 +93,30 @@ def test_a_drill_that_fails_names_the_command_that_repeats_it(tmp_path: Path) ->
     assert "limits.cross_track_error_m_max = 0.001" in repeated.output
 
 
-def test_a_run_and_its_log_say_the_same_of_limits_as_the_drill(tmp_path: Path) -> None:
-    """Also where the figures are worked out from the messages of the log."""
+def test_run_log_and_drill_agree_about_limits(tmp_path: Path) -> None:
+    """The figures computed from the messages of the log agree as well."""
     file = short(tmp_path, error=0.001)
     convoy("run", file, "--clock", "virtual", "--quiet", "--out", tmp_path / "run")
     log = tmp_path / "run" / "run.mcap"
-    told = summary_of(log)
-    assert [one.limit for one in told.limits if one.broken] == ["cross_track_error_m_max"]
-    assert to_json(run_unlogged(load_scenario(file))) == to_json(told)
+    summary = summary_of(log)
+    assert [one.limit for one in summary.limits if one.broken] == ["cross_track_error_m_max"]
+    assert to_json(run_unlogged(load_scenario(file))) == to_json(summary)
     scenario = scenario_in(LogReader(log))
     metrics = Metrics.of(scenario)
     for _, _, message in LogReader(log).messages(metrics.topics):
         metrics.listen(0, message)
-    ran_ns = round(told.ran_s * SECOND)
+    ran_ns = round(summary.ran_s * SECOND)
     found = limit_figures(
         scenario.tables.limits,
         metrics.events.events(),
         metrics.vehicle_summaries(ran_ns),
         metrics.deadlines.figures(ran_ns),
     )
-    assert found == told.limits
-    assert told.limits[2].value == 0.02  # its second command
+    assert found == summary.limits
+    assert summary.limits[2].value == 0.02  # its second command
 
 
-def test_the_settings_are_those_of_each_drill(tmp_path: Path) -> None:
+def test_overrides_apply_to_each_drill(tmp_path: Path) -> None:
     file = short(tmp_path)
     done = convoy("drill", file, "--workers", 0, "--set", "limits.cross_track_error_m_max=0.001")
     assert done.exit_code == 1
@@ -132,19 +132,19 @@ def test_the_settings_are_those_of_each_drill(tmp_path: Path) -> None:
         (("tunnel", "--clock", "wall"), "--out: missing, --clock wall needs"),
     ],
 )
-def test_what_cannot_be_used_is_refused_in_a_line(arguments: tuple[str, ...], line: str) -> None:
+def test_invalid_drills_are_refused_in_one_line(arguments: tuple[str, ...], line: str) -> None:
     refused = convoy("drill", *arguments, "--workers", "0")
     assert refused.exit_code == 2
     assert refused.stderr.startswith(f"error: {line}")
     assert refused.stderr.count("\n") == 1
 
 
-def test_who_asks_for_a_drill_that_is_none_learns_where_drills_are_named() -> None:
+def test_an_unknown_drill_leads_to_the_list() -> None:
     refused = convoy("drill", "nowhere", "--workers", "0")
     assert "`convoy list` names the drills" in refused.stderr
 
 
-def test_the_worst_instant_is_said_and_can_be_repeated_and_written(tmp_path: Path) -> None:
+def test_the_worst_time_is_printed_as_json_and_written(tmp_path: Path) -> None:
     file = tmp_path / "worst.toml"
     done = convoy(
         "worst", short(tmp_path), "--burst", "500ms", "--from", "500ms", "--to", "1s",
@@ -163,7 +163,7 @@ def test_the_worst_instant_is_said_and_can_be_repeated_and_written(tmp_path: Pat
     )
 
 
-def test_a_search_that_makes_no_sense_is_refused() -> None:
+def test_an_impossible_search_is_refused() -> None:
     refused = convoy("worst", "lane_change", "--burst", "40s")
     assert refused.exit_code == 2
     assert refused.stderr == (

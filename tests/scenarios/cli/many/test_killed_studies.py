@@ -1,4 +1,4 @@
-"""Studies whose workers or driver are killed: the files of an undisturbed study, and no others."""
+"""Studies with killed workers or drivers write the files of an undisturbed study."""
 
 import json
 import os
@@ -53,7 +53,7 @@ FILES = {"*.json", "*.csv", "*.png", "*.toml"}
 
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the drill and the log that the studies read."""
+    """Folder with the drill and the log that the studies read."""
     folder = tmp_path_factory.mktemp("inputs")
     (folder / "drill.toml").write_text(DRILL)
     run_virtual(planted(TINY, 3).scenario, folder / "log", Stop())
@@ -62,7 +62,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def places(inputs: Path, tmp_path: Path) -> Path:
-    """Folders in which studies find their inputs by the same names."""
+    """Folders with the same inputs."""
     for name in ("undisturbed", "disturbed"):
         (tmp_path / name / "out").mkdir(parents=True)
         for one in inputs.iterdir():
@@ -71,7 +71,7 @@ def places(inputs: Path, tmp_path: Path) -> Path:
 
 
 def carried_out(folder: Path, study: str, *more: str) -> dict[str, bytes]:
-    """Carry a study out in a folder; the content of its files."""
+    """Run a study in a folder; returns the content of its files."""
     os.chdir(folder)
     done = CliRunner().invoke(cli, [*STUDIES[study], *more])
     assert done.exit_code == 0, done.output
@@ -116,24 +116,22 @@ def test_killed_workers_change_no_file(
 
 
 class Killed(BaseException):
-    """In place of SIGKILL: nothing more is done."""
+    """Stands for SIGKILL."""
 
 
 @pytest.mark.spread(2)
 @pytest.mark.parametrize("study", [name for name in STUDIES if name != "worst"])
-def test_a_killed_driver_goes_on_where_it_was(
-    study: str, places: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_killed_driver_resumes(study: str, places: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     kept, add = list[str](), RunJournal.add
 
-    def add_or_die(journal: RunJournal, key: str, entry: Entry) -> Entry:
+    def add_or_fail(journal: RunJournal, key: str, entry: Entry) -> Entry:
         kept.append(key)
         found = add(journal, key, entry)
         if len(kept) == killed_after:
             raise Killed
         return found
 
-    monkeypatch.setattr(RunJournal, "add", add_or_die)
+    monkeypatch.setattr(RunJournal, "add", add_or_fail)
     killed_after = 0
     wanted = carried_out(places / "undisturbed", study, "--workers=0")
     jobs = kept.copy()
@@ -154,7 +152,7 @@ def started(study: str, folder: Path) -> "subprocess.Popen[str]":
 
 
 def workers_of(driver: "subprocess.Popen[str]", journal: Path | None) -> list[psutil.Process]:
-    """The processes of a driver that has begun to work."""
+    """Worker processes of a driver that has started to work."""
     end = time.monotonic() + 120.0
     while time.monotonic() < end:
         workers = psutil.Process(driver.pid).children(recursive=True)
@@ -172,7 +170,7 @@ def wait_until_ended(processes: list[psutil.Process]) -> None:
         time.sleep(0.01)
 
 
-def test_a_driver_killed_outright_leaves_no_process_and_goes_on(places: Path) -> None:
+def test_a_driver_killed_by_sigkill_leaves_no_process_and_resumes(places: Path) -> None:
     wanted = carried_out(places / "undisturbed", "bisect", "--workers=0")
     folder = places / "disturbed"
     with started("bisect", folder) as driver:
@@ -194,7 +192,7 @@ def test_a_signal_ends_a_study_with_one_line_and_leaves_no_process(
         assert driver.stderr is not None
         workers = workers_of(driver, None)
         driver.send_signal(number)
-        said = driver.stderr.read().splitlines()
+        lines = driver.stderr.read().splitlines()
     assert driver.returncode == 128 + number
     wait_until_ended(workers)
-    assert [line for line in said if " runs" not in line] == [f"stopped by {number.name}"]
+    assert [line for line in lines if " runs" not in line] == [f"stopped by {number.name}"]

@@ -1,4 +1,4 @@
-"""`convoy sweep` as a user has it: killed and started again, a run repeated, refusals in a line."""
+"""`convoy sweep`: killed and restarted, a run repeated, refusals in one line."""
 
 import csv
 import os
@@ -32,8 +32,8 @@ from tests.made.many.small_sweeps import (
 
 SEEDS = 4
 LINES = 4 * SEEDS + 1
-"""Of the journal, when all is done."""
-ASKED = [
+"""Lines of the finished journal."""
+ARGUMENTS = [
     "lane_change",
     *(f"--set={text}" for text in SETS),
     *(f"--vary={text}" for text in VARY),
@@ -50,14 +50,14 @@ def convoy(*arguments: str | Path) -> Result:
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A sweep that was carried out in this process, undisturbed."""
+    """Folder of an undisturbed sweep in this process."""
     out = tmp_path_factory.mktemp("whole")
     driven_here(small_plan(seeds=SEEDS), out)
     return out
 
 
 def started(out: Path) -> "subprocess.Popen[bytes]":
-    command = [sys.executable, "-m", "scenarios.cli", "sweep", *ASKED, f"--out={out}"]
+    command = [sys.executable, "-m", "scenarios.cli", "sweep", *ARGUMENTS, f"--out={out}"]
     return subprocess.Popen(
         [*command, "--workers=1"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     )
@@ -80,7 +80,7 @@ def ended(processes: Sequence[psutil.Process]) -> bool:
 
 
 def workers_of(driver: "subprocess.Popen[bytes]") -> list[psutil.Process]:
-    """Its workers, and what they are forked from."""
+    """Worker processes, and the process that forks them."""
     found = []
     for child in psutil.Process(driver.pid).children(recursive=True):
         with suppress(psutil.NoSuchProcess):  # one that has just ended
@@ -91,7 +91,7 @@ def workers_of(driver: "subprocess.Popen[bytes]") -> list[psutil.Process]:
 
 @pytest.mark.long
 @pytest.mark.campaign(1, 10)
-def test_driver_and_worker_killed_at_random_instants_cost_time_only(
+def test_killed_drivers_and_workers_change_no_result(
     whole: Path, campaign: int, tmp_path: Path
 ) -> None:
     noise = random.Random(17)
@@ -117,8 +117,8 @@ def test_driver_and_worker_killed_at_random_instants_cost_time_only(
     assert lines(tmp_path) == LINES
 
 
-def test_a_ctrl_c_ends_it_with_one_line_and_leaves_no_process(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "scenarios.cli", "sweep", *ASKED, f"--out={tmp_path}"]
+def test_ctrl_c_prints_one_line_and_leaves_no_process(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "scenarios.cli", "sweep", *ARGUMENTS, f"--out={tmp_path}"]
     with subprocess.Popen(
         [*command, "--workers=2"],
         stdout=subprocess.DEVNULL,
@@ -130,10 +130,10 @@ def test_a_ctrl_c_ends_it_with_one_line_and_leaves_no_process(tmp_path: Path) ->
         wait_for(lambda: lines(tmp_path) > 0)
         workers = psutil.Process(driver.pid).children(recursive=True)
         os.killpg(driver.pid, signal.SIGINT)
-        said = driver.stderr.read().splitlines()
+        printed = driver.stderr.read().splitlines()
         assert driver.wait(60.0) == 130
     wait_for(lambda: ended(workers))
-    assert [line for line in said if line and " runs" not in line] == ["stopped by SIGINT"]
+    assert [line for line in printed if line and " runs" not in line] == ["stopped by SIGINT"]
 
 
 def test_the_command_of_a_run_repeats_it_bit_for_bit(whole: Path, tmp_path: Path) -> None:
@@ -150,9 +150,9 @@ def test_the_command_of_a_run_repeats_it_bit_for_bit(whole: Path, tmp_path: Path
         assert row[figure.name] == repr(figure.of(summary))
 
 
-def test_done_already_it_prints_the_same_again(whole: Path) -> None:
+def test_a_finished_sweep_prints_its_tables_again(whole: Path) -> None:
     before = tables(whole)
-    done = convoy("sweep", *ASKED, "--out", whole, "--workers", "0")
+    done = convoy("sweep", *ARGUMENTS, "--out", whole, "--workers", "0")
     assert done.exit_code == 0, done.output
     assert f"{4 * SEEDS} of {4 * SEEDS} runs are there already, 0 are left" in done.stderr
     assert "cross_track_error_m_max, lane; 4 runs per row" in done.stdout
@@ -167,7 +167,7 @@ def test_done_already_it_prints_the_same_again(whole: Path) -> None:
 
 def test_another_command_into_the_folder_is_refused(whole: Path) -> None:
     before = tables(whole)
-    done = convoy("sweep", *ASKED, "--seeds", "5", "--out", whole)
+    done = convoy("sweep", *ARGUMENTS, "--seeds", "5", "--out", whole)
     assert done.exit_code == 2
     assert done.stderr.startswith(f"error: {whole}: ")
     assert done.stderr.count("\n") == 1
@@ -175,7 +175,7 @@ def test_another_command_into_the_folder_is_refused(whole: Path) -> None:
     assert tables(whole) == before
 
 
-def test_a_run_that_raises_gives_exit_code_1_and_its_command(tmp_path: Path) -> None:
+def test_a_run_that_raises_is_printed_with_exit_code_1(tmp_path: Path) -> None:
     vary = ["--vary=convoy.vehicles=3,2", "--vary=vehicle={},{v3={clock={offset_ms=3.0}}}"]
     given = ["sweep", "lane_change", *vary, "--set=duration_s=0.5", "--seeds=1", "--no-pictures"]
     done = convoy(*given, "--workers=0", "--out", tmp_path)
@@ -189,7 +189,7 @@ def test_a_run_that_raises_gives_exit_code_1_and_its_command(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("given", "fact"),
     [
         (["nowhere"], "nowhere"),
         (["lane_change", "--vary", "links.loss_ratio=0:1:0.3"], "a STEP that reaches STOP"),
@@ -198,12 +198,12 @@ def test_a_run_that_raises_gives_exit_code_1_and_its_command(tmp_path: Path) -> 
         (["lane_change", "--limit", "error_m"], "--limit: given 'error_m', allowed"),
     ],
 )
-def test_bad_input_is_one_line(given: list[str], said: str, tmp_path: Path) -> None:
+def test_invalid_input_is_refused_in_one_line(given: list[str], fact: str, tmp_path: Path) -> None:
     done = convoy("sweep", *given, "--out", tmp_path / "sweep")
     assert done.exit_code == 2
     assert done.stdout == ""
     (line,) = done.stderr.splitlines()
-    assert said in line
+    assert fact in line
     assert not (tmp_path / "sweep").exists()
 
 
@@ -215,7 +215,7 @@ def test_bad_input_is_one_line(given: list[str], said: str, tmp_path: Path) -> N
         ([], "matplotlib", "studies"),
     ],
 )
-def test_a_package_that_is_missing_is_one_line(
+def test_a_missing_package_is_one_line(
     option: list[str], package: str, extra: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("scenarios.cli.error_lines.find_spec", lambda name: name != package or None)
