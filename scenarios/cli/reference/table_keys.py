@@ -14,7 +14,7 @@ from scenarios.definition.schema.scenario_tables import ScenarioTables
 from scenarios.definition.schema.settings_table import SettingsTable
 from scenarios.definition.validation.model_fields import models_of
 
-KEY_LINE = re.compile(r"^(\w+) {2,}(\S.*)$")
+KEY_LINE = re.compile(r"^(\w+(?:, \w+)*) {2,}(\S.*)$")
 BOUNDS = {"ge": "at least", "gt": "more than", "le": "at most", "lt": "less than"}
 
 
@@ -89,16 +89,16 @@ def _split(doc: str) -> tuple[str, dict[str, str]]:
     """Split a docstring into its text and the documentation of its keys."""
     text: list[str] = []
     keys: dict[str, str] = {}
-    name = ""
+    names: list[str] = []
     for line in cleandoc(doc).splitlines():
         match = KEY_LINE.match(line)
         if match:
-            name = match[1]
-            keys[name] = match[2]
-        elif name and line.startswith(" "):
-            keys[name] += f" {line.strip()}"
+            names = match[1].split(", ")
+            keys |= dict.fromkeys(names, match[2])
+        elif names and line.startswith(" "):
+            keys |= {name: f"{keys[name]} {line.strip()}" for name in names}
         else:
-            name = ""
+            names = []
             text.append(line)
     return re.sub(r"\n{3,}", "\n\n", "\n".join(text)).strip(), keys
 
