@@ -132,7 +132,7 @@ def test_a_silent_lead_leaves_the_predecessor() -> None:
 
 @pytest.mark.spread(4)
 @pytest.mark.parametrize("yaw", HEADINGS)
-@pytest.mark.parametrize("aside", [0.8, -0.8])
+@pytest.mark.parametrize("offset", [0.8, -0.8])
 def test_a_follower_left_of_the_lead_s_path_steers_right(yaw: float, offset: float) -> None:
     path = path_from_segments([Segment(400.0, 0.0)], -20.0, 30.0, yaw)
     steps = drive(

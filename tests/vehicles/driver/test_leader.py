@@ -101,7 +101,7 @@ def test_left_and_right_are_mirror_images() -> None:
 
 
 @pytest.mark.parametrize("yaw", HEADINGS)
-@pytest.mark.parametrize("aside", [1.0, -1.0])
+@pytest.mark.parametrize("offset", [1.0, -1.0])
 def test_a_lead_left_of_its_path_steers_right_and_returns(yaw: float, offset: float) -> None:
     path = path_from_segments([Segment(300.0, 0.0)], yaw=yaw)
     steps = drive(leader(path, 20.0), on(path, 0.0, 20.0, offset), 10.0)
