@@ -62,7 +62,7 @@ _ROWS = (
              figure="cross_track_error_m_max", at="cross_track_error_max_at_s",
              breach="was {figure:.2f} m off the lead's path, {at:.2f} s after the start"),
     LimitRow(key="true_gap_m_min",
-             doc="smallest true distance between the bodies of two neighbours",
+             doc="smallest true gap to the predecessor",
              example=1.0, word="gap_m", live="gap",
              figure="true_gap_m_min", at="true_gap_min_at_s",
              breach="was {figure:.2f} m from the vehicle ahead, {at:.2f} s after the start"),

@@ -57,8 +57,7 @@ class VehicleSummary:
     """Largest difference between the self-estimated and the true lateral error, once the vehicle
     has a trajectory."""
     true_gap_m_min: float | None = None
-    """Smallest true distance between the bodies of the vehicle and its predecessor, 0 in a
-    collision."""
+    """Smallest true gap to the predecessor: distance between the bodies, 0 in a collision."""
     true_gap_min_at_s: float | None = None
     """Time of the smallest true gap."""
     estimated_gap_m_min: float | None
