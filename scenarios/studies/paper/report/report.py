@@ -224,8 +224,9 @@ def _method() -> Iterator[str]:
     yield from (
         "## How it was done",
         "",
-        "- Four cars, 15 m from centre to centre (half a second at 30 m/s), with the paper's car, law and gains; "
-        "loads unknown to the controllers; poses at 20 Hz over links of 20 ms; decisions at 50 Hz.",
+        "- Four cars, 15 m from centre to centre (half a second at 30 m/s), with the paper's car, "
+        "law and gains; loads unknown to the controllers; poses at 20 Hz over links of 20 ms; "
+        "decisions at 50 Hz.",
         "- The paper does not give its road. Here a car moves 3.6 m to the right from 5 s on and "
         "back from 20 s on, on arcs of 500 m and straights in turn, a second each: what the paper "
         "says of curvature (at most one change a second, hundreds of metres) and of time (done "

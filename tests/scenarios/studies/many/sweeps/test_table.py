@@ -55,7 +55,7 @@ def test_a_row_sums_up_the_runs_of_its_cell(plan: SweepPlan) -> None:
     table = table_of(plan, entries)
     rows = table.rows()
     assert [row["links.loss_ratio"] for row in rows] == ["0", "0", "0.8", "0.8"]
-    assert [row["convoy.gap_m"] for row in rows] == ["8", "15"] * 2
+    assert [row["convoy.gap_m"] for row in rows] == ["3", "10"] * 2
     for cell in (0, 1, 3):
         row, known = rows[cell], values(entries, cell, 0)
         assert row["runs"] == SEEDS
