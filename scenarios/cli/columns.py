@@ -35,7 +35,7 @@ class Column(Generic[Row]):
         if value is None or isinstance(value, int | float):
             return figure(value, self.format, self.scale)
         if isinstance(value, tuple):
-            return " / ".join(figure(one, self.format, self.scale) for one in value)
+            return " / ".join(figure(number, self.format, self.scale) for number in value)
         return value
 
 
@@ -55,15 +55,15 @@ def table_of(
     from rich.table import Table
 
     table = Table(**{"box": SIMPLE_HEAD, "padding": (0, 1, 0, 0), **options})
-    for one in columns:
+    for column in columns:
         table.add_column(
-            one.heading,
-            justify="left" if one.left else "right",
-            no_wrap=not one.wraps,
-            max_width=one.max_width,
+            column.heading,
+            justify="left" if column.left else "right",
+            no_wrap=not column.wraps,
+            max_width=column.max_width,
         )
     for row in rows:
-        cells = (one.cell(row) for one in columns)
+        cells = (column.cell(row) for column in columns)
         table.add_row(*cells, style=style(row) if style else None)
     return table
 

@@ -263,7 +263,7 @@ def _has_link_news(row: LinkSummary, warnings: Sequence[str]) -> bool:
 def _all_reasons(summary: RunSummary) -> Sequence[str]:
     """All reasons of a failure, if the outcome line does not have them all."""
     reasons = summary.reason.split("; ")
-    return [f"failed: {one}" for one in reasons] if len(reasons) > 1 else []
+    return [f"failed: {reason}" for reason in reasons] if len(reasons) > 1 else []
 
 
 def title_of(summary: RunSummary) -> str:
@@ -277,8 +277,8 @@ def title_of(summary: RunSummary) -> str:
     if lost := _changed_loss(summary):
         name = REQUESTED_LOSS.sub("", name)
         parts.append(lost)
-    made = [one for one in summary.changes if one.kind not in {"cut", "heal"}]
-    parts += [_change_words(one) for one in made[:MOST_CHANGES]]
+    made = [change for change in summary.changes if change.kind not in {"cut", "heal"}]
+    parts += [_change_words(change) for change in made[:MOST_CHANGES]]
     if len(made) > MOST_CHANGES:
         parts.append(f"{len(made) - MOST_CHANGES} more changes")
     return ", ".join([name, *parts, f"{about.clock} clock", f"{summary.ran_s:.1f} s"])
@@ -287,7 +287,7 @@ def title_of(summary: RunSummary) -> str:
 def _changed_loss(summary: RunSummary) -> str:
     """Count the messages lost in a run whose links were changed; empty for other runs."""
     cut = sum(row.dropped.get("cut", 0) for row in summary.links)
-    if not cut and not any(one.kind == "link" for one in summary.changes):
+    if not cut and not any(change.kind == "link" for change in summary.changes):
         return ""
     judged = sum(row.judged for row in summary.links)
     lost = sum(

@@ -133,10 +133,10 @@ class Metrics:
 
     def listen(self, at: int, message: Message) -> None:
         """Take one message; those without figures and of unknown vehicles are ignored."""
-        if (found := self._takes.get(type(message))) is not None:
+        if (handler := self._takes.get(type(message))) is not None:
             figures = self.vehicles.get(message.vehicle)
             if figures is not None:
-                take, instant_of = found
+                take, instant_of = handler
                 valid_at: int = instant_of(message)
                 if valid_at > figures.last_at:  # noqa: PLR1730 - twice as fast as max
                     figures.last_at = valid_at
@@ -217,19 +217,19 @@ class Metrics:
 
     def holes(self, ran_ns: int = 0) -> tuple[RecordHole, ...]:
         """Missing poses of a run of `ran_ns`, in order of time."""
-        found = [
+        missing = [
             hole
             for figures in self.vehicles.values()
             for holes in [figures.holes(self._span(ran_ns))]
             for hole in (*holes, *figures.true_holes(holes))
         ]
-        return tuple(sorted(found, key=lambda hole: hole.from_s))
+        return tuple(sorted(missing, key=lambda hole: hole.from_s))
 
     def _span(self, ran_ns: int) -> RunSpan:
         return RunSpan(self.start_at, ran_ns, self._duration_ns)
 
     def link_summaries(self) -> tuple[LinkSummary, ...]:
-        sent = {name: (one.poses, one.last_at) for name, one in self.vehicles.items()}
+        sent = {name: (figures.poses, figures.last_at) for name, figures in self.vehicles.items()}
         return self._links.summaries(sent)
 
     def changes(self) -> tuple[RunChange, ...]:

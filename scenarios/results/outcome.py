@@ -19,8 +19,8 @@ def with_outcome_line(summary: RunSummary) -> RunSummary:
 
 def late_ratio(vehicles: Sequence[VehicleSummary]) -> float:
     """Share of the ticks of all vehicles that began late."""
-    ticks = sum([one.ticks for one in vehicles])
-    return sum([one.late_ticks for one in vehicles]) / ticks if ticks else 0.0
+    ticks = sum([vehicle.ticks for vehicle in vehicles])
+    return sum([vehicle.late_ticks for vehicle in vehicles]) / ticks if ticks else 0.0
 
 
 def _line(summary: RunSummary) -> str:
@@ -65,8 +65,8 @@ def _reasons(reason: str) -> str:
 
 def _limits_kept(summary: RunSummary) -> str:
     """State of the limits of a run that broke none; empty without limits."""
-    names = dict.fromkeys(one.limit for one in summary.limits)
-    measured = {one.limit for one in summary.limits if one.value is not None}
+    names = dict.fromkeys(limit.limit for limit in summary.limits)
+    measured = {limit.limit for limit in summary.limits if limit.value is not None}
     if not names:
         return ""
     kept = "1 limit kept" if len(measured) == 1 else f"{len(measured)} limits kept"
@@ -89,8 +89,8 @@ def length(metres: float) -> str:
 
 
 def _furthest_off(vehicles: Sequence[VehicleSummary]) -> VehicleSummary | None:
-    measured = [one for one in vehicles if one.cross_track_error_m_max is not None]
-    return max(measured, key=lambda one: one.cross_track_error_m_max or 0.0, default=None)
+    measured = [vehicle for vehicle in vehicles if vehicle.cross_track_error_m_max is not None]
+    return max(measured, key=lambda vehicle: vehicle.cross_track_error_m_max or 0.0, default=None)
 
 
 def _worst_error(summary: RunSummary) -> str:
@@ -141,11 +141,11 @@ def _collided(summary: RunSummary) -> Iterator[str]:
 
 
 def _silent(summary: RunSummary) -> Iterator[str]:
-    silent = [one for one in summary.vehicles if one.silent_from_s is not None]
+    silent = [vehicle for vehicle in summary.vehicles if vehicle.silent_from_s is not None]
     if silent and summary.outcome != "running":
-        first = min(silent, key=lambda one: one.silent_from_s or 0.0)
+        first = min(silent, key=lambda vehicle: vehicle.silent_from_s or 0.0)
         since = f"{first.name} silent from {first.silent_from_s:.2f} s"
-        names = [one.name for one in silent]
+        names = [vehicle.name for vehicle in silent]
         yield since if len(silent) == 1 else f"{_share(summary, names)} silent, first {since}"
 
 
@@ -153,7 +153,7 @@ def _departed(summary: RunSummary) -> Iterator[str]:
     left = _vehicles_of(_of(summary, "lane_departure"))
     if not left:
         return
-    worst = _furthest_off([one for one in summary.vehicles if one.name in left])
+    worst = _furthest_off([vehicle for vehicle in summary.vehicles if vehicle.name in left])
     furthest = ""
     if worst is not None:
         furthest = f", worst {worst.name} {length(worst.cross_track_error_m_max or 0.0)}"
@@ -168,7 +168,7 @@ def _stopped(summary: RunSummary) -> Iterator[str]:
         return
     stopped = _vehicles_of(events)
     first = events[0]
-    blind = max((one.reaction.blind_m for one in summary.vehicles), default=0.0)
+    blind = max((vehicle.reaction.blind_m for vehicle in summary.vehicles), default=0.0)
     beyond = f", up to {blind:.1f} m blind" if blind >= 0.05 else ""
     yield (
         f"{_share(summary, stopped)} stopped for lack of data, first {first.vehicles[0]} at "

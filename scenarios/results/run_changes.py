@@ -66,5 +66,5 @@ def _run_change(same: list[Change], at_s: float) -> RunChange:
         target=target,
         for_s=for_s,
         by_hand=first.by_hand,
-        vehicles=tuple(dict.fromkeys(one.vehicle for one in same)),
+        vehicles=tuple(dict.fromkeys(change.vehicle for change in same)),
     )

@@ -112,7 +112,9 @@ class FigureStream:
         )
         gaps = self.gaps = self._encounters.gaps
         for name, behind in zip_longest(self._sizes, self.followers, fillvalue=""):
-            self._gaps_of[name] = [gaps[one] for one in (name, behind) if one in gaps]
+            self._gaps_of[name] = [
+                gaps[follower] for follower in (name, behind) if follower in gaps
+            ]
 
     def listen(self, _at: int, message: Message) -> None:
         """Take one message; those of unknown vehicles are ignored."""
@@ -167,8 +169,8 @@ class FigureStream:
             return
         place = self._places.get(tracking.vehicle, (0.0, 0.0))
         for watch in self._watches:
-            if found := watch.add(tracking, place):
-                self._pass_on(found)
+            if began := watch.add(tracking, place):
+                self._pass_on(began)
 
     def finish(self) -> None:
         """Close events that are still open."""

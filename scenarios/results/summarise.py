@@ -51,7 +51,7 @@ def summarise(
     vehicles, events = metrics.vehicle_summaries(ran_ns), metrics.events.events()
     deadlines = metrics.deadlines.figures(ran_ns)
     limits = limit_figures(scenario.tables.limits, events, vehicles, deadlines)
-    reason = failure_reason(reason, [one.message for one in limits if one.broken])
+    reason = failure_reason(reason, [limit.message for limit in limits if limit.broken])
     summary = RunSummary(
         identity=identity,
         outcome="failed" if reason else "completed",
@@ -80,7 +80,7 @@ def late_lines(vehicles: Sequence[VehicleSummary]) -> Iterator[str]:
     late = late_ratio(vehicles)
     if late <= LATE_RATIO:
         return
-    worst = max(vehicles, key=lambda one: one.lateness_ms_max)
+    worst = max(vehicles, key=lambda vehicle: vehicle.lateness_ms_max)
     yield (
         f"{100.0 * late:.2g} % of the ticks began late, by up to "
         f"{worst.lateness_ms_max:.0f} ms ({worst.name}), and so did messages and commands: the "

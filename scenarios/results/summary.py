@@ -70,7 +70,11 @@ class RunIdentity:
 
     def values(self) -> dict[str, Any]:
         """All fields in one table, the versions by their packages' names."""
-        own = {one.name: getattr(self, one.name) for one in fields(self) if one.name != "versions"}
+        own = {
+            entry.name: getattr(self, entry.name)
+            for entry in fields(self)
+            if entry.name != "versions"
+        }
         return own | {"overrides": list(self.overrides)} | dict(self.versions)
 
     def metadata(self) -> dict[str, str]:
@@ -84,7 +88,7 @@ class RunIdentity:
     def of_values(cls, values: Mapping[str, Any]) -> "RunIdentity":
         """Read the result of `values` or `metadata`; missing fields stay empty."""
         clock: ClockName = "virtual" if values.get("clock") == "virtual" else "wall"
-        known = {one.name for one in fields(cls)}
+        known = {entry.name for entry in fields(cls)}
         overrides = values.get("overrides", [])
         return cls(
             schema=str(values.get("schema", SCHEMA)),
@@ -223,15 +227,15 @@ def _filled(value: Any, kind: type) -> Any:
         return value
     names = RENAMED.get(kind, {})
     filled = {names.get(name, name): entry for name, entry in value.items()}
-    for one in fields(kind):
-        if one.name in filled:
-            if filled[one.name] is None and one.type is float:
-                filled[one.name] = nan
-        elif one.default is MISSING and one.default_factory is MISSING:
-            if one.type is float:
-                filled[one.name] = nan
-            elif NoneType in get_args(one.type):
-                filled[one.name] = None
+    for entry in fields(kind):
+        if entry.name in filled:
+            if filled[entry.name] is None and entry.type is float:
+                filled[entry.name] = nan
+        elif entry.default is MISSING and entry.default_factory is MISSING:
+            if entry.type is float:
+                filled[entry.name] = nan
+            elif NoneType in get_args(entry.type):
+                filled[entry.name] = None
     return filled
 
 
@@ -248,7 +252,7 @@ def from_json(text: str) -> RunSummary:
     ):
         if isinstance(values.get(name), list):
             values[name] = [_filled(row, kind) for row in values[name]]
-    own = {one.name for one in fields(RunSummary)}
+    own = {entry.name for entry in fields(RunSummary)}
     try:
         return _FIGURES.validate_python(
             {name: value for name, value in values.items() if name in own}

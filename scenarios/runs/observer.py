@@ -40,11 +40,14 @@ class OnMessage:
 
 
 def listeners_by_kind(observers: Sequence[Observer]) -> dict[type[Message], list[Listen]]:
-    return {kind: [one.listen for one in observers if kind in one.kinds] for kind in TOPIC_OF}
+    return {
+        kind: [observer.listen for observer in observers if kind in observer.kinds]
+        for kind in TOPIC_OF
+    }
 
 
 def kinds_of(observers: Sequence[Observer]) -> Kinds:
-    return frozenset[type[Message]]().union(*(one.kinds for one in observers))
+    return frozenset[type[Message]]().union(*(observer.kinds for observer in observers))
 
 
 @runtime_checkable
@@ -70,7 +73,9 @@ class ThrottledObservers:
         self.kinds = kinds_of(observers)
         """Messages that at least one observer wants."""
         self._waiting, self._most_waiting = waiting, most_waiting
-        self._shows_backlog = [one for one in observers if isinstance(one, ShowsBacklog)]
+        self._shows_backlog = [
+            observer for observer in observers if isinstance(observer, ShowsBacklog)
+        ]
         self.skipped = 0
         """Number of messages not passed on."""
 

@@ -132,10 +132,10 @@ class Recorder:
 
         Returns it with the numbers of earlier messages on its key.
         """
-        found = self._topics.get(key_expression)
-        if found is None:
+        address = self._topics.get(key_expression)
+        if address is None:
             raise RefusedMessageError("unknown", f"no topic {key_expression}")
-        vehicle, topic = found
+        vehicle, topic = address
         message = decode(topic, data, exact=True)
         if message.vehicle != vehicle:
             raise RefusedMessageError("foreign", f"{message.vehicle!r} under {key_expression}")
@@ -198,8 +198,8 @@ class Recorder:
         for listen in self._listeners[kind]:
             listen(at, message)
         if kind is TruePose:
-            for one in self._deviations.take_new():
-                self._writer.write_deviation(at, *one)
+            for deviation in self._deviations.take_new():
+                self._writer.write_deviation(at, *deviation)
         if kind is TruePose or kind is Tracking:
             self.log_news(at)
 

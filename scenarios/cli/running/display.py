@@ -39,15 +39,15 @@ def observers(
     with ExitStack() as stack:
         option = parse_rerun_option(display.rerun)
         view = stack.enter_context(open_drawing(option, scenario, folder / LOG_NAME, metrics))
-        found: list[Observer] = [] if option.sink == "off" else [OnMessage(view.draw)]
+        receivers: list[Observer] = [] if option.sink == "off" else [OnMessage(view.draw)]
         if view.destination and not display.quiet:
             Console(stderr=True).print(
                 f"watch it: {view.destination}", soft_wrap=True, highlight=False, markup=False
             )
         if not display.quiet:
             progress = stack.enter_context(Progress(metrics, scenario.duration_s))
-            found.append(progress)
-        yield found
+            receivers.append(progress)
+        yield receivers
 
 
 def print_start(run: str, folder: Path, display: DisplayOptions, endpoint: str = "") -> None:

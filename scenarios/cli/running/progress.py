@@ -124,9 +124,9 @@ class Progress:
     def _of_all(self) -> str:
         """Format the worst figures of all vehicles, and the sums of their messages."""
         figures = self._metrics.vehicles.values()
-        worst = max(abs(one.cross_track_error.latest) for one in figures)
-        largest = max(one.cross_track_error.largest for one in figures)
-        gaps = [one.min_m for one in self._metrics.stream.gaps.values()]
+        worst = max(abs(vehicle.cross_track_error.latest) for vehicle in figures)
+        largest = max(vehicle.cross_track_error.largest for vehicle in figures)
+        gaps = [gap.min_m for gap in self._metrics.stream.gaps.values()]
         counts = map(self._messages, self._metrics.vehicles)
         delivered, dropped, late = map(sum, zip(*counts, strict=True))
         return (

@@ -39,10 +39,10 @@ class LinkFigures:
 
     def add_tracking(self, tracking: Tracking, at: int) -> None:
         """Take the ages of a follower's data at instant `at` (ns)."""
-        found = self._sources.get(tracking.vehicle)
-        if found is None:
-            found = self._sources[tracking.vehicle] = self._sources_of(tracking.vehicle)
-        lead, ahead = found
+        sources = self._sources.get(tracking.vehicle)
+        if sources is None:
+            sources = self._sources[tracking.vehicle] = self._sources_of(tracking.vehicle)
+        lead, ahead = sources
         if lead is not None:
             tally, alarms = lead
             tally.add_age(tracking.lead_age_s)
@@ -71,14 +71,14 @@ class LinkFigures:
         `sent` holds each vehicle's recorded poses and the instant (ns) of its last message, up to
         which alarms are false.
         """
-        found = []
+        summaries = []
         for link in self._in_order():
             poses, last_at = sent[link[0]]
             alarms = AlarmSummary(counted=self._alarms[link].counted(last_at))
-            found.append(
+            summaries.append(
                 link_summary(link, self._requested[link], poses, self.tallies[link], alarms)
             )
-        return tuple(found)
+        return tuple(summaries)
 
     def _in_order(self) -> list[Link]:
         place = self._names.index
@@ -88,7 +88,7 @@ class LinkFigures:
         """Yield deviations from the requests beyond sampling error."""
         for link in self._in_order():
             yield from request_deviations(link, self._requested[link], self.tallies[link])
-        changed = [f"{a} → {b}" for (a, b), one in sorted(self.tallies.items()) if one.changed]
+        changed = [f"{a} → {b}" for (a, b), tally in sorted(self.tallies.items()) if tally.changed]
         if changed:
             these = "all" if len(changed) == len(self._requested) else ", ".join(changed)
             yield f"links changed during the run are not compared with the request: {these}"

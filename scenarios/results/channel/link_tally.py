@@ -89,15 +89,15 @@ class LinkTally:
         Messages without a verdict and those held back by the link's rate are left out.
         """
         fates = np.frombuffer(bytes(self._fates), dtype=np.uint8)
-        found: NDArray[np.bool_] = fates[(fates == _LOST) | (fates == _DELIVERED)] == _LOST
-        return found
+        lost: NDArray[np.bool_] = fates[(fates == _LOST) | (fates == _DELIVERED)] == _LOST
+        return lost
 
     @property
     def numbers(self) -> NDArray[np.int_]:
         """Numbers of the messages of `lost`."""
         fates = np.frombuffer(bytes(self._fates), dtype=np.uint8)
-        found: NDArray[np.int_] = np.flatnonzero((fates == _LOST) | (fates == _DELIVERED))
-        return found
+        numbers: NDArray[np.int_] = np.flatnonzero((fates == _LOST) | (fates == _DELIVERED))
+        return numbers
 
     def _keep(self, number: int, fate: int) -> None:
         if number >= MOST_NUMBERS:

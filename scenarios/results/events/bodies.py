@@ -100,16 +100,16 @@ def corners(body: CarBody) -> tuple[tuple[float, float], ...]:
     )
 
 
-def overlap(one: CarBody, other: CarBody) -> bool:
+def overlap(body: CarBody, other: CarBody) -> bool:
     """Whether two bodies share more than their edges (separating axis theorem).
 
     Two convex shapes are apart if and only if they are along the normal of one of their sides.
     """
-    to_east, to_north = other.east - one.east, other.north - one.north
+    to_east, to_north = other.east - body.east, other.north - body.north
     # A rectangle's projection is the sum of the projections of its sides.
-    cosine = abs(one.along_east * other.along_east + one.along_north * other.along_north)
-    sine = abs(one.along_east * other.along_north - one.along_north * other.along_east)
-    for here, there in ((one, other), (other, one)):
+    cosine = abs(body.along_east * other.along_east + body.along_north * other.along_north)
+    sine = abs(body.along_east * other.along_north - body.along_north * other.along_east)
+    for here, there in ((body, other), (other, body)):
         along = abs(to_east * here.along_east + to_north * here.along_north)
         across = abs(to_north * here.along_east - to_east * here.along_north)
         if along >= here.half_length + there.half_length * cosine + there.half_width * sine:
@@ -119,15 +119,15 @@ def overlap(one: CarBody, other: CarBody) -> bool:
     return True
 
 
-def certainly_apart(one: CarBody, other: CarBody, distance: float) -> bool:
+def certainly_apart(body: CarBody, other: CarBody, distance: float) -> bool:
     """Whether two bodies are certainly further apart than `distance` (m).
 
     Their projections on the normals of their sides are at most as far apart. A fraction of the cost
     of `separation`.
     """
-    to_east, to_north = other.east - one.east, other.north - one.north
-    ux, uy, vx, vy = one.along_east, one.along_north, other.along_east, other.along_north
-    half_length, half_width = one.half_length, one.half_width
+    to_east, to_north = other.east - body.east, other.north - body.north
+    ux, uy, vx, vy = body.along_east, body.along_north, other.along_east, other.along_north
+    half_length, half_width = body.half_length, body.half_width
     other_length, other_width = other.half_length, other.half_width
     cosine, sine = abs(ux * vx + uy * vy), abs(ux * vy - uy * vx)
     enough = distance + ROUNDING_M
@@ -147,18 +147,18 @@ def certainly_apart(one: CarBody, other: CarBody, distance: float) -> bool:
     )
 
 
-def separation(one: CarBody, other: CarBody) -> Separation:
+def separation(body: CarBody, other: CarBody) -> Separation:
     """Distance between two bodies and its rate from their velocities, without yaw rates.
 
     The nearest points of two disjoint convex polygons include a corner. Where the bodies overlap
     the rate is that along the line of their centres.
     """
-    if overlap(one, other):
-        to_east, to_north = other.east - one.east, other.north - one.north
-        return Separation(0.0, _closing(one, other, to_east, to_north))
+    if overlap(body, other):
+        to_east, to_north = other.east - body.east, other.north - body.north
+        return Separation(0.0, _closing(body, other, to_east, to_north))
     nearest = inf
     east = north = 0.0
-    for here, there, sign in ((one, other, 1.0), (other, one, -1.0)):
+    for here, there, sign in ((body, other, 1.0), (other, body, -1.0)):
         there_east, there_north, ux, uy = (
             there.east,
             there.north,
@@ -178,14 +178,14 @@ def separation(one: CarBody, other: CarBody) -> Separation:
                 nearest = distance
                 east = sign * (along * ux - across * uy)
                 north = sign * (along * uy + across * ux)
-    return Separation(nearest, _closing(one, other, east, north))
+    return Separation(nearest, _closing(body, other, east, north))
 
 
-def _closing(one: CarBody, other: CarBody, east: float, north: float) -> float:
-    """Speed (m/s) at which `one` nears `other` along the direction (east, north)."""
+def _closing(body: CarBody, other: CarBody, east: float, north: float) -> float:
+    """Speed (m/s) at which `body` nears `other` along the direction (east, north)."""
     length = hypot(east, north)
     if length == 0.0:
         return 0.0
-    faster_east = one.speed_east - other.speed_east
-    faster_north = one.speed_north - other.speed_north
+    faster_east = body.speed_east - other.speed_east
+    faster_north = body.speed_north - other.speed_north
     return (faster_east * east + faster_north * north) / length

@@ -27,8 +27,7 @@ EventKind = Literal[
 MOST_FRAMES = 3000
 """Instants that wait for poses, 60 s at 50 Hz; then the oldest are dropped."""
 PARTED_M = 0.2
-"""Two bodies that collided have parted when they are so far apart: what only grazes on is one
-collision, not many."""
+"""Distance at which collided bodies have separated, so that a grazing contact is one collision."""
 QUIET_NS = SECOND
 """An episode ends when its condition has not held for this time."""
 
@@ -121,25 +120,25 @@ class Encounters:
                 del self._frames[next(iter(self._frames))]
             frame = self._frames[at] = {}
         neighbours, touching = self._pairs[name], self._touching[name]
-        found: list[Episode] = []
+        episodes: list[Episode] = []
         east, north, reach = body.east, body.north, self._reach
         for other, there in frame.items():
             if other in neighbours:
                 pair = neighbours[other]
                 if pair.names[0] == name:
-                    found += self._follow(at, pair, body, there)
+                    episodes += self._follow(at, pair, body, there)
                 else:
-                    found += self._follow(at, pair, there, body)
+                    episodes += self._follow(at, pair, there, body)
             elif (
                 -reach < there.east - east < reach
                 and -reach < there.north - north < reach
                 and other != name
             ) or (touching and other in touching):
-                found += self._meet(at, name, body, other, there)
+                episodes += self._meet(at, name, body, other, there)
         frame[name] = body
         if len(frame) == len(self._sizes):
             del self._frames[at]
-        return found
+        return episodes
 
     def finish(self) -> list[Episode]:
         """Return the near misses that are still open."""

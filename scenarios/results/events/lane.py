@@ -11,8 +11,8 @@ from vehicles.messages import TruePose
 from vehicles.schedule import SECOND
 
 WELL_INSIDE_M = 0.5
-"""A follower whose corners are all so far inside its lane is not across the edge before the next
-look, LANE_LOOK_NS later: that would take 10 m/s sideways."""
+"""A follower with all corners this far inside its lane is checked again LANE_LOOK_NS later only:
+to leave it until then would take 10 m/s sideways."""
 LANE_LOOK_NS = SECOND // 20
 TakeExcess = Callable[[str, float], None]
 
@@ -54,9 +54,9 @@ class LaneWatch:
         self._followers: dict[str, _Corners] = {}
         self._of_point: dict[str, _Corners] = {}
         for name in followers:
-            one = _Corners(name, (f"{name}/0", f"{name}/1", f"{name}/2", f"{name}/3"))
-            self._followers[name] = one
-            self._of_point |= dict.fromkeys(one.points, one)
+            follower = _Corners(name, (f"{name}/0", f"{name}/1", f"{name}/2", f"{name}/3"))
+            self._followers[name] = follower
+            self._of_point |= dict.fromkeys(follower.points, follower)
         self._path = path
         path.follow(self._of_point)
         self._on_excess = on_excess

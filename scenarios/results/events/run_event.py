@@ -35,25 +35,25 @@ def _what(event: RunEvent) -> str:
     figures, (first, *others) = event.figures, event.vehicles
     match event.kind:
         case "collision":
-            what = f"{others[0]} and {first}, closing at {figures['closing_speed_mps']:.1f} m/s"
+            text = f"{others[0]} and {first}, closing at {figures['closing_speed_mps']:.1f} m/s"
         case "near_miss":
             left = figures.get("time_to_collision_s_min")
             also = "" if left is None else f", {left:.1f} s from a collision"
-            what = f"{others[0]} within {figures['gap_m_min']:.2f} m of {first}{also}"
+            text = f"{others[0]} within {figures['gap_m_min']:.2f} m of {first}{also}"
         case "lane_departure":
-            what = f"{first} across the edge of the lane"
+            text = f"{first} across the edge of the lane"
         case "path_lost":
-            what = f"{first} has no known path to steer along"
+            text = f"{first} has no known path to steer along"
         case "slide":
-            what = f"{first} uses all available friction"
+            text = f"{first} uses all available friction"
         case "stop":
             known, blind = figures.get("known_m"), figures.get("predicted_blind_m")
             ends = "" if known is None else f", {road_known(known)}"
             beyond = f", {blind:.1f} m beyond it" if blind else ""
-            what = f"{first} stops for lack of data{ends}{beyond}"
+            text = f"{first} stops for lack of data{ends}{beyond}"
         case "distrust":
-            what = f"{others[0]} distrusts {first}"
-    return what
+            text = f"{others[0]} distrusts {first}"
+    return text
 
 
 def road_known(known: float) -> str:
@@ -72,27 +72,27 @@ class EventLog:
     def __init__(self, seconds: Callable[[int], float]) -> None:
         """`seconds` converts an instant (ns) to seconds from the start of the run."""
         self._seconds = seconds
-        self._found: list[Episode] = []
+        self._episodes: list[Episode] = []
         self._reported = 0
         self.collisions = 0
 
     def add(self, episode: Episode) -> None:
-        self._found.append(episode)
+        self._episodes.append(episode)
         self.collisions += episode.kind == "collision"
 
     def take_new(self) -> list[RunEvent]:
-        new = self._found[self._reported :]
-        self._reported = len(self._found)
+        new = self._episodes[self._reported :]
+        self._reported = len(self._episodes)
         return [self._event(episode) for episode in new]
 
     def episodes(self, first: int) -> list[Episode]:
         """Events in the order in which they were found, from number `first` on."""
-        return self._found[first:]
+        return self._episodes[first:]
 
     def events(self) -> tuple[RunEvent, ...]:
         """All events so far in order of time."""
-        found = [self._event(episode) for episode in self._found]
-        return tuple(sorted(found, key=lambda one: (one.at_s, one.kind, one.vehicles)))
+        events = [self._event(episode) for episode in self._episodes]
+        return tuple(sorted(events, key=lambda event: (event.at_s, event.kind, event.vehicles)))
 
     def _event(self, episode: Episode) -> RunEvent:
         return RunEvent(

@@ -101,7 +101,7 @@ class StopWatch:
         if episode is None:
             episode = self._open[name] = Episode("stop", (name,), at, at, place=place)
             figures = {"known_m": tracking.known_m, "predicted_blind_m": tracking.blind_m}
-            episode.figures |= {name: one for name, one in figures.items() if isfinite(one)}
+            episode.figures |= {name: value for name, value in figures.items() if isfinite(value)}
             yield episode
         episode.until_ns = at
         episode.most("duration_s", (at - episode.at_ns) / SECOND)
@@ -139,8 +139,8 @@ class TrustWatch:
                 continue
             episode = self._open.get(pair)
             if episode is None:
-                found = Episode("distrust", pair, at, at, place=place)
-                episode = self._open[pair] = found
+                begun = Episode("distrust", pair, at, at, place=place)
+                episode = self._open[pair] = begun
                 yield episode
             episode.until_ns = at
             episode.most("duration_s", (at - episode.at_ns) / SECOND)

@@ -131,16 +131,19 @@ class Deadlines:
         table = limits or LimitsTable()
         self._start_at = 0
         self._limits: list[tuple[str, ModeLimit | SourceLimit | RecoveryLimit, DeadlineWatch]] = [
-            *((f"modes[{k}]", one, ModeWatch(one)) for k, one in enumerate(table.modes)),
+            *((f"modes[{k}]", limit, ModeWatch(limit)) for k, limit in enumerate(table.modes)),
             *(
-                (f"sources[{k}]", one, SourceWatch(one, lead))
-                for k, one in enumerate(table.sources)
+                (f"sources[{k}]", limit, SourceWatch(limit, lead))
+                for k, limit in enumerate(table.sources)
             ),
-            *((f"recovery[{k}]", one, RecoveryWatch(one)) for k, one in enumerate(table.recovery)),
+            *(
+                (f"recovery[{k}]", limit, RecoveryWatch(limit))
+                for k, limit in enumerate(table.recovery)
+            ),
         ]
         self._of: Mapping[str, Sequence[DeadlineWatch]] = {
-            name: [watch for _, one, watch in self._limits if one.vehicle == name]
-            for name in {one.vehicle for _, one, _ in self._limits}
+            name: [watch for _, limit, watch in self._limits if limit.vehicle == name]
+            for name in {limit.vehicle for _, limit, _ in self._limits}
         }
 
     def __bool__(self) -> bool:
@@ -160,7 +163,7 @@ class Deadlines:
             watch.add_error(at - self._start_at, error)
 
     def figures(self, ran_ns: int) -> tuple[DeadlineFigure, ...]:
-        return tuple(self._figure(key, one, watch, ran_ns) for key, one, watch in self._limits)
+        return tuple(self._figure(key, limit, watch, ran_ns) for key, limit, watch in self._limits)
 
     def _figure(
         self,

@@ -37,7 +37,7 @@ def limit_figures(
     if limits.collisions_max is None and limits.after_collision == "end":
         counts = [_first_collision(events), *counts]
     figures = [
-        one for limit in known if limit.row.figure for one in _figures(limit, known, vehicles)
+        result for limit in known if limit.row.figure for result in _figures(limit, known, vehicles)
     ]
     return (*counts, *figures, *map(_deadline, deadlines))
 
@@ -49,8 +49,8 @@ def broken_limits(
     deadlines: Sequence[DeadlineFigure] = (),
 ) -> list[str]:
     """List the broken limits, a line each; `events` are in order of time."""
-    found = limit_figures(limits, events, vehicles, deadlines)
-    return [one.message for one in found if one.broken]
+    results = limit_figures(limits, events, vehicles, deadlines)
+    return [result.message for result in results if result.broken]
 
 
 def failure_reason(reason: str, broken: Sequence[str]) -> str:
@@ -84,25 +84,25 @@ def _counted(limit: Limit, events: Sequence[RunEvent]) -> list[RunEvent]:
 
 
 def _count(limit: Limit, events: Sequence[RunEvent]) -> LimitFigure:
-    found, most = _counted(limit, events), int(limit.bound)
-    line = f"limits.{limit.name} = {most}: {found[most].line}" if len(found) > most else ""
+    counted, most = _counted(limit, events), int(limit.bound)
+    line = f"limits.{limit.name} = {most}: {counted[most].line}" if len(counted) > most else ""
     return LimitFigure(
-        limit=limit.name, bound=most, value=len(found), vehicle=limit.vehicle, message=line
+        limit=limit.name, bound=most, value=len(counted), vehicle=limit.vehicle, message=line
     )
 
 
 def _first_collision(events: Sequence[RunEvent]) -> LimitFigure:
     """Implicit limit of a run that ends at the first collision."""
-    found = [event for event in events if event.kind == "collision"]
-    line = f'limits.after_collision = "end": {found[0].line}' if found else ""
-    return LimitFigure(limit="after_collision", bound=0, value=len(found), message=line)
+    collisions = [event for event in events if event.kind == "collision"]
+    line = f'limits.after_collision = "end": {collisions[0].line}' if collisions else ""
+    return LimitFigure(limit="after_collision", bound=0, value=len(collisions), message=line)
 
 
 def _figures(
     limit: Limit, limits: Sequence[Limit], vehicles: Sequence[VehicleSummary]
 ) -> Iterator[LimitFigure]:
     """Yield the figure of each vehicle that a limit applies to, or one None if none is known."""
-    own = {one.vehicle for one in limits if one.key == limit.key and one.vehicle}
+    own = {other.vehicle for other in limits if other.key == limit.key and other.vehicle}
     if limit.vehicle:
         rows = [row for row in vehicles if row.name == limit.vehicle]
     else:
@@ -127,20 +127,21 @@ def _figure(row: LimitRow, vehicle: VehicleSummary) -> float | None:
 
 def _breach(limit: Limit, vehicle: VehicleSummary, figure: float) -> str:
     at = getattr(vehicle, limit.row.at) if limit.row.at else None
-    what = limit.row.breach.format(figure=figure, at=at or 0.0)
-    return f"limits.{limit.name} = {limit.bound:g}: {vehicle.name} {what}"
+    breach = limit.row.breach.format(figure=figure, at=at or 0.0)
+    return f"limits.{limit.name} = {limit.bound:g}: {vehicle.name} {breach}"
 
 
-def _deadline(one: DeadlineFigure) -> LimitFigure:
+def _deadline(deadline: DeadlineFigure) -> LimitFigure:
     line = ""
-    if one.broken:
-        after = "did not happen" if one.took_s is None else f"after {one.took_s:.2f} s"
-        line = f"limits.{one.key}.within_s = {one.within_s:g}: {one.vehicle}: {one.action}: {after}"
+    if deadline.broken:
+        after = "did not happen" if deadline.took_s is None else f"after {deadline.took_s:.2f} s"
+        limit = f"limits.{deadline.key}.within_s = {deadline.within_s:g}"
+        line = f"{limit}: {deadline.vehicle}: {deadline.action}: {after}"
     return LimitFigure(
-        limit=one.key,
-        bound=one.within_s,
-        value=one.took_s,
-        vehicle=one.vehicle,
-        action=one.action,
+        limit=deadline.key,
+        bound=deadline.within_s,
+        value=deadline.took_s,
+        vehicle=deadline.vehicle,
+        action=deadline.action,
         message=line,
     )

@@ -73,8 +73,8 @@ class Explanation:
             "path": "drove its own path",
             "straight": "drove straight, as it had received nothing",
             "coast": "extrapolated its last trajectory",
-        }.get(self.mode, f"steered along {joined_words([one.sender for one in self._used])}")
-        known = "; ".join(_of_source(one, self.decided_at_s) for one in self.sources)
+        }.get(self.mode, f"steered along {joined_words([source.sender for source in self._used])}")
+        known = "; ".join(_of_source(source, self.decided_at_s) for source in self.sources)
         return f"At {self.decided_at_s:.2f} s {self.vehicle} {along}" + (
             f": {known}." if known else "."
         )
@@ -93,10 +93,14 @@ def _of_source(source: KnownSource, now_s: float) -> str:
             f"it knew {source.path_left_m or 0.0:.1f} m of the path of {source.sender} ahead, from "
             f"a pose {source.age_s:.2f} s old"
         )
-    due = [one for one in source.missing if one.due_at_s is not None and one.due_at_s <= now_s]
-    lost = [one for one in due if one.fate != IN_TRANSIT]
+    due = [
+        message
+        for message in source.missing
+        if message.due_at_s is not None and message.due_at_s <= now_s
+    ]
+    lost = [message for message in due if message.fate != IN_TRANSIT]
     coming = len(source.missing) - len(due)
-    causes = list(dict.fromkeys(one.cause for one in lost))
+    causes = list(dict.fromkeys(message.cause for message in lost))
     if lost:
         text += f"; later ones: {len(lost)} dropped by {joined_words(causes)}"
     if coming:
@@ -130,16 +134,16 @@ class RecordedKnowledge:
         names = scenario.vehicle_names
         if vehicle not in names:
             raise LogError(f"{log}: no vehicle {vehicle!r}, allowed {', '.join(names)}")
-        found = cls(log, scenario, vehicle, reader.last_at)
+        record = cls(log, scenario, vehicle, reader.last_at)
         _read(
-            reader, found, senders_to(names, vehicle, lead_waits=scenario.tables.speed.lead_waits)
+            reader, record, senders_to(names, vehicle, lead_waits=scenario.tables.speed.lead_waits)
         )
-        return found
+        return record
 
     def at(self, at_s: float) -> Explanation:
         """Explain the instant `at_s` (s) after the start; raises LogError."""
         requested = self.start_at + round(at_s * SECOND) if isfinite(at_s) else -1
-        made = bisect_right(self.decisions, requested, key=lambda one: one.decided_at_ns)
+        made = bisect_right(self.decisions, requested, key=lambda decision: decision.decided_at_ns)
         if not made or requested > self.last_at:
             first, last = self.decisions[0], self.decisions[-1]
             raise LogError(
@@ -191,9 +195,11 @@ def _read(reader: LogReader, record: RecordedKnowledge, senders: Sequence[str]) 
 def _known(record: RecordedKnowledge, link: tuple[str, str], now: int) -> KnownSource:
     poses, verdicts = record.poses[link[0]], record.verdicts[link[0]]
     received = [
-        one for one in verdicts.values() if one.outcome == "delivered" and one.received_at_ns <= now
+        verdict
+        for verdict in verdicts.values()
+        if verdict.outcome == "delivered" and verdict.received_at_ns <= now
     ]
-    newest = max(received, key=lambda one: one.measured_at_ns, default=None)
+    newest = max(received, key=lambda verdict: verdict.measured_at_ns, default=None)
     sent_by_now = sorted(seq for seq, pose in poses.items() if pose.sent_at_ns <= now)
     since = newest.pose_seq if newest else -1
     missing = [_missing(record, link, seq) for seq in sent_by_now if seq > since]
@@ -236,8 +242,8 @@ def _missing(record: RecordedKnowledge, link: tuple[str, str], number: int) -> M
 
 def _received(verdicts: Iterable[LinkVerdict], now: int) -> float | None:
     """Delivered share of the messages due within the last second, None without any."""
-    due = [one for one in verdicts if now - SECOND < one.received_at_ns <= now]
-    return sum(one.outcome == "delivered" for one in due) / len(due) if due else None
+    due = [verdict for verdict in verdicts if now - SECOND < verdict.received_at_ns <= now]
+    return sum(message.outcome == "delivered" for message in due) / len(due) if due else None
 
 
 def _path_left(
@@ -248,10 +254,12 @@ def _path_left(
     if here is None or not received:
         return None
     plane = LocalPlane(record.scenario.origin)
-    sent, numbers = record.poses[sender], {one.pose_seq for one in received}
+    sent, numbers = record.poses[sender], {verdict.pose_seq for verdict in received}
     known = [pose for number, pose in sent.items() if number in numbers]
     poses = sorted(known, key=lambda pose: pose.measured_at_ns)
-    places = [plane.to_plane(one.latitude_deg, one.longitude_deg, one.altitude_m) for one in poses]
+    places = [
+        plane.to_plane(pose.latitude_deg, pose.longitude_deg, pose.altitude_m) for pose in poses
+    ]
     return remaining_path_length(places, here)
 
 
@@ -279,8 +287,8 @@ def remaining_path_length(
     return best_length
 
 
-def _distance(one: tuple[float, float], other: tuple[float, float]) -> float:
-    return hypot(one[0] - other[0], one[1] - other[1])
+def _distance(start: tuple[float, float], other: tuple[float, float]) -> float:
+    return hypot(start[0] - other[0], start[1] - other[1])
 
 
 def _foot(start: tuple[float, float], end: tuple[float, float], here: tuple[float, float]) -> float:

@@ -42,8 +42,8 @@ def session_of(log: Path) -> Scenario:
             change = change_from_json(message.table)
             exact = change.model_copy(update={"at_s": (at[0] - start_at) / SECOND})
             done.setdefault(at, _LiveChange(exact)).by.append(message.vehicle)
-    made = sorted(done.items(), key=lambda one: one[0][0])
-    added = [change for _, one in made for change in _as_carried_out(one, scenario)]
+    made = sorted(done.items(), key=lambda entry: entry[0][0])
+    added = [change for _, done in made for change in _as_carried_out(done, scenario)]
     changed = scenario.tables.model_copy(update={"change": (*scenario.tables.change, *added)})
     # Parsed again, which checks it.
     return scenario_from_text(Scenario(changed).text, label=f"{log} (with its changes)")

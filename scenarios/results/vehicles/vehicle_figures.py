@@ -198,8 +198,8 @@ class VehicleFigures:
     def true_holes(self, holes: Sequence[RecordHole]) -> Iterator[RecordHole]:
         """Holes in the record of its true poses outside of `holes`."""
         slack_s = 1.0 / (self.rate_hz or USUAL_RATE_HZ)
-        found = holes_of(self.name, self.true_numbers, self._control_rate_hz, 0, "true pose")
-        for hole in found:
+        missing = holes_of(self.name, self.true_numbers, self._control_rate_hz, 0, "true pose")
+        for hole in missing:
             if not any(known.covers(hole, slack_s) for known in holes):
                 yield hole
 

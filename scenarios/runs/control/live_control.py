@@ -53,7 +53,7 @@ class Confirmation:
 
 
 class LiveControl:
-    """Takes changes for one vehicle on a thread of the bus and puts them on its agenda."""
+    """Takes changes for one vehicle on a thread of the bus and schedules them."""
 
     def __init__(self, scenario: Scenario, vehicle: str, now: Callable[[], int]) -> None:
         """`now` reads the vehicle's clock (ns)."""

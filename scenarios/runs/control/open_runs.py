@@ -69,8 +69,8 @@ def open_runs(where: Path | None = None) -> list[OpenRun]:
     folder = where or runtime_folder()
     if not folder.is_dir() or folder.stat().st_uid != os.getuid():  # not our own
         return []
-    found = [run for path in sorted(folder.glob(f"*{SUFFIX}")) if (run := _read(path))]
-    return sorted(found, key=lambda one: one.run)
+    runs = [run for path in sorted(folder.glob(f"*{SUFFIX}")) if (run := _read(path))]
+    return sorted(runs, key=lambda run: run.run)
 
 
 def _read(path: Path) -> OpenRun | None:

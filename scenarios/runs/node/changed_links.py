@@ -32,7 +32,7 @@ class ChangingLink:
     def change(self, at: int, change: LinkChange) -> None:
         """Change the link from the instant `at` (ns) on; earlier effects stay."""
         insort(self.changes, (at, change), key=itemgetter(0))
-        before = [one for one in self.link.changes if one.from_at < at]
+        before = [changed for changed in self.link.changes if changed.from_at < at]
         after = course(self.changes, self.requested, self.effects_of, since=at, made=self.made)
         self.link.changes = (*before, *after)
 
@@ -62,7 +62,9 @@ class ChangedLinks:
 
     def adopt(self, links: Iterable[ChangingLink]) -> None:
         """Replace the links and apply all changes so far to the new ones."""
-        self._links = {(one.link.sender, one.link.receiver): one for one in links}
+        self._links = {
+            (changing.link.sender, changing.link.receiver): changing for changing in links
+        }
         for due in (*self._scheduled, *self._by_hand):
             self._change(due)
 

@@ -70,7 +70,7 @@ class Software:
 
 
 class VehicleFactory(Protocol):
-    """Builds what a fault of the software destroys."""
+    """Builds the parts of a vehicle that a restart of its software needs."""
 
     def station(self, body: Body) -> float:
         """Station (m) of the car on the road."""

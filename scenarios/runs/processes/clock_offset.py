@@ -50,4 +50,4 @@ def measure(bus: Bus, vehicle: str, now: Now) -> ClockOffset | None:
         if answer is None or not answer.isdigit() or len(answer) > LONGEST_ANSWER:
             return None
         offsets.append(ClockOffset(vehicle, int(answer) - sent_at - trip // 2, trip - trip // 2))
-    return min(offsets, key=lambda one: one.uncertainty)
+    return min(offsets, key=lambda offset: offset.uncertainty)

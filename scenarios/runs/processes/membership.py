@@ -124,7 +124,7 @@ class Membership:
 
     def _refuse(self, others: Iterable[Member]) -> None:
         # Compare with the recorder first.
-        for other in sorted(others, key=lambda one: (one.role, one.name, one.session)):
+        for other in sorted(others, key=lambda member: (member.role, member.name, member.session)):
             member = "the recorder" if other.role == RECORDER else shown(other.name)
             if difference := self._fingerprint.difference(other.fingerprint):
                 raise BusError(f"run {self.run}: {member} has {difference}")

@@ -172,12 +172,12 @@ class RecorderProcess:
         """Log the offsets of the vehicles' clocks; a large one ends the run."""
         too_far = []
         for vehicle in sorted(self._present):
-            found = measure(self._bus, vehicle, self._clock.now)
-            if found is None:  # it has left or hangs, which its token shows
+            offset = measure(self._bus, vehicle, self._clock.now)
+            if offset is None:  # it has left or hangs, which its token shows
                 continue
-            self._run.recorder.log(self._clock.now(), str(found), "debug")
-            if found.exceeds(self._clock_offset_ms_max):
-                too_far.append(str(found))
+            self._run.recorder.log(self._clock.now(), str(offset), "debug")
+            if offset.exceeds(self._clock_offset_ms_max):
+                too_far.append(str(offset))
         if too_far:
             allowed = f"allowed are {self._clock_offset_ms_max:g} ms (convoy.clock_offset_ms_max)"
             self._conductor.stop(f"{'; '.join(too_far)}; {allowed}")

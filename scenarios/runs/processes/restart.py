@@ -75,5 +75,5 @@ def received_handover() -> ProcessHandover | None:
     if number is None:
         return None
     with os.fdopen(int(number), "rb") as file:
-        found = pickle.load(file)  # noqa: S301 - written by this process
-    return cast("ProcessHandover", found)
+        handover = pickle.load(file)  # noqa: S301 - written by this process
+    return cast("ProcessHandover", handover)

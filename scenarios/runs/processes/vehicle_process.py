@@ -95,7 +95,7 @@ def await_replaced_process(bus: Bus, name: str) -> None:
     """Wait until the process that this one replaced is no longer a member."""
 
     def has_left() -> bool:
-        return all((one.role, one.name) != (VEHICLE, name) for one in bus.members())
+        return all((member.role, member.name) != (VEHICLE, name) for member in bus.members())
 
     poll(has_left, every_s=POLL_S, at_most_s=LEFT_S)
 

@@ -148,7 +148,7 @@ class DriverBuilder:
             return LoadWatch()
         noise = 0.0 if setup.has_exact_state else setup.imu.yaw_rate_noise
         estimator = SlipEstimator(setup.assumed_parameters, noise)
-        return LoadWatch(estimator, [one for one in parts if isinstance(one, ParameterUser)])
+        return LoadWatch(estimator, [part for part in parts if isinstance(part, ParameterUser)])
 
     def _fit_settings(self) -> FitSettings:
         """Settings of the fit by the largest assumed noise of the sources' receivers.
@@ -158,7 +158,9 @@ class DriverBuilder:
         """
         steering = self._setup.steering
         receivers = (self._scenario.vehicle(name).gnss for name in self._setup.senders)
-        noise = max(FitSettings().position_noise, *(one.assumed_deviation for one in receivers))
+        noise = max(
+            FitSettings().position_noise, *(receiver.assumed_deviation for receiver in receivers)
+        )
         return FitSettings(
             preview_time=steering.preview_s,
             tolerance=max(steering.tolerance_m, 5.0 * noise),

@@ -55,11 +55,11 @@ def extra_instants(
 
     Randomly drawn intervals have none: their messages wait for the next tick.
     """
-    found: list[Iterator[int]] = []
+    schedules: list[Iterator[int]] = []
     if setup.gnss.latency:
-        found.append(instants(start_at + setup.gnss.latency, end_at, setup.gnss.rate))
+        schedules.append(instants(start_at + setup.gnss.latency, end_at, setup.gnss.rate))
     of_sending = setup.sending.instants(_sending_start(scenario, setup, start_at), end_at)
-    return found if of_sending is None else [*found, of_sending]
+    return schedules if of_sending is None else [*schedules, of_sending]
 
 
 def _sending_start(scenario: Scenario, setup: VehicleSetup, start_at: int) -> SendingContext:

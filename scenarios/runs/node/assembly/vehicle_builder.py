@@ -185,7 +185,7 @@ class VehicleBuilder:
         """Links from all its sources, in a run from `start_at` (ns)."""
         senders = () if self.name in self._scenario.replays else self._setup.senders
         links = [self._incoming(sender, start_at) for sender in senders]
-        self._changed.adopt(self._changing(one, start_at) for one in links)
+        self._changed.adopt(self._changing(incoming, start_at) for incoming in links)
         self._links = links
         for seed, numbers in self._redrawn:
             self._redraw_links(seed, numbers)
@@ -206,8 +206,8 @@ class VehicleBuilder:
             node.car.imu.redraw(self._inertial_noise(seed))
 
     def _redraw_links(self, seed: int, numbers: Mapping[str, int]) -> None:
-        for one in self._links:
-            one.link.redraw(numbers[one.link.sender], seed)
+        for incoming in self._links:
+            incoming.link.redraw(numbers[incoming.link.sender], seed)
 
     def software(self, now: int, context: VehicleContext) -> Software:
         """Software that starts at `now` (ns) and knows only the car's position.
@@ -232,10 +232,10 @@ class VehicleBuilder:
         """Station (m) on the road of a car by its distance driven."""
         return self._drivers.station(body)
 
-    def _changing(self, one: IncomingLink, start_at: int) -> ChangingLink:
-        sender = one.link.sender
+    def _changing(self, incoming: IncomingLink, start_at: int) -> ChangingLink:
+        sender = incoming.link.sender
         requested = self._scenario.links[sender, self.name]
-        return ChangingLink(one.link, requested, self._effects_of(sender, start_at))
+        return ChangingLink(incoming.link, requested, self._effects_of(sender, start_at))
 
     def _incoming(self, sender: str, start_at: int) -> IncomingLink:
         scenario = self._scenario
