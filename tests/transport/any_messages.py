@@ -1,4 +1,4 @@
-"""Any message that a vehicle or the run may send, for properties."""
+"""Random messages, for property tests."""
 
 from dataclasses import fields
 from typing import Any, Literal, get_args, get_origin
@@ -15,7 +15,7 @@ TEXT = st.characters(codec="utf-8", exclude_categories=("Cc", "Cf", "Zl", "Zp"))
 
 
 def single(name: str, kind: Any) -> st.SearchStrategy[Any]:
-    """Return values of one field that is no list."""
+    """Values of a field that is not a list."""
     if get_origin(kind) is Literal:
         return st.sampled_from(get_args(kind))
     if kind is str:
@@ -29,7 +29,7 @@ def single(name: str, kind: Any) -> st.SearchStrategy[Any]:
 
 @st.composite
 def messages(draw: st.DrawFn, kind: type[Message]) -> Message:
-    """Return any message of one class; lists of one table are equally long."""
+    """Messages of one class; lists of one table have equal lengths."""
     lengths = {"piece": draw(st.integers(0, 5)), "sample": draw(st.integers(0, 20))}
     values: dict[str, Any] = {}
     for field in fields(kind):
@@ -48,7 +48,7 @@ any_message = st.sampled_from(KINDS).flatmap(messages)
 
 
 def plain_values(kind: type[Message]) -> dict[str, Any]:
-    """Return values for all fields of a message, none of them special."""
+    """Ordinary values for all fields of a message."""
     plain: dict[Any, object] = {str: "v1", int: 3, float: 1.5, FloatOrNan: 1.5, bool: True}
     return {
         field.name: get_args(field.type)[0]

@@ -1,4 +1,4 @@
-"""Clocks and schedules: instants to the nanosecond, punctual waking, no step of the wall clock."""
+"""Clocks and schedules: exact instants, punctual waking, no steps of the wall clock."""
 
 import time
 from fractions import Fraction
@@ -58,7 +58,7 @@ def test_ticks_are_the_union_in_order_without_gap(each: list[float], duration: i
 
 
 def test_instants_without_a_rate_are_ticks_too() -> None:
-    """Those of several lists, each once, with the span to whatever comes next."""
+    """Instants of several lists, each once, with the span to the next one."""
     besides = [[START + 3 * MS, START + 20 * MS, START + 31 * MS], [START + 3 * MS]]
     found = list(ticks(START, START + 40 * MS, 50.0, more=besides))
     assert [(one.at - START) / MS for one in found] == [0, 3, 20, 31]
@@ -85,7 +85,7 @@ def test_wall_clock_is_unix_time() -> None:
 
 
 def test_a_clock_goes_on_from_another_one_s_offset() -> None:
-    """Though the system's clock may have been set in between."""
+    """Even if the system clock was set in between."""
     clock = WallClock()
     off = WallClock(offset=clock.offset + 5 * SECOND)
     assert abs(off.now() - clock.now() - 5 * SECOND) < 50 * MS
@@ -108,7 +108,7 @@ def test_wall_clock_wakes_after_the_instant_and_soon() -> None:
 
 
 def test_wall_clock_does_not_drift() -> None:
-    # Each wait ends at its own instant: lateness of one does not add to the next.
+    # Each wait ends at its own instant: lateness does not accumulate.
     clock = WallClock()
     start = clock.now()
     for tick in ticks(start, start + 300 * MS, 100.0):
@@ -121,7 +121,7 @@ def test_an_instant_that_has_passed_is_not_waited_for() -> None:
     assert clock.wait_until(clock.now() - 7 * MS) >= 7 * MS
 
 
-def test_waiting_ends_when_asked_to_stop() -> None:
+def test_waiting_ends_when_stopped() -> None:
     stop = Event()
     clock = WallClock(stop.is_set)
     Timer(0.05, stop.set).start()
@@ -134,7 +134,7 @@ def test_half_a_control_period_is_late() -> None:
     assert late_threshold(50.0) == 10 * MS
 
 
-def test_polling_ends_as_soon_as_it_holds_and_says_so() -> None:
+def test_polling_ends_as_soon_as_the_condition_holds() -> None:
     looked, slept = [False, False, True], list[float]()
     assert poll(lambda: looked.pop(0), every_s=0.25, sleep=slept.append)
     assert slept == [0.25, 0.25]

@@ -1,4 +1,4 @@
-"""Messages survive the wire whole; whatever else comes along is refused by name."""
+"""Messages are decoded unchanged; other bytes are refused with a reason."""
 
 import math
 import struct
@@ -26,12 +26,12 @@ from vehicles.messages import CompositeTrajectory, FloatOrNan, LogText, Message,
 
 any_topic = st.sampled_from(list(TOPICS.values()))
 ALIKE = (RunStart, RunEnd)
-"""Kinds whose fields differ in nothing but their names."""
+"""Messages whose fields differ only in their names."""
 
 
 @examples(50, 150)
 @given(any_message)
-def test_what_is_decoded_is_what_was_encoded(message: Message) -> None:
+def test_decoding_inverts_encoding(message: Message) -> None:
     decoded = decode(TOPIC_OF[type(message)], encode(message))
     assert decoded == message
     assert [type(getattr(decoded, f.name)) for f in fields(decoded)] == [
@@ -184,7 +184,7 @@ def test_a_trajectory_of_an_earlier_version_has_arcs_only() -> None:
 
 
 def test_the_longest_message_fits() -> None:
-    # Four pieces and two seconds of both sources at 100 Hz are more than any fit takes.
+    # Four pieces and two seconds of both sources at 100 Hz exceed every fit.
     assert len(encode(trajectory(4, 400))) < MAX_BYTES
 
 
@@ -218,7 +218,7 @@ def test_off_a_bus_a_number_that_is_not_finite_is_refused(topic: Topic, value: f
         number = getattr(message, field.name)
         wrong: Any = (value, *number[1:]) if isinstance(number, tuple) else value
         spoilt = encode(replace(message, **{field.name: wrong}))
-        decode(topic, spoilt)  # a log may hold it
+        decode(topic, spoilt)  # allowed in a log
         if field.name in MAY_BE_NAN and math.isnan(value):
             decode(topic, spoilt, exact=True)
             continue

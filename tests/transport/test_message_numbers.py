@@ -1,4 +1,4 @@
-"""Ranges hold what a plain set of all numbers would, in little memory."""
+"""Ranges equal a plain set of all numbers, in less memory."""
 
 import tracemalloc
 
@@ -59,6 +59,6 @@ def test_memory_is_bounded_by_the_window() -> None:
         known.add(number)
     grown, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert grown < 40_000  # two integers of 32 bytes for each of 500 ranges
+    assert grown < 40_000  # two integers of 32 bytes per range, 500 ranges
     assert 99_998 in known
     assert 0 not in known

@@ -1,4 +1,4 @@
-"""The schema file, the code generated from it and the messages are one and the same."""
+"""The schema file, the generated code and the messages agree."""
 
 import sys
 from dataclasses import fields
@@ -60,7 +60,7 @@ def test_fields_have_the_kind_of_the_message(topic: Topic) -> None:
     find_spec("grpc_tools") is None or find_spec("mypy_protobuf") is None,
     reason="grpcio-tools and mypy-protobuf, which generate the code, are not installed",
 )
-def test_generated_code_is_what_the_schema_gives(tmp_path: Path) -> None:
+def test_generated_code_belongs_to_the_schema(tmp_path: Path) -> None:
     plugin = tmp_path / "protoc-gen-mypy"
     plugin.write_text(f"#!{sys.executable}\nfrom mypy_protobuf.main import main\nmain()\n")
     plugin.chmod(0o755)

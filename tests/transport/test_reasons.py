@@ -1,4 +1,4 @@
-"""The table of reasons: complete, and what figures make of it."""
+"""The table of reasons: complete, and how reasons are counted."""
 
 from typing import get_args
 
@@ -19,13 +19,13 @@ def test_every_word_has_its_row() -> None:
 
 
 @pytest.mark.parametrize("word", REASONS)
-def test_a_word_is_one_word_and_says_what_it_means(word: str) -> None:
+def test_a_reason_is_one_word_with_a_meaning(word: str) -> None:
     assert word.replace("_", "").isalpha()
     assert word == word.lower()
     assert len(REASONS[word].meaning) > 10
 
 
-def test_what_counts_as_lost_and_as_late() -> None:
+def test_reasons_that_count_as_lost_or_late() -> None:
     assert {word for word in REASONS if counts_as_loss(word)} == {*get_args(DropReason)} - {"rate"}
     assert {word for word in REASONS if counts_as_late(word)} == {"past"}
 

@@ -1,4 +1,4 @@
-"""Batches of messages: what is packed comes out again, and what is none harms no other."""
+"""Batches of messages: unpacking inverts packing, and invalid records affect no others."""
 
 from contextlib import suppress
 
@@ -24,7 +24,7 @@ records = st.lists(
 
 
 @given(records)
-def test_what_is_packed_comes_out_in_its_order_and_no_batch_is_too_large(
+def test_batches_keep_the_order_and_their_maximum_size(
     sent: list[BatchRecord],
 ) -> None:
     batches = list(packed(sent))
@@ -44,7 +44,7 @@ def test_a_batch_that_is_too_large_is_refused_unread() -> None:
         list(unpacked(bytes(MAX_RECORDS_BYTES + 1)))
 
 
-def test_a_record_that_may_not_be_in_a_batch_is_told_apart_and_the_others_are_kept() -> None:
+def test_invalid_records_are_marked_and_the_others_kept() -> None:
     batch = Records()
     for topic, size in (("truth", 3), ("gps", 3), ("nonsense", 3), ("command", MAX_BYTES + 1)):
         batch.record.add(topic=topic, at_ns=7, data=bytes(size))
@@ -52,7 +52,7 @@ def test_a_record_that_may_not_be_in_a_batch_is_told_apart_and_the_others_are_ke
     assert [one.topic for one in found] == ["truth", "", "", ""]
 
 
-def test_what_others_drive_by_or_wait_for_is_never_in_a_batch() -> None:
+def test_poses_and_instants_of_the_run_are_never_batched() -> None:
     assert not any(topic.urgent and topic.batched for topic in TOPICS.values())
     assert {"gps", "start", "end", "log", "health", "change"}.isdisjoint(BATCHED)
     assert records_key("v2") not in {key("v2", topic) for topic in TOPICS.values()}

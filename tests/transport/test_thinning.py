@@ -1,4 +1,4 @@
-"""Which messages are kept of topics that a log holds but in part."""
+"""Messages kept of thinned topics."""
 
 from itertools import pairwise
 
@@ -30,8 +30,8 @@ def test_a_topic_without_a_rate_is_whole_and_of_rate_0_there_is_none() -> None:
 
 def test_each_vehicle_and_topic_is_thinned_by_itself() -> None:
     thinning = Thinning({"truth": 1.0, "command": 1.0})
-    asked = [("truth", "v1"), ("truth", "v2"), ("command", "v1"), ("truth", "v1")]
-    assert [thinning.keeps(*one, 0) for one in asked] == [True, True, True, False]
+    requested = [("truth", "v1"), ("truth", "v2"), ("command", "v1"), ("truth", "v1")]
+    assert [thinning.keeps(*one, 0) for one in requested] == [True, True, True, False]
 
 
 @given(instants=INSTANTS, rate_hz=st.sampled_from([0.5, 1.0, 3.0, 10.0, 50.0]))

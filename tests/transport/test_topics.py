@@ -1,4 +1,4 @@
-"""The table of topics: complete, consistent, and with keys that Zenoh takes."""
+"""The table of topics: complete, consistent, with valid Zenoh keys."""
 
 from dataclasses import fields
 from typing import get_args
@@ -22,7 +22,7 @@ def test_a_topics_instant_is_a_field_of_its_message(topic: Topic) -> None:
 
 
 @pytest.mark.parametrize("topic", TOPICS.values(), ids=TOPICS)
-def test_every_message_says_whose_and_which_it_is(topic: Topic) -> None:
+def test_every_message_has_vehicle_and_number(topic: Topic) -> None:
     assert [f.name for f in fields(topic.message)][:2] == ["vehicle", "seq"]
 
 
@@ -38,7 +38,7 @@ def test_subscribing_to_everything_passes_liveliness_by() -> None:
     assert not everything.intersects(zenoh.KeyExpr(alive_key("vehicle", "lead", "print", "1")))
 
 
-def test_poses_go_ahead_of_what_is_only_for_the_log() -> None:
+def test_poses_precede_messages_for_the_log() -> None:
     assert {name for name, topic in TOPICS.items() if topic.urgent} == {"gps", "start", "end"}
 
 

@@ -61,10 +61,10 @@ _INNER = re.compile(r'(?:Str\(|msg: )"(.*?)"[,)]')
 
 
 class ZenohBus(Closing):
-    """A session of one process; open it with `open_bus` and close it with `with`.
+    """A Zenoh session; open it with `open_bus` and close it with `with`.
 
-    `patience_s` limits the wait at closing until the publications have been read. An unclosed
-    session would keep the interpreter from exiting, also after an exception.
+    `close_timeout_s` limits the wait at closing for publications to be received. An unclosed
+    session keeps the interpreter from exiting, also after an exception.
     """
 
     def __init__(self, session: zenoh.Session) -> None:

@@ -1,4 +1,4 @@
-"""Random laws of a link besides loss: delay, queue, outages, radio, content, and presets."""
+"""Random laws of a link other than loss: delay, queue, outages, radio, content and presets."""
 
 from random import Random
 from typing import Any
@@ -10,9 +10,9 @@ Raw = dict[str, Any]
 
 
 def drawn_channel(chance: Random, share: float) -> Raw:
-    """Draw a link with each law by a chance of `share`, and as often over a preset that lacks it.
+    """Draw a link that has each law with probability `share`, sometimes over a preset.
 
-    The keys of one law can contradict those of a preset's, which is refused.
+    A law that contradicts the preset is refused.
     """
     laws = {name: drawn(chance) for name, drawn in LAWS.items() if chance.random() < share}
     if chance.random() >= share:
@@ -23,12 +23,12 @@ def drawn_channel(chance: Random, share: float) -> Raw:
 
 
 def drawn_preset(chance: Random) -> str:
-    """Draw one that is the same for all links, and so may stand for one."""
+    """Draw laws that are equal for all links."""
     return chance.choice([name for name in presets() if not read_preset(name).entries])
 
 
 def drawn_delay(chance: Random) -> Raw:
-    """Draw a law of delay of one of the kinds, in order or not."""
+    """Draw a delay law of any kind, in order or not."""
     kind = chance.choice(["constant", "uniform", "normal", "lognormal", "gamma", "empirical"])
     mean = chance.choice([0.01, 30.0, chance.uniform(1.0, 300.0)])
     own: Raw = {"mean_ms": mean, "deviation_ms": mean * chance.choice([0.1, 1.0, 3.0])}
@@ -46,7 +46,7 @@ def drawn_delay(chance: Random) -> Raw:
 
 
 def drawn_queue(chance: Random) -> Raw:
-    """Draw a queue, from one that nothing gets through to one that nothing waits in."""
+    """Draw a queue, from one that drops everything to one in which nothing waits."""
     return {
         "bytes_per_s": chance.choice([1.0, 2000.0, 1e9, chance.uniform(500.0, 10_000.0)]),
         "depth_messages": chance.choice([1, 10, 10_000]),
@@ -55,24 +55,24 @@ def drawn_queue(chance: Random) -> Raw:
 
 
 def drawn_outages(chance: Random) -> list[Raw]:
-    """Draw some outages, in time, in place and by chance."""
+    """Draw outages by time, by place and at random."""
     drawn = [_window, _stretch, _circle, _random_outage]
     return [chance.choice(drawn)(chance) for _ in range(chance.randint(0, 3))]
 
 
 def drawn_spans(chance: Random) -> list[Raw]:
-    """Draw times at which something is off."""
+    """Draw windows in which a radio is off."""
     spans = [_window(chance) for _ in range(chance.randint(1, 2))]
     return [{key: value for key, value in span.items() if key != "kind"} for span in spans]
 
 
 def drawn_radio(chance: Random) -> Raw:
-    """Draw a radio of one of the two kinds."""
+    """Draw a radio of either kind."""
     return chance.choice([_table, _path_loss])(chance)
 
 
 def drawn_content(chance: Random) -> Raw:
-    """Draw what happens to contents."""
+    """Draw alterations of contents."""
     table: Raw = {
         "duplicate_ratio": chance.choice([0.0, 1.0, chance.random()]),
         "filter_duplicates": chance.random() < 0.5,
@@ -183,4 +183,4 @@ LAWS = {
     "radio": drawn_radio,
     "content": drawn_content,
 }
-"""Of a link, each with what draws it."""
+"""Laws of a link, each with its generator."""

@@ -1,4 +1,4 @@
-"""Random laws of loss of a link, each as it may be written and without contradiction."""
+"""Random, consistent laws of loss of a link."""
 
 from random import Random
 from typing import Any
@@ -7,7 +7,7 @@ Raw = dict[str, Any]
 
 
 def drawn_loss(chance: Random) -> Raw:
-    """Draw a law of loss of one of the kinds."""
+    """Draw a law of loss of any kind."""
     return chance.choice(
         [_none, _mean_values, _chances, _four_state, _every_nth, _listed, _pattern, _log]
     )(chance)
@@ -27,7 +27,7 @@ def drawn_collisions(chance: Random) -> Raw:
 
 
 def inline(value: object) -> str:
-    """A value as TOML has it on one line."""
+    """A value as TOML on one line."""
     if isinstance(value, dict):
         return "{" + ", ".join(f"{key} = {inline(one)}" for key, one in value.items()) + "}"
     return repr(value)
@@ -75,7 +75,7 @@ def _every_nth(chance: Random) -> Raw:
 
 
 def _numbers(chance: Random) -> str:
-    """Some numbers below 20."""
+    """Numbers below 20."""
     firsts = sorted(chance.sample(range(19), 3))
     return f"{firsts[0]}, {firsts[1]}-{firsts[2]}"
 

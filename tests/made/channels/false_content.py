@@ -1,4 +1,4 @@
-"""False content within a spell of instants, as on a link of a run."""
+"""False contents in an interval, as on a link of a run."""
 
 from dataclasses import asdict
 from math import inf
@@ -30,26 +30,26 @@ def _in(spell: FalseInterval, law: type[Some], rate_hz: float = 20.0, **keys: fl
 
 
 def offset(spell: FalseInterval, by: Shift) -> FalseOffset:
-    """Displaced by metres."""
+    """Displaced by a constant (m)."""
     return _in(spell, FalseOffset, **{f"{key}_m": value for key, value in asdict(by).items()})
 
 
 def drift(spell: FalseInterval, rate: Shift) -> FalseDrift:
-    """Moving by metres a second."""
+    """Displaced at a rate (m/s)."""
     return _in(spell, FalseDrift, **{f"{key}_mps": value for key, value in asdict(rate).items()})
 
 
 def frozen(spell: FalseInterval) -> FrozenContent:
-    """Repeating the last message before the spell."""
+    """Repeats the last message before the interval."""
     return _in(spell, FrozenContent)
 
 
 def replayed(spell: FalseInterval, age: int) -> ReplayedContent:
-    """Repeating what is `age` ns old."""
+    """Repeats messages that are `age` ns old."""
     return _in(spell, ReplayedContent, age_s=age / SECOND)
 
 
 def ghost(spell: FalseInterval, at: Shift, after: int = SECOND // 40) -> GhostVehicle:
-    """Beside the sender, `after` ns later."""
+    """A ghost vehicle, `after` ns later."""
     rate_hz = SECOND / (2.0 * after)
     return _in(spell, GhostVehicle, rate_hz, ahead_m=at.ahead, left_m=at.left)

@@ -1,4 +1,4 @@
-"""Laws of links by their numbers, as the literature orders them, each as on one link of a run."""
+"""Laws on one link of a run, with parameters in the order of the literature."""
 
 from typing import TypeVar
 
@@ -24,13 +24,13 @@ def for_link(law: SomeLaw, setting: LinkSetting | None = None) -> SomeLaw:
 
 
 def long_run(effect: Effect) -> tuple[float | None, float | None]:
-    """Share of messages lost in the long run and mean burst; None where unknown."""
+    """Loss ratio and mean burst in the long run; None if unknown."""
     losses = effect.losses(None)
     return (None, None) if losses is None else (losses.loss, losses.burst)
 
 
 def gilbert_elliott(p: float, r: float, h: float = 0.0, k: float = 1.0) -> GilbertElliott:
-    """By its chances."""
+    """By its probabilities."""
     return for_link(
         GilbertElliott(
             good_to_bad_ratio=p, bad_to_good_ratio=r, bad_delivered_ratio=h, good_delivered_ratio=k
@@ -46,7 +46,7 @@ def gilbert(loss: float, burst: float) -> GilbertElliott:
 def four_state(
     p13: float, p31: float, p32: float = 0.0, p23: float = 1.0, p14: float = 0.0
 ) -> FourState:
-    """By netem's chances."""
+    """By netem's probabilities."""
     return for_link(
         FourState(
             gap_to_burst_ratio=p13,
@@ -59,7 +59,7 @@ def four_state(
 
 
 def collisions(loss: float, keep: float = 0.0, least: int = 5, most: int = 15) -> Collisions:
-    """By loss, chance to keep a resource, and limits of a reservation."""
+    """By loss, probability of keeping a resource, and limits of a reservation."""
     return for_link(
         Collisions(
             loss_ratio=loss,
@@ -73,7 +73,7 @@ def collisions(loss: float, keep: float = 0.0, least: int = 5, most: int = 15) -
 def window(
     start: int, end: int, start_at: int, every: int = 0, kind: type[SpanOutage] = WindowOutage
 ) -> SpanOutage:
-    """From `start` to `end` ns after `start_at`, again each `every`."""
+    """From `start` to `end` ns after `start_at`, repeated every `every`."""
     law = kind(from_s=start / SECOND, to_s=end / SECOND, every_s=every / SECOND if every else None)
     return for_link(law, LinkSetting(start_at=start_at))
 

@@ -1,4 +1,4 @@
-"""A short convoy drive in messages, made of closed forms: everyone on one circle, left about."""
+"""Messages of a short drive in closed form: all vehicles on one circle, turning left."""
 
 import math
 from collections.abc import Iterator
@@ -27,12 +27,12 @@ TICK = 20_000_000
 
 
 def angle(place: int, seconds: float) -> float:
-    """Polar angle on the circle about the origin of the vehicle at `place`."""
+    """Polar angle on the circle of the vehicle at `place`."""
     return (SPEED * seconds - SPACING * place) / RADIUS
 
 
 def offset_of(place: int) -> float:
-    """Every follower drives 0.1 m further left, that is further in, than the one ahead of it."""
+    """Each follower drives 0.1 m to the left of its predecessor."""
     return 0.1 * place
 
 

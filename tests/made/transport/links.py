@@ -1,4 +1,4 @@
-"""Links as a scenario asks for them, put together for tests of what comes over them."""
+"""Links as a scenario configures them, for tests of deliveries."""
 
 from collections.abc import Mapping
 
@@ -14,7 +14,7 @@ from vehicles.messages import GpsPose
 
 
 def link(
-    asked: LinkTable,
+    requested: LinkTable,
     sender: str = "lead",
     receiver: str = "follower_1",
     *,
@@ -22,25 +22,25 @@ def link(
     rate_hz: float = 20.0,
     setting: LinkSetting = UNSET,
 ) -> Link:
-    """The link that is asked for, from a sender that measures at `rate_hz`."""
-    effects = link_effects(asked, rate_hz, setting)
-    return Link(effects, seed, sender, receiver, link_stages(asked))
+    """The configured link, from a sender that measures at `rate_hz`."""
+    effects = link_effects(requested, rate_hz, setting)
+    return Link(effects, seed, sender, receiver, link_stages(requested))
 
 
 def inbox(
     receiver: str,
-    asked: Mapping[str, LinkTable],
+    requested: Mapping[str, LinkTable],
     *,
     start_at: int,
     seed: int = 1,
     rate_hz: float | Mapping[str, float] = 20.0,
     origin: Origin | None = None,
 ) -> Inbox:
-    """An inbox with a link from each sender, all at `rate_hz` or each at its own."""
+    """An inbox with a link from each sender, with one or several rates."""
     plane = LocalPlane(origin or Origin(37.72, -122.47, 30.0))
-    rates = rate_hz if isinstance(rate_hz, Mapping) else dict.fromkeys(asked, rate_hz)
+    rates = rate_hz if isinstance(rate_hz, Mapping) else dict.fromkeys(requested, rate_hz)
     links = []
-    for sender, table in asked.items():
+    for sender, table in requested.items():
         one = link(table, sender, receiver, seed=seed, rate_hz=rates[sender])
         gate = PoseGate(sender=sender, start_at=start_at, rate_hz=rates[sender], plane=plane)
         links.append(IncomingLink(one, gate, content_stage(table.content, one, gate)))
@@ -48,5 +48,5 @@ def inbox(
 
 
 def taken(inbox: Inbox, now: int, here: Position = UNKNOWN_POSITION) -> list[GpsPose]:
-    """The messages that an inbox hands over at the tick at `now` (ns)."""
+    """Messages delivered by an inbox at the tick at `now` (ns)."""
     return [pose.message for pose in inbox.take(now, here)]

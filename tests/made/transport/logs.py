@@ -1,4 +1,4 @@
-"""A log of a made-up drive, and what others read of it."""
+"""A log of a synthetic drive, read by other libraries."""
 
 import os
 import subprocess
@@ -18,7 +18,7 @@ TICKS = 60
 
 
 def write(path: Path, ticks: int = TICKS, scene: Scene | None = None) -> list[tuple[int, Message]]:
-    """Write the log of a drive; with a scene there are true errors and gaps in it too."""
+    """Write the log of a drive, with a scene also true errors and gaps."""
     messages = list(drive.drive(ticks))
     with LogWriter(path, library="test", scene=scene) as log:
         for name in drive.VEHICLES[1:] if scene else ():

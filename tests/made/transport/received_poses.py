@@ -1,4 +1,4 @@
-"""Received poses at exact places, without a link."""
+"""Received poses at exact positions, without a link."""
 
 from vehicles.car.gnss import Fix
 from vehicles.messages import NO_ANNOUNCEMENT, Announcement, GpsPose
@@ -19,7 +19,7 @@ def received(
     received_at: int | None = None,
     announced: Announcement = NO_ANNOUNCEMENT,
 ) -> ReceivedPose:
-    """A pose (ns, m, m, rad, m/s) that is received when it is measured, unless stated otherwise."""
+    """A pose (ns, m, m, rad, m/s), by default received when it is measured."""
     message = GpsPose(
         vehicle=vehicle,
         seq=seq,
@@ -53,7 +53,7 @@ def received_fix(
     received_at: int | None = None,
     announced: Announcement = NO_ANNOUNCEMENT,
 ) -> ReceivedPose:
-    """A fix as it is received without rounding."""
+    """A fix as received, without rounding."""
     return received(
         fix.measured_at,
         fix.east,

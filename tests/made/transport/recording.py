@@ -1,4 +1,4 @@
-"""What a Rerun recording holds, as plain tables."""
+"""Contents of a Rerun recording as tables."""
 
 from collections import defaultdict
 from pathlib import Path
@@ -7,11 +7,11 @@ from typing import Any
 from rerun.chunk import RrdReader
 
 Table = dict[str, dict[str, list[Any]]]
-"""Of each entity its columns by name, and `run_time` in ns (-1 for what is true at all times)."""
+"""Columns of each entity by name, and `run_time` in ns (-1 for static data)."""
 
 
 def columns(path: Path) -> Table:
-    """Read the recording at `path`, rows in the order of their run time."""
+    """Read a recording; rows are ordered by run time."""
     found: dict[str, list[tuple[int, dict[str, Any]]]] = defaultdict(list)
     for chunk in RrdReader(str(path)).stream():
         batch = chunk.to_record_batch()

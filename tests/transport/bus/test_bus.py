@@ -1,4 +1,4 @@
-"""What every bus does, over memory and over Zenoh alike."""
+"""Behaviour of every bus, memory and Zenoh."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -6,7 +6,7 @@ from contextlib import ExitStack
 
 import pytest
 
-from tests.made.transport.bus import Heard, connect, until
+from tests.made.transport.bus import ReceivedMessages, connect, until
 from transport.bus.bus import Bus, Member
 from transport.bus.memory_bus import MemoryBus, MemoryNetwork
 from transport.bus.zenoh_bus import ZenohOptions, open_bus, open_router
@@ -16,7 +16,7 @@ Join = Callable[[], Bus]
 
 @pytest.fixture(params=["memory", "zenoh"])
 def join(request: pytest.FixtureRequest) -> Iterator[Join]:
-    """Return a way to join one network, as often as one likes."""
+    """Function that opens buses of one network."""
     with ExitStack() as stack:
         if request.param == "memory":
             network = MemoryNetwork()
@@ -28,30 +28,30 @@ def join(request: pytest.FixtureRequest) -> Iterator[Join]:
 
 
 def test_messages_arrive_whole_and_in_order(join: Join) -> None:
-    sender, receiver, heard = join(), join(), Heard()
-    receiver.subscribe("convoy/*/log", heard)
-    connect(sender, heard)
+    sender, receiver, received = join(), join(), ReceivedMessages()
+    receiver.subscribe("convoy/*/log", received)
+    connect(sender, received)
     sent = [("convoy/lead/log", bytes([k]) * k) for k in range(200)]
     for key, data in sent:
         sender.publish(key, data)
-    assert until(lambda: len(heard) >= len(sent))
-    assert heard == sent
+    assert until(lambda: len(received) >= len(sent))
+    assert received == sent
 
 
-def test_what_is_collected_waits_until_it_is_fetched(join: Join) -> None:
-    sender, receiver, heard, fetched = join(), join(), Heard(), Heard()
+def test_collected_messages_wait_until_fetched(join: Join) -> None:
+    sender, receiver, received, fetched = join(), join(), ReceivedMessages(), ReceivedMessages()
     fetch = receiver.collect("convoy/lead/gps", fetched, 50)
-    receiver.subscribe("convoy/lead/*", heard)
-    connect(sender, heard, "convoy/lead/log")
+    receiver.subscribe("convoy/lead/*", received)
+    connect(sender, received, "convoy/lead/log")
     assert fetch() is False
 
     def send(count: int) -> list[tuple[str, bytes]]:
         sent = [("convoy/lead/gps", bytes([k])) for k in range(count)]
-        heard.clear()
+        received.clear()
         for key, data in sent:
             sender.publish(key, data)
         sender.publish("convoy/lead/other", b"")
-        assert until(lambda: ("convoy/lead/other", b"") in heard)
+        assert until(lambda: ("convoy/lead/other", b"") in received)
         time.sleep(0.05)
         return sent
 
@@ -62,35 +62,40 @@ def test_what_is_collected_waits_until_it_is_fetched(join: Join) -> None:
     assert fetch() is False
     fetched.clear()
     sent = send(80)
-    assert fetch() is True  # the newest are kept
+    assert fetch() is True  # the newest ones are kept
     assert fetched == sent[-50:]
 
 
-def test_only_what_was_subscribed_to_is_heard(join: Join) -> None:
-    sender, receiver, heard, all_heard = join(), join(), Heard(), Heard()
-    receiver.subscribe("convoy/*/gps", heard)
-    receiver.subscribe("convoy/**", all_heard)
-    connect(sender, all_heard)
+def test_only_subscribed_keys_are_received(join: Join) -> None:
+    sender, receiver, received, all_received = (
+        join(),
+        join(),
+        ReceivedMessages(),
+        ReceivedMessages(),
+    )
+    receiver.subscribe("convoy/*/gps", received)
+    receiver.subscribe("convoy/**", all_received)
+    connect(sender, all_received)
     for key in ("convoy/a/gps", "convoy/a/log", "convoy/b/gps", "other/a/gps", "convoy/a/b/gps"):
         sender.publish(key, b"1", urgent=False)
     end = ("convoy/end/gps", b"2")
     sender.publish(*end)
-    # each subscription is served by a thread of its own: the end is awaited at both
-    assert until(lambda: end in heard and end in all_heard)
-    assert {key for key, _ in heard} == {"convoy/a/gps", "convoy/b/gps", end[0]}
-    assert "other/a/gps" not in {key for key, _ in all_heard}
+    # each subscription has its own thread
+    assert until(lambda: end in received and end in all_received)
+    assert {key for key, _ in received} == {"convoy/a/gps", "convoy/b/gps", end[0]}
+    assert "other/a/gps" not in {key for key, _ in all_received}
 
 
 def test_urgent_messages_arrive_too(join: Join) -> None:
-    sender, receiver, heard = join(), join(), Heard()
-    receiver.subscribe("convoy/*/gps", heard)
-    connect(sender, heard, "convoy/x/gps")
+    sender, receiver, received = join(), join(), ReceivedMessages()
+    receiver.subscribe("convoy/*/gps", received)
+    connect(sender, received, "convoy/x/gps")
     sender.publish("convoy/lead/gps", b"now", urgent=True)
-    assert until(lambda: heard == [("convoy/lead/gps", b"now")])
+    assert until(lambda: received == [("convoy/lead/gps", b"now")])
 
 
 def test_two_subscriptions_are_both_served(join: Join) -> None:
-    sender, receiver, one, other = join(), join(), Heard(), Heard()
+    sender, receiver, one, other = join(), join(), ReceivedMessages(), ReceivedMessages()
     receiver.subscribe("convoy/*/log", one)
     receiver.subscribe("convoy/lead/log", other)
     connect(sender, one)
@@ -98,7 +103,7 @@ def test_two_subscriptions_are_both_served(join: Join) -> None:
     assert until(lambda: len(one) == len(other) == 1)
 
 
-def test_who_comes_late_learns_who_is_alive(join: Join) -> None:
+def test_a_late_watcher_gets_the_members_alive(join: Join) -> None:
     vehicle, watcher = join(), join()
     alive: dict[Member, bool] = {}
     vehicle.announce("vehicle", "lead", "print")
@@ -110,28 +115,28 @@ def test_who_comes_late_learns_who_is_alive(join: Join) -> None:
     assert until(lambda: join().members() == set())
 
 
-def test_coming_and_going_is_told_once_each(join: Join) -> None:
+def test_joining_and_leaving_are_reported_once_each(join: Join) -> None:
     vehicle, watcher = join(), join()
-    told: list[tuple[str, bool]] = []
-    watcher.watch(lambda member, alive: told.append((member.name, alive)))
+    changes: list[tuple[str, bool]] = []
+    watcher.watch(lambda member, alive: changes.append((member.name, alive)))
     vehicle.announce("vehicle", "follower_1", "print")
     vehicle.announce("vehicle", "follower_1", "print")
-    assert until(lambda: bool(told))
+    assert until(lambda: bool(changes))
     vehicle.close()
-    assert until(lambda: len(told) == 2)
+    assert until(lambda: len(changes) == 2)
     time.sleep(0.05)
-    assert told == [("follower_1", True), ("follower_1", False)]
+    assert changes == [("follower_1", True), ("follower_1", False)]
 
 
-def test_two_of_one_name_are_told_apart(join: Join) -> None:
+def test_two_members_of_one_name_are_distinguished(join: Join) -> None:
     one, other, watcher = join(), join(), join()
-    told: list[tuple[str, bool]] = []
+    changes: list[tuple[str, bool]] = []
     one.announce("vehicle", "lead", "print")
     other.announce("recorder", "lead", "other")
-    watcher.watch(lambda member, alive: told.append((member.session, alive)))
-    assert until(lambda: len(told) == 2)
+    watcher.watch(lambda member, alive: changes.append((member.session, alive)))
+    assert until(lambda: len(changes) == 2)
     one.close()
-    assert until(lambda: told[2:] == [(one.zid, False)])
+    assert until(lambda: changes[2:] == [(one.zid, False)])
     assert join().members() == {Member("recorder", "lead", "other", other.zid)}
 
 
@@ -148,7 +153,7 @@ def test_a_question_is_answered_as_long_as_someone_does(join: Join) -> None:
     assert until(lambda: other.query("convoy/@clock/v1", 0.2) is None)
 
 
-def test_an_answer_is_to_what_was_asked(join: Join) -> None:
+def test_an_answer_belongs_to_its_query(join: Join) -> None:
     one, other = join(), join()
     one.answer("convoy/@control/v1", lambda question: question[::-1])
     assert until(lambda: other.query("convoy/@control/v1", 0.5, b"ab") == b"ba")
@@ -168,25 +173,31 @@ def test_a_question_that_cannot_be_answered_is_not_the_last_one() -> None:
 
 
 def test_liveliness_is_not_a_message(join: Join) -> None:
-    vehicle, watcher, heard = join(), join(), Heard()
-    watcher.subscribe("convoy/**", heard)
-    connect(vehicle, heard)
+    vehicle, watcher, received = join(), join(), ReceivedMessages()
+    watcher.subscribe("convoy/**", received)
+    connect(vehicle, received)
     vehicle.announce("vehicle", "lead", "print")
     vehicle.publish("convoy/lead/log", b"after")
-    assert until(lambda: bool(heard))
-    assert heard == [("convoy/lead/log", b"after")]
+    assert until(lambda: bool(received))
+    assert received == [("convoy/lead/log", b"after")]
 
 
-def test_a_closed_bus_hears_no_more(join: Join) -> None:
-    sender, receiver, other, heard, still = join(), join(), join(), Heard(), Heard()
-    receiver.subscribe("convoy/*/log", heard)
+def test_a_closed_bus_receives_nothing(join: Join) -> None:
+    sender, receiver, other, received, still = (
+        join(),
+        join(),
+        join(),
+        ReceivedMessages(),
+        ReceivedMessages(),
+    )
+    receiver.subscribe("convoy/*/log", received)
     other.subscribe("convoy/*/log", still)
     connect(sender, still)
-    connect(sender, heard)
+    connect(sender, received)
     receiver.close()
     receiver.close()
-    heard.clear()
+    received.clear()
     still.clear()
     sender.publish("convoy/lead/log", b"1")
     assert until(lambda: bool(still))
-    assert not heard
+    assert not received

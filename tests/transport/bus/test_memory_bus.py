@@ -1,4 +1,4 @@
-"""The bus within a process: at once, in order, and with the key expressions of Zenoh."""
+"""The memory bus: immediate, in order, with Zenoh's key expressions."""
 
 import pytest
 import zenoh
@@ -39,24 +39,24 @@ def test_keys_match(expression: str, key: str, expected: bool) -> None:
     assert matches(expression, key) == expected
 
 
-def test_a_message_is_heard_before_publishing_returns_in_order_of_subscription() -> None:
-    bus, heard = MemoryBus(), list[str]()
-    bus.subscribe("convoy/**", lambda *_: heard.append("first"))
-    bus.subscribe("convoy/lead/gps", lambda *_: heard.append("second"))
+def test_publish_delivers_before_it_returns_in_order_of_subscription() -> None:
+    bus, received = MemoryBus(), list[str]()
+    bus.subscribe("convoy/**", lambda *_: received.append("first"))
+    bus.subscribe("convoy/lead/gps", lambda *_: received.append("second"))
     bus.publish("convoy/lead/gps", b"")
-    assert heard == ["first", "second"]
+    assert received == ["first", "second"]
 
 
 def test_a_later_subscription_is_served_from_then_on() -> None:
-    bus, heard = MemoryBus(), list[bytes]()
+    bus, received = MemoryBus(), list[bytes]()
     bus.publish("convoy/lead/gps", b"before")
-    bus.subscribe("convoy/lead/gps", lambda _, data: heard.append(data))
+    bus.subscribe("convoy/lead/gps", lambda _, data: received.append(data))
     bus.publish("convoy/lead/gps", b"after")
-    assert heard == [b"after"]
+    assert received == [b"after"]
 
 
 def test_two_buses_without_a_network_are_apart() -> None:
-    one, other, heard = MemoryBus(), MemoryBus(), list[bytes]()
-    other.subscribe("**", lambda _, data: heard.append(data))
+    one, other, received = MemoryBus(), MemoryBus(), list[bytes]()
+    other.subscribe("**", lambda _, data: received.append(data))
     one.publish("convoy/lead/gps", b"1")
-    assert heard == []
+    assert received == []

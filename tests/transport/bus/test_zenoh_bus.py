@@ -1,4 +1,4 @@
-"""The bus over Zenoh where it may go wrong: clear errors, deaths, lost routers, last words."""
+"""Failures of the Zenoh bus: errors, killed processes, lost routers, messages at closing."""
 
 import json
 import logging
@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from tests.made.transport.bus import Heard, connect, until
+from tests.made.transport.bus import ReceivedMessages, connect, until
 from transport.bus import zenoh_bus
 from transport.bus.bus import BusError
 from transport.bus.zenoh_bus import (
@@ -47,7 +47,7 @@ def join(router: Router, run: str = "") -> ZenohBus:
 
 @contextmanager
 def process(router: Router, *lines: str) -> Iterator[subprocess.Popen[str]]:
-    """Run a member of the network as a process; it prints a line when it is there."""
+    """Run a member of the network as a process, which prints a line when it has joined."""
     code = "\n".join(
         [
             "import sys, time",
@@ -75,15 +75,15 @@ def free_endpoint() -> str:
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
-def test_what_was_prepared_is_what_a_member_begins_with(
+def test_a_member_starts_with_the_prepared_configuration(
     router: Router, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     options = ZenohOptions(connect=router.endpoints, run="prepared")
     made: list[str] = []
 
-    def noted(asked: ZenohOptions, defaults: Mapping[str, str]) -> zenoh.Config:
+    def noted(requested: ZenohOptions, defaults: Mapping[str, str]) -> zenoh.Config:
         made.append(defaults["transport/link/tx/lease"])
-        return configuration(asked, defaults)
+        return configuration(requested, defaults)
 
     monkeypatch.setattr(zenoh_bus, "configuration", noted)
     prepare_bus(options)
@@ -100,7 +100,7 @@ def assert_one_clear_line(error: BusError) -> None:
     assert "Json5Err" not in text
 
 
-def test_a_router_on_a_port_of_its_own_says_which(router: Router) -> None:
+def test_a_router_on_a_free_port_reports_it(router: Router) -> None:
     assert re.fullmatch(r"tcp/127\.0\.0\.1:[1-9]\d*", router.endpoints[0])
     assert not router.has_clients()
     with join(router):
@@ -168,7 +168,7 @@ def setting(options: ZenohOptions, name: str) -> object:
     return json.loads(configuration(options, DEFAULTS | VEHICLE_DEFAULTS).get_json(name))
 
 
-def test_nobody_is_found_by_accident() -> None:
+def test_members_of_other_networks_are_not_found() -> None:
     assert setting(ZenohOptions(), "mode") == "client"
     assert setting(ZenohOptions(), "scouting/multicast/enabled") is False
     assert setting(ZenohOptions(mode="peer"), "scouting/multicast/enabled") is False
@@ -194,47 +194,47 @@ def test_the_file_goes_over_defaults_flags_over_the_file_settings_over_all(tmp_p
 
 
 def test_only_vehicles_are_found_frozen_early() -> None:
-    # With a short lease a recorder that is held up for that long would be cut off and lose poses,
-    # and a router with one would cut off others.
+    # With a short lease a recorder that is held up would be disconnected and lose poses,
+    # and a router would disconnect others.
     name = "transport/link/tx/lease"
     assert setting(ZenohOptions(), name) == 2000
     for defaults in (DEFAULTS, DEFAULTS | RECORDER_DEFAULTS):
         assert json.loads(configuration(ZenohOptions(), defaults).get_json(name)) == 10_000
 
 
-def test_runs_of_two_names_neither_hear_nor_see_each_other(router: Router) -> None:
-    heard, of_other, on_the_wire = Heard(), Heard(), Heard()
+def test_runs_of_two_names_are_isolated(router: Router) -> None:
+    received, of_other, on_the_wire = ReceivedMessages(), ReceivedMessages(), ReceivedMessages()
     with (
         join(router, "one") as sender,
         join(router, "one") as receiver,
         join(router, "other") as stranger,
         join(router) as anyone,
     ):
-        receiver.subscribe("convoy/**", heard)
+        receiver.subscribe("convoy/**", received)
         stranger.subscribe("convoy/**", of_other)
         anyone.subscribe("**", on_the_wire)
         sender.announce("vehicle", "v1", "print")
         assert until(lambda: len(receiver.members()) == 1)
         assert stranger.members() == anyone.members() == set()
-        connect(sender, heard)
+        connect(sender, received)
         sender.publish("convoy/v1/gps", b"1")
         assert until(lambda: ("one/convoy/v1/gps", b"1") in on_the_wire)
-        assert heard == [("convoy/v1/gps", b"1")]
+        assert received == [("convoy/v1/gps", b"1")]
         assert of_other == []
 
 
-def test_what_a_run_of_a_name_published_before_closing_arrives(router: Router) -> None:
-    heard = Heard()
+def test_publications_of_a_named_run_arrive_before_closing(router: Router) -> None:
+    received = ReceivedMessages()
     with join(router, "one") as receiver:
-        receiver.subscribe("convoy/**", heard)
+        receiver.subscribe("convoy/**", received)
         with join(router, "one") as sender:
             for k in range(2000):
                 sender.publish("convoy/a/truth", b"%200d" % k)
-        assert until(lambda: len(heard) == 2000)
-        assert [int(data) for _, data in heard] == list(range(2000))
+        assert until(lambda: len(received) == 2000)
+        assert [int(data) for _, data in received] == list(range(2000))
 
 
-def test_a_message_says_what_it_is_and_how_urgent(router: Router) -> None:
+def test_a_message_has_its_encoding_and_priority(router: Router) -> None:
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')
     config.insert_json5("connect/endpoints", json.dumps(router.endpoints))
@@ -255,28 +255,28 @@ def test_a_message_says_what_it_is_and_how_urgent(router: Router) -> None:
     assert truth.congestion_control == zenoh.CongestionControl.DROP
 
 
-def test_what_was_published_before_closing_arrives(router: Router) -> None:
-    heard = Heard()
+def test_publications_arrive_before_closing(router: Router) -> None:
+    received = ReceivedMessages()
     with join(router) as receiver:
-        receiver.subscribe("convoy/**", heard)
+        receiver.subscribe("convoy/**", received)
         for burst in (1, 2000):
-            heard.clear()
+            received.clear()
             with process(
                 router, f"for k in range({burst}): bus.publish('convoy/a/truth', b'%200d' % k)"
             ) as child:
                 assert child.wait(10.0) == 0
-            until(lambda burst=burst: len(heard) >= burst)  # type: ignore[misc]
-            assert [int(data) for _, data in heard] == list(range(burst))
+            until(lambda burst=burst: len(received) >= burst)  # type: ignore[misc]
+            assert [int(data) for _, data in received] == list(range(burst))
 
 
 def test_a_failing_handler_does_not_end_its_subscription(
     router: Router, caplog: pytest.LogCaptureFixture
 ) -> None:
-    heard: list[bytes] = []
+    received: list[bytes] = []
 
     def fail_once(_key: str, data: bytes) -> None:
-        heard.append(data)
-        if len(heard) == 1:
+        received.append(data)
+        if len(received) == 1:
             raise RuntimeError("handler at fault")
 
     with caplog.at_level(logging.ERROR), join(router) as sender, join(router) as receiver:
@@ -284,7 +284,7 @@ def test_a_failing_handler_does_not_end_its_subscription(
 
         def twice() -> bool:
             sender.publish("convoy/a/log", b"x")
-            return len(heard) >= 2
+            return len(received) >= 2
 
         assert until(twice)
     assert "handler at fault" in caplog.text
@@ -309,7 +309,7 @@ def test_an_exception_ends_the_process(router: Router) -> None:
 @pytest.mark.parametrize(
     ("how", "seconds"), [(signal.SIGKILL, 1.0), (signal.SIGSTOP, 4.0)], ids=["killed", "frozen"]
 )
-def test_a_vehicle_that_stops_is_missed(
+def test_a_suspended_vehicle_is_reported(
     router: Router, how: signal.Signals, seconds: float
 ) -> None:
     alive: dict[str, bool] = {}
@@ -325,46 +325,46 @@ def test_a_vehicle_that_stops_is_missed(
         assert watcher.connected()
 
 
-def test_losing_the_router_is_not_taken_for_deaths() -> None:
+def test_loss_of_the_router_is_no_failure_of_members() -> None:
     endpoint = free_endpoint()
-    heard = Heard()
-    told: list[tuple[str, bool]] = []
+    received = ReceivedMessages()
+    changes: list[tuple[str, bool]] = []
     options = ZenohOptions(connect=(endpoint,))
     first = open_router((endpoint,))
     with first, open_bus(options) as vehicle, open_bus(options) as watcher:
-        watcher.watch(lambda member, alive: told.append((member.name, alive)))
-        watcher.subscribe("convoy/*/log", heard)
+        watcher.watch(lambda member, alive: changes.append((member.name, alive)))
+        watcher.subscribe("convoy/*/log", received)
         vehicle.announce("vehicle", "lead", "print")
-        connect(vehicle, heard)
-        assert until(lambda: told == [("lead", True)])
+        connect(vehicle, received)
+        assert until(lambda: changes == [("lead", True)])
         assert watcher.connected()
 
         first.close()
-        assert until(lambda: len(told) == 2)
-        assert told[1] == ("lead", False)
+        assert until(lambda: len(changes) == 2)
+        assert changes[1] == ("lead", False)
         assert until(lambda: not watcher.connected())
         began = time.monotonic()
         vehicle.publish("convoy/lead/log", b"unheard")
         assert time.monotonic() - began < 0.5
 
         with open_router((endpoint,)):
-            assert until(lambda: len(told) == 3 and watcher.connected())
-            assert told[2] == ("lead", True)
-            connect(vehicle, heard)
+            assert until(lambda: len(changes) == 3 and watcher.connected())
+            assert changes[2] == ("lead", True)
+            connect(vehicle, received)
             vehicle.publish("convoy/lead/log", b"again")
-            assert until(lambda: ("convoy/lead/log", b"again") in heard)
+            assert until(lambda: ("convoy/lead/log", b"again") in received)
 
 
 def test_two_peers_need_no_router() -> None:
-    endpoint, heard = free_endpoint(), Heard()
+    endpoint, received = free_endpoint(), ReceivedMessages()
     with (
         open_bus(ZenohOptions(mode="peer", listen=(endpoint,))) as one,
         open_bus(ZenohOptions(mode="peer", connect=(endpoint,))) as other,
     ):
-        one.subscribe("convoy/*/log", heard)
-        connect(other, heard)
+        one.subscribe("convoy/*/log", received)
+        connect(other, received)
         other.publish("convoy/a/log", b"direct")
-        assert until(lambda: heard == [("convoy/a/log", b"direct")])
+        assert until(lambda: received == [("convoy/a/log", b"direct")])
 
 
 def test_each_session_has_its_own_name(router: Router) -> None:
@@ -385,14 +385,14 @@ def test_a_router_joins_another_one(router: Router) -> None:
 
 
 @pytest.mark.parametrize(
-    ("asked", "threads"), [("", {"app"}), ("(rx: (worker_threads: 2))", {"app", "rx", "tx"})]
+    ("requested", "threads"), [("", {"app"}), ("(rx: (worker_threads: 2))", {"app", "rx", "tx"})]
 )
-def test_a_session_has_one_thread_for_its_tasks_unless_asked_otherwise(
-    router: Router, monkeypatch: pytest.MonkeyPatch, asked: str, threads: set[str]
+def test_a_session_has_one_thread_for_its_tasks_by_default(
+    router: Router, monkeypatch: pytest.MonkeyPatch, requested: str, threads: set[str]
 ) -> None:
     monkeypatch.delenv("ZENOH_RUNTIME", raising=False)
-    if asked:
-        monkeypatch.setenv("ZENOH_RUNTIME", asked)
+    if requested:
+        monkeypatch.setenv("ZENOH_RUNTIME", requested)
     with process(router, "bus.publish('convoy/a/log', b'x')", "time.sleep(60)") as child:
 
         def tasks() -> set[str]:
@@ -400,3 +400,21 @@ def test_a_session_has_one_thread_for_its_tasks_unless_asked_otherwise(
             return {name.split("-")[0] for name in names} & {"app", "rx", "tx"}
 
         assert until(lambda: tasks() == threads), tasks()
+
+
+@pytest.mark.parametrize("filter_", ["info", "trace", "", "=[["])
+def test_a_log_filter_of_the_environment_stops_no_session(filter_: str) -> None:
+    code = (
+        "from transport.bus.zenoh_bus import ZenohOptions, open_bus, open_router\n"
+        "with open_router(('tcp/127.0.0.1:0',)) as router:\n"
+        "    with open_bus(ZenohOptions(connect=router.endpoints)) as bus:\n"
+        "        bus.publish('convoy/a/log', b'')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, "RUST_LOG": filter_},
+        capture_output=True,
+        check=False,
+        timeout=30,
+    )
+    assert done.returncode == 0, done.stderr[-500:]

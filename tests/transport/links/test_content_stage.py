@@ -1,4 +1,4 @@
-"""What a receiver makes of copied, corrupted and false messages, whatever the transport did."""
+"""Copied, corrupted and false messages in a receiver, for any behaviour of the bus."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -48,50 +48,52 @@ EVERYTHING = {
 }
 
 
-def asked(content: dict[str, Any], **plain: float) -> LinkTable:
+def requested(content: dict[str, Any], **plain: float) -> LinkTable:
     return LinkTable.model_validate({"latency_ms": 20.0, **plain, "content": content})
 
 
 def sent(count: int) -> list[GpsPose]:
-    """Poses of a car that drives north at 20 m/s, a metre from one to the next."""
+    """Poses of a car that drives north at 20 m/s, one per metre."""
     return [
         gps("v1", k, latitude_deg=30.638 + k * 9.02e-6, heading_deg=0.0, altitude_m=80.0)
         for k in range(count)
     ]
 
 
-def ear(content: dict[str, Any], seed: int = 1, start_at: int = START, **plain: float) -> Inbox:
+def make_inbox(
+    content: dict[str, Any], seed: int = 1, start_at: int = START, **plain: float
+) -> Inbox:
     return inbox_of(
-        "v2", {"v1": asked(content, **plain)}, start_at=start_at, seed=seed, origin=ORIGIN
+        "v2", {"v1": requested(content, **plain)}, start_at=start_at, seed=seed, origin=ORIGIN
     )
 
 
 def run(
     inbox: Inbox, arrivals: Iterable[tuple[int, GpsPose]], ticks: int = 500, start_at: int = START
 ) -> tuple[list[tuple[int, GpsPose]], list[LinkVerdict]]:
-    """Feed an inbox poses at their instants; returns what was heard when, and the verdicts."""
+    """Feed an inbox with poses; returns deliveries with their instants, and the verdicts."""
     pending = sorted(arrivals, key=lambda row: row[0])
-    heard: list[tuple[int, GpsPose]] = []
+    received: list[tuple[int, GpsPose]] = []
     verdicts: list[LinkVerdict] = []
     for now in range(start_at, start_at + ticks * TICK, TICK):
         while pending and pending[0][0] <= now:
             one = pending.pop(0)[1]
             inbox.on_bytes(key(one.vehicle, TOPICS["gps"]), encode(one))
-        heard += [(now, pose) for pose in taken(inbox, now)]
+        received += [(now, pose) for pose in taken(inbox, now)]
         verdicts += inbox.verdicts()
-    return heard, verdicts
+    return received, verdicts
 
 
 def at_once(poses: Iterable[GpsPose]) -> list[tuple[int, GpsPose]]:
     return [(one.sent_at_ns, one) for one in poses]
 
 
-# ---- Whatever the transport does
+# ---- Independence of the bus
 
 
 @settings(max_examples=12)
 @given(random=st.randoms(use_true_random=False), seed=st.integers(0, 1000))
-@example(random=Random(1), seed=13)  # a wrong bit puts the instant of sending off
+@example(random=Random(1), seed=13)  # a bit error shifts the instant of sending
 @example(random=Random(1), seed=186)
 @example(random=Random(1), seed=207)
 @pytest.mark.parametrize("frame_check", [True, False])
@@ -100,7 +102,7 @@ def test_another_order_and_time_of_arrival_changes_nothing(
 ) -> None:
     content = {**EVERYTHING, "frame_check": frame_check, "filter_duplicates": False}
     poses = sent(100)
-    one, other = (ear(content, seed, jitter_ms=80.0, loss_ratio=0.1) for _ in range(2))
+    one, other = (make_inbox(content, seed, jitter_ms=80.0, loss_ratio=0.1) for _ in range(2))
     plain = run(one, at_once(poses))
     random.shuffle(poses)
     delayed = run(other, [(p.sent_at_ns + random.randrange(20 * MS), p) for p in poses])
@@ -113,9 +115,9 @@ def test_another_order_and_time_of_arrival_changes_nothing(
 
 @pytest.mark.parametrize("frame_check", [True, False])
 def test_the_day_of_the_run_changes_nothing(frame_check: bool) -> None:
-    """A run on the wall clock starts at another instant than one in virtual time."""
+    """Runs on the wall clock start at other instants than virtual ones."""
     content = {**EVERYTHING, "frame_check": frame_check, "bit_error_ratio": 2e-3}
-    told = []
+    results = []
     for later in (0, 86_400 * SECOND, 123_456_789_012_345_678):
         poses = [
             replace(
@@ -123,22 +125,22 @@ def test_the_day_of_the_run_changes_nothing(frame_check: bool) -> None:
             )
             for one in sent(100)
         ]
-        inbox = ear(content, start_at=START + later)
-        heard, verdicts = run(inbox, at_once(poses), start_at=START + later)
-        told.append(
+        inbox = make_inbox(content, start_at=START + later)
+        received, verdicts = run(inbox, at_once(poses), start_at=START + later)
+        results.append(
             (
-                [(at - later, p.seq, p.latitude_deg, p.sent_at_ns - later) for at, p in heard],
+                [(at - later, p.seq, p.latitude_deg, p.sent_at_ns - later) for at, p in received],
                 [(v.pose_seq, v.outcome, v.reason, v.content, v.copies) for v in verdicts],
                 inbox.rejected,
             )
         )
-    assert told[0] == told[1] == told[2]
+    assert results[0] == results[1] == results[2]
 
 
-def test_what_never_came_does_not_shift_the_others_copies_and_bits() -> None:
+def test_missing_messages_do_not_shift_copies_and_bit_errors() -> None:
     content = {"duplicate_ratio": 0.5, "bit_error_ratio": 3e-4}
-    _, whole = run(ear(content), at_once(sent(200)), 600)
-    _, holed = run(ear(content), at_once(sent(200)[::3]), 600)
+    _, whole = run(make_inbox(content), at_once(sent(200)), 600)
+    _, holed = run(make_inbox(content), at_once(sent(200)[::3]), 600)
     kept = {v.pose_seq: (v.outcome, v.reason, v.copies) for v in whole}
     assert {v.pose_seq: (v.outcome, v.reason, v.copies) for v in holed} == {
         k: kept[k] for k in range(0, 200, 3)
@@ -150,26 +152,26 @@ def test_what_never_came_does_not_shift_the_others_copies_and_bits() -> None:
 
 @pytest.mark.campaign(2000, 100_000)
 def test_copies_are_counted_and_refused_by_their_number(campaign: int) -> None:
-    inbox = ear({"duplicate_ratio": 0.3, "duplicate_delay_ms": 30.0}, loss_ratio=0.2)
+    inbox = make_inbox({"duplicate_ratio": 0.3, "duplicate_delay_ms": 30.0}, loss_ratio=0.2)
     poses = [gps("v1", k) for k in range(campaign)]
-    heard, verdicts = run(inbox, at_once(poses), 5 * campaign // 2 + 10)
+    received, verdicts = run(inbox, at_once(poses), 5 * campaign // 2 + 10)
     copies = sum(v.copies for v in verdicts)
     delivered = [v for v in verdicts if v.outcome == "delivered"]
     assert abs(copies - 0.3 * len(delivered)) < 4.0 * sqrt(0.21 * len(delivered))
     assert not any(v.copies for v in verdicts if v.outcome == "dropped")
     assert inbox.rejected == {"duplicate": copies}
-    # What was sent is delivered or dropped, each once, copies or not.
+    # Each message is delivered or dropped once, with or without copies.
     link = inbox.links["v1"]
     assert len(verdicts) == campaign == link.delivered + link.dropped.total()
-    assert [p.seq for _, p in heard] == [v.pose_seq for v in delivered]
-    assert inbox.delivered == len(heard)
+    assert [p.seq for _, p in received] == [v.pose_seq for v in delivered]
+    assert inbox.delivered == len(received)
 
 
-def test_a_receiver_without_a_filter_is_told_twice() -> None:
+def test_without_a_filter_copies_are_received() -> None:
     content = {"duplicate_ratio": 1.0, "duplicate_delay_ms": 30.0, "filter_duplicates": False}
-    inbox = ear(content)
-    heard, verdicts = run(inbox, at_once(sent(3)))
-    ticks = [((at - START) // MS, p.seq) for at, p in heard]
+    inbox = make_inbox(content)
+    received, verdicts = run(inbox, at_once(sent(3)))
+    ticks = [((at - START) // MS, p.seq) for at, p in received]
     # Visible at 20, 70, 120 ms, the copies at 50, 100, 150 ms; ticks every 20 ms.
     assert ticks == [(20, 0), (60, 0), (80, 1), (100, 1), (120, 2), (160, 2)]
     assert [v.copies for v in verdicts] == [1, 1, 1]
@@ -177,53 +179,53 @@ def test_a_receiver_without_a_filter_is_told_twice() -> None:
     assert inbox.delivered == 3
 
 
-def test_a_copy_with_a_delay_of_its_own_never_comes_before_the_message() -> None:
+def test_a_copy_never_arrives_before_the_message() -> None:
     content = {"duplicate_ratio": 1.0, "filter_duplicates": False}
-    heard, verdicts = run(ear(content, jitter_ms=200.0), at_once(sent(200)), 700)
+    received, verdicts = run(make_inbox(content, jitter_ms=200.0), at_once(sent(200)), 700)
     first = {v.pose_seq: v.received_at_ns for v in verdicts}
-    seen = Counter(p.seq for _, p in heard)
+    seen = Counter(p.seq for _, p in received)
     assert set(seen.values()) == {2}
-    later = [at - first[p.seq] for at, p in heard]
+    later = [at - first[p.seq] for at, p in received]
     assert min(later) == 0
-    # The copy's own draw is the smaller one half of the time, and then both come together.
+    # In half of the cases the copy has the smaller delay, and both arrive together.
     together = sum(delay == 0 for delay in later) - 200
     assert 70 < together < 150
     assert 100 * MS < max(later) <= 200 * MS
 
 
 def test_a_message_held_back_is_overtaken() -> None:
-    inbox = ear({"reorder_ratio": 0.2, "reorder_delay_ms": 120.0})
-    heard, verdicts = run(inbox, at_once(sent(200)), 700)
-    numbers = [p.seq for _, p in heard]
+    inbox = make_inbox({"reorder_ratio": 0.2, "reorder_delay_ms": 120.0})
+    received, verdicts = run(inbox, at_once(sent(200)), 700)
+    numbers = [p.seq for _, p in received]
     assert sorted(numbers) == list(range(200))
     held = {v.pose_seq for v in verdicts if v.visible_at_ns - v.sent_at_ns == 140 * MS}
     assert 20 < len(held) < 65
-    # It comes between the second and the third after it, unless those are held back as well.
+    # It arrives between the second and the third after it, unless those are held back, too.
     for k in held - {198, 199}:
         if not {k + 1, k + 2} & held:
             assert numbers.index(k) > numbers.index(k + 2)
 
 
-# ---- Wrong bits
+# ---- Bit errors
 
 
-def test_the_driver_is_never_told_of_a_corrupted_frame_with_frame_check() -> None:
+def test_with_frame_check_no_corrupted_frame_is_received() -> None:
     poses = sent(2000)
-    inbox = ear({"bit_error_ratio": 3e-4})
-    heard, verdicts = run(inbox, at_once(poses), 5100)
-    assert all(pose == poses[pose.seq] for _, pose in heard)
+    inbox = make_inbox({"bit_error_ratio": 3e-4})
+    received, verdicts = run(inbox, at_once(poses), 5100)
+    assert all(pose == poses[pose.seq] for _, pose in received)
     hit = 1.0 - (1.0 - 3e-4) ** (8 * SIZE)
     dropped = Counter((v.reason, v.content) for v in verdicts if v.outcome == "dropped")
     assert set(dropped) == {("corrupted", "")}
     assert abs(dropped["corrupted", ""] - 2000 * hit) < 4.0 * sqrt(2000 * hit * (1 - hit))
-    assert len(heard) + dropped.total() == 2000
+    assert len(received) + dropped.total() == 2000
     assert inbox.rejected == {}
 
 
-def test_without_frame_check_the_gate_decides_and_its_word_is_told() -> None:
+def test_without_frame_check_the_gate_decides_and_its_reason_is_reported() -> None:
     poses = sent(2000)
-    inbox = ear({"bit_error_ratio": 1e-3, "frame_check": False})
-    heard, verdicts = run(inbox, at_once(poses), 5100)
+    inbox = make_inbox({"bit_error_ratio": 1e-3, "frame_check": False})
+    received, verdicts = run(inbox, at_once(poses), 5100)
     found = Counter((v.outcome, v.reason, v.content) for v in verdicts)
     assert found.total() == 2000
     refused = {content for outcome, _, content in found if outcome == "dropped"}
@@ -231,12 +233,14 @@ def test_without_frame_check_the_gate_decides_and_its_word_is_told() -> None:
     assert {reason for outcome, reason, _ in found if outcome == "dropped"} == {"corrupted"}
     taken = {v.pose_seq for v in verdicts if v.content == "corrupted"}
     assert len(taken) > 100
-    told = dict(zip((v.pose_seq for v in verdicts if v.outcome == "delivered"), heard, strict=True))
-    changed = {seq for seq, (_, pose) in told.items() if pose != poses[seq]}
+    results = dict(
+        zip((v.pose_seq for v in verdicts if v.outcome == "delivered"), received, strict=True)
+    )
+    changed = {seq for seq, (_, pose) in results.items() if pose != poses[seq]}
     assert changed <= taken
-    assert len(taken - changed) < 0.05 * len(taken)  # a zero's sign, which compares equal
-    # Whoever checks frames refuses the same ones.
-    _, checked = run(ear({"bit_error_ratio": 1e-3}), at_once(poses), 5100)
+    assert len(taken - changed) < 0.05 * len(taken)  # the sign of zero, which compares equal
+    # With a frame check the same frames are refused.
+    _, checked = run(make_inbox({"bit_error_ratio": 1e-3}), at_once(poses), 5100)
     assert {v.pose_seq for v in checked if v.outcome == "dropped"} == taken | {
         v.pose_seq for v in verdicts if v.outcome == "dropped"
     }
@@ -251,18 +255,18 @@ def test_without_frame_check_the_gate_decides_and_its_word_is_told() -> None:
 def test_no_flipped_bits_do_harm(
     drawn: list[float], ratio: float, false: list[dict[str, Any]]
 ) -> None:
-    """Whatever bits are hit, a frame is refused by a word or passes the gate as a whole."""
+    """With any flipped bits, a frame is refused with a reason or passes the gate."""
 
     def draw(purpose: str, seq: int) -> float:
         if purpose == "bits":
-            return min(drawn[0], 0.5)  # so that it is hit
+            return min(drawn[0], 0.5)  # so that it has errors
         return (
             drawn[crc32(f"{purpose} {seq}".encode()) % len(drawn)]
             if purpose.startswith("bit ")
             else 0.0
         )
 
-    inbox = ear({"false": false} if false else {"duplicate_ratio": 1.0})
+    inbox = make_inbox({"false": false} if false else {"duplicate_ratio": 1.0})
     stage = inbox.links["v1"].content
     assert stage is not None
     link = Link(stage.link.effects, 1, "v1", "v2")
@@ -293,13 +297,13 @@ def test_no_flipped_bits_do_harm(
 # ---- False content
 
 
-def test_verdicts_name_the_false_content_of_their_spell_and_log_what_was_sent() -> None:
+def test_verdicts_name_the_false_content_of_their_interval() -> None:
     poses = sent(100)
     content = {"false": [{"kind": "offset", "left_m": 1.5, "from_s": 1.0, "to_s": 2.0}]}
-    heard, verdicts = run(ear(content), at_once(poses))
+    received, verdicts = run(make_inbox(content), at_once(poses))
     assert [v.content for v in verdicts] == [""] * 20 + ["offset"] * 20 + [""] * 60
     assert [(v.pose_seq, v.sent_at_ns) for v in verdicts] == [(p.seq, p.sent_at_ns) for p in poses]
-    for _, pose in heard:
+    for _, pose in received:
         true = poses[pose.seq]
         aside = PLANE.to_plane(pose.latitude_deg, pose.longitude_deg, pose.altitude_m)[0]
         # Left of a car that drives north is west.
@@ -309,8 +313,8 @@ def test_verdicts_name_the_false_content_of_their_spell_and_log_what_was_sent() 
         )  # fmt: skip
 
 
-def test_what_is_frozen_and_replayed_may_have_been_lost_itself() -> None:
-    """It is what was sent, as far as it came: the emulated loss comes after."""
+def test_frozen_and_replayed_content_may_have_been_lost() -> None:
+    """Contents of messages lost on the emulated link can be repeated."""
     content = {
         "false": [
             {"kind": "frozen", "from_s": 1.0, "to_s": 2.0},
@@ -318,61 +322,59 @@ def test_what_is_frozen_and_replayed_may_have_been_lost_itself() -> None:
         ]
     }
     poses = sent(100)
-    heard, verdicts = run(ear(content, loss_ratio=0.5), at_once(poses))
-    told = {pose.seq: pose.latitude_deg for _, pose in heard}
+    received, verdicts = run(make_inbox(content, loss_ratio=0.5), at_once(poses))
+    results = {pose.seq: pose.latitude_deg for _, pose in received}
     lost = {v.pose_seq for v in verdicts if v.outcome == "dropped"}
-    assert {k - 10 for k in range(60, 80) if k in told} & lost
-    for k, latitude in told.items():
+    assert {k - 10 for k in range(60, 80) if k in results} & lost
+    for k, latitude in results.items():
         source = 19 if 20 <= k < 40 else k - 10 if 60 <= k < 80 else k
         assert latitude == poses[source].latitude_deg
 
 
 def test_without_anything_to_repeat_messages_stay_as_they_are() -> None:
     content = {"false": [{"kind": "replayed", "age_s": 1.0}]}
-    _, verdicts = run(ear(content), at_once(sent(40)))
+    _, verdicts = run(make_inbox(content), at_once(sent(40)))
     assert [v.content for v in verdicts] == [""] * 20 + ["replayed"] * 20
     content = {"false": [{"kind": "frozen", "from_s": 1.0}]}
-    heard, verdicts = run(ear(content), at_once(sent(40)[20:]))
+    received, verdicts = run(make_inbox(content), at_once(sent(40)[20:]))
     assert [v.content for v in verdicts] == [""] * 20
-    assert [pose for _, pose in heard] == sent(40)[20:]
+    assert [pose for _, pose in received] == sent(40)[20:]
 
 
-def test_a_ghost_is_heard_in_turn_with_its_sender() -> None:
+def test_a_ghost_alternates_with_its_sender() -> None:
     content = {"false": [{"kind": "ghost", "ahead_m": -6.0, "from_s": 1.0, "to_s": 2.0}]}
-    inbox = ear(content)
-    heard, verdicts = run(inbox, at_once(sent(60)))
-    north = [PLANE.to_plane(p.latitude_deg, p.longitude_deg, p.altitude_m)[1] for _, p in heard]
+    inbox = make_inbox(content)
+    received, verdicts = run(inbox, at_once(sent(60)))
+    north = [PLANE.to_plane(p.latitude_deg, p.longitude_deg, p.altitude_m)[1] for _, p in received]
     steps = [there - here for here, there in pairwise(north[19:])]
-    # 1 m of way between two fixes, of which the ghost has done half when it speaks.
+    # Fixes are 1 m apart, and the ghost is stamped half a period later.
     assert steps[:20] == pytest.approx([1.0, -5.5] + [6.5, -5.5] * 9, abs=0.01)
     assert [v.content for v in verdicts[20:40]] == ["ghost"] * 20
-    assert len(heard) == 80
+    assert len(received) == 80
     assert inbox.delivered == len(verdicts) == 60
     assert inbox.rejected == {}
 
 
 def test_a_false_place_that_no_convoy_reaches_is_dropped_with_the_gate_s_word() -> None:
     standing = [gps("v1", k) for k in range(1000)]
-    table = asked({"false": [{"kind": "drift", "north_mps": -100.0}]})
+    table = requested({"false": [{"kind": "drift", "north_mps": -100.0}]})
     north_of_it = Origin(31.52, -96.481, 80.0)
     inbox = inbox_of("v2", {"v1": table}, start_at=START, origin=north_of_it)
-    heard, verdicts = run(inbox, at_once(standing), 2600)
+    received, verdicts = run(inbox, at_once(standing), 2600)
     away = -LocalPlane(north_of_it).to_plane(30.638, -96.481, 80.0)[1]
     within = int((100_000.0 - away) / 100.0 * 20.0)
     assert 400 < within < 450
     words = [(v.outcome, v.reason, v.content) for v in verdicts]
     assert words[:within] == [("delivered", "", "drift")] * within
     assert words[within + 1 :] == [("dropped", "corrupted", "far")] * (999 - within)
-    assert len(heard) == sum(v.outcome == "delivered" for v in verdicts)
+    assert len(received) == sum(v.outcome == "delivered" for v in verdicts)
 
 
-# ---- Memory
+# ---- History
 
 
 @given(order=st.permutations(range(12)), until=st.integers(-1, 13))
-def test_memory_gives_the_newest_until_an_instant_in_whatever_order_they_came(
-    order: list[int], until: int
-) -> None:
+def test_history_returns_the_newest_pose_until_an_instant(order: list[int], until: int) -> None:
     history = PoseHistory([START + 5 * 50 * MS], SECOND)
     for k in order:
         history.add(gps("v1", k))
@@ -383,7 +385,7 @@ def test_memory_gives_the_newest_until_an_instant_in_whatever_order_they_came(
     assert moment.seq == 5
 
 
-def test_memory_is_bounded_and_keeps_what_it_promised() -> None:
+def test_history_is_bounded_and_keeps_the_needed_poses() -> None:
     history = PoseHistory([START + SECOND], 10 * SECOND)
     last = 20_000
     for k in range(last + 1):
@@ -398,7 +400,7 @@ def test_memory_is_bounded_and_keeps_what_it_promised() -> None:
     assert len(PoseHistory([], 0)._poses) == 0
 
 
-def test_a_link_that_is_asked_for_none_of_it_has_no_stage() -> None:
+def test_a_link_without_alterations_has_no_content_stage() -> None:
     for content in ({}, {"reorder_ratio": 0.5}, {"filter_duplicates": False}):
-        assert ear(content).links["v1"].content is None
+        assert make_inbox(content).links["v1"].content is None
     assert inbox_of("v2", {"v1": LinkTable()}, start_at=START).links["v1"].content is None

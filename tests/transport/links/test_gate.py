@@ -1,4 +1,4 @@
-"""The one gate: which poses vehicles and recorder believe, and the word for why not."""
+"""The gate: which poses vehicles and recorder accept, and the reasons of refusals."""
 
 import math
 from dataclasses import replace
@@ -21,7 +21,7 @@ GATE = PoseGate(sender="v1", start_at=START, rate_hz=20.0, plane=PLANE)
 
 
 def refusal(pose: GpsPose, now: int = START, gate: PoseGate = GATE) -> str:
-    """Word for which the gate refuses a pose, "" if it lets it pass."""
+    """Reason with which the gate refuses a pose, "" if it is admitted."""
     try:
         gate.check(pose, now)
     except RefusedMessageError as refused:
@@ -60,10 +60,8 @@ def test_numbers_that_no_vehicle_measures_are_absurd(field: str, value: float) -
     altitude=st.floats(-500.0, 9000.0),
 )
 @examples(100, 300)
-def test_what_passes_the_gate_can_be_laid_into_the_plane(
-    north: float, east: float, altitude: float
-) -> None:
-    """The gate's quick answer agrees with the exact transformation, which is the limit."""
+def test_admitted_poses_are_within_the_plane(north: float, east: float, altitude: float) -> None:
+    """The gate agrees with the exact transformation."""
     latitude = ORIGIN.latitude_deg + north / 111_000.0
     longitude = ORIGIN.longitude_deg + east / 95_800.0
     try:
@@ -98,11 +96,11 @@ def test_the_date_line_is_no_border(longitude_deg: float) -> None:
         (replace(gps("v1", 39), measured_at_ns=at(2.0), sent_at_ns=at(2.0)), at(2.0), ""),
     ],
 )
-def test_whose_it_is_and_when_it_was_measured(pose: GpsPose, now: int, word: str) -> None:
+def test_sender_and_time_stamps_are_checked(pose: GpsPose, now: int, word: str) -> None:
     assert refusal(pose, now) == word
 
 
-def test_a_recorder_takes_what_is_an_hour_old() -> None:
+def test_a_recorder_accepts_poses_an_hour_old() -> None:
     patient = replace(GATE, oldest_ns=2**62)
     assert refusal(gps("v1", 0), at(3600.0), patient) == ""
     assert refusal(gps("v1", 0), at(3600.0)) == "past"
@@ -114,12 +112,12 @@ def test_too_many_bytes_are_refused_unread() -> None:
     assert refused.value.reason == "oversized"
 
 
-def test_many_refused_for_their_stamps_are_said_once_and_then_at_ten_times_as_many() -> None:
+def test_refused_time_stamps_are_reported_at_a_hundred_and_each_tenfold() -> None:
     counted = TimestampRefusals()
-    said = [line for _ in range(12_000) if (line := counted.count("v1", "future"))]
-    assert [line.split()[0] for line in said] == ["100", "1000", "10000"]
-    assert "v1" in said[0]
-    assert "future" in said[0]
+    warnings = [line for _ in range(12_000) if (line := counted.count("v1", "future"))]
+    assert [line.split()[0] for line in warnings] == ["100", "1000", "10000"]
+    assert "v1" in warnings[0]
+    assert "future" in warnings[0]
     assert not any(counted.count("v2", "future") for _ in range(99))
     assert not any(counted.count("v1", "past") for _ in range(99))
     assert counted.count("v1", "past")

@@ -1,4 +1,4 @@
-"""What a vehicle hears: by its links, whatever the transport did, and nothing that is not true."""
+"""Messages received by a vehicle: by its links, for any behaviour of the bus."""
 
 import threading
 from collections.abc import Iterable, Mapping
@@ -57,7 +57,7 @@ def sent(one: GpsPose, at: int) -> GpsPose:
     return replace(one, measured_at_ns=at, sent_at_ns=at)
 
 
-def ear(links: Mapping[str, LinkTable] | None = None, seed: int = 1) -> Inbox:
+def make_inbox(links: Mapping[str, LinkTable] | None = None, seed: int = 1) -> Inbox:
     if links is None:
         links = {"lead": LinkTable(latency_ms=20.0)}
     return inbox_of("follower_2", links, seed=seed, start_at=START, rate_hz=RATE_HZ)
@@ -68,8 +68,8 @@ def send(inbox: Inbox, *poses: GpsPose) -> None:
         inbox.on_bytes(key(one.vehicle, GPS), encode(one))
 
 
-def test_a_message_is_heard_at_the_first_tick_from_its_visible_instant_on() -> None:
-    inbox = ear()
+def test_a_message_is_received_at_the_first_tick_from_its_visible_instant() -> None:
+    inbox = make_inbox()
     send(inbox, pose(0))
     assert taken(inbox, START) == []
     assert taken(inbox, START + 19_999_999) == []
@@ -78,8 +78,8 @@ def test_a_message_is_heard_at_the_first_tick_from_its_visible_instant_on() -> N
     assert (inbox.delivered, inbox.dropped, inbox.late) == (1, 0, 0)
 
 
-def test_an_early_arrival_waits_and_a_late_one_is_heard_at_once() -> None:
-    inbox = ear()
+def test_an_early_arrival_waits_and_a_late_one_is_received_at_once() -> None:
+    inbox = make_inbox()
     send(inbox, pose(1))
     assert taken(inbox, START + 60 * MS) == []
     send(inbox, pose(0))
@@ -93,8 +93,8 @@ def test_an_early_arrival_waits_and_a_late_one_is_heard_at_once() -> None:
 
 
 def test_late_means_that_a_tick_went_without_it() -> None:
-    # visible at 20 ms; the tick at 20 ms has been, so whatever comes after it is late.
-    on_time, too_late = ear(), ear()
+    # visible at 20 ms; messages that arrive after the tick at 20 ms are late.
+    on_time, too_late = make_inbox(), make_inbox()
     for inbox, last in ((on_time, 19_999_999), (too_late, 20_000_000)):
         taken(inbox, START + last)
         send(inbox, pose(0))
@@ -104,7 +104,7 @@ def test_late_means_that_a_tick_went_without_it() -> None:
 
 def test_messages_come_in_the_order_of_visibility_then_sender_then_number() -> None:
     same = LinkTable(latency_ms=20.0)
-    inbox = ear({"lead": same, "follower_1": same})
+    inbox = make_inbox({"lead": same, "follower_1": same})
     send(inbox, pose(1), pose(1, "follower_1"), pose(0), pose(0, "follower_1"))
     assert taken(inbox, START + 100 * MS) == [
         pose(0, "follower_1"),
@@ -114,17 +114,17 @@ def test_messages_come_in_the_order_of_visibility_then_sender_then_number() -> N
     ]
 
 
-def test_verdicts_say_what_became_of_each_message() -> None:
+def test_each_message_has_a_verdict() -> None:
     rule = LinkTable(latency_ms=20.0, loss_ratio=0.5)
-    inbox = ear({"lead": rule})
-    heard, verdicts = [], []
+    inbox = make_inbox({"lead": rule})
+    received, verdicts = [], []
     for tick in ticks(START, START + SECOND, 50.0, RATE_HZ):
         send(inbox, *(pose(k) for k in range(20) if pose(k).measured_at_ns == tick.at))
-        heard += taken(inbox, tick.at)
+        received += taken(inbox, tick.at)
         verdicts += inbox.verdicts()
     assert [v.seq for v in verdicts] == list(range(20))
-    assert [v.pose_seq for v in verdicts if v.outcome == "delivered"] == [p.seq for p in heard]
-    assert 0 < len(heard) < 20
+    assert [v.pose_seq for v in verdicts if v.outcome == "delivered"] == [p.seq for p in received]
+    assert 0 < len(received) < 20
     link = link_of(rule, "lead", "follower_2", rate_hz=RATE_HZ)
     for v in verdicts:
         judged = link.judge(TransmissionContext(v.pose_seq, v.sent_at_ns))
@@ -134,10 +134,10 @@ def test_verdicts_say_what_became_of_each_message() -> None:
             judged.visible_at,
         )
         assert (v.vehicle, v.sender, v.late) == ("follower_2", "lead", False)
-        # Delivered or dropped, it is told at the tick that would have handed it over.
+        # The verdict is published at the tick that delivers the message, or would have.
         assert v.visible_at_ns <= v.received_at_ns < v.visible_at_ns + 20 * MS
-    assert inbox.links["lead"].delivered == len(heard)
-    assert inbox.links["lead"].dropped == {"loss": 20 - len(heard)}
+    assert inbox.links["lead"].delivered == len(received)
+    assert inbox.links["lead"].dropped == {"loss": 20 - len(received)}
 
 
 RULES = {
@@ -149,25 +149,25 @@ RULES = {
 def run(
     arrivals: Iterable[tuple[int, GpsPose]], seed: int
 ) -> tuple[list[GpsPose], list[LinkVerdict]]:
-    """Run an inbox for two seconds; each pose is there for the first tick from its instant on."""
-    inbox = ear(RULES, seed)
+    """Run an inbox for two seconds; a pose arrives before the first tick from its instant."""
+    inbox = make_inbox(RULES, seed)
     pending = sorted(arrivals, key=lambda row: row[0])
-    heard: list[GpsPose] = []
+    received: list[GpsPose] = []
     verdicts: list[LinkVerdict] = []
     for tick in ticks(START, START + 2 * SECOND, 50.0, RATE_HZ):
         while pending and pending[0][0] <= tick.at:
             send(inbox, pending.pop(0)[1])
-        heard += taken(inbox, tick.at)
+        received += taken(inbox, tick.at)
         verdicts += inbox.verdicts()
     assert not inbox.rejected
-    return heard, verdicts
+    return received, verdicts
 
 
 @settings(max_examples=20)
 @given(random=st.randoms(use_true_random=False), seed=st.integers(0, 1000))
 def test_the_time_of_arrival_changes_nothing_while_it_is_in_time(random: Random, seed: int) -> None:
-    # At once, as on the memory bus, against any delay below the links' least latency and in any
-    # order, as on a network: what is heard and what is told of it are the same to the last field.
+    # Immediate delivery, as on the memory bus, equals any order and any delay below the minimum
+    # latency, as on a network.
     poses = [pose(k, sender) for sender in RULES for k in range(39)]
     at_once = run([(one.measured_at_ns, one) for one in poses], seed)
     random.shuffle(poses)
@@ -177,23 +177,23 @@ def test_the_time_of_arrival_changes_nothing_while_it_is_in_time(random: Random,
 
 
 @given(order=st.permutations(range(12)))
-def test_what_is_heard_does_not_depend_on_the_order_of_arrival(order: list[int]) -> None:
-    inbox = ear({"lead": LinkTable(loss_ratio=0.3)})
+def test_deliveries_do_not_depend_on_the_order_of_arrival(order: list[int]) -> None:
+    inbox = make_inbox({"lead": LinkTable(loss_ratio=0.3)})
     send(inbox, *(pose(k) for k in order))
     assert [p.seq for p in taken(inbox, START + SECOND)] == [1, 3, 4, 6, 7, 11]
 
 
-def test_what_never_arrives_does_not_shift_the_others() -> None:
+def test_missing_messages_do_not_shift_others() -> None:
     rule = {"lead": LinkTable(loss_ratio=0.4)}
-    whole, holed = ear(rule), ear(rule)
+    whole, holed = make_inbox(rule), make_inbox(rule)
     send(whole, *(pose(k) for k in range(200)))
     send(holed, *(pose(k) for k in range(0, 200, 3)))
     all_heard = {p.seq for p in taken(whole, START + 20 * SECOND)}
     assert {p.seq for p in taken(holed, START + 20 * SECOND)} == all_heard & set(range(0, 200, 3))
 
 
-def test_a_repeated_message_is_heard_once() -> None:
-    inbox = ear()
+def test_a_repeated_message_is_received_once() -> None:
+    inbox = make_inbox()
     send(inbox, pose(0), pose(0))
     assert taken(inbox, START + 100 * MS) == [pose(0)]
     send(inbox, pose(0))
@@ -249,8 +249,8 @@ NAN, INFINITE = float("nan"), float("inf")
         (spoilt(seq=2**64 - 1), "sequence"),
     ],
 )
-def test_what_cannot_be_true_is_counted_and_not_heard(data: bytes, reason: str) -> None:
-    inbox = ear()
+def test_impossible_messages_are_counted_and_refused(data: bytes, reason: str) -> None:
+    inbox = make_inbox()
     send(inbox, pose(0))
     inbox.on_bytes("convoy/lead/gps", data)
     send(inbox, pose(1))
@@ -262,22 +262,22 @@ def test_what_cannot_be_true_is_counted_and_not_heard(data: bytes, reason: str) 
 
 @given(st.binary(max_size=2 * LONGEST_POSE_BYTES))
 def test_no_bytes_do_harm(data: bytes) -> None:
-    inbox = ear()
+    inbox = make_inbox()
     inbox.on_bytes("convoy/lead/gps", data)
     send(inbox, pose(0))
     assert taken(inbox, START + 100 * MS) == [pose(0)]
     assert sum(inbox.rejected.values()) == 1
 
 
-def test_a_stranger_is_not_heard() -> None:
-    inbox = ear()
+def test_unknown_senders_are_refused() -> None:
+    inbox = make_inbox()
     send(inbox, pose(0, "ghost"))
     assert taken(inbox, START + 100 * MS) == []
     assert inbox.rejected == {"unknown": 1}
 
 
-def test_rejections_are_told_once() -> None:
-    inbox = ear()
+def test_rejections_are_reported_once() -> None:
+    inbox = make_inbox()
     inbox.on_bytes("convoy/lead/gps", b"")
     send(inbox, pose(0), pose(0))
     taken(inbox, START)
@@ -290,42 +290,42 @@ def test_rejections_are_told_once() -> None:
 
 
 def test_a_message_from_long_ago_is_not_of_now() -> None:
-    inbox = ear()
+    inbox = make_inbox()
     send(inbox, pose(0))
     assert taken(inbox, START + HORIZON_NS) == [pose(0)]
     send(inbox, pose(1))
     assert taken(inbox, START + HORIZON_NS + 51 * MS) == []
     assert inbox.rejected == {"past": 1}
-    assert inbox.late == 1  # too late to be of any use
+    assert inbox.late == 1  # too late to be used
 
 
 def test_a_vehicle_that_was_held_up_loses_nothing() -> None:
-    # It stopped at the start; ten seconds later all the others said is there at once.
-    inbox = ear()
+    # Stopped at the start; ten seconds later all messages are received at once.
+    inbox = make_inbox()
     everything = [pose(k) for k in range(200)]
     send(inbox, *everything)
-    heard = []
+    received = []
     for tick in ticks(START, START + 11 * SECOND, 50.0):
-        heard += taken(inbox, tick.at)
-    assert heard == everything
+        received += taken(inbox, tick.at)
+    assert received == everything
     assert inbox.late == 0
 
 
 def test_too_many_at_once_push_the_oldest_out() -> None:
-    inbox = ear()
+    inbox = make_inbox()
     more = QUEUE + 3
     for _ in range(3):
         inbox.on_bytes("convoy/lead/gps", b"flood")
     send(inbox, *(pose(k) for k in range(QUEUE)))
-    heard = taken(inbox, START + 60 * SECOND - 1)
+    received = taken(inbox, START + 60 * SECOND - 1)
     assert inbox.rejected["overflow"] == more - QUEUE
     assert inbox.rejected["garbage"] == 0
     assert ("overflow", 3) in inbox.rejections()
-    assert heard[0] == pose(0)
+    assert received[0] == pose(0)
 
 
 def test_messages_may_come_while_others_are_taken() -> None:
-    inbox = ear()
+    inbox = make_inbox()
     total = 2000
 
     def produce() -> None:
@@ -333,13 +333,13 @@ def test_messages_may_come_while_others_are_taken() -> None:
 
     thread = threading.Thread(target=produce)
     thread.start()
-    now, heard = START, list[GpsPose]()
+    now, received = START, list[GpsPose]()
     while thread.is_alive():
-        heard += taken(inbox, now)
+        received += taken(inbox, now)
     thread.join()
-    heard += taken(inbox, START + 50 * SECOND)
-    heard += taken(inbox, START + 100 * SECOND)
-    assert len(heard) + inbox.rejected.total() == total
+    received += taken(inbox, START + 50 * SECOND)
+    received += taken(inbox, START + 100 * SECOND)
+    assert len(received) + inbox.rejected.total() == total
 
 
 def test_each_sender_has_its_own_schedule() -> None:
@@ -349,9 +349,9 @@ def test_each_sender_has_its_own_schedule() -> None:
     for sender, rate_hz in rates.items():
         for k in range(8):
             send(inbox, sent(pose(k, sender), instant(START, k, rate_hz)))
-    heard = taken(inbox, START + SECOND)
-    assert [p.seq for p in heard if p.vehicle == "lead"] == [0, 4]
-    assert [p.seq for p in heard if p.vehicle == "follower_1"] == [0, 2, 4, 6]
+    received = taken(inbox, START + SECOND)
+    assert [p.seq for p in received if p.vehicle == "lead"] == [0, 4]
+    assert [p.seq for p in received if p.vehicle == "follower_1"] == [0, 2, 4, 6]
 
 
 @given(rate_hz=st.floats(1.0, 100.0), k=st.integers(0, 100_000))
@@ -363,10 +363,10 @@ def test_no_rounding_puts_a_number_ahead_of_its_schedule(rate_hz: float, k: int)
 
 
 def test_the_keys_to_listen_to() -> None:
-    assert ear(RULES).keys == ["convoy/lead/gps", "convoy/follower_1/gps"]
+    assert make_inbox(RULES).keys == ["convoy/lead/gps", "convoy/follower_1/gps"]
 
 
-# ---- Nobody listens for a time
+# ---- Interruptions of receiving
 
 
 def feed(box: Inbox, *poses: GpsPose) -> None:
@@ -374,17 +374,17 @@ def feed(box: Inbox, *poses: GpsPose) -> None:
         box.on_bytes(key(one.vehicle, GPS), encode(one))
 
 
-def test_what_was_sent_while_nobody_listened_is_not_heard() -> None:
-    box = ear()
+def test_messages_sent_while_not_receiving_are_discarded() -> None:
+    box = make_inbox()
     feed(box, pose(0), pose(1))
     assert [one.seq for one in taken(box, START + 100 * MS)] == [0, 1]
     feed(box, pose(2), pose(3))
-    box.discard(START + 150 * MS, UNKNOWN_POSITION)  # of which the fourth was sent right then
-    feed(box, pose(4), pose(6))  # and this tick is late: one was sent after it
+    box.discard(START + 150 * MS, UNKNOWN_POSITION)  # the fourth was sent at this instant
+    feed(box, pose(4), pose(6))  # this tick is late: one message was sent after it
     box.discard(START + 200 * MS, UNKNOWN_POSITION)
     links = inbox_of("follower_2", {"lead": LinkTable(latency_ms=20.0)}, start_at=START).links
     box.restart(links.values(), START + 260 * MS)
-    feed(box, pose(5), pose(7))  # of which the first was sent before
+    feed(box, pose(5), pose(7))  # the first was sent before
     assert [one.seq for one in taken(box, START + 400 * MS)] == [6, 7]
     assert box.delivered == 4
     assert [one.seq for one in box.verdicts()] == [0, 1, 2, 3]
@@ -392,8 +392,8 @@ def test_what_was_sent_while_nobody_listened_is_not_heard() -> None:
     assert box.late == 0
 
 
-def test_what_comes_while_control_stalls_is_heard_afterwards_and_not_late() -> None:
-    box = ear()
+def test_messages_during_a_stall_are_received_afterwards_and_not_late() -> None:
+    box = make_inbox()
     taken(box, START)
     for seq in range(5):
         feed(box, pose(seq))
@@ -403,7 +403,7 @@ def test_what_comes_while_control_stalls_is_heard_afterwards_and_not_late() -> N
 
 
 def test_an_inbox_goes_on_from_the_counts_of_another() -> None:
-    box = ear({"lead": LinkTable(latency_ms=20.0, loss_ratio=1.0)})
+    box = make_inbox({"lead": LinkTable(latency_ms=20.0, loss_ratio=1.0)})
     feed(box, pose(0), pose(1), pose(1))
     taken(box, START + 100 * MS)
     other = inbox_of("follower_2", {"lead": LinkTable()}, start_at=START)
@@ -426,7 +426,7 @@ NUMBERS = st.one_of(
 
 
 def verdict(link: IncomingLink, seq: int) -> str:
-    """Why a number is refused, empty if it is not."""
+    """Reason with which a number is refused, empty if it is accepted."""
     try:
         link.register(seq)
     except RefusedMessageError as refusal:
@@ -436,7 +436,7 @@ def verdict(link: IncomingLink, seq: int) -> str:
 
 @given(st.lists(NUMBERS, max_size=60))
 def test_a_number_is_new_once_unless_it_is_far_behind(came: list[int]) -> None:
-    link, all_so_far, newest = ear().links["lead"], set[int](), -1
+    link, all_so_far, newest = make_inbox().links["lead"], set[int](), -1
     for seq in came:
         expected = "past" if seq <= newest - WINDOW else "duplicate" if seq in all_so_far else ""
         assert verdict(link, seq) == expected
@@ -446,7 +446,7 @@ def test_a_number_is_new_once_unless_it_is_far_behind(came: list[int]) -> None:
 
 
 def test_a_refusal_states_the_number_and_the_reason() -> None:
-    link = ear().links["lead"]
+    link = make_inbox().links["lead"]
     link.register(WINDOW)
     with pytest.raises(RefusedMessageError, match=f"^past: number 0 .*{WINDOW}$"):
         link.register(0)

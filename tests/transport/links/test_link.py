@@ -1,4 +1,4 @@
-"""Verdicts of a link: keyed by the message alone, as often and as late as was asked."""
+"""Verdicts of a link: keyed by the message alone, with the requested losses and delays."""
 
 import itertools
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ RATE_HZ = 20.0
 
 
 def judge(
-    asked: LinkTable,
+    requested: LinkTable,
     seq: int,
     *,
     seed: int = 1,
@@ -33,7 +33,7 @@ def judge(
     receiver: str = "follower_1",
     source_rate_hz: float = RATE_HZ,
 ) -> Verdict:
-    one = link(asked, sender, receiver, seed=seed, rate_hz=source_rate_hz)
+    one = link(requested, sender, receiver, seed=seed, rate_hz=source_rate_hz)
     return one.judge(TransmissionContext(seq, seq * PERIOD))
 
 
@@ -42,7 +42,7 @@ def keyed_uniform(seed: int, sender: str, receiver: str, seq: int, purpose: str)
 
 
 def test_keyed_uniform_keeps_its_values() -> None:
-    # Recorded runs repeat only as long as these stay; worked out from the definition in
+    # Recorded runs can be repeated only while these stay; from the definition in
     # test_keyed_uniform_follows_its_definition.
     assert keyed_uniform(1, "lead", "follower_1", 0, "loss") == 0.5557106400040882
     assert keyed_uniform(1, "lead", "follower_1", 1, "loss") == 0.7327022042726689
@@ -246,7 +246,7 @@ def test_delays_add_up_and_any_drop_wins(
     st.integers(0, 15),
     st.integers(0, 80),
 )
-def test_what_may_be_visible_is_known_though_the_least_delay_changes(
+def test_the_last_visible_sending_follows_changes_of_the_minimum_latency(
     later: list[tuple[int, int]], floor: int, now: int
 ) -> None:
     starts = sorted({at for at, _ in later})

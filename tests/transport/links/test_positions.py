@@ -1,4 +1,4 @@
-"""A receiver's places are those of a plain list of its ticks, in less memory."""
+"""Positions of a receiver equal those of a plain list, in less memory."""
 
 import tracemalloc
 
@@ -14,15 +14,15 @@ from transport.links.positions import MAX_POSITIONS, PositionHistory
     st.integers(-5, 130),
 )
 def test_a_place_is_that_of_the_last_tick_until_an_instant(
-    ticks: list[tuple[int, float]], asked: int
+    ticks: list[tuple[int, float]], requested: int
 ) -> None:
     passed, known, now = PositionHistory(), list[tuple[int, Position]](), 0
     for span, where in ticks:
         now += span
         known.append((now, Position(where, -where, 2.0 * where)))
         passed.add(*known[-1])
-    before = [place for at, place in known if at <= asked]
-    assert passed.at(asked) == (before[-1] if before else known[0][1])
+    before = [place for at, place in known if at <= requested]
+    assert passed.at(requested) == (before[-1] if before else known[0][1])
 
 
 def test_the_places_of_a_minute_are_remembered_and_few_more() -> None:
@@ -34,7 +34,7 @@ def test_the_places_of_a_minute_are_remembered_and_few_more() -> None:
         assert passed.at(now).east == now
 
 
-def test_a_place_that_nobody_tells_stays_untold() -> None:
+def test_an_unknown_position_stays_unknown() -> None:
     passed = PositionHistory()
     passed.add(7, UNKNOWN_POSITION)
     assert all(value != value for value in passed.at(9))  # noqa: PLR0124 - not a number
@@ -49,4 +49,4 @@ def test_memory_does_not_grow_with_the_run() -> None:
         passed.add(k, UNKNOWN_POSITION)
     grown, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert grown < 60 * MAX_POSITIONS  # 32 bytes for each, and for an eighth more
+    assert grown < 60 * MAX_POSITIONS  # 32 bytes per position, and an eighth in reserve

@@ -1,4 +1,4 @@
-"""Messages that depend on one another, in a receiver: the same while their bytes come in time."""
+"""Messages that affect each other: the same verdicts while their bytes arrive in time."""
 
 from collections.abc import Iterable
 from random import Random
@@ -60,9 +60,9 @@ def pose(seq: int) -> GpsPose:
     )
 
 
-def ear(rule: str, seed: int = 1) -> Inbox:
-    asked = {"lead": LinkTable.model_validate(RULES[rule])}
-    return inbox_of("follower_1", asked, seed=seed, start_at=START, rate_hz=RATE_HZ)
+def make_inbox(rule: str, seed: int = 1) -> Inbox:
+    requested = {"lead": LinkTable.model_validate(RULES[rule])}
+    return inbox_of("follower_1", requested, seed=seed, start_at=START, rate_hz=RATE_HZ)
 
 
 def send(inbox: Inbox, one: GpsPose) -> None:
@@ -72,16 +72,16 @@ def send(inbox: Inbox, one: GpsPose) -> None:
 def run(
     rule: str, seed: int, arrivals: Iterable[tuple[int, GpsPose]]
 ) -> tuple[list[GpsPose], list[LinkVerdict], Inbox]:
-    """Run an inbox for five seconds; each pose is there for the first tick from its instant on."""
-    inbox, pending = ear(rule, seed), sorted(arrivals, key=lambda row: row[0])
-    heard, verdicts = list[GpsPose](), list[LinkVerdict]()
+    """Run an inbox for five seconds; a pose arrives before the first tick from its instant."""
+    inbox, pending = make_inbox(rule, seed), sorted(arrivals, key=lambda row: row[0])
+    received, verdicts = list[GpsPose](), list[LinkVerdict]()
     for tick in ticks(START, START + 5 * SECOND, 50.0, RATE_HZ):
         while pending and pending[0][0] <= tick.at:
             send(inbox, pending.pop(0)[1])
-        heard += taken(inbox, tick.at)
+        received += taken(inbox, tick.at)
         verdicts += inbox.verdicts()
     assert not inbox.rejected
-    return heard, verdicts, inbox
+    return received, verdicts, inbox
 
 
 @pytest.mark.parametrize("rule", RULES)
@@ -91,10 +91,10 @@ def test_the_time_of_arrival_changes_nothing_while_it_is_in_time(
     rule: str, random: Random, seed: int
 ) -> None:
     poses = [pose(k) for k in range(80)]
-    heard, verdicts, inbox = run(rule, seed, [(one.sent_at_ns, one) for one in poses])
+    received, verdicts, inbox = run(rule, seed, [(one.sent_at_ns, one) for one in poses])
     random.shuffle(poses)
     delayed = [(one.sent_at_ns + random.randrange(FLOOR), one) for one in poses]
-    assert run(rule, seed, delayed)[:2] == (heard, verdicts)
+    assert run(rule, seed, delayed)[:2] == (received, verdicts)
     assert inbox.late == 0
     assert {v.outcome for v in verdicts} == {"delivered", "dropped"}
 
@@ -102,12 +102,12 @@ def test_the_time_of_arrival_changes_nothing_while_it_is_in_time(
 @pytest.mark.parametrize("rule", RULES)
 @settings(max_examples=10)
 @given(seed=st.integers(0, 10_000))
-def test_whatever_differs_is_explained_by_a_message_counted_as_late(rule: str, seed: int) -> None:
+def test_each_difference_is_explained_by_a_late_message(rule: str, seed: int) -> None:
     random, poses = Random(seed), [pose(k) for k in range(80)]
     in_time = run(rule, 1, [(one.sent_at_ns, one) for one in poses])
     wires = [random.choice((0, 0, 0, FLOOR + 60 * MS, 300 * MS)) for _ in poses]
     tardy = [(one.sent_at_ns + wire, one) for one, wire in zip(poses, wires, strict=True)]
-    heard, verdicts, inbox = run(rule, 1, tardy)
+    received, verdicts, inbox = run(rule, 1, tardy)
     usual = {v.pose_seq: (v.outcome, v.visible_at_ns) for v in in_time[1]}
     differ = [
         v.pose_seq
@@ -118,17 +118,17 @@ def test_whatever_differs_is_explained_by_a_message_counted_as_late(rule: str, s
     assert {wires[seq] > 0 for seq in late} == {True}
     assert inbox.late == len(late) > 0
     assert all(seq >= min(late) - QUEUE_REACH for seq in differ)
-    assert len({one.seq for one in heard}) == len(heard)
+    assert len({one.seq for one in received}) == len(received)
 
 
 QUEUE_REACH = 3
-"""So many messages before it can still be in the queue."""
+"""Maximum number of earlier messages that can be in the queue."""
 
 
 @pytest.mark.parametrize("rule", RULES)
 def test_verdicts_are_those_of_the_stream_of_what_was_sent(rule: str) -> None:
     poses = [pose(k) for k in range(80)]
-    heard, verdicts, _ = run(rule, 5, [(one.sent_at_ns, one) for one in poses])
+    received, verdicts, _ = run(rule, 5, [(one.sent_at_ns, one) for one in poses])
     link = link_of(LinkTable.model_validate(RULES[rule]), seed=5, rate_hz=RATE_HZ)
     stream = [TransmissionContext(one.seq, one.sent_at_ns, len(encode(one))) for one in poses]
     judged = judge_stream(link, stream)
@@ -137,27 +137,27 @@ def test_verdicts_are_those_of_the_stream_of_what_was_sent(rule: str) -> None:
         assert (v.outcome, v.reason, v.visible_at_ns) == (
             wanted.outcome, wanted.reason, wanted.visible_at,
         )  # fmt: skip
-        # Told at the first tick from its instant on, however late it was decided.
+        # Published at the first tick from its instant, even if decided later.
         assert v.visible_at_ns <= v.received_at_ns < v.visible_at_ns + 20 * MS
     assert len(verdicts) > 50
     if "delay" in RULES[rule]:
-        assert [one.seq for one in heard] == sorted(one.seq for one in heard)
+        assert [one.seq for one in received] == sorted(one.seq for one in received)
 
 
-def test_what_never_comes_holds_nobody_up() -> None:
+def test_missing_messages_do_not_delay_others() -> None:
     poses = [pose(k) for k in range(0, 80, 2)]
-    heard, verdicts, inbox = run("in order", 1, [(one.sent_at_ns, one) for one in poses])
+    received, verdicts, inbox = run("in order", 1, [(one.sent_at_ns, one) for one in poses])
     assert len(verdicts) > 30
-    assert [one.seq for one in heard] == sorted(one.seq for one in heard)
+    assert [one.seq for one in received] == sorted(one.seq for one in received)
     assert inbox.late == 0
 
 
 def test_a_straggler_goes_by_itself_and_counts_as_late() -> None:
-    inbox = ear("in order")
+    inbox = make_inbox("in order")
     send(inbox, pose(0))
     send(inbox, pose(2))
     taken(inbox, START + 100 * MS)
-    taken(inbox, START + 2 * SECOND)  # number 2 is through
+    taken(inbox, START + 2 * SECOND)  # number 2 was decided
     before = inbox.verdicts()
     assert [(v.pose_seq, v.late) for v in before] == [(0, False), (2, False)]
     send(inbox, pose(1))
@@ -168,7 +168,7 @@ def test_a_straggler_goes_by_itself_and_counts_as_late() -> None:
 
 
 def test_memory_stays_bounded() -> None:
-    inbox = ear("both")
+    inbox = make_inbox("both")
     for k in range(3000):
         send(inbox, pose(k))
         taken(inbox, pose(k).sent_at_ns)

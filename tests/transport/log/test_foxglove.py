@@ -24,7 +24,7 @@ from transport.log.scene import Scene
 
 
 def test_a_stranger_decodes_the_log_by_the_schemas_in_it(tmp_path: Path) -> None:
-    """Nothing but the schemas in the file is used to read it: no module of this project."""
+    """Read the file with its own schemas only, without modules of this project."""
     write(tmp_path / "run.mcap")
     found: dict[str, Any] = {}
     for schema, channel, record in rows(tmp_path / "run.mcap"):
@@ -51,7 +51,7 @@ def test_a_stranger_decodes_the_log_by_the_schemas_in_it(tmp_path: Path) -> None
     pose = found["/convoy/v1/pose"]
     assert pose.frame_id == "map"
     assert (pose.pose.position.x, pose.pose.position.y) == pytest.approx((drive.RADIUS, 0.0))
-    half = math.pi / 4  # northwards: a quarter turn about the vertical axis
+    half = math.pi / 4  # northwards: a quarter turn around the vertical axis
     assert pose.pose.orientation.z == pytest.approx(math.sin(half))
     assert pose.pose.orientation.w == pytest.approx(math.cos(half))
     transform = found["/convoy/v1/transform"]
@@ -84,13 +84,13 @@ def test_a_location_has_the_fields_of_its_standard(tmp_path: Path) -> None:
     assert not any("GeoPoints" in column for column in drawn)
 
 
-def test_what_is_made_often_takes_no_memory() -> None:
-    """In Protobuf each text that is set stays until its message goes: 23 MB an hour of forty."""
+def test_frequent_messages_take_no_memory() -> None:
+    """In Protobuf each assigned text is kept until its message is deleted: 23 MB per hour."""
     of_kind = standard_messages()
     process = psutil.Process()
     for message in (gps("v1", 0), truth("v1", 0, 1.0, 2.0)):
         for twin in of_kind[type(message)]:
-            if twin.name == "box":  # said once
+            if twin.name == "box":  # logged once
                 continue
             for _ in range(1000):
                 twin.make(message)
@@ -148,8 +148,8 @@ def test_the_road_is_the_lead_s_path_between_the_edges_of_its_lane(tmp_path: Pat
     assert [line[-1] for line in lines] == [(50.0, 0.0), (50.0, 1.75), (50.0, -1.75)]
 
 
-def test_the_layout_shows_what_the_log_holds(tmp_path: Path) -> None:
-    """Every topic and every field that the layout names is in the log, by the schemas in it."""
+def test_the_layout_shows_the_topics_of_the_log(tmp_path: Path) -> None:
+    """All topics and fields of the layout are in the schemas of the log."""
     write(tmp_path / "run.mcap", scene=SCENE)
     schemas = {channel.topic: schema for schema, channel, _ in rows(tmp_path / "run.mcap")}
     panels = json.loads(foxglove_layout(drive.VEHICLES))["configById"]

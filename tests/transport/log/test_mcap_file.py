@@ -1,4 +1,4 @@
-"""Logs that break off: what is left of them, and their repair."""
+"""Truncated logs: their contents and their repair."""
 
 import random
 import signal

@@ -1,4 +1,4 @@
-"""What is read back of a log, and which files are refused."""
+"""Reading a log, and refused files."""
 
 import os
 import random
@@ -23,7 +23,7 @@ from transport.topics import TOPIC_OF
 from vehicles.messages import Message
 
 
-def test_what_was_written_is_read_back(tmp_path: Path) -> None:
+def test_written_messages_are_read_back(tmp_path: Path) -> None:
     written = write(tmp_path / "run.mcap")
     log = LogReader(tmp_path / "run.mcap")
     assert [(at, message) for at, _, message in log.messages()] == written
@@ -58,7 +58,7 @@ def test_counts_per_channel(tmp_path: Path) -> None:
     assert "/convoy/v1/preview" not in channels
 
 
-def test_what_is_no_log_is_refused_in_one_line(tmp_path: Path) -> None:
+def test_other_files_are_refused_in_one_line(tmp_path: Path) -> None:
     cases = {"missing": None, "empty": b"", "garbage": os.urandom(300), "text": b"hello\n"}
     for name, content in cases.items():
         path = tmp_path / f"{name}.mcap"
@@ -70,7 +70,7 @@ def test_what_is_no_log_is_refused_in_one_line(tmp_path: Path) -> None:
             assert "\n" not in str(refused.value)
 
 
-def test_a_log_without_its_first_message_says_that_it_breaks_off(tmp_path: Path) -> None:
+def test_a_log_without_its_first_message_is_reported_as_truncated(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     write_chunks(path)
     first, _ = McapFile(path).chunks[0]
@@ -93,7 +93,7 @@ def test_a_log_of_something_else_is_refused(tmp_path: Path) -> None:
 
 
 def write_chunks(path: Path) -> list[tuple[int, Message]]:
-    """Write a drive with a chunk for each 0.2 s."""
+    """Write a drive with a chunk every 0.2 s."""
     messages = list(drive.drive(TICKS))
     with LogWriter(path, library="test") as log:
         log.attach("scenario.toml", "application/toml", b"seed = 1\n")
@@ -155,10 +155,10 @@ def test_a_sound_log_has_no_damage(tmp_path: Path) -> None:
 
 
 @pytest.mark.campaign(20, 5000)
-def test_whatever_is_damaged_the_rest_is_read_or_the_log_refused(
+def test_after_any_damage_the_rest_is_read_or_the_log_refused(
     tmp_path: Path, campaign: int
 ) -> None:
-    """Bits are flipped and the end is cut off at random places."""
+    """Bits are flipped and the end is cut off at random."""
     path = tmp_path / "run.mcap"
     written = write_chunks(path)
     whole = path.read_bytes()
@@ -196,7 +196,7 @@ def test_whatever_is_damaged_the_rest_is_read_or_the_log_refused(
 
 @contextmanager
 def suppress_one_line(path: Path) -> Iterator[None]:
-    """Let a log be refused in one line that names it."""
+    """Check that a log is refused in one line with its name."""
     try:
         yield
     except LogError as error:

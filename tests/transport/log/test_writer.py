@@ -1,4 +1,4 @@
-"""What a log holds is what was written, in standard form."""
+"""Contents of a written log, and their standard form."""
 
 import math
 import resource
@@ -56,7 +56,7 @@ def test_log_times_never_go_back(tmp_path: Path) -> None:
     assert own == [5, 5, 9, 9, 9, 10]
 
 
-def test_true_errors_stand_beside_the_messages_and_are_none(tmp_path: Path) -> None:
+def test_true_errors_are_logged_with_the_messages_and_may_be_nan(tmp_path: Path) -> None:
     with LogWriter(tmp_path / "run.mcap") as log:
         put(log, drive.START + 5, drive.truth("v2", 0))
         log.write_deviation(drive.START + 3, "v2", drive.START, 0.25, math.nan)
@@ -74,7 +74,7 @@ def test_true_errors_stand_beside_the_messages_and_are_none(tmp_path: Path) -> N
 
 
 def test_messages_of_strangers_are_logged_as_they_are(tmp_path: Path) -> None:
-    """What is well-formed but nonsense must not bring the recorder down."""
+    """Well-formed nonsense must not stop the recorder."""
     good = drive.trajectory("v2", 0)
     nonsense: list[Message] = [
         drive.gps("v2", 0, -5),
@@ -99,7 +99,7 @@ def test_rerun_accepts_the_log(tmp_path: Path) -> None:
     assert rerun_accepts(tmp_path / "run.mcap")
 
 
-def test_what_was_flushed_can_be_read_before_the_end(tmp_path: Path) -> None:
+def test_flushed_messages_are_readable_before_the_end(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     log = LogWriter(path)
     log.metadata("convoy", {"seed": "7"})
@@ -171,7 +171,7 @@ def test_a_log_that_was_removed_is_missed_at_the_next_flush(
         path.write_bytes(b"another")
     with pytest.raises(LogError, match=f"{path}: cannot write the log: "):
         log.flush()
-    put(log, drive.START, drive.truth("v1", 1))  # to no effect
+    put(log, drive.START, drive.truth("v1", 1))  # no effect
     log.attach("x", "text/plain", b"")
     log.close()
 

@@ -419,15 +419,15 @@ def taken_port() -> Iterator[int]:
 def test_a_port_that_is_taken_after_it_was_found_free(
     taken_port: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    free, asked = viewer_process.free_port, Counter[int]()
+    free, requested = viewer_process.free_port, Counter[int]()
 
     def outrun(address: str, preferred: int) -> int:
-        asked[preferred] += 1
-        return taken_port if asked[preferred] == 1 else free(address, 0)
+        requested[preferred] += 1
+        return taken_port if requested[preferred] == 1 else free(address, 0)
 
     monkeypatch.setattr(viewer_process, "free_port", outrun)
     with RerunView(parse_rerun_option("serve"), recording_id="x", vehicles=drive.VEHICLES) as view:
-        assert asked == {PAGE_PORT: 2, DATA_PORT: 2}
+        assert requested == {PAGE_PORT: 2, DATA_PORT: 2}
         assert str(taken_port) not in view.destination
         page, data = (
             int(port) for port in re.findall(r"127\.0\.0\.1(?::|%3A)(\d+)", view.destination)

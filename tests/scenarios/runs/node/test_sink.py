@@ -8,7 +8,7 @@ from scenarios.runs.observer import OnMessage, listeners_by_kind
 from scenarios.runs.virtual.drive import ObservedSink
 from tests.made.scenarios.messages import gps, health, tracking, truth
 from tests.made.transport import drive
-from tests.made.transport.bus import Heard
+from tests.made.transport.bus import ReceivedMessages
 from transport.bus.memory_bus import MemoryBus
 from transport.codec import encode
 from transport.telemetry import unpacked
@@ -24,8 +24,8 @@ from vehicles.messages import (
 from vehicles.schedule import SECOND
 
 
-def listened_to() -> tuple[MemoryBus, Heard]:
-    bus, received = MemoryBus(), Heard()
+def listened_to() -> tuple[MemoryBus, ReceivedMessages]:
+    bus, received = MemoryBus(), ReceivedMessages()
     bus.subscribe("convoy/**", received)
     return bus, received
 

@@ -1,4 +1,4 @@
-"""Copies, messages held back and wrong bits: as many as asked, keyed by the message alone."""
+"""Copies, reordering and bit errors: requested ratios, keyed by the message alone."""
 
 from collections import Counter
 from math import comb, exp, log, sqrt
@@ -24,18 +24,18 @@ from transport.links.link import combine, keyed_draw
 DRAW = keyed_draw(1, "v1", "v2")
 MS = 1_000_000
 LIMIT = 4.0
-"""Standard errors that a figure may be off."""
+"""Tolerance in standard errors."""
 
 
 def off(count: int, n: int, share: float) -> float:
-    """By how many standard errors a count differs from a binomial's mean."""
+    """Difference of a count from a binomial mean, in standard errors."""
     return abs(count - n * share) / sqrt(n * share * (1.0 - share))
 
 
 @pytest.mark.campaign(10_000, 100_000)
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize("ratio", [0.01, 0.3])
-def test_copies_and_held_back_messages_are_as_many_as_asked(
+def test_copies_and_held_back_messages_have_the_requested_ratios(
     seed: int, ratio: float, campaign: int
 ) -> None:
     draw = keyed_draw(seed, "v1", "v2")
@@ -48,7 +48,7 @@ def test_copies_and_held_back_messages_are_as_many_as_asked(
     assert off(sum(twice), campaign, ratio) < LIMIT
     assert off(later.count(70 * MS), campaign, ratio) < LIMIT
     both = sum(bool(a and b) for a, b in zip(twice, later, strict=True))
-    assert off(both, campaign, ratio**2) < LIMIT  # each for itself
+    assert off(both, campaign, ratio**2) < LIMIT  # independent
 
 
 @pytest.mark.parametrize(("ratio", "count"), [(0.0, 0), (1.0, 500)])
@@ -71,7 +71,7 @@ def test_frames_are_hit_as_often_as_the_closed_form_has_it(
     hit = 1.0 - (1.0 - ratio) ** bits
     assert errors.corrupted_share(size) == pytest.approx(hit, rel=1e-9)
     assert off(sum(map(bool, flips)), campaign, hit) < LIMIT
-    # All of the flips are as many as bits that are flipped each on its own.
+    # The total number of flips is that of independent bits.
     assert off(sum(flips), campaign * bits, ratio) < LIMIT
     seen = Counter(flips)
     for count in range(6):
@@ -93,7 +93,7 @@ def test_any_draw_gives_a_number_of_bits_that_the_frame_has(
     count = BitErrors(ratio).flips(lambda _purpose, _seq: drawn, 0, size)
     hit = 1.0 - exp(8 * size * log(1.0 - ratio))
     assert 0 <= count <= 8 * size
-    if abs(drawn - hit) > 1e-9:  # nearer than that, rounding may decide
+    if abs(drawn - hit) > 1e-9:  # closer values may be decided by rounding
         assert (count > 0) == (drawn < hit)
 
 
@@ -121,13 +121,13 @@ def test_every_bit_is_hit_as_often_as_any_other() -> None:
     bits, count, n = 40, 4, 5000
     seen = Counter(place for k in range(n) for place in choose_bits(DRAW, k, count, bits))
     expected = n * count / bits
-    # Places of one frame are drawn without replacement, so this is below a chi-squared's mean, 39.
+    # Bits of a frame are drawn without replacement: the mean is below that of chi-squared, 39.
     assert sum((seen[place] - expected) ** 2 / expected for place in range(bits)) < 72.0
 
 
 @given(st.binary(min_size=1, max_size=300), st.sets(st.integers(0, 2399), min_size=1, max_size=3))
 def test_the_frame_check_sees_up_to_three_wrong_bits(frame: bytes, places: set[int]) -> None:
-    """Its Hamming distance is 4 and more up to 91 607 bits (Koopman 2002, for IEEE 802.3)."""
+    """The Hamming distance of CRC-32 is at least 4 up to 91 607 bits (Koopman 2002)."""
     inside = {place % (8 * len(frame)) for place in places}
     came = flip_bits(frame, inside)
     assert BitErrors(0.1).is_detected(frame, came)
@@ -135,8 +135,8 @@ def test_the_frame_check_sees_up_to_three_wrong_bits(frame: bytes, places: set[i
     assert not BitErrors(0.1).is_detected(frame, frame)
 
 
-def test_what_the_checksum_does_not_see_passes_the_frame_check() -> None:
-    # CRC-32 is affine: the generator polynomial as an error leaves it as it was.
+def test_undetected_bit_errors_pass_the_frame_check() -> None:
+    # CRC-32 is affine: the generator polynomial as an error pattern does not change it.
     sent = bytes(range(40))
     polynomial = [32 - k for k in (32, 26, 23, 22, 16, 12, 11, 10, 8, 7, 5, 4, 2, 1, 0)]
     came = flip_bits(sent, polynomial)

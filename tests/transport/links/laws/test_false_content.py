@@ -1,4 +1,4 @@
-"""False content: what is told, from when until when, and what stays as it was."""
+"""False contents: altered fields, intervals, and unchanged fields."""
 
 from dataclasses import asdict, replace
 from math import cos, inf, nan, pi, sin
@@ -50,12 +50,12 @@ def differing(one: GpsPose, other: GpsPose) -> set[str]:
 def test_ahead_and_left_are_those_of_the_sender_s_own_course(
     heading: float, ahead: float, left: float
 ) -> None:
-    """Against the geodesic, whose azimuths and courses are compass courses."""
+    """Against the geodesic, whose azimuths are compass courses."""
     pose = gps("v1", 0, heading_deg=heading)
-    told = offset(ALWAYS, Shift(ahead=ahead, left=left)).falsify(pose, PLANE, nothing)
-    assert differing(pose, told) <= ELSEWHERE
+    altered = offset(ALWAYS, Shift(ahead=ahead, left=left)).falsify(pose, PLANE, nothing)
+    assert differing(pose, altered) <= ELSEWHERE
     azimuth, _, far = EARTH.inv(
-        pose.longitude_deg, pose.latitude_deg, told.longitude_deg, told.latitude_deg
+        pose.longitude_deg, pose.latitude_deg, altered.longitude_deg, altered.latitude_deg
     )
     course, turn = azimuth * pi / 180.0, heading * pi / 180.0
     assert far * cos(course - turn) == pytest.approx(ahead, abs=0.01)
@@ -64,17 +64,17 @@ def test_ahead_and_left_are_those_of_the_sender_s_own_course(
 
 @given(east=metres, north=metres)
 def test_east_and_north_are_those_of_the_plane(east: float, north: float) -> None:
-    told = offset(ALWAYS, Shift(east, north)).falsify(gps("v1", 0), PLANE, nothing)
-    place = PLANE.to_plane(told.latitude_deg, told.longitude_deg, told.altitude_m)
+    altered = offset(ALWAYS, Shift(east, north)).falsify(gps("v1", 0), PLANE, nothing)
+    place = PLANE.to_plane(altered.latitude_deg, altered.longitude_deg, altered.altitude_m)
     assert place == pytest.approx((east, north), abs=1e-6)
 
 
 def test_a_drift_starts_at_the_true_place_and_grows_with_time() -> None:
     law = drift(FalseInterval(START + SECOND), Shift(east=0.5, north=-0.25))
     for seq in (20, 21, 60):
-        told = law.falsify(gps("v1", seq), PLANE, nothing)
+        altered = law.falsify(gps("v1", seq), PLANE, nothing)
         seconds = seq / 20 - 1.0
-        place = PLANE.to_plane(told.latitude_deg, told.longitude_deg, told.altitude_m)
+        place = PLANE.to_plane(altered.latitude_deg, altered.longitude_deg, altered.altitude_m)
         assert place == pytest.approx((0.5 * seconds, -0.25 * seconds), abs=1e-6)
 
 
@@ -90,13 +90,13 @@ def test_a_place_beyond_the_plane_is_refused_and_nothing_else_happens() -> None:
         ghost(ALWAYS, Shift(ahead=1.0)).extra_message(fast, PLANE)
 
 
-def test_frozen_is_what_the_last_message_before_it_said() -> None:
+def test_frozen_content_is_that_of_the_last_message_before() -> None:
     sent = [gps("v1", k, latitude_deg=30.638 + k * 1e-5, speed_mps=float(k)) for k in range(40)]
     law = frozen(FalseInterval(START + SECOND, START + 2 * SECOND))
     for pose in sent[20:]:
-        told = law.falsify(pose, PLANE, recall(*sent))
-        assert told is not None
-        assert told == replace(
+        altered = law.falsify(pose, PLANE, recall(*sent))
+        assert altered is not None
+        assert altered == replace(
             sent[19],
             seq=pose.seq,
             measured_at_ns=pose.measured_at_ns,
@@ -105,14 +105,14 @@ def test_frozen_is_what_the_last_message_before_it_said() -> None:
     assert law.falsify(sent[20], PLANE, recall(*sent[20:])) is None
 
 
-def test_replayed_is_what_was_said_so_long_ago_or_just_before() -> None:
+def test_replayed_content_has_the_requested_age() -> None:
     sent = [gps("v1", k, speed_mps=float(k)) for k in range(40)]
     law = replayed(ALWAYS, SECOND // 2)
-    told = law.falsify(sent[30], PLANE, recall(*sent))
+    altered = law.falsify(sent[30], PLANE, recall(*sent))
     holed = law.falsify(sent[30], PLANE, recall(*sent[:18]))
-    assert told is not None
+    assert altered is not None
     assert holed is not None
-    assert (told.speed_mps, told.seq, told.sent_at_ns) == (20.0, 30, sent[30].sent_at_ns)
+    assert (altered.speed_mps, altered.seq, altered.sent_at_ns) == (20.0, 30, sent[30].sent_at_ns)
     assert holed.speed_mps == 17.0
     assert law.falsify(sent[9], PLANE, recall(*sent)) is None
 
@@ -125,10 +125,10 @@ def test_a_ghost_drives_beside_the_sender_half_an_interval_later() -> None:
     assert differing(pose, beside) <= ELSEWHERE | {"measured_at_ns", "sent_at_ns"}
     assert beside.measured_at_ns - pose.measured_at_ns == 25_000_000
     place = PLANE.to_plane(beside.latitude_deg, beside.longitude_deg, beside.altitude_m)
-    assert place == pytest.approx((-3.0 + 0.5, 0.5), abs=1e-6)  # in 25 ms it drives half a metre
+    assert place == pytest.approx((-3.0 + 0.5, 0.5), abs=1e-6)  # half a metre in 25 ms
 
 
-def test_nobody_changes_a_message_in_place() -> None:
+def test_messages_are_not_changed_in_place() -> None:
     pose, old = gps("v1", 30), gps("v1", 10, speed_mps=3.0)
     before = replace(pose), replace(old)
     shift = Shift(1.0, 2.0, 3.0, 4.0)

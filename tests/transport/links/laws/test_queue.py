@@ -1,4 +1,4 @@
-"""Queue and order against closed forms, and against a simulation written another way."""
+"""Queue and order against closed forms and an independent simulation."""
 
 from itertools import accumulate
 from math import sqrt
@@ -45,8 +45,8 @@ def messages(instants: list[int], sizes: list[int] | int = 100) -> list[StagedMe
 # ---- Closed forms
 
 
-def test_below_its_rate_each_message_takes_its_own_time_and_nobody_waits() -> None:
-    # 100 bytes at 4000 bytes/s are 25 ms; one comes every 50 ms.
+def test_below_its_rate_no_message_waits() -> None:
+    # 100 bytes at 4000 bytes/s take 25 ms; one message arrives every 50 ms.
     found = through(queue_of(4000.0, 3), messages([50 * MS * k for k in range(1000)]))
     assert len(found) == 1000
     for seq, one in found.items():
@@ -55,9 +55,9 @@ def test_below_its_rate_each_message_takes_its_own_time_and_nobody_waits() -> No
 
 @pytest.mark.parametrize("drop", ["newest", "oldest"])
 @pytest.mark.parametrize("depth", [1, 4, 20])
-def test_above_its_rate_it_fills_and_loses_what_it_cannot_send(depth: int, drop: str) -> None:
-    # 40 ms each, one every 25 ms: 1 - 25/40 are lost, and who is sent has waited a full queue,
-    # which one behind the other takes `depth` times 40 ms.
+def test_above_its_rate_a_queue_fills_and_drops(depth: int, drop: str) -> None:
+    # 40 ms each, one every 25 ms: 1 - 25/40 are lost, and sent messages have waited for a full
+    # queue, `depth` times 40 ms.
     law, count = queue_of(2500.0, depth, drop), 20_000  # type: ignore[arg-type]  # of the two
     found = through(law, messages([25 * MS * k for k in range(count)]))
     lost = sum(one.reason == "queue" for one in found.values())
@@ -67,10 +67,10 @@ def test_above_its_rate_it_fills_and_loses_what_it_cannot_send(depth: int, drop:
         for one in list(found.values())[500:-100]
         if not one.reason
     ]
-    if drop == "newest":  # joins with depth - 1 ahead and the rest of the one that is sent
+    if drop == "newest":  # joins behind depth - 1 messages and the one being sent
         assert depth * 40 * MS <= min(delays)
         assert max(delays) <= (depth + 1) * 40 * MS
-    else:  # begins when depth that came later than itself have not yet come: fresher
+    else:  # older messages are dropped, so those sent are newer
         assert max(delays) <= (25 * depth + 40) * MS
 
 
@@ -79,7 +79,7 @@ def test_above_its_rate_it_fills_and_loses_what_it_cannot_send(depth: int, drop:
 def test_random_arrivals_wait_as_pollaczek_and_khinchine_have_it(
     load: float, campaign: int
 ) -> None:
-    """M/D/1: the mean wait is load / (2 (1 - load)) services."""
+    """M/D/1: the mean wait is load / (2 (1 - load)) transmission times."""
     service = 10 * MS
     waits = []
     for seed in (1, 2, 3):
@@ -98,11 +98,11 @@ def test_random_arrivals_wait_as_pollaczek_and_khinchine_have_it(
     assert abs(mean - wanted) < 3.0 * deviation / sqrt(len(means))
 
 
-# ---- Against another simulation
+# ---- Against an independent simulation
 
 
 def brute_force(instants: list[int], sizes: list[int], law: Queue) -> dict[int, tuple[str, int]]:
-    """Fate of each message and its instant, nanosecond by nanosecond: one step, one ns."""
+    """Verdicts with instants, simulated in steps of one nanosecond."""
     queue: list[int] = []
     sending, done_at = None, -1
     fate: dict[int, tuple[str, int]] = {}
@@ -151,7 +151,7 @@ def test_it_is_the_queue_of_another_simulation(
     drop=st.sampled_from(["newest", "oldest"]),
     steps=st.lists(st.integers(1, 40), min_size=1, max_size=10),
 )
-def test_when_it_is_asked_changes_nothing_and_nothing_is_decided_too_late(
+def test_the_instants_of_deciding_change_nothing(
     gaps: list[int], drop: str, steps: list[int]
 ) -> None:
     instants = list(accumulate(gaps))
@@ -166,7 +166,7 @@ def test_when_it_is_asked_changes_nothing_and_nothing_is_decided_too_late(
         k += 1
         arrived = [one for one in sent if before < one.context.sent_at <= until]
         decided = ordered.carry(queue.carry(arrived, until), until)
-        # What could be visible by the instant before was decided then.
+        # Messages visible by the previous instant were decided then.
         assert all(one.visible_at > before for one in decided)
         found += decided
         before = until
@@ -185,7 +185,7 @@ def test_a_message_lost_on_its_way_has_taken_its_turn_but_not_one_that_was_never
     assert [found[seq].reason for seq in range(4)] == list(reasons)
 
 
-def test_a_message_that_was_lost_anyway_keeps_its_reason_when_it_is_thrown_out() -> None:
+def test_a_lost_message_keeps_its_reason_when_dropped() -> None:
     contexts = [TransmissionContext(seq, 0, 10) for seq in range(3)]
     sent = [StagedMessage(one, 7, "loss" if one.seq == 1 else "") for one in contexts]
     found = through(queue_of(1e9, 1, "oldest"), sent)
@@ -219,10 +219,10 @@ def test_a_link_in_order_delays_and_one_that_is_free_lets_overtake() -> None:
 
 
 def test_delays_of_queue_and_floor_add_up() -> None:
-    asked = LinkTable(latency_ms=20.0, queue=Queue(bytes_per_s=1300.0, depth_messages=2))
+    requested = LinkTable(latency_ms=20.0, queue=Queue(bytes_per_s=1300.0, depth_messages=2))
     stream = [TransmissionContext(seq, seq * 50 * MS, 130) for seq in range(6)]  # 100 ms each
-    judged = judge_stream(link(asked), stream)
-    sent = {0: 100, 1: 200, 2: 300, 3: 400, 4: 500}  # when 5 comes 2 is sent, 3 and 4 wait
+    judged = judge_stream(link(requested), stream)
+    sent = {0: 100, 1: 200, 2: 300, 3: 400, 4: 500}  # when 5 arrives, 2 is being sent, 3 and 4 wait
     for seq, one in enumerate(judged):
         if seq in sent:
             assert (one.outcome, one.visible_at) == ("delivered", (sent[seq] + 20) * MS)

@@ -29,7 +29,7 @@ from transport.links.link import keyed_draw
 
 MS = 1e6
 KS_LIMIT = 1.9495
-"""The 0.1 % point of Kolmogorov's law, of D √n."""
+"""0.1 % point of Kolmogorov's distribution, for D √n."""
 ENTIRE = 100_000
 BATCHES = 50
 
@@ -63,9 +63,9 @@ def delays(law: RandomDelay, correlation: float, seed: int, count: int) -> np.nd
 
 @cache
 def hermite_weights(law: RandomDelay) -> np.ndarray:
-    """Squares of the law's coefficients in the normalised Hermite polynomials, by quadrature.
+    """Squared coefficients of the law in normalised Hermite polynomials, by quadrature.
 
-    With normal numbers of correlation r two delays have the covariance Σ weight[n] r^n (Mehler).
+    With normal numbers of correlation r, two delays have covariance Σ weight[n] r^n (Mehler).
     """
     z = np.linspace(-8.0, 8.0, 16_001)
     values = np.array([law.at(one) for one in z]) * stats.norm.pdf(z) * (z[1] - z[0])
@@ -77,7 +77,7 @@ def hermite_weights(law: RandomDelay) -> np.ndarray:
 
 
 def correlation_of_delays(law: RandomDelay, r: float) -> float:
-    """Autocorrelation of the delays where that of the normal numbers is `r`."""
+    """Autocorrelation of the delays if that of the normal numbers is `r`."""
     if law is LAWS["uniform"]:
         return 6.0 / pi * asin(r / 2.0)
     if law is LAWS["lognormal"]:
@@ -87,7 +87,7 @@ def correlation_of_delays(law: RandomDelay, r: float) -> float:
 
 
 def scores(law: RandomDelay, correlation: float, sample: np.ndarray) -> list[float]:
-    """Mean, variance and lags 1, 2, 5 in standard errors from theirs, by means of batches."""
+    """Errors of mean, variance and lags 1, 2, 5 in standard errors, by batch means."""
     off = (sample - law.mean_ns) / law.deviation_ns
     found = [(off, 0.0), (off**2, 1.0)]
     for lag in (1, 2, 5):
@@ -118,10 +118,8 @@ def test_moments_and_correlation_are_the_law_s(campaign: int) -> None:
 @pytest.mark.parametrize("name", SCIPY)
 @pytest.mark.parametrize("tied", [0.0, 0.9])
 @pytest.mark.campaign(4_000, ENTIRE)
-def test_delays_follow_their_law_whatever_the_correlation(
-    name: str, tied: float, campaign: int
-) -> None:
-    apart = 100 if tied else 1  # 0.9 ** 100 is 3e-5: as good as independent
+def test_delays_follow_their_law_for_any_correlation(name: str, tied: float, campaign: int) -> None:
+    apart = 100 if tied else 1  # 0.9 ** 100 is 3e-5, nearly independent
     sample = delays(LAWS[name], tied, 5, campaign)[::apart]
     distance = stats.kstest(sample, SCIPY[name].cdf).statistic
     assert distance * sqrt(sample.size) < KS_LIMIT
@@ -141,7 +139,7 @@ def test_recorded_delays_come_as_often_as_they_were_recorded(campaign: int) -> N
 @pytest.mark.parametrize("name", LAWS)
 def test_quantiles_are_scipy_s_and_grow(name: str) -> None:
     law = LAWS[name]
-    z = np.linspace(-6.0, 6.0, 1201)  # scipy's truncnorm is less exact further out
+    z = np.linspace(-6.0, 6.0, 1201)  # scipy's truncnorm is less accurate beyond
     found = np.array([law.at(one) for one in z])
     assert np.all(np.diff(found) >= 0.0)
     assert np.all(found >= 0.0)
@@ -157,12 +155,12 @@ def test_the_table_of_gamma_quantiles_is_exact_enough(shape: float) -> None:
     found = np.array([log_quantile(table, one) for one in z])
     law = stats.gamma(shape)
     wanted = np.where(z < 0.0, law.ppf(stats.norm.cdf(z)), law.isf(stats.norm.sf(z)))
-    seen = wanted > 1e-290  # scipy gives 0 below
+    seen = wanted > 1e-290  # scipy returns 0 below
     assert np.abs(found[seen] - np.log(wanted[seen])).max() < 1e-7
 
 
 def test_correlated_numbers_keep_law_and_correlation_across_blocks() -> None:
-    """Of the same draws, the recursion from far back is what each number has to be."""
+    """Each number equals a recursion over the same draws from far back."""
     for correlation in (0.05, 0.5, 0.95):
         normals, draw = CorrelatedNormals("delay", correlation), keyed_draw(3, "a", "b")
         plain = CorrelatedNormals("delay")
@@ -176,20 +174,20 @@ def test_correlated_numbers_keep_law_and_correlation_across_blocks() -> None:
 
 @given(
     correlation=st.sampled_from([0.0, 0.01, 0.3, 0.8]),
-    asked=st.lists(st.integers(0, 400), min_size=1, max_size=12),
+    requested=st.lists(st.integers(0, 400), min_size=1, max_size=12),
     seed=st.integers(0, 1000),
 )
 def test_a_delay_alone_is_the_one_in_the_stream(
-    correlation: float, asked: list[int], seed: int
+    correlation: float, requested: list[int], seed: int
 ) -> None:
     law, draw = LAWS["gamma"], keyed_draw(seed, "a", "b")
     streamed = delays(law, correlation, seed, 401)
     again = correlated(law, correlation)
-    for seq in asked:
+    for seq in requested:
         alone = correlated(law, correlation)
         wanted = streamed[seq]
         assert alone.judge(draw, TransmissionContext(seq, 0)) == wanted
-        assert again.judge(draw, TransmissionContext(seq, 0)) == wanted  # in whatever order
+        assert again.judge(draw, TransmissionContext(seq, 0)) == wanted  # in any order
 
 
 def test_the_strongest_correlation_is_as_well_found_alone_and_on_another_link() -> None:
@@ -218,7 +216,7 @@ def test_a_stream_costs_one_draw_each_and_little_memory() -> None:
         normals.at(draw, seq)
     calls.clear()
     order = list(range(1000, 5000))
-    for first in range(0, 4000, 10):  # neighbours come in any order
+    for first in range(0, 4000, 10):  # in any order
         part = order[first : first + 10]
         Random(first).shuffle(part)
         order[first : first + 10] = part
@@ -236,7 +234,7 @@ def test_neighbours_differ_less_the_more_they_are_tied() -> None:
     assert all(more > less for more, less in itertools.pairwise(rough))
 
 
-def test_laws_say_themselves_in_words() -> None:
+def test_descriptions_have_all_numbers() -> None:
     tied = correlated(LAWS["truncated"], 0.5)
     assert tied.describe() == (
         "delay normal, 10 ms ± 12 ms, truncated at 0 and 30 ms, correlation 0.5"

@@ -1,7 +1,7 @@
-"""Losses that depend on a hidden Markov chain: closed forms, and how far a sample may stray.
+"""Losses by a hidden Markov chain: closed forms, and standard deviations of samples.
 
-Nothing here looks at the laws under test: a law is described by its matrix of chances and the loss
-in each state. Variances are exact, sums of the autocovariances of what is counted.
+Independent of the laws under test: a law is given by its transition matrix and the loss in each
+state. Variances are exact sums of autocovariances.
 """
 
 from collections.abc import Iterator
@@ -15,12 +15,12 @@ Vector = NDArray[np.float64]
 
 LAGS = 10
 FEWEST = 30.0
-"""Bursts of a length that are expected to be rarer than this are not normally distributed yet."""
+"""Counts of bursts with a smaller expectation are not normally distributed."""
 
 
 @dataclass(frozen=True)
 class Mean:
-    """A sample's mean beside what the closed form says, and the deviation that it may have."""
+    """Mean of a sample, its value in closed form and its standard deviation."""
 
     what: str
     found: float
@@ -29,27 +29,27 @@ class Mean:
 
     @property
     def errors(self) -> float:
-        """Standard errors by which the sample is off."""
+        """Error of the sample in standard errors."""
         return (self.found - self.expected) / self.deviation
 
 
 @dataclass(frozen=True, eq=False)
 class HiddenChain:
-    """Chances `steps[i, j]` from state i to j, and the loss in each state."""
+    """Probabilities `steps[i, j]` from state i to j, and the loss in each state."""
 
     steps: Vector
     loss: Vector
 
     @cached_property
     def shares(self) -> Vector:
-        """The stationary distribution, as the left eigenvector of 1."""
+        """Stationary distribution: the left eigenvector of eigenvalue 1."""
         values, vectors = np.linalg.eig(self.steps.T)
         one = np.real(vectors[:, np.argmin(np.abs(values - 1.0))])
         return np.asarray(one / one.sum())
 
     @cached_property
     def history(self) -> int:
-        """Messages after which next to nothing is left of the past."""
+        """Messages after which the state is nearly independent."""
         second = sorted(np.abs(np.linalg.eigvals(self.steps)))[-2] if len(self.loss) > 1 else 0.0
         return 1 + int(np.log(1e-8) / np.log(second)) if second > 1e-6 else 2
 
@@ -59,7 +59,7 @@ class HiddenChain:
 
     @property
     def burst(self) -> float:
-        """Mean number of messages lost in a row: losses over losses that are the last."""
+        """Mean number of messages lost in a row: losses over last losses."""
         last = (self.shares * self.loss) @ self.steps @ (1.0 - self.loss)
         return self.mean / float(last)
 
@@ -73,8 +73,8 @@ class HiddenChain:
     def _deviation(self, near: list[float], left: Vector, right: Vector, count: int) -> float:
         """Standard deviation of a mean of `count`, from autocovariances.
 
-        `near` are those at lags 0, 1, …; further ones are left · steps^k · right with k from 1,
-        less the square of the mean, which is left · 1.
+        `near` are those at lags 0, 1, …; further ones are left · steps^k · right for k ≥ 1, minus
+        the square of the mean, which is left · 1.
         """
         square, total = float(left.sum()) ** 2, near[0]
         row = left
@@ -88,9 +88,9 @@ class HiddenChain:
         return float(np.sqrt(total / count))
 
     def compared(self, lost: NDArray[np.bool_]) -> Iterator[Mean]:
-        """Give loss, autocorrelation of loss, and counts of bursts of a sample.
+        """Loss, autocorrelation of losses, and counts of bursts of a sample.
 
-        Where no burst ends before a length, the count of the shorter one says it all.
+        Lengths before which no burst ends are left out.
         """
         yield self._loss_of(lost)
         for lag in range(1, LAGS + 1):
@@ -109,7 +109,7 @@ class HiddenChain:
         return Mean("loss", float(lost.mean()), self.mean, deviation)
 
     def _lag_of(self, lost: NDArray[np.bool_], lag: int) -> Mean:
-        """Mean product of losses `lag` apart, about the known mean, over the known variance."""
+        """Autocorrelation at `lag`, with the known mean and variance."""
         mean, variance = self.mean, self.mean * (1.0 - self.mean)
         off = self.loss - mean
         squared = self.loss * (1.0 - mean) ** 2 + (1.0 - self.loss) * mean**2
@@ -128,7 +128,7 @@ class HiddenChain:
         return Mean(f"autocorrelation at {lag}", found, self.autocorrelation(lag), deviation)
 
     def _bursts_of(self, lost: NDArray[np.bool_], least: int) -> Mean:
-        """Share of messages after which a burst of at least so many begins."""
+        """Share of messages after which a burst of at least this length begins."""
         left, right = self.shares * (1.0 - self.loss), self.loss
         for place in range(least):
             left = (left @ self.steps) * self.loss
@@ -136,7 +136,7 @@ class HiddenChain:
                 right = self.loss * (self.steps @ right)
         right = (1.0 - self.loss) * (self.steps @ right)
         mean = float(left.sum())
-        near = [mean - mean**2, *[-(mean**2)] * least]  # two bursts that begin so close exclude
+        near = [mean - mean**2, *[-(mean**2)] * least]  # two bursts cannot begin this close
         begins = ~lost[:-least]
         for ahead in range(1, least + 1):
             begins = begins[: len(lost) - least] & lost[ahead : len(lost) - least + ahead]
@@ -149,7 +149,7 @@ def independent(loss: float) -> HiddenChain:
 
 
 def good_and_bad(p: float, r: float, h: float = 0.0, k: float = 1.0) -> HiddenChain:
-    """Gilbert–Elliott, the good state first."""
+    """Gilbert–Elliott model, good state first."""
     return HiddenChain(np.array([[1 - p, p], [r, 1 - r]]), np.array([1 - k, 1 - h]))
 
 
@@ -165,7 +165,7 @@ def netem_states(p13: float, p31: float, p32: float, p23: float, p14: float) -> 
 
 
 def reservations(loss: float, keep: float, shortest: int, longest: int) -> HiddenChain:
-    """Messages left of a reservation (1 to longest), without a collision, then with one."""
+    """States: messages left of a reservation (1 to longest), without, then with a collision."""
     steps = np.zeros((2 * longest, 2 * longest))
     new = np.zeros(longest)
     new[shortest - 1 :] = 1.0 / (longest - shortest + 1)

@@ -1,4 +1,4 @@
-"""Chains of loss: any verdict alone, netem's own recursions, and chains that never forget."""
+"""Markov chains of loss: single verdicts, netem's recursions, and chains that never couple."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -21,7 +21,7 @@ Chances = st.floats(0.0, 1.0) | st.sampled_from([0.0, 0.01, 0.5, 1.0])
 
 @st.composite
 def laws(random: st.DrawFn) -> Callable[[], Effect]:
-    """What makes a law of loss with a memory, always the same one, with nothing remembered yet."""
+    """Factory of a law of loss with memory, with empty caches."""
     if random(st.booleans()):
         least = random(st.integers(1, 20))
         most = least + random(st.integers(0, 20))
@@ -63,7 +63,7 @@ def test_a_verdict_alone_is_the_verdict_in_the_stream_in_any_order(
     shuffled = made()
     order.shuffle(numbers)
     for seq in numbers:
-        judged(shuffled, there, seq)  # another link in between
+        judged(shuffled, there, seq)  # another link between
         alone = judged(made(), keyed_draw(seed, "a", "b"), seq)
         assert judged(shuffled, here, seq) == alone
         if seq in streamed:
@@ -71,7 +71,7 @@ def test_a_verdict_alone_is_the_verdict_in_the_stream_in_any_order(
 
 
 @given(made=laws(), skipped=st.integers(1, 200), first=st.integers(0, 50))
-def test_numbers_that_never_came_count_all_the_same(
+def test_missing_numbers_advance_the_chain(
     made: Callable[[], Effect], skipped: int, first: int
 ) -> None:
     draw, with_holes, whole = keyed_draw(5, "a", "b"), made(), made()
@@ -81,7 +81,7 @@ def test_numbers_that_never_came_count_all_the_same(
 
 
 def counting(draw: Draw) -> tuple[Draw, list[int]]:
-    """The same draws, and the numbers that were drawn for."""
+    """The same draws, and the numbers drawn."""
     drawn: list[int] = []
 
     def counted(purpose: str, seq: int) -> float:
@@ -103,10 +103,10 @@ def counting(draw: Draw) -> tuple[Draw, list[int]]:
 def test_looking_back_is_as_short_as_a_draw_that_forgets_is_frequent(
     law: GilbertElliott, mean: float
 ) -> None:
-    """The mean number of draws is 1 / (1 - |1 - p - r|); geometric, so it deviates by as much."""
+    """The number of draws is geometric with mean 1 / (1 - |1 - p - r|)."""
     n = 2000
     draw, drawn = counting(keyed_draw(1, "a", "b"))
-    for seq in range(n):  # backwards, so that nothing is known and the looks back lie apart
+    for seq in range(n):  # backwards, so that no cached state is used
         judged(law, draw, 1000 * (n - seq))
     assert law.chain.mean_look_back == pytest.approx(mean)
     assert abs(len(drawn) / n - mean) < 4.0 * np.sqrt(mean * (mean - 1.0) / n) + 1e-9
@@ -124,21 +124,21 @@ def test_a_stream_costs_one_draw_for_each_message(law: Effect) -> None:
 
 
 def test_the_first_message_is_as_likely_lost_as_any_other() -> None:
-    """Over many links: a chain that started in its good state would lose none of the first."""
+    """Over many links: a chain that started in its good state would lose no first message."""
     n, law = 4000, gilbert(0.3, 10.0)
     for seq in (0, 1, 5):
         lost = sum(judged(law, keyed_draw(seed, "a", "b"), seq) != 0 for seed in range(n))
         assert abs(lost - 0.3 * n) < 4.0 * np.sqrt(0.3 * 0.7 * n)
 
 
-# ---- netem's recursions, as sch_netem.c has them: its own states, its own start
+# ---- netem's recursions, as in sch_netem.c
 
 
 def netem_gilbert_elliott(p: float, r: float, h: float, k: float, draws: list[Draw]) -> list[bool]:
-    """loss_gilb_ell(): judges by the state before the step, and starts in the good one.
+    """loss_gilb_ell(): judges by the state before the step, and starts in the good state.
 
-    `draws` gives for each packet what the step and the fate draw, by the state: netem turns good
-    below r, the law under test stays bad below 1 - r.
+    `draws` returns the draws of step and loss for each packet, by state: netem turns good below r,
+    the law under test stays bad below 1 - r.
     """
     good, fates = True, []
     for draw in draws:
@@ -164,7 +164,7 @@ def test_gilbert_elliott_is_netem_s_once_its_start_is_forgotten(
 
     def of_packet(number: int) -> Draw:
         def drawn(purpose: str, good: int) -> float:
-            # netem's packet is judged before the step that belongs to the next number
+            # netem judges a packet before the step of the next number
             u = draw("burst", number + 1) if purpose == "step" else draw("burst fate", number)
             return u if good else 1.0 - u
 
@@ -184,7 +184,7 @@ def netem_four_state(
     drawn: Callable[[int, int], float],
     n: int,
 ) -> list[bool]:
-    """loss_4state(): starts sent in a gap (1); the new state is the packet's fate."""
+    """loss_4state(): starts in state 1; the new state decides about the packet."""
     p13, p31, p32, p23, p14 = probabilities
     state, fates = 1, list[bool]()
     for number in range(n):
@@ -214,7 +214,7 @@ def netem_four_state(
 def test_four_states_are_netem_s_once_its_start_is_forgotten(
     probabilities: tuple[float, float, float, float, float],
 ) -> None:
-    """Driven by the same draws: those of a state are cut and laid in netem's order."""
+    """The draws of each state are rearranged to netem's order."""
     p13, p31, p32, _, p14 = probabilities
     n, draw = 20_000, keyed_draw(1, "a", "b")
 
@@ -236,8 +236,8 @@ def test_four_states_are_netem_s_once_its_start_is_forgotten(
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_four_states_lose_like_netem_with_its_own_draws(seed: int) -> None:
-    """Nothing in common but the five numbers: losses and bursts agree as two samples do."""
+def test_four_states_lose_like_netem_with_its_draws(seed: int) -> None:
+    """With independent draws, losses and bursts agree like two samples."""
     probabilities, n = (0.03, 0.2, 0.15, 0.4, 0.02), 40_000
     random, law, draw = (
         np.random.default_rng(seed),
@@ -248,7 +248,7 @@ def test_four_states_lose_like_netem_with_its_own_draws(seed: int) -> None:
     ours = [judged(law, draw, seq) == "burst" for seq in range(n)]
     for least in (1, 2, 3, 5):
         counts = [burst_count(fates, least) for fates in (ours, netem)]
-        # Bursts come more regularly than by chance alone, so this is a wide limit.
+        # Bursts are more regular than a Poisson process, so this limit is wide.
         assert abs(counts[0] - counts[1]) < 4.0 * np.sqrt(sum(counts))
 
 
@@ -257,7 +257,7 @@ def burst_count(fates: list[bool], least: int) -> int:
     return sum(all(fates[k : k + least]) for k in begins)
 
 
-# ---- Chains that never forget
+# ---- Chains that never couple
 
 
 @pytest.mark.parametrize(
@@ -291,7 +291,7 @@ def test_chains_that_end_somewhere_stay_there() -> None:
 
 
 @given(Chances, Chances)
-def test_two_states_forget_as_fast_as_the_closed_form_says(p: float, r: float) -> None:
+def test_two_states_couple_as_fast_as_in_closed_form(p: float, r: float) -> None:
     history = abs(1.0 - p - r)
     try:
         chain = gilbert_elliott(p, r).chain

@@ -1,4 +1,4 @@
-"""Persistent collisions: whole reservations are lost or none of their messages."""
+"""Persistent collisions: a reservation loses all of its messages or none."""
 
 from itertools import groupby
 

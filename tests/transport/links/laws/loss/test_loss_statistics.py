@@ -1,4 +1,4 @@
-"""Every law of loss against closed forms: loss, autocorrelation, and how long bursts last."""
+"""All laws of loss against closed forms: loss, autocorrelation and length of bursts."""
 
 import numpy as np
 import pytest
@@ -68,14 +68,14 @@ def test_samples_agree_with_the_closed_forms(campaign: int) -> None:
     assert len(errors) > 700
     assert len(far) <= 0.01 * len(errors), far
     assert max(map(abs, errors.values())) < 5.0, far
-    # and the deviations are no larger than they need be: the errors fill them
+    # and the deviations are not too large
     assert 0.8 < np.std(list(errors.values())) < 1.2
 
 
 @pytest.mark.campaign(20_000, 200_000)
 @pytest.mark.parametrize("keep", [0.4, 0.8])
 def test_resources_that_are_kept_collide_for_longer(keep: float, campaign: int) -> None:
-    """Of so few and so long bursts the loss and the autocorrelation say enough."""
+    """Bursts are too few and too long to be counted by length."""
     law, closed = colliding(0.1, keep, 5, 15)
     errors = [
         one.errors
@@ -87,7 +87,7 @@ def test_resources_that_are_kept_collide_for_longer(keep: float, campaign: int) 
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_a_law_says_beforehand_what_it_loses(name: str) -> None:
+def test_losses_agree_with_their_law(name: str) -> None:
     law, closed = LAWS[name]
     assert long_run(law)[0] == pytest.approx(closed.mean, rel=1e-9)
     assert long_run(law)[1] == pytest.approx(closed.burst, rel=1e-9)

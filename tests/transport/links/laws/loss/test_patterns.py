@@ -1,4 +1,4 @@
-"""Losses by number: sets of numbers, every n-th, recorded patterns, an earlier run's link."""
+"""Losses by number: sets of numbers, every n-th, recorded patterns, links of an earlier run."""
 
 from itertools import groupby
 from math import inf
@@ -55,7 +55,7 @@ def test_ranges_may_overlap_and_come_in_any_order(pairs: list[tuple[int, int]]) 
 
 
 @pytest.mark.parametrize("text", ["a", "3-", "-3", "5-3", "1.5", "1 2", "²", "1" * 19])
-def test_what_is_no_number_is_refused(text: str) -> None:
+def test_other_texts_than_numbers_are_refused(text: str) -> None:
     with pytest.raises(ValueError, match="allowed"):
         NumberSet.read(text)
 
@@ -124,7 +124,7 @@ def test_an_earlier_run_is_repeated_to_the_nanosecond(
         context = TransmissionContext(seq, 0)
         assert delay.judge(no_chance, context) == expected[0]
         assert law.judge(no_chance, context) == (expected[1] or 0)
-    counted = len(dropped["loss"]) + len(dropped["burst"])  # a link's rate loses nothing
+    counted = len(dropped["loss"]) + len(dropped["burst"])  # "rate" does not count as loss
     assert len(law.lost) == counted
 
 

@@ -1,4 +1,4 @@
-"""Outages: exact at their bounds; random ones exponential, stationary, and the same alone."""
+"""Outages: exact bounds; random ones exponential, stationary and computable alone."""
 
 from itertools import groupby, pairwise
 from math import exp, nan, sqrt
@@ -19,7 +19,7 @@ from vehicles.schedule import SECOND
 
 START = 1_700_000_000 * SECOND
 KS_LIMIT = 1.9495
-"""The 0.1 % point of Kolmogorov's law, of D √n."""
+"""0.1 % point of Kolmogorov's distribution, for D √n."""
 
 
 def answer(effect: Effect, context: TransmissionContext) -> object:
@@ -38,7 +38,7 @@ def test_a_window_holds_from_its_first_nanosecond_to_before_its_last(
 
 
 @given(lap=st.integers(0, 10**6), since=st.integers(0, 999))
-def test_a_window_comes_again(lap: int, since: int) -> None:
+def test_a_window_repeats(lap: int, since: int) -> None:
     effect = window(100, 150, START, every=1000, kind=TransmitterOff)
     found = answer(effect, TransmissionContext(0, START + 100 + lap * 1000 + since))
     assert found == ("transmitter_off" if since < 50 else 0)
@@ -53,7 +53,7 @@ def test_a_window_does_not_come_before_its_first_time() -> None:
 
 
 INSIDE = {
-    # sender, receiver: who of sender, receiver, either, both
+    # (sender inside, receiver inside): values of `vehicle` with an outage
     (False, False): (),
     (True, False): ("sender", "either"),
     (False, True): ("receiver", "either"),
@@ -63,18 +63,18 @@ INSIDE = {
 
 @pytest.mark.parametrize("vehicle", ["sender", "receiver", "either", "both"])
 @pytest.mark.parametrize(("sender", "receiver"), INSIDE)
-def test_who_has_to_be_there(vehicle: AffectedVehicle, sender: bool, receiver: bool) -> None:
+def test_which_end_has_to_be_inside(vehicle: AffectedVehicle, sender: bool, receiver: bool) -> None:
     wanted = "outage" if vehicle in INSIDE[sender, receiver] else 0
     here, there = Position(10.0, 0.0, 60.0), Position(50.0, 0.0, 0.0)
     context = TransmissionContext(
         0, START, sender=here if sender else there, receiver=here if receiver else there
     )
     assert answer(circle(10.0, 5.0, 6.0, vehicle), context) == wanted
-    # The sender starts 40 m ahead of the path's first point, the receiver there as well.
+    # Both start 40 m ahead of the first point of the path.
     assert answer(stretch((100.0, 101.0), vehicle, 40.0, 40.0), context) == wanted
 
 
-def test_a_stretch_counts_from_each_one_s_own_start() -> None:
+def test_a_stretch_counts_from_the_start_of_each_vehicle() -> None:
     effect = stretch((100.0, 200.0), "sender", -15.0, 0.0)
 
     def at(travelled: float) -> object:
@@ -86,7 +86,7 @@ def test_a_stretch_counts_from_each_one_s_own_start() -> None:
         "outage",
         0,
     ]
-    assert at(nan) == 0  # nobody knows where it is
+    assert at(nan) == 0  # unknown position
     laps = stretch((100.0, 200.0), "sender", 0.0, 0.0, 1000.0)
     for travelled, wanted in ((2099.9, 0), (2100.0, "outage"), (2199.9, "outage"), (2200.0, 0)):
         context = TransmissionContext(0, START, sender=Position(travelled=travelled))
@@ -101,13 +101,13 @@ def test_a_circle_ends_at_its_radius() -> None:
     assert answer(effect, TransmissionContext(0, START)) == 0
 
 
-# ---- By chance
+# ---- Random outages
 
 ON, OFF = 4 * SECOND, SECOND
 
 
 def jumps(effect: RandomOutage, seed: int, cells: int) -> list[tuple[int, bool]]:
-    """Every instant of the process in the first cells with the state after it, in order."""
+    """Events of the first cells in order: instant and state after it."""
     draw = keyed_draw(seed, "a", "b")
     return sorted(one for cell in range(cells) for one in effect._events(draw, cell))
 
@@ -124,7 +124,7 @@ def test_on_and_off_last_exponential_times(on: int, off: int, campaign: int) -> 
         distance = stats.kstest(own, stats.expon(scale=mean).cdf).statistic
         assert distance * sqrt(own.size) < KS_LIMIT
         assert abs(own.mean() / mean - 1.0) < 4.0 / sqrt(own.size)
-    # One time says nothing of the next.
+    # Successive durations are independent.
     scaled = times / np.where([one for _, one in states[:-1]], off, on) - 1.0
     assert abs(np.mean(scaled[1:] * scaled[:-1])) < 4.0 / sqrt(times.size)
 
@@ -139,7 +139,7 @@ def test_the_state_is_that_of_the_last_change() -> None:
 
 
 def test_it_is_stationary_from_the_first_message() -> None:
-    """Over many links, at any instant: the long-run share, and its correlation over time."""
+    """Over many links: the stationary share, and its correlation over time."""
     effect, links = random_outage(ON, OFF, START), 4000
     draws = [keyed_draw(seed, "a", "b") for seed in range(links)]
     share = OFF / (ON + OFF)
@@ -149,7 +149,7 @@ def test_it_is_stationary_from_the_first_message() -> None:
     lag = SECOND // 2
     then = np.array([effect.is_off(draw, lag) for draw in draws])
     assert abs(then.mean() - share) < 3.0 * error
-    # Of two states the correlation is exp(-(1/on + 1/off) t).
+    # The correlation of a two-state process is exp(-(1/on + 1/off) t).
     wanted = exp(-(1 / ON + 1 / OFF) * lag)
     found = np.mean((first - share) * (then - share)) / (share * (1 - share))
     assert abs(found - wanted) < 4.0 / sqrt(links)
@@ -159,13 +159,13 @@ def test_it_is_stationary_from_the_first_message() -> None:
 @given(
     on=st.integers(10**6, 10**10),
     off=st.integers(10**6, 10**10),
-    asked=st.lists(st.integers(0, 300), min_size=1, max_size=10),
+    requested=st.lists(st.integers(0, 300), min_size=1, max_size=10),
 )
-def test_a_verdict_alone_is_the_one_in_the_stream(on: int, off: int, asked: list[int]) -> None:
+def test_a_verdict_alone_is_the_one_in_the_stream(on: int, off: int, requested: list[int]) -> None:
     draw, step = keyed_draw(3, "a", "b"), 50 * 10**6
     effect = random_outage(on, off, START)
-    stream = {seq: effect.is_off(draw, seq * step) for seq in range(max(asked) + 1)}
-    for seq in asked:
+    stream = {seq: effect.is_off(draw, seq * step) for seq in range(max(requested) + 1)}
+    for seq in requested:
         alone = random_outage(on, off, START)
         context = TransmissionContext(seq, START + seq * step)
         assert alone.judge(draw, context) == ("outage" if stream[seq] else 0)
@@ -196,7 +196,7 @@ def test_a_stream_costs_few_draws() -> None:
     for seq in range(10_000):
         effect.is_off(draw, seq * 50 * 10**6)
     cells = 500 * SECOND / effect.cell
-    assert calls < 4.0 * cells  # a count and two for each instant: three on average
+    assert calls < 4.0 * cells  # one count and two draws per event: three on average
 
 
 def test_descriptions_have_all_numbers() -> None:

@@ -1,4 +1,4 @@
-"""What is received over a distance: as the tables and the laws say, on every link alike."""
+"""Deliveries over a distance: by tables and path loss, on every link."""
 
 from math import inf, log10, nan, sqrt
 
@@ -34,7 +34,7 @@ def table(
     delivery_ratio: tuple[float, ...],
     keep_ratio: float | None = None,
 ) -> TableRadio:
-    """With reservations of 5 to 15 messages if they are kept with a ratio."""
+    """With reservations of 5 to 15 messages if `keep` is set."""
     law = TableRadio(
         distance_m=distance_m,
         delivery_ratio=delivery_ratio,
@@ -44,9 +44,9 @@ def table(
     return for_link(law)
 
 
-def apart(seq: int, way: float, travelled: float = 0.0) -> TransmissionContext:
-    """Message `seq` over `way` metres of straight road to a receiver that has driven `driven`."""
-    ahead = Position(travelled + way, 0.0, travelled + way)
+def apart(seq: int, distance: float, travelled: float = 0.0) -> TransmissionContext:
+    """Message `seq` over `distance` (m) of straight road; `travelled` (m) by the receiver."""
+    ahead = Position(travelled + distance, 0.0, travelled + distance)
     return TransmissionContext(seq, 0, 0, ahead, Position(travelled, 0.0, travelled))
 
 
@@ -55,13 +55,13 @@ def apart(seq: int, way: float, travelled: float = 0.0) -> TransmissionContext:
 
 def test_a_table_is_linear_between_its_points_constant_before_and_ends_with_the_last() -> None:
     law = table((50.0, 100.0, 200.0), (0.9, 0.5, 0.1))
-    ways = (0.0, 49.0, 50.0, 75.0, 100.0, 150.0, 200.0, 200.001, inf, nan)
+    distances = (0.0, 49.0, 50.0, 75.0, 100.0, 150.0, 200.0, 200.001, inf, nan)
     expected = (0.9, 0.9, 0.9, 0.7, 0.5, 0.3, 0.1, 0.0, 0.0, 0.0)
-    assert [law.ratio(way) for way in ways] == pytest.approx(expected)
+    assert [law.ratio(distance) for distance in distances] == pytest.approx(expected)
     assert table((100.0,), (0.4,)).ratio(30.0) == 0.4
 
 
-def test_a_message_that_says_no_place_is_out_of_range() -> None:
+def test_a_message_without_a_position_is_out_of_range() -> None:
     receiver = Position(0.0, 0.0, 0.0)
     laws: list[Effect] = [table((1000.0,), (1.0,)), behind(3)]
     for place in (nan, inf, -inf, 1e308):
@@ -88,11 +88,11 @@ def test_with_reservations_all_messages_of_one_share_their_fate() -> None:
     assert set.union(*fates.values()) == {0, "range"}
 
 
-# ---- Loss on the way
+# ---- Path loss
 
 
 def test_the_budget_is_that_of_the_formulas() -> None:
-    """By hand: −174 dBm/Hz in 10 MHz and 9 dB make −95 dBm; 3GPP's highway has 47.82 dB at 1 m."""
+    """By hand: −174 dBm/Hz in 10 MHz and 9 dB are −95 dBm; 3GPP's highway has 47.82 dB at 1 m."""
     assert noise_power(10e6, 9.0) == pytest.approx(-95.0)
     assert highway_loss(5.9e9) == pytest.approx(47.817, abs=1e-3)
     assert behind(0).snr(100.0) == pytest.approx(23.0 + 95.0 - 47.817 - 40.0, abs=1e-3)
@@ -104,7 +104,7 @@ def test_errors_are_those_of_the_points_and_on_a_line_in_deviations() -> None:
         assert curve.received(snr) == pytest.approx(1.0 - error)
     middle = norm.cdf(0.5 * (norm.ppf(0.9) + norm.ppf(0.99)))
     assert curve.received(4.15) == pytest.approx(middle)
-    assert curve.received(-1.1) == pytest.approx(0.1)  # as far below as 3.1 dB is above
+    assert curve.received(-1.1) == pytest.approx(0.1)  # as far below 1 dB as 3.1 dB is above
     assert curve.received(-200.0) == 0.0
     assert curve.received(200.0) == 1.0
     with pytest.raises(ValueError, match="two points"):
@@ -112,7 +112,7 @@ def test_errors_are_those_of_the_points_and_on_a_line_in_deviations() -> None:
 
 
 def behind(count: int, lorries: bool | None = None) -> PathLossRadio:
-    """802.11p behind vehicles on a straight, by the law of ETSI, or of 3GPP for lorries or cars."""
+    """802.11p behind vehicles on a straight, by ETSI, or by 3GPP for lorries or cars."""
     obstruction: LossPerVehicle | SingleLoss = LossPerVehicle()
     if lorries is not None:
         mean, deviation = (9.0, 4.5) if lorries else (5.0, 4.0)
@@ -126,11 +126,11 @@ def behind(count: int, lorries: bool | None = None) -> PathLossRadio:
 NORMAL = norm.ppf((np.arange(20_000) + 0.5) / 20_000)
 
 
-def received(way: float, lost: float | NDArray[np.float64], *, sight: bool = False) -> float:
-    """A second way to the same figure: the curve in scipy, averaged over quantiles."""
+def received(distance: float, lost: float | NDArray[np.float64], *, sight: bool = False) -> float:
+    """Independent computation: the curve in scipy, averaged over quantiles."""
     points = (1.0, 3.1, 5.2) if sight else (4.7, 6.8, 8.6)
     scores = norm.ppf((0.5, 0.9, 0.99))
-    snr = 23.0 + 95.0 - 32.4 - 20.0 * log10(way) - 20.0 * log10(5.9) - lost + 3.0 * NORMAL
+    snr = 23.0 + 95.0 - 32.4 - 20.0 * log10(distance) - 20.0 * log10(5.9) - lost + 3.0 * NORMAL
     score = np.interp(snr, points, scores)
     low, high = np.diff(scores) / np.diff(points)
     score += np.minimum(snr - points[0], 0.0) * low + np.maximum(snr - points[-1], 0.0) * high
@@ -151,28 +151,30 @@ PUBLISHED = {
 
 @pytest.mark.campaign(3_000, 30_000)
 @pytest.mark.parametrize("which", PUBLISHED)
-def test_vehicles_in_between_cost_what_is_known(which: str, campaign: int) -> None:
+def test_vehicles_in_between_reduce_the_delivery_as_published(which: str, campaign: int) -> None:
     """15 m apart, 23 dBm, noise figure 9 dB, no interference; over 2.5 decorrelation distances."""
-    law, way, known, tolerance, expected = PUBLISHED[which]
+    law, distance, known, tolerance, expected = PUBLISHED[which]
     assert expected == pytest.approx(known, abs=tolerance)
-    heard = sum(law.judge(DRAW, apart(seq, way, 62.5 * seq)) == 0 for seq in range(campaign))
+    delivered = sum(
+        law.judge(DRAW, apart(seq, distance, 62.5 * seq)) == 0 for seq in range(campaign)
+    )
     error = sqrt(expected * (1.0 - expected) / campaign)
-    assert abs(heard / campaign - expected) < 4.5 * error
+    assert abs(delivered / campaign - expected) < 4.5 * error
 
 
-@pytest.mark.parametrize("way", [100.0, 800.0, 1_500.0, 2_500.0])
-def test_in_sight_the_other_curve_holds(way: float) -> None:
+@pytest.mark.parametrize("distance", [100.0, 800.0, 1_500.0, 2_500.0])
+def test_in_sight_the_other_curve_holds(distance: float) -> None:
     law = behind(0)
-    heard = sum(law.judge(DRAW, apart(seq, way, 62.5 * seq)) == 0 for seq in range(800))
-    expected = received(way, 0.0, sight=True)
+    delivered = sum(law.judge(DRAW, apart(seq, distance, 62.5 * seq)) == 0 for seq in range(800))
+    expected = received(distance, 0.0, sight=True)
     error = sqrt(expected * (1.0 - expected) / 800)
-    assert abs(heard / 800 - expected) <= 4.5 * error + 1e-9
+    assert abs(delivered / 800 - expected) <= 4.5 * error + 1e-9
 
 
 def test_shadowing_makes_losses_of_messages_near_one_another_alike() -> None:
-    """At a mean of one half, messages a metre apart mostly share their fate, 100 m apart do not."""
-    law, way = behind(4), 75.0
-    fates = [law.judge(DRAW, apart(seq, way, float(seq))) == 0 for seq in range(6_000)]
+    """Deliveries a metre apart are correlated, those 100 m apart are not."""
+    law, distance = behind(4), 75.0
+    fates = [law.judge(DRAW, apart(seq, distance, float(seq))) == 0 for seq in range(6_000)]
     mean = sum(fates) / len(fates)
     near, far = (
         sum((a - mean) * (b - mean) for a, b in zip(fates, fates[lag:], strict=False))
@@ -183,7 +185,7 @@ def test_shadowing_makes_losses_of_messages_near_one_another_alike() -> None:
     assert abs(far) < 0.1
 
 
-# ---- What all have in common
+# ---- All radios
 
 
 LAWS: dict[str, Effect] = {
@@ -198,10 +200,10 @@ LAWS: dict[str, Effect] = {
 @settings(max_examples=15)
 @given(data=st.data())
 def test_a_verdict_alone_is_that_of_the_stream(name: str, data: st.DataObject) -> None:
-    """On three links at once, by one law that remembers what it will; asked in any order."""
+    """On three links with one law and its caches, in any order."""
     links = [keyed_draw(data.draw(st.integers(0, 2**40)), "v1", receiver) for receiver in "abc"]
-    ways = data.draw(st.lists(st.floats(1.0, 250.0), min_size=5, max_size=20))
-    contexts = [apart(seq, way, 1.5 * seq) for seq, way in enumerate(ways)]
+    distances = data.draw(st.lists(st.floats(1.0, 250.0), min_size=5, max_size=20))
+    contexts = [apart(seq, distance, 1.5 * seq) for seq, distance in enumerate(distances)]
     stream = [[LAWS[name].judge(draw, context) for draw in links] for context in contexts]
     for context in data.draw(st.permutations(contexts)):
         fresh = fresh_law(name)
@@ -217,10 +219,10 @@ def fresh_law(name: str) -> Effect:
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_a_law_says_itself_in_one_line(name: str) -> None:
-    said = LAWS[name].describe()
-    assert "\n" not in said
-    assert not said.endswith(".")
+def test_a_description_is_one_line(name: str) -> None:
+    text = LAWS[name].describe()
+    assert "\n" not in text
+    assert not text.endswith(".")
     assert {"table": "200 m", "reservations": "16.7 messages", "etsi": "6.9 dB", "3gpp": "9 ± 4.5"}[
         name
-    ] in said
+    ] in text

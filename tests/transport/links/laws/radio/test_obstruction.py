@@ -1,4 +1,4 @@
-"""Vehicles between sender and receiver: in the line of sight on a straight, beside it in bends."""
+"""Vehicles in between: in the line of sight on a straight, outside it in bends."""
 
 from math import cos, pi, sin
 
@@ -21,7 +21,7 @@ DRAW = keyed_draw(1, "v1", "v9")
 
 
 def circle(radius: float) -> Road:
-    """A road around the origin, from the east on, counter-clockwise."""
+    """A circular road around the origin, counter-clockwise from the east."""
     angles = np.arange(0.0, 2.0 * pi * radius, ROAD_STEP) / radius
     return Road(ROAD_STEP, (radius * np.cos(angles)).tolist(), (radius * np.sin(angles)).tolist())
 
@@ -36,7 +36,7 @@ def on_circle(radius: float, travelled: float) -> Position:
 def test_around_a_bend_those_count_that_are_near_the_chord(
     radius: float, count: int, gap: float, reach: float
 ) -> None:
-    """The distance from the chord is r (cos(φ) − cos(φ_end)), φ being the angle from its middle."""
+    """The distance from the chord is r (cos φ − cos φ_end), with the angle φ from its middle."""
     way = gap * (count + 1)
     assume(way < pi * radius)
     half = 0.5 * way / radius
@@ -44,7 +44,7 @@ def test_around_a_bend_those_count_that_are_near_the_chord(
         radius * (cos(half * (2.0 * place / (count + 1) - 1.0)) - cos(half))
         for place in range(1, count + 1)
     ]
-    sag = ROAD_STEP**2 / (8.0 * radius)  # by which the straight lines of the road cut the bend
+    sag = ROAD_STEP**2 / (8.0 * radius)  # deviation of the road's polyline from the bend
     assume(all(abs(one - reach) > 1.1 * sag for one in off))
     between = VehiclesBetween(count, circle(radius), 0.0, 0.0, reach)
     context = TransmissionContext(0, 0, 0, on_circle(radius, 5.0 + way), on_circle(radius, 5.0))
@@ -64,7 +64,7 @@ segments = [
 
 
 def test_on_the_road_of_a_scenario_all_are_in_the_way_until_the_lead_turns() -> None:
-    """Places and metres driven as they are in a run; all drive the path exactly."""
+    """Positions and distances travelled as in a run; all vehicles drive exactly on the path."""
     route = scenario_from_text(BEND).route
     lead, last = 0, 8
     between = vehicles_between(route, lead, last)
@@ -78,7 +78,7 @@ def test_on_the_road_of_a_scenario_all_are_in_the_way_until_the_lead_turns() -> 
     found = [between.count_obstructing(context(travelled), ALL) for travelled in range(0, 700, 5)]
     assert found[0] == 7
     assert found[-1] == 7
-    assert min(found) == 0  # each side of the bend has its own line
+    assert min(found) == 0  # each side of the bend has its own line of sight
     first = next(place for place, count in enumerate(found) if count < 7)
     assert 400 <= 5 * first <= 440
     for travelled, count in zip(range(0, 700, 5), found, strict=True):
@@ -86,7 +86,7 @@ def test_on_the_road_of_a_scenario_all_are_in_the_way_until_the_lead_turns() -> 
 
 
 def brute_force(path: SampledPath, context: TransmissionContext, between: VehiclesBetween) -> int:
-    """Distance from each vehicle's place on the path itself to points along the line of sight."""
+    """Distance of each vehicle on the path from points of the line of sight."""
     here, there = context.receiver, context.sender
     shares = np.linspace(0.0, 1.0, 4001)
     easts = here.east + shares * (there.east - here.east)

@@ -1,4 +1,4 @@
-"""Reservations: stationary renewals that can be found from any message on."""
+"""Reservations: stationary, computable from any message."""
 
 from itertools import pairwise
 from math import sqrt
@@ -21,12 +21,12 @@ LENGTHS = st.tuples(st.integers(1, 12), st.integers(0, 12)).map(lambda two: (two
     st.lists(st.integers(0, 3_000), min_size=1, max_size=15),
 )  # fmt: skip
 def test_a_reservation_alone_is_that_of_the_stream(
-    lengths: tuple[int, int], kept: float, seed: int, asked: list[int]
+    lengths: tuple[int, int], kept: float, seed: int, requested: list[int]
 ) -> None:
     draw = keyed_draw(seed, "v1", "v2")
     streamed, jumping = Reservations(*lengths, kept), Reservations(*lengths, kept)
-    stream = [streamed.selected_at(draw, seq) for seq in range(max(asked) + 1)]
-    for seq in asked:
+    stream = [streamed.selected_at(draw, seq) for seq in range(max(requested) + 1)]
+    for seq in requested:
         assert stream[seq] == jumping.selected_at(draw, seq)
         assert stream[seq] == Reservations(*lengths, kept).selected_at(draw, seq)
         assert stream[seq] <= seq
@@ -34,8 +34,8 @@ def test_a_reservation_alone_is_that_of_the_stream(
 
 @pytest.mark.campaign(1, 10)
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_resources_are_held_as_long_as_the_law_says(seed: int, campaign: int) -> None:
-    """With lengths L and none kept, so many stay the same over m messages: E[(L − m)⁺] / E[L]."""
+def test_reservations_last_as_long_as_the_law_requires(seed: int, campaign: int) -> None:
+    """With lengths L and none kept, a resource lasts m messages with E[(L − m)⁺] / E[L]."""
     draw, held = keyed_draw(seed, "v1", "v2"), Reservations(5, 15)
     count = 10_000 * campaign
     stream = [held.selected_at(draw, seq) for seq in range(count)]
@@ -69,7 +69,7 @@ def test_those_of_one_length_begin_anywhere() -> None:
 def test_the_first_message_finds_a_reservation_as_old_as_any_other_does(
     least: int, most: int
 ) -> None:
-    """Stationary renewals: the age is a at number 0 with the chance P(length > a) / mean."""
+    """In a stationary renewal process the age a has probability P(length > a) / mean."""
     held, n = Reservations(least, most), 3000
     ages = np.zeros(most)
     for seed in range(n):

@@ -1,4 +1,4 @@
-"""Shadowing wavers as asked: variance and autocorrelation exactly, and in what is drawn."""
+"""Shadowing: variance and autocorrelation, exact and of drawn values."""
 
 from math import exp, sqrt
 from statistics import NormalDist, fmean
@@ -18,11 +18,11 @@ NODE = DECORRELATION / STEPS
 ONE = NormalDist().cdf(1.0)
 LINE_ERROR = 0.026
 BLOCK = 415
-"""Nodes after which the recursion forgets what was before, to 10⁻⁹."""
+"""Nodes after which the weight of earlier draws is below 10⁻⁹."""
 
 
 def weights(places: list[float]) -> NDArray[np.float64]:
-    """How much of each node's normal number is in the field at each place: it is linear in them."""
+    """Weights of the nodes' normal numbers in the field, which is linear in them."""
 
     def response(node: int) -> list[float]:
         field = ShadowField(DECORRELATION)
@@ -32,7 +32,7 @@ def weights(places: list[float]) -> NDArray[np.float64]:
 
 
 def test_variance_and_autocorrelation_follow_exactly_from_the_weights() -> None:
-    """Also across the border of two blocks, at nodes and between them."""
+    """Also across two blocks, at nodes and between them."""
     border = BLOCK * NODE
     places = [border + NODE * step for step in (-25.0, -20.3, -7.0, -3.5, -1.2, -0.5, -0.25)]
     places += [border + NODE * step for step in (0.0, 0.5, 1.0, 1.75, 4.0, 12.5, 40.0, 70.2)]
@@ -51,7 +51,7 @@ def test_variance_and_autocorrelation_follow_exactly_from_the_weights() -> None:
 @pytest.mark.campaign(2_000, 100_000)
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_what_is_drawn_has_the_law(seed: int, campaign: int) -> None:
-    """Values two decorrelation distances apart are nearly independent: e^-2 adds to the errors."""
+    """Values two decorrelation distances apart are nearly independent."""
     draw, field = keyed_draw(seed, "v1", "v2"), ShadowField(DECORRELATION)
     way = 2.0 * DECORRELATION
     values = [field.at(draw, way * step + 0.3) for step in range(campaign)]
