@@ -27,15 +27,15 @@ from vehicles.driver.steering import ControllerError, load_controller, try_out
 from vehicles.geometry.geodesy import REACH, LocalPlane, Origin
 
 FASTEST_RATE = 20_000.0
-"""Rate (1/s) of a car's tyres or steering up to which a run keeps up with the clock; the paper's
-car has 206 in its tyres. One of a lorry's mass on a toy's inertia would take hours for a second."""
+"""Fastest rate (1/s) of a car's tyres or steering that runs in real time; the paper's car has 206.
+A lorry's mass on a toy's inertia would take hours per second."""
 
 MARGIN = 1000.0
-"""The road keeps so far (m) within the plane's reach: nobody's noise or swerve leaves it."""
+"""Distance (m) of the road from the reach of the plane, so that noise does not leave it."""
 
 
 def between_keys(tables: ScenarioTables) -> Iterator[Problem]:
-    """Give every key that does not fit the others, before the path is made."""
+    """Yield keys that contradict others, except those that depend on the path."""
     yield from _names(tables)
     yield from _links(tables)
     yield from link_change_problems(tables)
@@ -48,7 +48,7 @@ def between_keys(tables: ScenarioTables) -> Iterator[Problem]:
 
 def _names(tables: ScenarioTables) -> Iterator[Problem]:
     convoy, names = tables.convoy, vehicle_names(tables)
-    usual = type(convoy).model_fields["vehicles"].default  # beside names it means nothing
+    usual = type(convoy).model_fields["vehicles"].default  # ignored with names
     if convoy.names and convoy.vehicles not in {len(names), usual}:
         yield "convoy.vehicles", f"given {convoy.vehicles}, but convoy.names has {len(names)} names"
     for index, name in enumerate(names):
@@ -71,12 +71,12 @@ def _vehicles(tables: ScenarioTables, names: Sequence[str]) -> Iterator[Problem]
         if name not in names:
             yield f"vehicle.{name}", f"no such vehicle, allowed {', '.join(names)}"
         elif name == names[0] and vehicle.gap_m is not None:
-            yield f"vehicle.{name}.gap_m", "given for the lead, which has nobody ahead"
+            yield f"vehicle.{name}.gap_m", "given for the lead, which has no predecessor"
         if name == names[0] and vehicle.replay is not None:
             yield f"vehicle.{name}.replay", "given for the lead, whose drive is path.file"
         for key in ("replay_vehicle", "replay_offset_s"):
             if vehicle.replay is None and key in vehicle.model_fields_set:
-                yield f"vehicle.{name}.{key}", "given without replay, which it is about"
+                yield f"vehicle.{name}.{key}", "given without replay, allowed only with it"
 
 
 def _links(tables: ScenarioTables) -> Iterator[Problem]:
@@ -87,8 +87,8 @@ def _links(tables: ScenarioTables) -> Iterator[Problem]:
     for first, later, key in ties(tables.link, names, lead_waits=tables.speed.lead_waits):
         yield (
             f"link[{later}].{key}",
-            f"given by link[{first}] too, which is as specific about a link of both: allowed "
-            "in one of them",
+            f"given by link[{first}] too, which is equally specific for a link, allowed in one of "
+            "them",
         )
     yield from dict.fromkeys(_laws(tables, names))
 
@@ -96,8 +96,8 @@ def _links(tables: ScenarioTables) -> Iterator[Problem]:
 def _laws(tables: ScenarioTables, names: Sequence[str]) -> Iterator[Problem]:
     for pair in directed_links(names, lead_waits=tables.speed.lead_waits):
         about = [entry for _, entry in entries_about(tables.link, names, *pair)]
-        asked = requested_link(tables, names, *pair)
-        merged = {"loss": asked.loss, "collisions": asked.collisions, "radio": asked.radio}
+        link = requested_link(tables, names, *pair)
+        merged = {"loss": link.loss, "collisions": link.collisions, "radio": link.radio}
         for key, why in _problems_of(merged, _problems):
             table = key.split(".")[0]
             source_key = next(
@@ -110,7 +110,7 @@ def _laws(tables: ScenarioTables, names: Sequence[str]) -> Iterator[Problem]:
 
 
 def _channels(tables: ScenarioTables) -> Iterator[Problem]:
-    """Give what is wrong inside of one table of a link, or of a vehicle's radio."""
+    """Yield contradictions inside one table of a link, or of a vehicle's radio."""
     laws: dict[str, LinkLaw | None] = {}
     for key, link in _link_tables(tables).items():
         laws |= {f"{key}.content": link.content, f"{key}.delay": link.delay}
@@ -142,7 +142,7 @@ def _link_tables(tables: ScenarioTables) -> dict[str, LinkTable]:
 
 
 def _senders(tables: ScenarioTables) -> Iterator[Problem]:
-    """Give what does not fit of receivers and sending, and rates of links that mean nothing."""
+    """Yield contradictions of receivers and sending, and of link rates with the rule of sending."""
     found: dict[Problem, None] = {}
     names = vehicle_names(tables)
     for name in names:
@@ -160,12 +160,12 @@ def _senders(tables: ScenarioTables) -> Iterator[Problem]:
         if rate_hz is None or setup.even_rate_hz is not None:
             continue
         entries = entries_about(tables.link, names, sender, receiver)
-        givers = [one for _, one in entries if "rate_hz" in one.model_fields_set]
-        key = f"link[{tables.link.index(givers[-1])}]" if givers else "links"
+        sources = [one for _, one in entries if "rate_hz" in one.model_fields_set]
+        key = f"link[{tables.link.index(sources[-1])}]" if sources else "links"
         yield (
             f"{key}.rate_hz",
-            f"given {rate_hz:g}, but {sender} does not send evenly: allowed with sending.kind = "
-            '"every_fix" or "fixed" and without dcc',
+            f"given {rate_hz:g}, but {sender} does not send periodically, allowed with "
+            'sending.kind = "every_fix" or "fixed" and without dcc',
         )
         return
 
@@ -222,7 +222,7 @@ def _cars(tables: ScenarioTables) -> Iterator[Problem]:
 
 
 def controllers(tables: ScenarioTables) -> Iterator[Problem]:
-    """Give every controller that is neither a shipped one nor a class of the user's own."""
+    """Yield controllers that cannot be loaded."""
     refused: dict[str, str] = {}
     for name in vehicle_names(tables):
         setup, own = vehicle_setup(tables, name), tables.vehicle.get(name)
@@ -261,7 +261,7 @@ def on_the_road(tables: ScenarioTables, route: Route) -> Iterator[Problem]:
 
 
 def _out_of_reach(tables: ScenarioTables, route: Route) -> Iterator[Problem]:
-    """Give where the road that is driven leaves the plane: no vehicle takes poses from there."""
+    """Yield where the road leaves the plane, beyond which vehicles accept no poses."""
     driven = route.length
     if tables.duration_s is not None:
         driven = min(driven, route.profile.distance(tables.duration_s))

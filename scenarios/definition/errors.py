@@ -10,7 +10,7 @@ Problem = tuple[str, str]
 
 
 class ScenarioError(ValueError):
-    """A scenario that cannot be run; `lines` names each problem in one line."""
+    """An invalid scenario, with a line for each problem."""
 
     def __init__(self, lines: Iterable[str]) -> None:
         self.lines = tuple(map(printable, lines))

@@ -1,4 +1,4 @@
-"""`extends`: a scenario file laid over the file that it names as its base."""
+"""`extends`: a scenario file merged into the file that it names as its base."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -21,16 +21,16 @@ EXTENDS = "extends"
 PRESET = "preset"
 
 Key = tuple[str, ...]
-"""Names of the tables around a value, and its own."""
+"""Names of the tables around a value, and its own name."""
 
 
 @dataclass(frozen=True, slots=True)
 class MergedScenario:
-    """The tables of a scenario file, its bases and the overrides, not yet validated.
+    """The merged tables of a scenario file, its bases and overrides, before validation.
 
-    `files` are those read, the base of all first; `given_in` is the file that each value is
-    from, where an array is one value; `overridden` are the keys that `--set` changed. An error line
-    for each override that cannot be applied is in `invalid_overrides`.
+    `files` are in order, the last base first. `given_in` is the file of each value; an array is one
+    value. `overridden` are the keys changed by `--set`; `invalid_overrides` has a line for each
+    override that cannot be applied.
     """
 
     raw: Raw
@@ -40,9 +40,9 @@ class MergedScenario:
     invalid_overrides: tuple[str, ...] = ()
 
     def source(self, key: str) -> str:
-        """Name where a problem of `key` (such as `link[0].sender`) comes from.
+        """Return the source of a key such as `link[0].sender`: --set or a file.
 
-        An override of the key, or of one inside it or around it; else a file.
+        An override counts for keys inside and around it.
         """
         plain = key.replace("[", ".").replace("]", "")
         if any(_around(one, plain) or _around(plain, one) for one in self.overridden):
@@ -50,16 +50,13 @@ class MergedScenario:
         return self._file(key).label
 
     def folder(self, key: str) -> Path:
-        """Folder in which a file named by the value of `key` is sought."""
+        """Return the folder in which the file named by a key is searched."""
         if any(_around(one, key) for one in self.overridden):
             return self.files[-1].folder
         return self._file(key).folder
 
     def _file(self, key: str) -> ScenarioFile:
-        """File that gives `key`, or, where none does, values beside it.
-
-        Of several files it is the one nearest to the file that was asked for.
-        """
+        """Return the file that gives a key, or else values next to it; the last of several."""
         parts = tuple(re.split(r"[\[ ]", key)[0].split("."))
         while parts:
             givers = [
@@ -78,7 +75,7 @@ def _around(outer: str, inner: str) -> bool:
 
 
 def merged(file: ScenarioFile, overrides: Sequence[str]) -> MergedScenario:
-    """Parse a scenario file, lay it over its bases, and `overrides` over all of that."""
+    """Parse a scenario file, merge it into its bases, and apply `overrides`."""
     chain = _with_bases(file)
     raw: Raw = {}
     given_in: dict[Key, ScenarioFile] = {}
@@ -92,7 +89,7 @@ def merged(file: ScenarioFile, overrides: Sequence[str]) -> MergedScenario:
 
 
 def _with_bases(file: ScenarioFile) -> list[tuple[ScenarioFile, Raw]]:
-    """Parse a file and its bases, the base of all first."""
+    """Parse a file and its bases, the last base first."""
     chain = [(file, _parsed(file))]
     while EXTENDS in (tables := chain[0][1]):
         base = read_base(chain[0][0], tables.pop(EXTENDS))
@@ -118,9 +115,9 @@ def _parsed(file: ScenarioFile) -> Raw:
 
 
 def laid_over(base: Raw, tables: Raw) -> Raw:
-    """Merge tables key by key; any other value is replaced, and so is a table of another `kind`.
+    """Merge tables key by key. Other values and tables of another `kind` are replaced.
 
-    A table that names a `preset` replaces what was there too: a preset is a whole channel.
+    A table with a `preset` replaces the one in `base`, since a preset is a complete channel.
     """
     result = dict(base)
     for key, value in tables.items():
@@ -133,14 +130,14 @@ def laid_over(base: Raw, tables: Raw) -> Raw:
 
 
 def _alike(below: Raw, table: Raw) -> bool:
-    """Tell whether two tables may be merged: keys of one `kind` mean nothing to another."""
+    """Whether two tables can be merged: of one `kind`, and no preset."""
     if PRESET in table:
         return False
     return "kind" not in below or table.get("kind", below["kind"]) == below["kind"]
 
 
 def _values(tables: Raw, inside: Key = ()) -> Iterator[Key]:
-    """Keys of all values; an array and an empty table are a value."""
+    """Yield the keys of all values, where arrays and empty tables are values."""
     for key, value in tables.items():
         if isinstance(value, dict) and value:
             yield from _values(value, (*inside, key))

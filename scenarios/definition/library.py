@@ -11,7 +11,7 @@ LIBRARY = Path(str(files("scenarios"))) / "library"
 TRACES = LIBRARY / "traces"
 """Folder of the shipped recorded drives."""
 PRESETS = LIBRARY / "presets"
-"""Folder of the shipped channels."""
+"""Folder of the channel presets."""
 
 DRILLS = LIBRARY / "drills"
 """Folder of the shipped drills: scenarios in which something fails, with limits."""
@@ -30,9 +30,8 @@ TEMPLATE = "_template"
 class ScenarioFile:
     """Text of a scenario file.
 
-    `label` names the file in refusals, its traces and the file that it extends are sought in
-    `folder`. `path` is None for a text that comes from no file. Old keys are
-    accepted in a `recorded` scenario.
+    `label` names the file in error lines. Traces and the base of `extends` are searched in
+    `folder`. `path` is None without a file. A `recorded` scenario may have old keys.
     """
 
     label: str
@@ -112,6 +111,6 @@ def _text(path: Path) -> str:
 
 
 def _hint(path: Path) -> str:
-    """Question that offers a file beside `path` or a shipped scenario of a similar name."""
+    """Return a question that offers a file next to `path` or a shipped scenario."""
     beside = [entry.name for entry in path.parent.glob("*.toml")] if path.parent.is_dir() else []
     return did_you_mean(path.name, beside) or did_you_mean(path.stem, (*library(), *drills()))

@@ -1,4 +1,4 @@
-"""Overrides: `key.path=value` laid over the tables of a parsed scenario file."""
+"""Overrides: `key.path=value` applied to the tables of a parsed scenario file."""
 
 import json
 import re
@@ -7,14 +7,14 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 Raw = dict[str, Any]
-"""A parsed TOML table, not yet validated."""
+"""A parsed TOML table before validation."""
 
 
 _PART = re.compile(r"\w[\w-]*")
 """Name or index in an overridden key."""
 
 DEEPEST = 20
-"""Tables and lists inside one another; a scenario has no use for more than five."""
+"""Deepest nesting of tables and lists; scenarios need five levels."""
 TOO_DEEP = f"tables or lists more than {DEEPEST} deep inside one another"
 
 
@@ -23,7 +23,7 @@ class OverrideError(ValueError):
 
 
 def parsed(text: str) -> Raw:
-    """Parse TOML; raises ValueError in one line, also for what is nested too deeply."""
+    """Parse TOML; raises ValueError in one line, also for too deep nesting."""
     try:
         raw = tomllib.loads(text)
     except RecursionError:
@@ -42,7 +42,7 @@ def _inside(value: object) -> list[Any]:
 
 
 def parse_override(text: str) -> tuple[tuple[str, ...], Any]:
-    """Key parts and value of `key.path=value`; a value that is not TOML is taken as a text."""
+    """Split `key.path=value` into key parts and value; a value that is not TOML is a text."""
     key, equals, value = text.partition("=")
     parts = tuple(re.sub(r"\[(\d+)\]", r".\1", key.strip()).split("."))
     if not equals or not all(map(_PART.fullmatch, parts)):
@@ -92,10 +92,7 @@ def _set(table: Raw, parts: Sequence[str], value: object) -> None:
 
 
 def clear(table: Raw, parts: Sequence[str], kept: Iterable[str]) -> None:
-    """Delete what stands beside the key `parts`, but what says which link it is about.
-
-    Keys that are `kept`, each with dots, stay too.
-    """
+    """Delete the keys next to `parts`, except the ends of a link and the dotted keys `kept`."""
     here: Any = table
     for part in parts[:-1]:
         here = here[int(part)] if isinstance(here, list) else here[part]

@@ -1,4 +1,4 @@
-"""The limits of a run: from a scenario or the command line, and checked against the convoy."""
+"""The limits of a run, from a scenario or the command line, checked against the convoy."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -19,12 +19,12 @@ from scenarios.definition.validation.wording import did_you_mean, toml_repr
 
 SLACK_S = 1e-9
 OF_TWO = {"composite", "predecessor"}
-"""Modes of a follower that hears somebody besides the lead."""
+"""Modes of a follower that receives from its predecessor as well as the lead."""
 
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """A bound of the limit with this key, for one vehicle if it names one."""
+    """The bound of a limit, for the convoy or for one vehicle."""
 
     key: str
     bound: float
@@ -52,12 +52,12 @@ class Limit:
         return self.excess(figure) > 0.0
 
     def excess(self, figure: float) -> float:
-        """How far a figure is beyond the bound; negative while the limit holds."""
+        """Return the distance of a figure beyond the bound, negative while the limit holds."""
         return self.bound - figure if self.row.is_least else figure - self.bound
 
 
 def limits_of(table: LimitsTable) -> Iterator[Limit]:
-    """Yield the limits of a scenario in the order of their keys, that of the convoy first."""
+    """Yield limits in the order of their keys, the convoy's before those of vehicles."""
     for key in LIMITS:
         for vehicle, bounds in (("", table), *table.of_vehicles.items()):
             bound = getattr(bounds, key)
@@ -66,9 +66,9 @@ def limits_of(table: LimitsTable) -> Iterator[Limit]:
 
 
 def parsed_limit(text: str, vehicles: Sequence[str]) -> Limit:
-    """Read a limit of the command line, such as "lane" or "v5.error_m=0.5"; raises ScenarioError.
+    """Parse a limit of the command line, such as "lane" or "v5.error_m=0.5"; raises ScenarioError.
 
-    `vehicles` are those of the scenario that a limit may name.
+    `vehicles` are the names that a limit may have.
     """
     name, equals, number = text.partition("=")
     vehicle, dot, word = name.rpartition(".")
@@ -85,7 +85,7 @@ def parsed_limit(text: str, vehicles: Sequence[str]) -> Limit:
 
 
 def problem_of(row: LimitRow, vehicle: str, vehicles: Sequence[str]) -> str:
-    """Tell why a vehicle can have no limit of this row; empty if it can. The lead comes first."""
+    """Return why a vehicle cannot have a limit, or an empty text; the lead is the first vehicle."""
     if vehicle not in vehicles:
         return no_vehicle(vehicle, vehicles)
     if vehicle == vehicles[0] and not row.of_lead:
@@ -106,7 +106,7 @@ def _number(text: str) -> float:
 
 
 def limit_problems(tables: ScenarioTables, duration_s: float) -> Iterator[Problem]:
-    """Give limits of unknown vehicles or of a lead that has none, and deadlines after the end."""
+    """Yield limits of unknown vehicles, invalid ones of the lead, and deadlines after the end."""
     limits, names = tables.limits, vehicle_names(tables)
     for name, own in limits.of_vehicles.items():
         if name not in names:
@@ -142,18 +142,18 @@ def _about(tables: ScenarioTables, key: str, limit: DeadlineTable) -> Iterator[P
     if isinstance(limit, ModeLimit) and limit.vehicle == names[1] and limit.mode in OF_TWO:
         yield (
             f"{key}.mode",
-            f"given {toml_repr(limit.mode)}, but {limit.vehicle} hears the lead alone: allowed "
-            '"lead", "coast", "stop" or "straight"',
+            f"given {toml_repr(limit.mode)}, but {limit.vehicle} receives from the lead only, "
+            'allowed "lead", "coast", "stop" or "straight"',
         )
     if isinstance(limit, SourceLimit):
         yield from _source(names, key, limit)
 
 
 def _source(names: Sequence[str], key: str, limit: SourceLimit) -> Iterator[Problem]:
-    heard = dict.fromkeys((names[0], names[names.index(limit.vehicle) - 1]))
-    if limit.source not in heard:
+    sources = dict.fromkeys((names[0], names[names.index(limit.vehicle) - 1]))
+    if limit.source not in sources:
         yield (
             f"{key}.source",
-            f"given {toml_repr(limit.source)}, whom {limit.vehicle} does not hear: allowed "
-            f"{' or '.join(heard)}",
+            f"given {toml_repr(limit.source)}, {limit.vehicle} does not receive from it, allowed "
+            f"{' or '.join(sources)}",
         )

@@ -1,4 +1,4 @@
-"""A scenario: read from a file, refused in clear lines, or resolved to all that a run needs."""
+"""A scenario: read from a file, validated, and resolved to all that a run needs."""
 
 import hashlib
 import re
@@ -53,11 +53,11 @@ __all__ = ["Scenario", "drills", "library", "load_scenario", "scenario_from_text
 
 
 FOLLOWERS_LATERAL = 1.25
-"""Followers that keep a gap may have so many times the lead's lateral acceleration in bends: at its
-own limit noise alone would leave them behind."""
+"""Lateral acceleration of followers that keep a gap, over the lead's: at the lead's own limit noise
+alone would leave them behind."""
 
 LONGEST_SLUG = 80
-"""Letters of a folder's name: file systems allow 255 bytes, a line of a terminal fewer."""
+"""Longest name of a folder, so that it fits a line of a terminal."""
 
 
 def _range(values: Sequence[float]) -> str:
@@ -66,7 +66,7 @@ def _range(values: Sequence[float]) -> str:
 
 
 def _lossy(link: LinkTable) -> list[str]:
-    """Keys of a link that lose messages, where it names no preset."""
+    """Return the keys of a link that lose messages; none with a preset."""
     if link.preset:
         return []
     keys = ("loss", "collisions", "outages", "radio", "queue", "content")
@@ -75,10 +75,7 @@ def _lossy(link: LinkTable) -> list[str]:
 
 @dataclass(frozen=True)
 class Scenario:
-    """A valid scenario with its trace read and its duration known.
-
-    `tables` holds every key. A scenario depends on no file any more: `text` is all of it.
-    """
+    """A valid scenario; `tables` holds every key, and the contents of the files that keys name."""
 
     tables: ScenarioTables
 
@@ -88,12 +85,12 @@ class Scenario:
 
     @property
     def overrides(self) -> tuple[str, ...]:
-        """What was laid over the file, as `key.path=value`, in the order given."""
+        """Overrides of the file in order, as `key.path=value`."""
         return self.tables.overrides or ()
 
     @cached_property
     def fingerprint(self) -> str:
-        """Six letters that stand for all it says; none for a shipped one, whatever its overrides.
+        """Six hexadecimal digits of the content; empty for a shipped scenario with any overrides.
 
         Two files of the user may have the same name, or that of a shipped scenario.
         """
@@ -102,15 +99,14 @@ class Scenario:
                 if self.text == _text_of(_read(read_file(self.name), self.overrides)[1]):
                     return ""
             except ScenarioError:
-                pass  # not with these overrides: another file of that name
+                pass  # these overrides do not fit the shipped one: another file of that name
         return hashlib.sha256(self.text.encode()).hexdigest()[:6]
 
     @cached_property
     def title(self) -> str:
-        """The run in one line: name, seed, weight of the predecessor, loss, presets, and overrides.
+        """The run in one line: name, fingerprint, seed, weight of the predecessor, loss, overrides.
 
-        The loss is that of all laws; where no number says it, preset or keys stand for it.
-        The name of a scenario that is not shipped has its fingerprint behind it.
+        The loss is the total of all laws; presets or keys are named where it is unknown.
         """
         weights = [self.vehicle(name).steering.alpha_ratio for name in self.vehicle_names[1:]]
         expected = [(expected_channel(link).loss_ratio, link) for link in self.links.values()]
@@ -132,10 +128,7 @@ class Scenario:
 
     @property
     def slug(self) -> str:
-        """The name with the overrides and their seed, for a folder: letters, digits and `-_.=`.
-
-        Without overrides it is the name alone; long ones are cut, and told apart by a checksum.
-        """
+        """Name and overrides as the name of a folder; long ones end in a checksum."""
         text = "-".join((self.name, *self.overrides))
         slug = re.sub(r"[^A-Za-z0-9_.=-]+", "_", text)
         if slug == text and len(slug) <= LONGEST_SLUG:
@@ -145,7 +138,7 @@ class Scenario:
 
     @property
     def virtual_run_id(self) -> str:
-        """What tells its virtual run from those of all other settings: slug, seed, fingerprint."""
+        """Identifier of its virtual run: slug, seed, fingerprint."""
         return "-".join(filter(None, (self.slug, str(self.seed), self.fingerprint)))
 
     @property
@@ -154,13 +147,13 @@ class Scenario:
 
     @cached_property
     def duration_s(self) -> float:
-        """How long the run lasts: as given, or until the lead's or a replayed drive is over."""
+        """Length of the run: as given, or until the lead's or a replayed drive ends."""
         given = self.tables.duration_s
         return whole_run(self.route, self.replays.values()) if given is None else given
 
     @property
     def start_at_ns(self) -> int:
-        """Unix time at which a virtual run starts; a wall-clock run starts when it starts."""
+        """Unix time at which a virtual run starts."""
         start = self.tables.start_at
         return int(start.timestamp()) * SECOND + start.microsecond * 1000
 
@@ -187,7 +180,7 @@ class Scenario:
 
     @property
     def off_links(self) -> frozenset[tuple[str, str]]:
-        """Links whose sender or receiver has its radio off for a time, as (sender, receiver)."""
+        """Links (sender, receiver) with an end whose radio is off for a time."""
         return frozenset(pair for pair in self.links if self.link_setting(*pair, 0).off)
 
     @cached_property
@@ -217,7 +210,7 @@ class Scenario:
         return GapLimits(gap.acceleration_mps2_max, gap.braking_mps2_max, lateral)
 
     def vehicle(self, name: str) -> VehicleSetup:
-        """All about the vehicle called `name`; raises ScenarioError if there is none."""
+        """Return the settings of a vehicle; raises ScenarioError for an unknown name."""
         if name not in self.vehicle_names:
             known = ", ".join(self.vehicle_names)
             raise ScenarioError([f"{self.name}: no vehicle {toml_repr(name)}, allowed {known}"])
@@ -227,12 +220,12 @@ class Scenario:
 
     @cached_property
     def _setups(self) -> dict[str, VehicleSetup]:
-        """The vehicles that were asked for, since a run asks for each of them a hundred times."""
+        """Cache of `vehicle`, which a run calls a hundred times for each."""
         return {}
 
     @cached_property
     def links(self) -> Mapping[tuple[str, str], LinkTable]:
-        """What is asked of each directed link, by sender and receiver, none of them replayed."""
+        """Settings of each link by (sender, receiver), without links to replayed vehicles."""
         return {
             pair: requested_link(self.tables, self.vehicle_names, *pair)
             for pair in directed_links(self.vehicle_names, lead_waits=self.tables.speed.lead_waits)
@@ -245,16 +238,16 @@ class Scenario:
         return VehicleClock(start_at, round(table.offset_ms * MILLISECOND), table.drift_ppm)
 
     def clock_error_ns(self, name: str) -> int:
-        """By how much (ns) a vehicle's clock is off at most while the run lasts."""
+        """Return the largest error (ns) of a vehicle's clock during the run."""
         clock, end = self.clock(name, 0), round(self.duration_s * SECOND)
         return max(abs(clock.error(0)), abs(clock.error(end)))
 
     def joins_late(self, name: str) -> bool:
-        """Whether a human drives a vehicle when the run starts, until it joins."""
+        """Whether a human drives a vehicle from the start until it joins."""
         return joins_late(self.tables.change, name)
 
     def link_setting(self, sender: str, receiver: str, start_at: int) -> LinkSetting:
-        """What the laws of a link need to know of a run that starts at `start_at` (ns)."""
+        """Return what the laws of a link need of a run that starts at `start_at` (ns)."""
         source, sink = (self.tables.vehicle.get(name) for name in (sender, receiver))
         return LinkSetting(
             start_at=start_at,
@@ -268,7 +261,7 @@ class Scenario:
         )
 
     def _start_station(self, name: str) -> float:
-        """Arc length from the path's first point to where a vehicle starts, negative before it."""
+        """Arc length (m) from the path's first point to the start of a vehicle."""
         route = self.route
         if name in self.replays:
             drive = self.replays[name]
@@ -279,12 +272,12 @@ class Scenario:
 
     @cached_property
     def text(self) -> str:
-        """The scenario as one self-contained TOML file, which `scenario_from_text` reads back."""
+        """The scenario as one self-contained TOML file for `scenario_from_text`."""
         return _text_of(self.tables)
 
     @cached_property
     def digest(self) -> str:
-        """Sixteen letters that stand for all it says but its name and its seed."""
+        """Sixteen hexadecimal digits of the content without name and seed."""
         neutral = self.tables.model_copy(update={"seed": 0, "name": "any"})
         return hashlib.sha256(_text_of(neutral).encode()).hexdigest()[:16]
 
@@ -292,7 +285,7 @@ class Scenario:
 def _text_of(tables: ScenarioTables) -> str:
     apart = {"link", "vehicle", "change"}
     whole = tables.model_dump(exclude_none=True, exclude=apart)
-    # What one of these leaves out must stay left out: it is the convoy's value.
+    # Keys that these omit must stay omitted: they have the convoy's values.
     some = tables.model_dump(
         exclude_unset=True, exclude_none=True, include={"link", "vehicle", "change"}
     )
@@ -304,7 +297,7 @@ def load_scenario(
 ) -> Scenario:
     """Read a shipped scenario by its name, or a file; `overrides` are `key.path=value` in TOML.
 
-    Raises ScenarioError, whose lines each name file, key, what was given and what is allowed.
+    Raises ScenarioError with a line for each mistake: file, key, given and allowed values.
     """
     return _scenario(read_file(name_or_path), overrides, seed)
 
@@ -318,10 +311,10 @@ def scenario_from_text(
     seed: int | None = None,
     recorded: bool = False,
 ) -> Scenario:
-    """Read a scenario from text; `label` names it in refusals.
+    """Read a scenario from text; `label` names it in error lines.
 
-    Traces and the file that it extends are sought in `folder`. A `recorded` scenario, from a log,
-    may have keys and values that were renamed since.
+    Traces and the base of `extends` are searched in `folder`. A `recorded` scenario, from a log,
+    may have old names of keys and values.
     """
     file = ScenarioFile(label, folder or Path(), text, recorded=recorded)
     return _scenario(file, overrides, seed)

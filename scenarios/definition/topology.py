@@ -1,12 +1,12 @@
-"""Which vehicles each vehicle receives from."""
+"""The vehicles that each vehicle receives from."""
 
 from collections.abc import Sequence
 
 
 def senders_to(names: Sequence[str], receiver: str, *, lead_waits: bool = False) -> tuple[str, ...]:
-    """Vehicles whose poses `receiver` uses, of a convoy of `names`: the lead and its predecessor.
+    """Return the vehicles whose poses `receiver` uses: the lead and its predecessor.
 
-    The first follower has the lead alone, the lead nobody, or all others where it waits for them.
+    The first follower uses the lead only; the lead uses none, or all others if it waits for them.
     """
     place = names.index(receiver)
     if place:

@@ -1,4 +1,4 @@
-"""One vehicle of a scenario: its own tables laid over the convoy's."""
+"""One vehicle of a scenario: its own tables merged into the convoy's."""
 
 import math
 from dataclasses import dataclass, replace
@@ -48,25 +48,25 @@ class VehicleSetup:
 
     @property
     def sends_every_instant(self) -> bool:
-        """Whether a message goes out at each instant of measuring, from the first one on."""
+        """Whether each measurement is sent at once, from the first one on."""
         each = isinstance(self.sending, EveryFix) and self.sending.dcc is None
         return each and self.gnss.has_fix_every_instant
 
     @property
     def highest_rate_hz(self) -> float:
-        """Rate that it never exceeds, counted from the start: no fix is sent twice."""
+        """Largest rate of messages, counted from the start; no fix is sent twice."""
         return self.sending.max_rate(self.gnss.rate)
 
     @property
     def even_rate_hz(self) -> float | None:
-        """Rate of messages that come evenly, None where they do not."""
+        """Rate of periodic messages; None for other rules of sending."""
         return self.highest_rate_hz if self.sending.is_periodic else None
 
     def usual_rate_hz(self, speed: float) -> float:
-        """Messages a second at a constant speed (m/s), straight on.
+        """Return messages per second at a constant speed (m/s) on a straight.
 
-        The lowest of a rate that changes but is not 0, the mean where intervals are drawn, the
-        slowest that congestion control comes to.
+        The lowest non-zero rate of a profile, the mean of random intervals, the lowest rate of
+        congestion control.
         """
         return self.sending.controlled_rate(self.gnss.rate, speed)
 
@@ -85,7 +85,7 @@ class VehicleSetup:
 
 
 def vehicle_setup(tables: ScenarioTables, name: str) -> VehicleSetup:
-    """Collect what `tables` say of the vehicle `name`; raises ValueError if there is none."""
+    """Merge the settings of a vehicle; raises ValueError for an unknown name."""
     names = tables.convoy.vehicle_names
     place, own = names.index(name), tables.vehicle.get(name)
     steering = overlay(tables.control, own and own.control)

@@ -1,4 +1,4 @@
-"""What a changed link does from when on: the course of its effects, from the changes about it."""
+"""Changes of links: the links concerned, and the effects of a link over time."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -24,10 +24,10 @@ from vehicles.schedule import nanoseconds
 LinkChange = LinkChangeTable | CutTable | HealTable
 LINK_CHANGES = LinkChangeTable, CutTable, HealTable
 QUALITIES = ("loss_ratio", "latency_ms", "jitter_ms")
-"""Keys of a link that a change may give another value."""
+"""Keys of a link that a change can set."""
 
 EffectsOf = Callable[[LinkTable, Sequence[Effect]], tuple[Effect, ...]]
-"""Gives the effects of a link as asked for, with others besides."""
+"""Builds the effects of a link from its settings, with additional effects."""
 
 
 def links_of(
@@ -39,10 +39,7 @@ def links_of(
 def concerns(
     change: AnyChange, vehicle: str, tables: ScenarioTables, links: Iterable[tuple[str, str]]
 ) -> bool:
-    """Whether `vehicle` of a convoy with these `links` carries out a change.
-
-    That is of a link its receiver, and of the speed the lead and those that drive the same speed.
-    """
+    """Whether `vehicle` makes a change: the receiver of a link, or a vehicle with the set speed."""
     names = vehicle_names(tables)
     if isinstance(change, LINK_CHANGES):
         return any(receiver == vehicle for _, receiver in links_of(change, names, links))
@@ -68,7 +65,7 @@ class _Spell:
 
 
 Made = dict[tuple[float, float, float, bool], tuple[Effect, ...]]
-"""The effects of one link by what can be changed of it: loss, latency, jitter, and whether cut."""
+"""Cache of the effects of one link by loss, latency, jitter, and whether it is cut."""
 
 
 def course(
@@ -79,16 +76,15 @@ def course(
     since: int = 0,
     made: Made | None = None,
 ) -> tuple[ChangedEffects, ...]:
-    """Work out what a link that is asked for as `table` does from the instant `since` (ns) on.
+    """Return the effects of a link with settings `table` from the instant `since` (ns) on.
 
-    `changes` are those about it with their instants (ns), in order of time. A later one lies over
-    an earlier one, key by key, and when it ends the earlier one holds again. A cut holds until it
-    ends or is healed, whatever else is changed. Effects are taken from `made`, or put there.
+    `changes` of the link have instants (ns) and are in order of time. A later change replaces keys
+    of earlier ones until it ends. A cut lasts until it ends or is healed. `made` is a cache.
     """
     made = {} if made is None else made
     spells = [_Spell.of(at, change) for at, change in changes]
     ends = {int(one.to_at) for one in spells if one.to_at < inf}
-    found: list[ChangedEffects] = []
+    effects: list[ChangedEffects] = []
     active: list[_Spell] = []
     coming = iter([*spells, None])
     following = next(coming)
@@ -99,12 +95,12 @@ def course(
         active = [one for one in active if at < one.to_at]
         if at < since:
             continue
-        asked, is_cut = _changed(table, active), any(one.is_cut for one in active)
-        key = asked.loss_ratio, asked.latency_ms, asked.jitter_ms, is_cut
+        link, is_cut = _changed(table, active), any(spell.is_cut for spell in active)
+        key = link.loss_ratio, link.latency_ms, link.jitter_ms, is_cut
         if key not in made:
-            made[key] = effects_of(asked, (Cut(),) if is_cut else ())
-        found.append(ChangedEffects(at, made[key]))
-    return tuple(found)
+            made[key] = effects_of(link, (Cut(),) if is_cut else ())
+        effects.append(ChangedEffects(at, made[key]))
+    return tuple(effects)
 
 
 def _changed(table: LinkTable, active: Sequence[_Spell]) -> LinkTable:
@@ -118,7 +114,7 @@ def _changed(table: LinkTable, active: Sequence[_Spell]) -> LinkTable:
 
 
 def link_change_problems(tables: ScenarioTables) -> Iterator[tuple[str, str]]:
-    """Give every key of a change of links that does not fit, and what is wrong with it."""
+    """Yield the problems of all link changes by key."""
     for index, change in enumerate(tables.change):
         if isinstance(change, LINK_CHANGES):
             for key, why in link_change_errors(tables, change):
@@ -126,7 +122,7 @@ def link_change_problems(tables: ScenarioTables) -> Iterator[tuple[str, str]]:
 
 
 def link_change_errors(tables: ScenarioTables, change: LinkChange) -> Iterator[tuple[str, str]]:
-    """Give what does not fit of one change of links, under its key with a dot before it."""
+    """Yield the problems of one link change, by keys that begin with a dot."""
     names = vehicle_names(tables)
     problems = list(end_problems(change, names))
     yield from problems

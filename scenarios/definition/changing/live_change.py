@@ -1,4 +1,4 @@
-"""A change that is asked for by hand, as JSON: read, or refused in a line."""
+"""A change requested during a run, as JSON."""
 
 import json
 from collections.abc import Iterable, Iterator, Sequence
@@ -22,13 +22,13 @@ from scenarios.definition.schema.scenario_tables import ScenarioTables
 from scenarios.definition.validation.problem_lines import error_lines
 
 MOST_BYTES = 4096
-"""Of a question."""
+"""Longest request."""
 _HERE = "change[0]"
-_NOT_TOLD = {"at_s", "kind", "sender", "receiver", "vehicle", "for_s"}
+_NOT_DESCRIBED = {"at_s", "kind", "sender", "receiver", "vehicle", "for_s"}
 
 
 class _Asked(Table):
-    """One change, in its place in a scenario, so that it is refused in the same words."""
+    """One change as in a scenario, for the same error lines."""
 
     change: Changes
 
@@ -39,21 +39,21 @@ def change_json(change: AnyChange) -> str:
 
 def describe_change(change: AnyChange) -> str:
     if isinstance(change, HealTable):
-        return "as the scenario has it again"
-    told = change.model_dump(exclude_none=True, exclude=_NOT_TOLD)
-    values = ", ".join(f"{key} {value}" for key, value in told.items())
+        return "as in the scenario"
+    values = change.model_dump(exclude_none=True, exclude=_NOT_DESCRIBED)
+    pairs = ", ".join(f"{key} {value}" for key, value in values.items())
     for_s = getattr(change, "for_s", None)
-    how_long = f"for {for_s:g} s" if for_s is not None else ""
-    what = "" if isinstance(change, LinkChangeTable) else change.kind
-    return " ".join(filter(None, (what, values, how_long)))
+    duration = f"for {for_s:g} s" if for_s is not None else ""
+    kind = "" if isinstance(change, LinkChangeTable) else change.kind
+    return " ".join(filter(None, (kind, pairs, duration)))
 
 
 @dataclass(frozen=True, slots=True)
 class ChangeRequest:
-    """What is asked of a vehicle: a change as an entry without `at_s`, or nothing but when.
+    """A request to a vehicle: a change as an entry without `at_s`, or an empty entry.
 
-    `at_s` is when it is wanted, so that several vehicles do it at one instant; each is free to do
-    it later, and says so.
+    `at_s` is the requested time, so that several vehicles make the change together. A vehicle may
+    make it later and reports when.
     """
 
     entry: dict[str, Any] = field(default_factory=dict)
@@ -82,10 +82,9 @@ class ChangeRequest:
 def read_change(
     entry: dict[str, Any], at_s: float, tables: ScenarioTables, duration_s: float
 ) -> AnyChange:
-    """The change that is asked of a convoy of `tables`, to take effect `at_s` after the start.
+    """Validate a change that takes effect `at_s` after the start of a run.
 
-    The tables have all that is done to it besides. Raises ScenarioError with a line for each thing
-    that is wrong.
+    `tables` hold the other changes of the run. Raises ScenarioError with a line for each problem.
     """
     change = _validated({**entry, "at_s": at_s})
     if problems := list(change_errors(tables, change, duration_s)):
@@ -120,7 +119,7 @@ def _validated(entry: object) -> AnyChange:
 def change_errors(
     tables: ScenarioTables, change: AnyChange, duration_s: float
 ) -> Iterator[tuple[str, str]]:
-    """Give what does not fit of one more change, under its key in a list of its own."""
+    """Yield the problems of an additional change, with its keys as those of `change[0]`."""
     if isinstance(change, LINK_CHANGES):
         for key, why in link_change_errors(tables, change):
             yield f"{_HERE}{key}", why

@@ -1,4 +1,4 @@
-"""Changes to a running convoy that do not fit its vehicles, its length, or one another."""
+"""Changes that contradict the vehicles, the length of the run, or one another."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from math import inf
@@ -18,10 +18,10 @@ from scenarios.definition.schema.scenario_tables import ScenarioTables
 from scenarios.definition.validation.wording import toml_repr
 
 CLOCK_MS_MAX = 10_000.0
-"""By more a vehicle's clock may not be off at any time: its stamps would be refused."""
+"""Largest error of a vehicle's clock; receivers refuse poses with a larger one."""
 
 VEHICLE_CHANGES = frozenset({"gnss", "stall", "crash", "leave", "join"})
-"""Kinds of what is done to a vehicle itself."""
+"""Kinds of changes of a vehicle."""
 
 
 def joins_late(changes: Iterable[AnyChange], name: str) -> bool:
@@ -34,7 +34,7 @@ def is_changed(changes: Iterable[AnyChange], name: str) -> bool:
 
 
 def vehicle_change_problems(tables: ScenarioTables, duration_s: float) -> Iterator[Problem]:
-    """Give every change that cannot be carried out, and clocks that are off too far."""
+    """Yield impossible changes, and clocks with too large an error."""
     names = vehicle_names(tables)
     for index, change in enumerate(tables.change):
         key = f"change[{index}]"
@@ -65,12 +65,12 @@ def _about_one(
     if name == names[0] and isinstance(change, JoinTable | LeaveTable):
         yield (
             f"{key}.vehicle",
-            f"given the lead, which cannot {change.kind}: the convoy is where it is",
+            f"given the lead, which cannot {change.kind} the convoy, allowed a follower",
         )
     elif own and own.replay is not None and not isinstance(change, FixChangeTable):
         yield (
             f"{key}.vehicle",
-            f'given {toml_repr(name)}, which moves as it was recorded: allowed only kind = "gnss"',
+            f'given {toml_repr(name)}, which replays a drive, allowed only kind = "gnss"',
         )
 
 
@@ -110,6 +110,6 @@ def _clock(tables: ScenarioTables, name: str, duration_s: float) -> Iterator[Pro
     if abs(end_ms) > CLOCK_MS_MAX:
         yield (
             f"vehicle.{name}.clock.drift_ppm",
-            f"given {own.clock.drift_ppm:g}, by which the clock is {end_ms:.0f} ms off at the end: "
+            f"given {own.clock.drift_ppm:g}, an error of {end_ms:.0f} ms at the end of the run, "
             f"allowed at most {CLOCK_MS_MAX:g}",
         )

@@ -21,10 +21,10 @@ from vehicles.geometry.sampled_path import SampledPath
 from vehicles.schedule import MILLISECOND
 
 UNSET = LinkSetting()
-"""For links without outages, or at an instant 0."""
+"""For links without outages, or at time 0."""
 
 ROAD_STEP = 2.0
-"""Metres between two places of the road by which vehicles in between are sought."""
+"""Distance (m) between samples of the road for vehicles in between."""
 
 Between = Callable[[], VehiclesBetween]
 """Returns the vehicles between sender and receiver, and their road."""
@@ -37,11 +37,10 @@ def link_effects(
     between: Between = no_vehicles,
     besides: Sequence[Effect] = (),
 ) -> tuple[Effect, ...]:
-    """Impairments that `table` requests of a link whose sender sends at `source_rate_hz`.
+    """Build the effects of a link whose sender sends at `source_rate_hz`.
 
-    The first that drops a message names the reason. `setting` is what laws need of the run,
-    `between` says which vehicles drive between sender and receiver, `besides` is what else the link
-    does to messages that it carries by its rate.
+    The first effect that drops a message names the reason. `between` returns the vehicles between
+    the ends. `besides` are additional effects after the rate of the link.
     """
     latency = round(table.latency_ms * MILLISECOND)
     setting = replace(setting, between=between, latency=latency)
@@ -91,7 +90,7 @@ def content_stage(law: ContentLaw | None, link: Link, gate: PoseGate) -> Content
 
 
 def usual_delay_ms(table: LinkTable) -> float:
-    """What most messages of a link take at most: the jitter at its largest, a law at mean + 2 σ."""
+    """Return a delay that most messages do not exceed: largest jitter, and mean + 2 σ of a law."""
     beyond = 0.0 if table.delay is None else table.delay.typical_max_ns / MILLISECOND
     return table.latency_ms + table.jitter_ms + beyond
 
@@ -107,7 +106,7 @@ def vehicles_between(route: Route, sender: int, receiver: int) -> VehiclesBetwee
 
 
 def _road(path: SampledPath) -> Road:
-    """Sample a path; the last piece is on the straight that leaves it."""
+    """Sample a path, with a straight extension at its end."""
     first, count = float(path.station[0]), int(path.length / ROAD_STEP) + 1
     nodes = first + ROAD_STEP * np.arange(count)
     beyond = [path.at(first + ROAD_STEP * (count + more)) for more in (0, 1)]

@@ -1,4 +1,4 @@
-"""What a link should achieve by all its laws together, as far as they determine it."""
+"""Expected loss, bursts, delay and age of a link, as far as its laws determine them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,23 +14,21 @@ from transport.links.laws.vehicles_between import no_vehicles
 from vehicles.schedule import MILLISECOND
 
 USUAL_MESSAGE_BYTES = 124
-"""Of a pose on the wire, all but always."""
+"""Size of nearly all poses on the wire."""
 FASTEST_HZ = 1000.0
-"""No source measures more often, so a rate of the link holds back, unless it says otherwise."""
+"""Highest rate of a source, so that the rate of a link is always an upper bound."""
 _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExpectedChannel:
-    """Mean loss, mean length of its bursts, mean and deviation of the delay (ms), in the long run.
+    """Long-run mean loss, mean burst, mean and standard deviation of the delay (ms).
 
-    None where no number says it beforehand, such as a loss that depends on the distance, or bursts
-    where all is lost.
+    Unknown figures are None, such as a loss that depends on the distance.
 
-    `loss_inflation` and `latency_inflation` say by how much the dependence from message to message
-    spreads a counted loss and a mean delay more than independent messages would (as variances);
-    never too little. `settles` says whether a run is like the long run but for that: not where
-    messages are lost by number or for a time.
+    `loss_inflation` and `latency_inflation` are upper bounds of the variance of a counted loss and
+    of a mean delay, over that of independent messages. `settles` is False where messages are lost
+    by number or for a time, so that a run differs from the long run.
     """
 
     loss_ratio: float | None
@@ -48,11 +46,11 @@ def expected_channel(
     distance_m: float | None = None,
     between: Between = no_vehicles,
 ) -> ExpectedChannel:
-    """Work out what follows from the laws that `table` asks for, each independent of the others.
+    """Combine the laws of a link, assumed independent.
 
-    Where it matters, messages are sent at `source_rate_hz`, over `distance_m`, past the vehicles
-    `between`, all of which are taken to be in the way. Without a distance the loss of a radio is
-    unknown; windows in which a vehicle's own radio is off are not the link's.
+    Messages are sent at `source_rate_hz` over `distance_m`, with all vehicles `between` obstructing
+    the line of sight. Without a distance the loss of a radio is unknown. Times in which a vehicle's
+    radio is off do not count.
     """
     effects = link_effects(table, source_rate_hz, between=between)
     loss = expected_loss(table, effects, distance_m)
@@ -75,12 +73,12 @@ def expected_channel(
 def expected_loss(
     table: LinkTable, effects: Sequence[Effect], distance_m: float | None
 ) -> Losses | None:
-    """Combine the losses of all laws: 1 - Π(1 - p); None if that of one is not known."""
+    """Combine the losses of all laws: 1 - Π(1 - p); None if one is unknown."""
     if table.queue is not None:
         return None
     decimated = any(one.reason == "rate" for one in effects)
     if decimated and any(one.judged_by == "number" for one in effects):
-        return None  # which of them the link carries at all is a matter of numbers
+        return None  # the rate selects messages by number as well
     found = [one.losses(distance_m) for one in effects]
     if table.content is not None:
         found.append(table.content.corrupted(USUAL_MESSAGE_BYTES))
@@ -89,15 +87,14 @@ def expected_loss(
         return None
     whole = reduce(Losses.beside, (one for one in known if one.loss), Losses(0.0, None, 0.0))
     if decimated and any(one.has_memory for one in known):
-        return Losses(whole.loss, None, whole.covariances)  # it steps on with what is held back
+        return Losses(whole.loss, None, whole.covariances)  # memory counts omitted messages too
     return Losses(whole.loss, _burst(known, whole.loss), whole.covariances)
 
 
 def _burst(laws: Sequence[Losses], loss: float) -> float | None:
-    """Mean number of messages lost in a row by several independent stationary laws.
+    """Return the mean burst of several independent stationary laws.
 
-    As many bursts end as there are messages that pass after one that was lost: P(passes) - P(both
-    pass), and both probabilities are products over the laws.
+    The rate of ending bursts is P(passes) - P(two in a row pass), products over the laws.
     """
     lossy = [one for one in laws if one.loss]
     together = [one.both_delivered for one in lossy]
@@ -127,16 +124,15 @@ def _delay(table: LinkTable, effects: Sequence[Effect]) -> tuple[float | None, f
 def expected_age_ms(
     expected: ExpectedChannel, rate_hz: float, control_rate_hz: float | None = None
 ) -> float | None:
-    """Mean age (ms) of the newest message of a source that is sent `rate_hz` times a second.
+    """Return the mean age (ms) of the newest message of a source at a rate; None if unknown.
 
-    At an instant of any phase, with messages that do not overtake one another much: the mean delay
-    plus E[X²] / (2 E[X]) periods, where X counts the periods from one message that passes to the
-    next (renewal theory: Cox 1962, section 5.2). Losses are taken as a two-state chain with the
-    link's mean loss p and burst b, which is exact for independent losses, where it is delay +
-    T (1 / (1 - p) - 1/2), and for Gilbert's. None where the figures are not known, or all is lost.
+    Without much overtaking it is the mean delay plus E[X²] / (2 E[X]) periods, where X is the
+    number of periods between received messages (renewal theory: Cox 1962, section 5.2). Losses are
+    modelled as a two-state chain with mean loss p and burst b: exact for independent losses, with
+    delay + T (1 / (1 - p) - 1/2), and for Gilbert's law.
 
-    Commands `control_rate_hz` times a second meet a constant delay in certain phases only, a
-    greatest common divisor of both periods apart, of which the first may be at the very message.
+    Commands at `control_rate_hz` meet a constant delay in phases that are a greatest common divisor
+    of both periods apart.
     """
     loss, delay = expected.loss_ratio, expected.latency_ms_mean
     if loss is None or delay is None or loss == 1.0:
@@ -155,7 +151,7 @@ def expected_age_ms(
 
 
 def _common_period_s(one: Fraction, other: Fraction) -> float:
-    """Greatest time (s) of which the periods of both rates (Hz) are multiples."""
+    """Return the greatest common divisor (s) of the periods of two rates (Hz)."""
     # gcd(a/b, c/d) = gcd(ad, cb) / bd, of the periods 1/one and 1/other
     a, b, c, d = one.denominator, one.numerator, other.denominator, other.numerator
     return gcd(a * d, c * b) / (b * d)

@@ -1,4 +1,4 @@
-"""Which key of which rule of a scenario is behind what a link did."""
+"""The key of the rule that made a link drop a message."""
 
 from collections.abc import Iterator
 
@@ -9,14 +9,14 @@ from scenarios.definition.schema.scenario_tables import ScenarioTables
 from transport.links.laws.registry import KEY_OF_REASON
 
 OF_VEHICLES = {"transmitter_off": 0, "receiver_off": 1}
-"""Reasons that are keys of the vehicle at the one or the other end of the link."""
+"""Reasons that are keys of the vehicle at one end of the link."""
 
 
 def origin(tables: ScenarioTables, link: tuple[str, str], reason: str) -> str:
-    """Name what in the scenario makes `link` (sender, receiver) drop a message for `reason`.
+    """Return the key that makes `link` (sender, receiver) drop messages for `reason`.
 
-    Such as `links.loss_ratio = 0.4`, or `link[1].loss_ratio = 0.4 (lead → *)`. The reason itself
-    where no key is known to be behind it.
+    Such as `links.loss_ratio = 0.4`, or `link[1].loss_ratio = 0.4 (lead → *)`; the reason itself if
+    no key is known.
     """
     if reason in OF_VEHICLES:
         return f"vehicle.{link[OF_VEHICLES[reason]]}.{reason}"
@@ -25,10 +25,10 @@ def origin(tables: ScenarioTables, link: tuple[str, str], reason: str) -> str:
 
 
 def source_key(tables: ScenarioTables, link: tuple[str, str], key: str) -> str:
-    """Name the rule that gives `key` of a link, with its value where that is one number or word."""
+    """Return the rule that gives `key` of a link, with its value if that is a number or a word."""
     for entry in _entries(tables, link):
         if key in entry.model_fields_set or entry.preset:
-            key = key if key in entry.model_fields_set else "preset"  # which is a whole channel
+            key = key if key in entry.model_fields_set else "preset"
             place = _place(tables, entry)
             return f"{place}.{key}{_value(entry, key)} ({entry.sender} → {entry.receiver})"
     return f"links.{key}{_value(tables.links, key)}"
@@ -43,7 +43,7 @@ def rules_of(tables: ScenarioTables, link: tuple[str, str]) -> Iterator[str]:
 
 
 def _entries(tables: ScenarioTables, link: tuple[str, str]) -> list[LinkEntry]:
-    """Entries about a link, the most specific first."""
+    """Return the entries of a link, the most specific first."""
     about = entries_about(tables.link, vehicle_names(tables), *link)
     return [entry for _, entry in reversed(about)]
 

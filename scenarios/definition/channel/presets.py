@@ -1,7 +1,7 @@
-"""Shipped channels: `links.preset = "…"` lays one under what a scenario says of its links.
+"""Shipped channels: `links.preset = "…"`.
 
-When a scenario is read, the keys of the preset are put in, so that the scenario inside a log says
-all: the preset's name stays for titles, and `preset_source` says that its keys are there.
+Reading a scenario fills in the keys of the preset, so that the scenario in a log is complete. The
+name of the preset stays for titles; `preset_source` marks that its keys are filled in.
 """
 
 import tomllib
@@ -17,15 +17,12 @@ from scenarios.definition.overrides import Raw
 from scenarios.definition.validation.wording import did_you_mean, toml_repr
 
 INLINED = "preset_source"
-"""The key that says that a preset's keys are in the table already."""
+"""Key that marks a table with the preset's keys filled in."""
 
 
 @dataclass(frozen=True, slots=True)
 class ChannelPreset:
-    """A shipped channel: what it is, where its figures are from, and the keys of `[links]`.
-
-    One that treats some links apart has `entries` too, as those of `[[link]]`.
-    """
+    """A shipped channel: description, source of its figures, keys of `[links]` and `[[link]]`."""
 
     name: str
     description: str
@@ -96,6 +93,6 @@ def _preset(
 def _whole(table: Any, preset: ChannelPreset | None) -> Any:
     if preset is None:
         return table
-    # Whether the table names a preset must not matter here: it would replace what is under it.
+    # Without the key `preset`, which would replace the table below.
     own = {key: value for key, value in table.items() if key != PRESET}
     return laid_over(preset.links, own) | {PRESET: preset.name, INLINED: preset.source}

@@ -1,4 +1,4 @@
-"""Recorded delays, read from their files into the scenario."""
+"""Recorded delays, read into the scenario."""
 
 import csv
 import math
@@ -20,9 +20,9 @@ SomeLink = TypeVar("SomeLink", bound=LinkTable)
 
 
 def with_recorded_delays(tables: ScenarioTables, folder_of: FolderOf) -> ScenarioTables:
-    """Put the delays of files that links name in their place; raises Refused.
+    """Replace files of delays by their contents; raises SettingError.
 
-    `folder_of` gives the folder in which the file that a key names is sought.
+    `folder_of` returns the folder in which the file of a key is searched.
     """
     links = _read(tables.links, "links", folder_of)
     entries = tuple(

@@ -27,15 +27,15 @@ from vehicles.messages import LinkVerdict
 COLUMNS = ["number", "received"]
 RECEIVED = {"1": True, "true": True, "0": False, "false": False}
 MOST_LINES = 10_000_000
-"""Of a pattern: six days at 20 Hz."""
+"""Longest pattern: six days at 20 Hz."""
 
 AnyLink = TypeVar("AnyLink", bound=LinkTable)
 FolderOf = Callable[[str], Path]
-"""Gives the folder in which the file that a key names is sought."""
+"""Returns the folder in which the file of a key is searched."""
 
 
 def with_recordings(tables: ScenarioTables, folder_of: FolderOf) -> ScenarioTables:
-    """Replace the files of `kind = "pattern"` and `"log"` by what they hold; raises Refused."""
+    """Replace files of `kind = "pattern"` and `"log"` by their contents; raises SettingError."""
     places = _places(tables)
     if not any(isinstance(table.loss, RecordedPattern | EarlierRun) for _, table in places):
         return tables
@@ -124,9 +124,9 @@ def _received(text: str) -> Iterator[bool]:
 
 
 def _with_earlier_runs(tables: ScenarioTables, folder_of: FolderOf) -> ScenarioTables:
-    """Give each link that repeats one of an earlier run an entry of its own with the record.
+    """Add an entry with the record for each link that repeats one of an earlier run.
 
-    An entry with both names is the most specific, so it rules the link as the file's key did.
+    An entry with both names is the most specific, so it replaces the file's key.
     """
     names = vehicle_names(tables)
     replayed = {name for name, own in tables.vehicle.items() if own.replay is not None}
@@ -150,7 +150,7 @@ def _with_earlier_runs(tables: ScenarioTables, folder_of: FolderOf) -> ScenarioT
 
 
 def _giver(tables: ScenarioTables, loss: EarlierRun, pair: tuple[str, str]) -> str:
-    """Key of the file of a link's record, in the most specific table that names it."""
+    """Return the key of the file of a link, in the most specific table that names it."""
     for _, entry in reversed(entries_about(tables.link, vehicle_names(tables), *pair)):
         if isinstance(entry.loss, EarlierRun) and entry.loss.file == loss.file:
             place = next(place for place, one in enumerate(tables.link) if one is entry)
@@ -181,9 +181,9 @@ def _links_of(path: Path) -> dict[tuple[str, str], dict[int, LinkVerdict]]:
 def _record(
     loss: EarlierRun, found: dict[tuple[str, str], dict[int, LinkVerdict]], pair: tuple[str, str]
 ) -> EarlierRun:
-    """Put the verdicts of a link in place of the file; raises ValueError if there are none.
+    """Replace the file by the verdicts of a link; raises ValueError without verdicts.
 
-    A message without a verdict never came, so it is lost; it has the delay of the one before.
+    A message without a verdict never arrived: it is lost, with the delay of the previous one.
     """
     link = loss.sender or pair[0], loss.receiver or pair[1]
     if link not in found:
@@ -197,7 +197,7 @@ def _record(
             delays.append(delays[-1] if delays else 0)
             dropped.setdefault("pattern", []).append(number)
             continue
-        # Logs of versions that did not know when a pose was sent have 0 there.
+        # Old logs have 0 as the time of sending.
         delays.append(verdict.visible_at_ns - (verdict.sent_at_ns or verdict.measured_at_ns))
         if verdict.reason:
             dropped.setdefault(verdict.reason, []).append(number)
@@ -215,7 +215,7 @@ def _record(
 
 
 def run_lengths(delays: Sequence[int]) -> str:
-    """Write delays (ns) as `delays_ns` has them: each with how many messages in a row had it."""
+    """Write delays (ns) as `delays_ns` has them: each with the number of messages in a row."""
     runs = [(delay, sum(1 for _ in some)) for delay, some in groupby(delays)]
     return ", ".join(f"{delay}x{count}" if count > 1 else f"{delay}" for delay, count in runs)
 

@@ -1,4 +1,4 @@
-"""Which entries of a scenario are about a directed link, and what is requested of it."""
+"""The entries of a scenario that apply to a directed link, and the merged settings."""
 
 from collections.abc import Iterator, Sequence
 from typing import Protocol
@@ -12,15 +12,12 @@ from scenarios.definition.validation.wording import toml_repr
 ANY = "*"
 """Stands for every vehicle in a link's `sender` or `receiver`."""
 ROLES = ("lead", "predecessor", "follower")
-"""Stand for vehicles by their place: the first, the one ahead of the receiver, any but the first.
-
-A vehicle that has such a name is meant by it before the role is.
-"""
+"""Vehicles by their place; a vehicle with such a name takes precedence over the role."""
 _BY_NAME, _BY_ROLE, _BY_ANY = 2, 1, 0
 
 
 class Ends(Protocol):
-    """Says about which links something is."""
+    """The links that an entry applies to."""
 
     @property
     def sender(self) -> str:
@@ -32,7 +29,7 @@ class Ends(Protocol):
 
 
 def specificity(entry: Ends, names: Sequence[str], sender: str, receiver: str) -> int | None:
-    """How specific an entry is about a link of a convoy of `names`, None if it is about others.
+    """Return how specific an entry is for a link, None if it does not apply.
 
     Each end counts 2 by name, 1 by role and 0 for "*".
     """
@@ -54,10 +51,7 @@ def _end(given: str, vehicle: str, names: Sequence[str], receiver: str) -> int |
 def end_problems(
     entry: Ends, names: Sequence[str], *, lead_waits: bool = False
 ) -> Iterator[tuple[str, str]]:
-    """Give the ends of an entry that name no vehicle, each under ".sender" or ".receiver".
-
-    An entry that is about no link is refused as a whole, under "".
-    """
+    """Yield ends that name no vehicle, by ".sender" or ".receiver"; by "" if no link matches."""
     known = list(dict.fromkeys((*names, *ROLES, ANY)))
     given = {".sender": entry.sender, ".receiver": entry.receiver}
     unknown = {key: end for key, end in given.items() if end not in known}
@@ -67,18 +61,17 @@ def end_problems(
     if not unknown and all(specificity(entry, names, *pair) is None for pair in links):
         yield (
             "",
-            f"from {entry.sender} to {entry.receiver}: no vehicle listens there, followers hear "
-            f"{names[0]} and the vehicle ahead of them",
+            f"from {entry.sender} to {entry.receiver}: no such link, followers receive from "
+            f"{names[0]} and from their predecessor",
         )
 
 
 def requested_link(
     tables: ScenarioTables, names: Sequence[str], sender: str, receiver: str
 ) -> LinkTable:
-    """What is requested of one link: the convoy's values, under those of its entries.
+    """Merge the settings of one link: [links], then its entries by specificity, key by key.
 
-    Of several entries the more specific wins, key by key; what it leaves out is inherited, unless
-    it names a preset, which is a whole channel.
+    An entry with a preset replaces everything below it, since a preset is a complete channel.
     """
     link = tables.links
     for _, entry in entries_about(tables.link, names, sender, receiver):
@@ -89,7 +82,7 @@ def requested_link(
 def entries_about(
     entries: Sequence[LinkEntry], names: Sequence[str], sender: str, receiver: str
 ) -> list[tuple[int, LinkEntry]]:
-    """Entries about a link with their specificity, the least specific first."""
+    """Return the entries of a link with their specificity, the least specific first."""
     found = [(specificity(entry, names, sender, receiver), entry) for entry in entries]
     about = [(grade, entry) for grade, entry in found if grade is not None]
     return sorted(about, key=lambda one: one[0])
@@ -98,10 +91,7 @@ def entries_about(
 def ties(
     entries: Sequence[LinkEntry], names: Sequence[str], *, lead_waits: bool = False
 ) -> Iterator[tuple[int, int, str]]:
-    """Give the numbers of two entries that are equally specific about one link, and a key of both.
-
-    Each pair once, with the first key that both give.
-    """
+    """Yield the numbers of two entries that are equally specific for a link, and a key of both."""
     seen: set[tuple[int, int]] = set()
     for sender, receiver in directed_links(names, lead_waits=lead_waits):
         graded = [specificity(entry, names, sender, receiver) for entry in entries]
@@ -115,6 +105,6 @@ def ties(
 
 
 def _keys(entry: LinkEntry) -> set[str]:
-    """Keys that an entry gives; with a preset it gives them all."""
+    """Return the keys that an entry gives; all with a preset."""
     every = set(LinkTable.model_fields)
     return every if entry.preset else entry.model_fields_set & every

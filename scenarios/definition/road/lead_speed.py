@@ -1,4 +1,4 @@
-"""How fast the lead goes: as set, lowered before curves, or as it was recorded."""
+"""The lead's speed: lowered before curves, or as recorded."""
 
 import math
 from bisect import bisect_right
@@ -11,25 +11,25 @@ from vehicles.driver.speed import SpeedProfile
 from vehicles.geometry.sampled_path import FloatArray, SampledPath
 
 STEP = 0.05
-"""Time step (s) of a speed over time that depends on the station."""
+"""Time step (s) of a speed that depends on the station."""
 
 RECORDED_STEP = 0.2
 """Time step (s) between the knots of a recorded speed."""
 
 RECORDED_WINDOW = 1.0
-"""Recorded speeds are averaged over this time (s)..."""
+"""Averaging window (s) of recorded speeds."""
 
 DERIVED_WINDOW = 2.0
-"""...and speeds derived from recorded times over this (s), since positions are noisier."""
+"""Averaging window (s) of speeds derived from positions, which are noisier."""
 
 SILENCE, SILENT_INTERVALS = 2.0, 4.0
-"""Nothing was recorded where instants are further apart than this (s) and so many usual ones..."""
+"""A silence in a record is longer than this (s) and than this number of usual intervals."""
 
 SILENT_BRAKING, SILENT_ACCELERATION = 2.5, 1.5
-"""...and if the car was slower meanwhile, it is taken to have braked and sped up so (m/s²)."""
+"""Assumed braking and acceleration (m/s²) of a car that was slower during a silence."""
 
 CRAWLING = 1.0
-"""No car crawls on like this (m/s) while it cannot be seen: it stands for a while."""
+"""Speed (m/s) below which a car is assumed to stand for a part of a silence."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,8 +46,8 @@ def slowed(
 ) -> SpeedProfile:
     """Lower `wanted` before and in curves, from station `start` (m), for `until` s or to the end.
 
-    In a curve v² |curvature| stays at the lateral limit; braking begins early enough, and after
-    the curve the lead speeds up again to what is wanted at that time.
+    In a curve v² |curvature| stays at the lateral limit. The lead brakes early enough, and
+    accelerates to the wanted speed after the curve.
     """
     fastest, sharpest = max(wanted.speeds), float(np.max(np.abs(path.curvature)))
     if fastest * fastest * sharpest <= limits.lateral:
@@ -65,7 +65,7 @@ def slowed(
 
 
 class _Cap:
-    """Highest speed at each station from which all that follows on the path can be kept."""
+    """Highest speed at each station that leaves room to brake for all curves ahead."""
 
     def __init__(self, path: SampledPath, limits: Limits) -> None:
         sharp = np.maximum(np.abs(path.curvature), 1e-9)
@@ -78,7 +78,7 @@ class _Cap:
         self.end = self._stations[-1]
 
     def at(self, station: float) -> float:
-        """Speed (m/s) at `station` (m); its square is linear in between, as under braking."""
+        """Return the speed (m/s) at `station` (m); its square is linear, as under braking."""
         k = min(max(bisect_right(self._stations, station), 1), len(self._stations) - 1)
         (s0, s1), (q0, q1) = self._stations[k - 1 : k + 1], self._squares[k - 1 : k + 1]
         share = min(max((station - s0) / (s1 - s0), 0.0), 1.0)
@@ -92,12 +92,11 @@ def _standing(wanted: SpeedProfile, at: float, speed: float) -> bool:
 def recorded(
     times: Sequence[float], stations: Sequence[float], speeds: Sequence[float]
 ) -> tuple[SpeedProfile, float]:
-    """Lay out the speed of a recorded drive over time, and the ratio by which it was scaled.
+    """Return the speed of a recorded drive over time, and the factor by which it was scaled.
 
-    `stations` (m) are those of the recorded points on the smoothed path, so the distance driven
-    never drifts from the path: recorded `speeds` are scaled to cover it exactly, and where there
-    are none, as while nothing was recorded for SILENCE, the speed is that of the stations. Both are
-    averaged over a window; stops remain stops.
+    `stations` (m) are those of the recorded points on the smoothed path. Recorded `speeds` are
+    scaled to cover the path exactly; without them, or in a silence, the speed follows from the
+    stations. Both are averaged over a window; stops remain stops.
     """
     kept = np.flatnonzero(np.diff(np.asarray(times), prepend=-math.inf) > 0.0)
     t, s = np.asarray(times, float)[kept], np.asarray(stations, float)[kept]
@@ -128,7 +127,7 @@ def _summed(steps: FloatArray) -> FloatArray:
 def _with_silences(
     t: FloatArray, distance: FloatArray, silent: Sequence[int]
 ) -> tuple[FloatArray, FloatArray]:
-    """Put instants into silences, numbered by the point before, in which the car slowed down."""
+    """Insert instants into silences in which the car slowed down, each given by its first point."""
 
     def speed(begin: float, end: float) -> float:
         here, there = np.interp((begin, end), t, distance).tolist()
@@ -139,35 +138,36 @@ def _with_silences(
         begin, end = t[k : k + 2].tolist()
         first = speed(max(begin - SILENCE, float(t[0])), begin)
         last = speed(end, min(end + SILENCE, float(t[-1])))
-        since, way = _slowed_down(end - begin, float(distance[k + 1] - distance[k]), first, last)
+        driven = float(distance[k + 1] - distance[k])
+        since, covered = _slowed_down(end - begin, driven, first, last)
         times.append(begin + since)
-        places.append(distance[k] + way)
+        places.append(distance[k] + covered)
     at = np.concatenate(times)
     order = np.argsort(at, kind="stable")
     return at[order], np.concatenate(places)[order]
 
 
 def _slowed_down(
-    span: float, way: float, first: float, last: float
+    span: float, driven: float, first: float, last: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Give instants (s) in a `span`, and how far (m) of its `way` a car had come by then.
+    """Return instants (s) in a `span`, and the distance (m) of `driven` covered by then.
 
-    It brakes from a speed of `first` (m/s) to one that it holds, and speeds up again to `last`;
-    instead of CRAWLING it drives on before it brakes, and stands. None where it was not slower
-    meanwhile, or braked harder.
+    The car brakes from `first` (m/s) to a speed that it holds, and accelerates to `last`. Instead
+    of CRAWLING it brakes later and stands. Empty if it was not slower, or braked harder.
     """
-    # The way of who holds h is way = h * spare + h² * change + ramps.
+    # With a held speed h: driven = h * spare + h² * change + ramps.
     spare = span - first / SILENT_BRAKING - last / SILENT_ACCELERATION
     change = 0.5 / SILENT_BRAKING + 0.5 / SILENT_ACCELERATION
     ramps = 0.5 * first**2 / SILENT_BRAKING + 0.5 * last**2 / SILENT_ACCELERATION
-    if spare <= 0.0 or ramps > way:
+    if spare <= 0.0 or ramps > driven:
         return np.zeros(0), np.zeros(0)
-    held = 2.0 * (way - ramps) / (spare + math.sqrt(spare**2 + 4.0 * change * (way - ramps)))
+    level = driven - ramps
+    held = 2.0 * level / (spare + math.sqrt(spare**2 + 4.0 * change * level))
     on = 0.0
     if held >= min(first, last):
         return np.zeros(0), np.zeros(0)
-    if 0.0 < held < CRAWLING and way - ramps <= first * spare:
-        held, on = 0.0, (way - ramps) / first
+    if 0.0 < held < CRAWLING and level <= first * spare:
+        held, on = 0.0, level / first
     braking, speeding = (first - held) / SILENT_BRAKING, (last - held) / SILENT_ACCELERATION
     since = np.arange(RECORDED_STEP, span, RECORDED_STEP)
     slowing = np.maximum(on + braking - np.maximum(since, on), 0.0)
@@ -177,7 +177,7 @@ def _slowed_down(
 
 
 def _mean_speed(t: FloatArray, distance: FloatArray, knots: FloatArray, half: float) -> list[float]:
-    """Mean speed (m/s) within `half` s of each knot, within the record's time."""
+    """Return the mean speed (m/s) within `half` s of each knot, within the record."""
     late, early = np.minimum(knots + half, t[-1]), np.maximum(knots - half, 0.0)
     early = np.minimum(early, late - half)
     found: list[float] = (

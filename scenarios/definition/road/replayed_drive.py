@@ -1,4 +1,4 @@
-"""A vehicle that moves as it was recorded: along its own smoothed places, by its recorded times."""
+"""The motion of a replayed vehicle: along its smoothed path, by its recorded times."""
 
 import math
 from bisect import bisect_right
@@ -20,24 +20,24 @@ STEP = 0.2
 """Time step (s) between the knots of a recorded motion."""
 
 LEAST_INTERVAL = 0.01
-"""Stands and holes are filled with points that are no closer than this (s)."""
+"""Smallest interval (s) of points that fill standstills and holes."""
 
 REACH = 1.0
-"""Recorded stations are smoothed over this time (s) to either side..."""
+"""Smoothing of recorded stations: smallest reach (s) to either side."""
 
 REACH_PER_METRE = 2.0
-"""...and over this time (s) for each metre of noise, if that is more."""
+"""Smoothing of recorded stations: reach (s) per metre of noise."""
 
 DAY = 86_400.0
 
 OVERTIME = 1.0
-"""So long (s) after the end of its record a vehicle goes on as it was going."""
+"""Time (s) for which a vehicle continues after the end of its record."""
 
 LOOK = 0.5
 """Time step (s) at which a replayed vehicle is compared with its neighbours."""
 
 NEAR = 50.0
-"""It is looked for on the lead's path within this way (m) of where it is expected."""
+"""Distance (m) from its expected station within which it is projected onto the lead's path."""
 
 LEAST_SPACING = 5.0
 """Neighbours whose centres are planned closer than this (m) touch each other."""
@@ -46,17 +46,17 @@ RUN_IN = 50.0
 """The straight before a replayed drive's first point (m)."""
 
 BESIDE = 5.0
-"""A drive that is further than this (m) from the lead's path is another road."""
+"""Distance (m) from the lead's path above which a warning is due."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReplayedDrive:
-    """The motion of a replayed vehicle over the time of a run.
+    """The motion of a replayed vehicle during a run.
 
-    Knots of `times` (s, of its record, from its first point), `stations` (m) and `speeds` (m/s) on
-    its `road`. At the start of the run `begun` s of the record have passed, by a `common` clock, or
-    else counted from where the lead's drive begins; where that is negative it comes up to its first
-    point on a straight.
+    `times` (s) of the record count from its first point; `stations` (m) and `speeds` (m/s) are on
+    its `road`. The run starts `begun` s after the first point, by a `common` clock or else by the
+    start of the lead's drive. If that is negative, the vehicle reaches its first point on a
+    straight.
     """
 
     road: SmoothedPath
@@ -68,11 +68,11 @@ class ReplayedDrive:
 
     @property
     def lasts(self) -> float:
-        """Time (s) after the start of the run at which its record ends."""
+        """Time (s) after the start of the run when the record ends."""
         return self.times[-1] - self.begun
 
     def at(self, seconds: float) -> tuple[PathPoint, float, float]:
-        """Place, speed (m/s) and way from its first point (m) `seconds` s after the start."""
+        """Return point, speed (m/s) and distance (m) from the first point at a time of the run."""
         time = self.begun + seconds
         k = min(max(bisect_right(self.times, time) - 1, -1), len(self.times) - 1)
         if k < 0 or k == len(self.times) - 1:
@@ -84,18 +84,18 @@ class ReplayedDrive:
         return self.road.path.at(station), speed, station - self.stations[0]
 
     def _between(self, k: int, time: float) -> tuple[float, float]:
-        """Station and speed on the cubic (Hermite) from knot k to the next."""
+        """Return station and speed on the cubic (Hermite) from knot k to the next."""
         step = self.times[k + 1] - self.times[k]
         u = (time - self.times[k]) / step
-        way = self.stations[k + 1] - self.stations[k]
+        length = self.stations[k + 1] - self.stations[k]
         v0, v1 = self.speeds[k] * step, self.speeds[k + 1] * step
-        square, cube = 3.0 * way - 2.0 * v0 - v1, v0 + v1 - 2.0 * way
+        square, cube = 3.0 * length - 2.0 * v0 - v1, v0 + v1 - 2.0 * length
         slope = v0 + u * (2.0 * square + 3.0 * u * cube)
         return self.stations[k] + u * (v0 + u * (square + u * cube)), max(slope / step, 0.0)
 
 
 def plan_replay(tables: ScenarioTables, name: str, route: Route) -> ReplayedDrive:
-    """Lay out the motion of vehicle `name`, which is replayed; raises Refused."""
+    """Plan the motion of a replayed vehicle; raises SettingError."""
     own = tables.vehicle[name]
     drive, key = own.drive, f"vehicle.{name}.replay"
     if drive is None:
@@ -119,24 +119,24 @@ def plan_replay(tables: ScenarioTables, name: str, route: Route) -> ReplayedDriv
 def _knots(
     drive: PointsPath, road: SmoothedPath
 ) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]] | None:
-    """Times, stations and speeds: smoothed over time, never backwards."""
+    """Return times, stations and speeds, smoothed over time and never backwards."""
     given = np.asarray(drive.time_s[: road.points_used])
     kept = np.flatnonzero(np.diff(given, prepend=-math.inf) > 0.0)
     t, s = given[kept] - given[0], np.maximum.accumulate(road.stations[kept])
     if t.size < NEIGHBOURS:
         return None
-    # Stands and holes are long steps in time, over which a cubic would swing: filled evenly.
+    # A cubic would overshoot over standstills and holes, which are long steps: fill them evenly.
     usual = max(float(np.median(np.diff(t))), LEAST_INTERVAL)
     even = np.linspace(0.0, t[-1], max(math.ceil(t[-1] / usual), t.size) + 1)
     times = np.linspace(0.0, t[-1], max(math.ceil(t[-1] / STEP), 1) + 1)
     reach = max(REACH, REACH_PER_METRE * road.noise)
     stations = local_cubic(even, np.interp(even, t, s)[None, :], times, reach)[0]
-    # A cubic swings over the beginning and the end of a stand by some centimetres.
+    # A cubic overshoots by some centimetres at both ends of a standstill.
     stations = np.maximum.accumulate(np.clip(stations, s[0], s[-1]))
     means = np.diff(stations) / np.diff(times)
     slower = np.minimum(np.append(means, math.inf), np.append(math.inf, means))
-    # Up to three times the slower mean beside a knot a cubic never goes backwards (Fritsch and
-    # Carlson, 1980).
+    # A cubic is monotone up to three times the slower mean next to a knot (Fritsch and Carlson,
+    # 1980).
     speeds = np.minimum(np.gradient(stations, times), 3.0 * slower)
     return tuple(times.tolist()), tuple(stations.tolist()), tuple(speeds.tolist())
 
@@ -144,7 +144,7 @@ def _knots(
 def _begun(
     tables: ScenarioTables, own: VehicleTable, drive: PointsPath, route: Route
 ) -> tuple[float, bool]:
-    """How much of the record (s) is over when the run starts, and whether by a common clock."""
+    """Return the time (s) in the record at which the run starts, and whether clocks are common."""
     lead = tables.path
     later = own.replay_offset_s + route.run_in
     if isinstance(lead, PointsPath) and tables.speed.lead == "recorded":
@@ -155,19 +155,19 @@ def _begun(
 
 
 def _apart(lead: PointsPath, drive: PointsPath) -> float | None:
-    """How much later (s) than the lead's a drive begins; None where only one has absolute times.
+    """Return the start (s) of a drive after the lead's; None if only one has absolute times.
 
-    Where none has, both files are taken to count from one instant.
+    Without absolute times both files count from the same instant.
     """
     if (lead.clock is None) != (drive.clock is None):
         return None
     apart = drive.epoch_s - lead.epoch_s
-    # Times of day say nothing of the date: the nearer of two days is meant.
+    # Times of day have no date: use the nearer of two days.
     return math.remainder(apart, DAY) if "day" in {lead.clock, drive.clock} else apart
 
 
 def whole_run(route: Route, drives: Iterable[ReplayedDrive]) -> float:
-    """Time (s) until the lead reaches the end of its path, or a replayed one that of its record."""
+    """Return the time (s) until the lead's path ends, or the record of a replayed vehicle."""
     longest = longest_run(route)
     ends = min((drive.lasts for drive in drives if drive.lasts > 0.0), default=math.inf)
     return longest if ends + OVERTIME >= longest else math.floor(10.0 * ends) / 10.0
@@ -176,7 +176,7 @@ def whole_run(route: Route, drives: Iterable[ReplayedDrive]) -> float:
 def replay_problems(
     tables: ScenarioTables, name: str, drive: ReplayedDrive, duration: float
 ) -> Iterator[tuple[str, str]]:
-    """Give what keeps a replayed vehicle from taking part: a record that ends before the run."""
+    """Yield a problem if the record ends before the run."""
     if drive.lasts + OVERTIME < duration:
         source = tables.vehicle[name].replay
         allowed = f"set duration_s to at most {max(drive.lasts, 0.0):.1f}"
@@ -192,10 +192,7 @@ def replay_problems(
 def replay_warnings(
     tables: ScenarioTables, name: str, drive: ReplayedDrive, route: Route, duration: float
 ) -> Iterator[str]:
-    """Say where a replayed vehicle is not on the lead's path between its neighbours.
-
-    And whether the run ends with it, since no duration is given.
-    """
+    """Warn of a replayed vehicle off the lead's path, in a neighbour, or that ends the run."""
     longest = longest_run(route)
     if tables.duration_s is None and duration < longest and drive.lasts < duration + 0.1:
         yield (
@@ -223,7 +220,7 @@ def replay_warnings(
     own = tables.vehicle.get(behind)
     if not behind or (own is not None and own.replay is not None):
         return
-    # Followers that keep a gap come after it wherever it is.
+    # Followers that keep a gap follow it anyway.
     compared = seen if tables.speed.followers == "same" else seen[:1]
     place = names.index(behind)
     distance = route.start - route.start_station(place)
@@ -241,9 +238,9 @@ def replay_warnings(
 
 @dataclass(frozen=True, slots=True)
 class _Look:
-    """Where a replayed vehicle is `at` s after the start, and the lead as planned.
+    """Stations (m) of a replayed vehicle and of the lead on its path, `at` s after the start.
 
-    Stations (m) on the lead's path, and how far the vehicle is `aside` of it (m).
+    The vehicle is `aside` (m) of the path.
     """
 
     at: float

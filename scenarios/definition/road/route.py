@@ -1,4 +1,4 @@
-"""What the convoy drives: the path, where each vehicle starts on it, and the lead's speed."""
+"""The lead's path and speed, and the start of each vehicle."""
 
 import math
 from dataclasses import dataclass
@@ -19,26 +19,26 @@ from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segme
 from vehicles.geometry.smoothing import NoPathError, SmoothedPath, smooth_path
 
 RUN_UP = 10.0
-"""The straight before the path reaches this far (m) behind the last vehicle."""
+"""Length (m) of the straight behind the last vehicle."""
 
 LONGEST = 86_400.0
-"""No run lasts longer than a day (s)."""
+"""Longest run (s): a day."""
 
 LONGEST_PATH = 1_000_000.0
-"""Metres of road, all laps together; twice as many points are kept of it."""
+"""Longest road (m) of all laps, which takes two points per metre."""
 
 SPARSE_REACH = 7.0
-"""Where points are sparse, smoothing may reach over so many of their distances."""
+"""Reach of smoothing over sparse points, in their distances."""
 
 STRAIGHT = 1e-6
 """Curvature (1/m) below which a path counts as straight."""
 
 SLOW = 5.0
-"""A recorded drive that begins slower than this (m/s) is begun at its first point, on a straight
-that does not bend into the drive: at such a speed nobody has an error from the step."""
+"""Initial speed (m/s) below which a recorded drive starts at its first point, after a straight that
+does not bend into the drive. At such speeds the step causes no error."""
 
 SPEED_RATIOS = (0.8, 1.25)
-"""Recorded speeds that cover the path less exactly than this are not in m/s."""
+"""Distance by recorded speeds over the path's length; outside of it they are not in m/s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,12 +46,11 @@ class Route:
     """A drivable path, the station at which the lead starts, and the lead's speed over time.
 
     `start` (m) is that station: the path begins with a straight for the vehicles behind the lead.
-    `gaps` (m) are between the bumpers of a vehicle and its predecessor at the start, `spacings` (m)
-    between their centres of mass; both are 0 for the lead. `profile` is the lead's speed from
-    the start on. `smoothed` holds how far the path lies from recorded points, None where it is
-    made of segments. `speed_ratio` is the factor by which recorded speeds were multiplied to cover
-    the path. The lead reaches the first point of a recorded drive `run_in` s after the start.
-    `plan` is its speed before any change that is done to the running convoy, which `profile` has.
+    `gaps` (m) are the initial gaps to the predecessor, bumper to bumper, `spacings` (m) those
+    between centres of mass; both are 0 for the lead. `profile` is the lead's speed from the start
+    on, with all changes, `plan` without. `smoothed` is None for segments. `speed_ratio` is the
+    factor by which recorded speeds were scaled to cover the path. The lead reaches the first point
+    of a recorded drive `run_in` s after the start.
     """
 
     path: SampledPath
@@ -89,7 +88,7 @@ def vehicle_names(tables: ScenarioTables) -> tuple[str, ...]:
 
 
 def plan_route(tables: ScenarioTables) -> Route:
-    """Make path and speed of a scenario whose trace has been read; raises Refused."""
+    """Plan path and speed of a scenario whose trace has been read; raises SettingError."""
     if tables.speed.lead == "recorded" and isinstance(tables.path, PointsPath):
         key = f"path ({tables.path.source})" if tables.path.source else "path.time_s"
         check_span(key, tables.path)
@@ -128,7 +127,7 @@ def plan_route(tables: ScenarioTables) -> Route:
 
 
 def check_span(key: str, table: PointsPath) -> None:
-    """Raise Refused for a drive over more time than a run has, before that much is laid out."""
+    """Raise SettingError for a drive that is longer than a run can be."""
     span = max(table.time_s, default=0.0) - min(table.time_s, default=0.0)
     if not span <= LONGEST:
         raise SettingError(key, f"recorded times span {span:.6g} s, allowed at most {LONGEST:g}")
@@ -144,7 +143,7 @@ def _first_speed_at_most(tables: ScenarioTables) -> float:
 
 
 def _path(tables: ScenarioTables, lead_in: float) -> tuple[SampledPath, float, SmoothedPath | None]:
-    """Path with a straight of at least `lead_in` m before the station at which the lead starts."""
+    """Return the path, with a straight of at least `lead_in` m before the start of the lead."""
     table = tables.path
     if isinstance(table, SegmentsPath):
         yaw = yaw_from_heading(table.heading_deg)
@@ -155,34 +154,34 @@ def _path(tables: ScenarioTables, lead_in: float) -> tuple[SampledPath, float, S
     if not isinstance(table, PointsPath):
         raise SettingError("path.file", "has not been read")
     smoothed = smoothed_points(table, lead_in)
-    # The smoothing curves the end of the straight. The lead starts before that: so all start
-    # straight ahead and without errors, and the run-in is part of what the lead has driven.
+    # Smoothing bends the end of the straight. The lead starts before that, so that all vehicles
+    # start without errors.
     curved = np.flatnonzero(np.abs(smoothed.path.curvature) > STRAIGHT)
     first_curve = float(smoothed.path.station[curved[0]]) if curved.size else math.inf
     return smoothed.path, min(max(first_curve, lead_in), smoothed.start), smoothed
 
 
-@lru_cache(maxsize=4)  # many runs of a study drive one road
+@lru_cache(maxsize=4)  # runs of a study share a road
 def _along(segments: tuple[Segment, ...], east: float, north: float, yaw: float) -> SampledPath:
     return path_from_segments(segments, east, north, yaw)
 
 
 def _straight_before(path: SampledPath, start: float) -> SampledPath:
-    """Let a path be the straight before station `start` (m) that it has further back anyway."""
+    """Replace a path before station `start` (m) by its tangent there."""
     first = path.at(start)
     before = path.station < start - 1e-9
-    way = start - path.station
+    before_start = start - path.station
     return SampledPath(
         path.station.copy(),
-        np.where(before, first.east - way * math.cos(first.yaw), path.east),
-        np.where(before, first.north - way * math.sin(first.yaw), path.north),
+        np.where(before, first.east - before_start * math.cos(first.yaw), path.east),
+        np.where(before, first.north - before_start * math.sin(first.yaw), path.north),
         np.where(before, first.yaw, path.yaw),
         np.where(before, 0.0, path.curvature),
     )
 
 
 def smoothed_points(table: PointsPath, lead_in: float) -> SmoothedPath:
-    """Smooth points, with a straight of at least `lead_in` m before them; raises Refused."""
+    """Smooth points, with a straight of at least `lead_in` m before them; raises SettingError."""
     steps = step_lengths(np.array((table.east_m, table.north_m)))
     _check_length(table, float(np.sum(steps)))
     longest = float(np.max(np.delete(steps, find_holes(steps)), initial=0.0))
@@ -198,8 +197,8 @@ def smoothed_points(table: PointsPath, lead_in: float) -> SmoothedPath:
         )
     except NoPathError as error:
         why = (
-            f"{place_of(table, error.point)}: {error}: end the drive before that place, or begin "
-            "it behind it, or lower path.smoothing_m if a car can drive it"
+            f"{place_of(table, error.point)}: {error}: end the drive before it, or start after it, "
+            "or lower path.smoothing_m if a car can drive it"
         )
         raise SettingError(f"path ({table.source})" if table.source else "path", why) from error
     except ValueError as error:
@@ -209,14 +208,14 @@ def smoothed_points(table: PointsPath, lead_in: float) -> SmoothedPath:
 
 
 def place_of(table: PointsPath, point: int) -> str:
-    """Say where in its file a point stands (counted from 0), and when it was recorded."""
+    """Return the place of a point (from 0) in its file, and its time."""
     number = table.source_numbers[point] if point < len(table.source_numbers) else point + 1
     at = f" ({table.time_s[point]:.1f} s)" if table.time_s else ""
     return f"{table.source_unit} {number}{at}"
 
 
 def _check_length(table: SegmentsPath | PointsPath, lap: float) -> None:
-    """Raise Refused for a path of so many metres a lap that no memory holds it."""
+    """Raise SettingError for a path that takes too much memory; `lap` is its length (m)."""
     if lap * table.laps > LONGEST_PATH:
         key = "path.laps" if table.laps > 1 else "path"
         whole_km, most_km = lap * table.laps / 1000.0, LONGEST_PATH / 1000.0
@@ -224,14 +223,14 @@ def _check_length(table: SegmentsPath | PointsPath, lap: float) -> None:
 
 
 def curvature(segment: SegmentTable) -> float:
-    """Curvature (1/m, left positive) of a segment, however it is given."""
+    """Return the curvature (1/m, left positive) of a segment."""
     if segment.radius_m is not None:
         return (1.0 if segment.turn == "left" else -1.0) / segment.radius_m
     return segment.curvature_per_m or 0.0
 
 
 def _wanted(table: SpeedTable) -> SpeedProfile:
-    """Speed over time that is asked for, before it is lowered for bends."""
+    """Return the configured speed over time, before it is lowered in curves."""
     if table.lead != "profile":
         return SpeedProfile((0.0,), (table.set_mps,))
     times = tuple(point.at_s for point in table.profile)
@@ -249,7 +248,7 @@ def _limits(table: SpeedTable) -> Limits:
 def _recorded(
     tables: ScenarioTables, start: float, smoothed: SmoothedPath | None
 ) -> tuple[SpeedProfile, float, float]:
-    """Speed from the start on, the start's station (m), and the ratio by which it was scaled."""
+    """Return the speed from the start on, the station (m) of the start, and the scaling factor."""
     table = tables.path
     if not isinstance(table, PointsPath) or smoothed is None or not table.time_s:
         raise SettingError("speed.lead", 'given "recorded", allowed only for a trace with times')
@@ -269,5 +268,5 @@ def _recorded(
 
 
 def longest_run(route: Route) -> float:
-    """Time (s) until the lead reaches the end of its path, rounded down to a tenth."""
+    """Return the time (s) until the lead reaches the end of its path, rounded down to 0.1 s."""
     return math.floor(10.0 * min(route.profile.time_to(route.length), LONGEST) + 1e-6) / 10.0

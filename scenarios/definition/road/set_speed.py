@@ -1,4 +1,4 @@
-"""The lead's speed when its set speed is changed, or when a car sets off from where it stands."""
+"""The lead's speed after a change of its set speed, and the speed of a car that sets off."""
 
 import math
 from collections.abc import Iterable
@@ -14,10 +14,10 @@ from vehicles.geometry.sampled_path import SampledPath
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SpeedPlan:
-    """What a convoy's speed is over the time (s) of a run, and what it was meant to be.
+    """The speed of a convoy over the time (s) of a run.
 
-    `wanted` is the speed before it is lowered for bends, `profile` that of the lead, which starts
-    at station `start` (m) of the `path`. After `until` (s) nothing need be known.
+    `wanted` is the configured speed, `profile` the lead's after it is lowered in curves. The lead
+    starts at station `start` (m) of the `path`. The plan covers the time to `until` (s).
     """
 
     path: SampledPath
@@ -28,13 +28,13 @@ class SpeedPlan:
     profile: SpeedProfile
 
     def changed(self, at: float, change: SpeedChangeTable) -> "SpeedPlan":
-        """Plan another set speed from `at` (s) on, which the lead comes to as the change asks."""
+        """Plan another set speed from `at` (s) on."""
         return _changed(self, at, change)
 
     def setting_off(self, at: float, station: float, speed: float) -> SpeedProfile:
-        """Speed of a car that is at `station` (m) with `speed` (m/s) at `at` (s), by itself.
+        """Return the speed of a car on its own that is at `station` (m) with `speed` (m/s) at `at`.
 
-        It comes to what is wanted as the lead may accelerate, and slows down before bends.
+        It accelerates like the lead, and slows down before curves.
         """
         wanted = _from(self.wanted, at)
         onward = self.onward(wanted, at, (station, speed), self.limits.acceleration)
@@ -43,7 +43,7 @@ class SpeedPlan:
     def onward(
         self, wanted: SpeedProfile, at: float, here: tuple[float, float], acceleration: float
     ) -> SpeedProfile:
-        """Speed over time from `at` (s) on of a car that is `here` (station m, speed m/s)."""
+        """Return the speed from `at` (s) on of a car that is `here` (station m, speed m/s)."""
         station, speed = here
         reached = approached(_shifted(wanted, -at), speed, acceleration)
         if station >= float(self.path.station[-1]):
@@ -54,10 +54,7 @@ class SpeedPlan:
 
 @lru_cache(maxsize=16)
 def _changed(plan: SpeedPlan, at: float, change: SpeedChangeTable) -> SpeedPlan:
-    """Work the plan out; of a scheduled change that is done when its scenario is read.
-
-    On a road with bends it takes tens of milliseconds, for which no vehicle has the time.
-    """
+    """Compute a changed plan; cached, since it takes tens of milliseconds on a road with curves."""
     wanted = _from(SpeedProfile((0.0,), (change.speed_mps,)), at)
     here = plan.start + plan.profile.distance(at), plan.profile.at(at)[0]
     onward = plan.onward(wanted, at, here, change.acceleration_mps2)
@@ -69,10 +66,7 @@ def _changed(plan: SpeedPlan, at: float, change: SpeedChangeTable) -> SpeedPlan:
 
 
 def approached(wanted: SpeedProfile, speed: float, acceleration: float) -> SpeedProfile:
-    """Speed from time 0 on of a car that comes from `speed` to `wanted` with that acceleration.
-
-    It changes evenly until it meets what is wanted, and is that from then on.
-    """
+    """Return the speed from time 0 on of a car that changes evenly from `speed` to `wanted`."""
     first = wanted.at(0.0)[0]
     slope = math.copysign(acceleration, first - speed)
     corners = [0.0, *(time for time in wanted.times if time > 0.0)]
@@ -106,7 +100,7 @@ def _shifted(profile: SpeedProfile, by: float) -> SpeedProfile:
 
 
 def _from(profile: SpeedProfile, at: float) -> SpeedProfile:
-    """What a profile says from `at` (s) on."""
+    """Return the part of a profile from `at` (s) on."""
     later = [(t, v) for t, v in zip(profile.times, profile.speeds, strict=True) if t > at]
     knots = [(at, profile.at(at)[0]), *later]
     return SpeedProfile(*map(tuple, zip(*knots, strict=True)))
@@ -115,7 +109,7 @@ def _from(profile: SpeedProfile, at: float) -> SpeedProfile:
 def _joined(before: SpeedProfile, after: SpeedProfile, at: float) -> SpeedProfile:
     knots = [(t, v) for t, v in zip(before.times, before.speeds, strict=True) if t < at]
     if not knots or after.at(at)[0] != before.at(at)[0]:
-        # What was wanted may jump: a profile has no jumps, but corners a nanosecond apart.
+        # Profiles have no jumps, but corners a nanosecond apart.
         last = at - 1e-9
         knots = [one for one in knots if one[0] < last] + (
             [(last, before.at(last)[0])] if last > 0.0 else []

@@ -1,4 +1,4 @@
-"""Who listens to whom, and what a scenario asks of each directed link."""
+"""The vehicles that each vehicle receives from, and the settings of each link."""
 
 import itertools
 
@@ -36,7 +36,7 @@ def test_a_lead_that_waits_listens_to_all_others(names: list[str]) -> None:
 
 def test_an_entry_about_a_link_to_the_lead_counts_only_where_it_waits() -> None:
     entry = 'link=[{sender="v3", receiver="lead", loss_ratio=0.5}]'
-    with pytest.raises(ScenarioError, match="no vehicle listens there"):
+    with pytest.raises(ScenarioError, match="no such link"):
         load_scenario("lane_change", [entry])
     links = load_scenario("lane_change", [entry, "speed.lead_waits=true"]).links
     assert links["v3", "v1"].loss_ratio == 0.5

@@ -190,8 +190,8 @@ def scenario(text: str) -> None:
     [
         ('kind = "cut"\nsender = "v9"', 'change[0].sender: given "v9", allowed "v1", "v2", "v3", '
          '"v4", "lead", "predecessor", "follower", "*"'),
-        ('kind = "heal"\nsender = "v4"', "change[0]: from v4 to *: no vehicle listens there, "
-         "followers hear v1 and the vehicle ahead of them"),
+        ('kind = "heal"\nsender = "v4"', "change[0]: from v4 to *: no such link, followers "
+         "receive from v1 and from their predecessor"),
         ('kind = "link"', "change[0]: changes nothing, allowed at least one of loss_ratio, "
          "latency_ms, jitter_ms"),
         ('kind = "link"\nloss_ratio = 2.0', "change[0].loss_ratio: given 2.0, allowed 0 to 1, "

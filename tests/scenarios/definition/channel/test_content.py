@@ -38,15 +38,15 @@ REFUSED = {
         "left_mps?",
     ),
     "no offset": (
-        f"{CONTENT}.false=[{{kind='offset'}}]", FALSE, "moves nothing", "other than 0 in east_m",
+        f"{CONTENT}.false=[{{kind='offset'}}]", FALSE, "displaces nothing", "0 in east_m",
     ),
     "ghost inside its sender": (
-        f"{CONTENT}.false=[{{kind='ghost', left_m=0.0}}]", FALSE, "moves nothing", "ahead_m",
+        f"{CONTENT}.false=[{{kind='ghost', left_m=0.0}}]", FALSE, "displaces nothing", "ahead_m",
     ),
     "over before it began": (
         "link=[{sender='lead', receiver='v3', content={false=["
         "{kind='ghost', left_m=1.0}, {kind='offset', left_m=1.0, from_s=3.0, to_s=2.0}]}}]",
-        "link[0].content.false[1].to_s", "given 2.0", "more than from_s, 3.0",
+        "link[0].content.false[1].to_s", "given 2", "more than from_s, 3",
     ),
 }  # fmt: skip
 

@@ -35,16 +35,16 @@ REFUSED = {
     ),
     "a source that is not heard": (
         ("sources", SOURCE, {"vehicle": '"v4"'}),
-        'limits.sources[0].source: given "v2", whom v4 does not hear: allowed v1 or v3',
+        'limits.sources[0].source: given "v2", v4 does not receive from it, allowed v1 or v3',
     ),
     "itself": (
         ("sources", SOURCE, {"source": '"v3"'}),
-        'limits.sources[0].source: given "v3", whom v3 does not hear: allowed v1 or v2',
+        'limits.sources[0].source: given "v3", v3 does not receive from it, allowed v1 or v2',
     ),
     "a mode that the first follower cannot have": (
         ("modes", MODE, {"vehicle": '"v2"'}),
-        'limits.modes[0].mode: given "predecessor", but v2 hears the lead alone: allowed "lead", '
-        '"coast", "stop" or "straight"',
+        'limits.modes[0].mode: given "predecessor", but v2 receives from the lead only, allowed '
+        '"lead", "coast", "stop" or "straight"',
     ),
     "beyond the end": (
         ("modes", MODE, {"within_s": "15.1"}),

@@ -69,7 +69,7 @@ BROKEN = {
     "a link's rate of uneven messages": (UNEVEN, "links.rate_hz", "given 10", '"fixed"'),
     "and that of one link": (
         ("link=[{sender='v1', receiver='v2', rate_hz=3}]", "vehicle.v1.sending.kind=cam"),
-        "link[0].rate_hz", "v1 does not send evenly", '"every_fix"',
+        "link[0].rate_hz", "v1 does not send periodically", '"every_fix"',
     ),
     "a rate under congestion control": (
         ("links.rate_hz=10", "sending={kind='cam', dcc={busy=[{at_s=0, busy_ratio=0.9}]}}"),

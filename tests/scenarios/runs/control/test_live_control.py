@@ -111,8 +111,8 @@ REFUSED = [
      '"crash", "leave", "join" or "speed"'),
     (b'{"kind": "cut", "sender": "v9"}', 'sender: given "v9", allowed "v1", "v2", "v3", "v4", '
      '"lead", "predecessor", "follower", "*"'),
-    (b'{"kind": "cut", "sender": "v4", "receiver": "v1"}', "from v4 to v1: no vehicle listens "
-     "there, followers hear v1 and the vehicle ahead of them"),
+    (b'{"kind": "cut", "sender": "v4", "receiver": "v1"}', "from v4 to v1: no such link, "
+     "followers receive from v1 and from their predecessor"),
     (b'{"kind": "link", "loss_ratio": NaN}', "loss_ratio: given nan, allowed a finite number"),
     (b'{"kind": "link"}', "changes nothing, allowed at least one of loss_ratio, latency_ms, "
      "jitter_ms"),
@@ -150,7 +150,7 @@ def test_it_answers_over_the_bus() -> None:
     vehicle.control.listen(MemoryBus(network))
     answer = MemoryBus(network).query(control_key("v3"), 1.0, ChangeRequest({"kind": "heal"}).text)
     assert answer is not None
-    assert Confirmation.of(answer).does == "as the scenario has it again"
+    assert Confirmation.of(answer).does == "as in the scenario"
 
 
 @pytest.mark.parametrize("answer", [b"", b"{}", b"[]", b'{"vehicle": 1}', b"[" * 9000, b"\xff"])

@@ -94,7 +94,7 @@ def test_changes_are_reported_by_link() -> None:
     assert changed.carry_out(DueChange(START, cut)) == "v1 → v3, v2 → v3: cut for 0.5 s"
     heal = HealTable(kind="heal", at_s=0.0, sender="v2")
     assert changed.carry_out(DueChange(START, heal, by_hand=True)) == (
-        "v2 → v3: as the scenario has it again, by hand"
+        "v2 → v3: as in the scenario, by hand"
     )
     stall = StallTable(kind="stall", at_s=0.0, vehicle="v3", for_s=1.0)
     assert changed.carry_out(DueChange(START, stall)) == ""
