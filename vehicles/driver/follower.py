@@ -195,7 +195,6 @@ class Follower:
         )
 
     def _log_stop(self, situation: Situation) -> None:
-        """Log the start of a stop behind a predecessor that announced its stop."""
         before, self._stops_behind = self._stops_behind, self._speed_guard.stops_behind
         if self._stops_behind and not before:
             name, silence = self._sources.predecessor.name, situation.predecessor.silence
@@ -273,7 +272,6 @@ class Follower:
 def blended(
     parts: Sequence[tuple[float, TrackingErrors, SteeringCommand]],
 ) -> tuple[TrackingErrors, SteeringCommand]:
-    """Mean errors and command of several trajectories by their shares."""
     return (
         TrackingErrors(
             lateral=sum([share * e.lateral for share, e, _ in parts]),

@@ -115,7 +115,6 @@ class WaitingProfile(ProfileSpeed):
         return SpeedCommand(wanted + profile_correction(speed, pose.speed), next_speed)
 
     def _change_pace(self, speed: float) -> None:
-        """Move the pace towards its target at the configured deceleration and jerk."""
         target = WAITING_SHARE if self.waits else 1.0
         if self._pace == target and not self._change:
             return

@@ -54,7 +54,7 @@ class SpeedProfile:
     def __post_init__(self) -> None:
         times, speeds = self.times, self.speeds
         if len(times) != len(speeds) or not times:
-            raise ValueError("a speed profile needs as many speeds as times, at least one")
+            raise ValueError("times and speeds must be equal in number, at least one each")
         if not all(map(math.isfinite, (*times, *speeds))) or min(speeds) < 0.0:
             raise ValueError("times and speeds must be finite numbers, speeds not negative")
         if any(later <= earlier for earlier, later in pairwise(times)):

@@ -166,7 +166,6 @@ class Rejoining:
         return self._requested or self._return is not None
 
     def begin(self) -> None:
-        """Start a return at the next call of `corrected`."""
         self._requested = True
 
     def corrected(self, now: int, errors: TrackingErrors, speed: float) -> TrackingErrors:

@@ -192,7 +192,6 @@ def fit_curve(columns: Floats, weight: Floats | None, settings: FitSettings) -> 
 
 
 def _averaged_curve(data: FitData, settings: FitSettings) -> LocalCurve | None:
-    """Average the candidate curves by their Akaike weights."""
     count = data.total[ONE][ONE]
     if count < MIN_WEIGHT_FOR_NOISE:
         settings = settings.with_stated_noise() if count > FEW_SAMPLES else settings.cautious()
@@ -281,7 +280,6 @@ def _variance(misfit: float, freedom: int, count: float, stated: float) -> float
 
 
 def _noise(variance: float, least: float, stated: float) -> float:
-    """Clip the variance of the noise (m²) to `least` and `stated`."""
     bounded = variance if variance > least else least  # noqa: FURB136 - twice as fast as max
     return bounded if bounded < stated else stated  # noqa: FURB136 - twice as fast as min
 

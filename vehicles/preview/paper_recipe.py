@@ -105,7 +105,6 @@ def circle_of_least_squares(
 
 
 def _line(x: Floats, y: Floats, weight: Floats) -> tuple[Piece, ...]:
-    """Line of least squares, from the foot of the first sample to that of the last."""
     total = float(_sum(weight))
     mean_x, mean_y = float(_sum(weight * x)) / total, float(_sum(weight * y)) / total
     dx = x - mean_x
@@ -143,7 +142,6 @@ def _circle(x: Floats, y: Floats, weight: Floats) -> tuple[Piece, ...]:
 
 
 def _between(piece: Piece, x: Floats, y: Floats) -> Piece:
-    """Cut a line or arc to the feet of the first and the last sample."""
     start = piece.project(x.item(0), y.item(0)).station
     end = piece.project(x.item(-1), y.item(-1)).station
     begin = piece.at(start)

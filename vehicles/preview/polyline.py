@@ -40,7 +40,6 @@ class Polyline:
         return self.at[k], self.east[k], self.north[k], self.yaw[k]
 
     def append(self, point: Point, step: float) -> None:
-        """Add a point at the end, `step` (m) after the previous one."""
         self.station.append(self.station[-1] + step if self.station else 0.0)
         at, east, north, yaw = point
         self.at.append(at)
@@ -81,7 +80,6 @@ class Polyline:
         del self.yaw[:count], self.station[:count]
 
     def cut(self, count: int) -> list[Point]:
-        """Remove and return all but the first `count` points."""
         taken = [self.point(k) for k in range(count, len(self))]
         del self.at[count:], self.east[count:], self.north[count:]
         del self.yaw[count:], self.station[count:]

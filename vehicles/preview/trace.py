@@ -96,7 +96,6 @@ class Trace:
             self.newest = pose
 
     def _start(self, pose: ReceivedPose) -> None:
-        """Start a new line at a pose."""
         self.newest = pose
         self.sample_count = 1
         self._line = Polyline()
@@ -153,7 +152,6 @@ class Trace:
         self._changed = True
 
     def _append(self, point: Point, speed: float) -> None:
-        """Append a sample, with a bridge to it if the step is long."""
         self._fill(point, speed)
         self._line.append(point, max(step(self._line.point(-1), point), self.settings.spacing))
 
@@ -340,6 +338,5 @@ class Trace:
 
 
 def _is_drivable(first: Point, second: Point, speed: float) -> bool:
-    """Whether a car at `speed` (m/s) can have been at both points."""
     distance = hypot(second[1] - first[1], second[2] - first[2])
     return drivable(distance, abs(second[0] - first[0]), abs(speed))

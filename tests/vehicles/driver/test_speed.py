@@ -59,7 +59,7 @@ def test_acceleration_is_the_slope_of_the_speed(seconds: float) -> None:
     ("times", "speeds", "message"),
     [
         ([], [], "at least one"),
-        ([0.0, 1.0], [1.0], "as many"),
+        ([0.0, 1.0], [1.0], "equal in number"),
         ([0.0, 0.0], [1.0, 1.0], "increase"),
         ([1.0, 0.0], [1.0, 1.0], "increase"),
         ([0.0, math.nan], [1.0, 1.0], "finite"),

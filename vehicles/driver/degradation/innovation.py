@@ -163,7 +163,6 @@ class PoseTrack:
         return min(self._anchor.speed, pose.speed) * abs(turned) * SECOND / span
 
     def push(self, residual: Innovation, pose: ReceivedPose, inflation: float) -> None:
-        """Append a newer pose and its innovation."""
         self._turned += remainder(pose.yaw - self.last.yaw, tau)
         self.last = pose
         if pose.measured_at - self._anchor.measured_at >= ANCHOR_TIME:

@@ -171,7 +171,6 @@ class InnovationGate:
         return "jumping" if turn > self._gate else ""
 
     def _check_heading(self, pose: ReceivedPose) -> Distrust:
-        """Refuse a pose after several consecutive wrong headings."""
         smallest = min(heading_innovation(before, pose, self._noise) for before in self._aligned)
         if smallest <= self._heading_gate:
             self._aligned.append(pose)

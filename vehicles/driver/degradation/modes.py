@@ -69,7 +69,6 @@ class ModeMachine:
         fitted: bool,  # noqa: ARG002 - it steers along the last trajectory
         has_path: bool,
     ) -> tuple[Mode, str]:
-        """The reason names missing sources and, at a change, those relied on again."""
         relied = list(pair.relied.values())
         soon = (now - self._worse_at) / SECOND < self._dwell
         outrun = self._is_outrun(now, pair, situation)
@@ -208,7 +207,7 @@ def _missing_reason(source: Source) -> str:
         pose = f"newest pose {freshness.age:.1f} s old"
         silence = f"silent for {freshness.silence:.1f} s"
         return f"{name} {silence} ({pose}, {_path_end(freshness.known)})"
-    return f"too few poses of {name}"
+    return f"{name} has too few poses"
 
 
 def _path_end(known: float) -> str:

@@ -96,7 +96,6 @@ class Reception:
         return received + 1 >= share * self.usual_share * expected
 
     def update_usual_share(self, now: int, share: float) -> None:
-        """Average the `share` of the last second into the usual share."""
         span = (now - self._counted_until) / SECOND
         self._counted_until = now
         if span <= 0.0:
@@ -107,11 +106,9 @@ class Reception:
         self.usual_share = before + (share - before) * span / self._counted
 
     def skip_usual_share(self, now: int) -> None:
-        """Exclude the time until `now` from the usual share."""
         self._counted_until = now
 
     def _counts(self, now: int) -> tuple[int, float]:
-        """Received and expected number of messages in the last second."""
         since, received_at = now - RECENT, self._received_at
         while received_at and received_at[0] <= since:
             received_at.popleft()

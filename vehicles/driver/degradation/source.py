@@ -79,7 +79,6 @@ class Source:
 
     @property
     def is_overdue(self) -> bool:
-        """Whether a message is overdue; long before the source counts as late."""
         if self.status == "unheard":
             return self._waited > OVERDUE_AFTER * self._period
         share = self._reception.usual_share
@@ -205,7 +204,6 @@ class Source:
             self.status = "fresh"
 
     def _weigh(self, span: float) -> None:
-        """Reduce the weight with the known path, and restore it over the probation."""
         if self.status in ("fresh", "probation"):
             self._known_at_full_weight = 0.0
             self.weight = min(self.weight + span / self.probation.length, 1.0)

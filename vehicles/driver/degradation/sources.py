@@ -83,13 +83,11 @@ class SourcePair:
         return windows
 
     def have_bridge_points(self, windows: Mapping[Mode, Window]) -> bool:
-        """Whether some of the samples are bridge points."""
         return any(
             self.used[mode].trace.has_bridge_points(window) for mode, window in windows.items()
         )
 
     def sample_count(self, windows: Mapping[Mode, Window]) -> int:
-        """Number of samples received from these sources since their traces began."""
         return sum([self.used[mode].trace.sample_count for mode in windows])
 
     def _without_bridges(self, windows: dict[Mode, Window], behind: float) -> dict[Mode, Window]:

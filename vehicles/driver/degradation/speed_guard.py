@@ -346,7 +346,6 @@ class SpeedGuard:
             self._following = False
 
     def _release_brake(self, tick: _Instant, wanted: float, free: float) -> SpeedCommand:
-        """Release the brake and return to the speed law at a limited jerk."""
         settings, usual = self._settings, tick.wanted
         jerk = settings.emergency.jerk if self._last < 0.0 else settings.firm.jerk
         upper = self._last + jerk * tick.span

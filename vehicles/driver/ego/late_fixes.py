@@ -26,7 +26,6 @@ class LatePoseEstimator:
         self._readings: deque[tuple[int, Motion]] = deque()
 
     def update(self, now: int, fix: Fix | None, motion: Motion | Body | None) -> None:
-        """Process a reading of `now` (ns) and an earlier fix."""
         if motion is not None:
             self._readings.append((now, Motion(motion.speed, motion.yaw_rate)))
             self._present.move(now, motion.speed, motion.yaw_rate)

@@ -173,7 +173,6 @@ class _Model:
         self.yaw_rate = gnss.yaw_rate**2 + imu.yaw_rate**2
 
     def position(self, fix: Fix) -> float:
-        """Standard deviation (m) per axis of the position of a fix."""
         return fix.accuracy if self.by_accuracy else self.gnss.position
 
 
