@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from scenarios.studies.channel.fitting.fit import FittedLink
 
 NEAREST_M, FARTHEST_M = 1.0, 100_000.0
+PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
 
 
 @click.group(
@@ -61,7 +62,7 @@ Examples:
     metavar="M", help="Distance of sender and receiver in m.",
 )  # fmt: skip
 @json_option("Print the figures as JSON.")
-@output_option("Draw the comparison into this PNG file.")
+@output_option("Draw the comparison into this PNG, SVG or PDF file.")
 @setting_options
 @click.argument("scenario", metavar="PRESET|SCENARIO", shell_complete=completion.channels)
 def show(
@@ -88,11 +89,15 @@ def show(
 
     from scenarios.cli.channel.comparison_tables import print_comparison
     from scenarios.definition.check.link_sample import StraightDrive
+    from scenarios.definition.errors import ScenarioError
     from scenarios.studies.channel.comparison import compare
 
     with clear_errors():
         if output is not None:
             require("channel show --output", "studies", "matplotlib")
+            if output.suffix not in PICTURE_SUFFIXES:
+                allowed = f"allowed a name that ends in {', '.join(PICTURE_SUFFIXES)}"
+                raise ScenarioError([f"--output: given {output.name}, {allowed}"])
         loaded = _loaded(scenario, overrides, seed)
         chosen = _selected_link(link, loaded)
         drive = StraightDrive(loaded, chosen, distance_m)

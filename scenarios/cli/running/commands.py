@@ -19,7 +19,7 @@ from scenarios.cli.common_options import (
     zenoh_options,
 )
 from scenarios.cli.display_options import DisplayOptions, Tables
-from scenarios.cli.error_lines import clear_errors
+from scenarios.cli.error_lines import clear_errors, print_error
 from scenarios.cli.guide import completion
 from scenarios.cli.output import unwritable_output_reported
 from scenarios.runs.stop import ignore_hangup, stop_on_request
@@ -170,15 +170,14 @@ def vehicle(
         # A forked process inherits the scenario.
         convoy = known or load_scenario(scenario, overrides, seed)
         options = zenoh_from(flags, checked_run_name(run_name or convoy.name))
-        report_error = partial(click.echo, err=True)
         sys.exit(
             run_vehicle(
                 convoy,
                 name,
                 options,
                 stop,
-                report=(lambda _: None) if quiet or launched else report_error,
-                report_error=report_error,
+                report=(lambda _: None) if quiet or launched else partial(click.echo, err=True),
+                report_error=print_error,
                 launched=launched,
                 wait_s=wait_s,
             )

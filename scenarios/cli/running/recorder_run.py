@@ -3,9 +3,8 @@
 from contextlib import nullcontext
 from pathlib import Path
 
-import click
-
 from scenarios.cli.display_options import DisplayOptions
+from scenarios.cli.error_lines import print_error
 from scenarios.cli.running.destination import refuse_picture, run_folder
 from scenarios.cli.running.display import layout, observers, print_start, show
 from scenarios.definition.scenario import Scenario
@@ -68,7 +67,7 @@ def record_run(
         ignore_signals()
         recorder.announce_completion()
     if display.quiet and summary.reason not in {"", stop.reason}:
-        click.echo(summary.reason, err=True)
+        print_error(summary.reason)
     return (stop.exit_code or EXIT_FAILED) if summary.reason else 0
 
 

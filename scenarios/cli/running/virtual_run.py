@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-import click
-
 from scenarios.cli.display_options import DisplayOptions
+from scenarios.cli.error_lines import print_error
 from scenarios.cli.running.display import layout, observers, print_start, show
 from scenarios.definition.scenario import Scenario
 from scenarios.results.metrics import Metrics
@@ -29,5 +28,5 @@ def run_virtually(
         summary = run_virtual(scenario, folder, stop, metrics=metrics, observers=watchers)
     show(summary, folder, options)
     if options.quiet and stop.exit_code == EXIT_FAILED:  # signals are reported when they arrive
-        click.echo(summary.reason, err=True)
+        print_error(summary.reason)
     return stop.exit_code if summary.reason else 0

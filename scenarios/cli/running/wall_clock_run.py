@@ -12,6 +12,7 @@ from pathlib import Path
 import click
 
 from scenarios.cli.display_options import DisplayOptions, start_line
+from scenarios.cli.error_lines import error_line
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.node.sink import BatchingSink
 from scenarios.runs.processes.forking import Task
@@ -48,7 +49,7 @@ def run_processes(
         from rich.console import Console
         from rich.text import Text
 
-        Console(stderr=True).print(Text(outcome.reason, "bold red"), highlight=False)
+        Console(stderr=True).print(Text(error_line(outcome.reason), "bold red"), highlight=False)
     if outcome.repaired:
         from scenarios.cli.running.recorder_run import summarise_repaired_log
 

@@ -30,7 +30,7 @@ def draw(found: Comparison, sample: SampledChannel, path: Path) -> None:
         if found.distances:
             _shares(axes[2], found.distances, "distance", "share received")
         with path.open("xb") as target:
-            figure.savefig(target, format="png")
+            figure.savefig(target, format=path.suffix.removeprefix("."))
 
 
 def _shares(axes: Axes, rows: Sequence[Compared], what: str, share: str) -> None:

@@ -696,7 +696,7 @@ def test_a_run_on_a_full_disk_fails_with_a_line_and_a_log(tmp_path: Path) -> Non
         check=False,
     )  # fmt: skip
     line = f"{out / 'run.mcap'}: cannot write the log: File too large"
-    assert (ended.returncode, ended.stdout, ended.stderr) == (1, "", f"{line}\n")
+    assert (ended.returncode, ended.stdout, ended.stderr) == (1, "", f"error: {line}\n")
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     assert (summary["outcome"], summary["reason"]) == ("failed", line)
     log = LogReader(out / "run.mcap")

@@ -148,6 +148,14 @@ def test_a_plot_is_drawn_and_never_overwritten(name: str, tmp_path: Path) -> Non
     assert picture.read_bytes() == drawn
 
 
+@pytest.mark.parametrize(("suffix", "start"), [("svg", b"<?xml"), ("pdf", b"%PDF")])
+def test_the_extension_selects_the_format(suffix: str, start: bytes, tmp_path: Path) -> None:
+    plot = tmp_path / f"channel.{suffix}"
+    printed("channel", "show", "lossy", *QUICK, "-o", plot)
+    assert plot.read_bytes().startswith(start)
+    assert ".svg" in refused("channel", "show", "lossy", *QUICK, "-o", tmp_path / "channel.doc")
+
+
 def test_a_missing_extra_is_named_only_where_it_is_needed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
