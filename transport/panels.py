@@ -58,7 +58,7 @@ class Series:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Panel:
-    """One row: what a panel shows, of which vehicles, and in which layouts.
+    """Contents of a panel, its vehicles, and the layouts that contain it.
 
     `kind` is a plot of all vehicles, one plot for each follower, or strips of states with the
     colours `states`. Values are drawn in `unit`, `factor` times those of the messages, every
@@ -93,11 +93,11 @@ class Panel:
         return f"{title} ({self.unit})" if self.unit else title
 
     def applies_to(self, vehicles: Sequence[str]) -> bool:
-        """Whether there is something to show of a convoy."""
+        """Whether a convoy has data for the panel."""
         return self.kind != "plot_of_one" or len(vehicles) > 1
 
     def followers(self, vehicles: Sequence[str]) -> Mapping[int, str]:
-        """Followers by place that the layout of a plain log shows: one if each has its own plot."""
+        """Followers by position in the layout of a plain log: one if each has its own plot."""
         middle = len(vehicles) // 2
         only = range(middle, middle + 1) if self.kind == "plot_of_one" else range(len(vehicles))
         return {place: vehicles[place] for place in only if place}
@@ -107,7 +107,7 @@ class Panel:
 class Row:
     """Panels that share a place as tabs, and the share of the height that it takes.
 
-    `joint` are panels of states that share one view while there are few vehicles.
+    The panels of states named in `joint` share one view in a short convoy.
     """
 
     share: int

@@ -24,11 +24,11 @@ from transport.picture.option import parse_rerun_option
 
 START_S = 20.0
 SETTLE_S = 1.5
-"""A picture that is the same after this time has all that was loaded."""
+"""A picture that is unchanged after this time is complete."""
 GLANCE_S = 0.2
-"""From one picture to the next where it is enough that something appears in one of them."""
+"""Time between pictures while waiting for something to appear."""
 TOP_BAR = 36
-"""Rows of pixels of the viewer's own menu, which a picture can do without."""
+"""Height (pixels) of the viewer's menu, which is cropped."""
 
 
 def can_take_pictures() -> bool:
@@ -99,7 +99,7 @@ def picture_of(log: Path, at_s: float, size: str = "1600x1000") -> Any:
         recording = Path(folder) / "run.rrd"
         review(log, parse_rerun_option(f"save={recording}"), wait=lambda _: None)
         with headless_viewer(str(recording), size) as client:
-            time.sleep(SETTLE_S)  # else the empty window may be what does not change
+            time.sleep(SETTLE_S)  # else the empty window counts as settled
             return take_picture(client, at_s)
 
 

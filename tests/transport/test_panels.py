@@ -13,8 +13,8 @@ from vehicles.messages import Tracking
 def test_the_fields_of_a_panel_stand_in_messages_of_one_topic(panel: Panel) -> None:
     assert {series.topic for series in panel.series} == {panel.topic}
     if panel.topic in TOPICS:
-        known = {one.name for one in fields(TOPICS[panel.topic].message)}
-        used = {name for one in panel.series for name in (one.field, one.flag) if name}
+        known = {field.name for field in fields(TOPICS[panel.topic].message)}
+        used = {name for series in panel.series for name in (series.field, series.flag) if name}
         assert used <= known
 
 

@@ -1,7 +1,7 @@
 """The picture of a run in Rerun, live or from its log.
 
 option            the value of `--rerun`: the destination of the picture
-view              opens and closes the picture there
+view              opens and closes the picture
 recording_writer  turns messages into entities of the recording
 shapes            cars, road, name tags
 detail            level of detail of a long convoy

@@ -39,9 +39,9 @@ TIMELINE = "run_time"
 """Time since the start of the run; the timeline `time` has Unix time."""
 
 MARGIN_M = 4.0
-"""Margin of the view that moves along, about the centre of a car."""
+"""Margin of the moving view around the centre of a car."""
 FEW_VEHICLES = 5
-"""Largest convoy of which one view holds the states of links and modes."""
+"""Largest convoy whose links and modes share one view."""
 MIN_TAG_M, TAG_PX = 4.0, 30.0
 """Distance of a name tag from its car: at least half the length of a tag on the screen."""
 VIEW_WIDTH_PX, VIEW_HEIGHT_PX = 888.0, 260.0
@@ -65,16 +65,15 @@ EVENTS: dict[str, tuple[Colour, Shape, float]] = {
 """Colours of events, readable on dark and light backgrounds and unlike those of the cars, and their
 shapes and sizes in the plots; the worst comes last and so above the others."""
 MARKS = {"change": ((0x00, 0x3C, 0xFF), "Circle", 5.0), **EVENTS}
-"""The same of all marks: changes to the convoy, and events."""
+"""The same for all marks: changes to the convoy, and events."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunExtent:
-    """What is known of a run when its layout is made.
+    """Extent of a run, as far as it is known when a layout is built.
 
-    `duration_s` is that of the run; `values` are the smallest and the largest value of each plot
-    by its entity; `worst` is the vehicle whose own plots are in front. All are unknown while a run
-    is live, apart from the configured duration.
+    `values` are the smallest and the largest value of each plot by its entity; `worst` is the
+    vehicle whose own plots come first. Of a live run only the configured duration is known.
     """
 
     duration_s: float | None = None
@@ -114,33 +113,33 @@ def blueprint(
 
 
 class Reach(NamedTuple):
-    """Range (m) of the view that moves along, about the vehicle that it follows."""
+    """Range (m) of the moving view around the vehicle that it follows."""
 
     behind: float
     ahead: float
-    aside: float
+    lateral: float
 
     @classmethod
     def of(cls, count: int, spacing_m: float, road: Road | None) -> "Reach":
-        """Room for `count` vehicles about `spacing_m` apart."""
+        """Return the range for `count` vehicles about `spacing_m` apart."""
         ahead = middle(count) * spacing_m
         behind = (count - 1) * spacing_m - ahead
         flat = road is not None and _is_flat(road)
-        aside = 8.0 if flat else min(max(8.0, 0.5 * (ahead + behind)), 25.0)
-        return cls(behind + 8.0, ahead + 25.0, aside)
+        lateral = 8.0 if flat else min(max(8.0, 0.5 * (ahead + behind)), 25.0)
+        return cls(behind + 8.0, ahead + 25.0, lateral)
 
     @property
     def tag_m(self) -> float:
         """Distance of name tags from their cars (m)."""
-        width, height = self.behind + self.ahead, 2.0 * self.aside
+        width, height = self.behind + self.ahead, 2.0 * self.lateral
         return max(MIN_TAG_M, TAG_PX * max(width / VIEW_WIDTH_PX, height / VIEW_HEIGHT_PX))
 
     def zoom_for(self, ahead: float, left: float) -> float:
-        """Factor by which it has to grow to show a place (m), at least 1."""
+        """Factor by which the range has to grow to contain a point (m), at least 1."""
         along = (
             ahead / (self.ahead - MARGIN_M) if ahead > 0.0 else -ahead / (self.behind - MARGIN_M)
         )
-        return max(along, abs(left) / (self.aside - MARGIN_M), 1.0)
+        return max(along, abs(left) / (self.lateral - MARGIN_M), 1.0)
 
 
 def _convoy_view(vehicles: Sequence[str], reach: Reach) -> rrb.Spatial2DView:
@@ -154,14 +153,14 @@ def _convoy_view(vehicles: Sequence[str], reach: Reach) -> rrb.Spatial2DView:
             f"- /world/cars/{vehicles[0]}/plan_name",
         ],
         visual_bounds=rrb.VisualBounds2D(
-            x_range=[-reach.behind, reach.ahead], y_range=[-reach.aside, reach.aside]
+            x_range=[-reach.behind, reach.ahead], y_range=[-reach.lateral, reach.lateral]
         ),
         overrides=_all_until_now(vehicles),
     )
 
 
 def _plan_view(vehicles: Sequence[str], spacing_m: float, road: Road | None) -> rrb.Spatial2DView:
-    """The convoy on the road, as dots where cars would be too small."""
+    """Show the convoy on the road, as dots where cars would be too small."""
     small = is_small(road, spacing_m)
     hidden = [f"- /world/cars/{name}/{'name' if small else 'dot'}" for name in vehicles]
     hidden += [f"- /world/cars/{name}/worst/name" for name in vehicles]
@@ -186,7 +185,7 @@ def plan_tag_m(road: Road) -> float:
 
 
 def _bounds(road: Road, margin_ratio: float) -> rrb.VisualBounds2D:
-    """The whole road with a margin; the second axis of a picture points down."""
+    """Bounds of the road with a margin; the second axis of a picture points down."""
     east, north = road
     margin = margin_ratio * _extent(road)
     return rrb.VisualBounds2D(
@@ -202,7 +201,7 @@ def _extent(road: Road) -> float:
 
 
 def _is_flat(road: Road) -> bool:
-    """Whether a road is so much wider than high, north up, that a low view suffices."""
+    """Whether a road is at least four times as wide as high, so that a low view suffices."""
     east, north = road
     return max(east) - min(east) >= 4.0 * (max(north) - min(north))
 
@@ -234,7 +233,7 @@ def _log_view() -> rrb.TextLogView:
 
 
 def _all_until_now(vehicles: Sequence[str]) -> dict[Any, Any]:
-    """Show all pieces of driven paths and all events up to the time cursor."""
+    """Show driven paths and events up to the time cursor."""
     ranges = [
         rr.VisibleTimeRange(
             timeline,
@@ -249,7 +248,7 @@ def _all_until_now(vehicles: Sequence[str]) -> dict[Any, Any]:
 
 
 def middle(count: int) -> int:
-    """Place in the convoy of the vehicle that the view follows."""
+    """Position in the convoy of the vehicle that the view follows."""
     return count // 2
 
 
@@ -278,7 +277,7 @@ def _tabs(row: Row, vehicles: Sequence[str], detail: Detail, extent: RunExtent) 
 
 
 def _plot(panel: Panel, vehicle: str, extent: RunExtent) -> rrb.TimeSeriesView:
-    """Plot of all vehicles, or of one; its legend is the picture's, which covers no data."""
+    """Plot of all vehicles, or of one. The legend view replaces its legend, which covers data."""
     origin = f"plots/{panel.name}/{vehicle}".rstrip("/")
     values = extent.values.get(origin)
     axis = ValueAxis.around(*values) if values else None

@@ -62,7 +62,7 @@ class Curves:
                 values.clear()
 
     def extents(self) -> dict[str, tuple[float, float]]:
-        """Smallest and largest value sent, by plot: of all curves, and of those of one vehicle."""
+        """Smallest and largest value of each plot, of all vehicles and of one."""
         extents: dict[str, tuple[float, float]] = {}
         for entity, (low, high) in self._extents.items():
             for plot in {"/".join(entity.split("/")[:depth]) for depth in (2, 3)}:
@@ -72,7 +72,7 @@ class Curves:
 
 
 class States:
-    """Strips of states, each of which is logged when it changes."""
+    """Strips of states, logged when they change."""
 
     def __init__(self, recording: rr.RecordingStream, set_time: Callable[[int], None]) -> None:
         """`set_time` moves the recording to an instant (ns)."""
@@ -110,7 +110,7 @@ class PanelSeries:
         self._timers: dict[tuple[str, str], Timer] = {}
 
     def draw(self, message: Message, place: int) -> None:
-        """Draw a message of the vehicle at `place` of the convoy."""
+        """Draw a message of the vehicle at position `place` in the convoy."""
         kind, vehicle, at = type(message), message.vehicle, valid_at(message)
         panels = self._panels.get(kind)
         if panels is None:

@@ -1,7 +1,7 @@
-"""State of a directed link over each half second, by the verdicts' own instants.
+"""State of a directed link in each half second, by the instants of the verdicts.
 
-A window is over when the receiver's own messages have passed its end. So neither the recorder's
-clock nor a slow reader of the log makes a link look silent.
+A window ends when the receiver's own messages pass its end, so a slow recorder or reader does not
+make a link look silent.
 """
 
 from collections.abc import Iterator
@@ -15,21 +15,21 @@ from vehicles.schedule import MILLISECOND, SECOND
 
 WINDOW_NS = SECOND // 2
 MARGIN_NS = 100 * MILLISECOND
-"""Time past its end after which a window is judged: verdicts and poses of one vehicle come under
+"""Delay after the end of a window before it is evaluated: verdicts and poses of a vehicle arrive on
 different topics."""
 
 
 def message_state(verdict: LinkVerdict) -> str:
-    """State of one message: "ok", "lost", "late", or "" if it was not carried."""
+    """State of a message: "ok", "lost", "late", or "" if the link did not carry it."""
     if verdict.outcome == "dropped":
         return "lost" if counts_as_loss(verdict.reason) else ""
     return LATE if verdict.late else OK
 
 
 class LinkWindow(NamedTuple):
-    """A link over the half second that begins at `at` (ns): its state, and the share lost.
+    """State of a link in the half second that begins at `at` (ns), and its loss ratio.
 
-    The share is None where no message was carried.
+    The ratio is None if the link carried no message.
     """
 
     link: str
@@ -40,7 +40,7 @@ class LinkWindow(NamedTuple):
 
 @dataclass(slots=True)
 class _Counts:
-    """Messages of one window."""
+    """Numbers of messages in a window."""
 
     ok: int = 0
     lost: int = 0
@@ -62,26 +62,26 @@ class LinkStates:
     receivers: dict[str, dict[str, _Link]] = field(default_factory=dict)
 
     def count(self, link: str, verdict: LinkVerdict) -> None:
-        """Count a verdict in the window of the tick that judged the message."""
+        """Count a verdict in the window of the tick at which it was made."""
         state = message_state(verdict)
         if not state:
             return
         start = verdict.received_at_ns // WINDOW_NS * WINDOW_NS
         links = self.receivers.setdefault(verdict.vehicle, {})
-        one = links.setdefault(link, _Link(start))
-        counts = one.counts.setdefault(max(start, one.start), _Counts())
+        entry = links.setdefault(link, _Link(start))
+        counts = entry.counts.setdefault(max(start, entry.start), _Counts())
         setattr(counts, state, getattr(counts, state) + 1)
 
     def passed(self, receiver: str, now: int) -> Iterator[LinkWindow]:
-        """Yield the windows that are over when `receiver` is at its instant `now` (ns)."""
-        for link, one in self.receivers.get(receiver, {}).items():
-            while one.start + WINDOW_NS + MARGIN_NS <= now:
-                counts = one.counts.pop(one.start, _Counts())
-                yield _judged(link, one.start, counts)
-                one.start += WINDOW_NS
+        """Yield the windows into `receiver` that have ended at its instant `now` (ns)."""
+        for link, entry in self.receivers.get(receiver, {}).items():
+            while entry.start + WINDOW_NS + MARGIN_NS <= now:
+                counts = entry.counts.pop(entry.start, _Counts())
+                yield _window(link, entry.start, counts)
+                entry.start += WINDOW_NS
 
 
-def _judged(link: str, at: int, counts: _Counts) -> LinkWindow:
+def _window(link: str, at: int, counts: _Counts) -> LinkWindow:
     carried = counts.ok + counts.lost + counts.late
     if not carried:
         return LinkWindow(link, at, SILENT, None)

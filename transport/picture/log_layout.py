@@ -1,7 +1,7 @@
 """Layout for a log that Rerun opens without this project.
 
-Rerun reads the standard messages of a log as poses, and all others as tables. The layout declares
-which of them are cars, and which numbers are curves:
+Rerun reads the standard messages of a log as poses, and all others as tables. The layout maps
+poses to cars and numbers to curves:
 
     rerun run.mcap - < rerun.rbl
 """
@@ -31,7 +31,7 @@ from transport.picture.blueprint import ROAD, middle
 from transport.topics import TOPICS
 
 TIMELINE = "message_publish_time"
-"""The instant at which a message was valid; the log time is that of recording."""
+"""Instant at which a message was valid; the log time is that of recording."""
 HEIGHT_M = 1.5
 EYE_M = (-25.0, -12.0, 22.0)
 """Position of the camera relative to the convoy."""
@@ -51,7 +51,7 @@ def save_log_layout(
     of the middle ahead of the pose (m).
     """
     names = list(cars)
-    beside = path.with_name(path.name + ".part")
+    part = path.with_name(path.name + ".part")
     rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(_scene(cars, spacing_m), _text(names), row_shares=[3, 1]),
@@ -63,8 +63,8 @@ def save_log_layout(
         rrb.BlueprintPanel(expanded=False),
         auto_layout=False,
         auto_views=False,
-    ).save(log, beside)
-    beside.replace(path)
+    ).save(log, part)
+    part.replace(path)
 
 
 def _scene(cars: Mapping[str, tuple[float, float, float]], spacing_m: float) -> rrb.Spatial3DView:
@@ -166,7 +166,7 @@ def _text(names: Sequence[str]) -> rrb.TextLogView:
 
 
 def main() -> None:
-    """Write a layout at low priority; the argument holds `save_log_layout`'s as JSON."""
+    """Write a layout at low priority; the program's argument are those of the function, as JSON."""
     os.nice(19)
     arguments = json.loads(sys.argv[1])
     save_log_layout(Path(arguments.pop("path")), **arguments)

@@ -1,4 +1,4 @@
-"""Marks of events and changes: at their places in the plans, at their instants in the plots."""
+"""Marks of events and changes, by place in the plans and by time in the plots."""
 
 import math
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ class Mark:
 
 
 def _marked_plots(vehicles: Sequence[str]) -> tuple[str, ...]:
-    """Names of the marked plots of all vehicles, and of the own plots of `vehicles`."""
+    """Names of the marked plots of all vehicles, and of those of each of `vehicles`."""
     marked = [panel for panel in PANELS.values() if panel.marked]
     common = [panel.name for panel in marked if panel.kind == "plot"]
     own = [panel.name for panel in marked if panel.kind == "plot_of_one"]
@@ -42,10 +42,10 @@ def _marked_plots(vehicles: Sequence[str]) -> tuple[str, ...]:
 
 
 class Marks:
-    """Draws marks, with one colour and one shape by kind."""
+    """Draws marks with the colour and shape of their kind."""
 
     def __init__(self, recording: rr.RecordingStream, followers: Sequence[str]) -> None:
-        """Log the styles, for the legend."""
+        """Log the styles of all kinds."""
         self._recording = recording
         plots = _marked_plots(followers)
         for kind, (colour, shape, size) in MARKS.items():
@@ -61,7 +61,7 @@ class Marks:
     def draw(self, mark: Mark, yaw: float, tag_m: float) -> None:
         """Draw a mark at the recording's present time, on a road in direction `yaw` (rad).
 
-        Names are to the right of the road, one row by kind, the first of them at `tag_m`.
+        Names are to the right of the road in a row for each kind, the first at `tag_m`.
         """
         colour, _, _ = MARKS[mark.kind]
         spot = rr.Points2D(

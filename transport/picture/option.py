@@ -12,15 +12,15 @@ Sink = Literal["off", "spawn", "serve", "connect", "save"]
 LOOPBACK = "127.0.0.1"
 PAGE_PORT = 9090
 DATA_PORT = 9876
-"""Rerun's usual ports; by default, if they are in use, any free one."""
+"""Rerun's usual ports. If they are in use, the default is any free port."""
 
 
 @dataclass(frozen=True, slots=True)
 class RerunOption:
     """The destination of the picture.
 
-    `target` is the URL of `connect` or the path of `save`. `address` and the two ports (0: the
-    usual one), of the web page and of its data, are those of `serve`.
+    `target` is the URL of `connect` or the path of `save`. `serve` uses `address` and the ports of
+    the web page and of its data (0: the usual port).
     """
 
     sink: Sink
@@ -40,11 +40,11 @@ def parse_rerun_option(text: str) -> RerunOption:
     """Read the value of `--rerun`; raises ViewerError.
 
     `serve=0.0.0.0:9090:9876` serves the web page on port 9090 and its data on port 9876 of all
-    interfaces, as a container needs it; without an address both stay on 127.0.0.1.
+    interfaces, as a container needs it. The default address is 127.0.0.1.
     """
-    sink, given, value = text.partition("=")
+    sink, equals, value = text.partition("=")
     match sink, bool(value):
-        case (("off" | "spawn" | "serve"), False) if not given:
+        case (("off" | "spawn" | "serve"), False) if not equals:
             return RerunOption(sink)
         case "save", True:
             return RerunOption("save", target=value)
@@ -57,10 +57,10 @@ def parse_rerun_option(text: str) -> RerunOption:
                 f"rerun+http://127.0.0.1:{DATA_PORT}/proxy"
             )
         case "serve", True:
-            found = _SERVE.fullmatch(value)
-            ports = [int(found[name] or 0) for name in ("page", "data")] if found else [65536]
-            if found and max(ports) < 65536:
-                return RerunOption("serve", "", found["address"] or LOOPBACK, *ports)
+            parts = _SERVE.fullmatch(value)
+            ports = [int(parts[name] or 0) for name in ("page", "data")] if parts else [65536]
+            if parts and max(ports) < 65536:
+                return RerunOption("serve", "", parts["address"] or LOOPBACK, *ports)
     raise ViewerError(f"--rerun {text}: give {_FORMS}")
 
 
@@ -69,7 +69,7 @@ RECORDING_MAGICS = (b"RRF2", b"RRF1", b"RRF0")
 
 
 def refuse_foreign_file(option: RerunOption) -> None:
-    """Raise ViewerError if `save` would overwrite anything but an earlier recording of Rerun."""
+    """Raise ViewerError if `save` would overwrite a file that is no recording of Rerun."""
     path = Path(option.target)
     if option.sink != "save" or not (path.exists() or path.is_symlink()):
         return

@@ -61,18 +61,18 @@ CAR_NS = 40 * MILLISECOND
 TRAJECTORY_NS = 100 * MILLISECOND
 DRIVEN_NS = 200 * MILLISECOND
 BATCH_NS = 500 * MILLISECOND
-"""Period of sending the curves, at a tenth of the cost of single values."""
+"""Period of sending the curves: batches cost a tenth of single values."""
 SILENT_NS = SECOND
-"""Silence after which the view follows another vehicle."""
+"""Time without a pose after which the view follows another vehicle."""
 SPACING_M = 1.0
 WORST_FROM_M = 0.2
-"""Least error at which the vehicle furthest off the lead's path is marked."""
+"""Error from which the vehicle furthest off the lead's path is marked."""
 DEFAULT_CAR = CarShape(4.93, 1.86, -0.1568)
 """A Lincoln MKZ, for vehicles of unknown size."""
 MAX_ZOOM = 4.0
-"""Largest factor by which the view that moves along grows to show a vehicle other than the lead."""
+"""Largest zoom of the moving view that a vehicle other than the lead causes."""
 ZOOM_STEP = 1.25
-"""Factor between two sizes of that view for which name tags are placed."""
+"""Change of that zoom after which name tags are placed again."""
 LINE_LENGTH = 84
 """Characters of a log line that fit in a window of 1280 pixels."""
 _LEVELS = {
@@ -88,8 +88,8 @@ _LEVELS = {
 class RecordingWriter:
     """Turns messages into entities of a recording, at the rates that a viewer needs.
 
-    Of the cross-track error, the tracking error and the gaps every value is drawn, so that the
-    extremes are those of the summary. In a long convoy that holds for the vehicles of `detail`.
+    Every value of the errors and gaps is drawn, so the extremes are those of the summary. In a long
+    convoy this applies to the vehicles of `detail`.
     """
 
     def __init__(
@@ -149,7 +149,7 @@ class RecordingWriter:
             self._log_road(path, lane_m, spacing_m)
 
     def draw(self, now: int, message: Message) -> None:
-        """Draw a message that came at instant `now` (ns), at the instant at which it was valid."""
+        """Draw a message received at `now` (ns), at the instant at which it was valid."""
         if self._start is None:
             self._wait_for_start(now, message)
             return
@@ -184,7 +184,7 @@ class RecordingWriter:
             self._log_legend()
 
     def finish(self) -> None:
-        """Send the last batch (a log may break off anywhere), and fit the layout to the run."""
+        """Send the last batch, also of a truncated log, and fit the layout to the run."""
         start = self._start or 0
         self._curves.send(start)
         if self._last_pose_at:
@@ -194,7 +194,7 @@ class RecordingWriter:
             self._recording.send_blueprint(self._layout(extent=extent))
 
     def _wait_for_start(self, now: int, message: Message) -> None:
-        """Keep messages until the start is known: they are drawn relative to that instant."""
+        """Keep messages until the start of the run is known: times are relative to it."""
         self._waiting.append((now, message))
         if isinstance(message, RunStart | TruePose):
             self._start = valid_at(message)
@@ -225,7 +225,7 @@ class RecordingWriter:
             self._series.show_links(vehicle, self._place(vehicle), at)
 
     def _move_along(self, truth: TruePose) -> None:
-        """Move the view to this vehicle, with a larger unit to show the others."""
+        """Move the view to this vehicle, zoomed out to contain the others."""
         c, s = math.cos(truth.yaw_rad), math.sin(truth.yaw_rad)
         unit = 1.0
         place = self._place(truth.vehicle)
@@ -251,14 +251,14 @@ class RecordingWriter:
         return float(self._reach.tag_m * ZOOM_STEP ** (self._zoom_level or 0))
 
     def _log_name(self, vehicle: str) -> None:
-        """Write the name of a vehicle next to it; in a long convoy alternately further away."""
+        """Write the name of a vehicle next to it, at two distances in turn in a long convoy."""
         place = self._place(vehicle)
         rows = 1 + place % 2 if len(self._places) > FEW_VEHICLES else 1
         name = name_tag(vehicle, colour_of(place), rows * self._tag_m)
         self._recording.log(f"world/cars/{vehicle}/name", name)
 
     def _log_legend(self) -> None:
-        """Show the colours of vehicles with curves, of curves with own colours, and of marks."""
+        """Show the colours of vehicles, of curves with their own colours, and of marks."""
         items = [
             (f"{name} (lead)" if name == self._lead != "lead" else name, colour_of(place))
             for name, place in self._places.items()
@@ -267,8 +267,12 @@ class RecordingWriter:
         if not self.detail.is_all:
             items.append(("furthest off", WORST))
         if len(items) > 1:
-            series = [one for panel in PANELS.values() for one in panel.series]
-            items += [(one.label, one.colour) for one in series if one.colour]
+            items += [
+                (series.label, series.colour)
+                for panel in PANELS.values()
+                for series in panel.series
+                if series.colour
+            ]
         items += [(kind.replace("_", " "), colour) for kind, colour in self._marked.items()]
         self._recording.log("legend", legend(items), static=True)
 
@@ -298,7 +302,7 @@ class RecordingWriter:
 
     def _show_worst(self, now: int) -> None:
         """Ring the vehicle furthest off the lead's path, from `FAR_OFF_M` on."""
-        name = max(self._errors, key=lambda one: abs(self._errors[one]), default="")
+        name = max(self._errors, key=lambda vehicle: abs(self._errors[vehicle]), default="")
         if not name or abs(self._errors[name]) <= WORST_FROM_M:
             name = ""
         newest = max(self._last_pose_at.values(), default=now)
@@ -308,7 +312,7 @@ class RecordingWriter:
         if name:
             self._ring(name, f"{name} {self._errors[name]:+.2f} m")
         self._worst = name
-        if self._errors and not self.detail.is_all:  # whose curves are not all there
+        if self._errors and not self.detail.is_all:  # some vehicles have no curve
             worst = max(map(abs, self._errors.values()))
             if not self._curves.has("cross_track", "worst"):
                 self._curves.start("cross_track", "worst", "furthest off", WORST, 2.5)
@@ -325,7 +329,7 @@ class RecordingWriter:
         self._log(line.vehicle, line.logged_at_ns, line.text, level)
 
     def _log(self, vehicle: str, at: int, text: str, level: str) -> None:
-        """Log a text, a row for each of its lines: the viewer shows one line of a row."""
+        """Log a text, one row per line: the viewer shows only the first line of a row."""
         self._set_time(at)
         at_s = (at - (self._start or 0)) / SECOND
         first, *others = textwrap.wrap(
@@ -358,7 +362,7 @@ class RecordingWriter:
             self._recording.log(f"world/cars/{self._lead}/plan_name", tag, static=True)
 
     def _place(self, vehicle: str) -> int:
-        """Place of a vehicle in the convoy; an unannounced one comes last."""
+        """Position of a vehicle in the convoy; an unannounced vehicle comes last."""
         place = self._places.get(vehicle)
         if place is None:
             place = self._places[vehicle] = len(self._places)
@@ -381,17 +385,17 @@ class RecordingWriter:
         self._zoom_level = None  # so that its name is written
 
     def _vehicle_to_follow(self, at: int) -> str:
-        """Vehicle that the view follows: the middle one of those that send."""
+        """Vehicle that the view follows: the middle of the vehicles that send."""
         if at - self._last_pose_at.get(self._followed, self._start or 0) > SILENT_NS:
-            there = [name for name, seen in self._last_pose_at.items() if at - seen <= SILENT_NS]
-            there.sort(key=self._place)
-            self._followed = there[middle(len(there))]
+            sending = [name for name, last in self._last_pose_at.items() if at - last <= SILENT_NS]
+            sending.sort(key=self._place)
+            self._followed = sending[middle(len(sending))]
         return self._followed
 
-    def _is_due(self, vehicle: str, what: str, at: int, period_ns: int) -> bool:
-        timer = self._timers.get((vehicle, what))
+    def _is_due(self, vehicle: str, entity: str, at: int, period_ns: int) -> bool:
+        timer = self._timers.get((vehicle, entity))
         if timer is None:
-            timer = self._timers[vehicle, what] = Timer(period_ns)
+            timer = self._timers[vehicle, entity] = Timer(period_ns)
         return timer.is_due(at)
 
     def _set_time(self, at: int) -> None:

@@ -9,17 +9,17 @@ import rerun as rr
 
 from transport.colours import Colour
 from transport.picture.blueprint import LANE_EDGE, LEGEND_WIDTH, ROAD, WORST
-from vehicles.geometry.lanes import lane_edges as beside
+from vehicles.geometry.lanes import lane_edges as edges_of
 
 MARK_SPACING_M = 50.0
 MARK_CLEARANCE_M = 15.0
-"""Least distance between two labels: a later lap has none of its own."""
+"""Least distance between two marks: later laps have none."""
 CHARACTER, ROW_HEIGHT = 0.75, 3.7
 """Width of a letter and height of a row of the legend, in its unit."""
 
 
 class CarShape(NamedTuple):
-    """Length and width (m) of a car, and how far its middle lies ahead of its pose."""
+    """Length and width (m) of a car, and the distance of its middle ahead of its pose."""
 
     length: float
     width: float
@@ -41,27 +41,27 @@ def turn_about(
 
 
 def line_style(colour: Colour, *, width: float, order: float) -> rr.LineStrips2D:
-    """Style of a line that is logged piece by piece: logged once, it makes each piece cheaper."""
+    """Style of a line that is logged in pieces; it is logged once to make each piece cheaper."""
     return rr.LineStrips2D.from_fields(
         colors=[colour], radii=rr.Radius.ui_points(width), draw_order=order
     )
 
 
 def point_style(*, width: float, order: float) -> rr.Points2D:
-    """Style of points that are logged repeatedly, of any colours."""
+    """Style of points that are logged repeatedly in any colours."""
     return rr.Points2D.from_fields(radii=rr.Radius.ui_points(width), draw_order=order)
 
 
 def car(shape: CarShape, colour: Colour) -> rr.LineStrips2D:
-    """Draw a car seen from above, front towards its first axis, as thick lines side by side.
+    """Draw a car seen from above, front towards its first axis, with the outline of `shape`.
 
-    Boxes2D would be an outline only. Its outline is that of `shape`.
+    Thick lines side by side fill it; Boxes2D would draw an outline only.
     """
     length, width, forward = shape
     lines = 8
     radius = 0.6 * width / lines  # so that they overlap
-    reach, aside = 0.5 * length - radius, 0.5 * width - radius
-    sides = [aside * (2 * line / (lines - 1) - 1) for line in range(lines)]
+    reach, half_width = 0.5 * length - radius, 0.5 * width - radius
+    sides = [half_width * (2 * line / (lines - 1) - 1) for line in range(lines)]
     body = [[[forward - reach, side], [forward + reach, side]] for side in sides]
     screen = forward + 0.16 * length
     windscreen = [[[screen, sides[1]], [screen, sides[-2]]]]
@@ -79,13 +79,13 @@ def name_tag(text: str, colour: Colour, left_m: float) -> rr.Points2D:
 
 
 def ring(*, shown: bool) -> rr.Points2D:
-    """Ring a car, which covers the middle, in the car's own frame."""
+    """Ring a car, in the car's frame; the car covers the middle."""
     places = [[0.0, 0.0]] if shown else []
     return rr.Points2D(places, colors=[WORST], radii=rr.Radius.ui_points(18.0), draw_order=15)
 
 
 def ring_label(label: str, right_m: float) -> rr.Points2D:
-    """Write a label `right_m` to the right of a car that is ringed, if there is one."""
+    """Write a label `right_m` to the right of a ringed car; an empty label removes it."""
     return rr.Points2D(
         [[0.0, -right_m]] if label else [],
         colors=[WORST],
@@ -99,7 +99,7 @@ def ring_label(label: str, right_m: float) -> rr.Points2D:
 def lane_edges(east: Sequence[float], north: Sequence[float], width: float) -> rr.LineStrips2D:
     """Draw both edges of a lane of `width` (m) along a path (m)."""
     return rr.LineStrips2D(
-        beside(np.column_stack([east, north]), width),
+        edges_of(np.column_stack([east, north]), width),
         colors=[LANE_EDGE],
         radii=rr.Radius.ui_points(0.7),
         draw_order=0,

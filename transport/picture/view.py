@@ -1,6 +1,6 @@
-"""The picture of a run in Rerun, opened as `--rerun` asks, or none.
+"""The picture of a run in Rerun, opened as configured by `--rerun`.
 
-Rerun itself (90 MB, half a second) is loaded only when a picture is wanted.
+Rerun itself (90 MB, half a second) is loaded only for a picture.
 """
 
 import os
@@ -35,8 +35,8 @@ class RerunView(Closing):
     `vehicles` are in order, the lead first; `spacing_m` is their usual spacing; `cars` are their
     lengths and widths (m), and the distances of their middles ahead of their poses; `path` is the
     lead's, as east and north in metres; `lane_m` is the width of its lane; `title` is the name of
-    the recording. Raises ViewerError if the picture cannot be shown. `destination` describes it
-    for the user; `enabled` is False without one.
+    the recording. Raises ViewerError if the picture cannot be shown. `destination` describes to
+    the user where it is shown; `enabled` is False without a picture.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class RerunView(Closing):
         )
 
     def has_curves(self, vehicle: str) -> bool:
-        """Whether all curves of a vehicle are drawn, and not only its place."""
+        """Whether all curves of a vehicle are drawn, not only its position."""
         return self._writer is not None and vehicle in self._writer.detail
 
     def draw(self, now: int, message: Message) -> None:

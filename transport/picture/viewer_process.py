@@ -38,13 +38,13 @@ if os.getppid() == int(sys.argv[1]):
 
 
 class ViewerError(Exception):
-    """A viewer that cannot be shown, in one line: the reason and an alternative."""
+    """A viewer cannot be shown. The message is one line with the reason and an alternative."""
 
 
 def viewer_binary() -> Path:
     """Path of Rerun's binary; the `rerun` command is a wrapper whose child outlives it."""
-    found = importlib.util.find_spec("rerun_cli")
-    for folder in (found.submodule_search_locations or []) if found else []:
+    package = importlib.util.find_spec("rerun_cli")
+    for folder in (package.submodule_search_locations or []) if package else []:
         binary = Path(folder) / "rerun"
         if binary.exists():
             return binary
@@ -76,8 +76,8 @@ def start_log_layout(
 ) -> "subprocess.Popen[bytes]":
     """Write the layout for a log to `path`; see `save_log_layout`.
 
-    A process of low priority, which ends with this one, writes it, so that this one does not load
-    Rerun. Without Rerun, or on a full disk, there is no layout.
+    A process of low priority writes it, which ends with this one, so this one does not load Rerun.
+    Without Rerun or disk space no layout is written.
     """
     arguments = {"path": str(path), "log": log, "cars": cars, "spacing_m": spacing_m}
     command = [sys.executable, "-m", "transport.picture.log_layout", json.dumps(arguments)]
@@ -125,18 +125,18 @@ def free_port(address: str, preferred: int) -> int:
     raise ViewerError(f"no free port on {address}")
 
 
-def listen(address: str, given: int, usual: int, serve: Callable[[int], bool]) -> int:
-    """Have `serve` listen on the port `given`, or if that is 0 on the usual or another one.
+def listen(address: str, requested: int, usual: int, serve: Callable[[int], bool]) -> int:
+    """Have `serve` listen on the `requested` port or, if it is 0, on the usual or another port.
 
     `serve` returns whether it does: another program can take a free port meanwhile, so others are
     tried. Returns the port; raises ViewerError without one.
     """
-    for _ in range(1 if given else PORT_TRIES):
+    for _ in range(1 if requested else PORT_TRIES):
         try:
-            port = _bound(address, given) if given else free_port(address, usual)
+            port = _bound(address, requested) if requested else free_port(address, usual)
         except OSError as error:
             reason = (error.strerror or str(error)).lower()
-            text = f"cannot listen on {address}:{given}: {reason}; {OTHER_PORTS}"
+            text = f"cannot listen on {address}:{requested}: {reason}; {OTHER_PORTS}"
             raise ViewerError(text) from error
         if serve(port):
             return port
@@ -157,12 +157,12 @@ def quiet_environment() -> dict[str, str]:
 
 
 def _ends_with_parent(nice: int = 0) -> list[str]:
-    """Prefix of a command that ends when this process does, with a nice value."""
+    """Prefix of a command that ends with this process, with a nice value."""
     return [sys.executable, "-I", "-S", "-c", _END_WITH_PARENT, str(os.getpid()), str(nice)]
 
 
 def _start(command: Sequence[str]) -> "subprocess.Popen[bytes]":
-    """Start a program in a session of its own, so that Ctrl-C does not reach it."""
+    """Start a program in its own session, which Ctrl-C does not reach."""
     return subprocess.Popen(  # noqa: S603 - our own command line, no shell
         command,
         env=quiet_environment(),
@@ -220,5 +220,5 @@ def is_listening(address: str, port: int) -> bool:
 
 
 def local_address(address: str) -> str:
-    """Address under which this machine itself reaches a server bound to `address`."""
+    """Address at which this machine reaches a server bound to `address`."""
     return "127.0.0.1" if address == "0.0.0.0" else address  # noqa: S104 - compared, not bound

@@ -1,4 +1,4 @@
-"""Layouts by which other programs show a log of a run as it should be."""
+"""Layouts with which Foxglove and Rerun show the log of a run without this project."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -13,15 +13,14 @@ from transport.log.foxglove_layout import foxglove_layout
 from transport.picture.viewer_process import start_log_layout
 
 FOXGLOVE_NAME, RERUN_NAME = "foxglove.json", "rerun.rbl"
-"""Layouts for whoever opens the log without this project."""
 LAYOUT_S = 10.0
-"""How long a run that is over waits at most for its layout: half a second where a core is idle."""
+"""Longest wait for the layout after a run; on an idle core it takes half a second."""
 
 
 def write_foxglove_layout(folder: Path, scenario: Scenario) -> None:
-    """Write a layout for the log of a run of `scenario` beside it, if there is room and no other.
+    """Write a layout next to the log of a run of `scenario`, unless there is one.
 
-    It takes no part in the run, so nothing depends on it.
+    Nothing depends on it, so errors such as a full disk are ignored.
     """
     with suppress(OSError), (folder / FOXGLOVE_NAME).open("x", encoding="utf-8") as file:
         file.write(foxglove_layout(scenario.vehicle_names))
@@ -29,9 +28,9 @@ def write_foxglove_layout(folder: Path, scenario: Scenario) -> None:
 
 @contextmanager
 def rerun_layout(folder: Path, scenario: Scenario) -> Iterator[None]:
-    """Write a layout of Rerun for the log of a run of `scenario` beside it, if there is no other.
+    """Write a layout of Rerun next to the log of a run of `scenario`, unless there is one.
 
-    That takes half a second, during which others go on.
+    Another process writes it while the context is active.
     """
     path = folder / RERUN_NAME
     if path.exists() or path.is_symlink():

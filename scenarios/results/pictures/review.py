@@ -1,4 +1,4 @@
-"""`convoy review`: shows a recorded run in Rerun, drawn as it was drawn live."""
+"""`convoy review`: shows a recorded run in Rerun as it was drawn live."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
@@ -34,13 +34,12 @@ def review(
 ) -> int:
     """Draw the run recorded in `log`; returns the number of messages drawn.
 
-    The log alone is enough; `warn` is called with a line about each fault of it. While
-    the picture is served from here, `wait` is called with where to look, once all is drawn, and
-    must return when the picture is no longer looked at. Raises LogError or ViewerError.
+    `warn` is called with a line about each fault of the log. A served picture is shown until `wait`
+    returns, which is called with its address when all is drawn. Raises LogError or ViewerError.
     """
     reader = LogReader(log)
     if reader.truncated:
-        warn(f"{log}: breaks off; what was written before is shown")
+        warn(f"{log}: truncated; all data before the end are shown")
     if reader.damage:
         warn(reader.damage)
     scenario = _scenario_in(reader, warn)
@@ -65,7 +64,7 @@ def _scenario_in(reader: LogReader, warn: Callable[[str], None]) -> Scenario | N
 
 
 def _layout(log: Path, scenario: Scenario | None) -> AbstractContextManager[None]:
-    """Write the layout that a run in virtual time has not written, if it is the folder of a run."""
+    """Write Rerun's layout next to the log of a run, which a quiet run has not written."""
     is_run = log.name == LOG_NAME and (log.parent / SUMMARY_NAME).is_file()
     return rerun_layout(log.parent, scenario) if scenario and is_run else nullcontext()
 
@@ -75,11 +74,11 @@ def _open(reader: LogReader, option: RerunOption, scenario: Scenario | None) -> 
         return open_drawing(option, scenario, reader.path)
     names = _in_order(reader)
     view = RerunView(option, recording_id=recording_id(reader.path), vehicles=names)
-    return RunDrawing(view, Metrics(names, {}), gathered=False)
+    return RunDrawing(view, Metrics(names, {}), updates_metrics=True)
 
 
 def _in_order(reader: LogReader) -> list[str]:
-    """Names of the vehicles; the lead, which receives from no other, comes first."""
+    """Names of the vehicles, the lead first: it has no verdicts on received messages."""
     vehicles = [name for name in reader.vehicles if name != RUN_SENDER]
     if not vehicles:
         raise LogError(f"{reader.path}: holds no vehicle's messages")

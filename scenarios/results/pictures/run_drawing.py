@@ -1,4 +1,4 @@
-"""Draws a run with its events and true gaps, the same live and from its log."""
+"""Draws a run with its events and true gaps, live or from its log."""
 
 from collections import deque
 from itertools import pairwise
@@ -16,21 +16,21 @@ from vehicles.messages import Message, TruePose
 
 DEFAULT_SPACING_M = 15.0
 MAX_PENDING_ERRORS = 10_000
-"""True errors kept for the picture while it is behind."""
+"""Largest number of true errors that wait to be drawn."""
 
 
 class RunDrawing(Closing):
     """Picture of a run with its figures; `draw` is an observer.
 
-    `where` describes to the user where it is shown.
+    `destination` describes to the user where it is shown.
     """
 
-    def __init__(self, view: RerunView, metrics: Metrics, *, gathered: bool) -> None:
-        """Draw into `view`; `draw` gathers the `metrics` unless the recorder does."""
+    def __init__(self, view: RerunView, metrics: Metrics, *, updates_metrics: bool) -> None:
+        """Draw into `view`; with `updates_metrics` `draw` adds the messages to `metrics`."""
         self.destination = view.destination
         self._view = view
         self._events = metrics.events
-        self._own_metrics = None if gathered else metrics
+        self._own_metrics = metrics if updates_metrics else None
         self._marked = 0
         names = list(metrics.vehicles)
         self._follower_of = dict(pairwise(names))
@@ -63,8 +63,8 @@ class RunDrawing(Closing):
             self._view.gap(name, gap.now_at_ns, gap.now_m)
 
     def _draw_marks(self) -> None:
-        for one in self._events.episodes(self._marked):
-            self._view.mark(one.kind, one.at_ns, one.place, one.vehicles)
+        for event in self._events.episodes(self._marked):
+            self._view.mark(event.kind, event.at_ns, event.place, event.vehicles)
             self._marked += 1
 
     def close(self) -> None:
@@ -80,7 +80,7 @@ def open_drawing(
 ) -> RunDrawing:
     """Open the picture of a run of `scenario`, whose figures `metrics` are gathered elsewhere.
 
-    Without `metrics` they are worked out from what is drawn. Raises ViewerError.
+    Without `metrics` they are computed from the drawn messages. Raises ViewerError.
     """
     path = scenario.route.path
     view = RerunView(
@@ -94,7 +94,7 @@ def open_drawing(
         duration_s=scenario.duration_s,
         title=scenario.title,
     )
-    return RunDrawing(view, metrics or Metrics.of(scenario), gathered=metrics is not None)
+    return RunDrawing(view, metrics or Metrics.of(scenario), updates_metrics=metrics is None)
 
 
 def recording_id(log: Path) -> str:

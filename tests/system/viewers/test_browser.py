@@ -36,21 +36,21 @@ def shows_cars(page: Browser) -> bool:
     return all(colours.get(colour_of(place), 0) > FEWEST_PIXELS for place in range(VEHICLES))
 
 
-def told(page: Browser, process: Process) -> str:
-    """Return what there is to know of a page that does not show the cars."""
+def description(page: Browser, process: Process) -> str:
+    """Describe a page that does not show the cars."""
     colours = sorted(page.picture().getcolors(maxcolors=2**24), reverse=True)[:10]
     return f"{colours=}\n{process.exit_code=}\n{process.out}\n{process.err}"
 
 
 def destination(process: Process) -> str:
-    """Return the address that a command says, as soon as it does."""
+    """Wait for the address that a command prints."""
 
-    def said() -> list[str]:
+    def printed() -> list[str]:
         return re.findall(r"http://127\.0\.0\.1:\S+", process.err + process.out)
 
-    assert until(lambda: bool(said()) or process.exit_code is not None)
+    assert until(lambda: bool(printed()) or process.exit_code is not None)
     assert process.exit_code is None, process.err
-    return f"{said()[0]}&renderer=webgl"  # the only one that needs no graphics card
+    return f"{printed()[0]}&renderer=webgl"  # the only one that needs no graphics card
 
 
 @pytest.mark.long
@@ -63,7 +63,7 @@ def test_the_page_shows_the_convoy_live_afterwards_and_reviewed(tmp_path: Path) 
             address = destination(run)
             run.await_start()
             page.open(address)
-            assert until(lambda: shows_cars(page), PATIENCE_S), told(page, run)
+            assert until(lambda: shows_cars(page), PATIENCE_S), description(page, run)
             assert run.exit_code is None  # it was live
             run.popen.send_signal(signal.SIGINT)
             assert run.wait() == 130
@@ -72,6 +72,6 @@ def test_the_page_shows_the_convoy_live_afterwards_and_reviewed(tmp_path: Path) 
         assert until(lambda: not shows_cars(page), PATIENCE_S)
         with start("review", "run", "--rerun=serve", folder=tmp_path) as reviewing:
             page.open(destination(reviewing))
-            assert until(lambda: shows_cars(page), PATIENCE_S), told(page, reviewing)
+            assert until(lambda: shows_cars(page), PATIENCE_S), description(page, reviewing)
             reviewing.popen.send_signal(signal.SIGINT)
             assert reviewing.wait() == 130

@@ -31,17 +31,17 @@ pytestmark = pytest.mark.skipif(
 NEARLY, FEWEST_PIXELS = 30, 100
 """A curve has more in nearly its colour; its edges are blurred."""
 PATIENCE_S = 20.0
-"""How long a viewer on a busy machine may take to draw what it has."""
+"""Longest time (s) in which a viewer on a busy machine draws its data."""
 
 
 def cars_seen(picture: Any) -> bool:
-    """Say whether every car fills some pixels with its colour."""
+    """Whether every car fills some pixels with its colour."""
     colours = {colour: count for count, colour in picture.getcolors(maxcolors=2**24)}
     return all(colours.get(colour_of(place), 0) > 200 for place in range(len(drive.VEHICLES)))
 
 
 def shows_cars(viewer: ViewerClient, at_s: float) -> bool:
-    """Say whether a viewer shows every car at a time of the run (s), soon if not at once."""
+    """Whether a viewer shows every car at a time of the run (s) within `PATIENCE_S`."""
     deadline = time.monotonic() + PATIENCE_S
     while (
         not (seen := cars_seen(take_picture(viewer, at_s, settled=False)))
@@ -69,7 +69,7 @@ def test_each_viewer_sees_the_whole_run() -> None:
 
 
 def test_a_log_opens_without_this_project(tmp_path: Path) -> None:
-    """With the layout beside it, Rerun alone draws what is true and what was believed."""
+    """With the layout next to it, Rerun draws true and estimated values without this project."""
     scenario = load_scenario("lossy_lane_change", ["duration_s=3"])
     run_virtual(scenario, tmp_path, Stop())
     layout = tmp_path / "rerun.rbl"
@@ -80,15 +80,15 @@ def test_a_log_opens_without_this_project(tmp_path: Path) -> None:
 
 
 def curves_in(picture: Any) -> list[bool]:
-    """Say of each third of the right side whether a curve has the first follower's colour."""
+    """Whether each third of the right side has a curve in the first follower's colour."""
     thirds = []
     for third in range(3):
         top = third * picture.height // 3
         part = picture.crop((picture.width * 5 // 9, top, picture.width, top + picture.height // 3))
-        found = sum(
+        pixels = sum(
             count
             for count, colour in part.getcolors(maxcolors=2**24)
             if max(abs(a - b) for a, b in zip(colour, colour_of(1), strict=True)) < NEARLY
         )
-        thirds.append(found > FEWEST_PIXELS)
+        thirds.append(pixels > FEWEST_PIXELS)
     return thirds

@@ -27,7 +27,7 @@ def test_of_a_short_convoy_everything_is_drawn(count: int) -> None:
     assert detail.followed == names(count)[count // 2]
     assert detail.shown == count
     assert detail.period(40) == 40
-    assert all(detail.shows(one, 0) for one in range(count))
+    assert all(detail.shows(place, 0) for place in range(count))
 
 
 @given(st.integers(min_value=MAX_ALL_DETAILED + 1, max_value=200))

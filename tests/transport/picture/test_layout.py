@@ -24,9 +24,9 @@ VALUES = st.floats(-1e4, 1e4)
 
 
 @given(VALUES, VALUES)
-def test_a_value_axis_has_all_values_and_two_numbers(one: float, other: float) -> None:
-    axis = ValueAxis.around(min(one, other), max(one, other))
-    assert axis.low < min(one, other, 0.0) <= max(one, other, 0.0) < axis.high
+def test_a_value_axis_has_all_values_and_two_numbers(a: float, b: float) -> None:
+    axis = ValueAxis.around(min(a, b), max(a, b))
+    assert axis.low < min(a, b, 0.0) <= max(a, b, 0.0) < axis.high
     inside = len(axis.labels)
     assert 2 <= inside <= MAX_STEPS + 2
 
@@ -83,11 +83,11 @@ def test_every_plot_shows_the_whole_run_below_one_another(count: int) -> None:
 
 
 def test_there_are_four_rows_with_the_worst_vehicle_in_front() -> None:
-    found = rows(12, EXTENT)
-    assert len(found) == 4
-    assert found[1][0].origin == "plots/closing/v3"
+    views = rows(12, EXTENT)
+    assert len(views) == 4
+    assert views[1][0].origin == "plots/closing/v3"
     assert {f"plots/closing/{name}" for name in convoy(12)[1:]} <= {
-        str(view.origin) for view in found[1]
+        str(view.origin) for view in views[1]
     }
 
 
@@ -106,11 +106,11 @@ def test_entries_of_the_legend_do_not_overlap() -> None:
     x, y = zip(*places.as_arrow_array().to_pylist(), strict=True)
     assert len(x) == len(items)
     assert 0.0 < min(x) < max(x) < LEGEND_WIDTH
-    for (one, text), (other, after) in combinations(
+    for (left, text), (right, after) in combinations(
         zip(zip(x, y, strict=True), items, strict=True), 2
     ):
         letters = 0.5 * (len(text[0]) + len(after[0]))
-        assert other[1] > one[1] or other[0] - one[0] > 0.7 * letters
+        assert right[1] > left[1] or right[0] - left[0] > 0.7 * letters
 
 
 def test_later_laps_have_no_distance_marks_of_their_own() -> None:
@@ -120,8 +120,8 @@ def test_later_laps_have_no_distance_marks_of_their_own() -> None:
     assert marks.positions is not None
     places = marks.positions.as_arrow_array().to_pylist()
     assert len(places) >= 4
-    for one, other in combinations(places, 2):
-        assert (one[0] - other[0]) ** 2 + (one[1] - other[1]) ** 2 >= 0.99 * MARK_CLEARANCE_M**2
+    for a, b in combinations(places, 2):
+        assert (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 >= 0.99 * MARK_CLEARANCE_M**2
 
 
 def run_of(seconds: int, text: str) -> Iterator[Any]:

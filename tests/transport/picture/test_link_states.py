@@ -25,13 +25,13 @@ DISTINCT = 40.0
 def windows(outcomes: list[tuple[int, str]], until_ms: int) -> list[LinkWindow]:
     """Windows of a link, for verdicts (ms, outcome), with their ms since the start."""
     states = LinkStates()
-    found: list[LinkWindow] = []
+    result: list[LinkWindow] = []
     for seq, (at_ms, outcome) in enumerate(outcomes):
         at = START + at_ms * MILLISECOND
-        found += states.passed("v2", at)
+        result += states.passed("v2", at)
         states.count(LINK, drive.verdict("v2", "v1", seq, at, outcome))
-    found += states.passed("v2", START + until_ms * MILLISECOND)
-    return [one._replace(at=(one.at - START) // MILLISECOND) for one in found]
+    result += states.passed("v2", START + until_ms * MILLISECOND)
+    return [window._replace(at=(window.at - START) // MILLISECOND) for window in result]
 
 
 @pytest.mark.parametrize(
@@ -49,18 +49,18 @@ def windows(outcomes: list[tuple[int, str]], until_ms: int) -> list[LinkWindow]:
     ],
 )
 def test_state_of_one_window(outcomes: list[str], state: str, share: float) -> None:
-    found = windows([(4 * k, outcome) for k, outcome in enumerate(outcomes)], 700)
-    assert [(one.at, one.state) for one in found] == [(0, state)]
-    assert found[0].loss_ratio == pytest.approx(share)
+    result = windows([(4 * k, outcome) for k, outcome in enumerate(outcomes)], 700)
+    assert [(window.at, window.state) for window in result] == [(0, state)]
+    assert result[0].loss_ratio == pytest.approx(share)
 
 
 def test_a_window_without_a_message_is_silent() -> None:
-    heard = [(50 * k, "ok") for k in range(10)] + [(50 * k, "ok") for k in range(20, 30)]
-    states = [(one.at, one.state, one.loss_ratio) for one in windows(heard, 1600)]
+    received = [(50 * k, "ok") for k in range(10)] + [(50 * k, "ok") for k in range(20, 30)]
+    states = [(window.at, window.state, window.loss_ratio) for window in windows(received, 1600)]
     assert states == [(0, "ok", 0.0), (500, "silent", None), (1000, "ok", 0.0)]
 
 
-def test_a_window_is_over_when_its_receiver_says_so() -> None:
+def test_a_window_ends_by_the_receivers_time() -> None:
     """Not by anybody's clock: a recorder that is seconds behind sees no silence."""
     states = LinkStates()
     states.count(LINK, drive.verdict("v2", "v1", 0, START, "ok"))
@@ -75,17 +75,17 @@ def test_a_window_is_over_when_its_receiver_says_so() -> None:
     outcomes=st.lists(st.sampled_from(["ok", "late", "loss", "rate"]), max_size=60),
     random=st.randoms(use_true_random=False),
 )
-def test_how_often_anybody_looks_changes_nothing(outcomes: list[str], random: Random) -> None:
+def test_states_are_independent_of_the_reading_rate(outcomes: list[str], random: Random) -> None:
     verdicts = [(50 * k, outcome) for k, outcome in enumerate(outcomes)]
     seldom = windows(verdicts, 4000)
-    states, found = LinkStates(), list[LinkWindow]()
+    states, result = LinkStates(), list[LinkWindow]()
     for seq, (at_ms, outcome) in enumerate(verdicts):
         at = START + at_ms * MILLISECOND
         for _ in range(random.randrange(3)):
-            found += states.passed("v2", at - random.randrange(MARGIN_NS))
+            result += states.passed("v2", at - random.randrange(MARGIN_NS))
         states.count(LINK, drive.verdict("v2", "v1", seq, at, outcome))
-    found += states.passed("v2", START + 4 * SECOND)
-    assert [one._replace(at=(one.at - START) // MILLISECOND) for one in found] == seldom
+    result += states.passed("v2", START + 4 * SECOND)
+    assert [window._replace(at=(window.at - START) // MILLISECOND) for window in result] == seldom
 
 
 def test_every_state_has_its_colour_apart_from_the_cars() -> None:

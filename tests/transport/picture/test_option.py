@@ -40,7 +40,7 @@ def test_other_options_are_refused_in_one_line(text: str) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r\n", b"seed = 1\n"])
-def test_what_is_no_recording_is_not_overwritten(tmp_path: Path, content: bytes) -> None:
+def test_other_files_are_not_overwritten(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "precious"
     path.write_bytes(content)
     with pytest.raises(ViewerError, match=r"precious: exists and is no recording of Rerun"):

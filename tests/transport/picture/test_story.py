@@ -1,4 +1,4 @@
-"""The story of one cut in the picture: the road ahead, modes, sources, and what was done."""
+"""A cut in the picture: the road ahead, modes, sources, and the mark of the change."""
 
 from collections.abc import Iterator
 from math import nan
@@ -32,7 +32,7 @@ def known(seq: int) -> float:
 
 
 def story() -> Iterator[Message]:
-    """A convoy at 30 m/s whose last car hears nothing from 0.4 s on, and stops from 1 s on."""
+    """A convoy at 30 m/s whose last car receives nothing from 0.4 s on, and stops from 1 s on."""
     yield start()
     for seq in range(TICKS):
         for place, name in enumerate(VEHICLES):
@@ -74,19 +74,19 @@ def states(table: Table, entity: str) -> list[tuple[float, str]]:
     return [(when / 1e9, state[0]) for when, state in pairs if state]
 
 
-def test_the_road_that_is_known_closes_in_on_what_a_stop_takes(drawn: Table) -> None:
-    found = curve(drawn, "closing/v3/known")
-    assert set(found) == set(range(0, TICKS, 2))
-    assert found == pytest.approx({seq: known(seq) for seq in found})
+def test_known_path_and_stopping_distances_are_curves(drawn: Table) -> None:
+    curve_known = curve(drawn, "closing/v3/known")
+    assert set(curve_known) == set(range(0, TICKS, 2))
+    assert curve_known == pytest.approx({seq: known(seq) for seq in curve_known})
     firm = curve(drawn, "closing/v3/firm_stop")
     assert firm == pytest.approx({seq: 90.0 - seq for seq in firm})
     assert curve(drawn, "closing/v3/comfortable_stop")[10] == pytest.approx(210.0)
-    for one in PANELS["closing"].series:
-        names = drawn[f"/plots/closing/v3/{one.name}"]["SeriesLines:names"][0]
-        assert names == [one.label]
+    for series in PANELS["closing"].series:
+        names = drawn[f"/plots/closing/v3/{series.name}"]["SeriesLines:names"][0]
+        assert names == [series.label]
 
 
-def test_what_is_unknown_is_not_drawn(drawn: Table) -> None:
+def test_unknown_values_are_not_drawn(drawn: Table) -> None:
     assert "/plots/closing/v2/known" not in drawn
     assert not any(name.startswith("/plots/closing/v1") for name in drawn)
     assert "/plots/received/v3/predecessor" not in drawn
@@ -114,7 +114,7 @@ def test_every_state_has_a_colour() -> None:
     assert set(PANELS["sources"].states) == {*get_args(SourceStatus)}
 
 
-def test_what_was_done_is_marked_where_and_when_it_was(drawn: Table) -> None:
+def test_a_change_is_marked_at_its_place_and_time(drawn: Table) -> None:
     spot = drawn["/world/events/change"]
     assert spot["run_time"] == [round(CUT_S * 1e9)]
     assert spot["Points2D:positions"] == [[[pytest.approx(0.6 * 20 - 30.0), 0.0]]]
@@ -129,19 +129,19 @@ def test_what_was_done_is_marked_where_and_when_it_was(drawn: Table) -> None:
 
 
 def views(part: Any) -> Iterator[Any]:
-    """Views that are seen at once: of tabs the one that is open."""
+    """Visible views: of tabs the active one."""
     inner = list(getattr(part, "contents", []))
     if type(part).__name__ == "Tabs":
         inner = [inner[part.active_tab or 0]]
     if not inner or not hasattr(inner[0], "contents"):
         yield part
         return
-    for one in inner:
-        yield from views(one)
+    for view in inner:
+        yield from views(view)
 
 
 @pytest.mark.parametrize(("count", "followed"), [(2, "v2"), (4, "v3"), (9, "v5")])
-def test_the_story_of_one_follower_is_seen_without_a_click(count: int, followed: str) -> None:
+def test_the_main_views_are_visible_at_once(count: int, followed: str) -> None:
     names = [f"v{place}" for place in range(1, count + 1)]
     shown = list(views(blueprint(names, spacing_m=15.0, road=None).root_container))
     assert {view.origin for view in shown} >= {

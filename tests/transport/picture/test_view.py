@@ -69,7 +69,7 @@ assert not {"rerun", "rerun_bindings", "pyarrow"} & set(sys.modules)
     subprocess.run([sys.executable, "-c", program], check=True)
 
 
-def test_cars_stand_where_the_messages_say(drawn: Table) -> None:
+def test_cars_are_drawn_at_their_true_poses(drawn: Table) -> None:
     car = drawn["/world/cars/v2"]
     assert car["run_time"] == [tick * drive.TICK for tick in range(0, 100, 2)]  # 25 Hz
     for tick, translation, matrix in zip(
@@ -99,7 +99,7 @@ def test_north_is_up_in_the_plan(drawn: Table) -> None:
     assert seen_from(plan, 0, 0.0, 1.0) == pytest.approx([0.0, -1.0])
 
 
-def test_left_turns_turn_left_in_the_view_that_rides_along(
+def test_left_turns_turn_left_in_the_moving_view(
     drawn: Table,
 ) -> None:
     """The middle car stays in place facing right; on a left circle the lead is ahead and up."""
@@ -121,8 +121,8 @@ def test_each_cross_track_error_is_drawn(drawn: Table) -> None:
     assert "/plots/cross_track/v1" not in drawn
     curve = drawn["/plots/cross_track/v2"]["Scalars:scalars"]
     values = [value[0] for value in curve if value]
-    assert len(values) == 100  # each of them, since one left out might be the largest
-    late = values[-10:]  # before, it is beside the lead's run-in
+    assert len(values) == 100  # all of them: a missing value might be the largest
+    late = values[-10:]  # earlier it is next to the lead's run-in
     assert late == pytest.approx([drive.offset_of(1)] * 10, abs=1e-3)
 
 
@@ -157,8 +157,8 @@ def test_curves_are_those_of_the_messages(drawn: Table) -> None:
 
 def test_samples_have_the_colour_of_their_sender(drawn: Table) -> None:
     def colour(vehicle: str) -> int:
-        found: int = drawn[f"/world/cars/{vehicle}/dot"]["Points2D:colors"][0][0]
-        return found
+        value: int = drawn[f"/world/cars/{vehicle}/dot"]["Points2D:colors"][0][0]
+        return value
 
     samples = drawn["/world/samples/v3"]
     shown = [colours for colours in samples["Points2D:colors"] if colours]
@@ -196,7 +196,7 @@ def states(table: Table, entity: str) -> list[tuple[int, str]]:
     ]
 
 
-def test_links_and_messages_show_what_was_heard(tmp_path: Path) -> None:
+def test_links_and_messages_have_states(tmp_path: Path) -> None:
     def messages() -> Iterator[tuple[int, Message]]:
         outcomes = {30: "loss", 31: "loss", 34: "late"}
         for tick in range(200):
@@ -258,7 +258,7 @@ FAR = 400.0
 
 
 @pytest.mark.parametrize("lead", ["ahead", "aside"])
-def test_the_lead_is_in_the_view_that_moves_along(tmp_path: Path, lead: str) -> None:
+def test_the_moving_view_contains_the_lead(tmp_path: Path, lead: str) -> None:
     """However far away it is: then the view shows more."""
     option = parse_rerun_option(f"save={tmp_path / 'run.rrd'}")
     reach = Reach.of(3, 15.0, None)
@@ -275,7 +275,7 @@ def test_the_lead_is_in_the_view_that_moves_along(tmp_path: Path, lead: str) -> 
         east, north, _ = car["Transform3D:translation"][row][0]
         right, down = seen_from(convoy, row, east, north)
         assert -reach.behind < right < reach.ahead
-        assert abs(down) < reach.aside
+        assert abs(down) < reach.lateral
 
 
 def test_a_car_is_drawn_in_its_size(tmp_path: Path) -> None:
@@ -291,7 +291,7 @@ def test_a_car_is_drawn_in_its_size(tmp_path: Path) -> None:
 
 
 def test_a_mark_stands_at_its_place_and_at_its_instant(tmp_path: Path) -> None:
-    """Also where it was found out only later."""
+    """Also if the event is detected later."""
     option = parse_rerun_option(f"save={tmp_path / 'run.rrd'}")
     with RerunView(option, recording_id="x", vehicles=("v1", "v2")) as view:
         for seq in range(50):
@@ -318,7 +318,7 @@ def test_a_mark_stands_at_its_place_and_at_its_instant(tmp_path: Path) -> None:
 def test_colours_of_events_are_those_of_no_car() -> None:
     for colour, _, _ in MARKS.values():
         for place in range(20):
-            apart = [abs(one - other) for one, other in zip(colour, colour_of(place), strict=True)]
+            apart = [abs(a - b) for a, b in zip(colour, colour_of(place), strict=True)]
             assert sum(apart) > 120
     assert len({shape for _, shape, _ in MARKS.values()}) == len(MARKS)
 
@@ -333,7 +333,7 @@ def test_lane_edges_lie_half_a_lane_beside_the_path(tmp_path: Path) -> None:
     assert right == [[0.0, -1.75], [50.0, -1.75], [100.0, -1.75]]
 
 
-def test_what_came_before_the_start_is_drawn_before_zero(tmp_path: Path) -> None:
+def test_messages_from_before_the_start_have_negative_times(tmp_path: Path) -> None:
     start, (now, text), *others = drive.drive(1)
     assert isinstance(text, LogText)
     early = (now, replace(text, logged_at_ns=now - 2 * SECOND))
@@ -342,7 +342,7 @@ def test_what_came_before_the_start_is_drawn_before_zero(tmp_path: Path) -> None
     assert drawn["/world/cars/v1"]["run_time"] == [0]
 
 
-def test_the_view_rides_along_with_whoever_is_left(tmp_path: Path) -> None:
+def test_the_view_follows_a_vehicle_that_still_sends(tmp_path: Path) -> None:
     def messages() -> Iterator[tuple[int, Message]]:
         for tick in range(150):
             for vehicle in drive.VEHICLES:
@@ -355,19 +355,19 @@ def test_the_view_rides_along_with_whoever_is_left(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("first", [drive.command("x", 0), drive.tracking("x", 0)])
-def test_a_vehicle_that_nobody_spoke_of_is_drawn_too(tmp_path: Path, first: Message) -> None:
+def test_an_unannounced_vehicle_is_drawn_too(tmp_path: Path, first: Message) -> None:
     start = next(drive.drive(1))
     table = picture(tmp_path / "run.rrd", iter((start, (drive.START, first), start)))
     assert "/world/cars/x/body" in table
 
 
-def test_nobody_there_to_connect_to() -> None:
+def test_connecting_without_a_viewer_is_an_error() -> None:
     option = parse_rerun_option("connect=rerun+http://127.0.0.1:1/proxy")
     with pytest.raises(ViewerError, match="no Rerun viewer listens"):
         RerunView(option, recording_id="x", vehicles=("v1",))
 
 
-def test_no_display_to_spawn_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_spawning_without_a_display_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.setattr(sys, "platform", "linux")
@@ -416,7 +416,7 @@ def taken_port() -> Iterator[int]:
         program.communicate()
 
 
-def test_a_port_that_is_taken_after_it_was_found_free(
+def test_a_free_port_that_is_taken_meanwhile(
     taken_port: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     free, requested = viewer_process.free_port, Counter[int]()
@@ -437,7 +437,7 @@ def test_a_port_that_is_taken_after_it_was_found_free(
         assert urlopen(f"http://127.0.0.1:{page}", timeout=5.0).status == 200
 
 
-def test_a_port_that_was_asked_for_and_is_taken_later(
+def test_a_requested_port_that_is_taken_later(
     taken_port: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(viewer_process, "_bound", lambda _address, port: port)
@@ -446,7 +446,7 @@ def test_a_port_that_was_asked_for_and_is_taken_later(
         RerunView(option, recording_id="x", vehicles=drive.VEHICLES)
 
 
-def test_the_web_page_stays_on_this_machine_and_dies_with_us() -> None:
+def test_the_web_page_is_local_and_ends_with_its_parent() -> None:
     server = subprocess.Popen([sys.executable, "-c", SERVE], stdout=subprocess.PIPE, text=True)
     try:
         assert server.stdout

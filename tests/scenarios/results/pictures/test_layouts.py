@@ -1,4 +1,4 @@
-"""Layouts lie beside a log, and are never in the way of a run."""
+"""Layouts are written next to a log and never disturb a run."""
 
 from pathlib import Path
 

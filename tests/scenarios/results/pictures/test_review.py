@@ -87,7 +87,7 @@ def test_a_reviewed_log_is_drawn_as_the_run_was(tmp_path: Path) -> None:
 
 
 def test_the_picture_has_the_title_of_the_run(tmp_path: Path) -> None:
-    """So that two runs of other settings can be told apart in the viewer."""
+    """So that runs with different settings can be distinguished in the viewer."""
     requested = scenario_from_text(SCENARIO, overrides=["convoy.gap_m=3"], seed=7)
     write_log(tmp_path / "run.mcap", attached=requested.text.encode())
     reported = str(reviewed(tmp_path / "run.mcap")["/__properties"])
@@ -185,7 +185,7 @@ def drawn(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
 
 
 def test_the_largest_value_drawn_is_the_table_s(drawn: Drawn) -> None:
-    """Live and reviewed: whoever reads a curve finds the number of the table there."""
+    """A curve has the extremes of the summary, live and reviewed."""
     for table in drawn.tables:
         for row in drawn.summary.vehicles:
             name = row.name
@@ -211,7 +211,7 @@ def test_a_scheduled_extreme_value_is_used_at_its_instant(drawn: Drawn) -> None:
 
 
 def test_true_values_in_the_log_are_those_drawn(drawn: Drawn) -> None:
-    """For whoever plots the log without this project: ten times a second, of each follower."""
+    """The log has them at 10 Hz for each follower, for plots without this project."""
     with (drawn.folder / "run.mcap").open("rb") as file:
         records = [
             Deviation.FromString(record.data)
@@ -240,7 +240,7 @@ def test_true_values_in_the_log_are_those_drawn(drawn: Drawn) -> None:
 
 
 def test_layouts_lie_beside_the_log_of_a_run(drawn: Drawn) -> None:
-    """That of Rerun from the first review on: it names what is in the log."""
+    """Rerun's layout exists from the first review on, and names topics of the log."""
     layout = drawn.folder / "rerun.rbl"
     (store,) = RrdReader(str(layout)).blueprints()
     assert store.application_id == "run"  # by this Rerun finds the log it is for
@@ -316,7 +316,7 @@ def test_cars_are_drawn_as_large_as_they_collide(drawn: Drawn) -> None:
             )
 
 
-def test_a_log_that_breaks_off_is_shown_as_far_as_it_goes(tmp_path: Path) -> None:
+def test_a_truncated_log_is_shown_up_to_its_end(tmp_path: Path) -> None:
     whole = tmp_path / "whole.mcap"
     write_log(whole, attached=None)
     cut = tmp_path / "cut.mcap"
@@ -324,7 +324,7 @@ def test_a_log_that_breaks_off_is_shown_as_far_as_it_goes(tmp_path: Path) -> Non
     warnings: list[str] = []
     assert "/world/cars/v1" in reviewed(cut, warnings)
     assert len(warnings) == 1
-    assert "breaks off" in warnings[0]
+    assert "truncated" in warnings[0]
 
 
 def test_served_pictures_wait_until_they_are_stopped(tmp_path: Path) -> None:
