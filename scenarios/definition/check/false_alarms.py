@@ -1,7 +1,4 @@
-"""How often a follower counts a source as lost although its sender sends: false alarms.
-
-They are counted in a sample that the effects of a run draw.
-"""
+"""False alarms: a follower counts a source as lost although it sends. Counted in a sample."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -17,7 +14,7 @@ from vehicles.schedule import SECOND
 
 HOUR_S = 3600.0
 SAMPLED = 20_000
-"""Messages of a sample."""
+"""Number of messages in a sample."""
 _ROUNDING = 1e-6
 
 Floats = NDArray[np.float64]
@@ -36,7 +33,7 @@ class Alarms:
 
 
 def longest_silence_s(source: VehicleSetup, receiver: VehicleSetup) -> float:
-    """Silence (s) beyond which a receiver counts a source as lost."""
+    """Return the silence (s) after which a receiver counts a source as lost."""
     return receiver.degradation.lost_after_silence(1.0 / source.highest_rate_hz)
 
 
@@ -51,8 +48,8 @@ def sampled_alarms(
 ) -> Alarms | None:
     """Count the false alarms of a link (sender, receiver) in a sample.
 
-    Both ends drive on a straight road, as far apart as at the start. None where a sample says
-    nothing: where losses depend on time or place, or the sender does not send evenly.
+    Both ends drive on a straight road at their initial distance. None if losses depend on time or
+    place, or messages are not periodic.
     """
     source, receiver = (scenario.vehicle(name) for name in link)
     drive = StraightDrive(scenario, link, first_distance_m(scenario, link))
@@ -73,11 +70,11 @@ def sampled_alarms(
 def times_beyond_limit(
     arrivals: Iterable[tuple[int, float]], limit_s: float, rates_hz: Sequence[float]
 ) -> Floats:
-    """Return for how long (s) each silence of a link lasts beyond its alarm.
+    """Return the time (s) that each silence of a link lasts beyond its alarm.
 
-    `arrivals` are numbers of messages and when each arrives (s), in any order. The receiver takes
-    them at the instants of all `rates_hz`, and judges at those of the first: there is an alarm when
-    it has received nothing newer for more than `limit_s`. A silence without an end is left out.
+    `arrivals` are message numbers and times of arrival (s), in any order. The receiver reads them
+    at the instants of all `rates_hz`, and judges at those of the first: an alarm is due after
+    `limit_s` without a newer message. A silence without an end does not count.
     """
     ordered = sorted((at_s, number) for number, at_s in arrivals)
     numbers = np.array([number for _, number in ordered], dtype=np.int64)
@@ -90,13 +87,13 @@ def times_beyond_limit(
 
 
 def _first_from(at_s: Floats, rate_hz: float) -> Floats:
-    """First instants (s) of a schedule of `rate_hz` at or after others."""
+    """Return the first instants (s) of a schedule of `rate_hz` at or after given ones."""
     found: Floats = np.ceil(at_s * rate_hz - _ROUNDING / 1000.0) / rate_hz
     return found
 
 
 def all_lost_per_h(links: Sequence[Alarms | None]) -> float | None:
-    """How often per hour a follower counts all its sources as lost, each link on its own.
+    """Return the rate per hour at which a follower loses all its sources, for independent links.
 
     One source is lost while the other already is: the rate of its alarms times that share of time.
     """

@@ -1,4 +1,4 @@
-"""What a scenario requests of each directed link: its rule, its laws, and their figures."""
+"""Rules, laws and expected figures of each directed link."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -22,7 +22,7 @@ PLAIN = {"rate_hz", "loss_ratio", "latency_ms", "jitter_ms"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawDescription:
-    """The description of a law, and the key of the scenario that requests it."""
+    """Description of a law, and the key that sets it."""
 
     words: str
     key: str
@@ -30,14 +30,13 @@ class LawDescription:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkForecast:
-    """What is requested of one directed link, and what follows in the long run.
+    """Settings of one directed link, and its long-run figures.
 
-    `rules` are those about the link, the most specific first. Figures are None where they depend on
-    more than the laws; those of a radio are for `distance_m`, that of the lead's first speed,
-    with all vehicles in between in the way. `age_ms_mean` is that of the newest message at a
-    command, where messages are sent evenly; losses are taken as those of a two-state chain.
-    `false_alarms_per_h` is how often the receiver receives nothing from the sender for more than
-    `silence_s_max`, and so counts it as lost, although it sends: counted in a sample.
+    `rules` apply to the link, the most specific first. Figures that depend on more than the laws
+    are None. Those of a radio are for `distance_m`, the spacing at the lead's first speed, with all
+    vehicles in between obstructing it. `age_ms_mean` is the age of the newest message at a command,
+    for periodic messages and losses of a two-state chain. `false_alarms_per_h` is the rate of
+    silences longer than `silence_s_max` in a sample, after which the sender counts as lost.
     """
 
     sender: str
@@ -59,9 +58,9 @@ class LinkForecast:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReceiverForecast:
-    """How often per hour a follower counts all its sources as lost, although they send.
+    """Rate per hour at which a follower loses all its sources although they send.
 
-    That is if each link is silent on its own; None where no sample shows it.
+    Links are independent; None without a sample.
     """
 
     receiver: str
@@ -75,17 +74,17 @@ def link_forecasts(
     of_receiver: dict[str, list[Alarms | None]] = {}
     samples: dict[LinkForecast, Alarms | None] = {}
     for link in scenario.links:
-        asked = link_forecast(scenario, link)
-        alike = replace(asked, sender="", receiver="")
+        forecast = link_forecast(scenario, link)
+        alike = replace(forecast, sender="", receiver="")
         if alike not in samples:
             samples[alike] = sampled_alarms(scenario, link)
-        found = samples[alike]
-        links.append(replace(asked, false_alarms_per_h=None if found is None else found.per_h))
+        alarms = samples[alike]
+        links.append(replace(forecast, false_alarms_per_h=alarms.per_h if alarms else None))
         if link[1] != scenario.vehicle_names[0]:  # the lead does not need what it receives
-            of_receiver.setdefault(link[1], []).append(found)
+            of_receiver.setdefault(link[1], []).append(alarms)
     return tuple(links), tuple(
-        ReceiverForecast(receiver=name, all_lost_per_h=all_lost_per_h(found))
-        for name, found in of_receiver.items()
+        ReceiverForecast(receiver=name, all_lost_per_h=all_lost_per_h(alarms))
+        for name, alarms in of_receiver.items()
     )
 
 
@@ -132,7 +131,7 @@ def link_forecast(scenario: Scenario, link: tuple[str, str]) -> LinkForecast:
 
 
 def laws_in_brief(scenario: Scenario, link: tuple[str, str]) -> str:
-    """Name the laws of a link besides latency, jitter, independent loss and rate."""
+    """Describe the laws of a link except latency, jitter, independent loss and rate."""
     return "; ".join(words for key, words in _laws(scenario, link) if key not in PLAIN)
 
 

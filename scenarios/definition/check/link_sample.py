@@ -1,7 +1,7 @@
-"""A sample of one link, drawn by the very effects of a run, on a straight road.
+"""A sample of one link by the effects of a run, on a straight road.
 
-Both ends drive at one speed, a distance apart; vehicles in between stand evenly in the line of
-sight. A message is sent each period, all of one size.
+Both ends drive at one speed and distance; vehicles in between are evenly spaced in the line of
+sight. Messages are periodic and of one size.
 """
 
 from collections import Counter
@@ -23,12 +23,12 @@ from transport.reasons import counts_as_loss
 from vehicles.schedule import MILLISECOND, SECOND
 
 SLOWEST_MPS = 1.0
-"""A radio that stands wavers no more."""
+"""Smallest speed (m/s), since shadowing changes with the distance driven."""
 
 
 @dataclass(frozen=True, slots=True)
 class SampledChannel:
-    """What became of the messages that a link carries, by number: lost, and delay (ms) if not."""
+    """Fate of the messages of a link: lost by number, and delays (ms) of the others."""
 
     lost: NDArray[np.bool_]
     delay_ms: NDArray[np.float64]
@@ -37,7 +37,7 @@ class SampledChannel:
 
 @dataclass(frozen=True, slots=True)
 class StraightDrive:
-    """A link of a scenario on its straight road: distance (m), speed (m/s), messages a second."""
+    """A link of a scenario on a straight road, at a distance (m)."""
 
     scenario: Scenario
     link: tuple[str, str]
@@ -49,7 +49,7 @@ class StraightDrive:
 
     @property
     def rate_hz(self) -> float:
-        """Messages a second that are sent, the highest number where it changes."""
+        """Messages per second, the highest rate if it changes."""
         sender = self.scenario.vehicle(self.link[0])
         return sender.highest_rate_hz
 
@@ -80,12 +80,12 @@ class StraightDrive:
         return SampledChannel(np.array(lost, dtype=np.bool_), np.array(delays), dropped)
 
     def arrivals(self, messages: int) -> list[tuple[int, int]]:
-        """Numbers of those of so many messages that come, and when each is there (ns)."""
+        """Return number and time of arrival (ns) of each message that arrives."""
         judged = self._judged(messages)
         return [(context.seq, visible_at) for context, visible_at, reason in judged if not reason]
 
     def _judged(self, messages: int) -> Iterator[tuple[TransmissionContext, int, str]]:
-        """Give each message, when it is there or would have been (ns), and why it is dropped."""
+        """Yield each message, its time of arrival (ns), and the reason of its drop."""
         stages = link_stages(self.table)
         link = Link(self.effects(), self.scenario.seed, *self.link, stages)
         contexts, content = list(self._contexts(messages)), self.table.content

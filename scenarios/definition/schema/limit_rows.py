@@ -10,12 +10,12 @@ from math import inf
 from typing import Literal
 
 Live = Literal["", "lane_excess", "gap", "silence", "error"]
-"""Figure of a running simulation that comes nearer to a limit as it grows (a gap: shrinks)."""
+"""Figure of a running simulation that approaches a limit as it grows (a gap: shrinks)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitRow:
-    """One limit: a key that ends in `_max` or `_min`, which tells the side that breaks it.
+    """One limit; its key ends in `_max` or `_min`.
 
     It bounds the number of events of the kind `event`, or `figure`, a field of the summary of each
     follower. `of_lead` limits apply to the lead as well. `word` is the name for `--limit`, if there
@@ -67,12 +67,12 @@ _ROWS = (
              figure="true_gap_m_min", at="true_gap_min_at_s",
              breach="was {figure:.2f} m from the vehicle ahead, {at:.2f} s after the start"),
     LimitRow(key="self_estimate_error_m_max",
-             doc="largest error of a follower's estimate of its own error",
+             doc="largest error of a follower's self-estimate of its error",
              example=0.3, figure="self_estimate_error_m_max",
              breach="was {figure:.2f} m wrong about its error"),
     LimitRow(key="blind_m_max", doc="distance that a follower drives beyond its known path",
              example=5.0, figure="reaction.blind_m",
-             breach="drove {figure:.2f} m beyond the road that it knew"),
+             breach="drove {figure:.2f} m beyond its known path"),
     LimitRow(key="friction_ratio_max", doc="largest share of the friction that a vehicle uses",
              example=0.8, figure="friction_ratio_max", of_lead=True, most=1,
              breach="used {figure:.2f} of the friction"),

@@ -28,7 +28,7 @@ S = TypeVar("S")
 
 @dataclass(frozen=True, slots=True)
 class SettingField:
-    """A field of a settings class; `kind` is its type without None, which is allowed if optional.
+    """A field of a settings class; `kind` is its type without None, which `optional` fields allow.
 
     `whole` fields with a unit of time count nanoseconds.
     """
@@ -45,7 +45,7 @@ class SettingField:
 
     @property
     def default_in_key(self) -> Any:
-        """Default as the key has it; None where there is none, too."""
+        """Default in the unit of the key; None without one."""
         return None if self.default is MISSING else _from_si(self, self.default)
 
     @property
@@ -77,7 +77,7 @@ class SettingsTable(Table, Generic[S]):
     if not TYPE_CHECKING:
 
         def __class_getitem__(cls, kind: type) -> type:
-            """Return the generated table; a type variable is for type checkers only."""
+            """Return the generated table; type variables are for type checkers."""
             return table_of(kind) if is_dataclass(kind) else cls
 
     @property
@@ -105,14 +105,14 @@ def table_of(settings: type[Any], word: str = "") -> type[SettingsTable[Any]]:
 
 
 def one_of(kinds: Mapping[str, type[S]]) -> type[SettingsTable[S]]:
-    """Type of a table that is one of several, told apart by its key `kind`."""
+    """Return the type of a table that is one of several, by its key `kind`."""
     either = reduce(or_, (table_of(settings, word) for word, settings in kinds.items()))
     made: type[SettingsTable[S]] = Annotated[either, Field(discriminator="kind")]  # type: ignore[assignment]
     return made
 
 
 def table_with(value: S, kinds: Mapping[str, type] | None = None) -> SettingsTable[S]:
-    """Return the table that stands for `value`, with every key set."""
+    """Return the table of `value`, with every key set."""
     words = {settings: word for word, settings in (kinds or {}).items()}
     table = table_of(type(value), words.get(type(value), ""))
     given = {key: _from_si(one, getattr(value, one.name)) for key, one in table.by_key.items()}
@@ -120,7 +120,7 @@ def table_with(value: S, kinds: Mapping[str, type] | None = None) -> SettingsTab
 
 
 def keys_with(settings: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
-    """Keys and values, as a file has them, of some fields of a settings class."""
+    """Return keys and values, in the units of keys, of some fields of a settings class."""
     found = {
         one.key: _from_si(one, values[one.name])
         for one in fields_of(settings)
@@ -130,7 +130,7 @@ def keys_with(settings: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def fields_of(settings: type[Any]) -> Iterator[SettingField]:
-    """Fields of a settings class that its constructor takes, in order."""
+    """Yield the fields of a settings class that its constructor takes, in order."""
     hints = get_type_hints(settings, include_extras=True)
     for one in fields(settings):
         if not one.init:
@@ -147,7 +147,7 @@ def fields_of(settings: type[Any]) -> Iterator[SettingField]:
 
 
 def _entry(one: SettingField) -> tuple[Any, Any]:
-    """Annotation and description of a key for Pydantic."""
+    """Return annotation and field of a key for Pydantic."""
     setting = one.setting
     given = {"ge": setting.minimum, "le": setting.maximum, "gt": setting.above}
     rules: dict[str, Any] = {word: bound for word, bound in given.items() if bound is not None}

@@ -1,4 +1,4 @@
-"""A recorded drive without jumps, stands and leaps in time, which no car drives."""
+"""Removal of jumps, standstills and leaps in time from a recorded drive."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -14,19 +14,18 @@ from vehicles.geometry.bridges import noise_deviation
 Floats = NDArray[np.float64]
 
 LEAP = 86_400.0
-"""A step in time of more than this (s), forward or back, is no pause in a drive."""
+"""Step in time (s), forward or back, that is no pause of a drive."""
 
 MOST_LEAPING = 0.25
-"""More than this share of all points is not left out: the drive then consists of several parts."""
+"""Largest share of points that is removed; with more the drive consists of several parts."""
 
 
 @dataclass(slots=True)
 class Cleaned:
-    """Which points are kept, by number, where they are (m, shape (2, n)), and what was found.
+    """Numbers of the kept points, their positions (m, shape (2, n)), jumps and standstills.
 
-    A stand in the drive is two points at one place, one at its beginning and one at its end. A
-    stand before the first movement is one point, as is one after the last. `noise` is the standard
-    deviation (m, per axis) of the points: of their white noise, or of their wander in a stand.
+    A standstill becomes two points at one place; one point before the first movement or after the
+    last. `noise` is the standard deviation (m, per axis) of white noise, or of drift at standstill.
     """
 
     kept: list[int]
@@ -37,7 +36,7 @@ class Cleaned:
 
 
 def cleaned(points: Floats, times: Sequence[float]) -> Cleaned:
-    """Take jumps and stands out of `points` (2, n) with their `times` (s), () where not known."""
+    """Remove jumps and standstills from `points` (2, n) with `times` (s), () if unknown."""
     count = points.shape[1]
     if count < FEWEST:
         return Cleaned(list(range(count)), points)
@@ -71,7 +70,7 @@ def cleaned(points: Floats, times: Sequence[float]) -> Cleaned:
 
 
 def without_leaps(points: Sequence[RecordedPoint]) -> tuple[list[RecordedPoint], list[str]]:
-    """Leave out points whose time is more than LEAP off, and list them.
+    """Remove points whose time is more than LEAP off; returns the others, and a note for each.
 
     The longest part of the record without a leap is kept, and the parts that continue it.
     """
@@ -103,7 +102,7 @@ def _parts(times: Sequence[float]) -> list[range]:
 
 
 def _continuing(parts: Sequence[range], last: int, times: Sequence[float]) -> list[int]:
-    """Points of the parts, in order away from point `last`, that follow one another."""
+    """Return the points of the parts that continue from point `last`."""
     found: list[int] = []
     for part in parts:
         if abs(times[part[0]] - times[last]) <= LEAP:

@@ -1,9 +1,9 @@
-"""Recorded drives as files hold them: CSV, GPX, NMEA 0183, and the log of an earlier run.
+"""Formats of recorded drives: CSV, GPX, NMEA 0183, and the log of an earlier run.
 
-Each reader returns the points in the order of the file. A bad line (failed checksum, cut
-sentence, a cell that is no number) is skipped and listed; what makes the whole file useless raises
-TraceError. gpxpy, pynmea2 and mcap are imported where they are needed, so that a vehicle's process
-never loads them.
+Each reader returns the points in the order of the file. Invalid lines (failed checksum, truncated
+sentence, a cell that is not a number) are skipped and listed; an unusable file raises TraceError.
+gpxpy, pynmea2 and mcap are imported where they are needed, so that vehicle processes do not load
+them.
 """
 
 import contextlib
@@ -24,28 +24,27 @@ PLANE_COLUMNS = ("x_m", "y_m")
 WGS84_COLUMNS = ("latitude_deg", "longitude_deg")
 
 KNOT = 1852.0 / 3600.0
-"""Metres per second in a knot, the unit of speed in NMEA 0183."""
+"""Knot (m/s), the unit of speed in NMEA 0183."""
 
 DAY = 86_400.0
-"""Seconds in a day, after which the times of NMEA 0183 start again."""
+"""Seconds in a day, the period of times in NMEA 0183."""
 
 FIRST_UNIX = 1e9
-"""Times of a CSV file from this on (s; September 2001) are Unix time."""
+"""Smallest time (s; September 2001) in a CSV file that is Unix time."""
 
 Clock = Literal["unix", "day"]
-"""What absolute times of a drive count from: 1970, or midnight UTC."""
+"""Clock of absolute times: Unix time, or seconds since midnight UTC."""
 
 
 class TraceError(ValueError):
-    """A recorded drive that cannot be driven, in one line."""
+    """An unusable recorded drive, in one line."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedPoint:
     """One recorded point: (x, y) in metres, or (latitude, longitude) in degrees.
 
-    `place` says where in the file it stands; altitude in m, time in s from any instant, speed in
-    m/s.
+    `place` is its place in the file; altitude in m, time in s from any instant, speed in m/s.
     """
 
     place: str
@@ -57,9 +56,9 @@ class RecordedPoint:
 
 @dataclass(frozen=True, slots=True)
 class RecordedDrive:
-    """Points as a file holds them, `geodetic` or in a plane; `skipped` lists the bad lines.
+    """Points of a file, `geodetic` or in a plane; `skipped` lists invalid lines.
 
-    With a `clock` the times are absolute: they count from `zero` (s) on it.
+    With a `clock`, times are absolute and count from `zero` (s) on it.
     """
 
     geodetic: bool
@@ -72,8 +71,8 @@ class RecordedDrive:
 def read_csv(text: str) -> RecordedDrive:
     """Read comma, semicolon or tab separated columns with a header line.
 
-    Position is x_m, y_m or latitude_deg, longitude_deg; t_s, speed_mps and altitude_m are used
-    where there are such columns, others are ignored. Lines that are empty or start with # too.
+    Positions are x_m, y_m or latitude_deg, longitude_deg; t_s, speed_mps and altitude_m are
+    optional. Other columns, empty lines and lines that start with # are ignored.
     """
     lines = ((i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip(" ,;\t"))
     rows = [(number, line) for number, line in lines if not line.startswith("#")]
@@ -100,7 +99,7 @@ def read_csv(text: str) -> RecordedDrive:
 
 
 def _cells(line: str, mark: str) -> list[str]:
-    """Split one line, on its own: a quote that is never closed spoils no other line."""
+    """Split a single line, so that an open quote affects no other line."""
     try:
         return next(csv.reader([line], delimiter=mark))
     except csv.Error as error:
@@ -128,7 +127,7 @@ def _csv_point(place: str, columns: tuple[str, str], values: Mapping[str, float]
 
 
 def read_gpx(text: str) -> RecordedDrive:
-    """Read the tracks of a GPX file, or its routes, or its waypoints, whichever come first."""
+    """Read the tracks of a GPX file, or else its routes, or else its waypoints."""
     from gpxpy import parse  # noqa: PLC0415 - not in a vehicle's process
     from gpxpy.gpx import GPXException  # noqa: PLC0415
 
@@ -159,8 +158,8 @@ def read_gpx(text: str) -> RecordedDrive:
 def read_nmea(text: str) -> RecordedDrive:
     """Read the GGA and RMC sentences of a receiver; both of one instant become one point.
 
-    A sentence must have its checksum and a valid fix; other kinds of sentence are ignored. Speed
-    comes from RMC. Times of day are counted on over midnight. Raises TraceError if none is valid.
+    A sentence needs a checksum and a valid fix; other sentences are ignored. Speed is from RMC.
+    Times of day continue over midnight. Raises TraceError without a valid sentence.
     """
     drive = RecordedDrive(geodetic=True, clock="day")
     points, day, last = drive.points, 0.0, -math.inf
@@ -184,7 +183,7 @@ def read_nmea(text: str) -> RecordedDrive:
 
 
 def _sentences(text: str, skipped: list[str]) -> Iterator[tuple[str, Any]]:
-    """Give the GGA and RMC sentences with where they stand; bad ones go to `skipped`."""
+    """Yield the GGA and RMC sentences with their places; invalid ones go to `skipped`."""
     import pynmea2  # noqa: PLC0415 - not in a vehicle's process
 
     for number, line in enumerate(text.splitlines(), 1):
@@ -205,7 +204,7 @@ def _sentences(text: str, skipped: list[str]) -> Iterator[tuple[str, Any]]:
 
 
 def _nmea_point(place: str, sentence: Any) -> RecordedPoint | None:
-    """Position, time and speed of a sentence; None without a valid fix."""
+    """Return position, time and speed of a sentence; None without a valid fix."""
     try:
         if not (sentence.lat and sentence.lon and sentence.is_valid):
             return None
@@ -217,12 +216,12 @@ def _nmea_point(place: str, sentence: Any) -> RecordedPoint | None:
             time=_time_of_day(sentence.timestamp),
             speed=None if knots is None else float(knots) * KNOT,
         )
-    except (ValueError, TypeError):  # no number in a field, although the checksum is right
+    except (ValueError, TypeError):  # an invalid number in spite of a correct checksum
         return None
 
 
 def _height(sentence: Any) -> float | None:
-    """Height above the ellipsoid (m): that above sea level plus the geoid's."""
+    """Return the height above the ellipsoid (m): above sea level plus the geoid's."""
     if not getattr(sentence, "altitude", None):
         return None
     return float(sentence.altitude) + float(sentence.geo_sep or 0.0)
@@ -235,7 +234,7 @@ def _time_of_day(clock: object) -> float | None:
 
 
 def _merged(one: RecordedPoint, other: RecordedPoint) -> RecordedPoint:
-    """The first point of an instant, with what the second one adds."""
+    """Complete the first point of an instant by the second."""
     return replace(
         one,
         altitude=other.altitude if one.altitude is None else one.altitude,
@@ -288,9 +287,9 @@ def _poses(path: Path, vehicle: str | None) -> tuple[list[GpsPose], str]:
 
 
 def _lead(scenario: bytes, senders: list[str]) -> str:
-    """Name of the lead of a logged run; the first vehicle where the log does not say."""
+    """Return the name of the lead of a logged run; without it the first vehicle."""
     convoy: dict[str, Any] = {}
-    with contextlib.suppress(ValueError):  # a damaged text says nothing
+    with contextlib.suppress(ValueError):  # a damaged text
         convoy = tomllib.loads(scenario.decode()).get("convoy", {})
     names = convoy.get("names") or senders[:1] or ["v1"]
     return str(names[0])

@@ -1,4 +1,4 @@
-"""Jumps of a receiver: points that lie where no car gets and comes back from in their time."""
+"""Jumps of a receiver: points that no car can reach and leave in their time."""
 
 import math
 from collections.abc import Sequence
@@ -11,36 +11,36 @@ from vehicles.geometry.bridges import NEARBY, noise_deviation, step_lengths
 from vehicles.geometry.local_regression import cubic_weights
 
 LONGEST_JUMP = 10
-"""A jump goes away and comes back within so many points."""
+"""Largest number of points of a jump."""
 
 LEAST_JUMP = 0.5
-"""A point that lies this close (m) to where its neighbours put it has not jumped."""
+"""Smallest distance (m) of a jump from its interpolated position."""
 
 UNLIKELY = 6.0
-"""Noise moves a point by so many of its standard deviations practically never."""
+"""Standard deviations of noise that a point practically never exceeds."""
 
 MOST_ACCELERATION = 15.0
-"""No car brakes or corners harder than this (m/s²)."""
+"""Largest acceleration (m/s²) of a car."""
 
 SPARSE = 0.4
-"""Points as far apart in time as this (s) are few: what jumps by metres passes for hard braking."""
+"""Interval (s) of sparse points, where a jump of metres looks like hard braking."""
 
 ABRUPT = 2.0
-"""No car is further than this (m/s²), times the square of the interval (s) of few points, from the
-cubic in time through two before and two behind: its acceleration would change by 18 m/s²."""
+"""Largest distance (m/s²) of a sparse point from the cubic through two points before and two after,
+over its squared interval (s): the acceleration would change by 18 m/s²."""
 
 TIGHTEST = 3.0
-"""No car turns tighter than with this radius (m)."""
+"""Smallest radius (m) that a car can turn."""
 
 LONG_STEP = 1.5
-"""Points without times jump by more than so many of the steps nearby."""
+"""Steps nearby that a jump of points without times exceeds."""
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class Jump:
-    """Points `first` to `last` (from 0), up to `size` m from where the drive is."""
+    """Points `first` to `last` (from 0), up to `size` m off the drive."""
 
     first: int
     last: int
@@ -48,10 +48,7 @@ class Jump:
 
 
 class JumpFinder:
-    """Points (2, n), with times (s) or () where not known, that are freed of those that jump.
-
-    `kept` are the numbers of those that are left.
-    """
+    """Removes jumps from points (2, n) with times (s), () if unknown; `kept` are the others."""
 
     def __init__(self, points: Floats, times: Sequence[float]) -> None:
         self.points = points
@@ -83,7 +80,7 @@ class JumpFinder:
         return found
 
     def _suspects(self) -> list[int]:
-        """Points that lie off the line between their neighbours, with those next to them."""
+        """Return points off the line between their neighbours, and the points next to them."""
         count = len(self.kept)
         odd = [
             k for k in range(1, count - 1) if self._excess(k, k - 1, k + 1) > 0.0 or self._strays(k)
@@ -118,17 +115,14 @@ class JumpFinder:
         return self.kept[min(max(place, 0), len(self.kept) - 1)]
 
     def _is_plausible_without(self, before: int, after: int) -> bool:
-        """Whether the points around a gap fit one another once what is between has gone."""
+        """Whether the points around a gap are plausible without the points in it."""
         row = [k for k in (before - 2, before - 1, before, after, after + 1, after + 2) if k >= 0]
         row = [k for k in row if k < len(self.kept)]
         threes = zip(row, row[1:], row[2:], strict=False)
         return all(self._excess(self._k(b), self._k(a), self._k(c)) <= 0.0 for a, b, c in threes)
 
     def _strays(self, place: int) -> bool:
-        """Whether a point is further from where those around put it than any car gets.
-
-        Without it none of them is. Only for points that are SPARSE.
-        """
+        """Whether a SPARSE point alone is too far from the cubic through its neighbours."""
         if not self.timed or not 2 <= place < len(self.kept) - 2:
             return False
         row = self.kept[place - 2 : place + 3]
@@ -141,9 +135,9 @@ class JumpFinder:
         return all(self._off_cubic(row) <= allowed for row in rows)
 
     def _off_cubic(self, row: Sequence[int]) -> float:
-        """How far (m) the third of five points is off the cubic in time through the others.
+        """Return the distance (m) of the third of five points from the cubic through the others.
 
-        Nothing where instants repeat.
+        0 if times repeat.
         """
         at, four = self._t[row[2]], (row[0], row[1], row[3], row[4])
         t = [self._t[k] for k in four]
@@ -156,13 +150,13 @@ class JumpFinder:
         return math.hypot(x, y)
 
     def _offset(self, k: int, a: int, b: int) -> tuple[float, float]:
-        """How far (m) point k is from the line from a to b at its time, and how far it may be."""
+        """Return the distance (m) of point k from the line a to b at its time, and the limit."""
         (x0, y0), (x1, y1), (x, y) = self._xy[a], self._xy[b], self._xy[k]
         t0, t1, t = self._t[a], self._t[b], self._t[k]
         share = (t - t0) / (t1 - t0) if t1 != t0 else 0.5
-        if not self.timed and a < k < b:  # as far along as its distances say, for holes
-            way = math.hypot(x - x0, y - y0)
-            share = way / max(way + math.hypot(x1 - x, y1 - y), 1e-9)
+        if not self.timed and a < k < b:  # by distance, because of holes
+            before = math.hypot(x - x0, y - y0)
+            share = before / max(before + math.hypot(x1 - x, y1 - y), 1e-9)
         beyond = max(1.0, abs(share), abs(1.0 - share))
         off = math.hypot(x - x0 - share * (x1 - x0), y - y0 - share * (y1 - y0))
         if self.timed:
@@ -172,14 +166,14 @@ class JumpFinder:
         return off, max(self._least * beyond, curve)
 
     def _excess(self, k: int, a: int, b: int) -> float:
-        """By how much (m) point k is further from its neighbours a and b than a car gets."""
+        """Return by how much (m) point k exceeds the limit between its neighbours a and b."""
         off, allowed = self._offset(k, a, b)
         if off > allowed and not self.timed and self._is_in_step(k, a) and self._is_in_step(k, b):
             return 0.0  # on a loop that is tight for its points
         return off - allowed
 
     def _is_in_step(self, k: int, other: int) -> bool:
-        """Whether a point is as far from another one as points without times usually are."""
+        """Whether two points without times are a usual step apart."""
         steps = self._steps[max(0, k - NEARBY) : k + NEARBY]
         (x0, y0), (x1, y1) = self._xy[k], self._xy[other]
         usual = LONG_STEP * float(np.median(steps)) * abs(k - other)

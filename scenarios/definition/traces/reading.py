@@ -1,4 +1,4 @@
-"""A recorded drive: read from any of the formats, checked, and laid into the plane."""
+"""A recorded drive: read from any format, checked, and projected into the plane."""
 
 import itertools
 import math
@@ -22,13 +22,13 @@ from scenarios.definition.traces.formats import (
 from vehicles.geometry.geodesy import LocalPlane, Origin
 
 MAX_BYTES = 200_000_000
-"""Larger files are refused: no drive is that long."""
+"""Largest file of a drive."""
 
 MAX_JUMP = 1000.0
-"""A distance (m) from one point to the next that no receiver leaves out."""
+"""Largest distance (m) between two points."""
 
 LEAST_EXTENT = 1.0
-"""Points that all lie within this distance (m) of the first make no path."""
+"""Smallest extent (m) of a path."""
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 
@@ -37,10 +37,10 @@ MCAP_MAGIC = b"\x89MCAP0\r\n"
 class DriveInPlane:
     """A recorded drive in the east-north plane of `origin` (None: the file has plane coordinates).
 
-    east_m, north_m and, where the file has them for every point, time_s (from the first point
-    on, never decreasing) and speed_mps, an entry each per point. `skipped` names the bad lines,
-    `remarks` say what was left out, and `source_numbers` where in the file the points stand. Times
-    count from `epoch_s` on the `clock`, or without one on that of the file.
+    `time_s` (from the first point on, never decreasing) and `speed_mps` are empty unless the file
+    has them for all points. `skipped` lists invalid lines, `remarks` other changes.
+    `source_numbers` are the places of the points in the file. Times count from `epoch_s` on the
+    `clock`, or without one on that of the file.
     """
 
     source: str
@@ -72,8 +72,8 @@ def read_trace(
 ) -> DriveInPlane:
     """Read the recorded drive at `path` into the plane of `origin`, by default its first point.
 
-    The format is told by the file's name and content. `vehicle` chooses from the log of a run.
-    Bad lines are skipped and listed. Raises TraceError, one line that starts with the file.
+    Name and content of the file determine the format. `vehicle` selects one of a log. Invalid lines
+    are skipped and listed. Raises TraceError with a line that starts with the file.
     """
     try:
         drive = _sifted(_read(path, vehicle))
@@ -95,7 +95,7 @@ def _read(path: Path, vehicle: str | None) -> RecordedDrive:
         raise TraceError(f"given vehicle {vehicle}, allowed only for the MCAP log of a run")
     if b"\0" in data:
         raise TraceError("binary data, allowed CSV, GPX, NMEA 0183 or an MCAP log of a run")
-    # Bytes that are no text spoil their own line only.
+    # Invalid bytes affect only their own line.
     text = data.decode("utf-8-sig", errors="replace")
     if not text.strip():
         raise TraceError("empty file")
@@ -127,7 +127,7 @@ def _reader(suffix: str, text: str) -> Callable[[str], RecordedDrive]:
 
 
 def _sifted(drive: RecordedDrive) -> RecordedDrive:
-    """Pass over points that are nowhere on earth, that alone have no time, or that come twice."""
+    """Remove points off the earth, points without time among timed ones, and repeated fixes."""
     sifted = replace(drive, points=[], skipped=list(drive.skipped))
     timed = sum(point.time is not None for point in drive.points)
     mostly_timed = 2 * timed > len(drive.points)
@@ -146,7 +146,7 @@ def _sifted(drive: RecordedDrive) -> RecordedDrive:
 
 
 def _is_repeated(before: RecordedPoint, point: RecordedPoint) -> bool:
-    """Tell whether a file has one fix twice: its receiver was asked more often than it measures."""
+    """Whether a fix is repeated, since the recorder polls faster than the receiver measures."""
     same_time = point.time is not None and point.time == before.time
     return same_time and point.position == before.position
 
@@ -201,7 +201,7 @@ def _laid_out(source: str, drive: RecordedDrive, origin: Origin | None) -> Drive
 
 
 def _speed_at(left: Cleaned, speeds: tuple[float, ...]) -> Iterator[float]:
-    """Give the recorded speeds of the points that are kept: none where the car stands."""
+    """Yield the speeds of kept points, 0 at standstill."""
     still = {k for stand in left.stands for k in stand.core}
     return (0.0 if k in still else speeds[k] for k in left.kept)
 
@@ -216,9 +216,9 @@ def _remarks(left: Cleaned, points: list[RecordedPoint]) -> Iterator[str]:
     if left.jumps:
         count = sum(jump.last - jump.first + 1 for jump in left.jumps)
         worst = max(left.jumps, key=lambda jump: jump.size)
-        said = "1 point jumps and is" if count == 1 else f"{count} points jump and are"
+        points_jump = "1 point jumps and is" if count == 1 else f"{count} points jump and are"
         others = f", the first at {where(left.jumps[0].first)}" if count > 1 else ""
-        yield f"{said} left out, by {worst.size:.1f} m at {where(worst.first)}{others}"
+        yield f"{points_jump} left out, by {worst.size:.1f} m at {where(worst.first)}{others}"
     for stand in left.stands:
         first, last = stand.core
         begun, ended = points[first].time, points[last].time
@@ -230,11 +230,11 @@ def _remarks(left: Cleaned, points: list[RecordedPoint]) -> Iterator[str]:
         elif stand.last == len(points) - 1:
             yield f"the drive ends where it stops, at {where(first)}: {count} points left out"
         else:
-            yield f"the car stands{span} from {where(first)} on: {count} points made one place"
+            yield f"the car stands{span} from {where(first)} on: {count} points become one place"
 
 
 def _speeds(points: list[RecordedPoint]) -> tuple[float, ...]:
-    """Give a speed per point, where most have one; the others have that of the one before."""
+    """Return a speed per point if most have one; the others repeat the previous one."""
     known = [point.speed for point in points if point.speed is not None]
     if 2 * len(known) <= len(points):
         return ()
@@ -257,7 +257,7 @@ def _first_point(points: list[RecordedPoint]) -> Origin:
 def _in_plane(
     points: list[RecordedPoint], plane: LocalPlane, altitude: float
 ) -> list[tuple[float, float]]:
-    """Lay points into the plane at the origin's height, so that noise in height does not matter."""
+    """Project points into the plane at the origin's height, to ignore noise in height."""
     places = []
     for point in points:
         try:

@@ -1,4 +1,4 @@
-"""Recorded drives put into a scenario: the lead's, and those of vehicles that are replayed."""
+"""Recorded drives of a scenario: the lead's, and those of replayed vehicles."""
 
 import math
 from collections.abc import Callable
@@ -17,22 +17,20 @@ from vehicles.geometry.geodesy import REACH, Origin
 from vehicles.geometry.smoothing import MERGED_NOISE
 
 FAR = 10_000.0
-"""Coordinates in a plane that begin further from its origin than this (m) are laid at it: so far
-out a map's easting and northing are meant, such as UTM's. Where the scenario says where on earth
-the origin is, they are as long as the plane reaches."""
+"""Distance (m) from the origin beyond which coordinates are those of a map, such as UTM, and are
+shifted to the origin. With an origin in the scenario it is the reach of the plane."""
 
 CURVATURE_NOISE = 0.004
-"""Smoothing leaves so much noise in the curvature (1/m) at most: 0.4 m/s² of lateral acceleration
-at 10 m/s."""
+"""Largest noise of curvature (1/m) after smoothing: 0.4 m/s² of lateral acceleration at 10 m/s."""
 
 ELSEWHERE = 5_000.0
-"""A second drive that comes no nearer than this (m) to the start of the lead's is elsewhere."""
+"""Largest distance (m) of a second drive from the start of the lead's."""
 
 
 def with_points(tables: ScenarioTables, folder: Path) -> ScenarioTables:
-    """Replace a path that names a trace by its points, and fill in the origin; raises Refused.
+    """Replace a trace by its points, and fill in the origin; raises SettingError.
 
-    A trace is sought in `folder`, then among the shipped ones. Without an origin in the scenario
+    A trace is searched in `folder`, then among the shipped ones. Without an origin in the scenario
     the plane touches the earth at the first point.
     """
     table = tables.path
@@ -50,9 +48,9 @@ def with_points(tables: ScenarioTables, folder: Path) -> ScenarioTables:
 
 
 def with_replays(tables: ScenarioTables, folder_of: Callable[[str], Path]) -> ScenarioTables:
-    """Read the drives of the vehicles that are replayed into the lead's plane; raises Refused.
+    """Read the drives of replayed vehicles into the lead's plane; raises SettingError.
 
-    `folder_of` gives the folder in which the file that a key names is sought.
+    `folder_of` returns the folder in which the file of a key is searched.
     """
     read = {
         name: own.model_copy(update={"drive": _second(tables, name, own, folder_of)})
@@ -91,25 +89,22 @@ def _second(
     if away > ELSEWHERE:
         raise SettingError(
             key,
-            f"{table.file}: comes no nearer than {away / 1000.0:.1f} km to the start of the lead's "
-            f"path, allowed at most {ELSEWHERE / 1000.0:g} km: is it of the same road?",
+            f"{table.file}: its closest point is {away / 1000.0:.1f} km from the start of the "
+            f"lead's path, allowed at most {ELSEWHERE / 1000.0:g} km: is it the same road?",
         )
     return points
 
 
 def points_of(trace: DriveInPlane, table: TracePath) -> PointsPath:
-    """Return the points that a scenario has in place of a trace.
-
-    Without a width of smoothing it is the usual one, or what their noise needs.
-    """
+    """Return the points of a trace; smoothing defaults to what their noise requires."""
     remarks, smoothing = trace.remarks, table.smoothing_m
     needed = _needed_smoothing(trace)
     if "smoothing_m" not in table.model_fields_set and needed > smoothing:
         smoothing = needed
         remarks = (
             *remarks,
-            f"the points scatter by {trace.noise_m:.2g} m, so path.smoothing_m is {needed:g} where "
-            f"it is left out, not {table.smoothing_m:g}: tighter curves are cut",
+            f"the points scatter by {trace.noise_m:.2g} m, so path.smoothing_m is {needed:g} "
+            f"instead of {table.smoothing_m:g}: tight curves are cut. Set it to change this",
         )
     return PointsPath(
         kind="points",
@@ -125,7 +120,7 @@ def points_of(trace: DriveInPlane, table: TracePath) -> PointsPath:
 
 
 def _needed_smoothing(trace: DriveInPlane) -> float:
-    """Half width (m) that leaves CURVATURE_NOISE of the points' noise; see `smooth_path`."""
+    """Return the half width (m) that reduces noise to CURVATURE_NOISE; see `smooth_path`."""
     steps = step_lengths(np.array((trace.east_m, trace.north_m)))
     moved = steps[steps > 0.0]
     spacing = max(float(np.median(moved)) if moved.size else 0.0, MERGED_NOISE * trace.noise_m)
@@ -137,11 +132,11 @@ _KEPT = (
     "east_m", "north_m", "time_s", "speed_mps", "clock", "epoch_s", "source_unit",
     "source_numbers", "noise_m", "jumping_points", "standing_points",
 )  # fmt: skip
-"""What points have in common with the drive that they are from."""
+"""Fields that points take from their drive."""
 
 
 def _laid_near(table: PointsPath, far: float) -> PointsPath:
-    """Subtract from points that begin further than `far` m from the origin where they begin."""
+    """Shift points that begin further than `far` m from the origin to it."""
     if not table.east_m or not table.north_m:
         return table
     if math.hypot(table.east_m[0], table.north_m[0]) <= far:
@@ -149,9 +144,8 @@ def _laid_near(table: PointsPath, far: float) -> PointsPath:
     moved = _moved(table, float(round(table.east_m[0])), float(round(table.north_m[0])))
     east, north = moved.east_offset_m, moved.north_offset_m
     remark = (
-        f"the coordinates begin {math.hypot(east, north) / 1000.0:.0f} km from their origin, so "
-        f"the plane has its own: {east:.0f} m are subtracted from all eastings, {north:.0f} m from "
-        "all northings"
+        f"the coordinates begin {math.hypot(east, north) / 1000.0:.0f} km from their origin: "
+        f"{east:.0f} m are subtracted from all eastings, {north:.0f} m from all northings"
     )
     return moved.model_copy(update={"remarks": (*table.remarks, remark)})
 

@@ -1,4 +1,4 @@
-"""Stands: where a car gets nowhere, though its receiver wanders."""
+"""Standstills of a car with a drifting receiver."""
 
 import math
 from collections.abc import Iterator
@@ -12,35 +12,34 @@ from scenarios.definition.traces.jumps import UNLIKELY
 from vehicles.geometry.bridges import noise_deviation
 
 FEWEST = 8
-"""Fewer points than this are left as they are: they do not tell what is unusual among them."""
+"""Smallest number of points that is searched; fewer points give no statistics."""
 
 SLOWEST = 0.5
-"""What moves slower than this (m/s) on average may be standing..."""
+"""Mean speed (m/s) below which a car may be standing."""
 
 SLOW_SHARE = 0.25
-"""...or, of points without times, by less than this share of how far they usually get."""
+"""The same for points without times, as a share of their usual progress."""
 
 USUAL = 20
-"""How far points usually get is measured over so many of them."""
+"""Number of points over which usual progress is measured."""
 
 LEAST_STAND = 3.0
-"""A car stands for at least so long (s), or for this many points without times..."""
+"""Shortest standstill (s); without times, the number of points."""
 
 DRIFTS = (10.0, 20.0)
-"""Times (s) over which a receiver that drifts gets nowhere."""
+"""Times (s) over which the drift of a receiver averages out."""
 
 LEAST_RADIUS = 0.5
-"""...within this distance (m) of one place, or within UNLIKELY times the noise."""
+"""Radius (m) of a standstill, or UNLIKELY times the noise if that is more."""
 
 STILL = 0.6
-"""So large a share of a slow stretch is within that distance if it is a stand: the rest is what the
-car drove before it stopped and after it went on."""
+"""Smallest share of a slow stretch within the radius; the rest is driven before and after."""
 
 SURELY_STILL = 0.9
 """The same for points without times."""
 
 WANDERING = 0.5
-"""What gets less far than this share of its way is no crawl, however far it drifts."""
+"""Progress over distance below which a stretch is no slow drive, however far it drifts."""
 
 _RAYLEIGH = 1.1774
 """Median distance of plane normal noise, in its standard deviations."""
@@ -50,9 +49,9 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Stand:
-    """A stand: points `first` to `last` belong to it, of which the car stands in `core`.
+    """A standstill of points `first` to `last`, of which the car stands in `core`.
 
-    `place` is the median of the core's points (m), `wander` their standard deviation (m, per axis).
+    `place` is the median of the core (m), `wander` its standard deviation (m, per axis).
     """
 
     first: int
@@ -63,7 +62,7 @@ class Stand:
 
 
 def stands_in(points: Floats, at: Floats, *, timed: bool) -> list[Stand]:
-    """Find the stands among `points` (2, n) at instants or numbers `at`, in their order."""
+    """Return the standstills in `points` (2, n) at times or numbers `at`, in order."""
     noise = noise_deviation(points)
     gone = np.diff(at)
     usual = float(np.median(gone[gone > 0.0])) if (gone > 0.0).any() else 1.0
@@ -74,13 +73,13 @@ def stands_in(points: Floats, at: Floats, *, timed: bool) -> list[Stand]:
         slowest = SLOW_SHARE * float(np.median(got)) / ahead
     if slowest <= 0.0:
         return []
-    # Half the points of a window against the other half: 4 noise / (span sqrt(points)).
+    # Noise of one half of a window against the other: 4 noise / (span sqrt(points)).
     count = (10.0 * noise / (slowest * usual)) ** (2.0 / 3.0)
     span = max(LEAST_STAND, count * usual) if timed else max(FEWEST, count)
     radius = max(LEAST_RADIUS, UNLIKELY * noise)
     free = np.ones(at.size, dtype=bool)
     found: list[Stand] = []
-    # What drifts seems to move over a few seconds, and what stands for a few is lost in many.
+    # Drift looks like motion in short windows; short standstills vanish in long ones.
     for window in sorted({span, *(DRIFTS if timed else ())}, reverse=True):
         slow = _slow(points, at, max(window, span), slowest) & free
         for run in _joined(points, _runs(slow), radius):
@@ -92,7 +91,7 @@ def stands_in(points: Floats, at: Floats, *, timed: bool) -> list[Stand]:
 
 
 def _in_one(stands: list[Stand], points: Floats, at: Floats) -> list[Stand]:
-    """Make one of stands that follow one another at once and nearly at one place."""
+    """Merge standstills that follow each other at nearly the same place."""
     found: list[Stand] = []
     for stand in stands:
         before = found[-1] if found else None
@@ -113,7 +112,7 @@ def _are_one(before: Stand, stand: Stand, at: Floats) -> bool:
 
 
 def _slow(points: Floats, at: Floats, span: float, slowest: float) -> NDArray[np.bool_]:
-    """Which points are part of a window of `span` s in which the car gets nowhere."""
+    """Mark points in a window of `span` s without progress."""
     first = np.arange(at.size)
     last = np.searchsorted(at, at + span * (1.0 - 1e-9))
     whole = last < at.size
@@ -157,10 +156,10 @@ def _joined(
 def _stand(
     points: Floats, at: Floats, run: tuple[int, int], radius: float, span: float
 ) -> Stand | None:
-    """The stand that a slow `run` of points is; None for a crawl.
+    """Return the standstill in a slow `run` of points; None for a slow drive.
 
-    Where its points drift further than noise, all that lies among them belongs to it. An infinite
-    `span` says that without times nobody can tell a drift from a crawl.
+    If its points drift further than noise, it includes all points among them. `span` is infinite
+    without times, where drift and slow driving look alike.
     """
     first, last = run
     if last <= first:
@@ -172,7 +171,7 @@ def _stand(
         if math.isinf(span) or not _wanders(core, at[first : last + 1], span):
             return None
         radius = float(np.quantile(away, SURELY_STILL))
-    # The windows reach into what was driven before and after.
+    # The windows include driven points before and after.
     still = np.flatnonzero(away <= radius) + first
     first, last = int(still[0]), int(still[-1])
     if at[last] - at[first] < LEAST_STAND - 1e-9:
@@ -188,11 +187,11 @@ def _stand(
 
 
 def _wanders(core: Floats, at: Floats, span: float) -> bool:
-    """Whether points end up far closer to their beginning than their way, window by window, is."""
+    """Whether points end far closer to their start than the distance they cover, by windows."""
     windows = np.floor((at - at[0]) / span)  # only those with points: a clock may leap by years
     edges = [0, *(np.flatnonzero(np.diff(windows)) + 1).tolist(), at.size]
     means = [np.mean(core[:, a:b], axis=1) for a, b in pairwise(edges)]
     if len(means) < 3:
         return False
-    way = sum(float(np.hypot(*(after - before))) for before, after in pairwise(means))
-    return float(np.hypot(*(means[-1] - means[0]))) < WANDERING * way
+    covered = sum(float(np.hypot(*(after - before))) for before, after in pairwise(means))
+    return float(np.hypot(*(means[-1] - means[0]))) < WANDERING * covered

@@ -130,7 +130,7 @@ FOLLOWER = row(
 LEAD = row("v1", friction_ratio_max=0.8, cross_track_error_m_max=None, true_gap_m_min=None)
 FIGURES = {
     "self_estimate_error_m_max": (0.4, 0.39, "v3 was 0.40 m wrong about its error"),
-    "blind_m_max": (6.0, 5.9, "v3 drove 6.00 m beyond the road that it knew"),
+    "blind_m_max": (6.0, 5.9, "v3 drove 6.00 m beyond its known path"),
     "cross_track_error_m_max": (
         0.2,
         0.19,

@@ -268,7 +268,7 @@ def test_contradictions_are_reported_before_the_run(tmp_path: Path) -> None:
         ("{}[vehicle.v2]\nreplay_offset_s = 1.0\n", "given without replay"),
         ('{}[vehicle.v2]\nreplay = "plane.csv"\n', "allowed latitudes as drive.gpx has"),
         ('{}[vehicle.v2]\nreplay = "places.gpx"\n', "given without times"),
-        ('{}[vehicle.v2]\nreplay = "far.gpx"\n', "comes no nearer than .* km"),
+        ('{}[vehicle.v2]\nreplay = "far.gpx"\n', "closest point is .* km"),
     ],
 )
 def test_an_impossible_replay_is_refused_in_one_line(tmp_path: Path, text: str, why: str) -> None:
