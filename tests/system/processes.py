@@ -1,6 +1,7 @@
 """Convoys as a user starts them, with every process that comes of it."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -24,6 +25,8 @@ SETTLE_S = 10.0
 
 A run itself takes at most five seconds for it; the rest is for a machine with other things to do.
 """
+PROGRESS = re.compile(r" of [0-9.]+ s.* · true error now |^run [A-Za-z0-9_-]+: writes ")
+"""Lines of progress, and the first line of a run."""
 DRIVING = "vehicles are present"
 """The recorder says so half a second before the start."""
 
@@ -48,8 +51,8 @@ class Process:
         return self.complained.read_text()
 
     def lines(self) -> list[str]:
-        """Return what it wrote to standard error, without the lines of the viewer and progress."""
-        return [line for line in self.err.splitlines() if " lateral error " not in line]
+        """Return what it wrote to standard error, without progress and the start of the run."""
+        return [line for line in self.err.splitlines() if not PROGRESS.search(line)]
 
     def everyone(self) -> list[psutil.Process]:
         """Return the processes that are left of it, itself among them."""

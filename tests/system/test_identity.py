@@ -73,7 +73,7 @@ def await_driving(recorder: Process, seconds: float) -> float:
 
 def assert_refused(process: Process, line: str) -> None:
     assert process.exit_code == 2
-    assert process.lines() == [line]
+    assert process.lines() == [f"error: {line}"]
 
 
 def test_two_convoys_on_one_router_drive_as_if_alone_and_refuse_intruders(
@@ -272,4 +272,4 @@ def test_a_recorder_that_was_cut_off_names_what_it_missed(place: Place, tmp_path
         assert row["poses"] + row["missing_poses"] == 20 * duration_s
     assert found["vehicles"][1]["cross_track_error_m_max"] < 0.2
     assert "not recorded: " in recorder.out
-    assert "the figures are of what was recorded" in recorder.out
+    assert "the figures cover only what was recorded" in recorder.out

@@ -135,7 +135,7 @@ def test_what_is_scheduled_is_done_on_the_wall_clock_as_in_virtual_time(tmp_path
     for run in (wall, virtual):
         assert sum(isinstance(m, Change) for m in run.messages) == 3 * 4
         (said,) = [line for line in run.summary["warnings"] if "changed during the run" in line]
-        assert said.count("→") == 5
+        assert said.endswith(": all")
 
 
 def test_who_types_a_command_here_need_not_know_where_the_run_is(
@@ -147,7 +147,8 @@ def test_who_types_a_command_here_need_not_know_where_the_run_is(
     arguments = ("run", "lane_change", "--set=convoy.vehicles=2")
     none = run_to_the_end("cut", folder=tmp_path)
     assert none.exit_code == 2
-    assert none.err == ("no run here that `convoy run` drives; give --run, and -e for its router\n")
+    assert none.err.count("\n") == 1
+    assert "--run" in none.err
     with start(*arguments, "--set=duration_s=25", "--out=one", folder=tmp_path) as convoy:
         convoy.drive(0.5)
         cut = run_to_the_end("cut", "--for", "200ms", folder=tmp_path)

@@ -21,7 +21,6 @@ from tests.system.logs import (
 from tests.system.processes import Process, run_to_the_end, start
 
 CONVOY = ("v1", "v2", "v3", "v4")
-LINKS = ("v1 → v2", "v1 → v3", "v2 → v3", "v1 → v4", "v3 → v4")
 BESIDE_THE_LEAD_S_PATH_M = 0.5
 GLIMPSE_S = 3.0
 
@@ -29,7 +28,7 @@ GLIMPSE_S = 3.0
 def test_a_run_ends_as_planned_and_says_how_it_went(lane_change: Driven) -> None:
     assert lane_change.exit_code == 0, lane_change.err
     assert f" of {DURATION_S} s" in lane_change.err  # progress
-    for row in (*CONVOY, *LINKS):
+    for row in CONVOY:
         assert row in lane_change.out
     assert lane_change.out.rstrip().endswith(f" wall/{LOG_NAME}")
     assert {path.name for path in lane_change.wall.folder.iterdir()} == {

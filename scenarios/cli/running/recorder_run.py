@@ -36,14 +36,14 @@ def record_run(
     """
     refuse_picture(display.rerun, out)
     folder = run_folder(scenario, out)
-    if not launched:
-        print_start(options.run, folder, display, ", ".join(options.connect))
     with (
         nullcontext() if launched else claimed(folder, fresh=out is None),
         open_bus(options, RECORDER_DEFAULTS) as bus,
     ):
         member = Membership(bus, options.run, RECORDER, "recorder", Fingerprint.of(scenario))
         member.join()
+        if not launched:
+            print_start(options.run, folder, display, ", ".join(options.connect))
         metrics = Metrics.of(scenario)
         with (
             layout(folder, scenario, display),

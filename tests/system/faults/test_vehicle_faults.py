@@ -140,7 +140,7 @@ def test_a_process_that_does_not_come_back_ends_with_its_fault(when: str, tmp_pa
     common = ("run", "death.toml", "--quiet", f'--set=convoy.on_vehicle_failure="{when}"')
     said = run_to_the_end(*common, "--out=wall", folder=tmp_path)
     virtual = run_to_the_end(*common, "--clock=virtual", "--out=virtual", folder=tmp_path)
-    line = "its process has crashed, as asked, 1.50 s after the start"
+    line = "its process has crashed, as requested, 1.50 s after the start"
     assert said.exit_code == virtual.exit_code == (1 if when == "end" else 0), said.err
     if when == "end":
         assert f"v3: {line}" in said.err
