@@ -63,7 +63,7 @@ class ConvoyWatch:
         troubles = [why for name in self._received_at if (why := self._trouble_of(now, name))]
         if troubles:
             self._trouble_at, self.waits = now, True
-            self.reason = f"waiting for {', '.join(troubles)}"
+            self.reason = f"waiting: {', '.join(troubles)}"
         if self._trouble_at is None or now - self._trouble_at > self._probation * SECOND:
             self.waits, self.reason = False, ""
 
@@ -80,8 +80,8 @@ class ConvoyWatch:
     def _trouble_of(self, now: int, name: str) -> str | None:
         silence = (now - self._received_at[name]) / SECOND
         if silence > self._allowed[name]:
-            return f"{name} (silent for {silence:.1f} s)"
-        return f"{name} (mode {self._troubled[name]})" if name in self._troubled else None
+            return f"{name} silent for {silence:.1f} s"
+        return f"{name} in mode {self._troubled[name]}" if name in self._troubled else None
 
 
 class WaitingProfile(ProfileSpeed):

@@ -75,7 +75,7 @@ class ModeMachine:
         mode = self._next(pair, situation, speed, has_path=has_path, outrun=outrun, soon=soon)
         why = ""
         if len(relied) < len(pair.used):
-            why = ", ".join([_missing_reason(s) for s in pair.used.values() if s not in relied])
+            why = "; ".join([_missing_reason(s) for s in pair.used.values() if s not in relied])
         if mode == "straight":
             why = why if has_path else NOTHING_RECEIVED
         elif mode in SLOWING:
@@ -138,7 +138,7 @@ class ModeMachine:
         if source.name in self._trusted and source not in self._relied:
             event = f"trusted again after {source.probation.length:.1f} s of probation"
         pose = f"newest pose {freshness.age:.2f} s old"
-        return f"{source.name} {event} ({pose}, {_path_end(freshness.known)})"
+        return f"{source.name} {event}, {pose}, {_path_end(freshness.known)}"
 
 
 class ModesByReach:
@@ -200,13 +200,13 @@ def _missing_reason(source: Source) -> str:
     if freshness.status == "unheard":
         return f"{name} not received yet"
     if freshness.status == "distrusted":
-        return f"{name} distrusted ({source.refusal}) for {freshness.silence:.1f} s"
+        return f"{name} distrusted as {source.refusal} for {freshness.silence:.1f} s"
     if freshness.status == "probation":
         return f"{name} on probation for {source.probation.length:.1f} s"
     if freshness.status == "lost":
         pose = f"newest pose {freshness.age:.1f} s old"
         silence = f"silent for {freshness.silence:.1f} s"
-        return f"{name} {silence} ({pose}, {_path_end(freshness.known)})"
+        return f"{name} {silence}, {pose}, {_path_end(freshness.known)}"
     return f"{name} has too few poses"
 
 
