@@ -35,7 +35,7 @@ def figure(*, quick: bool, out: Path) -> None:
     from rich.console import Console
 
     from scenarios.studies.channel.cost_drives import QUICK, Plan, lane_margin_m
-    from scenarios.studies.channel.cost_report import PICTURE, TWIN, channel_figure
+    from scenarios.studies.channel.cost_report import JSON_FILE, PICTURE, channel_figure
 
     with clear_errors():
         costs = channel_figure(QUICK if quick else Plan(), out, click.echo)
@@ -45,7 +45,7 @@ def figure(*, quick: bool, out: Path) -> None:
         )
         over_bursts = [one for one in costs if one.channel.burst_messages is not None]
         Console().print(table_of((*COST_COLUMNS, left_lane), over_bursts))
-        click.echo(f"written: {out / PICTURE} and {out / TWIN}")
+        click.echo(f"written: {out / PICTURE} and {out / JSON_FILE}")
 
 
 COST_COLUMNS: "Sequence[Column[Cost]]" = (
@@ -85,21 +85,21 @@ def cuts(*, count: int, out: Path) -> None:
         require("channel cuts", "studies", "matplotlib", "scipy")
     from rich.console import Console
 
-    from scenarios.studies.cuts.campaign import PICTURE, TWIN, cuts_figure
+    from scenarios.studies.cuts.campaign import JSON_FILE, PICTURE, run_campaign
 
     with clear_errors():
-        found = cuts_figure(count, out, click.echo)
+        found = run_campaign(count, out, click.echo)
         Console().print(table_of(REACTION_COLUMNS, found))
-        click.echo(f"written: {out / PICTURE} and {out / TWIN}")
+        click.echo(f"written: {out / PICTURE} and {out / JSON_FILE}")
 
 
 REACTION_COLUMNS: "Sequence[Column[ReactionFigures]]" = (
     Column("reaction", lambda one: one.reaction, left=True, wraps=True),
     Column("error m\nmedian", lambda one: one.error_m_median, ".2f"),
     Column("largest", lambda one: one.error_m_max, ".2f"),
-    Column("on known\nroad, m", lambda one: one.error_inside_m_max, ".2f"),
+    Column("on known\nroad, m", lambda one: one.error_on_known_path_m_max, ".2f"),
     Column("blind m\nlargest", lambda one: one.blind_m_max, ".1f"),
-    Column("stood\n%", lambda one: one.stood_ratio, ".0f", 100.0),
+    Column("stopped\n%", lambda one: one.stopped_ratio, ".0f", 100.0),
     Column("friction\nused", lambda one: one.friction_ratio_max, ".2f"),
     Column("resumed\n%", lambda one: one.resumed_ratio, ".0f", 100.0),
 )

@@ -12,7 +12,7 @@ from scenarios.cli.guide import completion
 from scenarios.cli.many.study_options import (
     engine_options,
     limit_option,
-    selected_fleet,
+    selected_workers,
     variant_of,
 )
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from scenarios.studies.many.boundary.answer import BoundaryAnswer, BoundaryQuestion
+    from scenarios.studies.many.boundary.boundary_search import BoundaryQuery, BoundaryResult
     from scenarios.studies.many.boundary.curve import SharePoint
 
 
@@ -77,33 +77,33 @@ def bisect(
 
     from scenarios.definition.run_limits import parsed_limit
     from scenarios.studies.engine.engine import study_engine
-    from scenarios.studies.many.boundary.answer import BoundaryQuestion, boundary_of
-    from scenarios.studies.many.boundary.report import PICTURE, TWIN, write_answer
+    from scenarios.studies.many.boundary.boundary_files import JSON_FILE, PICTURE, write_boundary
+    from scenarios.studies.many.boundary.boundary_search import BoundaryQuery, find_boundary
 
     with clear_errors():
         low, high = _bounds_of(span)
         variant = variant_of(scenario, overrides)
-        question = BoundaryQuestion(
+        query = BoundaryQuery(
             variant=variant,
             key=key,
             limit=parsed_limit(limit_text, variant.scenario.vehicle_names),
             low=low,
             high=high,
-            to=precision,
+            precision=precision,
             seeds=seeds,
             share=0.0 if any_seed else share,
         )
         with study_engine(
-            selected_fleet(workers, scheduler),
+            selected_workers(workers, scheduler),
             click.echo,
             out=out,
-            files=(PICTURE, TWIN),
-            identity=question.identity(),
+            files=(PICTURE, JSON_FILE),
+            identity=query.identity(),
         ) as engine:
-            answer = boundary_of(question, engine)
-            write_answer(question, answer, out)
-        print_answer(question, answer, Console())
-        click.echo(f"written: {out / PICTURE} and {out / TWIN}")
+            result = find_boundary(query, engine)
+            write_boundary(query, result, out)
+        print_answer(query, result, Console())
+        click.echo(f"written: {out / PICTURE} and {out / JSON_FILE}")
 
 
 def _bounds_of(span: str) -> tuple[float, float]:
@@ -125,36 +125,42 @@ COLUMNS: "Sequence[Column[SharePoint]]" = (
 )
 
 
-def print_answer(
-    question: "BoundaryQuestion", answer: "BoundaryAnswer", console: "Console"
-) -> None:
-    ends = {answer.low, answer.high}
-    columns = (Column(question.key, lambda point: point.value, "g"), *COLUMNS)
-    table = table_of(columns, answer.points, lambda point: "bold" if point.value in ends else None)
+def print_answer(query: "BoundaryQuery", result: "BoundaryResult", console: "Console") -> None:
+    ends = {result.low, result.high}
+    columns = (Column(query.key, lambda point: point.value, "g"), *COLUMNS)
+    table = table_of(columns, result.points, lambda point: "bold" if point.value in ends else None)
     print_whole(table, console)
-    for line in answer_lines(question, answer):
+    for line in answer_lines(query, result):
         console.print(line, highlight=False, markup=False, emoji=False, soft_wrap=True)
 
 
-def answer_lines(question: "BoundaryQuestion", answer: "BoundaryAnswer") -> list[str]:
-    half = 0.5 * (answer.high - answer.low)
-    share = f"{100.0 * question.share:g} % of the runs" if question.share else "the first run"
+def answer_lines(query: "BoundaryQuery", result: "BoundaryResult") -> list[str]:
+    half = 0.5 * (result.high - result.low)
+    share = f"{100.0 * query.share:g} % of the runs" if query.share else "the first run"
     lines = [
-        f"{question.key} = {answer.boundary:g} ± {half:.2g}: from here {share} of "
-        f"{question.seeds} seeds break {question.limit} ({answer.runs} runs simulated)"
+        f"{query.key} = {result.boundary:g} ± {half:.2g}: from here {share} of "
+        f"{query.seeds} seeds break {query.limit} ({result.runs} runs simulated)"
     ]
-    if question.share:
-        low = f"above {answer.sure_low:g}" if answer.sure_low is not None else "no lower bound"
-        high = f"below {answer.sure_high:g}" if answer.sure_high is not None else "no upper bound"
-        lines.append(f"for other seeds, 95 % confidence: {low}, {high}")
-    if answer.crossings > 1:
-        lines.append(
-            f"the share crosses {question.share:g} at {answer.crossings} values; this is the lowest"
+    if query.share:
+        low = (
+            f"above {result.confidence_low:g}"
+            if result.confidence_low is not None
+            else "no lower bound"
         )
-    if answer.turning_seeds:
-        count = len(answer.turning_seeds)
+        high = (
+            f"below {result.confidence_high:g}"
+            if result.confidence_high is not None
+            else "no upper bound"
+        )
+        lines.append(f"for other seeds, 95 % confidence: {low}, {high}")
+    if result.crossings > 1:
         lines.append(
-            f"{count} of {question.seeds} seeds are not monotone: they switch more than once "
+            f"the share crosses {query.share:g} at {result.crossings} values; this is the lowest"
+        )
+    if result.non_monotone_seeds:
+        count = len(result.non_monotone_seeds)
+        lines.append(
+            f"{count} of {query.seeds} seeds are not monotone: they switch more than once "
             "between broken and kept as the value grows"
         )
-    return lines + [f"{name}: {command}" for name, command in answer.commands.items()]
+    return lines + [f"{name}: {command}" for name, command in result.commands.items()]

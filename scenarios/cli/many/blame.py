@@ -12,7 +12,7 @@ from scenarios.cli.many.study_options import (
     engine_options,
     figure_option,
     limit_option,
-    selected_fleet,
+    selected_workers,
 )
 from scenarios.definition.schema.limit_rows import WORDS
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from scenarios.studies.many.blame.ranking import Attribution
     from scenarios.studies.many.blame.rerun import FigureName
-    from scenarios.studies.many.blame.study import Blame
+    from scenarios.studies.many.blame.study import BlameResult
 
 MOST_ROWS = 12
 MOST_BURSTS = 4
@@ -44,7 +44,7 @@ Examples:
 @engine_options
 @click.option(
     "--runs",
-    "most_runs",
+    "max_runs",
     type=click.IntRange(min=10),
     default=400,
     show_default=True,
@@ -59,7 +59,7 @@ def blame(
     out: Path,
     workers: int | None,
     scheduler: str,
-    most_runs: int,
+    max_runs: int,
 ) -> None:
     """Find the lost messages behind an error.
 
@@ -74,28 +74,28 @@ def blame(
     from scenarios.definition.run_limits import parsed_limit
     from scenarios.results.log_summary import log_in, scenario_of
     from scenarios.studies.engine.engine import study_engine
-    from scenarios.studies.many.blame import report, study
+    from scenarios.studies.many.blame import blame_files, study
 
     with clear_errors():
         file = log_in(log)
         ranked = cast("FigureName", WORDS[figure].live)
         limit = parsed_limit(limit_text, scenario_of(file).vehicle_names)
         with study_engine(
-            selected_fleet(workers, scheduler),
+            selected_workers(workers, scheduler),
             click.echo,
             out=out,
-            files=(report.PICTURE, report.TWIN, report.SMALLEST),
-            identity=study.identity_of_blame(file, limit, ranked, most_runs),
+            files=(blame_files.PICTURE, blame_files.JSON_FILE, blame_files.SMALLEST),
+            identity=study.identity_of_blame(file, limit, ranked, max_runs),
         ) as engine:
-            result = study.blame(file, limit, ranked, engine, most_runs=most_runs)
-            written = report.write_report(result, out)
+            result = study.blame(file, limit, ranked, engine, max_runs=max_runs)
+            written = blame_files.write_report(result, out)
         print_blame(result, Console())
         if result.smallest is not None:
-            click.echo(f"\nbreak {limit} again: {report.command_of(out)}")
+            click.echo(f"\nbreak {limit} again: {blame_files.command_of(out)}")
         click.echo(f"written: {', '.join(map(str, written))}")
 
 
-def print_blame(result: "Blame", console: "Console") -> None:
+def print_blame(result: "BlameResult", console: "Console") -> None:
     console.print(_opening(result), highlight=False)
     console.print(table_of(COLUMNS, result.rows[:MOST_ROWS]))
     if left := result.rows[MOST_ROWS:]:
@@ -103,9 +103,9 @@ def print_blame(result: "Blame", console: "Console") -> None:
     console.print(_ending(result), highlight=False)
 
 
-def _opening(result: "Blame") -> str:
+def _opening(result: "BlameResult") -> str:
     recorded, clean = result.recorded, result.clean
-    figure = "largest true error" if result.question.figure == "error" else "smallest true gap"
+    figure = "largest true error" if result.criteria.figure == "error" else "smallest true gap"
     messages = sum(len(burst.messages) for burst in result.bursts)
     return (
         f"{figure} {recorded.figure_m:.2f} m ({recorded.vehicle}, {recorded.worst_at / 1e9:.2f} s "
@@ -133,17 +133,17 @@ COLUMNS: "Sequence[Column[Attribution]]" = (
     Column("lost", _which, left=True, wraps=True),
     Column("sent, s", lambda row: "{:.2f}-{:.2f}".format(*row.span_s)),
     Column("messages", lambda row: row.messages),
-    Column("restored:\ngain, m", lambda row: row.mended_m, "z.3f"),
+    Column("restored:\ngain, m", lambda row: row.reduction_m, "z.3f"),
     Column("alone\nm", lambda row: row.alone.figure_m if row.alone else "", ".3f"),
     Column("breaks limit\nalone", _breaks_alone),
 )
 
 
-def _ending(result: "Blame") -> str:
+def _ending(result: "BlameResult") -> str:
     from scenarios.studies.many.blame.losses import bursts_of
 
     if result.smallest is None:
-        return f"{result.unshrunk} ({result.runs} runs, {result.seconds:.0f} s)"
+        return f"{result.not_reduced_reason} ({result.runs} runs, {result.seconds:.0f} s)"
     bursts = ", ".join(
         "{} at {:.2f} to {:.2f} s".format(burst.line, *burst.span_s)
         for burst in bursts_of(result.smallest.items)
@@ -154,6 +154,6 @@ def _ending(result: "Blame") -> str:
         else "not fully reduced, because --runs is used up"
     )
     return (
-        f"smallest set that breaks {result.question.limit}: {len(result.smallest.items)} messages "
+        f"smallest set that breaks {result.criteria.limit}: {len(result.smallest.items)} messages "
         f"({bursts}); {without} ({result.runs} runs, {result.seconds:.0f} s)"
     )

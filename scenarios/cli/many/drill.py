@@ -10,14 +10,14 @@ from scenarios.cli.columns import Column, table_of
 from scenarios.cli.common_options import confirmation_option, override_options
 from scenarios.cli.error_lines import clear_errors
 from scenarios.cli.guide import completion
-from scenarios.cli.many.study_options import engine_options, selected_fleet
+from scenarios.cli.many.study_options import engine_options, selected_workers
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rich.console import Console
 
-    from scenarios.studies.drills.drill import DrillRow, DrillRun
+    from scenarios.studies.drills.drill import DrillResult, DrillRow
     from scenarios.studies.many.variant import Variant
 
 
@@ -76,12 +76,12 @@ def drill(
     from scenarios.definition.scenario import drills, load_scenario
     from scenarios.runs.stop import EXIT_FAILED
     from scenarios.studies.drills.drill import (
-        carry_out_drills,
         drill_rows,
         drill_variants,
         identity_of_drills,
+        run_drills,
     )
-    from scenarios.studies.drills.files import TWIN, machine_readable, write_junit
+    from scenarios.studies.drills.drill_files import JSON_FILE, machine_readable, write_junit
     from scenarios.studies.engine.engine import study_engine
     from scenarios.studies.engine.results import refuse_existing, write_files
 
@@ -100,20 +100,18 @@ def drill(
         for first in {variant.name: variant for variant in reversed(variants)}.values():
             confirmed_lines(first.scenario, wall_clock=clock == "wall", confirmed=confirmed)
         with study_engine(
-            selected_fleet(workers, scheduler),
+            selected_workers(workers, scheduler),
             _print_to_stderr,
             out=out,
-            files=(TWIN,),
+            files=(JSON_FILE,),
             identity=identity_of_drills(variants),
         ) as engine:
-            if clock == "wall":
-                runs = _as_processes(variants, out)
-            else:
-                runs = carry_out_drills(variants, engine)
+            as_processes = clock == "wall"
+            runs = _as_processes(variants, out) if as_processes else run_drills(variants, engine)
             rows = drill_rows(runs)
             print_drills(rows, Console(), several_seeds=bool(seeds))
             if out is not None:
-                (file,) = write_files(out, {TWIN: machine_readable(rows, runs)})
+                (file,) = write_files(out, {JSON_FILE: machine_readable(rows, runs)})
                 click.echo(f"written: {file}")
             if junit is not None:
                 write_junit(rows, runs, junit)
@@ -125,7 +123,7 @@ def _print_to_stderr(line: str) -> None:
     click.echo(line, err=True)
 
 
-def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[DrillRun]":
+def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[DrillResult]":
     """Run the drills in real time one after another, until a signal stops one."""
     import time
     from dataclasses import replace
@@ -137,7 +135,7 @@ def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[Dril
     from scenarios.results.files import LOG_NAME
     from scenarios.results.log_summary import summary_of
     from scenarios.runs.stop import EXIT_FAILED
-    from scenarios.studies.drills.drill import drill_run
+    from scenarios.studies.drills.drill import drill_result
 
     if out is None:
         raise ScenarioError(["--out: missing, --clock wall needs a folder for the logs"])
@@ -161,7 +159,7 @@ def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[Dril
         )
         if exit_code not in {0, EXIT_FAILED}:
             sys.exit(exit_code)
-        run = drill_run(variant, summary_of(folder / LOG_NAME), time.perf_counter() - began)
+        run = drill_result(variant, summary_of(folder / LOG_NAME), time.perf_counter() - began)
         runs.append(replace(run, command=run.command.removesuffix(" --clock virtual")))
     return runs
 
@@ -176,7 +174,7 @@ def _columns(*, several_seeds: bool) -> "Sequence[Column[tuple[DrillRow, str]]]"
     return (
         Column("drill", lambda row: row[1], left=True, wraps=True),
         Column("limit", lambda row: row[0].label, left=True, wraps=True),
-        Column("figure", lambda row: row[0].figure, ".3g"),
+        Column("figure", lambda row: row[0].value, ".3g"),
         Column("margin", lambda row: _percent(row[0].margin_ratio)),
         Column("of", vehicle, left=True, wraps=True),
         Column(
@@ -203,7 +201,7 @@ def print_drills(
     console.print(table_of(_columns(several_seeds=several_seeds), named))
     broken = [row for row in rows if not row.passed]
     for row in broken:
-        text = Text.assemble((row.drill, "bold red"), f": {row.line}\n    {row.command}")
+        text = Text.assemble((row.drill, "bold red"), f": {row.message}\n    {row.command}")
         console.print(text, highlight=False, soft_wrap=True)
     names = {row.drill for row in rows}
     failed = {row.drill for row in broken}

@@ -12,7 +12,7 @@ from scenarios.cli.guide import completion
 from scenarios.cli.many.study_options import (
     engine_options,
     limit_option,
-    selected_fleet,
+    selected_workers,
     variant_of,
 )
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from scenarios.studies.many.risk import Risk, RiskQuestion
+    from scenarios.studies.many.risk import Risk, RiskQuery
 
 
 @click.command(
@@ -48,7 +48,7 @@ Examples:
     help="Distance of a run from the limit when splitting: the figure of the limit, or the longest"
     " time without data.",
 )
-@click.option("--precision", "to", type=FiniteRange(0.0, min_open=True), default=0.5,
+@click.option("--precision", type=FiniteRange(0.0, min_open=True), default=0.5,
               show_default=True, metavar="NUMBER",
               help="Stop at this relative half-width of the interval.")  # fmt: skip
 @click.option("--runs", type=click.IntRange(min=20), default=2000, show_default=True,
@@ -80,30 +80,30 @@ def risk(
 
     from scenarios.definition.run_limits import parsed_limit
     from scenarios.studies.engine.engine import study_engine
-    from scenarios.studies.many.risk import TWIN, RiskQuestion, risk_of, write_risk
+    from scenarios.studies.many.risk import JSON_FILE, RiskQuery, estimate_risk, write_risk
 
     with clear_errors():
         variant = variant_of(scenario, overrides)
-        question = RiskQuestion(
+        query = RiskQuery(
             variant=variant,
             limit=parsed_limit(limit_text, variant.scenario.vehicle_names),
-            most_runs=runs,
+            max_runs=runs,
             **options,
         )
         with study_engine(
-            selected_fleet(workers, scheduler),
+            selected_workers(workers, scheduler),
             click.echo,
             out=out,
-            files=(TWIN,),
-            identity=question.identity(),
+            files=(JSON_FILE,),
+            identity=query.identity(),
         ) as engine:
-            estimate = risk_of(question, engine)
-            write_risk(question, estimate, out)
-        print_risk(question, estimate, Console())
-        click.echo(f"written: {out / TWIN}")
+            estimate = estimate_risk(query, engine)
+            write_risk(query, estimate, out)
+        print_risk(query, estimate, Console())
+        click.echo(f"written: {out / JSON_FILE}")
 
 
-COLUMNS: "Sequence[Column[tuple[RiskQuestion, Risk]]]" = (
+COLUMNS: "Sequence[Column[tuple[RiskQuery, Risk]]]" = (
     Column("limit", lambda row: str(row[0].limit), left=True, wraps=True),
     Column("method", lambda row: row[1].method, left=True, wraps=True),
     Column("runs", lambda row: row[1].runs, wraps=True),
@@ -119,17 +119,17 @@ COLUMNS: "Sequence[Column[tuple[RiskQuestion, Risk]]]" = (
 )
 
 
-def print_risk(question: "RiskQuestion", estimate: "Risk", console: "Console") -> None:
-    console.print(table_of(COLUMNS, [(question, estimate)]))
-    for line in remarks(question, estimate):
+def print_risk(query: "RiskQuery", estimate: "Risk", console: "Console") -> None:
+    console.print(table_of(COLUMNS, [(query, estimate)]))
+    for line in remarks(query, estimate):
         console.print(line, highlight=False, markup=False, emoji=False, soft_wrap=True)
 
 
-def remarks(question: "RiskQuestion", estimate: "Risk") -> list[str]:
+def remarks(query: "RiskQuery", estimate: "Risk") -> list[str]:
     from scenarios.studies.many.risk import NO_COMMAND, command_of
 
     if estimate.method == "counting":
-        command = command_of(question, estimate)
+        command = command_of(query, estimate)
         return [f"first run that broke it: {command}"] if command else ["no run broke it"]
     extinct = sum(repetition.extinct for repetition in estimate.repetitions)
     lines = [f"interval: {estimate.interval}"]

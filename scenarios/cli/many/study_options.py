@@ -11,7 +11,7 @@ from scenarios.cli.guide import completion
 from scenarios.definition.schema.limit_rows import WORDS, words_with_examples
 
 if TYPE_CHECKING:
-    from scenarios.studies.engine.fleet import OpenFleet
+    from scenarios.studies.engine.workers import OpenWorkers
     from scenarios.studies.many.variant import Variant
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -76,12 +76,12 @@ def engine_options(command: Command) -> Command:
     return workers(scheduler(command))
 
 
-def selected_fleet(workers: int | None, scheduler: str) -> "OpenFleet":
-    from scenarios.studies.engine.fleet import fleet_of
+def selected_workers(workers: int | None, scheduler: str) -> "OpenWorkers":
+    from scenarios.studies.engine.workers import open_workers
 
     if scheduler:
         require("--scheduler", "dask", "distributed")
-    return partial(fleet_of, workers, scheduler)
+    return partial(open_workers, workers, scheduler)
 
 
 def variant_of(name: str, overrides: tuple[str, ...]) -> "Variant":

@@ -14,14 +14,14 @@ from scenarios.cli.guide import completion
 from scenarios.cli.many.study_options import (
     LIMIT_WORDS,
     engine_options,
-    selected_fleet,
+    selected_workers,
 )
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from scenarios.studies.many.sweeps.table import SweepTable, SweptCell
+    from scenarios.studies.many.sweeps.cell_table import SweepCell, SweepTable
 
 MOST_ROWS = 60
 """Rows that are printed; the file has all of them."""
@@ -116,15 +116,15 @@ def sweep(
 
     from scenarios.runs.stop import EXIT_FAILED
     from scenarios.studies.many.sweeps.plan import planned
-    from scenarios.studies.many.sweeps.sweep import carry_out_sweep
+    from scenarios.studies.many.sweeps.sweep import run_sweep
 
     with clear_errors():
         plan = planned(
             scenario, vary=vary, seeds=seeds, sets=overrides, figures=figures, limits=limits
         )
-        fleet = selected_fleet(workers, scheduler)
+        fleet = selected_workers(workers, scheduler)
         report = partial(click.echo, err=True)
-        table, written = carry_out_sweep(
+        table, written = run_sweep(
             plan, out, fleet, report, parquet=parquet, pictures=not no_pictures
         )
         print_sweep(table, Console())
@@ -161,24 +161,24 @@ def _table(table: "SweepTable", number: int) -> "Table":
     return table_of(columns, table.cells[:MOST_ROWS], title=title, title_justify="left")
 
 
-def _key_column(key: str, place: int) -> "Column[SweptCell]":
+def _key_column(key: str, place: int) -> "Column[SweepCell]":
     return Column(key.replace(".", ".\n"), lambda cell: cell.values[place])
 
 
-def _spread_columns(number: int, *, least: bool) -> "list[Column[SweptCell]]":
+def _spread_columns(number: int, *, least: bool) -> "list[Column[SweepCell]]":
     """Columns of the figure with this number; its worst value comes last."""
 
-    def spread(heading: str, attribute: str) -> "Column[SweptCell]":
+    def spread(heading: str, attribute: str) -> "Column[SweepCell]":
         return Column(heading, lambda cell: _shown(getattr(cell.figures[number], attribute)))
 
-    worst = spread("least", "least") if least else spread("largest", "largest")
+    worst = spread("min", "minimum") if least else spread("max", "maximum")
     return [spread("median", "median"), spread("5 %", "p5"), spread("95 %", "p95"), worst]
 
 
-def _share_columns(number: int) -> "list[Column[SweptCell]]":
+def _share_columns(number: int) -> "list[Column[SweepCell]]":
     """Share of runs that broke the limit with this number, and its interval."""
 
-    def interval(cell: "SweptCell") -> str | None:
+    def interval(cell: "SweepCell") -> str | None:
         share = cell.limits[number]
         if share.ratio is None:
             return None

@@ -14,7 +14,12 @@ from scenarios.cli.common_options import (
     time_option,
 )
 from scenarios.cli.error_lines import clear_errors
-from scenarios.cli.many.study_options import FIGURES, engine_options, figure_option, selected_fleet
+from scenarios.cli.many.study_options import (
+    FIGURES,
+    engine_options,
+    figure_option,
+    selected_workers,
+)
 
 
 @click.command(
@@ -64,22 +69,24 @@ def worst(
     times. All simulations use the same random numbers. With one seed, a time may be the worst
     because random errors are large there. Several seeds average them out.
     """
-    from scenarios.studies.drills.worst import WorstSearch, base_of, burst_of, span_of
+    from scenarios.studies.drills.worst import WorstSearch, base_variant, parsed_burst, search_span
     from scenarios.studies.drills.worst_files import machine_readable, write_drill
     from scenarios.studies.engine.engine import study_engine
     from scenarios.studies.engine.results import refuse_existing
 
     with clear_errors():
         refuse_existing(output)
-        base = base_of(scenario, overrides, seed)
+        base = base_variant(scenario, overrides, seed)
         loaded = base.scenario
-        burst = burst_of(links, burst_s, loaded)
-        span = span_of(loaded, burst, from_s=from_s, to_s=to_s, step_s=step_s, finest_s=finest_s)
+        burst = parsed_burst(links, burst_s, loaded)
+        span = search_span(
+            loaded, burst, from_s=from_s, to_s=to_s, step_s=step_s, finest_s=finest_s
+        )
         report = partial(click.echo, err=True)
-        with study_engine(selected_fleet(workers, scheduler), report) as engine:
+        with study_engine(selected_workers(workers, scheduler), report) as engine:
             changes = len(loaded.tables.change)
             search = WorstSearch(base, burst, figure, engine, changes=changes, seeds=seeds)
-            found = search.look(span)
+            found = search.run(span)
         if as_json:
             click.echo(json.dumps(machine_readable(found, burst), indent=2))
         else:

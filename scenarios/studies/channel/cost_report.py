@@ -27,13 +27,13 @@ from scenarios.studies.channel.cost_drives import (
     lane_margin_m,
 )
 from scenarios.studies.engine.engine import study_engine
-from scenarios.studies.engine.fleet import fleet_of
 from scenarios.studies.engine.results import write_files
-from scenarios.studies.engine.stamp import stamp_of_this_process
+from scenarios.studies.engine.stamp import current_stamp
+from scenarios.studies.engine.workers import open_workers
 from scenarios.studies.picture_style import BLUE, GREY, RED, SEQUENCE, STYLE
 
 SCHEMA = "convoy.channel_figure/1"
-PICTURE, TWIN = "channel.png", "channel.json"
+PICTURE, JSON_FILE = "channel.png", "channel.json"
 
 
 def channel_figure(
@@ -44,14 +44,16 @@ def channel_figure(
     Uses all cores by default. Raises ScenarioError if one of both files exists.
     """
     with study_engine(
-        partial(fleet_of, workers),
+        partial(open_workers, workers),
         progress,
         out=out,
-        files=(PICTURE, TWIN),
-        identity={"plan": asdict(plan), **asdict(stamp_of_this_process())},
+        files=(PICTURE, JSON_FILE),
+        identity={"plan": asdict(plan), **asdict(current_stamp())},
     ) as engine:
         costs, margin_m = driven(plan, engine), lane_margin_m()
-        write_files(out, {TWIN: machine_readable(costs, margin_m), PICTURE: drawn(costs, margin_m)})
+        write_files(
+            out, {JSON_FILE: machine_readable(costs, margin_m), PICTURE: drawn(costs, margin_m)}
+        )
     return costs
 
 

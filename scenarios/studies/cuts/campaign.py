@@ -11,16 +11,16 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter
 
-from scenarios.studies.cuts.cut import CutFigures, LinkCut, carry_out
+from scenarios.studies.cuts.cut import CutFigures, LinkCut, run_cut
 from scenarios.studies.engine.engine import Engine, study_engine
-from scenarios.studies.engine.fleet import fleet_of
 from scenarios.studies.engine.job import Job
 from scenarios.studies.engine.results import write_files
-from scenarios.studies.engine.stamp import stamp_of_this_process
+from scenarios.studies.engine.stamp import current_stamp
+from scenarios.studies.engine.workers import open_workers
 from vehicles.driver.degradation.settings import Reaction
 
 SCHEMA = "convoy.cuts/1"
-PICTURE, TWIN = "cuts.png", "cuts.json"
+PICTURE, JSON_FILE = "cuts.png", "cuts.json"
 REACTIONS: tuple[Reaction, ...] = ("degrade", "extrapolate", "hold", "straight")
 SPEEDS_MPS = 8.0, 30.0
 CUT_AT_S = 3.0, 17.0
@@ -29,7 +29,7 @@ SHORT_S, LONG_S = (0.3, 4.0), 14.0
 """Ranges of half of the cuts; the others last until all stand."""
 
 
-def drawn(count: int, reaction: Reaction, seed: int = 1) -> Iterator[LinkCut]:
+def draw_cuts(count: int, reaction: Reaction, seed: int = 1) -> Iterator[LinkCut]:
     """Draw cuts at random instants of double lane changes at random speeds.
 
     Equal seeds give equal cuts, the same for each reaction.
@@ -45,7 +45,7 @@ def drawn(count: int, reaction: Reaction, seed: int = 1) -> Iterator[LinkCut]:
         )
 
 
-def carry_out_all(cuts: Sequence[LinkCut], engine: Engine) -> list[CutFigures]:
+def run_cuts(cuts: Sequence[LinkCut], engine: Engine) -> list[CutFigures]:
     """Simulate all cuts; returns a row for each follower, in the order of `cuts`."""
     jobs = [
         Job(key=f"{one.reaction} {one.seed}", work=partial(_fields, one), command=str(one))
@@ -57,7 +57,7 @@ def carry_out_all(cuts: Sequence[LinkCut], engine: Engine) -> list[CutFigures]:
 
 
 def _fields(cut: LinkCut) -> list[dict[str, Any]]:
-    return [asdict(row) for row in carry_out(cut)]
+    return [asdict(row) for row in run_cut(cut)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,28 +68,28 @@ class ReactionFigures:
     cuts: int
     error_m_median: float
     error_m_max: float
-    error_inside_m_max: float
+    error_on_known_path_m_max: float
     blind_m_max: float
-    stood_ratio: float
+    stopped_ratio: float
     friction_ratio_max: float
     resumed_ratio: float
 
 
-def of_reaction(rows: Sequence[CutFigures]) -> ReactionFigures:
+def summary_of_reaction(rows: Sequence[CutFigures]) -> ReactionFigures:
     return ReactionFigures(
         reaction=rows[0].cut.reaction,
         cuts=len({row.cut for row in rows}),
         error_m_median=median(row.error for row in rows),
         error_m_max=max(row.error for row in rows),
-        error_inside_m_max=max(row.error_inside for row in rows),
+        error_on_known_path_m_max=max(row.error_on_known_path for row in rows),
         blind_m_max=max(row.blind for row in rows),
-        stood_ratio=sum(row.stood for row in rows) / len(rows),
+        stopped_ratio=sum(row.stopped for row in rows) / len(rows),
         friction_ratio_max=max(row.friction for row in rows),
         resumed_ratio=sum(isfinite(row.resumed_after) for row in rows) / len(rows),
     )
 
 
-def cuts_figure(
+def run_campaign(
     count: int, out: Path, progress: Callable[[str], None], *, workers: int | None = None
 ) -> list[ReactionFigures]:
     """Simulate `count` cuts with each reaction; write picture and JSON into `out`.
@@ -98,21 +98,23 @@ def cuts_figure(
     """
     from scenarios.studies.cuts.picture import drawn_figure  # noqa: PLC0415 - matplotlib
 
-    cuts = [cut for reaction in REACTIONS for cut in drawn(count, reaction)]
+    cuts = [cut for reaction in REACTIONS for cut in draw_cuts(count, reaction)]
     with study_engine(
-        partial(fleet_of, workers),
+        partial(open_workers, workers),
         progress,
         out=out,
-        files=(PICTURE, TWIN),
-        identity={"--cuts": count, **asdict(stamp_of_this_process())},
+        files=(PICTURE, JSON_FILE),
+        identity={"--cuts": count, **asdict(current_stamp())},
     ) as engine:
-        rows = carry_out_all(cuts, engine)
+        rows = run_cuts(cuts, engine)
         by_reaction = {
             reaction: [row for row in rows if row.cut.reaction == reaction]
             for reaction in REACTIONS
         }
-        found = [of_reaction(of) for of in by_reaction.values()]
-        write_files(out, {TWIN: machine_readable(found, rows), PICTURE: drawn_figure(by_reaction)})
+        found = [summary_of_reaction(of) for of in by_reaction.values()]
+        write_files(
+            out, {JSON_FILE: machine_readable(found, rows), PICTURE: drawn_figure(by_reaction)}
+        )
     return found
 
 

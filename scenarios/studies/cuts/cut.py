@@ -98,11 +98,11 @@ class CutFigures:
     cut: LinkCut
     vehicle: str
     error: float
-    error_inside: float
-    error_back: float
+    error_on_known_path: float
+    error_after_recovery: float
     predicted_blind: float
     blind: float
-    stood: bool
+    stopped: bool
     ticks_late: int
     friction: float
     command_step: float
@@ -139,9 +139,9 @@ class CutObserver:
         period = 1.0 / scenario.tables.gnss.value.rate
         self._lost_after = nanoseconds(degradation.lost_after_silence(period))
         self._of: defaultdict[str, _FollowerRecord] = defaultdict(_FollowerRecord)
-        stream.on_error(self._take_error)
+        stream.on_error(self._record_error)
 
-    def _take_error(self, foot: CrossTrack) -> None:
+    def _record_error(self, foot: CrossTrack) -> None:
         self._of[foot.vehicle].errors[foot.at_ns] = foot.lateral
         self._of[foot.vehicle].stations[foot.at_ns] = foot.station
 
@@ -172,16 +172,16 @@ class CutObserver:
             cut=self._cut,
             vehicle=name,
             error=_largest(of.errors.get(one.decided_at_ns, 0.0) for one in away),
-            error_inside=_largest(
+            error_on_known_path=_largest(
                 of.errors.get(one.decided_at_ns, 0.0)
                 for one in takewhile(lambda one: not one.known_m < 0.0, away)
             ),
-            error_back=_largest(
+            error_after_recovery=_largest(
                 error for at, error in of.errors.items() if of.stations[at] > self._reached_from
             ),
             predicted_blind=lost.blind_m if lost else 0.0,
             blind=max([0.0, *(-one.known_m for one in away if not isnan(one.known_m))]),
-            stood=any(
+            stopped=any(
                 one.speed_mps < STANDING
                 for one in of.truth
                 if self._from <= one.true_at_ns < self._to
@@ -224,7 +224,7 @@ def _largest(values: Iterable[float]) -> float:
     return max(map(abs, values), default=0.0)
 
 
-def carry_out(cut: LinkCut) -> tuple[CutFigures, ...]:
+def run_cut(cut: LinkCut) -> tuple[CutFigures, ...]:
     scenario = cut.scenario()
     stream = FigureStream.of(scenario)
     observer = CutObserver(cut, scenario, stream)

@@ -55,7 +55,7 @@ def _describe(errors: Axes, speeds: Axes) -> None:
 
 
 def _blind(axes: Axes, rows: Sequence[CutFigures]) -> None:
-    stopped = [row for row in rows if row.stood]
+    stopped = [row for row in rows if row.stopped]
     predicted = [row.predicted_blind for row in stopped]
     farthest = max([1.0, *predicted, *(row.blind for row in stopped)])
     axes.plot([0.0, farthest], [0.0, farthest], color=GREY, linewidth=0.9)

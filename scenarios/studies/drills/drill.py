@@ -20,7 +20,7 @@ UNMEASURED = "was not measured: nobody had such a figure, or the run ended befor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DrillRun:
+class DrillResult:
     """The result of a drill with one seed; `other_reason` is a failure other than its limits.
 
     `drill` is the name given by the user, `command` repeats the run; it took `took_s`.
@@ -31,7 +31,7 @@ class DrillRun:
     limits: tuple[LimitFigure, ...]
     other_reason: str
     command: str
-    took_s: float = 0.0
+    duration_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,14 +44,14 @@ class DrillRow:
 
     drill: str
     limit: str
-    what: str
+    action: str
     bound: float | None
-    figure: float | None
+    value: float | None
     vehicle: str
     seed: int
     margin_ratio: float | None
     passed: bool
-    line: str
+    message: str
     command: str
 
     @property
@@ -59,8 +59,8 @@ class DrillRow:
         """The limit for a table: its key and bound, or the required reaction and its time."""
         if self.bound is None:
             return self.limit
-        if self.what:
-            return f"{self.vehicle} {self.what}, within {self.bound:g} s"
+        if self.action:
+            return f"{self.vehicle} {self.action}, within {self.bound:g} s"
         return f"{self.limit} = {self.bound:g}"
 
 
@@ -94,36 +94,36 @@ def identity_of_drills(variants: Sequence[Variant]) -> dict[str, Any]:
     }
 
 
-def carry_out_drill(variant: Variant) -> DrillRun:
+def run_drill(variant: Variant) -> DrillResult:
     began = time.perf_counter()
     summary = variant.run()
-    return drill_run(variant, summary, time.perf_counter() - began)
+    return drill_result(variant, summary, time.perf_counter() - began)
 
 
-def carry_out_drills(variants: Sequence[Variant], engine: Engine) -> list[DrillRun]:
+def run_drills(variants: Sequence[Variant], engine: Engine) -> list[DrillResult]:
     jobs = [
         Job(key=f"{one.name} {one.seed}", work=partial(_fields, one), command=one.command)
         for one in variants
     ]
     engine.progress.total = len(jobs)
     return [
-        DrillRun(**fields | {"limits": tuple(LimitFigure(**one) for one in fields["limits"])})
+        DrillResult(**fields | {"limits": tuple(LimitFigure(**one) for one in fields["limits"])})
         for fields in engine.results(jobs)
     ]
 
 
 def _fields(variant: Variant) -> dict[str, Any]:
-    return asdict(carry_out_drill(variant))
+    return asdict(run_drill(variant))
 
 
-def drill_run(variant: Variant, summary: RunSummary, took_s: float) -> DrillRun:
-    return DrillRun(
+def drill_result(variant: Variant, summary: RunSummary, duration_s: float) -> DrillResult:
+    return DrillResult(
         drill=variant.name,
         seed=variant.seed,
         limits=summary.limits,
         other_reason=_other_reason(summary),
         command=variant.command,
-        took_s=took_s,
+        duration_s=duration_s,
     )
 
 
@@ -136,13 +136,15 @@ def _other_reason(summary: RunSummary) -> str:
     return "; ".join(part for part in reason.split("; ") if part.strip())
 
 
-def drill_rows(runs: Sequence[DrillRun]) -> list[DrillRow]:
+def drill_rows(runs: Sequence[DrillResult]) -> list[DrillRow]:
     """Return a row for each limit of each drill, the worst of all seeds."""
     names = dict.fromkeys(run.drill for run in runs)
-    return [row for name in names for row in rows_of([run for run in runs if run.drill == name])]
+    return [
+        row for name in names for row in rows_of_drill([run for run in runs if run.drill == name])
+    ]
 
 
-def rows_of(runs: Sequence[DrillRun]) -> Iterator[DrillRow]:
+def rows_of_drill(runs: Sequence[DrillResult]) -> Iterator[DrillRow]:
     """Yield a row for each limit of a drill, from its runs with all seeds.
 
     If a run failed for another reason, that is the first row.
@@ -151,40 +153,40 @@ def rows_of(runs: Sequence[DrillRun]) -> Iterator[DrillRow]:
         yield DrillRow(
             drill=run.drill,
             limit=RUN,
-            what="",
+            action="",
             bound=None,
-            figure=None,
+            value=None,
             vehicle="",
             seed=run.seed,
             margin_ratio=None,
             passed=False,
-            line=run.other_reason,
+            message=run.other_reason,
             command=run.command,
         )
         break
     for limit in dict.fromkeys(one.limit for run in runs for one in run.limits):
         found = [(run, one) for run in runs for one in run.limits if one.limit == limit]
-        yield _row(*max(found, key=lambda pair: beyond(pair[1])))
+        yield _row(*max(found, key=lambda pair: excess(pair[1])))
 
 
-def _row(run: DrillRun, one: LimitFigure) -> DrillRow:
+def _row(run: DrillResult, one: LimitFigure) -> DrillRow:
     unmeasured = one.value is None and not one.broken
     return DrillRow(
         drill=run.drill,
         limit=one.limit,
-        what=one.action,
+        action=one.action,
         bound=one.bound,
-        figure=one.value,
+        value=one.value,
         vehicle=one.vehicle,
         seed=run.seed,
-        margin_ratio=None if one.value is None or not one.bound else -beyond(one) / one.bound,
+        margin_ratio=None if one.value is None or not one.bound else -excess(one) / one.bound,
         passed=not one.broken and not unmeasured,
-        line=f"limits.{one.limit} {UNMEASURED}" if unmeasured else one.message,
+        message=f"limits.{one.limit} {UNMEASURED}" if unmeasured else one.message,
         command=run.command,
     )
 
 
-def beyond(one: LimitFigure) -> float:
+def excess(one: LimitFigure) -> float:
     """Excess of a figure over its bound, in the limit's unit; negative while it is kept."""
     if one.value is None:
         return inf

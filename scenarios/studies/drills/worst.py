@@ -22,12 +22,12 @@ PEAKS = 3
 """The worst instants that are searched more closely: the highest peak may be narrow."""
 EARLIEST_S = 1.0
 """By default no burst is earlier: a convoy has formed by then."""
-FINEST_S = 0.001
+MIN_STEP_S = 0.001
 """Instants are whole milliseconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SoughtBurst:
+class BurstLoss:
     """Loss of all messages on `links`, pairs of sender and receiver, for `for_s`.
 
     Ends are names, roles or "*", as in `[[change]]`.
@@ -45,7 +45,7 @@ class SoughtBurst:
         )
 
 
-def burst_of(texts: Sequence[str], for_s: float, scenario: Scenario) -> SoughtBurst:
+def parsed_burst(texts: Sequence[str], for_s: float, scenario: Scenario) -> BurstLoss:
     """Parse links given as SENDER:RECEIVER; raises ScenarioError."""
     known = (*scenario.vehicle_names, *ROLES, ANY)
     links = []
@@ -57,7 +57,7 @@ def burst_of(texts: Sequence[str], for_s: float, scenario: Scenario) -> SoughtBu
                 [f"--link: given {toml_repr(text)}, allowed SENDER:RECEIVER, each of {ends}"]
             )
         links.append((sender, receiver))
-    return SoughtBurst(for_s=for_s, links=tuple(links))
+    return BurstLoss(for_s=for_s, links=tuple(links))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,15 +75,15 @@ class SearchSpan:
         inner = [round(self.from_s + place * self.step_s, 3) for place in range(count + 1)]
         return sorted({*inner, self.to_s})
 
-    def beside(self, at_s: float, step_s: float) -> list[float]:
+    def neighbours(self, at_s: float, step_s: float) -> list[float]:
         """Instants a step away on both sides of one, inside of the span."""
         sides = (round(at_s - step_s, 3), round(at_s + step_s, 3))
         return [one for one in sides if self.from_s <= one <= self.to_s]
 
 
-def span_of(
+def search_span(
     scenario: Scenario,
-    burst: SoughtBurst,
+    burst: BurstLoss,
     *,
     from_s: float | None,
     to_s: float | None,
@@ -102,11 +102,11 @@ def span_of(
         raise ScenarioError(
             [f"--burst: given {burst.for_s:g} s, allowed more than 0, less than {runs_s}"]
         )
-    if not FINEST_S <= finest_s <= step_s:
+    if not MIN_STEP_S <= finest_s <= step_s:
         raise ScenarioError(
             [
                 f"--step, --finest: given {step_s:g} and {finest_s:g} s, allowed the first at "
-                f"least the second, and that at least {FINEST_S:g}"
+                f"least the second, and that at least {MIN_STEP_S:g}"
             ]
         )
     if not first <= end <= last:
@@ -150,21 +150,21 @@ class WorstSearch:
     """
 
     base: Variant
-    burst: SoughtBurst
+    burst: BurstLoss
     word: str
     engine: Engine
     changes: int = 0
     seeds: int = 1
     _runs: dict[float, dict[int, float]] = field(default_factory=dict)
 
-    def look(self, span: SearchSpan) -> WorstInstant:
+    def run(self, span: SearchSpan) -> WorstInstant:
         """Search a grid, and then closer and closer around its worst instants."""
-        self._try(span.grid())
+        self._simulate(span.grid())
         step = span.step_s
         while step > span.finest_s:
             step *= 0.5
-            near = {at for peak in self._peaks(2.0 * step) for at in span.beside(peak, step)}
-            self._try(sorted(near - self._runs.keys()))
+            near = {at for peak in self._peaks(2.0 * step) for at in span.neighbours(peak, step)}
+            self._simulate(sorted(near - self._runs.keys()))
         worst = self._worst()
         at = worst[0][0]
         runs = self._runs[at]
@@ -205,7 +205,7 @@ class WorstSearch:
     def _figure(self, severity: float) -> float:
         return -severity if WORDS[self.word].is_least else severity
 
-    def _try(self, instants: Sequence[float]) -> None:
+    def _simulate(self, instants: Sequence[float]) -> None:
         seeds = range(self.base.seed, self.base.seed + self.seeds)
         tried = [(at, seed) for at in instants for seed in seeds]
         jobs = []
@@ -217,7 +217,7 @@ class WorstSearch:
             self._runs.setdefault(at, {})[seed] = badness
         there, mean = self._worst()[0]
         what = f"the worst at {there:g} s: {self.word} {self._figure(mean):.3f}"
-        self.engine.progress.doing = what
+        self.engine.progress.stage = what
 
 
 def _severity(variant: Variant, word: str) -> float:
@@ -225,7 +225,7 @@ def _severity(variant: Variant, word: str) -> float:
     return severity(Limit(WORDS[word].key, 0.0), variant.run())
 
 
-def base_of(name: str, overrides: Sequence[str], seed: int | None) -> Variant:
+def base_variant(name: str, overrides: Sequence[str], seed: int | None) -> Variant:
     """Return the run to search; raises ScenarioError."""
     whole = load_scenario(name, overrides, seed)
     return Variant(

@@ -11,7 +11,7 @@ from scenarios.definition.library import drills, library, read_file
 from scenarios.definition.overrides import Raw, parse_override
 from scenarios.definition.scenario import scenario_from_text
 from scenarios.definition.schema.limit_rows import WORDS
-from scenarios.studies.drills.worst import SoughtBurst, WorstInstant
+from scenarios.studies.drills.worst import BurstLoss, WorstInstant
 from scenarios.studies.engine.results import refuse_existing, write_file
 
 SCHEMA = "convoy.worst/1"
@@ -44,7 +44,7 @@ def drill_text(found: WorstInstant, file: Path) -> str:
     }
     whole = merged(read_file(one.name), one.overrides).raw
     for override in one.overrides:
-        _take(whole, tables, parse_override(override)[0])
+        _copy_key(whole, tables, parse_override(override)[0])
     row = WORDS[found.word]
     bound = found.figure / MARGIN if row.is_least else found.figure * MARGIN
     limits = dict(tables.get("limits", {}))
@@ -59,7 +59,7 @@ def drill_text(found: WorstInstant, file: Path) -> str:
     return text
 
 
-def machine_readable(found: WorstInstant, burst: SoughtBurst) -> dict[str, Any]:
+def machine_readable(found: WorstInstant, burst: BurstLoss) -> dict[str, Any]:
     tried = [{"at_s": at, found.word: figure} for at, figure in found.figures.items()]
     return {
         "schema": SCHEMA,
@@ -76,7 +76,7 @@ def machine_readable(found: WorstInstant, burst: SoughtBurst) -> dict[str, Any]:
     }
 
 
-def _take(whole: Raw, tables: Raw, parts: tuple[str, ...]) -> None:
+def _copy_key(whole: Raw, tables: Raw, parts: tuple[str, ...]) -> None:
     """Copy the key of an override from the whole scenario; a whole array if it is in one."""
     source: Any = whole
     target: Any = tables

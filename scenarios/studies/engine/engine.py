@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.studies.engine.driver import JobDriver, Outcome, Pace
-from scenarios.studies.engine.fleet import Fleet, OpenFleet
+from scenarios.studies.engine.dispatcher import BatchSizer, JobDispatcher, Outcome
 from scenarios.studies.engine.job import EngineError, Job
 from scenarios.studies.engine.journal import JOURNAL, Entry, RunJournal, open_journal
 from scenarios.studies.engine.results import refuse_existing
+from scenarios.studies.engine.workers import OpenWorkers, WorkerGroup
 from transport.log.records import LogError
 
-GIVEN_UP = "given_up"
+ABANDONED = "given_up"
 """Of an entry whose worker died: the fault may be the machine's, so the job is tried again."""
 REPORT_EVERY_S = 2.0
 
@@ -34,13 +34,13 @@ class JobProgress:
         self._first: tuple[int, float] | None = None
         self.done = 0
         self.total: int | None = None
-        self.doing = ""
+        self.stage = ""
 
     @property
     def seconds(self) -> float:
         return time.monotonic() - self._began
 
-    def one_more(self) -> None:
+    def count_job(self) -> None:
         """Count a finished job; report it after some seconds, or if it is the last.
 
         The time left follows from the jobs after the first, before which the workers had to start.
@@ -55,7 +55,7 @@ class JobProgress:
         if self.total is not None and first < self.done < self.total:
             left_s = (now - first_at) / (self.done - first) * (self.total - self.done)
             text += f", {left_s:.0f} s left"
-        self.note(text + (f": {self.doing}" if self.doing else ""))
+        self.note(text + (f": {self.stage}" if self.stage else ""))
 
     def note(self, line: str) -> None:
         self._report(f"{self.seconds:6.1f} s  {line}")
@@ -69,16 +69,16 @@ class Engine:
 
     def __init__(
         self,
-        open_fleet: OpenFleet,
-        ends: ExitStack,
+        open_workers: OpenWorkers,
+        exit_stack: ExitStack,
         report: Callable[[str], None],
         journal: RunJournal | None = None,
     ) -> None:
         self.progress = JobProgress(report)
         self.report = report
-        self._open_fleet, self._ends = open_fleet, ends
-        self._fleet: Fleet | None = None
-        self._pace = Pace()
+        self._open_fleet, self._exit_stack = open_workers, exit_stack
+        self._fleet: WorkerGroup | None = None
+        self._pace = BatchSizer()
         self._journal = journal
 
     def results(self, jobs: Sequence[Job]) -> list[Any]:
@@ -89,21 +89,21 @@ class Engine:
         """
         commands = {job.key: job.command or job.key for job in jobs}
         found: dict[str, Any] = {}
-        for outcome in self.outcomes(jobs, keeps_errors=False):
+        for outcome in self.outcomes(jobs, record_errors=False):
             if outcome.error:
                 why = f"{commands[outcome.key]}: {outcome.error}"
-                raise outcome.raised or EngineError([why])
+                raise outcome.exception or EngineError([why])
             found[outcome.key] = outcome.result
         return [found[job.key] for job in jobs]
 
-    def known(self, jobs: Sequence[Job]) -> int:
+    def count_done(self, jobs: Sequence[Job]) -> int:
         return sum(self._entry(job) is not None for job in jobs)
 
     def _entry(self, job: Job) -> Entry | None:
         entry = None if self._journal is None else self._journal.entries.get(job.key)
-        return None if entry is None or entry.get(GIVEN_UP) else entry
+        return None if entry is None or entry.get(ABANDONED) else entry
 
-    def outcomes(self, jobs: Sequence[Job], *, keeps_errors: bool = True) -> Iterator[Outcome]:
+    def outcomes(self, jobs: Sequence[Job], *, record_errors: bool = True) -> Iterator[Outcome]:
         """Yield the outcome of each job as it comes, first those of the journal.
 
         Unless it `keeps_errors` the journal holds results only.
@@ -119,19 +119,19 @@ class Engine:
         if not left:
             return
         if self._fleet is None:
-            self._fleet = self._ends.enter_context(self._open_fleet())
-        for outcome in JobDriver(left, self._fleet, self._pace).outcomes():
+            self._fleet = self._exit_stack.enter_context(self._open_fleet())
+        for outcome in JobDispatcher(left, self._fleet, self._pace).outcomes():
             kept = outcome
-            if self._journal is not None and (keeps_errors or not outcome.error):
-                kept = _outcome(outcome.key, self._journal.add(outcome.key, _kept(outcome)))
-            self.progress.one_more()
+            if self._journal is not None and (record_errors or not outcome.error):
+                kept = _outcome(outcome.key, self._journal.add(outcome.key, _entry_of(outcome)))
+            self.progress.count_job()
             yield kept
 
 
-def _kept(outcome: Outcome) -> Entry:
+def _entry_of(outcome: Outcome) -> Entry:
     if not outcome.error:
         return {"result": outcome.result}
-    return {"error": outcome.error} | ({GIVEN_UP: True} if outcome.is_given_up else {})
+    return {"error": outcome.error} | ({ABANDONED: True} if outcome.abandoned else {})
 
 
 def _outcome(key: str, entry: Mapping[str, Any]) -> Outcome:
@@ -139,13 +139,13 @@ def _outcome(key: str, entry: Mapping[str, Any]) -> Outcome:
         key=key,
         result=entry.get("result"),
         error=entry.get("error", ""),
-        is_given_up=entry.get(GIVEN_UP, False),
+        abandoned=entry.get(ABANDONED, False),
     )
 
 
 @contextmanager
 def study_engine(
-    open_fleet: OpenFleet,
+    open_workers: OpenWorkers,
     report: Callable[[str], None],
     *,
     out: Path | None = None,
@@ -159,19 +159,19 @@ def study_engine(
     results depend on. At its end the journal is removed, unless `keep_journal`. Without a folder
     everything stays in memory. Raises ScenarioError if the folder holds something else.
     """
-    with ExitStack() as ends:
+    with ExitStack() as exit_stack:
         if out is None or identity is None:
-            yield Engine(open_fleet, ends, report)
+            yield Engine(open_workers, exit_stack, report)
             return
         if not (out / JOURNAL).exists():
             refuse_existing(*(out / name for name in files), place="folder by --out")
         is_new = not out.exists()
         try:
-            journal = ends.enter_context(open_journal(out, identity, report))
+            journal = exit_stack.enter_context(open_journal(out, identity, report))
             if journal.entries and not keep_journal:
                 report(f"{len(journal.entries)} runs are there already")
-            with _over(journal, keep=keep_journal):
-                yield Engine(open_fleet, ends, report, journal)
+            with _remove_when_done(journal, keep=keep_journal):
+                yield Engine(open_workers, exit_stack, report, journal)
         except BaseException:
             if is_new:
                 with suppress(OSError):  # not empty
@@ -180,7 +180,7 @@ def study_engine(
 
 
 @contextmanager
-def _over(journal: RunJournal, *, keep: bool) -> Iterator[None]:
+def _remove_when_done(journal: RunJournal, *, keep: bool) -> Iterator[None]:
     """Remove a journal that is of no use: after the answer, after an error, or if empty."""
     try:
         yield

@@ -9,7 +9,7 @@ from threading import Lock
 from typing import Any
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.studies.engine.stamp import ProgramStamp, stamp_of_this_process
+from scenarios.studies.engine.stamp import ProgramStamp, current_stamp
 from transport.log.records import LogError
 from transport.texts import printable
 
@@ -18,7 +18,7 @@ Work = Callable[[], Any]
 PRINTABLE_ERRORS = (ScenarioError, LogError, OSError)
 """Errors that a command prints as they are."""
 
-ONE_AT_A_TIME = Lock()
+RUN_LOCK = Lock()
 """Runs are Python: threads of one worker would not make them faster, but take their memory."""
 
 
@@ -39,7 +39,7 @@ class Job:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JobAnswer:
+class JobResult:
     """The result of a job, or the error that it raised in one line; and its duration.
 
     `raised` is the error itself if a command can print it as it is.
@@ -47,36 +47,36 @@ class JobAnswer:
 
     result: Any = None
     error: str = ""
-    raised: Exception | None = None
-    took_s: float = 0.0
+    exception: Exception | None = None
+    duration_s: float = 0.0
 
 
-def carry_out_batch(stamp: ProgramStamp, jobs: Sequence[Work]) -> list[JobAnswer]:
+def run_batch(stamp: ProgramStamp, jobs: Sequence[Work]) -> list[JobResult]:
     """Do the jobs in this process, whose programs must match `stamp`.
 
     The answer of a job that raises holds the error. Raises EngineError if the programs differ.
     """
-    here = stamp_of_this_process()
+    here = current_stamp()
     if here != stamp:
         why = "; ".join(stamp.differences(here))
         raise EngineError([f"a worker has other programs: {why}; install the same on all"])
-    with ONE_AT_A_TIME:
+    with RUN_LOCK:
         return [_answer(job) for job in jobs]
 
 
-def _answer(job: Work) -> JobAnswer:
+def _answer(job: Work) -> JobResult:
     began = time.perf_counter()
     try:
-        return JobAnswer(result=job(), took_s=time.perf_counter() - began)
+        return JobResult(result=job(), duration_s=time.perf_counter() - began)
     except (Exception, SystemExit) as error:  # noqa: BLE001 - the other jobs go on
-        return JobAnswer(
-            error=in_one_line(error),
-            raised=error if isinstance(error, PRINTABLE_ERRORS) else None,
-            took_s=time.perf_counter() - began,
+        return JobResult(
+            error=error_line(error),
+            exception=error if isinstance(error, PRINTABLE_ERRORS) else None,
+            duration_s=time.perf_counter() - began,
         )
 
 
-def in_one_line(error: BaseException) -> str:
+def error_line(error: BaseException) -> str:
     """Describe an error; with its place if the wording is Python's and not the project's."""
     if isinstance(error, ScenarioError):
         return printable("; ".join(error.lines))

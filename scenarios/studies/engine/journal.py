@@ -21,7 +21,7 @@ from scenarios.definition.errors import ScenarioError
 JOURNAL = "journal.jsonl"
 SCHEMA = "convoy.journal/2"
 CHECKSUM, CHECKSUM_BYTES = re.compile(rb',"crc32":"([0-9a-f]{8})"}'), 20
-ELSEWHERE = "give another folder by --out"
+OTHER_FOLDER = "give another folder by --out"
 
 Entry = dict[str, Any]
 """What is kept of one job: only what JSON has."""
@@ -33,27 +33,27 @@ class RunJournal:
     def __init__(self, path: Path, file: IO[bytes], identity: Mapping[str, Any]) -> None:
         self._path = path
         self._file = file
-        self._question = crc32(json.dumps(identity, sort_keys=True).encode())
+        self._identity_crc = crc32(json.dumps(identity, sort_keys=True).encode())
         self.entries: dict[str, Entry] = {}
 
     def add(self, key: str, entry: Entry) -> Entry:
         """Write the outcome of a job at once; returns it as it will be read back."""
-        line = _sealed({"run": key, "entry": entry}, self._question)
+        line = _encoded({"run": key, "entry": entry}, self._identity_crc)
         self._file.write(line)
         self._file.flush()
         self.entries[key] = json.loads(line)["entry"]
         return self.entries[key]
 
-    def take(self, line: bytes) -> bool:
+    def load(self, line: bytes) -> bool:
         """Read a line of the file; false if it is damaged or belongs to another question."""
-        content = _opened(line, self._question)
+        content = _decoded(line, self._identity_crc)
         if content is None or "run" not in content:
             return False
         self.entries[content["run"]] = content["entry"]
         return True
 
-    def begin(self, identity: Mapping[str, Any]) -> None:
-        self._file.write(_sealed({"schema": SCHEMA, "identity": identity}))
+    def write_header(self, identity: Mapping[str, Any]) -> None:
+        self._file.write(_encoded({"schema": SCHEMA, "identity": identity}))
         self._file.flush()
 
     def remove(self) -> None:
@@ -76,7 +76,7 @@ def open_journal(
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            why = f"another command writes into this folder; {ELSEWHERE}"
+            why = f"another command writes into this folder; {OTHER_FOLDER}"
             raise ScenarioError([f"{folder}: {why}"]) from error
         journal = RunJournal(path, file, wanted)
         _read(journal, file, path, wanted, report)
@@ -98,32 +98,32 @@ def _read(
     file.truncate(len(content) - len(torn))
     damaged, begins, has_question = [], 0, False
     for number, line in enumerate(lines, start=1):
-        header = _opened(line)
+        header = _decoded(line)
         if header is not None and "identity" in header:
             _refuse_other(path, header, wanted)
             has_question = True
-        elif line.strip() and not journal.take(line):
+        elif line.strip() and not journal.load(line):
             _refuse_other_version(path, line)
             damaged.append((number, begins, len(line)))
         begins += len(line) + 1
     if damaged and not has_question and not journal.entries:
-        raise ScenarioError([f"{path}, line 1: damaged; {ELSEWHERE}"])
+        raise ScenarioError([f"{path}, line 1: damaged; {OTHER_FOLDER}"])
     for number, at, length in damaged:
         report(f"{path}, line {number}: damaged; what it held is computed again")
         file.seek(at)
         file.write(b" " * length)
     file.seek(0, os.SEEK_END)
     if not has_question:
-        journal.begin(wanted)
+        journal.write_header(wanted)
 
 
-def _sealed(content: Mapping[str, Any], question: int = 0) -> bytes:
+def _encoded(content: Mapping[str, Any], question: int = 0) -> bytes:
     """Encode one line with its checksum, which covers the question too."""
     text = json.dumps(content, separators=(",", ":")).encode()[:-1]
     return text + b',"crc32":"%08x"}\n' % crc32(text, question)
 
 
-def _opened(line: bytes, question: int = 0) -> dict[str, Any] | None:
+def _decoded(line: bytes, question: int = 0) -> dict[str, Any] | None:
     """Decode a line; None if its checksum does not match content and question."""
     text, checksum = line[:-CHECKSUM_BYTES], CHECKSUM.fullmatch(line[-CHECKSUM_BYTES:])
     if checksum is None or int(checksum[1], 16) != crc32(text, question):
@@ -141,31 +141,31 @@ def _refuse_other_version(path: Path, line: bytes) -> None:
     if not isinstance(content, dict) or "crc32" in content:
         return
     if content.get("schema", SCHEMA) != SCHEMA:
-        why = f"given {content['schema']}, allowed {SCHEMA}; {ELSEWHERE}"
+        why = f"given {content['schema']}, allowed {SCHEMA}; {OTHER_FOLDER}"
         raise ScenarioError([f"{path}: schema: {why}"])
 
 
 def _refuse_other(path: Path, header: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
     """Raise ScenarioError, with the differences, unless the journal has the same question."""
     if header["schema"] != SCHEMA:
-        why = f"given {header['schema']}, allowed {SCHEMA}; {ELSEWHERE}"
+        why = f"given {header['schema']}, allowed {SCHEMA}; {OTHER_FOLDER}"
         raise ScenarioError([f"{path}: schema: {why}"])
     before = header["identity"]
     names = [name for name in {**wanted, **before} if before.get(name) != wanted.get(name)]
     if names:
         differs = "; ".join(
-            f"{name}: {_differs(before.get(name), wanted.get(name))}" for name in names
+            f"{name}: {_difference(before.get(name), wanted.get(name))}" for name in names
         )
         what = f"holds the answers to another command: {differs}"
-        raise ScenarioError([f"{path.parent}: {what}; {ELSEWHERE}"])
+        raise ScenarioError([f"{path.parent}: {what}; {OTHER_FOLDER}"])
 
 
-LONGEST = 60
+MAX_SHOWN = 60
 """Letters of a value that are shown."""
 
 
-def _differs(there: Any, here: Any) -> str:
+def _difference(there: Any, here: Any) -> str:
     shown = [text if isinstance(text, str) else json.dumps(text) for text in (there, here)]
-    if max(map(len, shown)) > LONGEST:
+    if max(map(len, shown)) > MAX_SHOWN:
         return "not the same"
     return f"{shown[0]} there, {shown[1]} now"

@@ -13,7 +13,7 @@ import scenarios
 import transport
 import vehicles
 
-COUNTED = {".py", ".toml", ".csv"}
+HASHED_SUFFIXES = {".py", ".toml", ".csv"}
 """Files that a run depends on: programs, and what the library has of scenarios and traces."""
 DIGITS = 12
 """Of the digest: 48 bits, against mistakes and not against malice."""
@@ -39,7 +39,7 @@ class ProgramStamp:
 
 
 @cache
-def stamp_of_this_process() -> ProgramStamp:
+def current_stamp() -> ProgramStamp:
     return ProgramStamp(
         convoy=version("convoy-emulator"),
         sources=digest_of(*(Path(package.__path__[0]) for package in PACKAGES)),
@@ -55,7 +55,9 @@ def digest_of(*packages: Path) -> str:
     """Digest of the files in the packages' folders, wherever they are installed."""
     digest = hashlib.sha256()
     for package in packages:
-        files = (path for path in package.rglob("*") if path.suffix in COUNTED and path.is_file())
+        files = (
+            path for path in package.rglob("*") if path.suffix in HASHED_SUFFIXES and path.is_file()
+        )
         for name, path in sorted((path.relative_to(package).as_posix(), path) for path in files):
             content = hashlib.sha256(path.read_bytes()).hexdigest()
             digest.update(f"{package.name}/{name} {content}\n".encode())

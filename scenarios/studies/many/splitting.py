@@ -18,8 +18,8 @@ from numpy.random import PCG64, Generator
 from scenarios.definition.run_limits import Limit
 from scenarios.definition.scenario import Scenario
 from scenarios.runs.virtual.virtual_convoy import Branch
+from scenarios.studies.many.limit_history import LimitHistory, Measure, watch_limit, with_seed
 from scenarios.studies.many.variant import Variant
-from scenarios.studies.many.watched import Measure, Watched, watched, with_seed
 from vehicles.schedule import SECOND
 
 
@@ -31,9 +31,9 @@ class BranchablePath(Protocol):
 
 
 AnyPath = TypeVar("AnyPath", bound=BranchablePath)
-Begin = Callable[[int], AnyPath]
+StartPath = Callable[[int], AnyPath]
 """Makes a path from a seed."""
-Continue = Callable[[AnyPath, float, int], AnyPath]
+ContinuePath = Callable[[AnyPath, float, int], AnyPath]
 """Copies a path up to the first instant at which its severity is above a level; what is random
 after that instant comes from a seed."""
 
@@ -55,32 +55,32 @@ class Repetition(Generic[AnyPath]):
 
 def split(
     count: int,
-    begin: Begin[AnyPath],
-    go_on: Continue[AnyPath],
+    start_path: StartPath[AnyPath],
+    continue_path: ContinuePath[AnyPath],
     random: Generator,
     *,
-    most_runs: float = inf,
+    max_runs: float = inf,
 ) -> Repetition[AnyPath]:
     """Estimate the probability that a path breaks the limit, with `count` paths at a time.
 
-    Ends when all of them break it, or none is left to be copied. It also ends after `most_runs`
+    Ends when all of them break it, or none is left to be copied. It also ends after `max_runs`
     runs: the share of paths that break the limit by then, times the probability of the level, is
     unbiased too, only less certain. Raises ValueError for fewer than two paths.
     """
     if count < 2:
         raise ValueError(f"{count} paths cannot be branched")
-    paths = [begin(_seed(random)) for _ in range(count)]
+    paths = [start_path(_seed(random)) for _ in range(count)]
     chance, runs, levels = 1.0, count, list[float]()
-    while (level := min(one.severity for one in paths)) < inf and runs < most_runs:
-        alive = [one for one in paths if one.severity > level]
+    while (level := min(one.severity for one in paths)) < inf and runs < max_runs:
+        survivors = [one for one in paths if one.severity > level]
         levels.append(level)
-        if not alive:
+        if not survivors:
             return Repetition(0.0, tuple(paths), runs, tuple(levels), extinct=True)
-        chance *= len(alive) / count
+        chance *= len(survivors) / count
         for place, one in enumerate(paths):
             if one.severity <= level:
-                parent = alive[int(random.integers(len(alive)))]
-                paths[place] = go_on(parent, level, _seed(random))
+                parent = survivors[int(random.integers(len(survivors)))]
+                paths[place] = continue_path(parent, level, _seed(random))
                 runs += 1
     broken = sum(one.severity == inf for one in paths)
     return Repetition(chance * broken / count, tuple(paths), runs, tuple(levels), extinct=False)
@@ -105,11 +105,11 @@ class BranchedRun:
 
     seed: int
     branches: tuple[Branch, ...]
-    watched: Watched
+    history: LimitHistory
 
     @property
     def severity(self) -> float:
-        return self.watched.severity
+        return self.history.severity
 
 
 Run = Callable[[int, tuple[Branch, ...]], BranchedRun]
@@ -124,7 +124,7 @@ class Splitting:
     limit: Limit
     measure: Measure
     paths: int
-    most_runs: int
+    max_runs: int
 
     @cached_property
     def scenario(self) -> Scenario:
@@ -132,13 +132,13 @@ class Splitting:
 
     def run(self, seed: int, branches: tuple[Branch, ...] = ()) -> BranchedRun:
         scenario = with_seed(self.scenario, seed)
-        found = watched(scenario, self.limit, branches=branches, measure=self.measure)
+        found = watch_limit(scenario, self.limit, branches=branches, measure=self.measure)
         return BranchedRun(seed, branches, found)
 
 
-def gone_on(run: Run, parent: BranchedRun, level: float, seed: int) -> BranchedRun:
+def continue_run(run: Run, parent: BranchedRun, level: float, seed: int) -> BranchedRun:
     """Repeat `parent` until its severity exceeds `level`, then continue with another seed."""
-    at = next(one.at for one in parent.watched.records if one.value > level)
+    at = next(one.at for one in parent.history.records if one.value > level)
     before = tuple(branch for branch in parent.branches if branch.at < at)
     return run(parent.seed, (*before, Branch(at, seed)))
 
@@ -154,14 +154,14 @@ class RiskEstimate:
     worst: dict[str, Any]
 
 
-def repeated(work: Splitting, number: int) -> dict[str, Any]:
+def run_repetition(work: Splitting, number: int) -> dict[str, Any]:
     """Carry out repetition `number`: its draws depend on the scenario's seed and on that.
 
     Returns the fields of a `RiskEstimate`.
     """
     random = Generator(PCG64([work.scenario.seed, number]))
     found: Repetition[BranchedRun] = split(
-        work.paths, work.run, partial(gone_on, work.run), random, most_runs=work.most_runs
+        work.paths, work.run, partial(continue_run, work.run), random, max_runs=work.max_runs
     )
     worst = max(found.paths, key=lambda one: one.severity)
     branches = [
@@ -173,5 +173,5 @@ def repeated(work: Splitting, number: int) -> dict[str, Any]:
         "runs": found.runs,
         "levels": len(found.levels),
         "extinct": found.extinct,
-        "worst": {"broken": worst.watched.broken, "seed": worst.seed, "branches": branches},
+        "worst": {"broken": worst.history.broken, "seed": worst.seed, "branches": branches},
     }

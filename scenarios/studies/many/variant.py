@@ -9,8 +9,8 @@ from scenarios.definition.run_limits import Limit
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.summary import RunSummary
 from scenarios.runs.virtual.unlogged_run import run_unlogged
-from scenarios.studies.engine.stamp import stamp_of_this_process
-from scenarios.studies.many.watched import watched
+from scenarios.studies.engine.stamp import current_stamp
+from scenarios.studies.many.limit_history import watch_limit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +45,7 @@ class Variant:
 
     def breaks(self, limit: Limit) -> bool:
         """Run until the limit is broken, or to the end; returns whether it was broken."""
-        return watched(self.scenario, limit).broken
+        return watch_limit(self.scenario, limit).broken
 
 
 def identity_of(variant: Variant, **options: Any) -> dict[str, Any]:
@@ -55,5 +55,5 @@ def identity_of(variant: Variant, **options: Any) -> dict[str, Any]:
         "its content": hashlib.sha256(variant.text.encode()).hexdigest()[:12],
         "--set": list(variant.overrides),
         **{f"--{name.replace('_', '-')}": value for name, value in options.items()},
-        **asdict(stamp_of_this_process()),
+        **asdict(current_stamp()),
     }

@@ -14,9 +14,9 @@ from scenarios.results.drives import Trial
 from scenarios.runs.virtual.logged_run import record_trial
 from scenarios.runs.virtual.unlogged_run import drive_trial
 from scenarios.studies.engine.engine import study_engine
-from scenarios.studies.engine.fleet import fleet_of
 from scenarios.studies.engine.job import Job, Work
 from scenarios.studies.engine.results import refuse_existing
+from scenarios.studies.engine.workers import open_workers
 from scenarios.studies.paper.claims.claim import JUDGEMENTS
 from scenarios.studies.paper.experiments import EXACT, RUNS_OF_CASE, Experiment
 from scenarios.studies.paper.field_runs import FieldRuns, field_runs
@@ -66,7 +66,7 @@ def reproduce(
     written = [REPORT, "report.json", *all_pictures(), *map(str, jobs)]
     refuse_existing(*(out / name for name in written), place="folder by --out")
     out.mkdir(parents=True, exist_ok=True)
-    with study_engine(partial(fleet_of, workers), progress) as engine:
+    with study_engine(partial(open_workers, workers), progress) as engine:
         parts = [
             Job(key=str(key), work=partial(_from_scratch, out / str(key), work))
             for key, work in jobs.items()

@@ -6,14 +6,14 @@ from functools import partial
 from typing import Any
 
 from scenarios.studies.engine.engine import Engine, study_engine
-from scenarios.studies.engine.fleet import fleet_of
 from scenarios.studies.engine.job import Job
+from scenarios.studies.engine.workers import open_workers
 
 
 @contextmanager
 def engine_here(workers: int | None = 0) -> Iterator[Engine]:
     """Start an engine without a journal, by default in this process."""
-    with study_engine(partial(fleet_of, workers), lambda _: None) as engine:
+    with study_engine(partial(open_workers, workers), lambda _: None) as engine:
         yield engine
 
 
@@ -21,7 +21,7 @@ class MadeUpEngine(Engine):
     """Does no job: `result` makes up what each gives."""
 
     def __init__(self, result: Callable[[Job], Any]) -> None:
-        super().__init__(partial(fleet_of, 0), ExitStack(), lambda _: None)
+        super().__init__(partial(open_workers, 0), ExitStack(), lambda _: None)
         self._result = result
 
     def results(self, jobs: Sequence[Job]) -> list[Any]:

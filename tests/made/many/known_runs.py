@@ -11,9 +11,9 @@ from math import inf
 from scenarios.definition.run_limits import Limit
 from scenarios.definition.scenario import load_scenario
 from scenarios.runs.virtual.virtual_convoy import Branch
+from scenarios.studies.many.limit_history import LimitHistory, SeverityRecord, watch_limit
 from scenarios.studies.many.splitting import BranchedRun
 from scenarios.studies.many.variant import Variant
-from scenarios.studies.many.watched import NearRecord, Watched, watched
 from transport.links.link import keyed_draw, switch_draw
 
 MESSAGES, PERIOD_NS = 10, 200_000_000
@@ -57,7 +57,7 @@ class KnownRuns:
 
     ratio: float
     bound: float
-    driven: dict[Lost, tuple[NearRecord, ...]] = field(default_factory=dict)
+    driven: dict[Lost, tuple[SeverityRecord, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.scenario = small_convoy(f"links.loss_ratio={self.ratio}").scenario
@@ -71,29 +71,33 @@ class KnownRuns:
             draw = switch_draw(draw, keyed_draw(branch.seed, *self.link), sent)
         return tuple(number for number in range(MESSAGES) if draw("loss", number) < self.ratio)
 
-    def watched(self, lost: Lost) -> Watched:
+    def history_of(self, lost: Lost) -> LimitHistory:
         """What is seen of the run that loses these messages."""
         if lost not in self.driven:
             numbers = ",".join(map(str, lost))
             law = [f"links.loss={{kind='listed', lost_numbers='{numbers}'}}"] if lost else []
             variant = small_convoy("links.loss_ratio=0", *law)
-            found = watched(variant.scenario, Limit("cross_track_error_m_max", NEVER))
+            found = watch_limit(variant.scenario, Limit("cross_track_error_m_max", NEVER))
             self.driven[lost] = found.records
-        beyond = [NearRecord(one.at, one.value + NEVER - self.bound) for one in self.driven[lost]]
+        beyond = [
+            SeverityRecord(one.at, one.value + NEVER - self.bound) for one in self.driven[lost]
+        ]
         held = [one for one in beyond if one.value <= 0.0]
-        return Watched((*held, *(NearRecord(one.at, inf) for one in beyond[len(held) :][:1])))
+        return LimitHistory(
+            (*held, *(SeverityRecord(one.at, inf) for one in beyond[len(held) :][:1]))
+        )
 
     def run(self, seed: int, branches: tuple[Branch, ...] = ()) -> BranchedRun:
         """A run with a seed and branches."""
-        return BranchedRun(seed, branches, self.watched(self.lost(seed, branches)))
+        return BranchedRun(seed, branches, self.history_of(self.lost(seed, branches)))
 
     def truth(self) -> float:
         """The probability that a run breaks the limit."""
-        return sum(probability(one, self.ratio) for one in ALL_LOST if self.watched(one).broken)
+        return sum(probability(one, self.ratio) for one in ALL_LOST if self.history_of(one).broken)
 
     def counted(self, seeds: range) -> int:
         """How many of the seeds break the limit."""
-        broken = {lost for lost in ALL_LOST if self.watched(lost).broken}
+        broken = {lost for lost in ALL_LOST if self.history_of(lost).broken}
         return sum(self.lost(seed) in broken for seed in seeds)
 
 
@@ -101,14 +105,14 @@ class KnownRuns:
 class SilentRuns(KnownRuns):
     """The same runs, near the limit by how many messages were lost in a row: many are equal."""
 
-    def watched(self, lost: Lost) -> Watched:
+    def history_of(self, lost: Lost) -> LimitHistory:
         """What is seen of the run that loses these messages."""
-        broken = super().watched(lost).broken
-        records, row = list[NearRecord](), 0
+        broken = super().history_of(lost).broken
+        records, row = list[SeverityRecord](), 0
         for number in range(MESSAGES):
             row = row + 1 if number in lost else 0
             if row > (records[-1].value if records else -1):
                 at = self.scenario.start_at_ns + number * PERIOD_NS
-                records.append(NearRecord(at, float(row)))
+                records.append(SeverityRecord(at, float(row)))
         end = self.scenario.start_at_ns + MESSAGES * PERIOD_NS
-        return Watched((*records, *([NearRecord(end, inf)] if broken else [])))
+        return LimitHistory((*records, *([SeverityRecord(end, inf)] if broken else [])))

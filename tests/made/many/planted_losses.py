@@ -8,7 +8,7 @@ import tomli_w
 
 from scenarios.definition.run_limits import Limit
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.studies.many.blame.rerun import BlameQuestion, rerun
+from scenarios.studies.many.blame.rerun import RerunCriteria, rerun
 from vehicles.schedule import SECOND
 
 LANE = Limit("lane_departures_max", 0)
@@ -89,8 +89,8 @@ def _scenario(convoy: Convoy, seed: int, burst: range, links: tuple[Link, ...]) 
 
 def _breaks(scenario: Scenario, until_s: float) -> bool:
     end = round(until_s * SECOND)
-    question = BlameQuestion(figure="error", limit=LANE, until=end)
-    return rerun(scenario, question, ends_when_broken=True).broken_at is not None
+    criteria = RerunCriteria(figure="error", limit=LANE, until=end)
+    return rerun(scenario, criteria, ends_when_broken=True).broken_at is not None
 
 
 @cache

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from scenarios.studies.engine.fleet import fleet_of
+from scenarios.studies.engine.workers import open_workers
+from scenarios.studies.many.sweeps.cell_table import SweepTable
 from scenarios.studies.many.sweeps.plan import SweepPlan, planned
-from scenarios.studies.many.sweeps.sweep import carry_out_sweep
-from scenarios.studies.many.sweeps.table import SweepTable
+from scenarios.studies.many.sweeps.sweep import run_sweep
 
 SETS = ("duration_s=0.5", "convoy.vehicles=2")
 VARY = ("links.loss_ratio=0:0.8:0.8", "convoy.gap_m=3,10")
@@ -24,7 +24,7 @@ def small_plan(vary: Sequence[str] = VARY, seeds: int = 2) -> SweepPlan:
 def driven_here(plan: SweepPlan, out: Path) -> SweepTable:
     """Carry a sweep out in this process, without pictures."""
     said: list[str] = []
-    return carry_out_sweep(plan, out, partial(fleet_of, 0), said.append, pictures=False)[0]
+    return run_sweep(plan, out, partial(open_workers, 0), said.append, pictures=False)[0]
 
 
 def tables(out: Path) -> dict[str, bytes]:

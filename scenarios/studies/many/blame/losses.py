@@ -179,19 +179,19 @@ def _runs(messages: Sequence[LostMessage]) -> Iterator[tuple[LostMessage, ...]]:
     yield tuple(run)
 
 
-def moments_of(bursts: Sequence[Burst]) -> tuple[tuple[Burst, ...], ...]:
+def overlaps_of(bursts: Sequence[Burst]) -> tuple[tuple[Burst, ...], ...]:
     """Group bursts of several links that overlap in time; in order of time.
 
     A burst lasts from its first to its last message; chains of overlaps are one moment.
     """
-    moments: list[list[Burst]] = []
+    overlaps: list[list[Burst]] = []
     until = -1
     for burst in sorted(bursts, key=lambda burst: burst.messages):
-        if not moments or burst.messages[0].sent_at > until:
-            moments.append([])
-        moments[-1].append(burst)
+        if not overlaps or burst.messages[0].sent_at > until:
+            overlaps.append([])
+        overlaps[-1].append(burst)
         until = max(until, burst.messages[-1].sent_at)
-    return tuple(map(tuple, moments))
+    return tuple(map(tuple, overlaps))
 
 
 def numbers_by_link(lost: Iterable[LostMessage]) -> Mapping[LinkEnds, NumberSet]:

@@ -8,18 +8,18 @@ overlap in time are a moment and stay together until a moment is all that is lef
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from scenarios.studies.many.blame.losses import Burst, Losses, moments_of
-from scenarios.studies.many.blame.rerun import BlameAnswer
+from scenarios.studies.many.blame.losses import Burst, Losses, overlaps_of
+from scenarios.studies.many.blame.rerun import RerunResult
 from scenarios.studies.many.blame.trials import Trials
 
 Group = tuple[Burst, ...]
 NEGLIGIBLE_M = 0.01
 """Groups that reduce the error by less are not divided."""
-MOST_RUNS = 24
+MAX_RUNS = 24
 """Most runs with restored groups."""
-ALONE = 6
+MAX_ALONE = 6
 """Number of the worst groups that also run with no other losses."""
-AT_ONCE = 2
+DIVIDED_TOGETHER = 2
 """Groups divided together, whatever the number of workers: the result must not depend on it."""
 
 
@@ -27,15 +27,15 @@ AT_ONCE = 2
 class Attribution:
     """A burst, a moment, or an undivided group, and the metres that it cost.
 
-    `mended_m` is the improvement of the worst figure when the group is restored; `alone` is the run
-    with no other losses, if it ran.
+    Restoring the group reduces the worst figure by `reduction_m`. `alone` is the result with no
+    other losses, if simulated.
     """
 
     group: Group
-    mended_m: float
-    alone: BlameAnswer | None = None
-    promise_m: float = 0.0
-    is_open: bool = True
+    reduction_m: float
+    alone: RerunResult | None = None
+    potential_m: float = 0.0
+    is_undivided: bool = True
 
     @property
     def messages(self) -> int:
@@ -57,7 +57,7 @@ class Attribution:
     def kind(self) -> str:
         if len(self.group) == 1:
             return "burst"
-        return "moment" if len(moments_of(self.group)) == 1 else "group"
+        return "moment" if len(overlaps_of(self.group)) == 1 else "group"
 
 
 def losses_of(bursts: Iterable[Burst]) -> Losses:
@@ -66,7 +66,7 @@ def losses_of(bursts: Iterable[Burst]) -> Losses:
 
 def halves(group: Group) -> list[Group]:
     """Split a group by moments in two, a moment by its bursts; empty for a single burst."""
-    parts: Sequence[Group] = moments_of(group)
+    parts: Sequence[Group] = overlaps_of(group)
     if len(parts) == 1:
         parts = [(burst,) for burst in group]
     if len(parts) == 1:
@@ -77,47 +77,47 @@ def halves(group: Group) -> list[Group]:
     ]
 
 
-def ranked(
-    trials: Trials, bursts: Group, recorded: BlameAnswer, mended_m: float
+def rank_losses(
+    trials: Trials, bursts: Group, recorded: RerunResult, reduction_m: float
 ) -> list[Attribution]:
     """Rank bursts, moments, and undivided groups, the costliest first.
 
-    `mended_m` is the improvement when all are restored. If two halves improve nothing one by one
+    `reduction_m` is the improvement when all are restored. If two halves improve nothing one by one
     but do together, both are divided.
     """
     every = losses_of(bursts)
-    groups = [Attribution(bursts, mended_m, promise_m=mended_m)]
-    most = trials.runs + MOST_RUNS
-    while trials.runs < most and not trials.are_enough:
+    groups = [Attribution(bursts, reduction_m, potential_m=reduction_m)]
+    most = trials.runs + MAX_RUNS
+    while trials.runs < most and not trials.is_exhausted:
         promising = [
             one
             for one in groups
-            if one.is_open and one.promise_m >= NEGLIGIBLE_M and len(one.group) > 1
+            if one.is_undivided and one.potential_m >= NEGLIGIBLE_M and len(one.group) > 1
         ]
         if not promising:
             break
-        promising.sort(key=lambda one: (-one.promise_m, one.span_s, one.messages))
-        groups += _divided(trials, promising[:AT_ONCE], every, recorded)
-    shown = [one for one in groups if one.is_open or one.kind == "moment"]
-    return sorted(shown, key=lambda one: (-one.mended_m, one.messages, one.span_s))
+        promising.sort(key=lambda one: (-one.potential_m, one.span_s, one.messages))
+        groups += _divide(trials, promising[:DIVIDED_TOGETHER], every, recorded)
+    shown = [one for one in groups if one.is_undivided or one.kind == "moment"]
+    return sorted(shown, key=lambda one: (-one.reduction_m, one.messages, one.span_s))
 
 
-def _divided(
-    trials: Trials, some: Sequence[Attribution], every: Losses, recorded: BlameAnswer
+def _divide(
+    trials: Trials, some: Sequence[Attribution], every: Losses, recorded: RerunResult
 ) -> Iterator[Attribution]:
     """Close each of the groups, and yield its halves."""
     parts = [halves(one.group) for one in some]
-    answers = iter(trials.answers(every - losses_of(part) for pair in parts for part in pair))
+    results = iter(trials.results(every - losses_of(part) for pair in parts for part in pair))
     for whole, pair in zip(some, parts, strict=True):
-        whole.is_open = False
-        mended = [recorded.badness_m - next(answers).badness_m for _ in pair]
-        unexplained = 0.5 * (whole.promise_m - max(mended))
-        for part, metres in zip(pair, mended, strict=True):
-            yield Attribution(part, metres, promise_m=max(metres, unexplained))
+        whole.is_undivided = False
+        reductions = [recorded.badness_m - next(results).badness_m for _ in pair]
+        unexplained = 0.5 * (whole.potential_m - max(reductions))
+        for part, metres in zip(pair, reductions, strict=True):
+            yield Attribution(part, metres, potential_m=max(metres, unexplained))
 
 
-def try_alone(trials: Trials, rows: Sequence[Attribution]) -> None:
+def run_alone(trials: Trials, rows: Sequence[Attribution]) -> None:
     """Run with the losses of each of the worst rows alone."""
-    worst = rows[:ALONE]
-    for row, answer in zip(worst, trials.answers(row.losses for row in worst), strict=True):
-        row.alone = answer
+    worst = rows[:MAX_ALONE]
+    for row, result in zip(worst, trials.results(row.losses for row in worst), strict=True):
+        row.alone = result

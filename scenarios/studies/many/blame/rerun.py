@@ -21,20 +21,20 @@ FigureName = Literal["error", "gap"]
 """The largest true cross-track error of a follower, or the smallest true gap to its predecessor."""
 Truth = Mapping[tuple[str, int], tuple[float, float]]
 """True poses (east, north, m) by vehicle and instant (ns after the start)."""
-EVER = 2**63
+NO_END = 2**63
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BlameQuestion:
+class RerunCriteria:
     """Figure and limit by which runs are compared, and the end of the comparison (ns)."""
 
     figure: FigureName
     limit: Limit
-    until: int = EVER
+    until: int = NO_END
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BlameAnswer:
+class RerunResult:
     """The worst figure of a run (m), its vehicle and instant, and the breach of the limit.
 
     As `badness_m` a gap is negative: the smaller, the worse. Instants are in ns after the start;
@@ -54,21 +54,21 @@ class BlameAnswer:
         return abs(self.badness_m)
 
 
-class RerunWatch:
+class RerunObserver:
     """An observer of a run, live or from a log, that follows a figure and a limit."""
 
     kinds: frozenset[type[Message]] = KINDS
 
-    def __init__(self, scenario: Scenario, question: BlameQuestion, start_at: int) -> None:
-        self.question = question
+    def __init__(self, scenario: Scenario, criteria: RerunCriteria, start_at: int) -> None:
+        self.criteria = criteria
         self._start_at = start_at
         self._stream = FigureStream.of(scenario)
-        if question.figure == "error":
-            self._stream.on_error(self._take_error)
+        if criteria.figure == "error":
+            self._stream.on_error(self._record_error)
         else:
-            self._stream.on_gap(self._take_gap)
+            self._stream.on_gap(self._record_gap)
         self._live = LiveLimit(
-            question.limit, self._stream, scenario.vehicle_names, with_excess=False
+            criteria.limit, self._stream, scenario.vehicle_names, with_excess=False
         )
         self._series: dict[str, list[list[float]]] = {
             name: [] for name in scenario.vehicle_names[1:]
@@ -78,17 +78,17 @@ class RerunWatch:
         self.now = 0
 
     def listen(self, at: int, message: Message) -> None:
-        """Take one message; those after the question's instant are ignored."""
+        """Take one message; those after the criteria's instant are ignored."""
         if isinstance(message, TruePose):
             self.now = message.true_at_ns - self._start_at
-        if self.now <= self.question.until:
+        if self.now <= self.criteria.until:
             self._stream.listen(at, message)
             self._note_breach()
 
-    def _take_error(self, foot: CrossTrack) -> None:
+    def _record_error(self, foot: CrossTrack) -> None:
         self._note(foot.vehicle, foot.at_ns, abs(foot.lateral))
 
-    def _take_gap(self, gap: TrueGap) -> None:
+    def _record_gap(self, gap: TrueGap) -> None:
         self._note(gap.vehicle, gap.now_at_ns, -gap.now_m)
 
     def _note(self, vehicle: str, at: int, badness: float) -> None:
@@ -101,12 +101,12 @@ class RerunWatch:
         if self._live.broken and self.broken_at is None:
             self.broken_at = self.now
 
-    def answer(self, *, whole: bool = False) -> BlameAnswer:
-        """Return the answer so far; `whole` with the series."""
+    def result(self, *, whole: bool = False) -> RerunResult:
+        """Return the result so far; `whole` with the series."""
         self._stream.finish()
         self._note_breach()
         badness, vehicle, at = self._worst
-        return BlameAnswer(
+        return RerunResult(
             badness_m=badness if vehicle else 0.0,
             vehicle=vehicle,
             worst_at=at,
@@ -115,35 +115,35 @@ class RerunWatch:
         )
 
 
-def answer_of(
-    scenario: Scenario, question: BlameQuestion, start_at: int, messages: Iterable[Message]
-) -> BlameAnswer:
-    """Return the answer of a finished run, from its messages."""
-    watch = RerunWatch(scenario, question, start_at)
+def result_of(
+    scenario: Scenario, criteria: RerunCriteria, start_at: int, messages: Iterable[Message]
+) -> RerunResult:
+    """Return the result of a finished run, from its messages."""
+    watch = RerunObserver(scenario, criteria, start_at)
     for message in messages:
         watch.listen(start_at, message)
-    return watch.answer(whole=True)
+    return watch.result(whole=True)
 
 
 def rerun(
     scenario: Scenario,
-    question: BlameQuestion,
+    criteria: RerunCriteria,
     *,
     whole: bool = False,
     ends_when_broken: bool = False,
-) -> BlameAnswer:
-    """Run in virtual time without a log until the question is answered; `whole`: with series.
+) -> RerunResult:
+    """Run in virtual time without a log until the criteria is answered; `whole`: with series.
 
     A fault of a vehicle ends the run.
     """
-    watch = RerunWatch(scenario, question, scenario.start_at_ns)
+    watch = RerunObserver(scenario, criteria, scenario.start_at_ns)
 
     def is_answered() -> bool:
         broken = ends_when_broken and watch.broken_at is not None
-        return broken or watch.now > question.until
+        return broken or watch.now > criteria.until
 
     drive(scenario, [watch], until=is_answered)
-    return watch.answer(whole=whole)
+    return watch.result(whole=whole)
 
 
 def first_difference(scenario: Scenario, truth: Truth) -> tuple[str, int] | None:

@@ -17,7 +17,7 @@ from scenarios.studies.many.blame.ranking import Attribution, losses_of
 from scenarios.studies.many.blame.trials import Trials
 
 Item = TypeVar("Item")
-FirstThatFails = Callable[[Sequence[tuple[Item, ...]]], int | None]
+FirstFailing = Callable[[Sequence[tuple[Item, ...]]], int | None]
 """Returns the index of the first set with which the test still fails, None if all pass.
 
 It must not depend on the order in which they were tried.
@@ -25,7 +25,7 @@ It must not depend on the order in which they were tried.
 
 
 @dataclass(frozen=True, slots=True)
-class Smallest(Generic[Item]):
+class SmallestSet(Generic[Item]):
     """The remaining items, in their order.
 
     With `is_minimal` the test passes without any one of them: each was left out and tried.
@@ -37,10 +37,10 @@ class Smallest(Generic[Item]):
 
 def ddmin(
     items: Sequence[Item],
-    first_that_fails: FirstThatFails[Item],
-    enough: Callable[[], bool] = lambda: False,
+    first_failing: FirstFailing[Item],
+    is_exhausted: Callable[[], bool] = lambda: False,
     chunks: int = 2,
-) -> Smallest[Item]:
+) -> SmallestSet[Item]:
     """Leave out items while the test, which fails with all of them, goes on failing.
 
     Chunks are left out one after another, down to single items, each half as long as before once
@@ -51,26 +51,26 @@ def ddmin(
     left = tuple(items)
     while len(left) > 1:
         parts = split(left, min(chunks, len(left)))
-        kept = _swept(parts, first_that_fails, enough)
-        if enough():
-            return Smallest(_joined(kept), is_minimal=False)
+        kept = _remove_parts(parts, first_failing, is_exhausted)
+        if is_exhausted():
+            return SmallestSet(_concatenated(kept), is_minimal=False)
         if len(parts) == len(left) and len(kept) == len(parts):
             break
         # Removing items may make others redundant: single items are tried again.
-        left, chunks = _joined(kept), 2 * len(kept)
-    return Smallest(left, is_minimal=True)
+        left, chunks = _concatenated(kept), 2 * len(kept)
+    return SmallestSet(left, is_minimal=True)
 
 
-def _swept(
+def _remove_parts(
     parts: Sequence[tuple[Item, ...]],
-    first_that_fails: FirstThatFails[Item],
-    enough: Callable[[], bool],
+    first_failing: FirstFailing[Item],
+    is_exhausted: Callable[[], bool],
 ) -> list[tuple[Item, ...]]:
     """Leave out each part in turn that can be, but for the last one; returns the others."""
     kept, begin = list(parts), 0
-    while begin < len(kept) > 1 and not enough():
-        without = [_joined([*kept[:k], *kept[k + 1 :]]) for k in range(begin, len(kept))]
-        place = first_that_fails(without)
+    while begin < len(kept) > 1 and not is_exhausted():
+        without = [_concatenated([*kept[:k], *kept[k + 1 :]]) for k in range(begin, len(kept))]
+        place = first_failing(without)
         if place is None:
             break
         begin += place
@@ -78,10 +78,10 @@ def _swept(
     return kept
 
 
-def trimmed(
+def trim(
     items: Sequence[Item],
-    first_that_fails: FirstThatFails[Item],
-    enough: Callable[[], bool] = lambda: False,
+    first_failing: FirstFailing[Item],
+    is_exhausted: Callable[[], bool] = lambda: False,
 ) -> tuple[Item, ...]:
     """Cut off items at the end and at the beginning while the test goes on failing.
 
@@ -90,21 +90,21 @@ def trimmed(
     """
     left = tuple(items)
     for _ in range(2):
-        left = left[::-1][_longest_cut(left[::-1], first_that_fails, enough) :]
+        left = left[::-1][_longest_cut(left[::-1], first_failing, is_exhausted) :]
     return left
 
 
 def _longest_cut(
     items: tuple[Item, ...],
-    first_that_fails: FirstThatFails[Item],
-    enough: Callable[[], bool],
+    first_failing: FirstFailing[Item],
+    is_exhausted: Callable[[], bool],
 ) -> int:
     """Number of leading items that can be left out, if leaving out more makes the test pass."""
     fails, passes = 0, len(items)
-    while passes - fails > 1 and not enough():
+    while passes - fails > 1 and not is_exhausted():
         third = max((passes - fails) // 3, 1)
         cuts = sorted({passes - third, fails + third}, reverse=True)
-        place = first_that_fails([items[cut:] for cut in cuts])
+        place = first_failing([items[cut:] for cut in cuts])
         if place != 0:
             passes = cuts[-1] if place is None else cuts[place - 1]
         if place is not None:
@@ -112,7 +112,7 @@ def _longest_cut(
     return fails
 
 
-def _joined(parts: Sequence[tuple[Item, ...]]) -> tuple[Item, ...]:
+def _concatenated(parts: Sequence[tuple[Item, ...]]) -> tuple[Item, ...]:
     return tuple(one for part in parts for one in part)
 
 
@@ -123,27 +123,27 @@ def split(items: tuple[Item, ...], chunks: int) -> list[tuple[Item, ...]]:
     return [items[a:b] for a, b in pairwise(edges)]
 
 
-def shrunk(
+def smallest_set(
     trials: Trials, bursts: Sequence[Burst], rows: Sequence[Attribution]
-) -> Smallest[LostMessage]:
+) -> SmallestSet[LostMessage]:
     """Shrink `bursts`, which break the limit while no loss does not.
 
     Starts from the row with the fewest messages that breaks it alone, if there is one.
     """
     alone = [row for row in rows if row.alone is not None and trials.is_breach(row.alone)]
     start = min(alone, key=lambda row: (row.messages, row.span_s)).group if alone else bursts
-    trials.begin("the smallest set of bursts")
-    first = partial(_first_that_breaks, trials, losses_of)
-    of_bursts = ddmin(start, first, lambda: trials.are_enough)
-    trials.begin("the smallest set of messages")
+    trials.set_stage("the smallest set of bursts")
+    first = partial(_first_breaking, trials, losses_of)
+    of_bursts = ddmin(start, first, lambda: trials.is_exhausted)
+    trials.set_stage("the smallest set of messages")
     messages = sorted(losses_of(of_bursts.items))
-    first_of_messages = partial(_first_that_breaks, trials, frozenset)
-    left = trimmed(messages, first_of_messages, lambda: trials.are_enough)
+    first_of_messages = partial(_first_breaking, trials, frozenset)
+    left = trim(messages, first_of_messages, lambda: trials.is_exhausted)
     # Without its ends most of a burst is needed, so single messages are tried at once.
-    return ddmin(left, first_of_messages, lambda: trials.are_enough, chunks=len(left))
+    return ddmin(left, first_of_messages, lambda: trials.is_exhausted, chunks=len(left))
 
 
-def _first_that_breaks(
+def _first_breaking(
     trials: Trials, losses: Callable[[Iterable[Item]], Losses], sets: Sequence[tuple[Item, ...]]
 ) -> int | None:
-    return trials.first_that_breaks([losses(one) for one in sets])
+    return trials.first_breaking([losses(one) for one in sets])

@@ -14,15 +14,15 @@ from math import ceil, inf
 from scenarios.results.channel.estimates import CONFIDENCE
 from scenarios.studies.many.statistics import wilson
 
-FIRST_LOOK = 8
+FIRST_SEEDS = 8
 """Seeds with which a value is tried first: if all of them agree, the interval of Wilson is below
 or above one half."""
-COARSE = 4
+COARSE_PARTS = 4
 """Parts of the range whose ends are tried first; then those of twice as many parts."""
 
-Place = tuple[int, int]
+Sample = tuple[int, int]
 """Number of a value, and a seed."""
-Try = Callable[[Sequence[Place]], Mapping[Place, bool]]
+RunSamples = Callable[[Sequence[Sample]], Mapping[Sample, bool]]
 """Returns for each place whether the run with that value and that seed breaks the limit."""
 
 
@@ -45,25 +45,27 @@ class ShareCurve:
     0 if one does.
     """
 
-    def __init__(self, values: Sequence[float], share: float, seeds: int, attempt: Try) -> None:
+    def __init__(
+        self, values: Sequence[float], share: float, seeds: int, run_samples: RunSamples
+    ) -> None:
         self.values, self.share, self.seeds = values, share, range(1, seeds + 1)
-        self._attempt = attempt
+        self._run_samples = run_samples
         self._broke: defaultdict[int, dict[int, bool]] = defaultdict(dict)
 
-    def look(self, numbers: Sequence[int], seeds: int | None = None) -> None:
+    def run_seeds(self, numbers: Sequence[int], seeds: int | None = None) -> None:
         """Try these values with the first `seeds` seeds, or all, unless that was done."""
-        places = [
+        samples = [
             (number, seed)
             for number in numbers
             for seed in self.seeds[:seeds]
             if seed not in self._broke[number]
         ]
-        if places:
-            for (number, seed), broke in sorted(self._attempt(places).items()):
+        if samples:
+            for (number, seed), broke in sorted(self._run_samples(samples).items()):
                 self._broke[number][seed] = broke
 
     @property
-    def visited(self) -> list[int]:
+    def evaluated(self) -> list[int]:
         """Numbers of the tried values, ascending."""
         return sorted(self._broke)
 
@@ -87,7 +89,7 @@ class ShareCurve:
     def broken_seeds(self, number: int) -> list[int]:
         return sorted(seed for seed, broke in self._broke[number].items() if broke)
 
-    def is_beyond(self, number: int) -> bool:
+    def reaches_share(self, number: int) -> bool:
         """Whether the share there is at least the wanted one."""
         point = self.point(number)
         return point.broken >= max(1, ceil(self.share * point.runs - 1e-9))
@@ -106,16 +108,18 @@ class ShareCurve:
 
     def changes(self) -> Iterator[tuple[int, int]]:
         """Yield neighbouring tried values of which one is beyond and the other not."""
-        for low, high in pairwise(self.visited):
-            if self.is_beyond(low) != self.is_beyond(high):
+        for low, high in pairwise(self.evaluated):
+            if self.reaches_share(low) != self.reaches_share(high):
                 yield low, high
 
-    def turning_seeds(self) -> list[int]:
+    def non_monotone_seeds(self) -> list[int]:
         """Seeds that change more than once between broken and held as the value grows."""
         found = []
         for seed in self.seeds:
             broke = [
-                self._broke[number][seed] for number in self.visited if seed in self._broke[number]
+                self._broke[number][seed]
+                for number in self.evaluated
+                if seed in self._broke[number]
             ]
             if sum(before != after for before, after in pairwise(broke)) > 1:
                 found.append(seed)
@@ -136,7 +140,7 @@ class Bracket:
 
     low: int
     high: int
-    sure: tuple[float, float]
+    confident: tuple[float, float]
 
 
 def bracket(curve: ShareCurve) -> Bracket:
@@ -145,8 +149,8 @@ def bracket(curve: ShareCurve) -> Bracket:
     On both sides of it all seeds run in the end. Raises NoBoundaryError.
     """
     last = len(curve.values) - 1
-    for parts in (COARSE, 2 * COARSE):
-        curve.look(sorted({last * part // parts for part in range(parts + 1)}), FIRST_LOOK)
+    for parts in (COARSE_PARTS, 2 * COARSE_PARTS):
+        curve.run_seeds(sorted({last * part // parts for part in range(parts + 1)}), FIRST_SEEDS)
         while (pair := next(curve.changes(), None)) is not None:
             low, high = pair
             near = high - low == 1
@@ -156,35 +160,35 @@ def bracket(curve: ShareCurve) -> Bracket:
                 if not (curve.is_complete(number) if near else curve.is_settled(number))
             ]
             if unsure:
-                curve.look(unsure)
+                curve.run_seeds(unsure)
             elif near:
-                return Bracket(low, high, _sure(curve, low, high))
+                return Bracket(low, high, _confident_values(curve, low, high))
             else:
-                curve.look([(low + high) // 2], FIRST_LOOK)
-    curve.look([0, last])
+                curve.run_seeds([(low + high) // 2], FIRST_SEEDS)
+    curve.run_seeds([0, last])
     if next(curve.changes(), None) is not None:
         return bracket(curve)
     raise NoBoundaryError
 
 
-def _sure(curve: ShareCurve, low: int, high: int) -> tuple[float, float]:
+def _confident_values(curve: ShareCurve, low: int, high: int) -> tuple[float, float]:
     """The nearest tried values, down from `low` and up from `high`, whose interval excludes it.
 
     Together all intervals have a confidence of 95 % (Bonferroni).
     """
     if curve.share == 0.0:
         return -inf, inf
-    rising = curve.is_beyond(high)
+    rising = curve.reaches_share(high)
 
-    confidence = 1.0 - (1.0 - CONFIDENCE) / len(curve.visited)
+    confidence = 1.0 - (1.0 - CONFIDENCE) / len(curve.evaluated)
 
     def surely(number: int, *, beyond: bool) -> bool:
         point = curve.point(number)
         least, most = wilson(point.broken, point.runs, confidence)
         return least > curve.share if beyond else most < curve.share
 
-    below = [one for one in curve.visited if one <= low and surely(one, beyond=not rising)]
-    above = [one for one in curve.visited if one >= high and surely(one, beyond=rising)]
+    below = [one for one in curve.evaluated if one <= low and surely(one, beyond=not rising)]
+    above = [one for one in curve.evaluated if one >= high and surely(one, beyond=rising)]
     return (
         curve.values[below[-1]] if below else -inf,
         curve.values[above[0]] if above else inf,

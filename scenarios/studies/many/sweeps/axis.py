@@ -10,9 +10,9 @@ from typing import Any
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.overrides import OverrideError, parse_override
 
-MOST_VALUES = 1000
+MAX_VALUES = 1000
 """Of one key."""
-ALLOWED = "KEY=START:STOP:STEP or KEY=a,b,c, such as links.loss_ratio=0:0.9:0.1"
+ALLOWED_FORMS = "KEY=START:STOP:STEP or KEY=a,b,c, such as links.loss_ratio=0:0.9:0.1"
 NUMBER = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,3})?"
 RANGE = re.compile(rf"\s*({NUMBER})\s*:\s*({NUMBER})\s*:\s*({NUMBER})\s*")
 WITHOUT_STEP = re.compile(rf"\s*{NUMBER}\s*:\s*{NUMBER}\s*")
@@ -53,7 +53,7 @@ def parsed_axis(text: str) -> SweepAxis:
         axis = SweepAxis(key=key, texts=texts)
         seen = [repr(one) if isinstance(one, str) else str(one) for one in axis.values]
     except ValueError as error:  # OverrideError among them
-        why = ALLOWED if isinstance(error, OverrideError) else error
+        why = ALLOWED_FORMS if isinstance(error, OverrideError) else error
         raise ScenarioError([f"--vary: given {text!r}, allowed {why}"]) from error
     if key == "seed":
         raise ScenarioError(["--vary: seed: given by --seeds, which count from 1"])
@@ -69,9 +69,9 @@ def _texts(given: str) -> tuple[str, ...]:
         raise ValueError(f"a range with a step, such as {given.strip()}:0.1")
     texts = tuple(_range(*map(Decimal, ends.groups()))) if ends else tuple(_split(given))
     if not all(texts):
-        raise ValueError(ALLOWED)
-    if len(texts) > MOST_VALUES:
-        raise ValueError(f"at most {MOST_VALUES} values of a key")
+        raise ValueError(ALLOWED_FORMS)
+    if len(texts) > MAX_VALUES:
+        raise ValueError(f"at most {MAX_VALUES} values of a key")
     return texts
 
 
@@ -83,8 +83,8 @@ def _range(start: Decimal, stop: Decimal, step: Decimal) -> list[str]:
     if rest:
         last = start + count * step
         raise ValueError(f"a STEP that reaches STOP, as in {start}:{last}:{step}")
-    if count >= MOST_VALUES:
-        raise ValueError(f"at most {MOST_VALUES} values of a key")
+    if count >= MAX_VALUES:
+        raise ValueError(f"at most {MAX_VALUES} values of a key")
     return [f"{(start + number * step).normalize() + 0:f}" for number in range(int(count) + 1)]
 
 

@@ -16,14 +16,14 @@ from scenarios.results.vehicles.vehicle_figures import VehicleSummary
 from transport.reasons import DropReason
 from vehicles.messages import Mode
 
-WORDS: Mapping[str, Sequence[str]] = {
+SUBFIELDS: Mapping[str, Sequence[str]] = {
     "ticks_by_mode": get_args(Mode),
     "dropped": get_args(DropReason),
     "safe_time_ratio": tuple(map(str, SAFE_AGES_MS)),
 }
 """Fields that are tables, and the keys that they may have."""
-OF_RUN = ("ran_s",)
-NEAR = 4
+RUN_FIELDS = ("ran_s",)
+MAX_SUGGESTIONS = 4
 """Number of names offered for an unknown one."""
 
 
@@ -47,7 +47,7 @@ class SweepFigure:
         scope, _, rest = self.name.partition(".")
         if scope == "events":
             return float(sum(event.kind == rest for event in summary.events))
-        if self.name in OF_RUN:
+        if self.name in RUN_FIELDS:
             return float(getattr(summary, self.name))
         rows, path = self._rows(summary, scope, rest)
         values = [_value(row, path.split(".")) for row in rows]
@@ -63,7 +63,7 @@ class SweepFigure:
         if ":" in scope:
             ends = tuple(scope.split(":"))
             return [row for row in summary.links if (row.sender, row.receiver) == ends], rest
-        if scope in FIRST_OF_VEHICLE:
+        if scope in VEHICLE_FIELD_HEADS:
             return [row for row in summary.vehicles if row.role == "follower"], self.name
         return [row for row in summary.vehicles if row.name == scope], rest
 
@@ -84,18 +84,18 @@ def _paths(kind: type) -> Iterator[str]:
         types = set(get_args(one.type) or (one.type,)) - {NoneType}
         if types <= {int, float}:
             yield one.name
-        elif one.name in WORDS:
-            yield from (f"{one.name}.{word}" for word in WORDS[one.name])
+        elif one.name in SUBFIELDS:
+            yield from (f"{one.name}.{word}" for word in SUBFIELDS[one.name])
         elif isinstance(one.type, type) and is_dataclass(one.type):
             yield from (f"{one.name}.{path}" for path in _paths(one.type))
 
 
-OF_VEHICLE = tuple(_paths(VehicleSummary))
-OF_LINK = tuple(_paths(LinkSummary))
+VEHICLE_FIELDS = tuple(_paths(VehicleSummary))
+LINK_FIELDS = tuple(_paths(LinkSummary))
 RENAMED_FIGURES = {old: new for names in RENAMED.values() for old, new in names.items()} | {
     "gap_m_min": "estimated_gap_m_min"
 }
-FIRST_OF_VEHICLE = frozenset(path.split(".")[0] for path in OF_VEHICLE)
+VEHICLE_FIELD_HEADS = frozenset(path.split(".")[0] for path in VEHICLE_FIELDS)
 
 
 def parsed_figure(text: str, vehicles: Sequence[str]) -> SweepFigure:
@@ -103,12 +103,12 @@ def parsed_figure(text: str, vehicles: Sequence[str]) -> SweepFigure:
     links = ("links", *(f"{sender}:{receiver}" for sender, receiver in directed_links(vehicles)))
     scope, dot, _ = text.partition(".")
     if scope in vehicles and dot:
-        known = [f"{scope}.{path}" for path in OF_VEHICLE]
+        known = [f"{scope}.{path}" for path in VEHICLE_FIELDS]
     elif scope in links and dot:
-        known = [f"{scope}.{path}" for path in OF_LINK]
+        known = [f"{scope}.{path}" for path in LINK_FIELDS]
     else:
-        known = [*OF_VEHICLE, *OF_RUN, *(f"events.{kind}" for kind in get_args(EventKind))]
-        known += [f"links.{path}" for path in OF_LINK]
+        known = [*VEHICLE_FIELDS, *RUN_FIELDS, *(f"events.{kind}" for kind in get_args(EventKind))]
+        known += [f"links.{path}" for path in LINK_FIELDS]
     if text in known:
         return SweepFigure(text)
     scope, _, name = text.rpartition(".")
@@ -121,4 +121,6 @@ def parsed_figure(text: str, vehicles: Sequence[str]) -> SweepFigure:
 def _near(text: str, known: Sequence[str]) -> list[str]:
     """Similar names, or those that contain the text."""
     inside = [name for name in known if len(text) > 2 and text in name]
-    return list(dict.fromkeys([*get_close_matches(text, known, n=NEAR), *inside]))[:NEAR]
+    return list(dict.fromkeys([*get_close_matches(text, known, n=MAX_SUGGESTIONS), *inside]))[
+        :MAX_SUGGESTIONS
+    ]

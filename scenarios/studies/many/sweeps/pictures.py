@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from scenarios.definition.run_limits import Limit
 from scenarios.studies.many.sweeps.axis import SweepAxis
-from scenarios.studies.many.sweeps.table import SweepTable, SweptCell
+from scenarios.studies.many.sweeps.cell_table import SweepCell, SweepTable
 from scenarios.studies.picture_style import BLUE, GREY, ORANGE, RED, SEQUENCE, STYLE
 
 HALF = 0.5
@@ -249,7 +249,7 @@ def _colours(table: SweepTable) -> list[Any]:
     return [map_(share) for share in np.linspace(0.0, 1.0, len(table.cells))]
 
 
-def _distribution(place: Axes, cell: SweptCell, number: int, colour: Any) -> None:
+def _distribution(place: Axes, cell: SweepCell, number: int, colour: Any) -> None:
     values = [run.figures[number] for run in cell.runs if not run.error]
     known = np.sort([value for value in values if value is not None])
     if known.size:

@@ -15,7 +15,7 @@ from scenarios.studies.many.sweeps.figure import SweepFigure, parsed_figure
 from scenarios.studies.many.variant import Variant, identity_of
 
 DEFAULT_FIGURE = "cross_track_error_m_max"
-MOST_RUNS = 100_000
+MAX_RUNS = 100_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,8 +116,8 @@ def planned(
         figures=(),
         limits=(),
     )
-    if plan.runs > MOST_RUNS:
-        raise ScenarioError([f"{name}: given {plan.runs} runs, allowed {MOST_RUNS}"])
+    if plan.runs > MAX_RUNS:
+        raise ScenarioError([f"{name}: given {plan.runs} runs, allowed {MAX_RUNS}"])
     vehicles = max(_vehicles(plan), key=len)
     names = dict.fromkeys(figures or [DEFAULT_FIGURE])
     return replace(

@@ -4,22 +4,27 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from scenarios.studies.engine.driver import Outcome
+from scenarios.studies.engine.dispatcher import Outcome
 from scenarios.studies.engine.engine import Engine, study_engine
-from scenarios.studies.engine.fleet import OpenFleet
 from scenarios.studies.engine.results import write_files
+from scenarios.studies.engine.workers import OpenWorkers
+from scenarios.studies.many.sweeps.cell_table import (
+    SweepTable,
+    machine_readable,
+    table_of,
+    typed_rows,
+)
 from scenarios.studies.many.sweeps.plan import SweepPlan
-from scenarios.studies.many.sweeps.table import SweepTable, machine_readable, table_of, typed_rows
 
-CELLS, RUNS, TWIN = "sweep.csv", "runs.csv", "sweep.json"
+CELLS, RUNS, JSON_FILE = "sweep.csv", "runs.csv", "sweep.json"
 PARQUET = ("sweep.parquet", "runs.parquet")
 HEAT_MAP, SEEDS = "sweep.png", "seeds.png"
 
 
-def carry_out_sweep(
+def run_sweep(
     plan: SweepPlan,
     out: Path,
-    fleet: OpenFleet,
+    fleet: OpenWorkers,
     report: Callable[[str], None],
     *,
     parquet: bool = False,
@@ -30,7 +35,7 @@ def carry_out_sweep(
     A killed sweep resumes when it is started again, and ends with the same bytes in all tables.
     Raises ScenarioError if the folder holds something else.
     """
-    files = (CELLS, RUNS, TWIN, HEAT_MAP, SEEDS, *PARQUET)
+    files = (CELLS, RUNS, JSON_FILE, HEAT_MAP, SEEDS, *PARQUET)
     with study_engine(
         fleet, report, out=out, files=files, identity=plan.identity(), keep_journal=True
     ) as engine:
@@ -41,11 +46,9 @@ def carry_out_sweep(
 
 def _entries(plan: SweepPlan, engine: Engine) -> dict[str, dict[str, Any]]:
     jobs = plan.jobs()
-    known = engine.known(jobs)
-    if known:
-        engine.report(
-            f"{known} of {plan.runs} runs are there already, {plan.runs - known} are left"
-        )
+    done = engine.count_done(jobs)
+    if done:
+        engine.report(f"{done} of {plan.runs} runs are in the journal, {plan.runs - done} left")
     engine.progress.total = plan.runs
     return {outcome.key: _entry(outcome) for outcome in engine.outcomes(jobs)}
 
@@ -56,7 +59,7 @@ def _entry(outcome: Outcome) -> dict[str, Any]:
 
 def tables_of(table: SweepTable, *, parquet: bool = False) -> dict[str, Any]:
     cells, runs = table.rows(), table.run_rows()
-    contents: dict[str, Any] = {CELLS: cells, RUNS: runs, TWIN: machine_readable(table)}
+    contents: dict[str, Any] = {CELLS: cells, RUNS: runs, JSON_FILE: machine_readable(table)}
     if parquet:
         for name, rows in zip(PARQUET, (cells, runs), strict=True):
             contents[name] = typed_rows(table, rows)

@@ -18,9 +18,9 @@ from click.testing import CliRunner
 from scenarios.cli.main import cli
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
-from scenarios.studies.engine import fleet
-from scenarios.studies.engine.fleet import WorkerPool
+from scenarios.studies.engine import workers as pool
 from scenarios.studies.engine.journal import JOURNAL, Entry, RunJournal
+from scenarios.studies.engine.workers import WorkerPool
 from tests.made.ended import has_ended
 from tests.made.many.known_runs import SETTINGS
 from tests.made.many.planted_losses import TINY, planted
@@ -111,7 +111,7 @@ def test_killed_workers_change_no_file(
     study: str, places: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     wanted = carried_out(places / "undisturbed", study, "--workers=0")
-    monkeypatch.setattr(fleet, "WorkerPool", DeadlyPool)
+    monkeypatch.setattr(pool, "WorkerPool", DeadlyPool)
     assert carried_out(places / "disturbed", study, "--workers=2") == wanted
 
 

@@ -154,7 +154,7 @@ def test_a_finished_sweep_prints_its_tables_again(whole: Path) -> None:
     before = tables(whole)
     done = convoy("sweep", *ARGUMENTS, "--out", whole, "--workers", "0")
     assert done.exit_code == 0, done.output
-    assert f"{4 * SEEDS} of {4 * SEEDS} runs are there already, 0 are left" in done.stderr
+    assert f"{4 * SEEDS} of {4 * SEEDS} runs are in the journal, 0 left" in done.stderr
     assert "cross_track_error_m_max, lane; 4 runs per row" in done.stdout
     with (whole / "sweep.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))

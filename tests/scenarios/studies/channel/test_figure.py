@@ -19,7 +19,7 @@ from scenarios.studies.channel.cost_drives import (
     Plan,
     lane_margin_m,
 )
-from scenarios.studies.channel.cost_report import PICTURE, TWIN, channel_figure
+from scenarios.studies.channel.cost_report import JSON_FILE, PICTURE, channel_figure
 from transport.links.laws.loss.bursts import GilbertElliott
 
 PNG = b"\x89PNG"
@@ -42,7 +42,7 @@ def test_it_draws_and_writes_what_it_drove(tmp_path: Path) -> None:
     costs = channel_figure(SMALL, tmp_path / "out", said.append, workers=0)
     assert said[-1].endswith("4 of 4 runs")
     assert (tmp_path / "out" / PICTURE).read_bytes().startswith(PNG)
-    twin = json.loads((tmp_path / "out" / TWIN).read_text())
+    twin = json.loads((tmp_path / "out" / JSON_FILE).read_text())
     assert [row["true_error_m_max"] for row in twin["channels"]] == [
         list(one.errors_m) for one in costs
     ]
@@ -76,7 +76,7 @@ def test_stopped_between_two_drives_it_goes_on(
     assert [one.errors_m for one in costs] == [
         (one.channel.loss_ratio + one.channel.latency_ms / 7.0,) for one in costs
     ]
-    assert {file.name for file in tmp_path.iterdir()} == {PICTURE, TWIN}
+    assert {file.name for file in tmp_path.iterdir()} == {PICTURE, JSON_FILE}
 
 
 def test_radios_of_one_loss_differ_in_their_bursts_alone() -> None:

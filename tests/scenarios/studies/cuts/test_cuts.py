@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.studies.cuts.campaign import LONG_S, carry_out_all, drawn
-from scenarios.studies.cuts.cut import LinkCut, carry_out
+from scenarios.studies.cuts.campaign import LONG_S, draw_cuts, run_cuts
+from scenarios.studies.cuts.cut import LinkCut, run_cut
 from scenarios.studies.engine.engine import study_engine
-from scenarios.studies.engine.fleet import fleet_of
+from scenarios.studies.engine.workers import open_workers
 
 FEW, ALL = 2, 1000
 INSIDE_M = 0.3
@@ -22,7 +22,7 @@ BLIND_SHARE, BLIND_M = 0.05, 0.5
 STEERING_RATE, CONTROL_S = 1.18, 0.02
 PROBATION_S = 1.0
 ROUNDING = 1e-9
-CUTS = list(drawn(ALL, "degrade"))
+CUTS = list(draw_cuts(ALL, "degrade"))
 
 
 @pytest.mark.campaign(FEW, ALL)
@@ -30,10 +30,10 @@ def test_a_follower_stops_within_what_it_knows_or_drives_blind_as_far_as_it_said
     case: int,
 ) -> None:
     cut = CUTS[case]
-    for one in carry_out(cut):
+    for one in run_cut(cut):
         what = f"{one.vehicle} in {cut}: {one.changes}"
-        assert one.error_inside <= INSIDE_M, what
-        assert one.error_back <= INSIDE_M, what
+        assert one.error_on_known_path <= INSIDE_M, what
+        assert one.error_after_recovery <= INSIDE_M, what
         assert one.friction <= 1.0 + ROUNDING, what
         assert one.command_step <= STEERING_RATE * CONTROL_S + ROUNDING, what
         assert 0 <= one.ticks_late <= 1, what
@@ -47,27 +47,27 @@ def test_a_follower_stops_within_what_it_knows_or_drives_blind_as_far_as_it_said
             at = [change.at_s for change in one.changes if change.mode == mode]
             assert all(b - a >= PROBATION_S for a, b in pairwise(at)), what
         if cut.for_s == LONG_S:
-            assert one.stood, what
+            assert one.stopped, what
             off = abs(one.blind - one.predicted_blind)
             assert off <= max(BLIND_M, BLIND_SHARE * one.predicted_blind), what
 
 
 def test_cuts_are_the_same_for_each_reaction() -> None:
-    ours = [(cut.speed_mps, cut.at_s, cut.for_s, cut.seed) for cut in drawn(20, "degrade")]
-    theirs = [(cut.speed_mps, cut.at_s, cut.for_s, cut.seed) for cut in drawn(20, "hold")]
+    ours = [(cut.speed_mps, cut.at_s, cut.for_s, cut.seed) for cut in draw_cuts(20, "degrade")]
+    theirs = [(cut.speed_mps, cut.at_s, cut.for_s, cut.seed) for cut in draw_cuts(20, "hold")]
     assert ours == theirs
 
 
 def test_figures_from_a_journal_are_those_of_the_run(tmp_path: Path) -> None:
     cut = LinkCut(reaction="hold", speed_mps=8.0, at_s=1.0, for_s=1.0, seed=1, vehicles=2)
-    with study_engine(partial(fleet_of, 0), print, out=tmp_path, identity={}) as engine:
-        assert carry_out_all([cut], engine) == list(carry_out(cut))
-        assert carry_out_all([cut], engine) == list(carry_out(cut))
+    with study_engine(partial(open_workers, 0), print, out=tmp_path, identity={}) as engine:
+        assert run_cuts([cut], engine) == list(run_cut(cut))
+        assert run_cuts([cut], engine) == list(run_cut(cut))
         assert engine.progress.done == 2
 
 
 def test_a_follower_that_extrapolates_leaves_the_road_at_full_speed() -> None:
     cut = LinkCut(reaction="extrapolate", speed_mps=20.0, at_s=6.5, for_s=8.0, seed=1)
-    (first, *_) = carry_out(cut)
+    (first, *_) = run_cut(cut)
     assert first.error > 3.0
-    assert not first.stood
+    assert not first.stopped

@@ -10,15 +10,15 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.results.summary import LimitFigure
 from scenarios.studies.drills.drill import (
     UNMEASURED,
+    DrillResult,
     DrillRow,
-    DrillRun,
-    carry_out_drills,
+    drill_result,
     drill_rows,
-    drill_run,
     drill_variants,
-    rows_of,
+    rows_of_drill,
+    run_drills,
 )
-from scenarios.studies.drills.files import as_xml, machine_readable
+from scenarios.studies.drills.drill_files import as_xml, machine_readable
 from scenarios.studies.engine.job import Job
 from tests.made.many.engines import MadeUpEngine
 
@@ -27,15 +27,15 @@ def limit(figure: float | None, name: str = "cross_track_error_m_max", **more: A
     return LimitFigure(limit=name, bound=0.5, value=figure, vehicle="v3", **more)
 
 
-def run(*limits: LimitFigure, seed: int = 1, drill: str = "one", other: str = "") -> DrillRun:
+def run(*limits: LimitFigure, seed: int = 1, drill: str = "one", other: str = "") -> DrillResult:
     command = f"convoy run {drill} --seed {seed} --clock virtual"
-    return DrillRun(
-        drill=drill, seed=seed, limits=limits, other_reason=other, command=command, took_s=0.25
+    return DrillResult(
+        drill=drill, seed=seed, limits=limits, other_reason=other, command=command, duration_s=0.25
     )
 
 
-def only_row(*runs: DrillRun) -> DrillRow:
-    (found,) = rows_of(runs)
+def only_row(*runs: DrillResult) -> DrillRow:
+    (found,) = rows_of_drill(runs)
     return found
 
 
@@ -46,7 +46,7 @@ def test_the_figure_is_the_worst_of_all_vehicles_and_seeds() -> None:
         run(limit(0.25), seed=3),
     ]
     row = only_row(*runs)
-    assert (row.figure, row.seed, row.passed) == (0.4, 2, True)
+    assert (row.value, row.seed, row.passed) == (0.4, 2, True)
     assert row.margin_ratio == pytest.approx(0.2)
     assert row.command == "convoy run one --seed 2 --clock virtual"
 
@@ -54,13 +54,13 @@ def test_the_figure_is_the_worst_of_all_vehicles_and_seeds() -> None:
 def test_of_a_least_value_the_smallest_is_the_worst() -> None:
     name = "true_gap_m_min"
     row = only_row(run(limit(0.8, name)), run(limit(0.6, name), seed=2))
-    assert row.figure == 0.6
+    assert row.value == 0.6
     assert row.margin_ratio == pytest.approx(0.2)
 
 
 def test_a_broken_limit_has_no_margin_left_and_says_how() -> None:
     row = only_row(run(limit(0.3)), run(limit(0.75, message="too far"), seed=2))
-    assert (row.passed, row.figure, row.line) == (False, 0.75, "too far")
+    assert (row.passed, row.value, row.message) == (False, 0.75, "too far")
     assert row.margin_ratio == pytest.approx(-0.5)
 
 
@@ -68,19 +68,19 @@ def test_what_was_not_done_is_worse_than_what_was_done_late() -> None:
     late = limit(0.9, "modes[0]", action="in mode stop", message="late")
     never = limit(None, "modes[0]", action="in mode stop", message="never")
     row = only_row(run(late), run(never, seed=2))
-    assert (row.line, row.figure, row.margin_ratio, row.passed) == ("never", None, None, False)
+    assert (row.message, row.value, row.margin_ratio, row.passed) == ("never", None, None, False)
     assert row.label == "v3 in mode stop, within 0.5 s"
 
 
 def test_what_could_not_be_measured_has_not_passed() -> None:
     row = only_row(run(limit(None)))
     assert not row.passed
-    assert row.line == f"limits.cross_track_error_m_max {UNMEASURED}"
+    assert row.message == f"limits.cross_track_error_m_max {UNMEASURED}"
 
 
 def test_a_run_that_failed_for_another_reason_has_a_row_of_its_own() -> None:
-    first, second = rows_of([run(limit(0.3), other="v2 failed")])
-    assert (first.limit, first.passed, first.line, first.label) == (
+    first, second = rows_of_drill([run(limit(0.3), other="v2 failed")])
+    assert (first.limit, first.passed, first.message, first.label) == (
         "run",
         False,
         "v2 failed",
@@ -97,7 +97,7 @@ def test_a_count_that_must_be_0_has_no_share_of_it_left() -> None:
 
 def test_rows_keep_the_order_of_the_drills() -> None:
     runs = [run(limit(0.1), drill="b"), run(limit(0.2), drill="a"), run(limit(0.3), drill="b")]
-    assert [(row.drill, row.figure) for row in drill_rows(runs)] == [("b", 0.3), ("a", 0.2)]
+    assert [(row.drill, row.value) for row in drill_rows(runs)] == [("b", 0.3), ("a", 0.2)]
 
 
 def test_a_file_without_limits_is_no_drill() -> None:
@@ -118,7 +118,7 @@ def test_a_run_says_why_it_failed_besides_its_limits() -> None:
     assert summary.reason == broken
     for other in ("", "v2 failed", "v2 failed; v2 refused 3 messages"):
         reason = "; ".join(filter(None, (other, broken)))
-        found = drill_run(variant, replace(summary, reason=reason), 0.1)
+        found = drill_result(variant, replace(summary, reason=reason), 0.1)
         assert found.other_reason == other
         assert found.limits == summary.limits
 
@@ -130,7 +130,7 @@ def test_all_are_driven_and_none_twice() -> None:
         name, seed = job.key.split()
         return asdict(run(limit(0.1), drill=name, seed=int(seed)))
 
-    found = carry_out_drills(asked, MadeUpEngine(result))
+    found = run_drills(asked, MadeUpEngine(result))
     assert [(one.drill, one.seed) for one in found] == [
         ("tunnel", 1),
         ("tunnel", 2),
@@ -176,5 +176,5 @@ def test_json_has_rows_and_runs() -> None:
     assert found["passed"] is False
     assert [row["passed"] for row in found["rows"]] == [True, True, False, False]
     assert [one["drill"] for one in found["runs"]] == ["good", "bad", "odd"]
-    assert "took_s" not in found["runs"][0]  # the same figures give the same file
+    assert "duration_s" not in found["runs"][0]  # the same figures give the same file
     assert machine_readable([], [])["passed"] is True

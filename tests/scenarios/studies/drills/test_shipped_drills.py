@@ -7,8 +7,8 @@ import pytest
 from scenarios.definition.check.findings import check
 from scenarios.definition.library import DRILLS
 from scenarios.definition.scenario import drills, library, load_scenario, scenario_from_text
-from scenarios.studies.drills.drill import carry_out_drill, drill_variants, rows_of
-from scenarios.studies.drills.worst import SearchSpan, SoughtBurst, WorstSearch, base_of
+from scenarios.studies.drills.drill import drill_variants, rows_of_drill, run_drill
+from scenarios.studies.drills.worst import BurstLoss, SearchSpan, WorstSearch, base_variant
 from scenarios.studies.engine.engine import Engine
 from tests.made.many.engines import engine_here
 from tests.scenarios.studies.drills.planted_faults import PLANTS
@@ -74,9 +74,9 @@ def test_each_limit_is_broken_by_something(name: str) -> None:
 def test_a_drill_passes(case: int) -> None:
     name, seed = CASES[case]
     (variant,) = drill_variants(name, seeds=(seed,))
-    rows = list(rows_of([carry_out_drill(variant)]))
+    rows = list(rows_of_drill([run_drill(variant)]))
     assert rows
-    assert [row.line for row in rows if not row.passed] == []
+    assert [row.message for row in rows if not row.passed] == []
 
 
 @pytest.mark.campaign(3, len(PLANTS))
@@ -85,18 +85,18 @@ def test_what_is_planted_breaks_its_limits(case: int, monkeypatch: pytest.Monkey
     if plant.fault is not None:
         monkeypatch.setattr(plant.fault.place, plant.fault.by)
     (variant,) = drill_variants(plant.drill, plant.overrides)
-    rows = list(rows_of([carry_out_drill(variant)]))
+    rows = list(rows_of_drill([run_drill(variant)]))
     broken = {row.limit for row in rows if not row.passed}
     assert set(plant.breaks) <= broken, plant
 
 
-WORST_AT_S, BURST = 8.219, SoughtBurst(for_s=1.0)
+WORST_AT_S, BURST = 8.219, BurstLoss(for_s=1.0)
 SETTINGS = ("convoy.vehicles=3", "duration_s=12")
 
 
 def search(engine: Engine, seeds: int = SEEDS) -> WorstSearch:
     """The search whose command stands in the head of the file."""
-    base = base_of("lane_change", SETTINGS, None)
+    base = base_variant("lane_change", SETTINGS, None)
     return WorstSearch(base, BURST, "error_m", engine, seeds=seeds)
 
 
@@ -122,10 +122,10 @@ def test_the_burst_is_at_the_worst_instant(case: int) -> None:
     if case:
         span = SearchSpan(from_s=3.0, to_s=10.0, step_s=0.5, finest_s=0.05)
         with engine_here() as engine:
-            assert search(engine).look(span).at_s == WORST_AT_S
+            assert search(engine).run(span).at_s == WORST_AT_S
         return
     span = SearchSpan(from_s=WORST_AT_S, to_s=WORST_AT_S + 1.0, step_s=1.0, finest_s=1.0)
     with engine_here() as engine:
-        found = search(engine, seeds=1).look(span)
+        found = search(engine, seeds=1).run(span)
     assert found.at_s == WORST_AT_S
     assert found.figure > 5.0 * found.figures[round(WORST_AT_S + 1.0, 3)]

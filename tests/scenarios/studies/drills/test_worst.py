@@ -15,20 +15,20 @@ from scenarios.definition.scenario import load_scenario, scenario_from_text
 from scenarios.results.summary import to_json
 from scenarios.runs.virtual.unlogged_run import run_unlogged
 from scenarios.studies.drills.worst import (
+    BurstLoss,
     SearchSpan,
-    SoughtBurst,
     WorstInstant,
     WorstSearch,
-    base_of,
-    burst_of,
-    span_of,
+    base_variant,
+    parsed_burst,
+    search_span,
 )
 from scenarios.studies.drills.worst_files import drill_text, machine_readable, write_drill
 from scenarios.studies.engine.job import Job
 from tests.made.many.engines import MadeUpEngine, engine_here
 
 SHORT = ("duration_s=6.0", "convoy.vehicles=2")
-BASE = base_of("lane_change", SHORT, None)
+BASE = base_variant("lane_change", SHORT, None)
 SCENARIO = BASE.scenario
 NOBODY = MadeUpEngine(lambda job: pytest.fail(job.key))
 
@@ -45,7 +45,7 @@ def searched(figure: Any, span: SearchSpan, word: str = "error_m") -> WorstInsta
         at, _ = instant_and_seed(job)
         return float(figure(at) if word == "error_m" else -figure(at))
 
-    return WorstSearch(BASE, SoughtBurst(for_s=1.0), word, MadeUpEngine(severity)).look(span)
+    return WorstSearch(BASE, BurstLoss(for_s=1.0), word, MadeUpEngine(severity)).run(span)
 
 
 def test_with_seeds_it_is_the_worst_mean_and_the_worst_run_of_it() -> None:
@@ -56,15 +56,15 @@ def test_with_seeds_it_is_the_worst_mean_and_the_worst_run_of_it() -> None:
         noise = 1.0 if (at, seed) == (3.0, 4) else 0.1 * seed
         return noise + max(0.5 - abs(at - 8.0), 0.0)
 
-    base = base_of("lane_change", SHORT, 4)
-    burst = SoughtBurst(for_s=1.0)
+    base = base_variant("lane_change", SHORT, 4)
+    burst = BurstLoss(for_s=1.0)
     engine = MadeUpEngine(severity)
-    found = WorstSearch(base, burst, "error_m", engine, seeds=3).look(SPAN)
+    found = WorstSearch(base, burst, "error_m", engine, seeds=3).run(SPAN)
     assert found.at_s == 8.0
     assert found.mean == pytest.approx(0.5 + 0.1 * 5)
     assert found.variant.seed == 6
     assert found.figure == pytest.approx(0.5 + 0.1 * 6)
-    alone = WorstSearch(base, burst, "error_m", engine).look(SPAN)
+    alone = WorstSearch(base, burst, "error_m", engine).run(SPAN)
     assert (alone.at_s, alone.mean, alone.figure) == (3.0, 1.0, 1.0)
 
 
@@ -107,8 +107,8 @@ def test_both_ends_are_looked_at_and_nothing_beyond() -> None:
 
 
 def test_a_burst_is_laid_over_what_is_done_anyway() -> None:
-    base = base_of("lane_change", (*SHORT, 'change=[{kind="heal", at_s=1.0}]'), 4)
-    burst = SoughtBurst(for_s=1.5, links=(("lead", "*"), ("v1", "v2")))
+    base = base_variant("lane_change", (*SHORT, 'change=[{kind="heal", at_s=1.0}]'), 4)
+    burst = BurstLoss(for_s=1.5, links=(("lead", "*"), ("v1", "v2")))
     search = WorstSearch(base, burst, "error_m", NOBODY, changes=1)
     scenario = search.variant(2.25).scenario
     assert scenario.seed == 4
@@ -118,12 +118,12 @@ def test_a_burst_is_laid_over_what_is_done_anyway() -> None:
 
 
 def test_links_are_given_as_elsewhere() -> None:
-    assert burst_of((), 1.0, SCENARIO).links == (("*", "*"),)
-    found = burst_of(("lead:*", "v1:v2"), 1.0, SCENARIO)
+    assert parsed_burst((), 1.0, SCENARIO).links == (("*", "*"),)
+    found = parsed_burst(("lead:*", "v1:v2"), 1.0, SCENARIO)
     assert found.links == (("lead", "*"), ("v1", "v2"))
     for wrong in ("v1", "v1:v9", "v1-v2", ""):
         with pytest.raises(ScenarioError, match=r"--link: given .* allowed SENDER:RECEIVER"):
-            burst_of((wrong,), 1.0, SCENARIO)
+            parsed_burst((wrong,), 1.0, SCENARIO)
 
 
 REFUSED = {
@@ -141,7 +141,7 @@ def test_where_there_is_nothing_to_look_at_that_is_said(case: str) -> None:
     for_s, more, words = REFUSED[case]
     asked: dict[str, Any] = {"from_s": None, "to_s": None, "step_s": 0.5, "finest_s": 0.05}
     with pytest.raises(ScenarioError, match=words):
-        span_of(SCENARIO, SoughtBurst(for_s=for_s), **(asked | more))
+        search_span(SCENARIO, BurstLoss(for_s=for_s), **(asked | more))
 
 
 def test_what_is_written_is_the_worst_run_with_a_limit(tmp_path: Path) -> None:
@@ -163,8 +163,10 @@ def test_a_drill_of_a_file_extends_that_file(tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
     own = tmp_path / "mine" / "road.toml"
     own.write_text('extends = "lane_change"\nname = "road"\nduration_s = 8.0\n')
-    base = base_of(str(own), ["links.loss_ratio=0.2", "link.0={sender='v1', receiver='v2'}"], 3)
-    search = WorstSearch(base, SoughtBurst(for_s=1.0), "gap_m", NOBODY)
+    base = base_variant(
+        str(own), ["links.loss_ratio=0.2", "link.0={sender='v1', receiver='v2'}"], 3
+    )
+    search = WorstSearch(base, BurstLoss(for_s=1.0), "gap_m", NOBODY)
     found = WorstInstant(
         word="gap_m", at_s=2.0, figure=6.0, figures={2.0: 6.0}, variant=search.variant(2.0)
     )
@@ -178,17 +180,17 @@ def test_a_drill_of_a_file_extends_that_file(tmp_path: Path) -> None:
 
 def test_everything_tried_is_there_for_machines() -> None:
     found = searched(lambda at: at, SearchSpan(from_s=1.0, to_s=2.0, step_s=0.5, finest_s=0.5))
-    table = json.loads(json.dumps(machine_readable(found, SoughtBurst(for_s=1.0))))
+    table = json.loads(json.dumps(machine_readable(found, BurstLoss(for_s=1.0))))
     assert (table["schema"], table["at_s"], table["error_m"]) == ("convoy.worst/1", 2.0, 2.0)
     assert table["tried"] == [{"at_s": at, "error_m": at} for at in (1.0, 1.5, 2.0)]
 
 
 def test_a_figure_is_that_of_the_run_that_the_command_repeats() -> None:
     """The one search here that drives: two instants, in this process."""
-    base = base_of("lane_change", ("duration_s=2.5", "convoy.vehicles=2"), None)
+    base = base_variant("lane_change", ("duration_s=2.5", "convoy.vehicles=2"), None)
     span = SearchSpan(from_s=1.0, to_s=1.5, step_s=0.5, finest_s=0.5)
     with engine_here() as engine:
-        found = WorstSearch(base, SoughtBurst(for_s=1.0), "error_m", engine).look(span)
+        found = WorstSearch(base, BurstLoss(for_s=1.0), "error_m", engine).run(span)
     again = load_scenario("lane_change", found.variant.overrides, found.variant.seed)
     summary = run_unlogged(again)
     assert to_json(summary) == to_json(found.variant.run())

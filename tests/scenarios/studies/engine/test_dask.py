@@ -15,12 +15,12 @@ from typing import Any
 import pytest
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.studies.engine import driver
-from scenarios.studies.engine.fleet import fleet_of
+from scenarios.studies.engine import dispatcher
 from scenarios.studies.engine.job import Job
 from scenarios.studies.engine.journal import JOURNAL
-from scenarios.studies.engine.stamp import stamp_of_this_process
-from scenarios.studies.many.sweeps.sweep import carry_out_sweep
+from scenarios.studies.engine.stamp import current_stamp
+from scenarios.studies.engine.workers import open_workers
+from scenarios.studies.many.sweeps.sweep import run_sweep
 from tests.made.many.small_sweeps import driven_here, small_plan, tables
 
 distributed = pytest.importorskip("distributed")
@@ -51,8 +51,8 @@ def cluster() -> Iterator[Any]:
 def test_the_tables_are_those_of_this_process(cluster: Any, tmp_path: Path) -> None:
     plan = small_plan(seeds=1)
     driven_here(plan, tmp_path / "here")
-    fleet = partial(fleet_of, None, cluster.scheduler_address)
-    carry_out_sweep(plan, tmp_path / "dask", fleet, lambda _: None, pictures=False)
+    fleet = partial(open_workers, None, cluster.scheduler_address)
+    run_sweep(plan, tmp_path / "dask", fleet, lambda _: None, pictures=False)
     assert tables(tmp_path / "dask") == tables(tmp_path / "here")
 
 
@@ -72,8 +72,8 @@ def test_a_worker_process_that_is_killed_costs_time_only(
             if victims and (tmp_path / "dask" / JOURNAL).read_bytes().count(b"\n") > kill_after:
                 os.kill(victims.pop(), signal.SIGKILL)
 
-        fleet = partial(fleet_of, None, cluster.scheduler_address)
-        carry_out_sweep(plan, tmp_path / "dask", fleet, kill_one, pictures=False)
+        fleet = partial(open_workers, None, cluster.scheduler_address)
+        run_sweep(plan, tmp_path / "dask", fleet, kill_one, pictures=False)
     assert not victims
     assert tables(tmp_path / "dask") == tables(tmp_path / "here")
 
@@ -81,24 +81,24 @@ def test_a_worker_process_that_is_killed_costs_time_only(
 def test_a_worker_with_other_programs_is_refused(
     cluster: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    other = replace(stamp_of_this_process(), numpy="0.1")
-    monkeypatch.setattr(driver, "stamp_of_this_process", lambda: other)
+    other = replace(current_stamp(), numpy="0.1")
+    monkeypatch.setattr(dispatcher, "current_stamp", lambda: other)
     with (
-        fleet_of(scheduler=cluster.scheduler_address) as fleet,
+        open_workers(scheduler=cluster.scheduler_address) as fleet,
         pytest.raises(
             ScenarioError,
             match=r"^a worker has other programs: numpy is \S+ there and 0.1 here; in",
         ) as error,
     ):
-        list(driver.JobDriver([Job(key="1", work=os.getpid)], fleet).outcomes())
+        list(dispatcher.JobDispatcher([Job(key="1", work=os.getpid)], fleet).outcomes())
     assert len(error.value.lines) == 1
 
 
 def test_nobody_at_the_address_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("scenarios.studies.engine.fleet.CONNECT_S", 0.5)
+    monkeypatch.setattr("scenarios.studies.engine.workers.CONNECT_S", 0.5)
     with (
         pytest.raises(ScenarioError, match=r"^--scheduler: \S+: no dask sche") as error,
-        fleet_of(scheduler="tcp://127.0.0.1:9"),
+        open_workers(scheduler="tcp://127.0.0.1:9"),
     ):
         pass
     assert len(error.value.lines) == 1

@@ -14,10 +14,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.studies.engine.driver import BATCH_S, DEADLY, MOST_DEATHS, JobDriver, Pace
+from scenarios.studies.engine.dispatcher import (
+    MAX_ATTEMPTS,
+    TARGET_BATCH_S,
+    WORKER_DIED,
+    BatchSizer,
+    JobDispatcher,
+)
 from scenarios.studies.engine.engine import JobProgress, study_engine
-from scenarios.studies.engine.fleet import Fleet, ThisProcess, fleet_of
-from scenarios.studies.engine.job import Job, JobAnswer, Work
+from scenarios.studies.engine.job import Job, JobResult, Work
+from scenarios.studies.engine.workers import InlineExecutor, WorkerGroup, open_workers
 from tests.made.many.engines import engine_here
 
 
@@ -39,21 +45,21 @@ def jobs_of(works: Mapping[Any, Work]) -> list[Job]:
     return [Job(key=str(key), work=work) for key, work in works.items()]
 
 
-def outcomes(works: Mapping[Any, Work], fleet: Fleet) -> dict[str, tuple[Any, str]]:
-    driver = JobDriver(jobs_of(works), fleet)
+def outcomes(works: Mapping[Any, Work], fleet: WorkerGroup) -> dict[str, tuple[Any, str]]:
+    driver = JobDispatcher(jobs_of(works), fleet)
     found = [(one.key, (one.result, one.error)) for one in driver.outcomes()]
     assert len(dict(found)) == len(found)
     return dict(found)
 
 
-def threads(executor: Executor) -> Fleet:
-    return Fleet(executor=executor, slots=lambda: 3)
+def threads(executor: Executor) -> WorkerGroup:
+    return WorkerGroup(executor=executor, slots=lambda: 3)
 
 
 def test_any_executor_does() -> None:
     jobs = {k: partial(square, k) for k in range(40)}
     wanted = {str(k): (k * k, "") for k in range(40)}
-    assert outcomes(jobs, Fleet(executor=ThisProcess(), slots=lambda: 1)) == wanted
+    assert outcomes(jobs, WorkerGroup(executor=InlineExecutor(), slots=lambda: 1)) == wanted
     with ThreadPoolExecutor(3) as pool:
         assert outcomes(jobs, threads(pool)) == wanted
 
@@ -65,7 +71,7 @@ def test_a_job_that_raises_is_a_line_and_the_others_are_done() -> None:
         "left": leave,
         "good": partial(square, 3),
     }
-    with fleet_of(0) as fleet:
+    with open_workers(0) as fleet:
         found = outcomes(jobs, fleet)
     assert found["good"] == (9, "")
     assert found["refused"] == (None, "gap_m: given 1; seed: given -1")
@@ -108,9 +114,9 @@ def test_what_kills_its_worker_is_given_up_and_nothing_else(
     innocent = {k for k, count in executor.tried.items() if k not in poison and count >= 3}
     assert not innocent, "killed with poison in a batch once, and from outside twice"
     assert {int(k) for k, (_, error) in found.items() if error} == poison
-    assert all(found[str(k)] == (None, DEADLY) for k in poison)
+    assert all(found[str(k)] == (None, WORKER_DIED) for k in poison)
     assert all(found[str(k)] == (k * k, "") for k in jobs.keys() - poison)
-    assert all(executor.tried[k] == MOST_DEATHS for k in poison)
+    assert all(executor.tried[k] == MAX_ATTEMPTS for k in poison)
 
 
 def killed_once(mark: Path) -> str:
@@ -123,7 +129,7 @@ def killed_once(mark: Path) -> str:
 def test_a_killed_process_costs_time_only(tmp_path: Path) -> None:
     jobs: dict[Any, Work] = {"deadly": partial(killed_once, tmp_path / "mark")}
     jobs |= {k: partial(square, k) for k in range(3)}
-    with fleet_of(1) as fleet:
+    with open_workers(1) as fleet:
         found = outcomes(jobs, fleet)
     assert found == {"deadly": ("alive", ""), "0": (0, ""), "1": (1, ""), "2": (4, "")}
 
@@ -137,7 +143,7 @@ class Gone(Executor):
 
 def test_workers_that_are_gone_for_good_are_one_line() -> None:
     with pytest.raises(ScenarioError, match=r"^the workers are gone.*none left"):
-        list(JobDriver(jobs_of({1: partial(square, 1)}), threads(Gone())).outcomes())
+        list(JobDispatcher(jobs_of({1: partial(square, 1)}), threads(Gone())).outcomes())
 
 
 def test_results_are_in_the_order_of_the_jobs_and_an_error_names_the_command() -> None:
@@ -154,7 +160,7 @@ def test_a_job_that_always_kills_its_worker_is_one_line_with_its_command() -> No
     job = Job(key="deadly", work=partial(os._exit, 9), command="convoy run lane_change --seed 7")
     with engine_here(1) as engine, pytest.raises(ScenarioError) as error:
         engine.results([job])
-    assert error.value.lines == (f"convoy run lane_change --seed 7: {DEADLY}",)
+    assert error.value.lines == (f"convoy run lane_change --seed 7: {WORKER_DIED}",)
 
 
 def test_a_study_goes_on_after_its_driver_was_killed(tmp_path: Path) -> None:
@@ -168,7 +174,7 @@ def test_a_study_goes_on_after_its_driver_was_killed(tmp_path: Path) -> None:
     def study(killed_after: int) -> list[list[float]]:
         results = list[list[float]]()
         with study_engine(
-            partial(fleet_of, 0), print, out=out, files=["result.json"], identity={"--seeds": 5}
+            partial(open_workers, 0), print, out=out, files=["result.json"], identity={"--seeds": 5}
         ) as engine:
             for job in jobs_of({k: partial(count, k) for k in range(5)}):
                 results += engine.results([job])
@@ -184,17 +190,17 @@ def test_a_study_goes_on_after_its_driver_was_killed(tmp_path: Path) -> None:
     assert not list(out.iterdir())
 
 
-@given(took_s=st.floats(0.0, 100.0), waiting=st.integers(1, 5000), slots=st.integers(1, 64))
+@given(duration_s=st.floats(0.0, 100.0), waiting=st.integers(1, 5000), slots=st.integers(1, 64))
 def test_a_batch_takes_a_second_or_more_or_is_a_fair_share(
-    took_s: float, waiting: int, slots: int
+    duration_s: float, waiting: int, slots: int
 ) -> None:
-    pace = Pace()
+    pace = BatchSizer()
     assert pace.size(waiting, slots) == 1
-    pace.learn([JobAnswer(took_s=took_s), JobAnswer(took_s=took_s)])
+    pace.add([JobResult(duration_s=duration_s), JobResult(duration_s=duration_s)])
     size = pace.size(waiting, slots)
     assert 1 <= size <= -(-waiting // slots)
-    assert size * took_s >= 1.0 or size in {-(-waiting // slots), 1000}
-    assert (size - 1) * took_s <= BATCH_S
+    assert size * duration_s >= 1.0 or size in {-(-waiting // slots), 1000}
+    assert (size - 1) * duration_s <= TARGET_BATCH_S
 
 
 def test_the_time_left_is_that_of_the_runs_after_the_first(
@@ -207,7 +213,7 @@ def test_the_time_left_is_that_of_the_runs_after_the_first(
     countdown.total, countdown.done = 10, 4
     for at in (30.0, 32.0, 33.0, 36.0, 38.0, 40.0):
         now[0] = at
-        countdown.one_more()
+        countdown.count_job()
     assert said == [
         "  30.0 s  5 of 10 runs",
         "  32.0 s  6 of 10 runs, 8 s left",
@@ -219,6 +225,6 @@ def test_the_time_left_is_that_of_the_runs_after_the_first(
 
 def test_a_caller_that_stops_leaves_the_rest_undone(tmp_path: Path) -> None:
     jobs = jobs_of({k: (tmp_path / str(k)).touch for k in range(100)})
-    with fleet_of(0) as fleet, suppress(StopIteration):
-        next(JobDriver(jobs, fleet).outcomes())
+    with open_workers(0) as fleet, suppress(StopIteration):
+        next(JobDispatcher(jobs, fleet).outcomes())
     assert len(list(tmp_path.iterdir())) < 10

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.studies.engine.job import carry_out_batch
-from scenarios.studies.engine.stamp import digest_of, stamp_of_this_process
+from scenarios.studies.engine.job import run_batch
+from scenarios.studies.engine.stamp import current_stamp, digest_of
 
 
 def package(folder: Path, **files: str) -> Path:
@@ -46,10 +46,10 @@ def test_another_content_or_name_has_another_digest(files: dict[str, str], tmp_p
 
 def test_a_worker_with_other_programs_does_nothing_and_says_what_differs() -> None:
     done: list[int] = []
-    here = stamp_of_this_process()
+    here = current_stamp()
     driver = replace(here, numpy="1.0", sources="0" * 12)
     with pytest.raises(ScenarioError) as refused:
-        carry_out_batch(driver, [lambda: done.append(1)])
+        run_batch(driver, [lambda: done.append(1)])
     (line,) = refused.value.lines
     assert f"numpy is {here.numpy} there and 1.0 here" in line
     assert f"sources is {here.sources} there" in line

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from scenarios.definition.run_limits import Limit
-from scenarios.studies.many.risk import RiskQuestion, risk_of
-from scenarios.studies.many.splitting import Splitting, gone_on, repeated, split
+from scenarios.studies.many.limit_history import watch_limit
+from scenarios.studies.many.risk import RiskQuery, estimate_risk
+from scenarios.studies.many.splitting import Splitting, continue_run, run_repetition, split
 from scenarios.studies.many.statistics import Mean, mean_of
-from scenarios.studies.many.watched import watched
 from tests.made.many.engines import engine_here
 from tests.made.many.known_runs import KnownRuns, SilentRuns, small_convoy
 from tests.scenarios.studies.many.lost_path_runs import (
@@ -28,7 +28,7 @@ WORK = Splitting(
     limit=Limit("cross_track_error_m_max", 4.0),
     measure="limit",
     paths=4,
-    most_runs=30,
+    max_runs=30,
 )
 RARE = {"1e-3": (2.0, 1.592848e-3, 40), "1e-6": (4.2, 1.0e-6, 10)}
 """Bounds of the true error (m), the probability that a run with RATIO of losses is beyond, and the
@@ -45,24 +45,24 @@ def known_runs() -> SilentRuns:
 
 def test_a_copy_is_its_parent_until_that_came_nearer_than_the_level() -> None:
     parent = WORK.run(5)
-    records = parent.watched.records
+    records = parent.history.records
     level = records[len(records) // 2].value
     for seed in range(3):
-        copy = gone_on(WORK.run, parent, level, seed)
+        copy = continue_run(WORK.run, parent, level, seed)
         same = [one for one in records if one.at <= copy.branches[-1].at]
-        assert list(copy.watched.records[: len(same)]) == same
+        assert list(copy.history.records[: len(same)]) == same
         assert copy.severity > level
-        again = gone_on(WORK.run, copy, copy.watched.records[0].value, seed)
+        again = continue_run(WORK.run, copy, copy.history.records[0].value, seed)
         assert [branch.at for branch in again.branches] == sorted(
             {branch.at for branch in again.branches}
         )
-    assert len({gone_on(WORK.run, parent, level, seed).watched for seed in range(6)}) > 1
+    assert len({continue_run(WORK.run, parent, level, seed).history for seed in range(6)}) > 1
 
 
 def test_a_repetition_depends_on_its_number_alone() -> None:
-    once, again, other = (repeated(WORK, number) for number in (1, 1, 2))
+    once, again, other = (run_repetition(WORK, number) for number in (1, 1, 2))
     assert once == again != other
-    assert once["runs"] <= WORK.most_runs + WORK.paths
+    assert once["runs"] <= WORK.max_runs + WORK.paths
     assert {*once["worst"]} == {"broken", "seed", "branches"}
 
 
@@ -72,15 +72,15 @@ def test_known_runs_lose_what_branched_runs_lose() -> None:
     work = replace(WORK, variant=small_convoy("links.loss_ratio=0.4"))
     one, other = known.run(3), work.run(3)
     for seed in range(8):
-        assert [record.at for record in one.watched.records] == [
-            record.at for record in other.watched.records
+        assert [record.at for record in one.history.records] == [
+            record.at for record in other.history.records
         ]
         assert one.severity == pytest.approx(other.severity)
-        level = one.watched.records[-2].value
-        crossed = next(at for at in one.watched.records if at.value > level - 1e-9)
+        level = one.history.records[-2].value
+        crossed = next(at for at in one.history.records if at.value > level - 1e-9)
         assert crossed.value < inf
-        one = gone_on(known.run, one, level - 1e-9, seed)
-        other = gone_on(work.run, other, level - 1e-9, seed)
+        one = continue_run(known.run, one, level - 1e-9, seed)
+        other = continue_run(work.run, other, level - 1e-9, seed)
         assert one.branches == other.branches
 
 
@@ -116,7 +116,7 @@ def estimate(known: KnownRuns, seed: int, repetitions: int) -> tuple[Mean, int]:
         split(
             100,
             known.run,
-            partial(gone_on, known.run),
+            partial(continue_run, known.run),
             np.random.Generator(np.random.PCG64([seed, number])),
         )
         for number in range(repetitions)
@@ -133,7 +133,7 @@ def test_nine_losses_in_a_row_lose_the_path_whenever_they_come(campaign: int) ->
         lost = [number for number in range(MESSAGES) if random.random() < ratio]
         law = f"links.loss={{kind='listed', lost_numbers='{','.join(map(str, lost))}'}}"
         run = lost_path_convoy("links.loss_ratio=0", *([law] if lost else []))
-        broken = watched(run.scenario, Limit("paths_lost_max", 0)).broken
+        broken = watch_limit(run.scenario, Limit("paths_lost_max", 0)).broken
         assert broken == loses_path(lost), lost
         found.add(broken)
     assert found == {False, True}
@@ -158,16 +158,16 @@ def test_one_in_a_million_is_told_within_half_by_twenty_thousand_runs(campaign: 
     inside = 0
     with engine_here(None) as engine:
         for seed in range(1, campaign + 1):
-            asked = RiskQuestion(
+            asked = RiskQuery(
                 variant=replace(lost_path_convoy(f"links.loss_ratio={RARE_RATIO}"), seed=seed),
                 limit=Limit("paths_lost_max", 0),
                 method="splitting",
                 measure="silence",
-                to=1e-9,
-                most_runs=20_000,
+                precision=1e-9,
+                max_runs=20_000,
                 paths=120,
             )
-            risk = risk_of(asked, engine)
+            risk = estimate_risk(asked, engine)
             assert risk.runs <= 20_000
             assert risk.relative_half_width < 0.5
             assert abs(risk.probability - truth) < 3.0 * risk.standard_error

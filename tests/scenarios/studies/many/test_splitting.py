@@ -59,7 +59,7 @@ class Chain:
             states.append(states[-1] + 1 if up else self.after(states[-1]))
         return Walk(tuple(states), self.top)
 
-    def go_on(self, parent: Walk, level: float, seed: int) -> Walk:
+    def continue_path(self, parent: Walk, level: float, seed: int) -> Walk:
         crossed = next(at for at, state in enumerate(parent.states) if state > level)
         return self.walk(seed, parent.states[: crossed + 1])
 
@@ -79,7 +79,7 @@ def test_the_mean_is_the_probability(name: str, campaign: int) -> None:
     assert 0.3 < truth / float(name.split(",", maxsplit=1)[0]) < 3.0
     estimates = [
         split(
-            20, chain.walk, chain.go_on, np.random.Generator(np.random.PCG64([7, number]))
+            20, chain.walk, chain.continue_path, np.random.Generator(np.random.PCG64([7, number]))
         ).estimate
         for number in range(campaign)
     ]

@@ -18,7 +18,7 @@ from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
 from scenarios.studies.many.blame import study
 from scenarios.studies.many.blame.losses import read_run
-from scenarios.studies.many.blame.rerun import BlameQuestion, FigureName, answer_of
+from scenarios.studies.many.blame.rerun import FigureName, RerunCriteria, result_of
 from tests.made.many.planted_losses import TINY, planted
 
 CAUSE = planted(TINY, 3)
@@ -32,7 +32,7 @@ def refused(result: Result) -> str:
     """The one line with which the command refuses its input."""
     assert result.exit_code == 2, result.output
     (line,) = result.output.splitlines()
-    return line
+    return line.removeprefix("error: ")
 
 
 @pytest.fixture(scope="module")
@@ -52,10 +52,10 @@ def test_the_worst_figure_and_the_breach_are_those_of_the_summary(
     worst = max(errors) if figure == "error" else min(gaps)
     key = "cross_track_error_m_max" if figure == "error" else "true_gap_m_min"
     for limit in (Limit("lane_departures_max", 0), Limit(key, worst - 0.001), Limit(key, worst)):
-        question = BlameQuestion(figure=figure, limit=limit)
-        answer = answer_of(run.scenario, question, run.start_at, run.messages)
-        assert answer.figure_m == worst
-        assert (answer.broken_at is not None) == broken_by(limit, summary_of(log))
+        criteria = RerunCriteria(figure=figure, limit=limit)
+        result = result_of(run.scenario, criteria, run.start_at, run.messages)
+        assert result.figure_m == worst
+        assert (result.broken_at is not None) == broken_by(limit, summary_of(log))
 
 
 def test_the_smallest_set_is_written_as_a_scenario_that_breaks_the_limit_when_run(
@@ -65,7 +65,6 @@ def test_the_smallest_set_is_written_as_a_scenario_that_breaks_the_limit_when_ru
     done = convoy("blame", log.parent, "--out", out, "--workers", "0")
     assert done.exit_code == 0, done.output
     assert f"convoy run {out / 'smallest.toml'} --clock virtual" in done.output
-    assert "without any one of them it holds" in " ".join(done.output.split())
     assert (out / "blame.png").read_bytes().startswith(b"\x89PNG")
 
     found: dict[str, Any] = json.loads((out / "blame.json").read_text())
@@ -73,8 +72,8 @@ def test_the_smallest_set_is_written_as_a_scenario_that_breaks_the_limit_when_ru
     assert found["recorded"]["broken_at_s"] is not None
     assert found["without_loss"]["broken_at_s"] is None
     (worst, *others) = found["rows"]
-    assert worst["mended_m"] == max(row["mended_m"] for row in found["rows"])
-    assert worst["mended_m"] <= found["recorded"]["figure_m"]
+    assert worst["reduction_m"] == max(row["reduction_m"] for row in found["rows"])
+    assert worst["reduction_m"] <= found["recorded"]["figure_m"]
     assert {one["receiver"] for one in worst["bursts"]} == {"v2"}
     everything = [one for row in (worst, *others) for one in row["bursts"]]
     distinct = {(one["sender"], one["receiver"], *one["numbers"]) for one in everything}
@@ -112,8 +111,8 @@ def test_without_a_breach_by_losses_it_ranks_only(
     assert not (tmp_path / "smallest.toml").exists()
     found = json.loads((tmp_path / "blame.json").read_text())
     assert found["smallest"] is None
-    assert found["unshrunk"].startswith(why)
-    assert found["rows"][0]["mended_m"] > 0.1
+    assert found["not_reduced_reason"].startswith(why)
+    assert found["rows"][0]["reduction_m"] > 0.1
 
 
 def test_a_log_that_virtual_time_does_not_repeat_is_refused(

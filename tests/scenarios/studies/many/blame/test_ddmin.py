@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenarios.studies.many.blame.shrinking import Smallest, ddmin, split, trimmed
+from scenarios.studies.many.blame.shrinking import SmallestSet, ddmin, split, trim
 
 Fails = Callable[[frozenset[int]], bool]
 SIZES = st.integers(1, 40)
@@ -19,7 +19,7 @@ def first_that(fails: Fails) -> Callable[[Sequence[tuple[int, ...]]], int | None
     return lambda sets: next((k for k, one in enumerate(sets) if fails(frozenset(one))), None)
 
 
-def shrink(size: int, fails: Fails) -> Smallest[int]:
+def shrink(size: int, fails: Fails) -> SmallestSet[int]:
     assert fails(frozenset(range(size)))
     assert not fails(frozenset())
     return ddmin(range(size), first_that(fails))
@@ -30,7 +30,7 @@ def shrink(size: int, fails: Fails) -> Smallest[int]:
 def test_of_causes_that_are_all_needed_exactly_these_are_left(case: tuple[int, set[int]]) -> None:
     size, needed = case
     found = shrink(size, lambda items: needed <= items)
-    assert found == Smallest(tuple(sorted(needed)), is_minimal=True)
+    assert found == SmallestSet(tuple(sorted(needed)), is_minimal=True)
 
 
 @few
@@ -105,7 +105,7 @@ def test_of_causes_in_a_row_the_ends_are_cut_off(data: st.DataObject, size: int)
     first = data.draw(st.integers(0, size - 1))
     last = data.draw(st.integers(first, size - 1))
     needed = set(range(first, last + 1))
-    left = trimmed(range(size), first_that(lambda items: needed <= items))
+    left = trim(range(size), first_that(lambda items: needed <= items))
     assert left == tuple(range(first, last + 1))
 
 
@@ -116,7 +116,7 @@ def test_what_is_left_between_cut_ends_fails_in_any_case(size: int, salt: int) -
     def fails(items: frozenset[int]) -> bool:
         return items == every or (bool(items) and (sum(items) * 31 + salt) % 3 == 0)
 
-    left = trimmed(range(size), first_that(fails))
+    left = trim(range(size), first_that(fails))
     assert fails(frozenset(left))
     assert left == tuple(range(left[0], left[-1] + 1))
 

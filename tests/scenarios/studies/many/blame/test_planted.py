@@ -10,13 +10,13 @@ import pytest
 
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
-from scenarios.studies.many.blame.rerun import BlameQuestion, rerun
-from scenarios.studies.many.blame.study import Blame, blame
+from scenarios.studies.many.blame.rerun import RerunCriteria, rerun
+from scenarios.studies.many.blame.study import BlameResult, blame
 from tests.made.many.engines import engine_here
 from tests.made.many.planted_losses import FULL, LANE, SHORT, TINY, Convoy, planted
 
 
-def found_again(convoy: Convoy, case: int, folder: Path, workers: int | None) -> Blame:
+def found_again(convoy: Convoy, case: int, folder: Path, workers: int | None) -> BlameResult:
     """Blame the log of a planted run, and check that it is the burst and nothing else."""
     cause = planted(convoy, case)
     run_virtual(cause.scenario, folder, Stop())
@@ -37,11 +37,11 @@ def test_a_burst_is_found_and_shrunk_until_no_message_can_be_spared(
 ) -> None:
     found = found_again(TINY, case, tmp_path, workers=0)
     assert found.smallest is not None
-    question = BlameQuestion(figure="error", limit=LANE, until=found.smallest_answer.broken_at)  # type: ignore[union-attr,arg-type]
+    criteria = RerunCriteria(figure="error", limit=LANE, until=found.smallest_result.broken_at)  # type: ignore[union-attr,arg-type]
     every = frozenset(found.smallest.items)
-    assert rerun(found.convoy.losing(every), found.question).broken_at is not None
+    assert rerun(found.convoy.with_losses(every), found.criteria).broken_at is not None
     for one in every:
-        assert rerun(found.convoy.losing(every - {one}), question).broken_at is None
+        assert rerun(found.convoy.with_losses(every - {one}), criteria).broken_at is None
 
 
 @pytest.mark.campaign(0, 20)

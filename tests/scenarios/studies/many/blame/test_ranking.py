@@ -11,11 +11,11 @@ import pytest
 
 from scenarios.definition.run_limits import Limit
 from scenarios.studies.engine.job import Job
-from scenarios.studies.many.blame.imposed import LossFree
-from scenarios.studies.many.blame.losses import Burst, Losses, LostMessage, bursts_of, moments_of
-from scenarios.studies.many.blame.ranking import Attribution, losses_of, ranked, try_alone
-from scenarios.studies.many.blame.rerun import BlameAnswer, BlameQuestion
-from scenarios.studies.many.blame.shrinking import Smallest, shrunk
+from scenarios.studies.many.blame.listed_losses import LossFreeScenario
+from scenarios.studies.many.blame.losses import Burst, Losses, LostMessage, bursts_of, overlaps_of
+from scenarios.studies.many.blame.ranking import Attribution, losses_of, rank_losses, run_alone
+from scenarios.studies.many.blame.rerun import RerunCriteria, RerunResult
+from scenarios.studies.many.blame.shrinking import SmallestSet, smallest_set
 from scenarios.studies.many.blame.trials import Trials
 from tests.made.many.engines import MadeUpEngine
 
@@ -27,28 +27,28 @@ PERIOD = 50_000_000
 class NoConvoy:
     """In place of a convoy, whose runs nobody drives here."""
 
-    def losing(self, losses: Losses) -> SimpleNamespace:
+    def with_losses(self, losses: Losses) -> SimpleNamespace:
         """In place of a scenario's text, what it loses."""
         return SimpleNamespace(text=losses)
 
 
-def answer(error: float) -> BlameAnswer:
+def answer(error: float) -> RerunResult:
     broken = 1 if error > LANE_M else None
-    return BlameAnswer(badness_m=error, vehicle="v3", worst_at=2, broken_at=broken)
+    return RerunResult(badness_m=error, vehicle="v3", worst_at=2, broken_at=broken)
 
 
-def trials_of(error_of: ErrorOf, at_once: int = 1, most_runs: int = 1000) -> Trials:
+def trials_of(error_of: ErrorOf, parallel: int = 1, max_runs: int = 1000) -> Trials:
     def result(job: Job) -> dict[str, Any]:
         (losses, *_) = cast("partial[Any]", job.work).args
         return asdict(answer(error_of(losses)))
 
     return Trials(
-        convoy=cast("LossFree", NoConvoy()),
-        question=BlameQuestion(figure="error", limit=Limit("lane_departures_max", 0), until=2),
+        convoy=cast("LossFreeScenario", NoConvoy()),
+        criteria=RerunCriteria(figure="error", limit=Limit("lane_departures_max", 0), until=2),
         breaks_by=2,
         engine=MadeUpEngine(result),
-        at_once=at_once,
-        most_runs=most_runs,
+        parallel=parallel,
+        max_runs=max_runs,
     )
 
 
@@ -63,12 +63,12 @@ HARMLESS = [one for number in range(0, 600, 6) for one in lost("v2", number, 1)]
 
 def found(
     error_of: ErrorOf, messages: list[LostMessage], **how: int
-) -> tuple[list[Attribution], Smallest[LostMessage], Trials]:
+) -> tuple[list[Attribution], SmallestSet[LostMessage], Trials]:
     trials, bursts = trials_of(error_of, **how), bursts_of(messages)
     whole = error_of(losses_of(bursts))
-    rows = ranked(trials, bursts, answer(whole), whole - error_of(frozenset()))
-    try_alone(trials, rows)
-    return rows, shrunk(trials, bursts, rows), trials
+    rows = rank_losses(trials, bursts, answer(whole), whole - error_of(frozenset()))
+    run_alone(trials, rows)
+    return rows, smallest_set(trials, bursts, rows), trials
 
 
 def test_bursts_are_runs_of_numbers_and_moments_what_overlaps() -> None:
@@ -79,19 +79,19 @@ def test_bursts_are_runs_of_numbers_and_moments_what_overlaps() -> None:
         "v2 → v3 13-16",
         "v1 → v3 17",
     ]
-    moments = moments_of(bursts)
-    assert [len(one) for one in moments] == [1, 2, 1]
-    assert [one for moment in moments for one in moment] == list(bursts)
+    overlaps = overlaps_of(bursts)
+    assert [len(one) for one in overlaps] == [1, 2, 1]
+    assert [one for moment in overlaps for one in moment] == list(bursts)
 
 
 @pytest.mark.parametrize("first", [0, 271, 580])
 def test_of_a_hundred_bursts_the_one_that_costs_is_found_in_few_runs(first: int) -> None:
     burst = frozenset(lost("v1", first, 20))
     rows, smallest, trials = found(
-        lambda losses: 0.1 * len(losses & burst), [*HARMLESS, *burst], at_once=2
+        lambda losses: 0.1 * len(losses & burst), [*HARMLESS, *burst], parallel=2
     )
     assert rows[0].losses == burst
-    assert rows[0].mended_m == pytest.approx(2.0)
+    assert rows[0].reduction_m == pytest.approx(2.0)
     assert rows[0].alone is not None
     assert rows[0].alone.broken_at is not None
     assert len(smallest.items) == 9  # with each 0.1 m, and 0.8 m allowed
@@ -105,7 +105,7 @@ def test_two_bursts_that_cost_together_are_both_found() -> None:
     rows, smallest, _ = found(
         lambda losses: 1.5 * (lead | ahead <= losses), [*lost("v1", 100, 9), *lead, *ahead]
     )
-    costly = {row.losses for row in rows if row.mended_m > 1.0}
+    costly = {row.losses for row in rows if row.reduction_m > 1.0}
     assert {lead, ahead, lead | ahead} <= costly
     assert set(smallest.items) == lead | ahead
 
@@ -121,15 +121,15 @@ def test_two_bursts_each_of_which_is_enough_are_both_looked_into() -> None:
     assert set(smallest.items) in (early, late)
 
 
-@pytest.mark.parametrize("at_once", [2, 3, 8])
-def test_what_is_found_does_not_depend_on_how_many_runs_go_on_at_once(at_once: int) -> None:
+@pytest.mark.parametrize("parallel", [2, 3, 8])
+def test_what_is_found_does_not_depend_on_how_many_runs_go_on_at_once(parallel: int) -> None:
     def error_of(losses: Losses) -> float:
         numbers = sorted(one.number for one in losses if one.link[0] == "v1")
         return 0.3 * sum(b - a == 1 for a, b in pairwise(numbers))
 
     messages = [*HARMLESS, *lost("v1", 50, 3), *lost("v1", 200, 9), *lost("v1", 400, 4)]
     one_by_one, smallest, _ = found(error_of, messages)
-    rows, again, _ = found(error_of, messages, at_once=at_once)
+    rows, again, _ = found(error_of, messages, parallel=parallel)
     assert [row.losses for row in rows] == [row.losses for row in one_by_one]
     assert again == smallest
 
@@ -137,7 +137,7 @@ def test_what_is_found_does_not_depend_on_how_many_runs_go_on_at_once(at_once: i
 def test_when_the_runs_are_used_up_the_set_is_not_called_minimal() -> None:
     burst = frozenset(lost("v1", 271, 40))
     _, smallest, trials = found(
-        lambda losses: 1.5 * (burst <= losses), [*HARMLESS, *burst], most_runs=30
+        lambda losses: 1.5 * (burst <= losses), [*HARMLESS, *burst], max_runs=30
     )
     assert burst <= set(smallest.items)
     assert not smallest.is_minimal
@@ -154,6 +154,6 @@ def test_a_set_is_driven_once() -> None:
     bursts: tuple[Burst, ...] = bursts_of(lost("v1", 3, 7))
     trials = trials_of(error_of)
     sets = [frozenset(one.messages[:k]) for one in bursts for k in range(1, 8)]
-    trials.answers(sets)
-    assert trials.first_that_breaks([*sets, *sets]) == 4  # five messages, 1.0 m
+    trials.results(sets)
+    assert trials.first_breaking([*sets, *sets]) == 4  # five messages, 1.0 m
     assert len(asked) == len(set(asked)) == trials.runs == 7

@@ -10,7 +10,7 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.summary import RunSummary, to_json
 from scenarios.runs.virtual.unlogged_run import run_unlogged
-from scenarios.studies.many.sweeps.figure import OF_LINK, OF_VEHICLE, parsed_figure
+from scenarios.studies.many.sweeps.figure import LINK_FIELDS, VEHICLE_FIELDS, parsed_figure
 
 NAMES = ("v1", "v2", "v3")
 
@@ -53,7 +53,7 @@ def test_figures_are_those_of_the_summary() -> None:
 
 
 def test_every_name_that_is_allowed_has_a_value_or_none() -> None:
-    for name in (*OF_VEHICLE, *(f"links.{path}" for path in OF_LINK)):
+    for name in (*VEHICLE_FIELDS, *(f"links.{path}" for path in LINK_FIELDS)):
         value = of(name)
         assert value is None or isinstance(value, float), name
 

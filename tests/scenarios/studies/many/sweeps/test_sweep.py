@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.studies.engine.fleet import Fleet
 from scenarios.studies.engine.journal import JOURNAL, open_journal
+from scenarios.studies.engine.workers import WorkerGroup
 from scenarios.studies.many.sweeps.plan import DEFAULT_FIGURE, planned
-from scenarios.studies.many.sweeps.sweep import carry_out_sweep
+from scenarios.studies.many.sweeps.sweep import run_sweep
 from tests.made.many.small_sweeps import SETS, driven_here, small_plan, tables
 
 
@@ -74,14 +74,14 @@ def test_flipped_bits_of_a_journal_give_the_same_tables(
 
 
 @contextmanager
-def three_threads() -> Iterator[Fleet]:
+def three_threads() -> Iterator[WorkerGroup]:
     with ThreadPoolExecutor(3) as pool:
-        yield Fleet(executor=pool, slots=lambda: 5)
+        yield WorkerGroup(executor=pool, slots=lambda: 5)
 
 
 def test_another_executor_gives_the_same_tables(whole: Path, tmp_path: Path) -> None:
     """That a process pool does is shown by the command, which is killed meanwhile."""
-    carry_out_sweep(small_plan(), tmp_path, three_threads, lambda _: None, pictures=False)
+    run_sweep(small_plan(), tmp_path, three_threads, lambda _: None, pictures=False)
     assert tables(tmp_path) == tables(whole)
 
 

@@ -1,4 +1,4 @@
-"""`convoy bisect`: the question, its jobs, and the answer."""
+"""`convoy bisect`: the query, its jobs, and the result."""
 
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -14,18 +14,18 @@ from scenarios.studies.engine.job import Job
 from scenarios.studies.many.boundary.curve import (
     Bracket,
     NoBoundaryError,
-    Place,
+    Sample,
     ShareCurve,
     SharePoint,
     bracket,
 )
 from scenarios.studies.many.variant import Variant, identity_of
 
-MOST_VALUES = 100_000
+MAX_VALUES = 100_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BoundaryQuestion:
+class BoundaryQuery:
     """At which value of `key` a `share` of the runs breaks `limit`.
 
     `variant` is the run without key and seed; the value is sought from `low` to `high`, to within
@@ -37,14 +37,14 @@ class BoundaryQuestion:
     limit: Limit
     low: float = 0.0
     high: float = 1.0
-    to: float = 0.01
+    precision: float = 0.01
     seeds: int = 20
     share: float = 0.5
 
     @property
     def values(self) -> list[float]:
         """Values that may be tried, evenly spaced by at most twice `to`."""
-        parts = ceil((self.high - self.low) / (2.0 * self.to) - 1e-9)
+        parts = ceil((self.high - self.low) / (2.0 * self.precision) - 1e-9)
         step = (self.high - self.low) / parts
         return [float(f"{self.low + step * number:.12g}") for number in range(parts + 1)]
 
@@ -60,20 +60,25 @@ class BoundaryQuestion:
     def identity(self) -> dict[str, Any]:
         """All that the answer depends on, by the words of the command line."""
         span = [self.low, self.high]
-        options = {"key": self.key, "limit": str(self.limit), "range": span, "to": self.to}
+        options = {
+            "key": self.key,
+            "limit": str(self.limit),
+            "range": span,
+            "precision": self.precision,
+        }
         return identity_of(self.variant, **options, seeds=self.seeds, share=self.share)
 
     def check(self) -> None:
-        """Raise ScenarioError for a wrong question, or a scenario refused at one of the ends."""
+        """Raise ScenarioError for a wrong query, or a scenario refused at one of the ends."""
         if not (isfinite(self.low) and isfinite(self.high) and self.low < self.high):
             wrong = (
                 f"--range: given {self.low:g}:{self.high:g}, allowed LOW:HIGH with LOW below HIGH"
             )
             raise ScenarioError([wrong])
         width = self.high - self.low
-        if not width / MOST_VALUES <= self.to <= 0.25 * width:
+        if not width / MAX_VALUES <= self.precision <= 0.25 * width:
             allowed = f"allowed up to a quarter of the range, {0.25 * width:g}"
-            raise ScenarioError([f"--precision: given {self.to:g}, {allowed}"])
+            raise ScenarioError([f"--precision: given {self.precision:g}, {allowed}"])
         now = _value_at(self.variant.scenario.text, self.key)
         if self.key == "seed" or isinstance(now, bool | str | list | dict):
             raise ScenarioError([f"{self.key}: is no number that a limit depends on, but {now!r}"])
@@ -86,58 +91,55 @@ class BoundaryQuestion:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BoundaryAnswer:
-    """The share crosses the wanted one between `low` and `high`.
+class BoundaryResult:
+    """The share of runs that break the limit reaches `share` between `low` and `high`.
 
-    `sure_low` and `sure_high` are the nearest tried values that are on either side with certainty
-    (95 % intervals), None without one. `points` are all tried values. `turning_seeds` change more
-    than once between broken and held as the value grows. `commands` repeat a run next to the
-    boundary that breaks the limit, and one that holds it.
+    `confidence_low` and `confidence_high` bound the boundary with 95 % confidence; None without
+    a bound. `points` are all simulated values. `non_monotone_seeds` switch more than once between
+    broken and kept as the value grows. `commands` repeat a run on either side of the boundary.
     """
 
     boundary: float
     low: float
     high: float
-    sure_low: float | None
-    sure_high: float | None
+    confidence_low: float | None
+    confidence_high: float | None
     crossings: int
     points: tuple[SharePoint, ...]
-    turning_seeds: tuple[int, ...]
+    non_monotone_seeds: tuple[int, ...]
     runs: int
     commands: Mapping[str, str]
 
 
-def boundary_of(question: BoundaryQuestion, engine: Engine) -> BoundaryAnswer:
+def find_boundary(query: BoundaryQuery, engine: Engine) -> BoundaryResult:
     """Raises ScenarioError if the question is wrong, or the share crosses it nowhere."""
-    question.check()
-    curve = ShareCurve(
-        question.values, question.share, question.seeds, partial(_tried, question, engine)
-    )
+    query.check()
+    curve = ShareCurve(query.values, query.share, query.seeds, partial(_run_samples, query, engine))
     try:
         found = bracket(curve)
     except NoBoundaryError:
-        raise ScenarioError([_no_boundary(question, curve)]) from None
-    return _answer(question, curve, found)
+        raise ScenarioError([_no_boundary(query, curve)]) from None
+    return _answer(query, curve, found)
 
 
-def _tried(
-    question: BoundaryQuestion, engine: Engine, places: Sequence[Place]
-) -> dict[Place, bool]:
-    values, jobs = question.values, list[Job]()
-    for number, seed in places:
-        variant = question.at(values[number], seed)
-        key, work = f"{values[number]:.12g}/{seed}", partial(variant.breaks, question.limit)
+def _run_samples(
+    query: BoundaryQuery, engine: Engine, samples: Sequence[Sample]
+) -> dict[Sample, bool]:
+    values, jobs = query.values, list[Job]()
+    for number, seed in samples:
+        variant = query.at(values[number], seed)
+        key, work = f"{values[number]:.12g}/{seed}", partial(variant.breaks, query.limit)
         jobs.append(Job(key=key, work=work, command=variant.command))
-    found = dict(zip(places, engine.results(jobs), strict=True))
-    for number in sorted({number for number, _ in places}):
+    found = dict(zip(samples, engine.results(jobs), strict=True))
+    for number in sorted({number for number, _ in samples}):
         here = [broke for (at, _), broke in found.items() if at == number]
-        of_value = f"{question.key}={values[number]:g}"
+        of_value = f"{query.key}={values[number]:g}"
         counts = f"{sum(here)} of {len(here)} runs break it"
         engine.progress.note(f"{engine.progress.done:3d} runs  {of_value}: {counts}")
     return found
 
 
-def _answer(question: BoundaryQuestion, curve: ShareCurve, found: Bracket) -> BoundaryAnswer:
+def _answer(query: BoundaryQuery, curve: ShareCurve, found: Bracket) -> BoundaryResult:
     values = curve.values
     low, high = values[found.low], values[found.high]
     commands = {}
@@ -145,28 +147,28 @@ def _answer(question: BoundaryQuestion, curve: ShareCurve, found: Bracket) -> Bo
         broken = curve.broken_seeds(number)
         seed = broken[0] if broken else 1
         what = "breaks" if broken else "holds"
-        commands[f"{word}, {what} {question.limit}"] = question.at(values[number], seed).command
-    return BoundaryAnswer(
+        commands[f"{word}, {what} {query.limit}"] = query.at(values[number], seed).command
+    return BoundaryResult(
         boundary=float(f"{0.5 * (low + high):.12g}"),
         low=low,
         high=high,
-        sure_low=found.sure[0] if isfinite(found.sure[0]) else None,
-        sure_high=found.sure[1] if isfinite(found.sure[1]) else None,
+        confidence_low=found.confident[0] if isfinite(found.confident[0]) else None,
+        confidence_high=found.confident[1] if isfinite(found.confident[1]) else None,
         crossings=len(list(curve.changes())),
-        points=tuple(curve.point(number) for number in curve.visited),
-        turning_seeds=tuple(curve.turning_seeds()),
+        points=tuple(curve.point(number) for number in curve.evaluated),
+        non_monotone_seeds=tuple(curve.non_monotone_seeds()),
         runs=curve.runs,
         commands=commands,
     )
 
 
-def _no_boundary(question: BoundaryQuestion, curve: ShareCurve) -> str:
-    points = [curve.point(number) for number in curve.visited]
+def _no_boundary(query: BoundaryQuery, curve: ShareCurve) -> str:
+    points = [curve.point(number) for number in curve.evaluated]
     found = ", ".join(f"{one.broken} of {one.runs} at {one.value:g}" for one in points)
-    side = "broken" if curve.is_beyond(0) else "held"
+    side = "broken" if curve.reaches_share(0) else "held"
     return (
-        f"{question.key}: {question.limit} is {side} at both ends of --range "
-        f"{question.low:g}:{question.high:g} and between, so there is no boundary: {found} break it"
+        f"{query.key}: {query.limit} is {side} at both ends of --range "
+        f"{query.low:g}:{query.high:g} and between, so there is no boundary: {found} break it"
     )
 
 

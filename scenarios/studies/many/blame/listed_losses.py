@@ -32,12 +32,12 @@ which vehicles know meanwhile what to expect of the link."""
 
 
 @dataclass(frozen=True)
-class LossFree:
+class LossFreeScenario:
     """A scenario without any loss, to which listed losses can be added."""
 
     scenario: Scenario
 
-    def losing(self, lost: Iterable[LostMessage]) -> Scenario:
+    def with_losses(self, lost: Iterable[LostMessage]) -> Scenario:
         numbers = numbers_by_link(lost)
         entries = tuple(
             _note_loss(entry, numbers.get((entry.sender, entry.receiver)))
@@ -47,7 +47,7 @@ class LossFree:
 
     def smallest(self, lost: Iterable[LostMessage], limit: Limit, description: str) -> Scenario:
         """Return the scenario with these losses, whose only limit is `limit`."""
-        tables = self.losing(lost).tables
+        tables = self.with_losses(lost).tables
         changes = {
             "name": f"{tables.name[:20]}_blamed",
             "description": description,
@@ -67,7 +67,7 @@ def _note_loss(entry: LinkEntry, numbers: NumberSet | None) -> LinkEntry:
     return entry.model_copy(update={"loss": Listed(kind="listed", lost_numbers=str(numbers))})
 
 
-def loss_free(run: RecordedRun) -> LossFree:
+def loss_free(run: RecordedRun) -> LossFreeScenario:
     """Return the scenario of a recorded run without its losses."""
     scenario = run.scenario
     changes = [one for one in scenario.tables.change if isinstance(one, LINK_CHANGES)]
@@ -96,7 +96,7 @@ def loss_free(run: RecordedRun) -> LossFree:
             },
         }
     )
-    return LossFree(Scenario(tables))
+    return LossFreeScenario(Scenario(tables))
 
 
 def _recorded(run: RecordedRun, pair: LinkEnds, table: LinkTable) -> LinkEntry:

@@ -8,9 +8,9 @@ from scenarios.definition.run_limits import Limit
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.virtual.drive import drive as virtual_drive
-from scenarios.studies.many.blame.imposed import loss_free
+from scenarios.studies.many.blame.listed_losses import loss_free
 from scenarios.studies.many.blame.losses import LostMessage
-from scenarios.studies.many.blame.rerun import EVER, first_difference
+from scenarios.studies.many.blame.rerun import NO_END, first_difference
 from tests.scenarios.studies.many.blame.lossy_logs import LAWS, recorded
 from vehicles.messages import LinkVerdict, Message
 
@@ -34,14 +34,14 @@ def test_the_log_s_losses_give_the_log_s_poses_and_fewer_only_what_was_given_bac
     law: str, tmp_path: Path
 ) -> None:
     run = recorded(law, tmp_path)
-    lost = run.lost(EVER)
+    lost = run.lost(NO_END)
     assert lost
     convoy = loss_free(run)
-    as_sent_to_workers = scenario_from_text(convoy.losing(lost).text)
+    as_sent_to_workers = scenario_from_text(convoy.with_losses(lost).text)
     assert first_difference(as_sent_to_workers, run.truth) is None
 
     still_lost, given_back = lost[::2], lost[1::2]
-    before, after = fates(convoy.losing(lost)), fates(convoy.losing(still_lost))
+    before, after = fates(convoy.with_losses(lost)), fates(convoy.with_losses(still_lost))
     back = {(*one.link, one.number) for one in given_back}
     for key, (reason, visible_at) in before.items():
         if law == "in bursts, in order":  # what comes back holds up what was sent after it
@@ -59,7 +59,7 @@ def test_without_losses_nothing_is_lost_and_with_one_it_alone(tmp_path: Path) ->
     alone = LostMessage(
         sent_at=0, link=("v1", "v2"), number=min(n for _, r, n in kept if r == "v2")
     )
-    left = {key for key, (reason, _) in fates(convoy.losing([alone])).items() if not reason}
+    left = {key for key, (reason, _) in fates(convoy.with_losses([alone])).items() if not reason}
     assert kept - left == {("v1", "v2", alone.number)}
 
 
@@ -67,7 +67,7 @@ def test_without_losses_nothing_is_lost_and_with_one_it_alone(tmp_path: Path) ->
 def test_the_scenario_written_is_the_one_that_was_driven(law: str, tmp_path: Path) -> None:
     run = recorded(law, tmp_path)
     limit = Limit("cross_track_error_m_max", 0.25)
-    smallest = loss_free(run).smallest(run.lost(EVER), limit, "some losses")
+    smallest = loss_free(run).smallest(run.lost(NO_END), limit, "some losses")
     again = scenario_from_text(smallest.text)
     assert again.text == smallest.text
     assert again.tables.limits.cross_track_error_m_max == 0.25

@@ -24,7 +24,7 @@ Measure = Literal["limit", "silence"]
 
 
 @dataclass(frozen=True, slots=True)
-class NearRecord:
+class SeverityRecord:
     """At instant `at` (ns) the run came nearer to the limit than before: `value`.
 
     It is inf once the limit is broken; before, in the unit of the measure.
@@ -35,10 +35,10 @@ class NearRecord:
 
 
 @dataclass(frozen=True, slots=True)
-class Watched:
+class LimitHistory:
     """The records of a run, in order of time, each larger than the one before."""
 
-    records: tuple[NearRecord, ...]
+    records: tuple[SeverityRecord, ...]
 
     @property
     def severity(self) -> float:
@@ -61,71 +61,71 @@ def silence(message: Message, lead: str) -> float:
     return min((age for age in ages if not isnan(age)), default=-inf)
 
 
-class WatchedRun:
+class LimitObserver:
     """An observer of a virtual run that follows one limit, and ends the run at a breach."""
 
     kinds: frozenset[type[Message]] = frozenset((TruePose, Tracking))
 
     def __init__(self, scenario: Scenario, limit: Limit, measure: Measure = "limit") -> None:
-        self.is_over = False
+        self.is_finished = False
         self._lead = scenario.lead
         self._measures_silence = measure == "silence" or limit.row.live == "silence"
         self._limits = scenario.tables.limits
-        self._collided = 0
-        self._records: list[NearRecord] = []
+        self._collisions = 0
+        self._records: list[SeverityRecord] = []
         self._stream = FigureStream.of(scenario)
         self._live = LiveLimit(limit, self._stream, scenario.vehicle_names)
         # A collision ends a logged run as well: later messages do not count there either.
         if collision_ends_run(self._limits, 1 + (self._limits.collisions_max or 0)):
-            self._stream.on_event(self._collide, ("collision",))
+            self._stream.on_event(self._count_collision, ("collision",))
 
-    def _collide(self, _event: Episode) -> None:
-        self._collided += 1
+    def _count_collision(self, _event: Episode) -> None:
+        self._collisions += 1
 
     def listen(self, at: int, message: Message) -> None:
-        if self.is_over:
+        if self.is_finished:
             return
         self._stream.listen(at, message)
         excess = self._live.latest_excess()
         if self._live.broken:
-            self._note(at, inf)
-            self.is_over = True
+            self._record(at, inf)
+            self.is_finished = True
             return
-        self._note(at, self._silence(message) if self._measures_silence else excess)
-        if self._collided:
-            self.is_over = collision_ends_run(self._limits, self._collided)
+        self._record(at, self._silence(message) if self._measures_silence else excess)
+        if self._collisions:
+            self.is_finished = collision_ends_run(self._limits, self._collisions)
 
     def _silence(self, message: Message) -> float:
         """How long (s) a follower to which the limit applies has received nothing."""
         applies = self._live.limit.vehicle in {"", message.vehicle}
         return silence(message, self._lead) if applies else -inf
 
-    def finish(self, at: int) -> Watched:
+    def finish(self, at: int) -> LimitHistory:
         """Return the records of the run, which ended at instant `at` (ns)."""
         self._stream.finish()
         if self._live.broken:
-            self._note(at, inf)
-        return Watched(tuple(self._records))
+            self._record(at, inf)
+        return LimitHistory(tuple(self._records))
 
-    def _note(self, at: int, value: float) -> None:
+    def _record(self, at: int, value: float) -> None:
         if value > (self._records[-1].value if self._records else -inf):
-            self._records.append(NearRecord(at, value))
+            self._records.append(SeverityRecord(at, value))
 
 
-def watched(
+def watch_limit(
     scenario: Scenario,
     limit: Limit,
     *,
     branches: Sequence[Branch] = (),
     measure: Measure = "limit",
-) -> Watched:
+) -> LimitHistory:
     """Run `scenario` in virtual time until it breaks `limit`, or to its end.
 
     Random numbers come from other seeds after the instants of the `branches`. A fault of a vehicle
     ends the run.
     """
-    run = WatchedRun(scenario, limit, measure)
-    outcome = drive(scenario, [run], until=lambda: run.is_over, branches=branches)
+    run = LimitObserver(scenario, limit, measure)
+    outcome = drive(scenario, [run], until=lambda: run.is_finished, branches=branches)
     return run.finish(outcome.at)
 
 

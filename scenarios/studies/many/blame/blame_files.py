@@ -14,14 +14,14 @@ from matplotlib.figure import Figure
 from scenarios.definition.scenario import Scenario
 from scenarios.studies.engine.results import write_files
 from scenarios.studies.many.blame.losses import Burst, bursts_of
-from scenarios.studies.many.blame.ranking import ALONE, NEGLIGIBLE_M, Attribution
-from scenarios.studies.many.blame.rerun import BlameAnswer
-from scenarios.studies.many.blame.study import Blame
+from scenarios.studies.many.blame.ranking import MAX_ALONE, NEGLIGIBLE_M, Attribution
+from scenarios.studies.many.blame.rerun import RerunResult
+from scenarios.studies.many.blame.study import BlameResult
 from scenarios.studies.picture_style import BLUE, GREEN, GREY, ORANGE, RED, STYLE
 from vehicles.schedule import SECOND
 
 SCHEMA = "convoy.blame/1"
-PICTURE, TWIN, SMALLEST = "blame.png", "blame.json", "smallest.toml"
+PICTURE, JSON_FILE, SMALLEST = "blame.png", "blame.json", "smallest.toml"
 GROUPING = (
     "a burst is a run of consecutive numbers lost on one link; bursts that overlap in time are a "
     "moment; moments in order of time were given back half by half, and only halves that mend "
@@ -29,7 +29,7 @@ GROUPING = (
 )
 
 
-def smallest_scenario(found: Blame) -> Scenario | None:
+def smallest_scenario(found: BlameResult) -> Scenario | None:
     """Return the scenario that loses only the smallest set, and fails by the limit."""
     if found.smallest is None:
         return None
@@ -37,7 +37,7 @@ def smallest_scenario(found: Blame) -> Scenario | None:
     count, seed = len(found.smallest.items), found.run.scenario.seed
     description = f"{found.run.scenario.name}, seed {seed}: {count} messages lost, {lines}"
     return found.convoy.smallest(
-        found.smallest.items, found.question.limit, _shortened(description)
+        found.smallest.items, found.criteria.limit, _shortened(description)
     )
 
 
@@ -50,18 +50,18 @@ def command_of(out: Path) -> str:
     return shlex.join(["convoy", "run", str(out / SMALLEST), "--clock", "virtual"])
 
 
-def write_report(found: Blame, out: Path) -> list[Path]:
+def write_report(found: BlameResult, out: Path) -> list[Path]:
     """Write picture, JSON, and the scenario of the smallest set if there is one."""
-    contents: dict[str, Any] = {PICTURE: drawn(found), TWIN: machine_readable(found, out)}
+    contents: dict[str, Any] = {PICTURE: drawn(found), JSON_FILE: machine_readable(found, out)}
     scenario = smallest_scenario(found)
     if scenario is not None:
         head = f"# Written by `convoy blame {shlex.quote(str(found.run.log))}`: it breaks "
-        rest = f"# {found.question.limit} with no other losses than those listed below.\n#\n"
+        rest = f"# {found.criteria.limit} with no other losses than those listed below.\n#\n"
         contents[SMALLEST] = f"{head}the limit\n{rest}#   {command_of(out)}\n\n{scenario.text}"
     return write_files(out, contents)
 
 
-def machine_readable(found: Blame, out: Path) -> dict[str, Any]:
+def machine_readable(found: BlameResult, out: Path) -> dict[str, Any]:
     run = found.run
     lost = [one for burst in found.bursts for one in burst.messages]
     return {
@@ -69,28 +69,28 @@ def machine_readable(found: Blame, out: Path) -> dict[str, Any]:
         "log": str(run.log),
         "scenario": run.scenario.name,
         "seed": run.scenario.seed,
-        "limit": str(found.question.limit),
-        "figure": found.question.figure,
-        "until_s": found.question.until / SECOND,
-        "recorded": _answer(found.recorded),
-        "without_loss": _answer(found.clean),
+        "limit": str(found.criteria.limit),
+        "figure": found.criteria.figure,
+        "until_s": found.criteria.until / SECOND,
+        "recorded": _result_fields(found.recorded),
+        "without_loss": _result_fields(found.clean),
         "considered_messages": len(lost),
         "considered_bursts": len(found.bursts),
         "grouping": GROUPING,
-        "lost_alone_rows_max": ALONE,
+        "lost_alone_rows_max": MAX_ALONE,
         "rows": [_row(row) for row in found.rows],
         "smallest": _smallest(found, out),
-        "unshrunk": found.unshrunk,
+        "not_reduced_reason": found.not_reduced_reason,
         "runs": found.runs,
     }
 
 
-def _answer(answer: BlameAnswer) -> dict[str, Any]:
-    broken = answer.broken_at
+def _result_fields(result: RerunResult) -> dict[str, Any]:
+    broken = result.broken_at
     return {
-        "figure_m": answer.figure_m,
-        "vehicle": answer.vehicle,
-        "worst_at_s": answer.worst_at / SECOND,
+        "figure_m": result.figure_m,
+        "vehicle": result.vehicle,
+        "worst_at_s": result.worst_at / SECOND,
         "broken_at_s": None if broken is None else broken / SECOND,
     }
 
@@ -111,14 +111,14 @@ def _row(row: Attribution) -> dict[str, Any]:
     return {
         "kind": row.kind,
         "messages": row.messages,
-        "mended_m": row.mended_m,
-        "alone": None if row.alone is None else _answer(row.alone),
+        "reduction_m": row.reduction_m,
+        "alone": None if row.alone is None else _result_fields(row.alone),
         "bursts": [_burst(burst) for burst in row.group],
     }
 
 
-def _smallest(found: Blame, out: Path) -> dict[str, Any] | None:
-    if found.smallest is None or found.smallest_answer is None:
+def _smallest(found: BlameResult, out: Path) -> dict[str, Any] | None:
+    if found.smallest is None or found.smallest_result is None:
         return None
     return {
         "file": SMALLEST,
@@ -126,7 +126,7 @@ def _smallest(found: Blame, out: Path) -> dict[str, Any] | None:
         "messages": len(found.smallest.items),
         "is_minimal": found.smallest.is_minimal,
         "bursts": [_burst(burst) for burst in bursts_of(found.smallest.items)],
-        **_answer(found.smallest_answer),
+        **_result_fields(found.smallest_result),
     }
 
 
@@ -137,7 +137,7 @@ LABELS = {"error": "true error", "gap": "true gap"}
 
 
 @mpl.rc_context(STYLE)
-def drawn(found: Blame) -> Figure:
+def drawn(found: BlameResult) -> Figure:
     """Draw the figure of the worst vehicle over time, and metres for each row."""
     figure = Figure(figsize=(10.5, 3.8), layout="constrained")
     over_time, bars = figure.subplots(1, 2, width_ratios=(3, 2))
@@ -146,39 +146,39 @@ def drawn(found: Blame) -> Figure:
     return figure
 
 
-def _over_time(axes: Axes, found: Blame) -> None:
-    runs: list[tuple[str, BlameAnswer | None, str]] = [
+def _over_time(axes: Axes, found: BlameResult) -> None:
+    runs: list[tuple[str, RerunResult | None, str]] = [
         ("as recorded", found.recorded, RED),
-        ("worst burst given back", found.mended, BLUE),
-        ("only the smallest set lost", found.smallest_answer, ORANGE),
+        ("worst burst given back", found.best_restored, BLUE),
+        ("only the smallest set lost", found.smallest_result, ORANGE),
         ("nothing lost", found.clean, GREEN),
     ]
-    until_s = found.question.until / SECOND
-    for label, answer, colour in runs:
-        if answer is not None:
-            points = [one for one in answer.series[found.recorded.vehicle] if one[0] <= until_s]
+    until_s = found.criteria.until / SECOND
+    for label, result, colour in runs:
+        if result is not None:
+            points = [one for one in result.series[found.recorded.vehicle] if one[0] <= until_s]
             instants, values = [at for at, _ in points], [value for _, value in points]
             axes.plot(instants, values, color=colour, label=label)
     if found.rows:
         for burst in found.rows[0].group:
             axes.axvspan(*burst.span_s, color=GREY, alpha=0.12, linewidth=0.0)
     _bound(axes, found)
-    what = LABELS[found.question.figure]
+    what = LABELS[found.criteria.figure]
     axes.set(xlabel="time, s", ylabel=f"{what} of {found.recorded.vehicle}, m")
     axes.legend(loc="upper left")
 
 
-def _bound(axes: Axes, found: Blame) -> None:
+def _bound(axes: Axes, found: BlameResult) -> None:
     """Draw the limit, if it applies to the figure drawn."""
-    limit = found.question.limit
+    limit = found.criteria.limit
     applies = limit.vehicle in {"", found.recorded.vehicle}
-    if applies and limit.row.live == found.question.figure and limit.row.figure:
+    if applies and limit.row.live == found.criteria.figure and limit.row.figure:
         axes.axhline(limit.bound, color=GREY, linewidth=0.9, linestyle=":")
 
 
-def _bars(axes: Axes, found: Blame) -> None:
+def _bars(axes: Axes, found: BlameResult) -> None:
     rows = list(reversed(found.rows[:MOST_BARS]))
-    axes.barh(range(len(rows)), [max(row.mended_m, 0.0) for row in rows], color=BLUE)
+    axes.barh(range(len(rows)), [max(row.reduction_m, 0.0) for row in rows], color=BLUE)
     names = []
     for first, *others in (row.group for row in rows):
         names.append(_shortened(first.line + (f" and {len(others)} more" if others else ""), 40))

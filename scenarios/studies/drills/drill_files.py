@@ -6,25 +6,26 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as Xml
 
-from scenarios.studies.drills.drill import DrillRow, DrillRun
+from scenarios.studies.drills.drill import DrillResult, DrillRow
 from scenarios.studies.engine.results import write_files
 
 SCHEMA = "convoy.drills/1"
-TWIN = "drills.json"
+JSON_FILE = "drills.json"
 
 
-def machine_readable(rows: Sequence[DrillRow], runs: Sequence[DrillRun]) -> dict[str, Any]:
+def machine_readable(rows: Sequence[DrillRow], runs: Sequence[DrillResult]) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
         "passed": all(row.passed for row in rows),
         "rows": [asdict(row) for row in rows],
         "runs": [
-            {key: value for key, value in asdict(run).items() if key != "took_s"} for run in runs
+            {key: value for key, value in asdict(run).items() if key != "duration_s"}
+            for run in runs
         ],
     }
 
 
-def write_junit(rows: Sequence[DrillRow], runs: Sequence[DrillRun], file: Path) -> None:
+def write_junit(rows: Sequence[DrillRow], runs: Sequence[DrillResult], file: Path) -> None:
     """Write all rows as JUnit XML: a suite for each drill, a case for each limit."""
     root = as_xml(rows, runs)
     Xml.indent(root)
@@ -32,14 +33,14 @@ def write_junit(rows: Sequence[DrillRow], runs: Sequence[DrillRun], file: Path) 
     write_files(file.parent, {file.name: f"<?xml version='1.0' encoding='utf-8'?>\n{text}"})
 
 
-def as_xml(rows: Sequence[DrillRow], runs: Sequence[DrillRun]) -> Xml.Element:
+def as_xml(rows: Sequence[DrillRow], runs: Sequence[DrillResult]) -> Xml.Element:
     """Return all rows as a tree; the time of a suite is the sum of the drill's runs."""
     failed = sum(not row.passed for row in rows)
-    took = sum(run.took_s for run in runs)
+    took = sum(run.duration_s for run in runs)
     root = Xml.Element("testsuites", _counts("convoy drill", len(rows), failed, took))
     for name in dict.fromkeys(row.drill for row in rows):
         own = [row for row in rows if row.drill == name]
-        took = sum(run.took_s for run in runs if run.drill == name)
+        took = sum(run.duration_s for run in runs if run.drill == name)
         failed = sum(not row.passed for row in own)
         suite = Xml.SubElement(root, "testsuite", _counts(name, len(own), failed, took))
         for row in own:
@@ -47,22 +48,22 @@ def as_xml(rows: Sequence[DrillRow], runs: Sequence[DrillRun]) -> Xml.Element:
     return root
 
 
-def _counts(name: str, tests: int, failures: int, took_s: float) -> dict[str, str]:
+def _counts(name: str, tests: int, failures: int, duration_s: float) -> dict[str, str]:
     return {
         "name": name,
         "tests": str(tests),
         "failures": str(failures),
         "errors": "0",
-        "time": f"{took_s:.3f}",
+        "time": f"{duration_s:.3f}",
     }
 
 
 def _case(suite: Xml.Element, row: DrillRow) -> None:
     case = Xml.SubElement(suite, "testcase", {"classname": row.drill, "name": row.label})
     if not row.passed:
-        failure = Xml.SubElement(case, "failure", {"type": "limit", "message": row.line})
-        failure.text = f"{row.line}\nrepeat: {row.command}"
-    figure = "none" if row.figure is None else f"{row.figure:.6g}"
+        failure = Xml.SubElement(case, "failure", {"type": "limit", "message": row.message})
+        failure.text = f"{row.message}\nrepeat: {row.command}"
+    figure = "none" if row.value is None else f"{row.value:.6g}"
     margin = "none" if row.margin_ratio is None else f"{row.margin_ratio:.3f}"
     out = Xml.SubElement(case, "system-out")
     out.text = f"figure {figure}, margin {margin} of the bound, seed {row.seed}"

@@ -10,7 +10,7 @@ from scenarios.definition.scenario import load_scenario
 from scenarios.results.limits.evaluation import broken_by, severity
 from scenarios.runs.virtual.drive import drive
 from scenarios.runs.virtual.unlogged_run import run_unlogged
-from scenarios.studies.many.watched import WatchedRun, watched, with_seed
+from scenarios.studies.many.limit_history import LimitObserver, watch_limit, with_seed
 
 SHORT = ["duration_s=2.5", "convoy.vehicles=3"]
 RUNS = {
@@ -35,7 +35,7 @@ def test_the_limit_is_broken_as_by_the_summary(run: str) -> None:
     summary = run_unlogged(scenario)
     for text in LIMITS:
         limit = parsed_limit(text, scenario.vehicle_names)
-        found = watched(scenario, limit)
+        found = watch_limit(scenario, limit)
         assert found.broken == broken_by(limit, summary), text
         if limit.row.figure and not found.broken:
             assert found.severity == pytest.approx(severity(limit, summary))
@@ -44,8 +44,8 @@ def test_the_limit_is_broken_as_by_the_summary(run: str) -> None:
 @pytest.mark.parametrize("measure", ["limit", "silence"])
 def test_records_rise_in_time_and_the_last_one_ends_the_run(measure: str) -> None:
     scenario = load_scenario("lossy_lane_change", RUNS["broken"])
-    run = WatchedRun(scenario, Limit("cross_track_error_m_max", 0.3), measure=measure)  # type: ignore[arg-type]
-    outcome = drive(scenario, [run], until=lambda: run.is_over)
+    run = LimitObserver(scenario, Limit("cross_track_error_m_max", 0.3), measure=measure)  # type: ignore[arg-type]
+    outcome = drive(scenario, [run], until=lambda: run.is_finished)
     records = run.finish(outcome.at).records
     assert all(a.at <= b.at and a.value < b.value for a, b in pairwise(records))
     assert records[-1].value == inf
@@ -55,4 +55,6 @@ def test_records_rise_in_time_and_the_last_one_ends_the_run(measure: str) -> Non
 def test_another_seed_is_that_of_the_command_line() -> None:
     again = with_seed(load_scenario("lossy_lane_change", SHORT), 9)
     limit = Limit("cross_track_error_m_max", 9.0)
-    assert watched(again, limit) == watched(load_scenario("lossy_lane_change", SHORT, 9), limit)
+    assert watch_limit(again, limit) == watch_limit(
+        load_scenario("lossy_lane_change", SHORT, 9), limit
+    )

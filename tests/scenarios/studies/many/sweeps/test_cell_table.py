@@ -14,9 +14,9 @@ from scipy.stats import binomtest
 
 from scenarios.studies.engine.results import write_files
 from scenarios.studies.many.statistics import wilson
+from scenarios.studies.many.sweeps.cell_table import SweepTable, table_of
 from scenarios.studies.many.sweeps.plan import SweepPlan
 from scenarios.studies.many.sweeps.sweep import drawn, tables_of
-from scenarios.studies.many.sweeps.table import SweepTable, table_of
 from tests.made.many.small_sweeps import TABLES, small_plan
 
 SEEDS = 7
@@ -61,12 +61,12 @@ def test_a_row_sums_up_the_runs_of_its_cell(plan: SweepPlan) -> None:
         assert row["runs"] == SEEDS
         assert row["errors"] == (cell == 1)
         assert row["failed"] == sum(value > 0.9 for value in known)
-        assert row["cross_track_error_m_max.known"] == len(known)
+        assert row["cross_track_error_m_max.count"] == len(known)
         assert row["cross_track_error_m_max.median"] == pytest.approx(np.median(known))
         assert row["cross_track_error_m_max.p95"] == pytest.approx(np.percentile(known, 95))
-        assert row["cross_track_error_m_max.largest"] == max(known)
-        assert row["true_gap_m_min.known"] == len(values(entries, cell, 1)) == 3
-        assert row["true_gap_m_min.least"] == min(values(entries, cell, 1))
+        assert row["cross_track_error_m_max.maximum"] == max(known)
+        assert row["true_gap_m_min.count"] == len(values(entries, cell, 1)) == 3
+        assert row["true_gap_m_min.minimum"] == min(values(entries, cell, 1))
         broken = sum(value > 0.5 for value in known)
         assert row["error_m=0.02.broken"] == broken
         interval = binomtest(broken, len(known)).proportion_ci(method="wilson")

@@ -8,15 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenarios.studies.many.boundary.curve import NoBoundaryError, Place, ShareCurve, bracket
+from scenarios.studies.many.boundary.curve import NoBoundaryError, Sample, ShareCurve, bracket
 
 VALUES = [number / 50 for number in range(51)]
 
 
 def curve_of(broken: Callable[[float, int], bool], share: float = 0.5) -> ShareCurve:
-    def attempt(places: Sequence[Place]) -> Mapping[Place, bool]:
-        assert len(set(places)) == len(places)
-        return {(number, seed): broken(VALUES[number], seed) for number, seed in places}
+    def attempt(samples: Sequence[Sample]) -> Mapping[Sample, bool]:
+        assert len(set(samples)) == len(samples)
+        return {(number, seed): broken(VALUES[number], seed) for number, seed in samples}
 
     return ShareCurve(VALUES, share, 20, attempt)
 
@@ -41,7 +41,7 @@ def test_seeds_with_a_threshold_each_are_bracketed_by_their_middle(
     assert curve.is_complete(found.low)
     assert curve.is_complete(found.high)
     assert curve.runs <= 220
-    assert not curve.turning_seeds()
+    assert not curve.non_monotone_seeds()
 
 
 @settings(max_examples=30)
@@ -54,7 +54,7 @@ def test_the_smallest_value_of_any_seed(first: int, who: int) -> None:
     )
     found = bracket(curve)
     assert (found.low, found.high) == (first, first + 1)
-    assert found.sure == (-inf, inf)
+    assert found.confident == (-inf, inf)
 
 
 def test_the_ends_that_are_sure_hold_the_boundary_as_often_as_they_say() -> None:
@@ -68,7 +68,7 @@ def test_the_ends_that_are_sure_hold_the_boundary_as_often_as_they_say() -> None
             return bool(draws[number, seed - 1] < value)
 
         found = bracket(curve_of(broken))
-        held += found.sure[0] < 0.5 < found.sure[1]
+        held += found.confident[0] < 0.5 < found.confident[1]
     assert held >= 0.95 * count
 
 
@@ -81,7 +81,7 @@ def test_the_first_crossing_is_taken_and_seeds_that_turn_are_named() -> None:
     curve = curve_of(lambda value, seed: value > 0.9 or (seed == 3 and 0.4 < value < 0.6))
     found = bracket(curve)
     assert (VALUES[found.low], VALUES[found.high]) == (0.9, 0.92)
-    assert curve.turning_seeds() == [3]
+    assert curve.non_monotone_seeds() == [3]
 
 
 @pytest.mark.parametrize("broken", [True, False])

@@ -22,22 +22,22 @@ from scenarios.studies.engine.job import EngineError
 if TYPE_CHECKING:
     from distributed import Client
 
-Given = ParamSpec("Given")
+Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
-QUEUED = 2
+BATCHES_PER_THREAD = 2
 """Batches for each thread of a remote worker, so that the next is ready at once."""
-LOOK_EVERY_S = 1.0
+POLL_INTERVAL_S = 1.0
 """Interval between two looks at a scheduler's workers, which come and go."""
-CONNECT_S = 10.0
-PAUSES_S = (0.0, 0.05, 0.5)
+CONNECT_TIMEOUT_S = 10.0
+RETRY_DELAYS_S = (0.0, 0.05, 0.5)
 """Before each further attempt to start a worker: the process it is forked from may not be up."""
-IMPORTED = tuple(f"scenarios.runs.virtual.{name}" for name in ("logged", "unlogged"))
+PRELOADED = tuple(f"scenarios.runs.virtual.{name}" for name in ("logged", "unlogged"))
 """What workers run is imported once for all of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fleet:
+class WorkerGroup:
     """An executor, and how many batches it should have at a time.
 
     `died` are exceptions of a batch whose worker died; `gave_up` those of a batch that other
@@ -46,19 +46,19 @@ class Fleet:
 
     executor: Executor
     slots: Callable[[], int]
-    died: tuple[type[BaseException], ...] = (BrokenExecutor,)
-    gave_up: tuple[type[BaseException], ...] = ()
+    worker_lost: tuple[type[BaseException], ...] = (BrokenExecutor,)
+    no_retry: tuple[type[BaseException], ...] = ()
 
 
-OpenFleet = Callable[[], AbstractContextManager[Fleet]]
+OpenWorkers = Callable[[], AbstractContextManager[WorkerGroup]]
 """Starts a fleet where there is something to do, and ends it."""
 
 
-class ThisProcess(Executor):
+class InlineExecutor(Executor):
     """Runs each call at once, in `submit`."""
 
     def submit(
-        self, fn: Callable[Given, Result], /, *args: Given.args, **kwargs: Given.kwargs
+        self, fn: Callable[Arguments, Result], /, *args: Arguments.args, **kwargs: Arguments.kwargs
     ) -> Future[Result]:
         future: Future[Result] = Future()
         try:
@@ -82,11 +82,11 @@ class WorkerPool(Executor):
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         # After a Ctrl-C Python cleans up by itself, and would warn of it.
         os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
-        self._processes = [_one_process() for _ in range(workers)]
+        self._processes = [_new_process() for _ in range(workers)]
         self._futures: list[list[Future[Any]]] = [[] for _ in range(workers)]
 
     def submit(
-        self, fn: Callable[Given, Result], /, *args: Given.args, **kwargs: Given.kwargs
+        self, fn: Callable[Arguments, Result], /, *args: Arguments.args, **kwargs: Arguments.kwargs
     ) -> Future[Result]:
         """Hand the call to the worker with the fewest open calls."""
         self._futures = [[one for one in of if not one.done()] for of in self._futures]
@@ -97,12 +97,12 @@ class WorkerPool(Executor):
 
     def _submit_to(self, place: int, work: Callable[[], Result]) -> Future[Result]:
         """Hand work to a worker, which is replaced if it has died."""
-        with _blocked_ctrl_c():  # inherited by the workers, which end with their parent
-            for pause_s in PAUSES_S:
+        with _block_ctrl_c():  # inherited by the workers, which end with their parent
+            for pause_s in RETRY_DELAYS_S:
                 try:
                     return self._processes[place].submit(work)
                 except (BrokenProcessPool, OSError, EOFError):  # or the process it is forked from
-                    self._processes[place] = _one_process()
+                    self._processes[place] = _new_process()
                     time.sleep(pause_s)
             return self._processes[place].submit(work)
 
@@ -113,16 +113,16 @@ class WorkerPool(Executor):
             process.shutdown()
 
 
-def _one_process() -> ProcessPoolExecutor:
+def _new_process() -> ProcessPoolExecutor:
     if "forkserver" not in get_all_start_methods():
         return ProcessPoolExecutor(1, get_context("spawn"), initializer=_end_with_parent)
     context = get_context("forkserver")
-    context.set_forkserver_preload(list(IMPORTED))
+    context.set_forkserver_preload(list(PRELOADED))
     return ProcessPoolExecutor(1, context, initializer=_end_with_parent)
 
 
 @contextmanager
-def _blocked_ctrl_c() -> Iterator[None]:
+def _block_ctrl_c() -> Iterator[None]:
     """Block SIGINT in this thread; another one still receives it for the process."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
@@ -148,7 +148,7 @@ def cores() -> int:
 
 
 @contextmanager
-def fleet_of(workers: int | None = None, scheduler: str = "") -> Iterator[Fleet]:
+def open_workers(workers: int | None = None, scheduler: str = "") -> Iterator[WorkerGroup]:
     """Start a fleet of worker processes (None: one for each core, 0: this process alone).
 
     With `scheduler`, an address such as tcp://127.0.0.1:8786, use the workers of that dask
@@ -159,30 +159,35 @@ def fleet_of(workers: int | None = None, scheduler: str = "") -> Iterator[Fleet]
         with _dask_fleet(scheduler) as fleet:
             yield fleet
     elif workers == 0:
-        yield Fleet(executor=ThisProcess(), slots=lambda: 1)
+        yield WorkerGroup(executor=InlineExecutor(), slots=lambda: 1)
     else:
         count = workers or cores()
         pool = WorkerPool(count)
         try:
-            yield Fleet(executor=pool, slots=lambda: count)
+            yield WorkerGroup(executor=pool, slots=lambda: count)
         finally:
             pool.shutdown(cancel_futures=True)
 
 
 @contextmanager
-def _dask_fleet(address: str) -> Iterator[Fleet]:
+def _dask_fleet(address: str) -> Iterator[WorkerGroup]:
     from distributed import Client, KilledWorker  # noqa: PLC0415 - an extra, and slow
 
     try:
-        client = Client(address, timeout=CONNECT_S, set_as_default=False)
+        client = Client(address, timeout=CONNECT_TIMEOUT_S, set_as_default=False)
     except (OSError, ValueError) as error:  # TimeoutError among them
         why = f"no dask scheduler answers there ({' '.join(str(error).split())})"
         raise EngineError([f"--scheduler: {address}: {why}"]) from error
     try:
         # After the death of a worker equal batches are sent again and must not share a result.
         executor = client.get_executor(pure=False)
-        died = (BrokenExecutor, KilledWorker)
-        yield Fleet(executor=executor, slots=_slots_of(client), died=died, gave_up=(KilledWorker,))
+        worker_lost = (BrokenExecutor, KilledWorker)
+        yield WorkerGroup(
+            executor=executor,
+            slots=_slots_of(client),
+            worker_lost=worker_lost,
+            no_retry=(KilledWorker,),
+        )
         executor.shutdown(wait=False)
     finally:
         client.close()
@@ -190,15 +195,15 @@ def _dask_fleet(address: str) -> Iterator[Fleet]:
 
 def _slots_of(client: "Client") -> Callable[[], int]:
     """Count the batches that the workers of a scheduler can use, looked up now and then."""
-    looked_at, slots = -LOOK_EVERY_S, 1
+    looked_at, slots = -POLL_INTERVAL_S, 1
 
     def count() -> int:
         nonlocal looked_at, slots
         now = time.monotonic()
-        if now - looked_at >= LOOK_EVERY_S:
+        if now - looked_at >= POLL_INTERVAL_S:
             threads: dict[str, Any] = client.nthreads()
             # With no worker there one batch waits for the first to come.
-            slots = max(QUEUED * sum(threads.values()), 1)
+            slots = max(BATCHES_PER_THREAD * sum(threads.values()), 1)
             looked_at = now
         return slots
 

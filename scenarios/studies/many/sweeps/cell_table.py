@@ -16,7 +16,7 @@ SCHEMA = "convoy.sweep/1"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SweptRun:
+class SweepRun:
     """One run: its results, or the error that it raised."""
 
     values: tuple[str, ...]
@@ -33,12 +33,12 @@ class SweptRun:
 class FigureSpread:
     """A figure over the seeds of a cell, from the `known` runs that have it."""
 
-    known: int
+    count: int
     median: float | None = None
     p5: float | None = None
     p95: float | None = None
-    least: float | None = None
-    largest: float | None = None
+    minimum: float | None = None
+    maximum: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +52,7 @@ class LimitShare:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SweptCell:
+class SweepCell:
     """The runs of one cell; those that raised an error count in `errors` only.
 
     `failed` are those that did not end as planned, by limits in the scenario or by a fault. `worst`
@@ -60,12 +60,12 @@ class SweptCell:
     """
 
     values: tuple[str, ...]
-    runs: tuple[SweptRun, ...]
+    runs: tuple[SweepRun, ...]
     failed: int
     errors: int
     figures: tuple[FigureSpread, ...]
     limits: tuple[LimitShare, ...]
-    worst: SweptRun
+    worst: SweepRun
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,14 +73,14 @@ class SweepTable:
     """All cells of a sweep, in the order of its axes."""
 
     plan: SweepPlan
-    cells: tuple[SweptCell, ...]
+    cells: tuple[SweepCell, ...]
 
     @property
     def errors(self) -> int:
         return sum(cell.errors for cell in self.cells)
 
     @property
-    def worst(self) -> SweptRun:
+    def worst(self) -> SweepRun:
         """The run with the worst first figure of all."""
         return max((cell.worst for cell in self.cells), key=_badness(self.plan.figures[0]))
 
@@ -93,7 +93,7 @@ class SweepTable:
     def _keys(self, values: Sequence[str]) -> Row:
         return {axis.key: value for axis, value in zip(self.plan.axes, values, strict=True)}
 
-    def _row(self, cell: SweptCell) -> Row:
+    def _row(self, cell: SweepCell) -> Row:
         row = self._keys(cell.values)
         row |= {"runs": len(cell.runs), "failed": cell.failed, "errors": cell.errors}
         for figure, spread in zip(self.plan.figures, cell.figures, strict=True):
@@ -107,7 +107,7 @@ class SweepTable:
             }
         return row | {"worst_seed": cell.worst.seed, "worst_command": cell.worst.command}
 
-    def _run_row(self, run: SweptRun) -> Row:
+    def _run_row(self, run: SweepRun) -> Row:
         row = self._keys(run.values) | {"seed": run.seed, "outcome": run.outcome}
         row |= {"reason": run.reason, "error": run.error}
         figures = run.figures or (None,) * len(self.plan.figures)
@@ -132,8 +132,8 @@ def table_of(plan: SweepPlan, entries: Mapping[str, Mapping[str, Any]]) -> Sweep
     return SweepTable(plan=plan, cells=tuple(found))
 
 
-def _run(values: tuple[str, ...], seed: int, command: str, entry: Mapping[str, Any]) -> SweptRun:
-    return SweptRun(
+def _run(values: tuple[str, ...], seed: int, command: str, entry: Mapping[str, Any]) -> SweepRun:
+    return SweepRun(
         values=values,
         seed=seed,
         command=command,
@@ -147,12 +147,12 @@ def _run(values: tuple[str, ...], seed: int, command: str, entry: Mapping[str, A
 
 def _cell(
     values: tuple[str, ...],
-    runs: Sequence[SweptRun],
+    runs: Sequence[SweepRun],
     figures: Sequence[SweepFigure],
     limits: Sequence[Limit],
-) -> SweptCell:
+) -> SweepCell:
     sound = [run for run in runs if not run.error]
-    return SweptCell(
+    return SweepCell(
         values=values,
         runs=tuple(runs),
         failed=sum(run.outcome == "failed" for run in sound),
@@ -163,11 +163,11 @@ def _cell(
     )
 
 
-def _badness(figure: SweepFigure) -> Callable[[SweptRun], float]:
+def _badness(figure: SweepFigure) -> Callable[[SweepRun], float]:
     """Severity of a run by a figure; of equal runs `max` takes the one with the smallest seed."""
     sign = -1.0 if figure.is_worst_when_least else 1.0
 
-    def bad(run: SweptRun) -> float:
+    def bad(run: SweepRun) -> float:
         value = run.figures[0] if run.figures else None
         return -np.inf if value is None else sign * value
 
@@ -178,11 +178,11 @@ def _spread(values: Sequence[float | None]) -> FigureSpread:
     """Quantiles, interpolated as numpy does by default."""
     known = [value for value in values if value is not None]
     if not known:
-        return FigureSpread(known=0)
+        return FigureSpread(count=0)
     p5, median, p95 = map(float, np.quantile(known, (0.05, 0.5, 0.95)))
-    least, largest = min(known), max(known)
+    minimum, maximum = min(known), max(known)
     return FigureSpread(
-        known=len(known), median=median, p5=p5, p95=p95, least=least, largest=largest
+        count=len(known), median=median, p5=p5, p95=p95, minimum=minimum, maximum=maximum
     )
 
 
@@ -198,10 +198,10 @@ def _share(broken: Sequence[bool]) -> LimitShare:
 
 def machine_readable(table: SweepTable) -> dict[str, object]:
     cells = [_cell_content(table, cell) for cell in table.cells]
-    return {"schema": SCHEMA, "asked": table.plan.identity(), "cells": cells}
+    return {"schema": SCHEMA, "configuration": table.plan.identity(), "cells": cells}
 
 
-def _cell_content(table: SweepTable, cell: SweptCell) -> dict[str, object]:
+def _cell_content(table: SweepTable, cell: SweepCell) -> dict[str, object]:
     keys = [axis.key for axis in table.plan.axes]
     figures = [figure.name for figure in table.plan.figures]
     limits = [str(limit) for limit in table.plan.limits]
