@@ -57,7 +57,7 @@ class LinkTally:
         if verdict.content:
             self._count(self.false, verdict.content)
         self._keep(number, _DELIVERED)
-        late, heard_at, before = verdict.late, verdict.received_at_ns, self._received_at
+        late, received_at, before = verdict.late, verdict.received_at_ns, self._received_at
         self.delivered += 1
         self.late += late
         self.copies += verdict.copies
@@ -65,13 +65,13 @@ class LinkTally:
             self.reordered += 1
         else:
             self._newest = number
-        latency = (heard_at if late else verdict.visible_at_ns) - verdict.sent_at_ns
+        latency = (received_at if late else verdict.visible_at_ns) - verdict.sent_at_ns
         self.latency_ns_sum += latency
         self.latency_ns_max = max(self.latency_ns_max, latency)
         self.latencies[latency // RESOLUTION_NS] += 1
-        if before is not None and heard_at > before:
-            self.arrival_gaps[(heard_at - before) // RESOLUTION_NS] += 1
-        self._received_at = heard_at
+        if before is not None and received_at > before:
+            self.arrival_gaps[(received_at - before) // RESOLUTION_NS] += 1
+        self._received_at = received_at
 
     def add_age(self, age_s: float) -> None:
         """Take the age (s) of the newest data at a command, NaN before the first.

@@ -26,7 +26,9 @@ Episode = tuple[str, float, float]
 """The value of a field of Tracking, from when to when (s)."""
 
 
-def heard_of(vehicle: str, episodes: Mapping[str, Episode], until_s: float = 8.0) -> list[Tracking]:
+def messages_of(
+    vehicle: str, episodes: Mapping[str, Episode], until_s: float = 8.0
+) -> list[Tracking]:
     """Tracking of a vehicle at 50 Hz."""
     return [
         tracking(
@@ -43,7 +45,7 @@ def heard_of(vehicle: str, episodes: Mapping[str, Episode], until_s: float = 8.0
 
 
 def messages(until_s: float = 8.0, **episodes: Episode) -> list[Tracking]:
-    return heard_of("v3", episodes, until_s)
+    return messages_of("v3", episodes, until_s)
 
 
 def figure(
@@ -91,7 +93,7 @@ def test_a_run_that_ended_before_the_deadline_breaks_no_limit() -> None:
 
 
 def test_others_do_not_count() -> None:
-    received = heard_of("v2", {"mode": ("predecessor", 2.0, 5.0)}) + messages()
+    received = messages_of("v2", {"mode": ("predecessor", 2.0, 5.0)}) + messages()
     assert figure(PREDECESSOR, received).took_s is None
 
 
@@ -106,7 +108,7 @@ def test_lead_and_predecessor_are_separate_sources() -> None:
 
 def test_the_first_follower_s_predecessor_is_the_lead() -> None:
     limit = DISTRUST.model_copy(update={"vehicle": "v2", "source": "v1"})
-    received = heard_of("v2", {"lead_status": ("distrusted", 2.3, 4.0)})
+    received = messages_of("v2", {"lead_status": ("distrusted", 2.3, 4.0)})
     assert figure(limit, received).took_s == pytest.approx(0.3)
 
 
@@ -124,7 +126,7 @@ def test_the_first_follower_s_predecessor_is_the_lead() -> None:
 def test_recovery_requires_all_sources_until_the_end(
     episodes: dict[str, Episode], took_s: float | None
 ) -> None:
-    found = figure(RECOVERY, heard_of("v3", episodes))
+    found = figure(RECOVERY, messages_of("v3", episodes))
     assert found.took_s == (None if took_s is None else pytest.approx(took_s))
     assert found.broken == (took_s is None or took_s > 1.0)
 
@@ -147,7 +149,7 @@ def test_how_vehicles_are_mixed_does_not_matter() -> None:
     """Those of each vehicle are in order, as a log has them; errors may come later."""
     limits = LimitsTable(modes=(PREDECESSOR,), sources=(DISTRUST,), recovery=(RECOVERY,))
     own = messages(mode=("predecessor", 2.3, 3.1), predecessor_status=("distrusted", 2.1, 3.1))
-    others = heard_of("v2", {"mode": ("predecessor", 2.0, 8.0)})
+    others = messages_of("v2", {"mode": ("predecessor", 2.0, 8.0)})
     chance = Random(1)
     found: list[tuple[DeadlineFigure, ...]] = []
     for _ in range(5):

@@ -51,7 +51,7 @@ DECISION = Decision(
     steering=SteeringCommand(0.02, 0.015, 0.005),
     errors=TrackingErrors(0.1, 0.0, 0.0, 0.0),
     mode="lead",
-    reason="v2 never heard",
+    reason="v2 never received",
     estimated_gap=14.0,
     situation=Situation(
         lead=SourceFreshness(
@@ -278,9 +278,9 @@ def test_a_change_of_mode_is_logged_with_its_reason() -> None:
     for k, decision in enumerate([DECISION, DECISION, composite, composite, DECISION]):
         box.publish(at(k / 50), BODY, None, decision)
     assert texts(bus) == [
-        ("info", "mode lead (v2 never heard)"),
+        ("info", "mode lead (v2 never received)"),
         ("info", "mode composite"),
-        ("info", "mode lead (v2 never heard)"),
+        ("info", "mode lead (v2 never received)"),
     ]
 
 

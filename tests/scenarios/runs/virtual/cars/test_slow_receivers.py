@@ -29,10 +29,9 @@ LANE = 0.5
 
 @dataclass(frozen=True)
 class Outcome:
-    """How far (m) the lead believed to be off its path, and the followers were off the lead's.
+    """Largest self-estimated error (m) of the lead and true error (m) of the followers.
 
-    And what was said beforehand: by how much (1/s) errors grow, 0 where they do not, and whether
-    poses are too few.
+    `growth` (1/s) of errors is the one that check predicts, 0 without any.
     """
 
     lead: float

@@ -146,9 +146,9 @@ def test_announcements_change_no_command_while_the_lead_is_received() -> None:
 
 
 def test_a_follower_of_a_false_predecessor_drives_where_it_drove() -> None:
-    told_nothing = Driven(convoy(FOR_GOOD, vehicles=3), {"v2": [math.nan, 1e9, -3.0]})
-    assert told_nothing.modes["v3"][-1] == "predecessor"
-    assert told_nothing.steering == driven(FOR_GOOD, DRIVEN, vehicles=3).steering
+    without_offset = Driven(convoy(FOR_GOOD, vehicles=3), {"v2": [math.nan, 1e9, -3.0]})
+    assert without_offset.modes["v3"][-1] == "predecessor"
+    assert without_offset.steering == driven(FOR_GOOD, DRIVEN, vehicles=3).steering
 
 
 @pytest.mark.parametrize("lie", [[1.7], [1.7, -1.7]])
