@@ -132,8 +132,9 @@ class RunSummary:
     outcome: Literal["completed", "failed", "running"]
     """completed, failed, or running (of a log that is still being written)."""
     outcome_line: str = ""
-    """The outcome in one line, as printed at the end. "OK: ..." is a completed run without events;
-    "FAILED: ..." begins with the reason; any other line begins with the worst incident."""
+    """The outcome in one line, as printed at the end. "OK: ..." is a completed run without events,
+    "FAILED: ..." begins with the reason, "RUNNING: ..." is a run that still runs; any other line is
+    of a completed run and begins with its worst incident."""
     reason: str
     """Why the run failed; empty if it was completed."""
     duration_s: float
@@ -149,9 +150,8 @@ class RunSummary:
     limits: tuple[LimitFigure, ...] = field(default=())
     changes: tuple[RunChange, ...] = field(default=())
     warnings: tuple[str, ...] = field(default=())
-    """Vehicles that refused a hundred messages, or ten times as many, because of their time stamps;
-    the first time that tyres left their linear range; links that did not do what was requested; and
-    more than 1 % late ticks."""
+    """Vehicles that refused 100, 1000, ... messages because of their time stamps; tyres beyond
+    their linear range; links that deviate from their request; more than 1 % late ticks."""
 
 
 ENTRIES: Mapping[str, type] = {

@@ -39,7 +39,7 @@ class VehicleSummary:
     """Scheduled poses that are not in the log, until the end of the run or of the vehicle. For
     vehicles that send without a schedule: gaps in the message numbers."""
     silent_from_s: float | None = None
-    """Time after which nothing of the vehicle was recorded although the run went on; else null."""
+    """Time after which the run continued without records of the vehicle; else null."""
     lateral_error_m_max: float | None
     """Largest lateral error relative to the trajectory that the vehicle follows (self-estimate)."""
     lateral_error_m_rms: float | None
