@@ -207,23 +207,23 @@ def _points(path: dict[str, tuple[float, ...]]) -> Iterator[Problem]:
 
 
 def _cars(tables: ScenarioTables) -> Iterator[Problem]:
-    refused: dict[str, str] = {}
+    problems: dict[str, str] = {}
     for name in vehicle_names(tables):
         own = tables.vehicle.get(name)
         setup = vehicle_setup(tables, name)
         rate = max(map(fastest_rate, (setup.parameters, setup.assumed_parameters)))
         if rate > FASTEST_RATE:
             table = f"vehicle.{name}.parameters" if own and own.parameters else "parameters"
-            refused[table] = (
+            problems[table] = (
                 f"the car's tyres and steering answer at {rate:.3g} 1/s, allowed up to "
                 f"{FASTEST_RATE:g}: too stiff for its mass and yaw inertia"
             )
-    yield from refused.items()
+    yield from problems.items()
 
 
 def controllers(tables: ScenarioTables) -> Iterator[Problem]:
     """Yield controllers that cannot be loaded."""
-    refused: dict[str, str] = {}
+    problems: dict[str, str] = {}
     for name in vehicle_names(tables):
         setup, own = vehicle_setup(tables, name), tables.vehicle.get(name)
         table = f"vehicle.{name}.control" if own and own.control else "control"
@@ -234,10 +234,10 @@ def controllers(tables: ScenarioTables) -> Iterator[Problem]:
             why = str(error) if "." in given else f"given {toml_repr(given)}"
             allowed = ", ".join(map(toml_repr, CONTROLLERS))
             hint = did_you_mean(given, CONTROLLERS)
-            refused[f"{table}.controller"] = (
+            problems[f"{table}.controller"] = (
                 f"{why}, allowed {allowed} or your own package.module.Class{hint}"
             )
-    yield from refused.items()
+    yield from problems.items()
 
 
 def on_the_road(tables: ScenarioTables, route: Route) -> Iterator[Problem]:

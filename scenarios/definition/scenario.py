@@ -347,7 +347,7 @@ def _read(
         given.raw["seed"] = seed
         overrides = [*overrides, f"seed={seed}"]
     before = given.raw.get("overrides")
-    if overrides and isinstance(before, list | None):  # anything else is refused below
+    if overrides and isinstance(before, list | None):  # the validation reports anything else
         given.raw["overrides"] = [*(before or []), *overrides]
     problems: list[Problem] = []
     raw = with_presets(given.raw, problems)

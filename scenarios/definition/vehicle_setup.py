@@ -24,7 +24,7 @@ class VehicleSetup:
     """One vehicle; `place` counts from the lead, which is 0.
 
     `parameters` are those of the loaded car; `assumed_parameters` are those of its controller and
-    estimator, without the load unless the scenario says that they know it. `senders` are the
+    estimator, without the load unless they know it. `senders` are the
     vehicles whose poses it uses: lead and predecessor; for the lead none, or all where it waits.
     `controller` is the dotted name of the class that steers. `imu_rate_hz` is the inertial sensor's
     own rate, or else that of control.

@@ -54,7 +54,7 @@ def with_presets(raw: Raw, problems: list[Problem]) -> Raw:
     Entries of a preset follow the scenario's own. An unknown preset is added to `problems`.
     """
     changed, links, entries = dict(raw), raw.get("links"), raw.get("link", [])
-    if not isinstance(entries, list):  # which is refused later
+    if not isinstance(entries, list):  # reported by the validation
         entries = []
     whole = [
         _whole(entry, _preset(f"link[{index}]", entry, problems, alone=True))

@@ -25,7 +25,7 @@ class _Sight:
 
     The path is known `reach` (m) ahead when the newest pose is oldest. The preview takes `preview`
     (m) of it, which hold `samples` poses, `spacing` (m) apart. The fit keeps `behind` (m) behind
-    the ego. `remedy` is the way to more poses.
+    the ego. `remedy` leads to more poses.
     """
 
     source: str

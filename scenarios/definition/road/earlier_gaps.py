@@ -17,7 +17,7 @@ def with_bumper_gaps(text: str) -> str:
         raw = tomllib.loads(text)
         _convert(raw)
     except (tomllib.TOMLDecodeError, AttributeError, TypeError):
-        return text  # refused when it is read
+        return text  # reported when it is read
     return tomli_w.dumps(raw)
 
 

@@ -232,14 +232,14 @@ def scenario_of(rough: Rough, folder: Path, more: str = "") -> Scenario:
 class Expected:
     """What is made of a file: how far (m) its path is from the truth, and what `check` counts.
 
-    `says` are patterns, each of a line of `check`; `refused` is that of the only line there is.
+    `patterns` match lines of `check`; `refused` matches the only error line.
     """
 
     off: float = 0.08
     jumps: tuple[int, int] = (0, 0)
     stands: int = 0
     holes: int = 0
-    says: tuple[str, ...] = ()
+    patterns: tuple[str, ...] = ()
     refused: str = ""
 
 
@@ -248,7 +248,7 @@ def holed(length: float, course: Course, form: str, speed: float = 10.0) -> Roug
 
 
 def bridged(length: float) -> tuple[str, ...]:
-    """What `check` says of a hole: from point to point it is a step longer, or noise shorter."""
+    """Pattern of a hole in `check`: by points it is a step longer, or noise shorter."""
     lengths = "|".join(f"{length + more:.0f}" for more in (-1.0, 0.0, 1.0, 2.0))
     return (rf"a hole of ({lengths})\.\d m after (line|point) \d+.* is bridged",)
 
@@ -264,13 +264,13 @@ TURNS_BACK = (
 CASES: dict[str, tuple[Rough, Expected]] = {
     "utm": (
         Rough(offset=UTM),
-        Expected(says=("3912 km from .* 300000 m are subtracted .* eastings, 3900000 m from",)),
+        Expected(patterns=("3912 km from .* 300000 m are subtracted .* eastings, 3900000 m from",)),
     ),
-    "utm without times": (Rough(offset=UTM, form="places"), Expected(says=("3912 km",))),
+    "utm without times": (Rough(offset=UTM, form="places"), Expected(patterns=("3912 km",))),
     **{
         f"hole of {length:g} m on a straight, {form}": (
             holed(length, STRAIGHT, form),
-            Expected(holes=1, off=0.06, says=bridged(length)),
+            Expected(holes=1, off=0.06, patterns=bridged(length)),
         )
         for length, form in (
             (5.0, "csv"), (10.0, "gpx"), (20.0, "nmea"), (30.0, "places"), (50.0, "wgs84")
@@ -279,7 +279,7 @@ CASES: dict[str, tuple[Rough, Expected]] = {
     **{
         f"hole of {length:g} m on an arc, {form}": (
             holed(length, LEFT, form),
-            Expected(holes=1, says=bridged(length)),
+            Expected(holes=1, patterns=bridged(length)),
         )
         for length, form in (
             (5.0, "places"), (10.0, "csv"), (20.0, "gpx"), (30.0, "timed"), (50.0, "nmea")
@@ -304,7 +304,7 @@ CASES: dict[str, tuple[Rough, Expected]] = {
     ),
     "jumps": (
         Rough(course=SWEEP, jumps=8, rate_hz=20.0, speed=15.0),
-        Expected(jumps=(8, 8), says=(r"8 points jump and are left out, by \d\.\d m at line \d+",)),
+        Expected(jumps=(8, 8), patterns=(r"8 points jump and are left out, by \d\.\d m at line",)),
     ),
     "jumps without times": (
         Rough(course=SWEEP, jumps=8, rate_hz=20.0, speed=15.0, form="places"),
@@ -325,39 +325,39 @@ CASES: dict[str, tuple[Rough, Expected]] = {
     "jumps on a block": (Rough(course=BLOCK, jumps=4, speed=5.0), Expected(jumps=(4, 4))),
     "standing start": (
         Rough(stands=((0.0, 20.0),)),
-        Expected(stands=1, says=(r"starts at its first movement, at line 20\d \(0\.0 s\)",)),
+        Expected(stands=1, patterns=(r"starts at its first movement, at line 20\d \(0\.0 s\)",)),
     ),
     "standing start, nmea": (Rough(stands=((0.0, 20.0),), form="nmea"), Expected(stands=1)),
     "standing start, utm": (
         Rough(stands=((0.0, 60.0),), offset=UTM, form="timed"),
-        Expected(stands=1, says=("3912 km",)),
+        Expected(stands=1, patterns=("3912 km",)),
     ),
     "two stops": (
         Rough(stands=STOPS, form="timed"),
-        Expected(stands=2, says=("stands for 2. s from line", "stands for 1. s from line")),
+        Expected(stands=2, patterns=("stands for 2. s from line", "stands for 1. s from line")),
     ),
     "two stops, gpx": (Rough(stands=STOPS, form="gpx"), Expected(stands=2)),
     "stop with drift": (
         Rough(drift=0.3, stands=((150.0, 40.0),)),
-        Expected(stands=1, off=1.0, says=("points scatter by",)),
+        Expected(stands=1, off=1.0, patterns=("points scatter by",)),
     ),
     "phone with two stops, gpx": (
         Rough(course=SWEEP, noise=2.5, rate_hz=1.0, speed=13.0, stands=PHONE_STOPS, form="gpx"),
-        Expected(stands=2, off=5.0, says=("points scatter by 2", "noisy points")),
+        Expected(stands=2, off=5.0, patterns=("points scatter by 2", "are noisy")),
     ),
     "phone with two stops, nmea": (
         Rough(
             course=SWEEP, noise=2.5, rate_hz=1.0, speed=13.0, stands=PHONE_STOPS, form="nmea",
             seed=2,
         ),
-        Expected(stands=2, off=5.0, says=("points scatter by 2",)),
+        Expected(stands=2, off=5.0, patterns=("points scatter by 2",)),
     ),
     "phone that drifts": (
         Rough(
             course=SWEEP, noise=0.2, drift=2.5, rate_hz=1.0, speed=13.0, stands=PHONE_STOPS,
             form="gpx",
         ),
-        Expected(stands=2, off=8.0, says=("points scatter by",)),
+        Expected(stands=2, off=8.0, patterns=("points scatter by",)),
     ),
     "phone that drifts, standing start": (
         Rough(
@@ -414,7 +414,7 @@ CASES: dict[str, tuple[Rough, Expected]] = {
             course=SWEEP, offset=UTM, holes=((200.0, 25.0),), jumps=5, speed=15.0,
             stands=((0.0, 10.0), (400.0, 15.0)),
         ),
-        Expected(stands=2, holes=1, jumps=(5, 5), says=("3912 km", "a hole of 2[5-7]")),
+        Expected(stands=2, holes=1, jumps=(5, 5), patterns=("3912 km", "a hole of 2[5-7]")),
     ),
 }  # fmt: skip
 """Files by name, and what becomes of each."""

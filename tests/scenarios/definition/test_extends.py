@@ -98,7 +98,7 @@ def test_a_path_of_another_kind_takes_the_place_of_the_whole_path(tmp_path: Path
     assert path.laps == 1
 
 
-def test_a_base_may_leave_out_what_the_extending_file_says(tmp_path: Path) -> None:
+def test_a_base_may_omit_keys_of_the_extending_file(tmp_path: Path) -> None:
     base = "[path]\nsmoothing_m = 3.0\n[control]\npreview_s = 1.5\n"
     text = f"name = 'mine'\n[path]\nkind = 'points'\n{POINTS}"
     scenario = extending(tmp_path, base, text)

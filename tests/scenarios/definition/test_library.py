@@ -17,7 +17,7 @@ from scenarios.definition.schema.scenario_tables import ParametersTable, Scenari
 from scenarios.definition.vehicle_setup import vehicle_setup
 from vehicles.car.parameters import LINCOLN_MKZ
 
-MEANT_AS_EXAMPLES = {"name", "path"}
+EXAMPLES = {"name", "path"}
 
 
 def uncommented(text: str) -> dict[str, Any]:
@@ -34,7 +34,7 @@ def path_examples(text: str) -> list[dict[str, Any]]:
     return [tomllib.loads(re.sub(r"^# ", "", block, flags=re.MULTILINE)) for block in blocks]
 
 
-def test_the_library_holds_what_is_promised() -> None:
+def test_the_library_has_the_promised_scenarios() -> None:
     assert set(library()) >= {"lane_change", "church_lot", "highway", "lossy_lane_change"}
     assert not any(name.startswith("_") for name in library())
 
@@ -116,7 +116,7 @@ def test_the_motorway_is_driven_as_it_was_recorded() -> None:
     assert report.duration_s == pytest.approx(run_in + 59.9, abs=0.2)
 
 
-def test_losses_act_where_the_lossy_scenario_says() -> None:
+def test_the_lossy_scenario_has_its_losses() -> None:
     scenario = load_scenario("lossy_lane_change")
     links = list(scenario.links.values())
     assert len(links) == 5
@@ -129,10 +129,10 @@ def test_the_template_is_a_scenario() -> None:
     assert scenario.duration_s == pytest.approx(40.0, abs=0.1)  # 800 m at 20 m/s
 
 
-def test_what_the_template_sets_is_the_default() -> None:
+def test_the_template_sets_the_defaults() -> None:
     given = tomllib.loads(template())
     tables = ScenarioTables.model_validate(given)
-    defaults = ScenarioTables.model_validate({k: given[k] for k in MEANT_AS_EXAMPLES})
+    defaults = ScenarioTables.model_validate({k: given[k] for k in EXAMPLES})
     assert tables == defaults
     default_car = vehicle_setup(defaults, "v1").parameters
     assert replace(default_car, steering_rate_limit=math.inf, tyres="linear") == LINCOLN_MKZ
@@ -154,7 +154,7 @@ def test_the_paper_s_scenarios_drive_the_paper_s_car(name: str) -> None:
         assert scenario.vehicle(vehicle).parameters.tyres == "linear"
 
 
-def test_what_the_template_comments_out_is_valid_too() -> None:
+def test_commented_keys_of_the_template_are_valid() -> None:
     whole = uncommented(template())
     tables = ScenarioTables.model_validate(whole)
     assert tables.speed.profile

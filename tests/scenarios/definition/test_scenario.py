@@ -38,13 +38,13 @@ def test_defaults_are_the_paper_s() -> None:
     assert scenario.start_at_ns == 1_767_225_600 * 10**9  # 2026-01-01, counted in days from 1970
 
 
-def test_followers_hear_the_lead_and_the_vehicle_ahead() -> None:
+def test_followers_receive_from_lead_and_predecessor() -> None:
     scenario = scenario_from_text(STRAIGHT)
-    hears = {name: scenario.vehicle(name).senders for name in scenario.vehicle_names}
-    assert hears == {"v1": (), "v2": ("v1",), "v3": ("v1", "v2"), "v4": ("v1", "v3")}
+    sources = {name: scenario.vehicle(name).senders for name in scenario.vehicle_names}
+    assert sources == {"v1": (), "v2": ("v1",), "v3": ("v1", "v2"), "v4": ("v1", "v3")}
     assert scenario.vehicle("v3").predecessor == "v2"
     assert set(scenario.links) == {
-        (sender, name) for name, heard in hears.items() for sender in heard
+        (sender, name) for name, senders in sources.items() for sender in senders
     }
 
 
@@ -61,7 +61,7 @@ def test_vehicles_start_behind_each_other_on_a_straight_through_the_origin() -> 
     ]
 
 
-def test_one_vehicle_differs_only_in_what_its_table_says() -> None:
+def test_one_vehicle_differs_only_in_the_keys_of_its_table() -> None:
     text = (
         STRAIGHT
         + """
@@ -205,17 +205,17 @@ def test_every_kind_of_value_survives_the_text(
     assert (written["link"], written["vehicle"]) == (tables["link"], tables["vehicle"])
 
 
-def test_a_scenario_names_itself_by_what_was_asked_of_it() -> None:
+def test_the_title_names_the_overrides() -> None:
     plain = load_scenario("lane_change")
     assert plain.title == "lane_change, seed 1, α 0.5, loss 0 %"
     assert (plain.overrides, plain.slug) == ((), "lane_change")
     settings = ["convoy.gap_m=3", "links.loss_ratio=0.4"]
-    asked = load_scenario("lane_change", settings, seed=7)
-    assert asked.overrides == (*settings, "seed=7")
-    assert asked.title == (
+    scenario = load_scenario("lane_change", settings, seed=7)
+    assert scenario.overrides == (*settings, "seed=7")
+    assert scenario.title == (
         "lane_change, seed 7, α 0.5, loss 40 %, convoy.gap_m=3, links.loss_ratio=0.4"
     )
-    assert asked.slug == "lane_change-convoy.gap_m=3-links.loss_ratio=0.4-seed=7"
+    assert scenario.slug == "lane_change-convoy.gap_m=3-links.loss_ratio=0.4-seed=7"
     some = ["vehicle.v3.control.alpha_ratio=0.8", 'link=[{sender="v1",receiver="v2",loss_ratio=1}]']
     mixed = load_scenario("lane_change", some)
     assert mixed.title.startswith("lane_change, seed 1, α 0.5 to 0.8, loss 0 to 100 %, vehicle.v3")
@@ -227,8 +227,8 @@ def test_a_scenario_names_itself_by_what_was_asked_of_it() -> None:
 
 
 def test_a_scenario_knows_its_overrides_from_its_own_text_and_adds_more() -> None:
-    asked = load_scenario("lane_change", ["convoy.gap_m=3"], seed=7)
-    again = scenario_from_text(asked.text)
-    assert (again.title, again.slug, again.text) == (asked.title, asked.slug, asked.text)
-    more = scenario_from_text(asked.text, overrides=["convoy.gap_m=4"])
+    scenario = load_scenario("lane_change", ["convoy.gap_m=3"], seed=7)
+    again = scenario_from_text(scenario.text)
+    assert (again.title, again.slug, again.text) == (scenario.title, scenario.slug, scenario.text)
+    more = scenario_from_text(scenario.text, overrides=["convoy.gap_m=4"])
     assert more.overrides == ("convoy.gap_m=3", "seed=7", "convoy.gap_m=4")

@@ -59,14 +59,14 @@ def test_the_more_specific_entry_wins_key_by_key() -> None:
 
 
 def test_each_key_becomes_its_effect() -> None:
-    asked = LinkTable(latency_ms=12.5, jitter_ms=30.0, loss_ratio=0.25, rate_hz=5.0)
-    rate, loss, latency, jitter = link_effects(asked, RATE_HZ)
+    table = LinkTable(latency_ms=12.5, jitter_ms=30.0, loss_ratio=0.25, rate_hz=5.0)
+    rate, loss, latency, jitter = link_effects(table, RATE_HZ)
     assert isinstance(rate, Decimation)
     assert rate.kept == 1 / 4
     assert (loss, latency, jitter) == (Loss(0.25), Latency(12_500_000), Jitter(30_000_000))
 
 
-def test_effects_that_are_not_asked_for_are_not_there() -> None:
+def test_a_link_has_no_effects_that_are_not_configured() -> None:
     assert len(link_effects(LinkTable(), RATE_HZ)) == 1
     assert len(link_effects(LinkTable(jitter_ms=1, loss_ratio=0.1, rate_hz=5), RATE_HZ)) == 4
 

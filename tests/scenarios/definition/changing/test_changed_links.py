@@ -62,12 +62,12 @@ def changes(draw: st.DrawFn) -> LinkChange:
             return HealTable(kind="heal", at_s=at_s, sender=sender, receiver=receiver)
 
 
-def link(done: Sequence[LinkChange], asked: LinkTable = BURSTY, seed: int = 1) -> Link:
+def link(done: Sequence[LinkChange], table: LinkTable = BURSTY, seed: int = 1) -> Link:
     """The link of PAIR, from a convoy to which all that was `done`."""
     about = [one for one in done if links_of(one, NAMES, [PAIR])]
     order = sorted(((START + round(one.at_s * SECOND), one) for one in about), key=lambda k: k[0])
-    found = course(order, asked, lambda table, besides: link_effects(table, 20.0, besides=besides))
-    return Link(link_effects(asked, 20.0), seed, *PAIR, link_stages(asked), found)
+    found = course(order, table, lambda table, besides: link_effects(table, 20.0, besides=besides))
+    return Link(link_effects(table, 20.0), seed, *PAIR, link_stages(table), found)
 
 
 def context(seq: int) -> TransmissionContext:
@@ -75,7 +75,7 @@ def context(seq: int) -> TransmissionContext:
 
 
 def now(done: Sequence[LinkChange], seconds: float) -> tuple[LinkTable, bool]:
-    """What is asked of the link at a time, from the definition: key by key, the last that holds."""
+    """Settings of the link at a time by definition: for each key the last change that holds."""
     about = [one for one in done if links_of(one, NAMES, [PAIR]) and one.at_s <= seconds]
     about.sort(key=lambda one: one.at_s)
     healed = [place for place, one in enumerate(about) if isinstance(one, HealTable)]
@@ -85,21 +85,21 @@ def now(done: Sequence[LinkChange], seconds: float) -> tuple[LinkTable, bool]:
         for one in about
         if not isinstance(one, HealTable) and (one.for_s is None or seconds < one.at_s + one.for_s)
     ]
-    asked = BURSTY
+    table = BURSTY
     for key in ("loss_ratio", "latency_ms", "jitter_ms"):
         given_ = [getattr(one, key, None) for one in holding]
         if values := [value for value in given_ if value is not None]:
-            asked = asked.model_copy(update={key: values[-1]})
-    return asked, any(isinstance(one, CutTable) for one in holding)
+            table = table.model_copy(update={key: values[-1]})
+    return table, any(isinstance(one, CutTable) for one in holding)
 
 
 @given(st.lists(changes(), max_size=8))
 @examples(50, 150)
-def test_at_each_instant_it_is_the_link_that_is_asked_for_by_then(done: list[LinkChange]) -> None:
+def test_each_instant_has_the_link_of_the_latest_changes(done: list[LinkChange]) -> None:
     changed = link(done)
     for seq in range(0, 120, 3):
-        asked, is_cut = now(done, seq * PERIOD / SECOND)
-        as_asked = Link(link_effects(asked, 20.0), 1, *PAIR).judge(context(seq))
+        table, is_cut = now(done, seq * PERIOD / SECOND)
+        as_asked = Link(link_effects(table, 20.0), 1, *PAIR).judge(context(seq))
         expected = Verdict("dropped", "cut", as_asked.visible_at) if is_cut else as_asked
         assert changed.judge(context(seq)) == expected
 
@@ -160,14 +160,14 @@ def test_a_queue_behind_a_changed_link_does_not_depend_on_when_bytes_came(
     done: list[LinkChange], data: st.DataObject
 ) -> None:
     """Tick by tick, in time for its least delay, it comes to what it does all at once."""
-    asked = LinkTable.model_validate(
+    table = LinkTable.model_validate(
         {"latency_ms": 30.0, "queue": {"bytes_per_s": 2000.0, "depth_messages": 3},
          "delay": {"kind": "uniform", "delay_ms_min": 0.0, "delay_ms_max": 90.0,
                    "order": "in_order"}}
     )  # fmt: skip
     contexts = [context(seq) for seq in range(100)]
-    at_once = judge_stream(link(done, asked), contexts)
-    one = link(done, asked)
+    at_once = judge_stream(link(done, table), contexts)
+    one = link(done, table)
     line, settled = StagedMessages(one), dict[int, tuple[Verdict, int]]()
     tick_ns = data.draw(st.sampled_from([SECOND // 50, SECOND // 7, SECOND]))
     coming = iter(contexts)
@@ -204,7 +204,7 @@ def scenario(text: str) -> None:
          '"stall", "crash", "leave", "join" or "speed"'),
     ],
 )  # fmt: skip
-def test_what_does_not_fit_is_refused_in_a_line(entry: str, line: str) -> None:
+def test_an_impossible_change_gets_one_line(entry: str, line: str) -> None:
     with pytest.raises(ScenarioError) as refused:
         scenario(f"[[change]]\nat_s = 1.0\n{entry}\n")
     assert str(refused.value) == f"scenario: {line}"

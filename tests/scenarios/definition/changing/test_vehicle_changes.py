@@ -56,7 +56,7 @@ REFUSED = {
         ('kind = "crash"\nvehicle = "v2"\nat_s = 1', STALL.format(at=5, span=1)),
         ("change[1]", "v2: stall at 5 s", "it is down until inf s"),
     ),
-    "too short to start anew": (
+    "too short to restart": (
         (CRASH.format(at=1, span=0.5),),
         ("change[0].for_s", "given 0.5", "1 to 86400"),
     ),
@@ -67,15 +67,15 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize(("changes", "said"), REFUSED.values(), ids=REFUSED)
+@pytest.mark.parametrize(("changes", "facts"), REFUSED.values(), ids=REFUSED)
 def test_what_cannot_be_carried_out_is_refused_in_one_line(
-    changes: tuple[str, ...], said: tuple[str, ...]
+    changes: tuple[str, ...], facts: tuple[str, ...]
 ) -> None:
     with pytest.raises(ScenarioError) as caught:
         made(*changes)
     (line,) = caught.value.lines
     assert line.startswith("a.toml: change[")
-    for part in said:
+    for part in facts:
         assert part in line
 
 

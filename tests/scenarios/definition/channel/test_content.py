@@ -52,9 +52,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize(("change", "key", "given_", "allowed"), REFUSED.values(), ids=REFUSED)
-def test_what_cannot_be_is_refused_in_one_line(
-    change: str, key: str, given_: str, allowed: str
-) -> None:
+def test_an_invalid_value_gets_one_line(change: str, key: str, given_: str, allowed: str) -> None:
     with pytest.raises(ScenarioError) as caught:
         scenario_from_text(STRAIGHT, label="a.toml", overrides=[change])
     (line,) = caught.value.lines
@@ -78,7 +76,7 @@ def test_a_link_s_own_content_is_laid_over_the_convoy_s_key_by_key() -> None:
     assert load_scenario("lane_change").links["v1", "v2"].content is None
 
 
-def test_the_scenario_in_a_log_says_the_same() -> None:
+def test_the_scenario_in_a_log_is_the_same() -> None:
     content = "links.content={false=[{kind='frozen', from_s=1.0}, {kind='ghost', left_m=2.0}]}"
     scenario = load_scenario("lane_change", [content])
     assert scenario_from_text(scenario.text).tables == scenario.tables

@@ -77,8 +77,8 @@ def test_the_floor_stays_below_the_law_and_the_other_delays_add_up() -> None:
 def test_queue_and_order_stand_behind_the_effects() -> None:
     delay = {"kind": "constant", "delay_ms": 0.0, "order": "in_order"}
     queue = {"bytes_per_s": 4000.0, "depth_messages": 3, "drop": "oldest"}
-    asked = LinkTable.model_validate({"delay": delay, "queue": queue})
-    assert link_stages(asked) == (Queue.model_validate(queue), InOrder())
+    link = LinkTable.model_validate({"delay": delay, "queue": queue})
+    assert link_stages(link) == (Queue.model_validate(queue), InOrder())
     assert link_stages(LinkTable.model_validate({"queue": {"bytes_per_s": 4000.0}})) == (
         Queue(bytes_per_s=4000.0, depth_messages=10, drop="newest"),
     )

@@ -139,9 +139,7 @@ def error_lines(change: str, folder: Path | None = None) -> list[str]:
 
 
 @pytest.mark.parametrize(("change", "key", "given", "allowed"), BROKEN.values(), ids=BROKEN)
-def test_a_broken_value_is_refused_in_one_line(
-    change: str, key: str, given: str, allowed: str
-) -> None:
+def test_an_invalid_value_gets_one_line(change: str, key: str, given: str, allowed: str) -> None:
     line = next(line for line in error_lines(change) if f" {key}: " in line)
     assert line.startswith("--set: ")
     assert given in line

@@ -32,7 +32,7 @@ COLLISIONS = {"loss_ratio": 0.1, "keep_ratio": 0.4}
 RATIOS = st.floats(0.02, 0.98)
 
 
-def asked(**keys: object) -> LinkTable:
+def link_table(**keys: object) -> LinkTable:
     return LinkTable.model_validate(keys)
 
 
@@ -63,7 +63,7 @@ def test_a_chain_beside_independent_losses_has_the_burst_of_its_transitions(
 ) -> None:
     """By hand: a burst ends from bad to good, or from a loss in good, where the next one passes."""
     law = {"kind": "gilbert_elliott", "good_to_bad_ratio": p, "bad_to_good_ratio": r}
-    found = expected_channel(asked(loss=law, loss_ratio=q))
+    found = expected_channel(link_table(loss=law, loss_ratio=q))
     bad = p / (p + r)
     loss = bad + (1.0 - bad) * q
     ends = (bad * r + (1.0 - bad) * q * (1.0 - p)) * (1.0 - q)
@@ -90,7 +90,7 @@ def test_independent_losses_alone_are_as_ever(loss: float) -> None:
 )
 @pytest.mark.campaign(20_000, 100_000)
 def test_laws_together_lose_as_their_effects_do(keys: dict[str, object], campaign: int) -> None:
-    table = asked(**keys)
+    table = link_table(**keys)
     found, lost = expected_channel(table), drawn_fates(table, campaign)
     assert found.loss_ratio is not None
     assert found.burst_messages is not None
@@ -105,7 +105,7 @@ def test_laws_together_lose_as_their_effects_do(keys: dict[str, object], campaig
 def test_a_counted_loss_is_spread_by_the_inflation(p: float, r: float, q: float) -> None:
     """Of 2000 runs with 1000 messages: their variance is known to three per cent or so."""
     law = {"kind": "gilbert_elliott", "good_to_bad_ratio": p, "bad_to_good_ratio": r}
-    found = expected_channel(asked(loss=law, loss_ratio=q))
+    found = expected_channel(link_table(loss=law, loss_ratio=q))
     lost = chain(p, r, 2000, 1000)
     lost |= np.random.default_rng(1).random(lost.shape) < q
     mean = found.loss_ratio or 0.0
@@ -131,24 +131,24 @@ def test_a_counted_loss_is_spread_by_the_inflation(p: float, r: float, q: float)
         ({"loss": GILBERT, "rate_hz": 10.0}, True),
     ],
 )
-def test_a_loss_that_depends_on_more_than_the_laws_is_not_told(
+def test_a_loss_that_depends_on_more_than_the_laws_is_unknown(
     keys: dict[str, object], is_known: bool
 ) -> None:
-    found = expected_channel(asked(**keys, loss_ratio=0.1))
+    found = expected_channel(link_table(**keys, loss_ratio=0.1))
     assert (found.loss_ratio is not None) == is_known
     if not is_known:
         assert found.burst_messages is None
 
 
 def test_a_law_with_memory_under_a_rate_has_no_burst_of_its_own() -> None:
-    table = asked(loss=GILBERT, rate_hz=10.0)
+    table = link_table(loss=GILBERT, rate_hz=10.0)
     assert expected_channel(table, 20.0).burst_messages is None
     assert expected_channel(table, 10.0).burst_messages == pytest.approx(8.0)
     assert expected_channel(table, 20.0).loss_ratio == pytest.approx(0.2)
 
 
 def test_wrong_bits_count_as_losses() -> None:
-    found = expected_channel(asked(content={"bit_error_ratio": 1e-3}, loss_ratio=0.2))
+    found = expected_channel(link_table(content={"bit_error_ratio": 1e-3}, loss_ratio=0.2))
     assert found.loss_ratio == pytest.approx(1.0 - 0.8 * 0.999 ** (8 * USUAL_MESSAGE_BYTES))
 
 
@@ -162,7 +162,7 @@ DELAYS = [
 
 @pytest.mark.parametrize("keys", DELAYS)
 def test_delays_add_up(keys: dict[str, object]) -> None:
-    table = asked(**keys)
+    table = link_table(**keys)
     found, link = expected_channel(table), Link(link_effects(table, 20.0), 5, "v1", "v2")
     delays = np.array(
         [link.judge(TransmissionContext(seq, 0)).visible_at / 1e6 for seq in range(8000)]
@@ -182,8 +182,8 @@ def test_delays_add_up(keys: dict[str, object]) -> None:
         {"loss": {"kind": "log", "delays_ns": "20000000x9"}},
     ],
 )
-def test_delays_that_depend_on_other_messages_are_not_told(keys: dict[str, object]) -> None:
-    found = expected_channel(asked(**keys))
+def test_delays_that_depend_on_other_messages_are_unknown(keys: dict[str, object]) -> None:
+    found = expected_channel(link_table(**keys))
     assert found.latency_ms_mean is None
     assert found.latency_ms_deviation is None
     assert expected_age_ms(found, 20.0) is None
@@ -195,7 +195,7 @@ def test_the_age_at_a_command_is_that_of_a_drawn_chain(p: float, r: float) -> No
     lost = chain(p, r, 1, 60_000)[0]
     known = np.flatnonzero(~lost) * 50.0
     law = {"kind": "gilbert_elliott", "good_to_bad_ratio": p, "bad_to_good_ratio": r}
-    expected = expected_channel(asked(loss=law, latency_ms=27.0))
+    expected = expected_channel(link_table(loss=law, latency_ms=27.0))
     random = np.random.default_rng(2)
     for commands, rate_hz in (
         (np.arange(100.0, 2.9e6, 20.0), 50.0),
@@ -222,8 +222,8 @@ def test_the_age_under_independent_losses_has_its_closed_form(loss: float, rate_
     assert isclose(found, 20.0 + 1000.0 / rate_hz * (1.0 / (1.0 - loss) - 0.5), rel_tol=1e-9)
 
 
-def told(table: LinkTable, seeds: int, count: int = 700) -> int:
-    """How many of so many links that did as asked are named for not doing so."""
+def reported_links(table: LinkTable, seeds: int, count: int = 700) -> int:
+    """Number of links within their laws that are reported as deviating."""
     named = 0
     for seed in range(seeds):
         link, tally = Link(link_effects(table, 20.0), seed, "v1", "v2"), LinkTally()
@@ -249,9 +249,9 @@ def told(table: LinkTable, seeds: int, count: int = 700) -> int:
         },
     ],
 )  # fmt: skip
-def test_links_that_do_as_asked_are_not_named(keys: dict[str, object]) -> None:
-    assert told(asked(**keys), 12) == 0
-    other = expected_channel(asked(**keys))
+def test_links_within_their_laws_are_not_reported(keys: dict[str, object]) -> None:
+    assert reported_links(link_table(**keys), 12) == 0
+    other = expected_channel(link_table(**keys))
     assert other.loss_inflation >= 1.0
 
 

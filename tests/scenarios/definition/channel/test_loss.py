@@ -1,4 +1,4 @@
-"""Laws of loss as a scenario asks for them: which law each table is, and what is refused."""
+"""Laws of loss in a scenario: the law of each table, and invalid values."""
 
 import pytest
 
@@ -60,16 +60,16 @@ def effects(*overrides: str) -> tuple[Effect, ...]:
     return link_effects(scenario.links["v1", "v2"], 20.0)
 
 
-@pytest.mark.parametrize(("asked", "law"), ASKED.values(), ids=ASKED)
-def test_each_kind_is_its_law_and_described(asked: str, law: Effect) -> None:
-    found, latency = effects(f"links.loss={asked}")
+@pytest.mark.parametrize(("settings", "law"), ASKED.values(), ids=ASKED)
+def test_each_kind_is_its_law_and_described(settings: str, law: Effect) -> None:
+    found, latency = effects(f"links.loss={settings}")
     assert found == law
     assert isinstance(latency, Latency)
     assert found.describe().isprintable()
     assert not found.describe().endswith(".")
 
 
-def test_mean_values_come_out_as_asked() -> None:
+def test_mean_values_are_those_configured() -> None:
     law, _ = effects("links.loss={kind='gilbert_elliott', loss_ratio=0.35, burst_messages_mean=7}")
     assert isinstance(law, GilbertElliott)
     assert law.probabilities == pytest.approx((0.35 / 0.65 / 7.0, 1.0 / 7.0, 0.0, 1.0))
@@ -96,8 +96,8 @@ def test_no_law_moves_the_draws_of_another() -> None:
     burst = ", loss={kind='gilbert_elliott', loss_ratio=0.2, burst_messages_mean=4.0}"
     collisions = ", collisions={loss_ratio=0.3, keep_ratio=0.4}"
 
-    def judged(asked: str) -> list[Verdict]:
-        link = Link(effects(asked + "}"), 1, "v1", "v2")
+    def judged(settings: str) -> list[Verdict]:
+        link = Link(effects(settings + "}"), 1, "v1", "v2")
         return [link.judge(TransmissionContext(seq, 0)) for seq in range(500)]
 
     alone = [judged(plain + law) for law in ("", burst, collisions)]
@@ -316,9 +316,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize(("change", "key", "given", "allowed"), REFUSED.values(), ids=REFUSED)
-def test_what_cannot_be_is_refused_in_one_line(
-    change: str, key: str, given: str, allowed: str
-) -> None:
+def test_an_invalid_value_gets_one_line(change: str, key: str, given: str, allowed: str) -> None:
     with pytest.raises(ScenarioError) as caught:
         scenario_from_text(STRAIGHT, label="a.toml", overrides=[change])
     line = next(line for line in caught.value.lines if f" {key}: " in line)

@@ -52,7 +52,7 @@ def test_those_that_ship_are_the_promised_ones_and_no_scenarios() -> None:
 
 
 @pytest.mark.parametrize("name", sorted(SHIPPED))
-def test_each_says_what_it_is_and_where_from(name: str) -> None:
+def test_each_preset_has_a_description_and_a_source(name: str) -> None:
     preset = read_preset(name)
     assert 10 < len(preset.description) < 90
     assert len(preset.source) > 20
@@ -62,19 +62,19 @@ def test_each_says_what_it_is_and_where_from(name: str) -> None:
 @pytest.mark.parametrize("name", KNOWN)
 def test_one_word_is_a_whole_channel(name: str) -> None:
     scenario = load_scenario("lossy_lane_change", [f"links.preset={name}"])
-    asked = scenario.tables.links
-    assert (asked.preset, asked.preset_source) == (name, read_preset(name).source)
-    assert asked.jitter_ms == 0.0  # not the file's
+    links = scenario.tables.links
+    assert (links.preset, links.preset_source) == (name, read_preset(name).source)
+    assert links.jitter_ms == 0.0  # not the file's
     assert name in scenario.title
     expected = LinkTable.model_validate(read_preset(name).links)
-    whole = asked.model_dump(exclude={"preset", "preset_source"})
+    whole = links.model_dump(exclude={"preset", "preset_source"})
     assert whole == expected.model_dump(exclude={"preset", "preset_source"})
     if name == "lead_lost":  # as seen by links of the lead and by others
         lead, other = scenario.links["v1", "v3"], scenario.links["v2", "v3"]
         assert not lead.is_lossless
         assert other.is_lossless
     else:
-        assert asked.is_lossless == (name == "clear")
+        assert links.is_lossless == (name == "clear")
 
 
 @pytest.mark.parametrize("name", KNOWN)
@@ -91,22 +91,22 @@ def test_a_log_repeats_a_run_though_no_preset_ships_any_more(
 
 
 def test_what_stands_beside_a_preset_overrides_it_key_by_key() -> None:
-    asked = with_links(
+    links = with_links(
         '[links]\npreset = "nlosv_etsi"\nlatency_ms = 50.0\n'
         "[links.radio]\npower_dbm = 10.0\n[links.radio.obstruction]\nloss_db = 3.0\n"
     ).tables.links
-    assert isinstance(asked.radio, PathLossRadio)
-    assert isinstance(asked.radio.obstruction, LossPerVehicle)
-    assert (asked.latency_ms, asked.radio.power_dbm, asked.radio.noise_figure_db) == (50, 10, 9)
-    assert (asked.radio.obstruction.loss_db, asked.radio.obstruction.radius_m) == (3.0, 1.5)
-    assert asked.radio.shadowing is not None
-    assert asked.radio.shadowing.obstructed_deviation_db == 3.0
+    assert isinstance(links.radio, PathLossRadio)
+    assert isinstance(links.radio.obstruction, LossPerVehicle)
+    assert (links.latency_ms, links.radio.power_dbm, links.radio.noise_figure_db) == (50, 10, 9)
+    assert (links.radio.obstruction.loss_db, links.radio.obstruction.radius_m) == (3.0, 1.5)
+    assert links.radio.shadowing is not None
+    assert links.radio.shadowing.obstructed_deviation_db == 3.0
 
 
 def test_a_table_of_another_kind_takes_the_place_of_the_preset_s() -> None:
     radio = '[links.radio]\nkind = "table"\ndistance_m = [9.0]\ndelivery_ratio = [0.5]\n'
-    asked = with_links(f'[links]\npreset = "nlosv_etsi"\n{radio}').tables.links
-    assert asked.radio == TableRadio(kind="table", distance_m=(9.0,), delivery_ratio=(0.5,))
+    links = with_links(f'[links]\npreset = "nlosv_etsi"\n{radio}').tables.links
+    assert links.radio == TableRadio(kind="table", distance_m=(9.0,), delivery_ratio=(0.5,))
 
 
 def test_what_is_set_beside_a_preset_stays_in_either_order() -> None:
@@ -114,16 +114,16 @@ def test_what_is_set_beside_a_preset_stays_in_either_order() -> None:
         ["links.preset=lossy", "links.latency_ms=44.0"],
         ["links.latency_ms=44.0", "links.preset=lossy"],
     ):
-        asked = load_scenario("lossy_lane_change", changes).tables.links
-        assert (asked.loss_ratio, asked.latency_ms, asked.jitter_ms) == (0.2, 44.0, 0.0)
+        links = load_scenario("lossy_lane_change", changes).tables.links
+        assert (links.loss_ratio, links.latency_ms, links.jitter_ms) == (0.2, 44.0, 0.0)
 
 
 def test_a_file_with_a_preset_takes_no_links_from_its_base(tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
     text = 'extends = "lossy_lane_change"\nname = "mine"\n[links]\npreset = "clear"\n'
     file.write_text(text, encoding="utf-8")
-    asked = load_scenario(file).tables.links
-    assert (asked.loss_ratio, asked.jitter_ms, asked.latency_ms) == (0.0, 0.0, 20.0)
+    links = load_scenario(file).tables.links
+    assert (links.loss_ratio, links.jitter_ms, links.latency_ms) == (0.0, 0.0, 20.0)
 
 
 def test_an_entry_with_a_preset_takes_nothing_from_the_convoy() -> None:
@@ -179,7 +179,7 @@ RUNS = ("nlosv_etsi", "nlosv_3gpp_truck", "lte_v2x_dense", "ieee80211p_jam")
 
 @pytest.mark.spread(2)
 @pytest.mark.parametrize("name", RUNS)
-def test_a_run_with_a_preset_is_the_same_again_and_says_its_name(name: str, tmp_path: Path) -> None:
+def test_a_run_with_a_preset_repeats_and_names_it(name: str, tmp_path: Path) -> None:
     overrides = [f"links.preset={name}", "duration_s=1.5", "convoy.vehicles=6"]
     scenario = load_scenario("lane_change", overrides)
     for run in ("first", "again"):
@@ -197,7 +197,7 @@ def test_a_run_with_a_preset_is_the_same_again_and_says_its_name(name: str, tmp_
     assert f"v1 → v2, {name}" in out.getvalue()
 
 
-def test_check_says_the_name() -> None:
+def test_check_prints_the_name() -> None:
     out = io.StringIO()
     report = report_of(load_scenario("lane_change", ["links.preset=nlosv_etsi"]))
     print_report(report, Console(file=out, width=80))

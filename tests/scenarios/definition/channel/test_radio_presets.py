@@ -45,8 +45,8 @@ def points(name: str) -> dict[float, float]:
 
 def link(name: str, seed: int) -> Link:
     """The link of a scenario that names the preset."""
-    asked = load_scenario("lane_change", [f"links.preset={name}"]).links["v1", "v2"]
-    return Link(link_effects(asked, 20.0), seed, "v1", "v2")
+    link = load_scenario("lane_change", [f"links.preset={name}"]).links["v1", "v2"]
+    return Link(link_effects(link, 20.0), seed, "v1", "v2")
 
 
 def delivered(link: Link, way: float, messages: int) -> float:
@@ -63,10 +63,10 @@ def delivered(link: Link, way: float, messages: int) -> float:
 @pytest.mark.campaign(1_200, 100_000)
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_a_preset_delivers_what_is_published(name: str, campaign: int) -> None:
-    """Within 0.02 in the campaign, on three seeds together; always within what chance allows.
+    """Within 0.02 in the campaign, on three seeds together; always within sampling error.
 
-    Where messages share their fate, chance allows as much as for so many fewer of them. It is that
-    of the length that a message finds itself in, at most twice the mean.
+    Messages with a common fate count as one: the mean length of a reservation that a message is in
+    is at most twice the mean length.
     """
     links = [link(name, seed) for seed in (1, 2, 3)]
     found = points(name)
@@ -105,7 +105,7 @@ def test_two_radios_lose_as_much_in_other_bursts() -> None:
 
 
 @pytest.mark.parametrize("name", [*PUBLISHED, "nlosv_etsi", "nlosv_3gpp_car", "nlosv_3gpp_truck"])
-def test_a_radio_preset_says_where_it_is_from(name: str) -> None:
+def test_a_radio_preset_has_a_source(name: str) -> None:
     preset = read_preset(name)
     assert preset.links["radio"]
     assert "arXiv" in preset.source or "3GPP" in preset.source

@@ -23,12 +23,12 @@ STRAIGHT = Road(1.0, (0.0, 1.0), (0.0, 0.0))
 def test_path_loss_delivers_its_mean_over_the_shadowing(
     name: str, count: int, distance: float, campaign: int
 ) -> None:
-    asked = load_scenario("lane_change", [f"links.preset={name}"]).links["v1", "v2"]
+    table = load_scenario("lane_change", [f"links.preset={name}"]).links["v1", "v2"]
 
     def between() -> VehiclesBetween:
         return VehiclesBetween(count, STRAIGHT, distance, 0.0)
 
-    effects = link_effects(asked, 20.0, between=between)
+    effects = link_effects(table, 20.0, between=between)
     link = Link(effects, 1, "v1", "v2")
     radio = next(one for one in effects if one.key == "radio")
     losses = radio.losses(distance)
@@ -46,8 +46,8 @@ def test_path_loss_delivers_its_mean_over_the_shadowing(
 
 def test_beyond_its_reach_little_is_received() -> None:
     for name in presets():
-        asked = load_scenario("lane_change", [f"links.preset={name}"]).links["v1", "v2"]
-        for radio in (one for one in link_effects(asked, 20.0) if one.key == "radio"):
+        table = load_scenario("lane_change", [f"links.preset={name}"]).links["v1", "v2"]
+        for radio in (one for one in link_effects(table, 20.0) if one.key == "radio"):
             assert radio.range_m is not None
             losses = radio.losses(radio.range_m + 1.0)
             assert losses is not None

@@ -98,7 +98,7 @@ def test_a_vehicle_called_like_a_role_is_meant_by_its_name() -> None:
     assert {pair for pair, link in links.items() if link.loss_ratio} == {("lead", "last")}
 
 
-def test_every_entry_about_nobody_is_refused_with_its_line() -> None:
+def test_every_entry_without_a_link_gets_a_line() -> None:
     with pytest.raises(ScenarioError) as caught:
         with_entries('{sender="v8", receiver="v2"}', '{sender="v1", receiver="v9"}')
     assert [line.split(": ")[1] for line in caught.value.lines] == [

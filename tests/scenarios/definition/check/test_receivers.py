@@ -9,7 +9,7 @@ from scenarios.definition.scenario import library, load_scenario
 from scenarios.studies.many.variant import Variant
 
 
-def said(*overrides: str) -> list[str]:
+def warning_lines(*overrides: str) -> list[str]:
     return [line for line in check("lane_change", overrides).warnings if "receivers differ" in line]
 
 
@@ -25,40 +25,40 @@ def said(*overrides: str) -> list[str]:
         ("gnss.preset=single", "events.lane_width_m=20"),
     ],
 )
-def test_nothing_is_said_of_receivers_that_suffice(overrides: tuple[str, ...]) -> None:
-    assert said(*overrides) == []
+def test_sufficient_receivers_get_no_warning(overrides: tuple[str, ...]) -> None:
+    assert warning_lines(*overrides) == []
 
 
-def test_nothing_is_said_of_shipped_scenarios() -> None:
+def test_shipped_scenarios_get_no_warning() -> None:
     for name in library():
         assert not any("receivers differ" in line for line in check(name).warnings), name
 
 
 def test_receivers_by_code_alone_are_named_with_how_far_they_differ() -> None:
-    (line,) = said("gnss.preset=single")
+    (line,) = warning_lines("gnss.preset=single")
     assert line.startswith("v2, v3, v4: ")
     assert f"{2.0 * hypot(1.5, 1.5):.1f} m" in line
     assert "leaves 0.8 m" in line
 
 
-def test_who_hears_or_has_a_poor_receiver_is_named_alone() -> None:
-    (line,) = said("vehicle.v3.gnss.preset=single")
+def test_only_followers_affected_by_a_poor_receiver_are_named() -> None:
+    (line,) = warning_lines("vehicle.v3.gnss.preset=single")
     assert line.startswith("v3, v4: ")
     assert "up to 3.0 m" in line
-    (line,) = said("vehicle.v4.gnss.bias={east_m=0.9}")
+    (line,) = warning_lines("vehicle.v4.gnss.bias={east_m=0.9}")
     assert line.startswith("v4: ")
     assert "up to 0.9 m" in line
-    (line,) = said("gnss.preset=single", "control.own_state=exact")
+    (line,) = warning_lines("gnss.preset=single", "control.own_state=exact")
     assert "up to 3.0 m" in line
 
 
 def test_a_state_that_comes_later_counts() -> None:
     later = "gnss.fix_states={kind='schedule', entries=[{at_s=5.0, state='single'}]}"
-    (line,) = said(later)
+    (line,) = warning_lines(later)
     assert "up to 4.2 m" in line
 
 
-def test_who_is_warned_of_leaves_the_lane_on_clean_links_and_who_is_not_does_not() -> None:
+def test_only_warned_receivers_leave_the_lane_on_clean_links() -> None:
     def departures(preset: str) -> int:
         own = ["duration_s=6", f"gnss.preset={preset}"]
         text = load_scenario("lane_change", own).text

@@ -9,38 +9,38 @@ SWERVE = "speed.lateral_acceleration_mps2_max=15"
 """So that the lead need not slow down."""
 
 
-def said(*overrides: str) -> list[str]:
+def warning_lines(*overrides: str) -> list[str]:
     return [line for line in check("lane_change", overrides).warnings if "unstable" in line]
 
 
-def test_nothing_is_said_of_loops_that_are_stable() -> None:
-    assert said() == []
-    assert said("control.own_state=exact") == []
-    assert said("gnss.rate_hz=1") == []  # the inertial sensor suffices
+def test_stable_loops_get_no_warning() -> None:
+    assert warning_lines() == []
+    assert warning_lines("control.own_state=exact") == []
+    assert warning_lines("gnss.rate_hz=1") == []  # the inertial sensor suffices
     for name in library():
         assert not any("unstable" in line for line in check(name).warnings)
 
 
 def test_a_sensor_too_slow_for_the_speed_is_named_with_the_rate_that_does() -> None:
-    (line,) = said("imu.rate_hz=8", "gnss.rate_hz=8")
+    (line,) = warning_lines("imu.rate_hz=8", "gnss.rate_hz=8")
     assert "v1, v2, v3, v4: " in line
     assert "own motion known at 8 Hz" in line
     assert "30.0 m/s" in line
     assert "Raise imu.rate_hz to " in line
-    (line,) = said("vehicle.v3.imu.rate_hz=8")
+    (line,) = warning_lines("vehicle.v3.imu.rate_hz=8")
     assert line.startswith("v3: ")
 
 
 def test_the_rate_that_is_named_is_stable() -> None:
-    (line,) = said("imu.rate_hz=8")
+    (line,) = warning_lines("imu.rate_hz=8")
     rate = line.rsplit("imu.rate_hz to ", 1)[1].split()[0]
-    assert said(f"imu.rate_hz={rate}") == []
-    assert said(f"imu.rate_hz={int(rate) - 1}") != []
+    assert warning_lines(f"imu.rate_hz={rate}") == []
+    assert warning_lines(f"imu.rate_hz={int(rate) - 1}") != []
 
 
 @pytest.mark.parametrize("own_state", ["exact", "estimated"])
 def test_control_too_slow_for_the_speed_is_named(own_state: str) -> None:
-    (line,) = said(
+    (line,) = warning_lines(
         "control.rate_hz=5",
         "speed.set_mps=60",
         "duration_s=10",
@@ -51,9 +51,9 @@ def test_control_too_slow_for_the_speed_is_named(own_state: str) -> None:
 
 
 def test_gains_that_never_do_are_named() -> None:
-    (line,) = said("control.gains.lateral_rad_per_m=5")
+    (line,) = warning_lines("control.gains.lateral_rad_per_m=5")
     assert "control.gains" in line
 
 
-def test_of_other_laws_nothing_is_said() -> None:
-    assert said("control.controller=stanley", "imu.rate_hz=8") == []
+def test_other_laws_get_no_warning() -> None:
+    assert warning_lines("control.controller=stanley", "imu.rate_hz=8") == []

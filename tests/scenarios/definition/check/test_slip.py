@@ -1,4 +1,4 @@
-"""What the paper's law leaves although the load is learned: foretold, and driven."""
+"""Offset in bends that the paper's law leaves with a learned load: predicted and driven."""
 
 import re
 

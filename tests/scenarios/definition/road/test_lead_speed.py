@@ -29,7 +29,7 @@ BEND = """{ length_m = 200.0 }, { length_m = 60.0, radius_m = 50.0, turn = 'left
 
 
 @pytest.mark.parametrize(
-    ("segments", "changes", "said"),
+    ("segments", "changes", "facts"),
     [
         ("{ length_m = 1000.0 }", {5.0: 12.0}, None),
         ("{ length_m = 1000.0 }", {5.0: 12.0, 10.0: 16.0, 15.0: 8.0}, None),
@@ -38,18 +38,18 @@ BEND = """{ length_m = 200.0 }, { length_m = 60.0, radius_m = 50.0, turn = 'left
         (BEND, {17.0: 5.0}, "the set speed of 20 m/s is lowered to 12.2 m/s in curves"),
     ],
 )
-def test_who_asks_for_another_set_speed_is_not_told_that_a_curve_lowers_it(
-    segments: str, changes: dict[float, float], said: str | None
+def test_a_change_of_the_set_speed_is_not_reported_as_a_curve(
+    segments: str, changes: dict[float, float], facts: str | None
 ) -> None:
     text = STRAIGHT.replace("{ length_m = 1000.0 }", segments) + "".join(
         f"[[change]]\nkind = 'speed'\nat_s = {at_s}\nspeed_mps = {speed}\n"
         for at_s, speed in changes.items()
     )
     lines = [one for one in report_of(scenario_from_text(text)).warnings if "is lowered" in one]
-    assert [one.partition(":")[0] for one in lines] == ([said] if said else [])
+    assert [one.partition(":")[0] for one in lines] == ([facts] if facts else [])
 
 
-def test_a_profile_is_driven_exactly_where_no_curve_asks_for_less() -> None:
+def test_a_profile_is_driven_exactly_without_curves() -> None:
     text = STRAIGHT + (
         "[speed]\nlead = 'profile'\n"
         "profile = [{at_s = 2.0, speed_mps = 10.0}, {at_s = 12.0, speed_mps = 30.0}]\n"

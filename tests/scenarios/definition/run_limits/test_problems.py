@@ -33,7 +33,7 @@ REFUSED = {
         ("recovery", RECOVERY, {"vehicle": '"v1"'}),
         'limits.recovery[0].vehicle: given "v1", allowed a follower: v2, v3, v4',
     ),
-    "a source that is not heard": (
+    "a source that it does not receive from": (
         ("sources", SOURCE, {"vehicle": '"v4"'}),
         'limits.sources[0].source: given "v2", v4 does not receive from it, allowed v1 or v3',
     ),
@@ -67,7 +67,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_what_cannot_be_kept_is_refused(case: str) -> None:
+def test_an_impossible_limit_gets_one_line(case: str) -> None:
     (kind, table, keys), line = REFUSED[case]
     with pytest.raises(ScenarioError) as refused:
         made(kind, table, **keys)

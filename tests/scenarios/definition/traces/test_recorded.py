@@ -42,7 +42,7 @@ def test_the_same_drive_comes_from_every_format(tmp_path: Path, name: str) -> No
         assert np.allclose(trace.speed_mps, speeds, atol=1e-5)
 
 
-def test_waypoints_do_where_there_is_no_track(tmp_path: Path) -> None:
+def test_waypoints_are_read_without_a_track(tmp_path: Path) -> None:
     path = tmp_path / "way.gpx"
     path.write_bytes(as_gpx(drive(), "wpt", "x").replace(b"<x>", b"").replace(b"</x>", b""))
     assert len(read_trace(path).east_m) == 201
@@ -163,7 +163,7 @@ def test_a_record_without_times_has_no_speed(tmp_path: Path) -> None:
     assert driven(path).route.profile.speeds == (20.0,)
 
 
-def test_a_lead_that_is_under_way_comes_up_to_its_first_point_at_its_first_speed(
+def test_a_moving_lead_reaches_its_first_point_at_its_first_speed(
     tmp_path: Path,
 ) -> None:
     path = tmp_path / "start.csv"
@@ -186,7 +186,7 @@ def test_a_lead_that_starts_slowly_begins_at_its_first_point(tmp_path: Path) -> 
     assert route.profile.time_to(10.0) == pytest.approx(10.0**0.5, abs=0.8)
 
 
-def test_derived_speeds_are_means_of_the_way_over_two_seconds() -> None:
+def test_derived_speeds_are_means_over_two_seconds() -> None:
     times = np.arange(0.0, 60.0, 0.5)
     way = 10.0 * times + 15.0 * np.sin(times / 5.0)  # 10 + 3 cos(t/5) m/s
     profile, ratio = recorded(times.tolist(), way.tolist(), ())

@@ -57,7 +57,7 @@ def test_the_path_is_where_the_car_was(tmp_path: Path, rough: Rough, expected: E
     assert sum("stands for" in w or "first movement" in w for w in report.warnings) == (
         expected.stands
     )
-    for pattern in expected.says:
+    for pattern in expected.patterns:
         assert any(re.search(pattern, line) for line in report.warnings), (pattern, report.warnings)
     assert all(line.isprintable() for line in report.warnings)
     # The figures are those of the receiver: its noise across the path.
@@ -149,7 +149,7 @@ def test_a_stop_lasts_as_long_as_recorded(tmp_path: Path) -> None:
 def test_where_nothing_was_recorded_the_car_brakes_stands_and_speeds_up(
     tmp_path: Path, form: str
 ) -> None:
-    """As in a tunnel with a queue: by its times it stood, though no point says so."""
+    """A standstill without points, as in a tunnel with a queue."""
     rough = Rough(course=STRAIGHT, holes=((110.0, 60.0),), stands=((140.0, 40.0),), form=form)
     route = scenario_of(rough, tmp_path).route
     profile, smoothed = route.profile, route.smoothed

@@ -111,9 +111,7 @@ BROKEN_BY_OVERRIDE = {
 @pytest.mark.parametrize(
     ("change", "key", "given_", "allowed"), BROKEN_BY_OVERRIDE.values(), ids=BROKEN_BY_OVERRIDE
 )
-def test_a_broken_value_is_refused_in_one_line(
-    change: str, key: str, given_: str, allowed: str
-) -> None:
+def test_an_invalid_value_gets_one_line(change: str, key: str, given_: str, allowed: str) -> None:
     (line,) = refused(STRAIGHT, change)
     assert line.startswith(("--set", "a.toml: "))
     assert key in line
@@ -183,7 +181,7 @@ BROKEN_TEXT = {
 
 
 @pytest.mark.parametrize(("text", "key", "why"), BROKEN_TEXT.values(), ids=BROKEN_TEXT)
-def test_a_broken_file_is_refused_in_one_line(text: str, key: str, why: str) -> None:
+def test_an_invalid_file_gets_one_line(text: str, key: str, why: str) -> None:
     line = next(line for line in refused(text) if f" {key}" in line or key in line.split(": ")[1])
     assert line.startswith("a.toml: ")
     assert key in line
@@ -221,7 +219,7 @@ def test_no_value_of_any_key_gives_anything_but_a_scenario_or_clear_lines(
     assert all(line and line.isprintable() and len(line) < 300 for line in lines)
 
 
-def test_what_a_file_says_reaches_no_terminal_with_its_control_characters() -> None:
+def test_control_characters_of_a_file_do_not_reach_the_terminal() -> None:
     (line,) = refused("name = 'a'\n[path]\nkind = 'trace'\nfile = \"\\u001b[31m\\n\"\n")
     assert "\\x1b[31m\\n: no such file" in line
 

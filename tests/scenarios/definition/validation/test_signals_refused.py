@@ -127,7 +127,7 @@ BROKEN = {
 
 
 @pytest.mark.parametrize(("changes", "key", "given", "allowed"), BROKEN.values(), ids=BROKEN)
-def test_it_is_refused_in_one_line(
+def test_an_invalid_value_gets_one_line(
     changes: tuple[str, ...], key: str, given: str, allowed: str
 ) -> None:
     with pytest.raises(ScenarioError) as caught:
