@@ -42,7 +42,7 @@ MARGIN_M = 4.0
 """Margin of the moving view around the centre of a car."""
 FEW_VEHICLES = 5
 """Largest convoy whose links and modes share one view."""
-MIN_TAG_M, TAG_PX = 4.0, 30.0
+MIN_TAG_M, TAG_PX = 4.0, 34.0
 """Distance of a name tag from its car: at least half the length of a tag on the screen."""
 VIEW_WIDTH_PX, VIEW_HEIGHT_PX = 888.0, 260.0
 """Least size of the plan views in a window of 1600 × 1000 pixels."""
@@ -181,7 +181,7 @@ def is_small(road: Road | None, spacing_m: float) -> bool:
 
 def plan_tag_m(road: Road) -> float:
     """Distance of the lead's name tag from its dot in the plan (m)."""
-    return TAG_PX * _extent(road) / VIEW_WIDTH_PX
+    return 1.2 * TAG_PX * _extent(road) / VIEW_WIDTH_PX
 
 
 def _bounds(road: Road, margin_ratio: float) -> rrb.VisualBounds2D:

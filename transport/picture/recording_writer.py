@@ -73,7 +73,7 @@ MAX_ZOOM = 4.0
 """Largest zoom of the moving view that a vehicle other than the lead causes."""
 ZOOM_STEP = 1.25
 """Change of that zoom after which name tags are placed again."""
-LINE_LENGTH = 84
+LINE_LENGTH = 78
 """Characters of a log line that fit in a window of 1280 pixels."""
 _LEVELS = {
     "debug": "DEBUG",

@@ -14,7 +14,7 @@ from vehicles.geometry.lanes import lane_edges as edges_of
 MARK_SPACING_M = 50.0
 MARK_CLEARANCE_M = 15.0
 """Least distance between two marks: later laps have none."""
-CHARACTER, ROW_HEIGHT = 0.75, 3.7
+CHARACTER, ROW_HEIGHT = 0.95, 3.7
 """Width of a letter and height of a row of the legend, in its unit."""
 
 
@@ -110,7 +110,7 @@ def legend(items: Sequence[tuple[str, Colour]]) -> rr.Points2D:
     """Show dots with labels in rows from left to right."""
     places, x, y = [], 0.0, 0.8
     for label, _ in items:
-        width = 2.5 + CHARACTER * len(label)
+        width = 3.2 + CHARACTER * len(label)
         if x + width > LEGEND_WIDTH:
             x, y = 0.0, y + ROW_HEIGHT
         places.append([x + 0.5 * width, y])
