@@ -51,8 +51,9 @@ class Process:
         return self.complained.read_text()
 
     def lines(self) -> list[str]:
-        """Return what it wrote to standard error, without progress and the start of the run."""
-        return [line for line in self.err.splitlines() if not PROGRESS.search(line)]
+        """Return the lines on standard error without `error: `, progress and the start."""
+        lines = (line.removeprefix("error: ") for line in self.err.splitlines())
+        return [line for line in lines if not PROGRESS.search(line)]
 
     def everyone(self) -> list[psutil.Process]:
         """Return the processes that are left of it, itself among them."""

@@ -73,7 +73,7 @@ def await_driving(recorder: Process, seconds: float) -> float:
 
 def assert_refused(process: Process, line: str) -> None:
     assert process.exit_code == 2
-    assert process.lines() == [f"error: {line}"]
+    assert process.lines() == [line]
 
 
 def test_two_convoys_on_one_router_drive_as_if_alone_and_refuse_intruders(
