@@ -29,11 +29,14 @@ def _line(summary: RunSummary) -> str:
         caveats = list(_caveats(summary))
         ok = f"OK ({', '.join(caveats)})" if caveats else "OK"
         facts = [_count(summary), _duration(summary), _worst_error(summary), "no events"]
-        return f"{ok}: {', '.join(filter(None, (*facts, _limits_kept(summary))))}"
+        if summary.limits:
+            facts.append(f"limits: {_limits(summary)}")
+        return f"{ok}: {', '.join(filter(None, facts))}"
     facts = incidents[:]
     if not any(event.kind == "lane_departure" for event in summary.events):
         facts.append(_worst_error(summary))
-    facts.append(_collisions(summary) if incidents else "no events")
+    if summary.ran_s:
+        facts.append(_collisions(summary) if incidents else "no events")
     match summary.outcome:
         case "failed":
             head = f"FAILED: {_reasons(summary.reason)}"
@@ -41,7 +44,7 @@ def _line(summary: RunSummary) -> str:
         case "running":
             facts = [f"RUNNING: {_duration(summary)}", *facts]
         case "completed":
-            facts.append(f"limits: {_limits_kept(summary) or 'none set'}")
+            facts.append(f"limits: {_limits(summary)}")
     return "; ".join(filter(None, (*facts, *_caveats(summary))))
 
 
@@ -63,15 +66,14 @@ def _reasons(reason: str) -> str:
     return f"{first}; {more}" if others else first
 
 
-def _limits_kept(summary: RunSummary) -> str:
-    """State of the limits of a run that broke none; empty without limits."""
+def _limits(summary: RunSummary) -> str:
+    """State of the limits of a run that broke none."""
     names = dict.fromkeys(limit.limit for limit in summary.limits)
     measured = {limit.limit for limit in summary.limits if limit.value is not None}
     if not names:
-        return ""
-    kept = "1 limit kept" if len(measured) == 1 else f"{len(measured)} limits kept"
+        return "none set"
     missing = len(names) - len(measured)
-    return f"{kept}, {missing} not measured" if missing else kept
+    return f"{len(measured)} kept{f', {missing} not measured' if missing else ''}"
 
 
 def _caveats(summary: RunSummary) -> Iterator[str]:

@@ -48,8 +48,8 @@ UNMEASURED = LimitFigure(limit="modes[0]", bound=1.0, value=None)
 
 def test_a_run_without_events_is_ok() -> None:
     assert line() == "OK: 4 vehicles, 35.0 s, worst error 6.2 cm (v4), no events"
-    assert line(limits=(KEPT,)).endswith(", no events, 1 limit kept")
-    assert line(limits=(KEPT, UNMEASURED)).endswith(", 1 limit kept, 1 not measured")
+    assert line(limits=(KEPT,)).endswith(", no events, limits: 1 kept")
+    assert line(limits=(KEPT, UNMEASURED)).endswith(", limits: 1 kept, 1 not measured")
     assert line(()) == "OK: 1 vehicle, 35.0 s, no events"
     assert line((None,)) == "OK: 2 vehicles, 35.0 s, no events"
 
@@ -70,7 +70,7 @@ def test_the_worst_incident_comes_first() -> None:
     collided = event("collision", 9.0, "v2", "v3", closing_speed_mps=3.0)
     assert line(errors, events=(*LEFT, collided), limits=(UNMEASURED,)) == (
         "1 collision, v2 and v3 at 9.00 s; 3 of 4 vehicles left the lane, worst v2 2.80 m at "
-        "8.18 s; limits: 0 limits kept, 1 not measured"
+        "8.18 s; limits: 0 kept, 1 not measured"
     )
     assert line(errors, events=(collided, collided)).startswith("2 collisions, first v2 and v3 at")
 
@@ -116,6 +116,12 @@ def test_a_failure_begins_with_its_reason() -> None:
     assert line((2.8, 0.9, 1.2), reason="stopped by SIGINT; a; b", events=LEFT) == (
         "FAILED: stopped by SIGINT; 2 more reasons; ran 35.0 s; 3 of 4 vehicles left the lane, "
         "worst v2 2.80 m at 8.18 s; 0 collisions"
+    )
+
+
+def test_a_run_that_did_not_start_has_only_its_reason() -> None:
+    assert line((None, None, None), reason="not present in time: v3", ran_s=0.0) == (
+        "FAILED: not present in time: v3; ran 0.0 of 35.0 s"
     )
 
 
