@@ -1,10 +1,10 @@
-"""Hundreds of runs, on the cores of this machine or on a running dask scheduler.
+"""Run the jobs of a study in parallel, locally or on a dask scheduler.
 
-job      one piece of work, and a batch of them on a worker
-stamp    the versions of a worker's programs: results of different ones are not mixed
-fleet    the workers: this process, a pool of processes, or those of a dask scheduler
-driver   hands out the jobs in batches and survives failed workers
-journal  results in a file that survives the driver
-results  files of a study: tables, JSON, pictures, each written whole
-engine   runs each job of a study once, even if workers and driver are killed
+job         a job, and a batch of jobs on a worker
+stamp       software versions, so that results of different versions are not mixed
+workers     this process, a pool of processes, or the workers of a dask scheduler
+dispatcher  sends jobs in batches and replaces failed workers
+journal     a file of results, from which an interrupted study resumes
+results     tables, JSON and plots, written atomically
+engine      runs each job of a study once
 """

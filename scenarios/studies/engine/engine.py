@@ -1,7 +1,4 @@
-"""Runs each job of a study once, even if workers and driver are killed.
-
-With a journal, a killed driver resumes.
-"""
+"""Run each job of a study once; with a journal, an interrupted study resumes."""
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,14 +15,14 @@ from scenarios.studies.engine.workers import OpenWorkers, WorkerGroup
 from transport.log.records import LogError
 
 ABANDONED = "given_up"
-"""Of an entry whose worker died: the fault may be the machine's, so the job is tried again."""
+"""Journal key of a job that killed its workers. It is retried when the study resumes."""
 REPORT_EVERY_S = 2.0
 
 
 class JobProgress:
-    """Counts the jobs of a study and reports them every few seconds.
+    """Count the jobs of a study and report progress every few seconds.
 
-    `total` is their number if known; `doing` is their purpose.
+    `total` is the number of jobs if known; `stage` names the current step.
     """
 
     def __init__(self, report: Callable[[str], None]) -> None:
@@ -41,9 +38,9 @@ class JobProgress:
         return time.monotonic() - self._began
 
     def count_job(self) -> None:
-        """Count a finished job; report it after some seconds, or if it is the last.
+        """Count a finished job, and report at most every `REPORT_EVERY_S` and at the end.
 
-        The time left follows from the jobs after the first, before which the workers had to start.
+        The estimate of the time left excludes the first job, which includes starting the workers.
         """
         self.done += 1
         now = time.monotonic()
@@ -62,9 +59,10 @@ class JobProgress:
 
 
 class Engine:
-    """Runs the jobs of one study on a fleet, which starts with the first job and ends with `ends`.
+    """Run the jobs of one study on workers.
 
-    A job whose result is in the `journal` does not run again.
+    Workers start with the first job and stop when `exit_stack` closes. Jobs whose result is in
+    the `journal` are skipped.
     """
 
     def __init__(
@@ -76,25 +74,25 @@ class Engine:
     ) -> None:
         self.progress = JobProgress(report)
         self.report = report
-        self._open_fleet, self._exit_stack = open_workers, exit_stack
-        self._fleet: WorkerGroup | None = None
-        self._pace = BatchSizer()
+        self._open_workers, self._exit_stack = open_workers, exit_stack
+        self._workers: WorkerGroup | None = None
+        self._sizer = BatchSizer()
         self._journal = journal
 
     def results(self, jobs: Sequence[Job]) -> list[Any]:
-        """Run all jobs; returns their results, in the order of the jobs.
+        """Run all jobs and return their results in the same order.
 
-        Raises the error of a job if it can be printed as it is, else an EngineError with the
-        command that repeats the job.
+        Raises the error of a failed job if the command line prints it unchanged, else an
+        EngineError with the command that repeats the job.
         """
         commands = {job.key: job.command or job.key for job in jobs}
-        found: dict[str, Any] = {}
+        results: dict[str, Any] = {}
         for outcome in self.outcomes(jobs, record_errors=False):
             if outcome.error:
                 why = f"{commands[outcome.key]}: {outcome.error}"
                 raise outcome.exception or EngineError([why])
-            found[outcome.key] = outcome.result
-        return [found[job.key] for job in jobs]
+            results[outcome.key] = outcome.result
+        return [results[job.key] for job in jobs]
 
     def count_done(self, jobs: Sequence[Job]) -> int:
         return sum(self._entry(job) is not None for job in jobs)
@@ -104,9 +102,9 @@ class Engine:
         return None if entry is None or entry.get(ABANDONED) else entry
 
     def outcomes(self, jobs: Sequence[Job], *, record_errors: bool = True) -> Iterator[Outcome]:
-        """Yield the outcome of each job as it comes, first those of the journal.
+        """Yield outcomes as jobs finish, first those in the journal.
 
-        Unless it `keeps_errors` the journal holds results only.
+        Without `record_errors`, failed jobs are not written to the journal.
         """
         left = []
         for job in jobs:
@@ -118,14 +116,14 @@ class Engine:
                 yield _outcome(job.key, entry)
         if not left:
             return
-        if self._fleet is None:
-            self._fleet = self._exit_stack.enter_context(self._open_fleet())
-        for outcome in JobDispatcher(left, self._fleet, self._pace).outcomes():
-            kept = outcome
+        if self._workers is None:
+            self._workers = self._exit_stack.enter_context(self._open_workers())
+        for outcome in JobDispatcher(left, self._workers, self._sizer).outcomes():
             if self._journal is not None and (record_errors or not outcome.error):
-                kept = _outcome(outcome.key, self._journal.add(outcome.key, _entry_of(outcome)))
+                entry = self._journal.add(outcome.key, _entry_of(outcome))
+                outcome = _outcome(outcome.key, entry)  # noqa: PLW2901
             self.progress.count_job()
-            yield kept
+            yield outcome
 
 
 def _entry_of(outcome: Outcome) -> Entry:
@@ -153,11 +151,12 @@ def study_engine(
     identity: Mapping[str, Any] | None = None,
     keep_journal: bool = False,
 ) -> Iterator[Engine]:
-    """Open the engine of a study that writes `files` into the folder `out`, with a journal there.
+    """Open the engine of a study that writes `files` and a journal into the folder `out`.
 
-    A killed study resumes when it is started with the same `identity`, which holds all that the
-    results depend on. At its end the journal is removed, unless `keep_journal`. Without a folder
-    everything stays in memory. Raises ScenarioError if the folder holds something else.
+    An interrupted study resumes when it is restarted with the same `identity`, which holds
+    everything that the results depend on. The journal is removed at the end, unless
+    `keep_journal`. Without a folder there is no journal. Raises ScenarioError if the folder
+    already holds other files.
     """
     with ExitStack() as exit_stack:
         if out is None or identity is None:
@@ -169,7 +168,7 @@ def study_engine(
         try:
             journal = exit_stack.enter_context(open_journal(out, identity, report))
             if journal.entries and not keep_journal:
-                report(f"{len(journal.entries)} runs are there already")
+                report(f"{len(journal.entries)} runs are in the journal")
             with _remove_when_done(journal, keep=keep_journal):
                 yield Engine(open_workers, exit_stack, report, journal)
         except BaseException:
@@ -181,7 +180,7 @@ def study_engine(
 
 @contextmanager
 def _remove_when_done(journal: RunJournal, *, keep: bool) -> Iterator[None]:
-    """Remove a journal that is of no use: after the answer, after an error, or if empty."""
+    """Remove the journal when the study ends, after an invalid input, or if empty."""
     try:
         yield
     except EngineError:

@@ -1,4 +1,4 @@
-"""A job of a study, and a batch of jobs on a worker: one after the other."""
+"""A job of a study, and sequential batches of jobs on a worker."""
 
 import time
 import traceback
@@ -16,19 +16,19 @@ from transport.texts import printable
 Work = Callable[[], Any]
 """A picklable call with a picklable result."""
 PRINTABLE_ERRORS = (ScenarioError, LogError, OSError)
-"""Errors that a command prints as they are."""
+"""Errors that the command line prints unchanged."""
 
 RUN_LOCK = Lock()
-"""Runs are Python: threads of one worker would not make them faster, but take their memory."""
+"""Threads of one worker take turns: in parallel, runs would only need more memory."""
 
 
 class EngineError(ScenarioError):
-    """The work cannot go on, for a reason in one line."""
+    """The study cannot continue; the message is one line."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """A piece of work, its unique `key` in the study, and the `command` that repeats it.
+    """A call, its unique `key` in the study, and the `command` that repeats it.
 
     If the study keeps a journal, `work` returns only JSON types.
     """
@@ -40,9 +40,9 @@ class Job:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JobResult:
-    """The result of a job, or the error that it raised in one line; and its duration.
+    """The result of a job, or its error in one line, and its duration.
 
-    `raised` is the error itself if a command can print it as it is.
+    `exception` is set if the command line prints the error unchanged.
     """
 
     result: Any = None
@@ -52,23 +52,26 @@ class JobResult:
 
 
 def run_batch(stamp: ProgramStamp, jobs: Sequence[Work]) -> list[JobResult]:
-    """Do the jobs in this process, whose programs must match `stamp`.
+    """Run the jobs in this process.
 
-    The answer of a job that raises holds the error. Raises EngineError if the programs differ.
+    A job that raises does not affect the others. Raises EngineError if `stamp` differs from that of
+    this process.
     """
     here = current_stamp()
     if here != stamp:
         why = "; ".join(stamp.differences(here))
-        raise EngineError([f"a worker has other programs: {why}; install the same on all"])
+        raise EngineError(
+            [f"a worker has other versions: {why}; install the same version on all machines"]
+        )
     with RUN_LOCK:
-        return [_answer(job) for job in jobs]
+        return [_result_of(job) for job in jobs]
 
 
-def _answer(job: Work) -> JobResult:
+def _result_of(job: Work) -> JobResult:
     began = time.perf_counter()
     try:
         return JobResult(result=job(), duration_s=time.perf_counter() - began)
-    except (Exception, SystemExit) as error:  # noqa: BLE001 - the other jobs go on
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - the other jobs continue
         return JobResult(
             error=error_line(error),
             exception=error if isinstance(error, PRINTABLE_ERRORS) else None,
@@ -77,7 +80,7 @@ def _answer(job: Work) -> JobResult:
 
 
 def error_line(error: BaseException) -> str:
-    """Describe an error; with its place if the wording is Python's and not the project's."""
+    """Describe an error in one line; unexpected errors with file and line."""
     if isinstance(error, ScenarioError):
         return printable("; ".join(error.lines))
     frames = traceback.extract_tb(error.__traceback__)

@@ -1,9 +1,9 @@
-"""Results in a file that survives the driver, which resumes from it.
+"""A file of results, from which an interrupted study resumes.
 
-JSON lines: the first holds the question, each further one the outcome of one job. Each line ends
-with a checksum, and that of an outcome covers the question too: so a damaged line, or one that
-belongs to another question, never becomes a figure. A line is written whole and at once, so a
-driver that is killed leaves at most its last line torn; its job is done again.
+JSON lines: the first holds the identity of the study, each further line the outcome of one job.
+Each line ends with a checksum, which for outcomes covers the identity too. A damaged line, or a
+line of another study, is ignored and its job runs again. So does the last line of a killed study if
+it is incomplete.
 """
 
 import fcntl
@@ -24,11 +24,11 @@ CHECKSUM, CHECKSUM_BYTES = re.compile(rb',"crc32":"([0-9a-f]{8})"}'), 20
 OTHER_FOLDER = "give another folder by --out"
 
 Entry = dict[str, Any]
-"""What is kept of one job: only what JSON has."""
+"""Outcome of a job in JSON types."""
 
 
 class RunJournal:
-    """The open journal of one folder; `entries` are those in it, by job."""
+    """The open journal of a folder; `entries` are the outcomes by job."""
 
     def __init__(self, path: Path, file: IO[bytes], identity: Mapping[str, Any]) -> None:
         self._path = path
@@ -37,7 +37,7 @@ class RunJournal:
         self.entries: dict[str, Entry] = {}
 
     def add(self, key: str, entry: Entry) -> Entry:
-        """Write the outcome of a job at once; returns it as it will be read back."""
+        """Append and flush the outcome of a job; return it as decoded from the file."""
         line = _encoded({"run": key, "entry": entry}, self._identity_crc)
         self._file.write(line)
         self._file.flush()
@@ -45,7 +45,7 @@ class RunJournal:
         return self.entries[key]
 
     def load(self, line: bytes) -> bool:
-        """Read a line of the file; false if it is damaged or belongs to another question."""
+        """Read a line; return False if it is damaged or belongs to another study."""
         content = _decoded(line, self._identity_crc)
         if content is None or "run" not in content:
             return False
@@ -64,22 +64,22 @@ class RunJournal:
 def open_journal(
     folder: Path, identity: Mapping[str, Any], report: Callable[[str], None]
 ) -> Iterator[RunJournal]:
-    """Open the journal of `folder`, a new one or that of the same question.
+    """Open the journal of `folder`, or create it.
 
-    A damaged line is reported to `report`, and its job runs again. Raises ScenarioError if the
-    journal belongs to another question, or if another process writes it.
+    Damaged lines are passed to `report`, and their jobs run again. Raises ScenarioError if the
+    journal belongs to another study, or if another process has it open.
     """
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / JOURNAL
-    wanted = json.loads(json.dumps(dict(identity)))  # as it comes back from the file
+    identity = json.loads(json.dumps(dict(identity)))  # as decoded from the file
     with os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT, 0o666), "rb+") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            why = f"another command writes into this folder; {OTHER_FOLDER}"
+            why = f"in use by another command; {OTHER_FOLDER}"
             raise ScenarioError([f"{folder}: {why}"]) from error
-        journal = RunJournal(path, file, wanted)
-        _read(journal, file, path, wanted, report)
+        journal = RunJournal(path, file, identity)
+        _read(journal, file, path, identity, report)
         yield journal
 
 
@@ -87,53 +87,53 @@ def _read(
     journal: RunJournal,
     file: IO[bytes],
     path: Path,
-    wanted: Mapping[str, Any],
+    identity: Mapping[str, Any],
     report: Callable[[str], None],
 ) -> None:
-    """Read all lines; blanks damaged ones and leaves the file at its end."""
+    """Read all lines, overwrite damaged lines with blanks, and seek to the end."""
     content = file.read()
-    *lines, torn = content.split(b"\n")
-    if len(lines) == 1:  # a question without answers: this one takes its place
-        lines, torn = [], content
-    file.truncate(len(content) - len(torn))
-    damaged, begins, has_question = [], 0, False
+    *lines, incomplete = content.split(b"\n")
+    if len(lines) == 1:  # no outcomes yet: replace the identity
+        lines, incomplete = [], content
+    file.truncate(len(content) - len(incomplete))
+    damaged, start, has_identity = [], 0, False
     for number, line in enumerate(lines, start=1):
         header = _decoded(line)
         if header is not None and "identity" in header:
-            _refuse_other(path, header, wanted)
-            has_question = True
+            _refuse_other(path, header, identity)
+            has_identity = True
         elif line.strip() and not journal.load(line):
             _refuse_other_version(path, line)
-            damaged.append((number, begins, len(line)))
-        begins += len(line) + 1
-    if damaged and not has_question and not journal.entries:
+            damaged.append((number, start, len(line)))
+        start += len(line) + 1
+    if damaged and not has_identity and not journal.entries:
         raise ScenarioError([f"{path}, line 1: damaged; {OTHER_FOLDER}"])
     for number, at, length in damaged:
-        report(f"{path}, line {number}: damaged; what it held is computed again")
+        report(f"{path}, line {number}: damaged; its run is repeated")
         file.seek(at)
         file.write(b" " * length)
     file.seek(0, os.SEEK_END)
-    if not has_question:
-        journal.write_header(wanted)
+    if not has_identity:
+        journal.write_header(identity)
 
 
-def _encoded(content: Mapping[str, Any], question: int = 0) -> bytes:
-    """Encode one line with its checksum, which covers the question too."""
+def _encoded(content: Mapping[str, Any], identity_crc: int = 0) -> bytes:
+    """Encode a line with a checksum over identity and content."""
     text = json.dumps(content, separators=(",", ":")).encode()[:-1]
-    return text + b',"crc32":"%08x"}\n' % crc32(text, question)
+    return text + b',"crc32":"%08x"}\n' % crc32(text, identity_crc)
 
 
-def _decoded(line: bytes, question: int = 0) -> dict[str, Any] | None:
-    """Decode a line; None if its checksum does not match content and question."""
+def _decoded(line: bytes, identity_crc: int = 0) -> dict[str, Any] | None:
+    """Decode a line; return None if its checksum is wrong."""
     text, checksum = line[:-CHECKSUM_BYTES], CHECKSUM.fullmatch(line[-CHECKSUM_BYTES:])
-    if checksum is None or int(checksum[1], 16) != crc32(text, question):
+    if checksum is None or int(checksum[1], 16) != crc32(text, identity_crc):
         return None
     content: dict[str, Any] = json.loads(text + b"}")
     return content
 
 
 def _refuse_other_version(path: Path, line: bytes) -> None:
-    """Raise ScenarioError if a line without a valid checksum begins a journal of another schema."""
+    """Raise ScenarioError if the line is the header of a journal of another schema."""
     try:
         content = json.loads(line)
     except (ValueError, RecursionError):
@@ -145,27 +145,27 @@ def _refuse_other_version(path: Path, line: bytes) -> None:
         raise ScenarioError([f"{path}: schema: {why}"])
 
 
-def _refuse_other(path: Path, header: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
-    """Raise ScenarioError, with the differences, unless the journal has the same question."""
+def _refuse_other(path: Path, header: Mapping[str, Any], identity: Mapping[str, Any]) -> None:
+    """Raise ScenarioError with the differences if the journal belongs to another study."""
     if header["schema"] != SCHEMA:
         why = f"given {header['schema']}, allowed {SCHEMA}; {OTHER_FOLDER}"
         raise ScenarioError([f"{path}: schema: {why}"])
     before = header["identity"]
-    names = [name for name in {**wanted, **before} if before.get(name) != wanted.get(name)]
+    names = [name for name in {**identity, **before} if before.get(name) != identity.get(name)]
     if names:
         differs = "; ".join(
-            f"{name}: {_difference(before.get(name), wanted.get(name))}" for name in names
+            f"{name}: {_difference(before.get(name), identity.get(name))}" for name in names
         )
-        what = f"holds the answers to another command: {differs}"
-        raise ScenarioError([f"{path.parent}: {what}; {OTHER_FOLDER}"])
+        why = f"holds results of another command: {differs}"
+        raise ScenarioError([f"{path.parent}: {why}; {OTHER_FOLDER}"])
 
 
 MAX_SHOWN = 60
-"""Letters of a value that are shown."""
+"""Longest value that a refusal quotes."""
 
 
 def _difference(there: Any, here: Any) -> str:
     shown = [text if isinstance(text, str) else json.dumps(text) for text in (there, here)]
     if max(map(len, shown)) > MAX_SHOWN:
-        return "not the same"
-    return f"{shown[0]} there, {shown[1]} now"
+        return "different"
+    return f"{shown[0]} in the folder, {shown[1]} now"

@@ -1,7 +1,4 @@
-"""The files of a study: tables, JSON, pictures and texts.
-
-Each file is written whole or not at all, so that a reader never finds half of one.
-"""
+"""Files of a study: tables, JSON, plots and texts, each written atomically."""
 
 import csv
 import io
@@ -13,18 +10,18 @@ from typing import Any
 from scenarios.definition.errors import ScenarioError
 
 Row = dict[str, Any]
-"""A row of a table: texts and numbers by column, None where there is nothing."""
+"""A row of a table: texts, numbers or None by column."""
 
 
 def refuse_existing(*files: Path | None, place: str = "place") -> None:
-    """Raise ScenarioError if one of the files to be written exists."""
+    """Raise ScenarioError if one of the output files exists."""
     for file in files:
         if file is not None and (file.exists() or file.is_symlink()):
             raise ScenarioError([f"{file}: exists; give another {place}"])
 
 
 def write_files(out: Path, contents: Mapping[str, Any]) -> list[Path]:
-    """Write files into the folder `out` by `write_file`; returns their paths."""
+    """Write files into the folder `out`; return their paths."""
     out.mkdir(parents=True, exist_ok=True)
     for name, content in contents.items():
         write_file(out / name, content)

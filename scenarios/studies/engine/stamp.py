@@ -1,4 +1,4 @@
-"""Versions of the programs of a process: results of different versions are not mixed."""
+"""Software versions of a process, so that results of different versions are not mixed."""
 
 import hashlib
 import platform
@@ -14,14 +14,14 @@ import transport
 import vehicles
 
 HASHED_SUFFIXES = {".py", ".toml", ".csv"}
-"""Files that a run depends on: programs, and what the library has of scenarios and traces."""
+"""Suffixes of files that a run depends on: code, library scenarios, traces."""
 DIGITS = 12
-"""Of the digest: 48 bits, against mistakes and not against malice."""
+"""Digits of the digest: 48 bits, enough against mistakes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProgramStamp:
-    """Versions that figures may depend on; `sources` is a digest of the three packages."""
+    """Versions that results may depend on; `sources` is a digest of the three packages."""
 
     convoy: str
     sources: str
@@ -29,7 +29,7 @@ class ProgramStamp:
     numpy: str
 
     def differences(self, there: "ProgramStamp") -> list[str]:
-        """Describe each difference from the programs of another process."""
+        """Describe each difference from the stamp of another process."""
         ours = asdict(self)
         return [
             f"{name} is {value} there and {ours[name]} here"
@@ -52,7 +52,7 @@ PACKAGES = (vehicles, transport, scenarios)
 
 
 def digest_of(*packages: Path) -> str:
-    """Digest of the files in the packages' folders, wherever they are installed."""
+    """Digest of the packages' files, independent of where they are installed."""
     digest = hashlib.sha256()
     for package in packages:
         files = (

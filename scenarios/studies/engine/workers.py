@@ -1,7 +1,6 @@
-"""The workers: this process, a pool of processes, or those of a dask scheduler.
+"""Workers: this process, a pool of processes, or the workers of a dask scheduler.
 
-All are executors of `concurrent.futures`; a fleet adds how much to hand out at once, and which
-exceptions of a batch mean that its worker died.
+All are executors of `concurrent.futures`.
 """
 
 import os
@@ -26,22 +25,22 @@ Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
 BATCHES_PER_THREAD = 2
-"""Batches for each thread of a remote worker, so that the next is ready at once."""
+"""Queue depth of a remote worker, so that it does not wait for the next batch."""
 POLL_INTERVAL_S = 1.0
-"""Interval between two looks at a scheduler's workers, which come and go."""
+"""Interval at which the workers of a scheduler are counted; they may join and leave."""
 CONNECT_TIMEOUT_S = 10.0
 RETRY_DELAYS_S = (0.0, 0.05, 0.5)
-"""Before each further attempt to start a worker: the process it is forked from may not be up."""
-PRELOADED = tuple(f"scenarios.runs.virtual.{name}" for name in ("logged", "unlogged"))
-"""What workers run is imported once for all of them."""
+"""Delay before each attempt to start a worker: the fork server may not be ready."""
+PRELOADED = ("scenarios.runs.virtual.logged_run", "scenarios.runs.virtual.unlogged_run")
+"""Modules that the fork server imports once for all workers."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorkerGroup:
-    """An executor, and how many batches it should have at a time.
+    """An executor, and how many batches to submit at a time.
 
-    `died` are exceptions of a batch whose worker died; `gave_up` those of a batch that other
-    workers have tried as well.
+    `worker_lost` are the exceptions of a batch whose worker died, `no_retry` those of a batch that
+    the executor has already retried.
     """
 
     executor: Executor
@@ -51,11 +50,10 @@ class WorkerGroup:
 
 
 OpenWorkers = Callable[[], AbstractContextManager[WorkerGroup]]
-"""Starts a fleet where there is something to do, and ends it."""
 
 
 class InlineExecutor(Executor):
-    """Runs each call at once, in `submit`."""
+    """Run each call synchronously in `submit`."""
 
     def submit(
         self, fn: Callable[Arguments, Result], /, *args: Arguments.args, **kwargs: Arguments.kwargs
@@ -63,7 +61,7 @@ class InlineExecutor(Executor):
         future: Future[Result] = Future()
         try:
             future.set_result(fn(*args, **kwargs))
-        except Exception as error:  # noqa: BLE001 - it is the caller's, as with any executor
+        except Exception as error:  # noqa: BLE001 - raised by Future.result
             future.set_exception(error)
         return future
 
@@ -71,16 +69,15 @@ class InlineExecutor(Executor):
 class WorkerPool(Executor):
     """Worker processes, each of which imports the project once.
 
-    The batch of a worker that dies ends with `BrokenProcessPool`; the others go on, and the next
-    call of `submit` replaces the worker. Workers are forked from a process that has imported
-    everything and has no threads; without fork they are spawned. They end with this process, even
-    if it is killed.
+    If a worker dies, its batches raise `BrokenProcessPool`, and the next `submit` replaces it.
+    Workers are forked from a single-threaded fork server, or spawned where there is no fork. They
+    exit with this process, even if it is killed.
     """
 
     def __init__(self, workers: int) -> None:
-        # Inherited by the workers; see scenarios.cli.main.
+        # The workers inherit both variables; see scenarios.cli.main.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-        # After a Ctrl-C Python cleans up by itself, and would warn of it.
+        # Python would warn of the cleanup after Ctrl-C.
         os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
         self._processes = [_new_process() for _ in range(workers)]
         self._futures: list[list[Future[Any]]] = [[] for _ in range(workers)]
@@ -88,20 +85,22 @@ class WorkerPool(Executor):
     def submit(
         self, fn: Callable[Arguments, Result], /, *args: Arguments.args, **kwargs: Arguments.kwargs
     ) -> Future[Result]:
-        """Hand the call to the worker with the fewest open calls."""
-        self._futures = [[one for one in of if not one.done()] for of in self._futures]
+        """Submit the call to the worker with the fewest pending calls."""
+        self._futures = [
+            [future for future in futures if not future.done()] for futures in self._futures
+        ]
         place = min(range(len(self._futures)), key=lambda number: len(self._futures[number]))
         future = self._submit_to(place, partial(fn, *args, **kwargs))
         self._futures[place].append(future)
         return future
 
     def _submit_to(self, place: int, work: Callable[[], Result]) -> Future[Result]:
-        """Hand work to a worker, which is replaced if it has died."""
-        with _block_ctrl_c():  # inherited by the workers, which end with their parent
+        """Submit to one worker; replace it if it died."""
+        with _block_ctrl_c():  # workers inherit the mask and exit with their parent
             for pause_s in RETRY_DELAYS_S:
                 try:
                     return self._processes[place].submit(work)
-                except (BrokenProcessPool, OSError, EOFError):  # or the process it is forked from
+                except (BrokenProcessPool, OSError, EOFError):  # the last two: the fork server died
                     self._processes[place] = _new_process()
                     time.sleep(pause_s)
             return self._processes[place].submit(work)
@@ -123,7 +122,7 @@ def _new_process() -> ProcessPoolExecutor:
 
 @contextmanager
 def _block_ctrl_c() -> Iterator[None]:
-    """Block SIGINT in this thread; another one still receives it for the process."""
+    """Block SIGINT in this thread; another thread still receives it."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -132,7 +131,7 @@ def _block_ctrl_c() -> Iterator[None]:
 
 
 def _end_with_parent() -> None:
-    """End this worker when its parent is gone, even if that was killed."""
+    """Exit this worker when its parent is gone, even if it was killed."""
     parent = parent_process()
 
     def watch() -> None:
@@ -149,15 +148,15 @@ def cores() -> int:
 
 @contextmanager
 def open_workers(workers: int | None = None, scheduler: str = "") -> Iterator[WorkerGroup]:
-    """Start a fleet of worker processes (None: one for each core, 0: this process alone).
+    """Start worker processes (None: one per core, 0: run in this process).
 
     With `scheduler`, an address such as tcp://127.0.0.1:8786, use the workers of that dask
-    scheduler, which needs the package distributed. Raises EngineError if none answers there. At the
-    end, batches that have not begun are cancelled.
+    scheduler; needs the package distributed. Raises EngineError if no scheduler responds. At the
+    end, pending batches are cancelled.
     """
     if scheduler:
-        with _dask_fleet(scheduler) as fleet:
-            yield fleet
+        with _dask_workers(scheduler) as group:
+            yield group
     elif workers == 0:
         yield WorkerGroup(executor=InlineExecutor(), slots=lambda: 1)
     else:
@@ -170,16 +169,16 @@ def open_workers(workers: int | None = None, scheduler: str = "") -> Iterator[Wo
 
 
 @contextmanager
-def _dask_fleet(address: str) -> Iterator[WorkerGroup]:
-    from distributed import Client, KilledWorker  # noqa: PLC0415 - an extra, and slow
+def _dask_workers(address: str) -> Iterator[WorkerGroup]:
+    from distributed import Client, KilledWorker  # noqa: PLC0415 - optional and slow to import
 
     try:
         client = Client(address, timeout=CONNECT_TIMEOUT_S, set_as_default=False)
-    except (OSError, ValueError) as error:  # TimeoutError among them
-        why = f"no dask scheduler answers there ({' '.join(str(error).split())})"
+    except (OSError, ValueError) as error:  # includes TimeoutError
+        why = f"no dask scheduler responds ({' '.join(str(error).split())})"
         raise EngineError([f"--scheduler: {address}: {why}"]) from error
     try:
-        # After the death of a worker equal batches are sent again and must not share a result.
+        # A retried batch must not get the cached result of an equal one.
         executor = client.get_executor(pure=False)
         worker_lost = (BrokenExecutor, KilledWorker)
         yield WorkerGroup(
@@ -194,17 +193,17 @@ def _dask_fleet(address: str) -> Iterator[WorkerGroup]:
 
 
 def _slots_of(client: "Client") -> Callable[[], int]:
-    """Count the batches that the workers of a scheduler can use, looked up now and then."""
-    looked_at, slots = -POLL_INTERVAL_S, 1
+    """Return a function that counts the batches to submit, from the number of worker threads."""
+    counted_at, slots = -POLL_INTERVAL_S, 1
 
     def count() -> int:
-        nonlocal looked_at, slots
+        nonlocal counted_at, slots
         now = time.monotonic()
-        if now - looked_at >= POLL_INTERVAL_S:
+        if now - counted_at >= POLL_INTERVAL_S:
             threads: dict[str, Any] = client.nthreads()
-            # With no worker there one batch waits for the first to come.
+            # Without workers, one batch waits for the first to join.
             slots = max(BATCHES_PER_THREAD * sum(threads.values()), 1)
-            looked_at = now
+            counted_at = now
         return slots
 
     return count

@@ -1,6 +1,6 @@
-"""The workers of a dask scheduler give the tables of this process, also when one is killed.
+"""Dask workers produce the same tables as this process, even if a worker is killed.
 
-In containers: tests/system/containers.
+For containers see tests/system/containers.
 """
 
 import os
@@ -28,7 +28,7 @@ distributed = pytest.importorskip("distributed")
 
 @contextmanager
 def local_cluster(*, processes: bool) -> Iterator[Any]:
-    """A scheduler here and two workers, reached from this machine alone."""
+    """A scheduler with two workers on the loopback interface."""
     with distributed.LocalCluster(
         n_workers=2,
         threads_per_worker=1,
@@ -43,22 +43,22 @@ def local_cluster(*, processes: bool) -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Any]:
-    """Workers that are threads of this process: quick to start."""
+    """Workers as threads of this process, which start quickly."""
     with local_cluster(processes=False) as cluster:
         yield cluster
 
 
-def test_the_tables_are_those_of_this_process(cluster: Any, tmp_path: Path) -> None:
+def test_tables_equal_those_of_this_process(cluster: Any, tmp_path: Path) -> None:
     plan = small_plan(seeds=1)
     driven_here(plan, tmp_path / "here")
-    fleet = partial(open_workers, None, cluster.scheduler_address)
-    run_sweep(plan, tmp_path / "dask", fleet, lambda _: None, pictures=False)
+    workers = partial(open_workers, None, cluster.scheduler_address)
+    run_sweep(plan, tmp_path / "dask", workers, lambda _: None, pictures=False)
     assert tables(tmp_path / "dask") == tables(tmp_path / "here")
 
 
 @pytest.mark.long
 @pytest.mark.campaign(0, 3)
-def test_a_worker_process_that_is_killed_costs_time_only(
+def test_a_killed_worker_process_does_not_change_the_tables(
     case: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("scenarios.studies.engine.engine.REPORT_EVERY_S", 0.0)
@@ -68,36 +68,36 @@ def test_a_worker_process_that_is_killed_costs_time_only(
     with local_cluster(processes=True) as cluster:
         victims = [worker.pid for worker in cluster.workers.values()][:1]
 
-        def kill_one(_said: str) -> None:
+        def kill_one(_line: str) -> None:
             if victims and (tmp_path / "dask" / JOURNAL).read_bytes().count(b"\n") > kill_after:
                 os.kill(victims.pop(), signal.SIGKILL)
 
-        fleet = partial(open_workers, None, cluster.scheduler_address)
-        run_sweep(plan, tmp_path / "dask", fleet, kill_one, pictures=False)
+        workers = partial(open_workers, None, cluster.scheduler_address)
+        run_sweep(plan, tmp_path / "dask", workers, kill_one, pictures=False)
     assert not victims
     assert tables(tmp_path / "dask") == tables(tmp_path / "here")
 
 
-def test_a_worker_with_other_programs_is_refused(
+def test_a_worker_with_other_versions_is_refused(
     cluster: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     other = replace(current_stamp(), numpy="0.1")
     monkeypatch.setattr(dispatcher, "current_stamp", lambda: other)
     with (
-        open_workers(scheduler=cluster.scheduler_address) as fleet,
+        open_workers(scheduler=cluster.scheduler_address) as workers,
         pytest.raises(
             ScenarioError,
-            match=r"^a worker has other programs: numpy is \S+ there and 0.1 here; in",
+            match=r"^a worker has other versions: numpy .* 0\.1 ",
         ) as error,
     ):
-        list(dispatcher.JobDispatcher([Job(key="1", work=os.getpid)], fleet).outcomes())
+        list(dispatcher.JobDispatcher([Job(key="1", work=os.getpid)], workers).outcomes())
     assert len(error.value.lines) == 1
 
 
-def test_nobody_at_the_address_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("scenarios.studies.engine.workers.CONNECT_S", 0.5)
+def test_a_missing_scheduler_is_one_error_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("scenarios.studies.engine.workers.CONNECT_TIMEOUT_S", 0.5)
     with (
-        pytest.raises(ScenarioError, match=r"^--scheduler: \S+: no dask sche") as error,
+        pytest.raises(ScenarioError, match=r"^--scheduler: tcp://127.0.0.1:9: ") as error,
         open_workers(scheduler="tcp://127.0.0.1:9"),
     ):
         pass

@@ -1,4 +1,4 @@
-"""Jobs on worker processes: all results, and no more work once one has failed."""
+"""Jobs on worker processes: all results, and no further jobs after a failure."""
 
 import os
 import time
@@ -12,44 +12,48 @@ from scenarios.studies.engine.job import Job
 from tests.made.many.engines import engine_here
 
 
-def leave_a_mark(path: Path) -> int:
+def write_pid(path: Path) -> int:
     path.write_text(str(os.getpid()), encoding="utf-8")
     return os.getpid()
 
 
-def marks(folder: Path, *names: str) -> list[Job]:
-    return [Job(key=name, work=partial(leave_a_mark, folder / name)) for name in names]
+def marker_jobs(folder: Path, *names: str) -> list[Job]:
+    return [Job(key=name, work=partial(write_pid, folder / name)) for name in names]
 
 
-def test_jobs_are_done_by_worker_processes(tmp_path: Path) -> None:
+def test_jobs_run_in_worker_processes(tmp_path: Path) -> None:
     with engine_here(1) as engine:
-        done = engine.results(marks(tmp_path, "one", "other"))
+        done = engine.results(marker_jobs(tmp_path, "one", "other"))
     assert done == [int((tmp_path / name).read_text()) for name in ("one", "other")]
     assert len(set(done)) == 1
     assert os.getpid() not in done
 
 
-def test_without_workers_they_are_done_here_in_order(tmp_path: Path) -> None:
+def test_without_workers_jobs_run_here_in_order(tmp_path: Path) -> None:
     with engine_here() as engine:
-        found = [(one.key, one.result) for one in engine.outcomes(marks(tmp_path, "b", "a"))]
+        found = [
+            (done.key, done.result) for done in engine.outcomes(marker_jobs(tmp_path, "b", "a"))
+        ]
     assert found == [("b", os.getpid()), ("a", os.getpid())]
 
 
 @pytest.mark.parametrize("workers", [0, 1])
-def test_after_one_that_fails_no_more_are_begun(tmp_path: Path, workers: int) -> None:
-    jobs = [Job(key="bad", work=partial(int, "none")), *marks(tmp_path, *"abcde")]
+def test_no_job_starts_after_a_failure(tmp_path: Path, workers: int) -> None:
+    jobs = [Job(key="bad", work=partial(int, "none")), *marker_jobs(tmp_path, *"abcde")]
     with engine_here(workers) as engine, pytest.raises(ScenarioError, match="invalid literal"):
         engine.results(jobs)
     assert len(list(tmp_path.iterdir())) <= workers
 
 
-def test_a_caller_that_stops_iterating_stops_the_work(tmp_path: Path) -> None:
-    jobs = [Job(key=str(k), work=partial(_marks_and_waits, tmp_path / str(k))) for k in range(50)]
+def test_no_job_starts_after_the_caller_stops(tmp_path: Path) -> None:
+    jobs = [
+        Job(key=str(k), work=partial(_write_pid_and_wait, tmp_path / str(k))) for k in range(50)
+    ]
     with engine_here(1) as engine:
         next(engine.outcomes(jobs))
     assert len(list(tmp_path.iterdir())) < 40
 
 
-def _marks_and_waits(path: Path) -> None:
-    leave_a_mark(path)
+def _write_pid_and_wait(path: Path) -> None:
+    write_pid(path)
     time.sleep(0.05)
