@@ -114,7 +114,8 @@ def _certificate_warnings(scenario: "Scenario") -> tuple[str, ...]:
 def new(file: Path | None) -> None:
     """Write a commented scenario file.
 
-    The file lists every key with its default. Without FILE it goes to standard output.
+    The file has the most important keys with their defaults; `convoy reference scenario` lists all
+    keys. Without FILE it goes to standard output.
     """
     from scenarios.definition.library import template
 

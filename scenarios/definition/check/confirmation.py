@@ -27,11 +27,11 @@ def confirmation_lines(scenario: Scenario, *, wall_clock: bool) -> tuple[str, ..
 
 
 def confirmed_lines(scenario: Scenario, *, wall_clock: bool, confirmed: bool) -> tuple[str, ...]:
-    """Return the same lines as warnings if they are `confirmed`; else raise ScenarioError."""
+    """Return warnings about unusual settings; raises ScenarioError if one is not `confirmed`."""
     lines = confirmation_lines(scenario, wall_clock=wall_clock)
     if lines and not confirmed:
         raise ScenarioError(f"{scenario.name}: {line} (--yes runs it anyway)" for line in lines)
-    return lines
+    return lines if wall_clock else (*lines, *_implausible_latency(scenario))
 
 
 def _too_few_vehicles(scenario: Scenario) -> Iterator[str]:
@@ -54,6 +54,21 @@ def _cores() -> int:
 
 
 def _too_little_latency(scenario: Scenario) -> Iterator[str]:
+    for name, latency, hint in _small_latency(scenario):
+        yield (
+            f"latency_ms = {latency:g} on link {name}{hint}: messages between processes take about "
+            "1 ms and will count as late; set 5 or more, or use --clock virtual"
+        )
+
+
+def _implausible_latency(scenario: Scenario) -> Iterator[str]:
+    for name, latency, hint in _small_latency(scenario):
+        if latency:
+            yield f"latency_ms = {latency:g} on link {name} is less than any radio has{hint}"
+
+
+def _small_latency(scenario: Scenario) -> Iterator[tuple[str, float, str]]:
+    """Yield the link with the smallest latency (ms) if that is too small, with a hint."""
     links = {
         pair: table.latency_ms
         for pair, table in scenario.links.items()
@@ -61,12 +76,8 @@ def _too_little_latency(scenario: Scenario) -> Iterator[str]:
     }
     pair = min(links, key=lambda pair: links[pair], default=None)
     if pair is not None and (latency := links[pair]) < LATENCY_MS_MIN:
-        meant = f" (did you mean {1000.0 * latency:g}?)" if latency else ""
-        yield (
-            f"latency_ms = {latency:g} on link {pair[0]} → {pair[1]}{meant}: messages between "
-            "processes take about 1 ms and will count as late; set 5 or more, or use "
-            "--clock virtual"
-        )
+        hint = f" (did you mean {1000.0 * latency:g}?)" if latency else ""
+        yield f"{pair[0]} → {pair[1]}", latency, hint
 
 
 def _longer_than_lap(scenario: Scenario) -> Iterator[str]:

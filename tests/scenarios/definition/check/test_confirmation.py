@@ -46,6 +46,14 @@ def test_it_needs_confirmation(
     assert confirmed_lines(scenario, wall_clock=True, confirmed=True) == (line,)
 
 
+def test_a_virtual_run_warns_of_seconds_in_place_of_milliseconds() -> None:
+    scenario = load_scenario("lane_change", ["links.latency_ms=0.02"])
+    (line,) = confirmed_lines(scenario, wall_clock=False, confirmed=False)
+    assert "did you mean 20?" in line
+    without = load_scenario("lane_change", ["links.latency_ms=0"])
+    assert confirmed_lines(without, wall_clock=False, confirmed=False) == ()
+
+
 @pytest.mark.parametrize(
     ("name", "overrides"),
     [
