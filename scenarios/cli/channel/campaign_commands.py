@@ -41,7 +41,7 @@ def figure(*, quick: bool, out: Path) -> None:
         costs = channel_figure(QUICK if quick else Plan(), out, click.echo)
         margin_m = lane_margin_m()
         left_lane: Column[Cost] = Column(
-            "left its\nlane", lambda one: f"{one.beyond(margin_m)} of {len(one.errors_m)}"
+            "left its\nlane", lambda one: f"{one.runs_beyond(margin_m)} of {len(one.errors_m)}"
         )
         over_bursts = [one for one in costs if one.channel.burst_messages is not None]
         Console().print(table_of((*COST_COLUMNS, left_lane), over_bursts))

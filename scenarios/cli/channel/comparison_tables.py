@@ -7,7 +7,7 @@ from rich.console import Console
 from scenarios.cli.columns import Column, figure, table_of
 from scenarios.definition.check.link_forecast import link_forecast
 from scenarios.definition.scenario import Scenario
-from scenarios.studies.channel.comparison import Compared, Comparison
+from scenarios.studies.channel.comparison import ComparedFigure, Comparison
 
 WIDEST = 28
 """Characters of the longest bar."""
@@ -44,26 +44,26 @@ def _about(source: str | None, laws: Sequence[str], comparison: Comparison) -> I
     )
 
 
-def _unit(row: Compared) -> tuple[str, float]:
+def _unit(row: ComparedFigure) -> tuple[str, float]:
     """Unit of a figure, and the factor to it."""
     if row.figure == "loss":
         return " %", 100.0
     return ("" if row.figure == "lost in a row" else " ms"), 1.0
 
 
-def _with_unit(row: Compared, value: float | None) -> str | None:
+def _with_unit(row: ComparedFigure, value: float | None) -> str | None:
     unit, scale = _unit(row)
     return None if value is None else figure(value, ".4g", scale) + unit
 
 
-def _interval(row: Compared) -> str:
+def _interval(row: ComparedFigure) -> str:
     unit, scale = _unit(row)
     if row.low is None or row.high is None:
         return ""
     return f"{figure(row.low, '.4g', scale)} to {figure(row.high, '.4g', scale)}{unit}"
 
 
-FIGURE_COLUMNS: Sequence[Column[Compared]] = (
+FIGURE_COLUMNS: Sequence[Column[ComparedFigure]] = (
     Column("", lambda row: row.figure, left=True),
     Column("law", lambda row: _with_unit(row, row.law)),
     Column("sample", lambda row: _with_unit(row, row.sample)),
@@ -71,11 +71,11 @@ FIGURE_COLUMNS: Sequence[Column[Compared]] = (
 )
 
 
-def _print_shares(heading: str, rows: Sequence[Compared], console: Console) -> None:
+def _print_shares(heading: str, rows: Sequence[ComparedFigure], console: Console) -> None:
     if not rows:
         return
     most = max(max(row.law or 0.0, row.sample or 0.0) for row in rows) or 1.0
-    columns: Sequence[Column[Compared]] = (
+    columns: Sequence[Column[ComparedFigure]] = (
         Column(heading, lambda row: row.figure, left=True),
         Column("law %", lambda row: row.law, ".2f", 100.0),
         Column("sample %", lambda row: row.sample or 0.0, ".2f", 100.0),

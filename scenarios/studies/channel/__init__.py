@@ -1,6 +1,6 @@
 """`convoy channel`: laws against samples, the laws of recorded links, and what channels cost.
 
-law          what the laws predict of bursts, delays and distances
+predictions  what the laws predict of bursts, delays and distances
 comparison   all figures of a link, of its laws and of a sample
 picture      the same, drawn
 fitting/     the laws of the links of a log

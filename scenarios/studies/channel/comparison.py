@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 from scenarios.definition.channel.expected import expected_channel
 from scenarios.definition.check.link_sample import SampledChannel, StraightDrive
 from scenarios.results.channel.estimates import CONFIDENCE, bursts, inflation, mean_length, share
-from scenarios.studies.channel.law import burst_shares, delay_quantiles, distances_m
+from scenarios.studies.channel.predictions import burst_shares, delay_quantiles, distances_m
 
 QUANTILES = (0.05, 0.5, 0.95, 0.99)
-EDGES = (1, 2, 3, 4, 5, 7, 10, 15, 20, 30, 50)
+BURST_EDGES = (1, 2, 3, 4, 5, 7, 10, 15, 20, 30, 50)
 """Bursts are counted from one of them up to before the next."""
 
 
 @dataclass(frozen=True, slots=True)
-class Compared:
+class ComparedFigure:
     """One figure: by the law, None if unknown, and of the sample.
 
     `low` and `high` are the 95 % interval of the sample.
@@ -46,9 +46,9 @@ class Comparison:
     distance_m: float
     speed_mps: float
     vehicles_between: int
-    figures: tuple[Compared, ...]
-    bursts: tuple[Compared, ...]
-    distances: tuple[Compared, ...]
+    figures: tuple[ComparedFigure, ...]
+    bursts: tuple[ComparedFigure, ...]
+    distances: tuple[ComparedFigure, ...]
     dropped: dict[str, int]
 
 
@@ -60,7 +60,7 @@ def compare(drive: StraightDrive, messages: int) -> tuple[Comparison, SampledCha
     if drive.scenario.link_setting(*drive.link, 0).off:
         expected = replace(expected, loss_ratio=None, burst_messages=None)
     lengths = bursts(sample.lost)
-    loss = _share("loss", expected.loss_ratio, sample.lost, expected.loss_inflation)
+    loss = _share_figure("loss", expected.loss_ratio, sample.lost, expected.loss_inflation)
     burst = mean_length(lengths, CONFIDENCE)
     interval = (burst.value, burst.low, burst.high) if burst and isfinite(burst.high) else ()
     delays = sample.delay_ms
@@ -78,17 +78,17 @@ def compare(drive: StraightDrive, messages: int) -> tuple[Comparison, SampledCha
         vehicles_between=between.count,
         figures=(
             loss,
-            Compared("lost in a row", expected.burst_messages, *(interval or (None,))),
-            Compared(
+            ComparedFigure("lost in a row", expected.burst_messages, *(interval or (None,))),
+            ComparedFigure(
                 "mean delay", expected.latency_ms_mean, float(delays.mean()) if there else None
             ),
-            Compared(
+            ComparedFigure(
                 "its deviation",
                 expected.latency_ms_deviation,
                 float(delays.std()) if there else None,
             ),
             *(
-                Compared(
+                ComparedFigure(
                     f"{100.0 * part:g} % of delays within",
                     law,
                     float(np.quantile(delays, part)) if there else None,
@@ -96,40 +96,44 @@ def compare(drive: StraightDrive, messages: int) -> tuple[Comparison, SampledCha
                 for part, law in zip(QUANTILES, quantiles, strict=True)
             ),
         ),
-        bursts=_bursts(lengths, burst_shares(expected, effects)),
+        bursts=_burst_figures(lengths, burst_shares(expected, effects)),
         distances=tuple(
-            _over(replace(drive, distance_m=metres), max(messages // 10, 100))
+            _delivery_at(replace(drive, distance_m=metres), max(messages // 10, 100))
             for metres in distances_m(effects)
         ),
         dropped=dict(sorted(sample.dropped.items())),
     ), sample
 
 
-def _share(figure: str, law: float | None, of: NDArray[np.bool_], spread_by: float) -> Compared:
+def _share_figure(
+    figure: str, law: float | None, of: NDArray[np.bool_], variance_ratio: float
+) -> ComparedFigure:
     """A share of events; its interval allows for bursts of the law and of the sample."""
     lengths = bursts(of)
     mean = float(np.mean(of)) if len(of) else 0.0
     own = inflation(mean, float(lengths.mean())) if len(lengths) else 1.0
-    found = share(int(of.sum()), len(of), CONFIDENCE, max(own, spread_by))
-    return Compared(figure, law, found.value, found.low, found.high)
+    found = share(int(of.sum()), len(of), CONFIDENCE, max(own, variance_ratio))
+    return ComparedFigure(figure, law, found.value, found.low, found.high)
 
 
-def _bursts(lengths: NDArray[np.int_], law: NDArray[np.float64] | None) -> tuple[Compared, ...]:
+def _burst_figures(
+    lengths: NDArray[np.int_], law: NDArray[np.float64] | None
+) -> tuple[ComparedFigure, ...]:
     rows = []
-    for edge, after in zip(EDGES, (*EDGES[1:], None), strict=True):
+    for edge, after in zip(BURST_EDGES, (*BURST_EDGES[1:], None), strict=True):
         within = (lengths >= edge) & (lengths < (after or lengths.max(initial=0) + 1))
         expected = None if law is None else float(law[edge - 1 : after and after - 1].sum())
         found = share(int(within.sum()), len(lengths), CONFIDENCE)
         name = f"{edge} or more" if after is None else f"{edge} to {after - 1}"
         name = f"{edge}" if after == edge + 1 else name
-        rows.append(Compared(name, expected, found.value, found.low, found.high))
+        rows.append(ComparedFigure(name, expected, found.value, found.low, found.high))
     while rows and not rows[-1].sample and (rows[-1].law or 0.0) < 1e-4:
         rows.pop()
     return tuple(rows) if len(lengths) else ()
 
 
-def _over(drive: StraightDrive, messages: int) -> Compared:
+def _delivery_at(drive: StraightDrive, messages: int) -> ComparedFigure:
     expected = expected_channel(drive.table, drive.rate_hz, drive.distance_m, drive.between)
     law = None if expected.loss_ratio is None else 1.0 - expected.loss_ratio
     received = ~drive.sample(messages).lost
-    return _share(f"{drive.distance_m:.0f} m", law, received, expected.loss_inflation)
+    return _share_figure(f"{drive.distance_m:.0f} m", law, received, expected.loss_inflation)

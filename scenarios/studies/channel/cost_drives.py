@@ -98,7 +98,7 @@ class Cost:
     def largest_m(self) -> float:
         return max(self.errors_m)
 
-    def beyond(self, limit_m: float) -> int:
+    def runs_beyond(self, limit_m: float) -> int:
         return sum(error > limit_m for error in self.errors_m)
 
 
@@ -109,7 +109,7 @@ def lane_margin_m() -> float:
     return 0.5 * (scenario.tables.events.lane_width_m - width)
 
 
-def driven(plan: Plan, engine: Engine) -> list[Cost]:
+def simulate_costs(plan: Plan, engine: Engine) -> list[Cost]:
     """Simulate every channel of `plan` with every seed; returns costs in that order."""
     drives = [(channel, seed) for channel in plan.channels for seed in plan.seeds(channel)]
     jobs = [

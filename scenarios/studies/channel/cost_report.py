@@ -23,8 +23,8 @@ from scenarios.studies.channel.cost_drives import (
     SETTINGS,
     Cost,
     Plan,
-    driven,
     lane_margin_m,
+    simulate_costs,
 )
 from scenarios.studies.engine.engine import study_engine
 from scenarios.studies.engine.results import write_files
@@ -50,9 +50,10 @@ def channel_figure(
         files=(PICTURE, JSON_FILE),
         identity={"plan": asdict(plan), **asdict(current_stamp())},
     ) as engine:
-        costs, margin_m = driven(plan, engine), lane_margin_m()
+        costs, margin_m = simulate_costs(plan, engine), lane_margin_m()
         write_files(
-            out, {JSON_FILE: machine_readable(costs, margin_m), PICTURE: drawn(costs, margin_m)}
+            out,
+            {JSON_FILE: machine_readable(costs, margin_m), PICTURE: draw_costs(costs, margin_m)},
         )
     return costs
 
@@ -70,7 +71,7 @@ def machine_readable(costs: Sequence[Cost], lane_margin_m: float) -> dict[str, A
                 "true_error_m_max": list(one.errors_m),
                 "true_error_m_max_median": one.median_m,
                 "true_error_m_max_largest": one.largest_m,
-                "beyond_lane": one.beyond(lane_margin_m),
+                "beyond_lane": one.runs_beyond(lane_margin_m),
             }
             for one in costs
         ],
@@ -89,7 +90,7 @@ FAR_M = 5.0
 
 
 @mpl.rc_context(STYLE)
-def drawn(costs: Sequence[Cost], lane_margin_m: float) -> Figure:
+def draw_costs(costs: Sequence[Cost], lane_margin_m: float) -> Figure:
     """Draw maps of loss and latency above and bursts below, a column for each gap."""
     gaps = list(dict.fromkeys(one.channel.gap_m for one in costs))
     figure = Figure(figsize=SIZE, layout="constrained")
@@ -145,7 +146,7 @@ def _bursts(axes: Axes, costs: Sequence[Cost], lane_margin_m: float) -> None:
         errors = np.minimum(one.errors_m, FAR_M)
         xs = np.full(len(errors), length)
         axes.plot(xs, errors, "o", color=GREY, alpha=0.4, markersize=3.2, markeredgewidth=0)
-        left = f"{one.beyond(lane_margin_m)}"
+        left = f"{one.runs_beyond(lane_margin_m)}"
         axes.text(length, 9.0, left, color=RED, ha="center", va="center", fontsize=8.5)
     largest = [min(one.largest_m, FAR_M) for one in costs]
     axes.plot(lengths, largest, "--", color=RED, label="worst seed")

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from scenarios.definition.check.link_sample import SampledChannel
-from scenarios.studies.channel.comparison import QUANTILES, Compared, Comparison
+from scenarios.studies.channel.comparison import QUANTILES, ComparedFigure, Comparison
 from scenarios.studies.picture_style import BLUE, ORANGE, STYLE
 
 MOST_STEPS = 2000
@@ -33,7 +33,7 @@ def draw(found: Comparison, sample: SampledChannel, path: Path) -> None:
             figure.savefig(target, format=path.suffix.removeprefix("."))
 
 
-def _shares(axes: Axes, rows: Sequence[Compared], what: str, share: str) -> None:
+def _shares(axes: Axes, rows: Sequence[ComparedFigure], what: str, share: str) -> None:
     places = np.arange(len(rows))
     samples = np.array([one.sample or 0.0 for one in rows])
     axes.bar(places, samples, color=BLUE, width=0.7, label="sample")

@@ -83,7 +83,7 @@ TOLERANCE = 1e-9
 """Distance from the boundary (spectral abscissa over the steering frequency) off which membership
 by Routh-Hurwitz must agree with the roots."""
 
-USUAL_HZ = 50
+NOMINAL_HZ = 50
 """Rate of control and of the inertial sensor, below which the lowest stable rates are sought."""
 
 REPORT = "gains.json"
@@ -332,12 +332,12 @@ def _sampled_at(subject: Subject, speed: float) -> SampledAt:
         speed_mps=speed,
         decay_per_s=sampled_stability(usual, speed).decay,
         lowest_imu_rate_hz=lowest_stable_rate(
-            lambda rate: replace(usual, imu_hz=rate), speed, USUAL_HZ
+            lambda rate: replace(usual, imu_hz=rate), speed, NOMINAL_HZ
         ),
         lowest_rate_without_imu_hz=lowest_stable_rate(
-            lambda rate: replace(usual, imu_hz=rate, gnss_hz=rate), speed, USUAL_HZ
+            lambda rate: replace(usual, imu_hz=rate, gnss_hz=rate), speed, NOMINAL_HZ
         ),
         lowest_control_rate_hz=lowest_stable_rate(
-            lambda rate: replace(usual, imu_hz=rate, control_hz=rate), speed, USUAL_HZ
+            lambda rate: replace(usual, imu_hz=rate, control_hz=rate), speed, NOMINAL_HZ
         ),
     )

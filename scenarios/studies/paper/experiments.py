@@ -94,7 +94,7 @@ ROADS = {
 FIELD_SEEDS = 2
 """Repetitions of the field experiment with noise."""
 
-FIELD_UNTIL = "duration_s=45.0"
+FIELD_DURATION = "duration_s=45.0"
 """Repetitions end after the lane change and the first bend, the exact runs after one lap."""
 
 FIELD_SPEED = 25.0
@@ -110,10 +110,10 @@ OTHER_LAWS: tuple[Literal["stanley", "pure_pursuit"], ...] = ("stanley", "pure_p
 TRAJECTORY_KEY = "control.trajectory="
 """Beginning of the override by which a run names its trajectory."""
 
-SHORTEST = 1.0
+MIN_STRAIGHT = 1.0
 """A straight shorter than this (m) is left out."""
 
-SWERVE = ("speed.lateral_acceleration_mps2_max=5.0",)
+NO_SLOWING = ("speed.lateral_acceleration_mps2_max=5.0",)
 """Keeps the lead from slowing down in the tightest curves."""
 
 
@@ -130,7 +130,7 @@ class Experiment:
     def names_trajectory(self) -> bool:
         return any(override.startswith(TRAJECTORY_KEY) for override in self.overrides)
 
-    def along(self, trajectory: Trajectory) -> "Experiment":
+    def with_trajectory(self, trajectory: Trajectory) -> "Experiment":
         if self.names_trajectory:
             return self
         return replace(self, overrides=(f'{TRAJECTORY_KEY}"{trajectory}"', *self.overrides))
@@ -148,7 +148,7 @@ def lane_change_lengths(
     if sideways >= width:
         return radius * acos(1.0 - 0.5 * width / radius), 0.0
     straight = (width - sideways) / sin(angle)
-    return speed, straight if straight >= SHORTEST else 0.0
+    return speed, straight if straight >= MIN_STRAIGHT else 0.0
 
 
 def road(radius: float, arc: float, straight: float, begins: tuple[float, float]) -> str:
@@ -194,7 +194,7 @@ def _noisy(key: RunKey, scenario: str, seeds: int, *changes: str) -> dict[RunKey
     }
 
 
-def _in_phases(key: RunKey, exact: Experiment, case: RunKey = BASE) -> dict[RunKey, Experiment]:
+def _with_phases(key: RunKey, exact: Experiment, case: RunKey = BASE) -> dict[RunKey, Experiment]:
     """An exact run, and its repetitions with the road moved by less than the sample distance."""
     speed, begins = ROADS[case]
     until = () if key in BOTH_CHANGES else _first_change(case)
@@ -211,19 +211,19 @@ def _repeated(key: RunKey, seeds: int, *until: str) -> dict[RunKey, Experiment]:
     """One of the paper's cases: exact and logged, on a moved road, and with noise."""
     name = f"paper_{key}"
     return {
-        **_in_phases(key, Experiment(scenario=name, logged=True), key),
+        **_with_phases(key, Experiment(scenario=name, logged=True), key),
         **_noisy(key, name, seeds, *until),
     }
 
 
-def _paper(key: RunKey) -> dict[RunKey, Experiment]:
+def _paper_case(key: RunKey) -> dict[RunKey, Experiment]:
     """One of the paper's other cases, and the same with a trajectory for each source."""
     name, until = f"paper_{key}", _first_change(key)
     blend = Experiment(scenario=name, overrides=('control.fusion="blend"', *until))
-    return {**_repeated(key, OTHER_SEEDS, *until), key.varied("blend"): blend}
+    return {**_repeated(key, OTHER_SEEDS, *until), key.with_variant("blend"): blend}
 
 
-def _changed(*changes: str) -> Experiment:
+def _base_variant(*changes: str) -> Experiment:
     """The base case with something changed, through the first lane change."""
     return Experiment(overrides=(*_first_change(BASE), *changes))
 
@@ -232,32 +232,36 @@ def _base() -> dict[RunKey, Experiment]:
     knows_loading = "control.knows_loading=true"
     return {
         **_repeated(BASE, BASE_SEEDS),
-        BASE.varied("as_is"): _changed(),
-        BASE.varied("blend"): _changed('control.fusion="blend"'),
-        BASE.varied("lead_only"): _changed("control.alpha_ratio=0.0"),
-        BASE.varied("slip_compensated"): _changed(*SLIP_COMPENSATED),
-        BASE.varied("slip_compensated_knows_loading"): _changed(*SLIP_COMPENSATED, knows_loading),
-        BASE.varied("knows_loading"): _changed(knows_loading),
-        BASE.varied("gap_20_m"): _changed("convoy.gap_m=20.07"),
-        BASE.varied("own_state_estimated"): _changed(*OWN_STATE_ESTIMATED),
-        BASE.varied("paper_prefix"): _changed(f'{TRAJECTORY_KEY}"paper_prefix"'),
+        BASE.with_variant("as_is"): _base_variant(),
+        BASE.with_variant("blend"): _base_variant('control.fusion="blend"'),
+        BASE.with_variant("lead_only"): _base_variant("control.alpha_ratio=0.0"),
+        BASE.with_variant("slip_compensated"): _base_variant(*SLIP_COMPENSATED),
+        BASE.with_variant("slip_compensated_knows_loading"): _base_variant(
+            *SLIP_COMPENSATED, knows_loading
+        ),
+        BASE.with_variant("knows_loading"): _base_variant(knows_loading),
+        BASE.with_variant("gap_20_m"): _base_variant("convoy.gap_m=20.07"),
+        BASE.with_variant("own_state_estimated"): _base_variant(*OWN_STATE_ESTIMATED),
+        BASE.with_variant("paper_prefix"): _base_variant(f'{TRAJECTORY_KEY}"paper_prefix"'),
     }
 
 
 def _laws() -> dict[RunKey, Experiment]:
-    runs = _in_phases(BASE, Experiment(logged=True), BASE)
+    runs = _with_phases(BASE, Experiment(logged=True), BASE)
     for law in OTHER_LAWS:
-        run = _changed(f'control.controller="{law}"')
-        runs |= _in_phases(BASE.varied(law), run)
+        run = _base_variant(f'control.controller="{law}"')
+        runs |= _with_phases(BASE.with_variant(law), run)
     return runs
 
 
 def _a_or_c(key: RunKey, speed: float) -> dict[RunKey, Experiment]:
     name, until = f"paper_{key}", _first_change(key)
     return {
-        **_paper(key),
-        key.varied("same_times"): Experiment(scenario=name, overrides=at_the_same_times(speed)),
-        key.varied("slip_compensated"): Experiment(
+        **_paper_case(key),
+        key.with_variant("same_times"): Experiment(
+            scenario=name, overrides=at_the_same_times(speed)
+        ),
+        key.with_variant("slip_compensated"): Experiment(
             scenario=name, overrides=(*SLIP_COMPENSATED, *until)
         ),
     }
@@ -267,10 +271,10 @@ def _lead_data() -> dict[RunKey, Experiment]:
     eight_cars = ("convoy.vehicles=8", "duration_s=17.0")
     return {
         **_repeated(BASE, BASE_SEEDS),
-        **_in_phases(NO_LEAD_DATA, Experiment(overrides=PREDECESSOR_ONLY, logged=True)),
+        **_with_phases(NO_LEAD_DATA, Experiment(overrides=PREDECESSOR_ONLY, logged=True)),
         **_noisy(NO_LEAD_DATA, "paper_base", BASE_SEEDS, *PREDECESSOR_ONLY, *_first_change(BASE)),
-        **_in_phases(LONG_WITH, Experiment(overrides=eight_cars)),
-        **_in_phases(LONG_WITHOUT, Experiment(overrides=(*eight_cars, *PREDECESSOR_ONLY))),
+        **_with_phases(LONG_WITH, Experiment(overrides=eight_cars)),
+        **_with_phases(LONG_WITHOUT, Experiment(overrides=(*eight_cars, *PREDECESSOR_ONLY))),
     }
 
 
@@ -280,11 +284,13 @@ def _radius() -> dict[RunKey, Experiment]:
         arc, straight = lane_change_lengths(radius)
         length = 2.0 * arc + straight
         until = f"duration_s={5.0 + length / 30.0 + 6.0:.1f}"
-        changes = (*SWERVE, road(radius, arc, straight, (150.0, 300.0 + length)), until)
+        changes = (*NO_SLOWING, road(radius, arc, straight, (150.0, 300.0 + length)), until)
         key = at_radius(radius)
         runs[key] = Experiment(overrides=changes)
-        runs[key.varied("no_lead_data")] = Experiment(overrides=(*changes, *PREDECESSOR_ONLY))
-        runs[key.varied("slip_compensated")] = Experiment(overrides=(*changes, *SLIP_COMPENSATED))
+        runs[key.with_variant("no_lead_data")] = Experiment(overrides=(*changes, *PREDECESSOR_ONLY))
+        runs[key.with_variant("slip_compensated")] = Experiment(
+            overrides=(*changes, *SLIP_COMPENSATED)
+        )
         runs |= _noisy(key, "paper_base", 2, *changes)
     return runs
 
@@ -299,19 +305,19 @@ def _field() -> dict[RunKey, Experiment]:
         for phase in PHASES:
             place = f"path.segments.0.length_m={100.0 + phase * SAMPLING_S * FIELD_SPEED}"
             runs[key.moved(phase)] = Experiment(
-                scenario="paper_field", overrides=(*EXACT, *changes, place, FIELD_UNTIL)
+                scenario="paper_field", overrides=(*EXACT, *changes, place, FIELD_DURATION)
             )
-        runs |= _noisy(key, "paper_field", FIELD_SEEDS, *changes, FIELD_UNTIL)
+        runs |= _noisy(key, "paper_field", FIELD_SEEDS, *changes, FIELD_DURATION)
     return runs
 
 
 RUNS_OF_CASE: Mapping[str, Mapping[RunKey, Experiment]] = {
     "base": _base(),
     "a": _a_or_c(A, 10.0),
-    "b": _paper(B),
+    "b": _paper_case(B),
     "c": _a_or_c(C, 20.0),
-    "d": _paper(D),
-    "variable_speed": _paper(VARIABLE_SPEED),
+    "d": _paper_case(D),
+    "variable_speed": _paper_case(VARIABLE_SPEED),
     "lead_data": _lead_data(),
     "laws": _laws(),
     "radius": _radius(),

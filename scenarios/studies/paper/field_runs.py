@@ -17,7 +17,7 @@ from scenarios.runs.virtual.recorded_vehicle import Replay, head_start, read_rec
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.preview.trajectory import Fusion
 
-BREAK = timedelta(minutes=5)
+TIME_BETWEEN_RUNS = timedelta(minutes=5)
 """Time from one run's start to the next one's."""
 
 WITH_LEAD_DATA: Fusion = "composite"
@@ -77,7 +77,7 @@ def as_run(scenario: Scenario, place: int, fusion: Fusion = WITH_LEAD_DATA) -> S
             update={
                 "name": f"{scenario.name}_run_{place + 1}",
                 "duration_s": scenario.duration_s,
-                "start_at": tables.start_at + place * BREAK,
+                "start_at": tables.start_at + place * TIME_BETWEEN_RUNS,
                 "convoy": tables.convoy.model_copy(update={"names": names, "vehicles": len(names)}),
                 "control": tables.control.model_copy(update={"fusion": fusion}),
                 "vehicle": {name: own for name, own in tables.vehicle.items() if name in names},

@@ -13,7 +13,7 @@ from scenarios.studies.paper.keys import FIELD_WITH, Need, Part, RunKey
 from vehicles.preview.curve_fit import Trajectory
 from vehicles.theory.string_stability import is_string_stable
 
-SAME = 0.001
+TOLERANCE_M = 0.001
 """Largest errors that differ by less than this (m) count as equal."""
 
 
@@ -97,7 +97,7 @@ def _tally(holds: Callable[..., bool], *runs: Sequence[Trial]) -> Tally | None:
 
 def non_increasing(maxima: tuple[float, ...]) -> bool:
     """Whether no vehicle's largest error (m) exceeds that of the one ahead by more than SAME."""
-    return is_string_stable(maxima, SAME)
+    return is_string_stable(maxima, TOLERANCE_M)
 
 
 def in_cm(maxima: tuple[float, ...]) -> str:

@@ -29,10 +29,10 @@ PREVIEW_S = 0.8
 SHORT_PREVIEW_S = 0.25
 """The paper's preview, and one with which the fit smooths little."""
 
-LARGEST_AMPLITUDE = 0.5
+MAX_AMPLITUDE = 0.5
 """Limit of the lead's amplitude (m)."""
 
-LARGEST_ACCELERATION = 1.5
+MAX_ACCELERATION = 1.5
 """Limit of the lead's lateral acceleration (m/s²)."""
 
 PERIODS = 3
@@ -91,12 +91,7 @@ def sine_scenario(
     east = np.arange(0.0, speed * duration + 60.0, SPACING)
     since = east / speed - STRAIGHT
     rise = np.clip(since / RISE, 0.0, 1.0)
-    height = (
-        min(LARGEST_AMPLITUDE, LARGEST_ACCELERATION / frequency**2)
-        * rise
-        * rise
-        * (3.0 - 2.0 * rise)
-    )
+    height = min(MAX_AMPLITUDE, MAX_ACCELERATION / frequency**2) * rise * rise * (3.0 - 2.0 * rise)
     path = PointsPath(
         kind="points",
         source="sine",

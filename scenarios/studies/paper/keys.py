@@ -77,7 +77,7 @@ class RunKey:
         """The exact run of which this one is a repetition."""
         return replace(self, phase=None, seed=None)
 
-    def varied(self, variant: Variant) -> "RunKey":
+    def with_variant(self, variant: Variant) -> "RunKey":
         return replace(self, variant=variant)
 
     def moved(self, phase: float) -> "RunKey":
@@ -125,7 +125,7 @@ Need = RunKey | Part
 
 
 @dataclass(frozen=True, slots=True)
-class Along:
+class WithTrajectory:
     """A part of the reproduction along one kind of trajectory."""
 
     trajectory: Trajectory
@@ -135,5 +135,5 @@ class Along:
         return f"{self.trajectory}/{self.part}"
 
 
-JobKey = Along | RunKey | Literal[Part.GAINS]
+JobKey = WithTrajectory | RunKey | Literal[Part.GAINS]
 """A part that runs as one job; a run that names its trajectory has no `Along`."""

@@ -30,15 +30,15 @@ def transfer(key: RunKey) -> Transfer:
     )
 
 
-def linear(findings: Findings, key: RunKey) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def predict_case(findings: Findings, key: RunKey) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Tracking and true errors (m) of a case's followers as linear theory predicts them."""
     alpha = 1.0 if key == NO_LEAD_DATA else 0.5
-    return predicted(findings.trials[key].lead, transfer(key), alpha, 3)
+    return predict_errors(findings.trials[key].lead, transfer(key), alpha, 3)
 
 
-def why_growing(key: RunKey, findings: Findings) -> str:
+def explain_growth(key: RunKey, findings: Findings) -> str:
     """Explain why the errors of a case against the own trajectories grow."""
-    tracking, _ = linear(findings, key)
+    tracking, _ = predict_case(findings, key)
     low, high = amplified_band(transfer(key))[0]
     wide = "cars with the paper's law run wide, and " if low == 0.0 else ""
     bands = f"{low:.1f} to {min(high, LANE_CHANGE_BAND):.1f}"
@@ -51,13 +51,13 @@ def why_growing(key: RunKey, findings: Findings) -> str:
         f"two effects. (1) {wide}each path swings more than the one ahead where |F| > 1, in a lane "
         f"change from {bands} rad/s; linear theory gives {in_cm(tracking)}. (2) {shape}"
     )
-    if findings.has(key.varied("blend")):
-        blend = findings.trials[key.varied("blend")].tracking
+    if findings.has(key.with_variant("blend")):
+        blend = findings.trials[key.with_variant("blend")].tracking
         text += f"; with one trajectory for each source (blend) {in_cm(blend)} in the first change"
     return text
 
 
-def predicted(
+def predict_errors(
     lead: Drive, transfer: Transfer, alpha: float, followers: int
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Largest tracking and true cross-track errors (m) of each follower: no sampling, fit or noise.

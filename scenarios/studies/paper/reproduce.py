@@ -35,11 +35,11 @@ from scenarios.studies.paper.keys import (
     FIELD_WITHOUT,
     TRAJECTORIES,
     TRAJECTORY_NAMES,
-    Along,
     JobKey,
     Part,
     RunKey,
     SineKey,
+    WithTrajectory,
 )
 from vehicles.preview.curve_fit import Trajectory
 
@@ -68,28 +68,28 @@ def reproduce(
     out.mkdir(parents=True, exist_ok=True)
     with study_engine(partial(open_workers, workers), progress) as engine:
         parts = [
-            Job(key=str(key), work=partial(_from_scratch, out / str(key), work))
+            Job(key=str(key), work=partial(_run_in_clean_folder, out / str(key), work))
             for key, work in jobs.items()
         ]
         engine.progress.total = len(parts)
         results = dict(zip(jobs, engine.results(parts), strict=True))
     findings = {trajectory: Findings(trajectory) for trajectory in TRAJECTORIES}
     for key in jobs:  # in one order, whichever part was done first
-        if isinstance(key, Along):
-            add(findings[key.trajectory], key.part, results[key])
+        if isinstance(key, WithTrajectory):
+            store_result(findings[key.trajectory], key.part, results[key])
         else:
             for results_along in findings.values():
-                add(results_along, key, results[key])
+                store_result(results_along, key, results[key])
     claims = write_report(findings, chosen, out)
     for trajectory in TRAJECTORIES:
-        judgements = [claim.judged[trajectory].judgement for claim in claims]
+        judgements = [claim.verdicts[trajectory].judgement for claim in claims]
         counts = ", ".join(f"{j}: {judgements.count(j)}" for j in JUDGEMENTS)
         progress(f"{len(claims)} claims, {TRAJECTORY_NAMES[trajectory]} ({counts})")
     progress(f"report: {out / REPORT}")
     return 0
 
 
-def _from_scratch(folder: Path, work: Work) -> Any:
+def _run_in_clean_folder(folder: Path, work: Work) -> Any:
     """Delete what a killed worker left in the folder, then do the work."""
     rmtree(folder, ignore_errors=True)
     return work()
@@ -112,7 +112,7 @@ def jobs_of(cases: Sequence[str], out: Path) -> dict[JobKey, Work]:
     jobs: dict[JobKey, Work] = {}
     if Part.FIELD in cases:
         for trajectory in TRAJECTORIES:
-            key = Along(trajectory, Part.FIELD)
+            key = WithTrajectory(trajectory, Part.FIELD)
             jobs[key] = partial(_field, out / str(key), trajectory)
     if Part.GAINS in cases:
         jobs[Part.GAINS] = partial(_gains, out / Part.GAINS)
@@ -124,7 +124,7 @@ def jobs_of(cases: Sequence[str], out: Path) -> dict[JobKey, Work]:
         ):
             for frequency in frequencies:
                 for trajectory in TRAJECTORIES:
-                    key = Along(trajectory, SineKey(frequency, preview))
+                    key = WithTrajectory(trajectory, SineKey(frequency, preview))
                     jobs[key] = partial(drive_sine, frequency, preview, trajectory)
     return jobs
 
@@ -137,8 +137,11 @@ def _runs_of(cases: Sequence[str], out: Path) -> Iterator[tuple[JobKey, Work]]:
             yield run, partial(run_experiment, experiment, out / str(run))
             continue
         for trajectory in TRAJECTORIES:
-            key = Along(trajectory, run)
-            yield key, partial(run_experiment, experiment.along(trajectory), out / str(key))
+            key = WithTrajectory(trajectory, run)
+            yield (
+                key,
+                partial(run_experiment, experiment.with_trajectory(trajectory), out / str(key)),
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +161,7 @@ def run_experiment(experiment: Experiment, folder: Path) -> Run:
 
 
 def _field(folder: Path, trajectory: Trajectory) -> FieldRuns:
-    experiment = Experiment(scenario="paper_field", overrides=EXACT).along(trajectory)
+    experiment = Experiment(scenario="paper_field", overrides=EXACT).with_trajectory(trajectory)
     return field_runs(load_scenario(experiment.scenario, experiment.overrides), folder)
 
 
@@ -170,7 +173,7 @@ def _gains(folder: Path) -> tuple[str, ...]:
     return report.pictures
 
 
-def add(findings: Findings, key: RunKey | SineKey | Part, result: object) -> None:
+def store_result(findings: Findings, key: RunKey | SineKey | Part, result: object) -> None:
     """Store one result in the findings."""
     match key, result:
         case RunKey(), Run():

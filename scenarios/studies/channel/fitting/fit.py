@@ -43,7 +43,7 @@ def fit_link(link: RecordedLink) -> FittedLink:
         messages=len(link.number),
         keys={**loss_keys, **delay.keys},
         estimates=(*estimates, *delay.estimates),
-        delay=delay.words,
+        delay=delay.description,
         notes=tuple(notes),
     )
 

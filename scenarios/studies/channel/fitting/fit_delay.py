@@ -20,15 +20,15 @@ from scenarios.studies.channel.fitting.estimate import Estimate
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-SAME_MS = 1e-3
+TOLERANCE_MS = 1e-3
 """Delays that differ by less are the same: they are whole nanoseconds, and logged as such."""
-LEAST_MESSAGES = 100
+MIN_MESSAGES = 100
 """Fewer delays do not identify a law; they are kept as they are."""
-ALONE = 0.05
+NEGLIGIBLE_CORRELATION = 0.05
 """Messages with a smaller correlation are taken to be on their own."""
-CERTAIN = 1e-3
+SIGNIFICANCE = 1e-3
 """A law that explains the delays with less chance than this is none of them."""
-MOST_QUANTILES = 500
+MAX_QUANTILES = 500
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,11 +37,11 @@ class FittedDelay:
 
     keys: dict[str, Any]
     estimates: tuple[Estimate, ...]
-    words: str
+    description: str
 
 
 @dataclass(frozen=True, slots=True)
-class _Law:
+class _FittedLaw:
     """A law with its floor and the parameters of the table, all in ms."""
 
     kind: str
@@ -53,31 +53,31 @@ class _Law:
 def fit_delay(number: NDArray[np.int64], sent_at_s: Floats, delay_ms: Floats) -> FittedDelay:
     """Fit the law of delays (ms) of messages, given their numbers and sending times (s)."""
     low, high = float(delay_ms.min()), float(delay_ms.max())
-    if high - low < SAME_MS:
+    if high - low < TOLERANCE_MS:
         value = round(float(np.mean(delay_ms)), 6)
         exact = Estimate("latency_ms", value, 0.0, value, value)
         return FittedDelay({"latency_ms": value}, (exact,), f"constant, {value:g} ms")
     there = sent_at_s * 1e3 + delay_ms
-    waited = np.concatenate(([False], np.diff(there) < SAME_MS))
-    in_order = bool((np.diff(there) > -SAME_MS).all() and waited.any())
+    waited = np.concatenate(([False], np.diff(there) < TOLERANCE_MS))
+    in_order = bool((np.diff(there) > -TOLERANCE_MS).all() and waited.any())
     waited &= in_order
-    if len(delay_ms) < LEAST_MESSAGES:
+    if len(delay_ms) < MIN_MESSAGES:
         return _as_recorded(delay_ms, in_order=in_order)
     uniform = None if in_order else _uniform(delay_ms)
     if uniform is not None:
         return uniform
-    seen = _Delays(number, delay_ms, waited)
-    found = [_fitted(kind, seen) for kind in DISTRIBUTIONS]
+    delays = _Delays(number, delay_ms, waited)
+    found = [_fit_kind(kind, delays) for kind in DISTRIBUTIONS]
     best = max((law for law in found if law), key=lambda law: law.likelihood, default=None)
-    if best is None or not _explains(best, seen):
+    if best is None or not _explains(best, delays):
         return _as_recorded(delay_ms, in_order=in_order)
-    return _described(best, in_order=in_order)
+    return _described_fit(best, in_order=in_order)
 
 
 def _uniform(delay_ms: Floats) -> FittedDelay | None:
     """Return a floor and jitter, if delays are spread evenly."""
     low, high, count = float(delay_ms.min()), float(delay_ms.max()), len(delay_ms)
-    if stats.kstest((delay_ms - low) / (high - low), "uniform").pvalue < CERTAIN:
+    if stats.kstest((delay_ms - low) / (high - low), "uniform").pvalue < SIGNIFICANCE:
         return None
     # Each end lies a step of (high - low)/n beyond the extreme, exponentially distributed.
     step = (high - low) / (count - 1)
@@ -117,8 +117,8 @@ def _distribution(kind: str, parameters: Floats) -> Any:
     return DISTRIBUTIONS[kind](float(parameters[0]), exp(parameters[1]), exp(parameters[2]))
 
 
-def _fitted(kind: str, seen: "_Delays") -> _Law | None:
-    exact = seen.delay_ms[~seen.waited]
+def _fit_kind(kind: str, delays: "_Delays") -> _FittedLaw | None:
+    exact = delays.delay_ms[~delays.waited]
     low, deviation = float(exact.min()), float(exact.std())
 
     def minus_likelihood(parameters: Floats) -> float:
@@ -126,13 +126,13 @@ def _fitted(kind: str, seen: "_Delays") -> _Law | None:
             return inf
         law = _distribution(kind, parameters)
         with np.errstate(all="ignore"):
-            value = seen.likelihood(law, tanh(parameters[3]) if len(parameters) > 3 else 0.0)
+            value = delays.likelihood(law, tanh(parameters[3]) if len(parameters) > 3 else 0.0)
         return -value if np.isfinite(value) else inf
 
     begin = max(0.0, low - 0.05 * deviation)
     start = [begin, log(max(exact.mean() - begin, 1e-3)), log(deviation)]
     found = optimize.minimize(
-        minus_likelihood, np.array([*start, 0.1] if seen.may_be_tied else start),
+        minus_likelihood, np.array([*start, 0.1] if delays.may_be_correlated else start),
         method="Nelder-Mead",
         options={"xatol": 1e-4, "fatol": 1e-3, "maxiter": 4000, "maxfev": 4000},
     )  # fmt: skip
@@ -140,9 +140,9 @@ def _fitted(kind: str, seen: "_Delays") -> _Law | None:
         return None
     law = _distribution(kind, found.x)
     values, errors = [*map(float, found.x)], [*_errors(minus_likelihood, found.x)]
-    if not seen.may_be_tied:
+    if not delays.may_be_correlated:
         values, errors = [*values, 0.0], [*errors, inf]
-    return _Law(kind, law, (*values, *errors), -found.fun)
+    return _FittedLaw(kind, law, (*values, *errors), -found.fun)
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,7 @@ class _Delays:
     waited: Flags
 
     @cached_property
-    def may_be_tied(self) -> bool:
+    def may_be_correlated(self) -> bool:
         """Whether delays of successive messages may be correlated."""
         if self.waited.any():
             return True
@@ -216,19 +216,23 @@ def _errors(minus_likelihood: Callable[[Floats], float], best: Floats) -> tuple[
     return tuple(sqrt(v) if v > 0.0 else inf for v in variances.tolist())
 
 
-def _explains(law: _Law, seen: _Delays) -> bool:
+def _explains(law: _FittedLaw, delays: _Delays) -> bool:
     """Test whether delays fit the law, from messages far enough apart to be independent.
 
     With waiting messages the test is skipped: their share differs from message to message.
     """
-    if seen.waited.any():
+    if delays.waited.any():
         return True
     correlation = abs(tanh(law.parameters[3]))
-    apart = 1 if correlation < ALONE else min(ceil(log(ALONE) / log(correlation)), 100)
-    return float(stats.kstest(seen.delay_ms[::apart], law.frozen.cdf).pvalue) >= CERTAIN
+    stride = (
+        1
+        if correlation < NEGLIGIBLE_CORRELATION
+        else min(ceil(log(NEGLIGIBLE_CORRELATION) / log(correlation)), 100)
+    )
+    return float(stats.kstest(delays.delay_ms[::stride], law.frozen.cdf).pvalue) >= SIGNIFICANCE
 
 
-def _described(law: _Law, *, in_order: bool) -> FittedDelay:
+def _described_fit(law: _FittedLaw, *, in_order: bool) -> FittedDelay:
     floor, mean, deviation, tied, *errors = law.parameters
     mean, deviation, correlation = exp(mean), exp(deviation), tanh(tied)
     table: dict[str, Any] = {
@@ -246,14 +250,16 @@ def _described(law: _Law, *, in_order: bool) -> FittedDelay:
         table["correlation_ratio"] = round(min(correlation, 0.99), 3)
     if in_order:
         table["order"] = "in_order"
-    words = f"{law.kind}, {mean:.4g} ± {deviation:.4g} ms beyond {floor:.4g} ms"
-    return FittedDelay({"latency_ms": _rounded(floor), "delay": table}, tuple(estimates), words)
+    description = f"{law.kind}, {mean:.4g} ± {deviation:.4g} ms beyond {floor:.4g} ms"
+    return FittedDelay(
+        {"latency_ms": _rounded(floor), "delay": table}, tuple(estimates), description
+    )
 
 
 def _as_recorded(delay_ms: Floats, *, in_order: bool) -> FittedDelay:
     """Return the quantiles of the delays, if no law fits them."""
-    shares = (np.arange(min(len(delay_ms), MOST_QUANTILES)) + 0.5) / min(
-        len(delay_ms), MOST_QUANTILES
+    shares = (np.arange(min(len(delay_ms), MAX_QUANTILES)) + 0.5) / min(
+        len(delay_ms), MAX_QUANTILES
     )
     quantiles = np.quantile(delay_ms, shares, method="median_unbiased")
     floor = float(delay_ms.min())

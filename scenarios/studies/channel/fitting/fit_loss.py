@@ -15,21 +15,21 @@ from numpy.typing import NDArray
 
 from scenarios.results.channel.estimates import CONFIDENCE, bursts, inflation, share
 from scenarios.studies.channel.fitting.estimate import Estimate
-from scenarios.studies.channel.fitting.fit_radio import Found, fit_radio
+from scenarios.studies.channel.fitting.fit_radio import FittedKeys, fit_radio
 from scenarios.studies.channel.fitting.recorded import RecordedLink
 from transport.links.laws.registry import KEY_OF_REASON
 
 Flags = NDArray[np.bool_]
 
-ORDER = tuple(KEY_OF_REASON)
+REASON_ORDER = tuple(KEY_OF_REASON)
 """Reasons in the order in which the effects of a link judge."""
-UNTOLD_PLACE = "outages as times: one drive does not tell whether places are behind them"
+OUTAGE_NOTE = "outages as times: one drive does not tell whether places are behind them"
 OUTAGES = ("outage", "transmitter_off", "receiver_off")
-USUAL_RESERVATION = 10.0
+TYPICAL_RESERVATION = 10.0
 """Messages of a reservation of LTE-V2X on average, 5 to 15 at 10 Hz (3GPP TS 36.321)."""
 
 
-def fit_losses(link: RecordedLink) -> Found:
+def fit_losses(link: RecordedLink) -> FittedKeys:
     """Fit all laws of loss of a link: keys, estimates, and what the log leaves open."""
     keys: dict[str, Any] = {}
     estimates: list[Estimate] = []
@@ -42,26 +42,26 @@ def fit_losses(link: RecordedLink) -> Found:
     return keys, estimates, notes
 
 
-def judged_by(link: RecordedLink, *words: str) -> tuple[Flags, Flags]:
+def judged_by(link: RecordedLink, *reasons: str) -> tuple[Flags, Flags]:
     """Which messages a law with the reasons `words` judged, and which of all it dropped."""
-    earlier = ORDER[: min(ORDER.index(word) for word in words)]
-    dropped: Flags = np.isin(link.reason, words)
-    judged: Flags = ~np.isin(link.reason, [word for word in earlier if word not in words])
+    earlier = REASON_ORDER[: min(REASON_ORDER.index(word) for word in reasons)]
+    dropped: Flags = np.isin(link.reason, reasons)
+    judged: Flags = ~np.isin(link.reason, [word for word in earlier if word not in reasons])
     return judged, dropped
 
 
-def _rate(link: RecordedLink) -> Found:
-    held = link.reason == "rate"
-    if not held.any() or not link.period_s:
+def _rate(link: RecordedLink) -> FittedKeys:
+    skipped = link.reason == "rate"
+    if not skipped.any() or not link.period_s:
         return {}, [], []
-    carried = Fraction(float(1.0 - held.mean())).limit_denominator(100)
+    carried = Fraction(float(1.0 - skipped.mean())).limit_denominator(100)
     rate_hz = float(carried) / link.period_s
-    step = 1.0 / (len(held) * link.period_s)
+    step = 1.0 / (len(skipped) * link.period_s)
     value = float(f"{rate_hz:.6g}")
     return {"rate_hz": value}, [Estimate("rate_hz", value, step, value - step, value + step)], []
 
 
-def _outages(link: RecordedLink) -> Found:
+def _outages(link: RecordedLink) -> FittedKeys:
     """Windows of time from the first message that was held back to the first that was not."""
     off = np.isin(link.reason, OUTAGES)
     if not off.any():
@@ -78,10 +78,10 @@ def _outages(link: RecordedLink) -> Found:
         for key, at in (("from_s", from_s), ("to_s", to_s)):
             low = max(0.0, at - link.period_s)
             estimates.append(Estimate(f"outages[{place}].{key}", at, link.period_s, low, at))
-    return {"outages": windows}, estimates, [UNTOLD_PLACE]
+    return {"outages": windows}, estimates, [OUTAGE_NOTE]
 
 
-def _independent(link: RecordedLink) -> Found:
+def _independent(link: RecordedLink) -> FittedKeys:
     judged, dropped = judged_by(link, "loss")
     if not dropped.any():
         return {}, [], []
@@ -101,15 +101,15 @@ def _transitions(link: RecordedLink, judged: Flags, lost: Flags) -> tuple[int, i
     )  # fmt: skip
 
 
-def _bursts(link: RecordedLink) -> Found:
+def _bursts(link: RecordedLink) -> FittedKeys:
     """Gilbert's chain from its transitions, which are binomial, and so are their errors."""
     judged, lost = judged_by(link, "burst", "pattern")
     if not lost.any():
         return {}, [], []
-    good, worsened, bad, mended = _transitions(link, judged, lost)
-    if not worsened or not mended:  # one burst alone, or no end of it
-        return _share_alone(judged, lost)
-    p, r = worsened / good, mended / bad
+    good, worsened, bad, recovered = _transitions(link, judged, lost)
+    if not worsened or not recovered:  # one burst alone, or no end of it
+        return _incomplete_burst(judged, lost)
+    p, r = worsened / good, recovered / bad
     variance_p, variance_r = p * (1.0 - p) / good, r * (1.0 - r) / bad
     loss, burst = p / (p + r), 1.0 / r
     loss_error = sqrt(r * r * variance_p + p * p * variance_r) / (p + r) ** 2
@@ -131,7 +131,7 @@ def _bursts(link: RecordedLink) -> Found:
     )
 
 
-def _share_alone(judged: Flags, lost: Flags) -> Found:
+def _incomplete_burst(judged: Flags, lost: Flags) -> FittedKeys:
     """A chain without a complete burst: only its length so far is known."""
     count, of = int(lost.sum()), int(judged.sum())
     burst = float(bursts(lost[judged]).max())
@@ -149,7 +149,7 @@ def _share_alone(judged: Flags, lost: Flags) -> Found:
     )
 
 
-def _collisions(link: RecordedLink) -> Found:
+def _collisions(link: RecordedLink) -> FittedKeys:
     """Persistent collisions by their mean burst, for reservations of the usual length.
 
     With the share p lost and the chance q of keeping a resource, a colliding reservation is
@@ -159,9 +159,9 @@ def _collisions(link: RecordedLink) -> Found:
     if not lost.any():
         return {}, [], []
     loss, burst, loss_error, burst_error = _share_and_burst(judged, lost)
-    again = max(0.0, 1.0 - USUAL_RESERVATION / burst)
+    again = max(0.0, 1.0 - TYPICAL_RESERVATION / burst)
     kept = min(0.99, max(0.0, (again - loss) / (1.0 - loss))) if loss < 1.0 else 0.0
-    kept_error = USUAL_RESERVATION * burst_error / (burst * burst * max(1.0 - loss, 1e-9))
+    kept_error = TYPICAL_RESERVATION * burst_error / (burst * burst * max(1.0 - loss, 1e-9))
     return (
         {"collisions": {"loss_ratio": _rounded(loss), "keep_ratio": _rounded(kept)}},
         [
@@ -177,16 +177,21 @@ def _share_and_burst(judged: Flags, lost: Flags) -> tuple[float, float, float, f
     of = lost[judged]
     lengths, count = bursts(of), len(of)
     loss, burst = float(of.mean()), float(lengths.mean())
-    spread_by = inflation(loss, burst)
+    variance_ratio = inflation(loss, burst)
     deviation = max(float(lengths.std()), sqrt(burst * (burst - 1.0)))
-    return loss, burst, sqrt(loss * (1 - loss) / count * spread_by), deviation / sqrt(len(lengths))
+    return (
+        loss,
+        burst,
+        sqrt(loss * (1 - loss) / count * variance_ratio),
+        deviation / sqrt(len(lengths)),
+    )
 
 
 def _rounded(value: float) -> float:
     return float(f"{value:.6g}")
 
 
-FITTERS: Mapping[str, Callable[[RecordedLink], Found]] = {
+FITTERS: Mapping[str, Callable[[RecordedLink], FittedKeys]] = {
     "rate_hz": _rate,
     "outages": _outages,
     "loss_ratio": _independent,

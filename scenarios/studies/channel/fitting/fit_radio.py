@@ -15,62 +15,62 @@ from numpy.typing import NDArray
 
 from scenarios.results.channel.estimates import CONFIDENCE, share
 from scenarios.studies.channel.fitting.estimate import Estimate
-from scenarios.studies.channel.fitting.fit_shadowing import NAMELESS, fit_shadowing
+from scenarios.studies.channel.fitting.fit_shadowing import SHADOWING_NOTE, fit_shadowing
 from scenarios.studies.channel.fitting.recorded import RecordedLink
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-Found = tuple[dict[str, Any], list[Estimate], list[str]]
+FittedKeys = tuple[dict[str, Any], list[Estimate], list[str]]
 
-LEAST_IN_BIN = 200
+MIN_PER_BIN = 200
 """Least number of messages to estimate a share of deliveries at a distance from."""
-NARROWEST_M = 2.0
+MIN_BIN_M = 2.0
 """Distances that differ by less are the same."""
-MOST_BINS = 40
-CERTAIN = 4.0
+MAX_BINS = 40
+SIGNIFICANT_ERRORS = 4.0
 """Standard errors from which a correlation is there."""
-SHARED = 0.88
+SHARED_FATE_CORRELATION = 0.88
 """A correlation of messages next to one another above which they share one fate."""
-LEAST_LOSSES = 100
+MIN_LOSSES = 100
 """Least number of losses to fit shadowing from."""
-LEAST_RESERVATIONS = 15
+MIN_RESERVATIONS = 15
 """In each stretch of distances."""
-MOST_LAGS = 200
-USUAL_LENGTHS = ((1, 3), (2, 6), (5, 15), (10, 30), (25, 75))
+MAX_LAGS = 200
+STANDARD_LENGTHS = ((1, 3), (2, 6), (5, 15), (10, 30), (25, 75))
 """Messages of a reservation at least and at most (3GPP TS 36.321: 5 to 15 at 10 Hz, and so on)."""
-TOO_FEW = "losses waver, but are too few to tell by what law: given as a table with bursts"
-UNTOLD_KEEP = "the mean reservation is told, its limits and what is kept of it hardly"
+FEW_LOSSES_NOTE = "losses waver, but are too few to tell by what law: given as a table with bursts"
+RESERVATION_NOTE = "the mean reservation is told, its limits and what is kept of it hardly"
 
 
 @dataclass(frozen=True)
-class JudgedOverDistance:
+class RadioFates:
     """The messages that a link's radio judged, in order: numbers, distances (m), fates."""
 
     number: NDArray[np.int64]
     distance_m: Floats
     lost: Flags
-    least_in_bin: int = LEAST_IN_BIN
+    min_per_bin: int = MIN_PER_BIN
 
     @cached_property
-    def stretches(self) -> tuple[NDArray[np.intp], ...]:
+    def bins(self) -> tuple[NDArray[np.intp], ...]:
         """Messages by stretches of distance: equally many in each, none too narrow."""
         ordered = np.argsort(self.distance_m, kind="stable")
         wide = float(self.distance_m[ordered[-1]] - self.distance_m[ordered[0]])
-        bins = max(1, min(MOST_BINS, len(ordered) // self.least_in_bin, int(wide / NARROWEST_M)))
+        bins = max(1, min(MAX_BINS, len(ordered) // self.min_per_bin, int(wide / MIN_BIN_M)))
         return tuple(np.sort(part) for part in np.array_split(ordered, bins))
 
     @cached_property
-    def at_m(self) -> Floats:
-        return np.array([float(self.distance_m[one].mean()) for one in self.stretches])
+    def bin_distance_m(self) -> Floats:
+        return np.array([float(self.distance_m[one].mean()) for one in self.bins])
 
     @cached_property
-    def ratios(self) -> Floats:
-        return np.array([1.0 - float(self.lost[one].mean()) for one in self.stretches])
+    def delivery_ratios(self) -> Floats:
+        return np.array([1.0 - float(self.lost[one].mean()) for one in self.bins])
 
     @cached_property
-    def loss_of_each(self) -> Floats:
+    def expected_loss(self) -> Floats:
         """Loss probability of each message, by the table."""
-        found: Floats = 1.0 - np.interp(self.distance_m, self.at_m, self.ratios)
+        found: Floats = 1.0 - np.interp(self.distance_m, self.bin_distance_m, self.delivery_ratios)
         return found
 
     def pairs(self, lag: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -84,61 +84,61 @@ class JudgedOverDistance:
     @cached_property
     def correlations(self) -> Floats:
         """Correlation of the fates of messages at lags from 1 on, beyond that by distance."""
-        chance = self.loss_of_each
+        chance = self.expected_loss
         beyond, spread = self.lost - chance, np.sqrt(chance * (1.0 - chance))
         found = []
-        for lag in range(1, MOST_LAGS + 1):
+        for lag in range(1, MAX_LAGS + 1):
             one, other = self.pairs(lag)
             scale = float(spread[one] @ spread[other])
             found.append(float(beyond[one] @ beyond[other]) / scale if scale else 0.0)
         return np.array(found)
 
 
-def fit_radio(link: RecordedLink, judged: Flags, lost: Flags) -> Found:
+def fit_radio(link: RecordedLink, judged: Flags, lost: Flags) -> FittedKeys:
     """Find the radio of a link from the messages that it judged."""
     judged = judged & np.isfinite(link.distance_m)
     if not (lost & judged).any():
         return {}, [], []
-    seen = JudgedOverDistance(link.number[judged], link.distance_m[judged], lost[judged])
-    close = seen.correlations[:2]
-    error = 1.0 / sqrt(max(float((seen.loss_of_each > 0.0).sum()), 1.0))
-    if close[0] < CERTAIN * error:
-        return _table(seen, {}, np.zeros(0))
-    if 2.0 * close[0] - close[1] > SHARED:
-        return _reservations(seen)
-    if link.driven_m is None or int(seen.lost.sum()) < LEAST_LOSSES:
-        table, estimates, _ = _reservations(seen)
-        return table, estimates, [TOO_FEW]
-    found = fit_shadowing(seen.distance_m, link.driven_m[judged], seen.lost, seen.pairs)
-    return _reservations(seen) if found is None else (*found, [NAMELESS])
+    fates = RadioFates(link.number[judged], link.distance_m[judged], lost[judged])
+    close = fates.correlations[:2]
+    error = 1.0 / sqrt(max(float((fates.expected_loss > 0.0).sum()), 1.0))
+    if close[0] < SIGNIFICANT_ERRORS * error:
+        return _table(fates, {}, np.zeros(0))
+    if 2.0 * close[0] - close[1] > SHARED_FATE_CORRELATION:
+        return _reservations(fates)
+    if link.driven_m is None or int(fates.lost.sum()) < MIN_LOSSES:
+        table, estimates, _ = _reservations(fates)
+        return table, estimates, [FEW_LOSSES_NOTE]
+    found = fit_shadowing(fates.distance_m, link.driven_m[judged], fates.lost, fates.pairs)
+    return _reservations(fates) if found is None else (*found, [SHADOWING_NOTE])
 
 
-def _reservations(seen: JudgedOverDistance) -> Found:
+def _reservations(fates: RadioFates) -> FittedKeys:
     """A table, with losses of whole reservations."""
-    mean, error = _mean_reservation(seen)
-    coarse = max(LEAST_IN_BIN, round(LEAST_RESERVATIONS * mean))
-    seen = replace(seen, least_in_bin=coarse)
-    mean, error = _mean_reservation(seen)
-    least, most, kept, held = _lengths(mean, seen.correlations)
+    mean, error = _mean_reservation(fates)
+    coarse = max(MIN_PER_BIN, round(MIN_RESERVATIONS * mean))
+    fates = replace(fates, min_per_bin=coarse)
+    mean, error = _mean_reservation(fates)
+    least, most, kept, shared = _lengths(mean, fates.correlations)
     keys = {
         "burst": "reservation",
         "keep_ratio": round(kept, 3),
         "reselection_messages_min": least,
         "reselection_messages_max": most,
     }
-    table, estimates, notes = _table(seen, keys, held)
+    table, estimates, notes = _table(fates, keys, shared)
     reservation = Estimate.normal("radio, messages of a reservation", mean, error, 1.0)
-    return table, [reservation, *estimates], [*notes, UNTOLD_KEEP]
+    return table, [reservation, *estimates], [*notes, RESERVATION_NOTE]
 
 
-def _mean_reservation(seen: JudgedOverDistance) -> tuple[float, float]:
+def _mean_reservation(fates: RadioFates) -> tuple[float, float]:
     """Mean number of messages for which resources are held, and its standard error.
 
     New ones are selected with the chance h before a message; then it is lost as by the table, else
     like the one before it, unless the distance has changed that. The mean is 1 / h.
     """
-    one, other = seen.pairs(1)
-    chance, lost = seen.loss_of_each, seen.lost
+    one, other = fates.pairs(1)
+    chance, lost = fates.expected_loss, fates.lost
     moved = float(np.abs(chance[other] - chance[one]).sum())
     changes = max(float((lost[one] != lost[other]).sum()) - moved, 1.0)
     possible = float(np.where(lost[one], 1.0 - chance[other], chance[other]).sum())
@@ -149,19 +149,19 @@ def _mean_reservation(seen: JudgedOverDistance) -> tuple[float, float]:
 def _lengths(mean: float, correlations: Floats) -> tuple[int, int, float, Floats]:
     """The usual lengths, and the share kept on, that fit the correlations best at this mean."""
     lags = min(len(correlations), max(4, round(2.0 * mean)))
-    usual = [pair for pair in USUAL_LENGTHS if sum(pair) / 2.0 <= mean * 1.15] or [(1, 1)]
+    usual = [pair for pair in STANDARD_LENGTHS if sum(pair) / 2.0 <= mean * 1.15] or [(1, 1)]
     best: tuple[float, int, int, float, Floats] | None = None
     for least, most in usual:
         kept = min(max(1.0 - 0.5 * (least + most) / mean, 0.0), 0.99)
-        held = _held(least, most, kept, len(correlations))
-        miss = float(((held - correlations)[:lags] ** 2).sum())
+        shared = _shared_reservation(least, most, kept, len(correlations))
+        miss = float(((shared - correlations)[:lags] ** 2).sum())
         if best is None or miss < best[0]:
-            best = miss, least, most, kept, held
+            best = miss, least, most, kept, shared
     assert best is not None  # noqa: S101 - there is one candidate at least
     return best[1:]
 
 
-def _held(least: int, most: int, kept: float, lags: int) -> Floats:
+def _shared_reservation(least: int, most: int, kept: float, lags: int) -> Floats:
     """Probability that two messages have the same resources, by the lag between them from 1 on."""
     length = np.zeros(most)
     length[least - 1 :] = 1.0 / (most - least + 1)  # of 1 to `most` messages
@@ -174,33 +174,37 @@ def _held(least: int, most: int, kept: float, lags: int) -> Floats:
     return np.array(found)
 
 
-def _table(seen: JudgedOverDistance, keys: dict[str, Any], held: Floats) -> Found:
+def _table(fates: RadioFates, keys: dict[str, Any], shared: Floats) -> FittedKeys:
     """Deliveries over distance, a row for each stretch; `held` correlates messages by their lag."""
     estimates = []
-    for at, ratio, chosen in zip(seen.at_m, seen.ratios, seen.stretches, strict=True):
-        count, spread_by = len(chosen), _spread_by(seen.number[chosen], held)
-        interval = share(ratio * count, count, CONFIDENCE, spread_by)
-        alone = count / spread_by  # independent messages; one more of each kind, against 0 and 1
+    for at, ratio, chosen in zip(
+        fates.bin_distance_m, fates.delivery_ratios, fates.bins, strict=True
+    ):
+        count, variance_ratio = len(chosen), _variance_ratio(fates.number[chosen], shared)
+        interval = share(ratio * count, count, CONFIDENCE, variance_ratio)
+        alone = (
+            count / variance_ratio
+        )  # independent messages; one more of each kind, against 0 and 1
         likely = (ratio * alone + 1.0) / (alone + 2.0)
         error = sqrt(likely * (1.0 - likely) / alone)
         key = f"radio.delivery_ratio at {at:.1f} m"
         estimates.append(Estimate(key, float(ratio), error, interval.low, interval.high))
-    distances = [round(at, 3) for at in seen.at_m.tolist()]
-    ratios = [round(ratio, 4) for ratio in seen.ratios.tolist()]
+    distances = [round(at, 3) for at in fates.bin_distance_m.tolist()]
+    delivery_ratios = [round(ratio, 4) for ratio in fates.delivery_ratios.tolist()]
     table = {
         "kind": "table",
         # Beyond its last row nothing is delivered, so that is held on to the farthest message.
-        "distance_m": [*distances, round(float(seen.distance_m.max()) + NARROWEST_M, 3)],
-        "delivery_ratio": [*ratios, ratios[-1]],
+        "distance_m": [*distances, round(float(fates.distance_m.max()) + MIN_BIN_M, 3)],
+        "delivery_ratio": [*delivery_ratios, delivery_ratios[-1]],
         **keys,
     }
     return {"radio": table}, estimates, []
 
 
-def _spread_by(number: NDArray[np.int64], held: Floats) -> float:
+def _variance_ratio(number: NDArray[np.int64], shared: Floats) -> float:
     """Ratio of the variance of a share to that of independent messages."""
     there = np.zeros(int(number[-1] - number[0]) + 1, dtype=np.bool_)
     there[number - number[0]] = True
-    lags = range(1, min(len(held), len(there) - 1) + 1)
+    lags = range(1, min(len(shared), len(there) - 1) + 1)
     pairs = [float((there[:-lag] & there[lag:]).sum()) for lag in lags]
-    return 1.0 + 2.0 * float(np.dot(pairs, held[: len(pairs)])) / len(number)
+    return 1.0 + 2.0 * float(np.dot(pairs, shared[: len(pairs)])) / len(number)

@@ -21,7 +21,9 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 PairsAt = Callable[[int], tuple[NDArray[np.intp], NDArray[np.intp]]]
 
-NAMELESS = "vehicles in between are in power, exponent and shadowing: fates do not tell them apart"
+SHADOWING_NOTE = (
+    "vehicles in between are in power, exponent and shadowing: fates do not tell them apart"
+)
 SNR_DB, ERROR_RATIO = (1.0, 3.1), (0.5, 0.1)
 """The first two points of IEEE 802.11p in sight, of one line on probability paper."""
 PER_DB = (stats.norm.isf(ERROR_RATIO[1]) - stats.norm.isf(ERROR_RATIO[0])) / (SNR_DB[1] - SNR_DB[0])
@@ -29,7 +31,7 @@ LAGS = (1, 2, 3, 5, 8, 12, 17, 25, 40, 60)
 BINS = 24
 BLOCKS = 16
 """Pieces of the run; each is left out once to estimate the errors (jackknife)."""
-FLAT_DB = 0.5
+MIN_RANGE_DB = 0.5
 """A smaller range of x does not determine the slope."""
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(10)
 
@@ -71,7 +73,7 @@ class _FatesByDistance:
         edges = np.quantile(loss_db, np.linspace(0.0, 1.0, BINS + 1))[1:-1]
         place = np.searchsorted(edges, loss_db, side="right")
         block = np.arange(len(lost)) * BLOCKS // len(lost)
-        self.is_flat = float(np.ptp(loss_db)) < FLAT_DB
+        self.is_flat = float(np.ptp(loss_db)) < MIN_RANGE_DB
         self.loss_db = np.bincount(place, loss_db, BINS) / np.maximum(
             np.bincount(place, None, BINS), 1
         )

@@ -85,7 +85,7 @@ def _link(
     verdicts.sort(key=lambda one: one.pose_seq)
     sent_at = np.array([one.sent_at_ns for one in verdicts])
     nowhere = (np.nan, np.nan)
-    here = _places_at(sent_at, receiver_at)
+    here = _receiver_poses_at(sent_at, receiver_at)
     there = np.array([sender_at.get(one.pose_seq, nowhere) for one in verdicts])
     return RecordedLink(
         sender=pair[0],
@@ -99,7 +99,7 @@ def _link(
     )
 
 
-def _places_at(instants: NDArray[np.int64], places: list[TruePose]) -> Floats:
+def _receiver_poses_at(instants: NDArray[np.int64], places: list[TruePose]) -> Floats:
     """East, north and metres driven of the receiver at its last true pose until each instant."""
     if not places:
         return np.full((len(instants), 3), np.nan)

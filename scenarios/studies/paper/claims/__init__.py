@@ -5,9 +5,9 @@ model             Sections II, III-B and III-D: the car, signs, the feedforward
 trajectory        Sections III-A and III-B: samples, line test, circle
 theory            Sections III-F and IV: stability and string stability
 gains             Sections V-A and V-B: gain sets, loads
-base              Section V-C.1: the base case
+base_case         Section V-C.1: the base case
 other_cases       Sections V-C.2 and V-C.3: other speeds and loads, varying speed
 string_stability  the simulations by Definition 1, in L2, against the lead's path
 other_laws        beyond the paper: Stanley and pure pursuit
-field             Section V-D: the field experiment
+field_experiment  Section V-D: the field experiment
 """

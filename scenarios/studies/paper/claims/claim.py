@@ -61,7 +61,7 @@ class Claim:
     where: str
     paper: str
     needs: tuple[Need, ...] = ()
-    driven: bool = True
+    simulated: bool = True
     answer: Answering
 
 
@@ -69,14 +69,14 @@ class Claims(list[Claim]):
     """The claims of one part of the paper, in the order in which they are registered."""
 
     def claim(
-        self, *, where: str, paper: str, needs: tuple[Need, ...] = (), driven: bool = True
+        self, *, where: str, paper: str, needs: tuple[Need, ...] = (), simulated: bool = True
     ) -> Callable[[Answering], Answering]:
         """Register the decorated function as the answer to a claim of the same name."""
 
         def register(answer: Answering) -> Answering:
             name = answer.__name__
             claim = Claim(
-                name=name, where=where, paper=paper, needs=needs, driven=driven, answer=answer
+                name=name, where=where, paper=paper, needs=needs, simulated=simulated, answer=answer
             )
             self.append(claim)
             return answer
@@ -87,11 +87,11 @@ class Claims(list[Claim]):
         self, *, where: str, paper: str, need: Need = Part.GAINS
     ) -> Callable[[Answering], Answering]:
         """Register a claim that is calculated, not driven."""
-        return self.claim(where=where, paper=paper, needs=(need,), driven=False)
+        return self.claim(where=where, paper=paper, needs=(need,), simulated=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Judged:
+class Verdict:
     answer: Answer
     judgement: Judgement
 
@@ -101,33 +101,34 @@ class JudgedClaim:
     """A claim as judged along each trajectory: one row of the report."""
 
     claim: Claim
-    judged: Mapping[Trajectory, Judged]
+    verdicts: Mapping[Trajectory, Verdict]
 
     @property
     def differs(self) -> bool:
         """Whether the judgement depends on the trajectory."""
-        return len({judged.judgement for judged in self.judged.values()}) > 1
+        return len({verdict.judgement for verdict in self.verdicts.values()}) > 1
 
 
 def judge(claims: Iterable[Claim], findings: Mapping[Trajectory, Findings]) -> list[JudgedClaim]:
     """Judge the claims whose needs all exist, along each trajectory."""
     return [
-        JudgedClaim(claim=claim, judged=_judged(claim, findings))
+        JudgedClaim(claim=claim, verdicts=_verdicts(claim, findings))
         for claim in claims
         if all(results.has(need) for results in findings.values() for need in claim.needs)
     ]
 
 
-def _judged(claim: Claim, findings: Mapping[Trajectory, Findings]) -> dict[Trajectory, Judged]:
-    if claim.driven:
+def _verdicts(claim: Claim, findings: Mapping[Trajectory, Findings]) -> dict[Trajectory, Verdict]:
+    if claim.simulated:
         return {
-            trajectory: judged(claim.answer(results)) for trajectory, results in findings.items()
+            trajectory: verdict_of(claim.answer(results))
+            for trajectory, results in findings.items()
         }
-    once = judged(claim.answer(next(iter(findings.values()))))
+    once = verdict_of(claim.answer(next(iter(findings.values()))))
     return dict.fromkeys(findings, once)
 
 
-def judged(answer: Answer) -> Judged:
+def verdict_of(answer: Answer) -> Verdict:
     """Judge by one rule: a claim that holds in all exact runs holds, in only some is undecided."""
     holding = answer.phases
     judgement: Judgement
@@ -137,7 +138,7 @@ def judged(answer: Answer) -> Judged:
         judgement = "undecided"
     else:
         judgement = "holds" if answer.holds else "does not hold"
-    return Judged(answer=answer, judgement=judgement)
+    return Verdict(answer=answer, judgement=judgement)
 
 
 def groups(claims: Iterable[JudgedClaim], trajectory: Trajectory) -> dict[str, list[JudgedClaim]]:
@@ -146,7 +147,7 @@ def groups(claims: Iterable[JudgedClaim], trajectory: Trajectory) -> dict[str, l
         group: [] for group in ("does not hold", "undecided", "noise spoils", "noise helps")
     }
     for claim in claims:
-        outcome = claim.judged[trajectory]
+        outcome = claim.verdicts[trajectory]
         if outcome.judgement in grouped:
             grouped[outcome.judgement].append(claim)
         noise = outcome.answer.noise

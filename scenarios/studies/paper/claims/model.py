@@ -74,9 +74,9 @@ def steering_parameters(_: Findings) -> Answer:
 def feedforward(_: Findings) -> Answer:
     radius, car = 500.0, LINCOLN_MKZ
     requested = (car.wheelbase + car.steer_gradient * BASE_SPEED**2) / radius
-    wheels, heading = _at_rest(car, BASE_SPEED, radius)
+    wheels, heading = _steady_turn(car, BASE_SPEED, radius)
     heavy = loaded(car, Loading(front_passengers=1, rear_passengers=3))
-    needed = _at_rest(heavy, BASE_SPEED, radius)[0]
+    needed = _steady_turn(heavy, BASE_SPEED, radius)[0]
     aside = -NOMINAL_GAINS.heading * heading / NOMINAL_GAINS.lateral
     off = requested / wheels - 1.0
     return Answer(
@@ -91,7 +91,7 @@ def feedforward(_: Findings) -> Answer:
     )
 
 
-def _at_rest(car: VehicleParameters, speed: float, radius: float) -> tuple[float, float]:
+def _steady_turn(car: VehicleParameters, speed: float, radius: float) -> tuple[float, float]:
     """Solve eq. (3) as printed for δ_f and θ̃ (rad) with nothing changing, on a circle (m)."""
     front, rear = car.front_cornering_stiffness, car.rear_cornering_stiffness
     a, b = car.front_axle_distance, car.rear_axle_distance

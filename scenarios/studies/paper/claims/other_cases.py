@@ -6,10 +6,10 @@ from functools import partial
 import numpy as np
 
 from scenarios.results.drives import Trial
-from scenarios.studies.paper.claims.base import below, decreasing
+from scenarios.studies.paper.claims.base_case import below, decreasing
 from scenarios.studies.paper.claims.claim import Answer, Claim, Claims, by_runs
 from scenarios.studies.paper.experiments import LANE
-from scenarios.studies.paper.findings import SAME, Findings, cm, in_cm
+from scenarios.studies.paper.findings import TOLERANCE_M, Findings, cm, in_cm
 from scenarios.studies.paper.keys import BASE, VARIABLE_SPEED, A, B, C, D
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, Loading, loaded
 from vehicles.preview.curve_fit import Trajectory
@@ -23,7 +23,7 @@ SIMULATIONS = (BASE, A, B, C, D, VARIABLE_SPEED)
 
 CLAIMS = Claims()
 
-for _key, _what in (
+for _key, _conditions in (
     (A, "10 m/s, n_r = 2"),
     (B, "10 m/s, n_r = 0"),
     (C, "20 m/s, n_r = 0"),
@@ -33,7 +33,7 @@ for _key, _what in (
         Claim(
             name=f"{_key}_decreasing",
             where=f"V-C.2, scenario {_key.label}",
-            paper=f"Largest errors decrease along the convoy ({_what})",
+            paper=f"Largest errors decrease along the convoy ({_conditions})",
             needs=(_key,),
             answer=partial(decreasing, _key),
         )
@@ -60,19 +60,21 @@ def uneven(findings: Findings) -> Answer:
 @CLAIMS.claim(
     where="V-C.2, A against C",
     paper="Errors are larger at 20 m/s than at 10 m/s",
-    needs=(A, C, A.varied("slip_compensated"), C.varied("slip_compensated")),
+    needs=(A, C, A.with_variant("slip_compensated"), C.with_variant("slip_compensated")),
 )
 def faster(findings: Findings) -> Answer:
     slow, fast = (findings.trials[key].tracking for key in (A, C))
     slow_known, fast_known = (
-        findings.trials[key.varied("slip_compensated")].tracking for key in (A, C)
+        findings.trials[key.with_variant("slip_compensated")].tracking for key in (A, C)
     )
-    slow_times, fast_times = (findings.trials[key.varied("same_times")].tracking for key in (A, C))
+    slow_times, fast_times = (
+        findings.trials[key.with_variant("same_times")].tracking for key in (A, C)
+    )
     return Answer(
         **by_runs(findings, _is_larger, A, C),
         ours=f"A {in_cm(slow)}; C {in_cm(fast)}. On roads that take the same time (bends of 56 and "
         f"222 m): {in_cm(slow_times)}; {in_cm(fast_times)}",
-        reason=_why_speed_matters(findings.trajectory)
+        reason=_speed_reason(findings.trajectory)
         + f". With the slip compensated: {in_cm(slow_known)}; {in_cm(fast_known)}",
         numbers={
             "a_tracking_error_m_max": slow,
@@ -90,7 +92,7 @@ def faster(findings: Findings) -> Answer:
 )
 def mass(findings: Findings) -> Answer:
     heavy, light = findings.trials[A], findings.trials[B]
-    change = _apart(heavy, light)
+    change = _largest_difference(heavy, light)
     return Answer(
         **by_runs(findings, _are_alike, A, B),
         ours=f"A {in_cm(heavy.tracking)}; B {in_cm(light.tracking)}: {1000 * change:.1f} mm",
@@ -144,7 +146,7 @@ def slightly_more(findings: Findings) -> Answer:
 @CLAIMS.claim(
     where="V-C.3",
     paper="Largest errors decrease along the convoy",
-    needs=(VARIABLE_SPEED, VARIABLE_SPEED.varied("blend")),
+    needs=(VARIABLE_SPEED, VARIABLE_SPEED.with_variant("blend")),
 )
 def variable_speed_decreasing(findings: Findings) -> Answer:
     answer = decreasing(VARIABLE_SPEED, findings)
@@ -152,7 +154,7 @@ def variable_speed_decreasing(findings: Findings) -> Answer:
     for drive in findings.trials[VARIABLE_SPEED].followers:
         at = int(np.abs(drive.lateral_error).argmax())
         speeds.append(f"{drive.speed[at]:.0f}")
-    blend = in_cm(findings.trials[VARIABLE_SPEED.varied("blend")].tracking)
+    blend = in_cm(findings.trials[VARIABLE_SPEED.with_variant("blend")].tracking)
     why = (
         "all have the same speed at the same time, so each car takes a bend faster than the one "
         f"ahead did: the largest errors come at {', '.join(speeds)} m/s. Besides, the composite, "
@@ -161,21 +163,21 @@ def variable_speed_decreasing(findings: Findings) -> Answer:
     return replace(answer, reason=why) if answer.reason else answer
 
 
-def _why_speed_matters(trajectory: Trajectory) -> str:
+def _speed_reason(trajectory: Trajectory) -> str:
     if trajectory == "paper":
         return (
             "a bend of 500 m passes for a line on the preview at 10 and at 20 m/s, and the longer "
             "the preview, the further that line is from the bend"
         )
-    at_10 = _settles_at(10.0, Loading(front_passengers=1, rear_passengers=2))
-    at_20 = _settles_at(20.0, Loading(front_passengers=1))
+    at_10 = _steady_offset(10.0, Loading(front_passengers=1, rear_passengers=2))
+    at_20 = _steady_offset(20.0, Loading(front_passengers=1))
     return (
         "a car in a bend stands at its slip angle to the path, and the law steers against that: "
         f"on 500 m it settles {cm(at_10)} beside the path at 10 m/s, {cm(at_20)} at 20 m/s"
     )
 
 
-def _settles_at(speed: float, loading: Loading) -> float:
+def _steady_offset(speed: float, loading: Loading) -> float:
     """Steady offset (m) on a curve of a car whose controller does not know its load."""
     car = loaded(LINCOLN_MKZ, loading)
     return steady_cornering(car, NOMINAL_GAINS, speed, 1.0 / RADIUS, LINCOLN_MKZ)[0]
@@ -186,10 +188,10 @@ def _is_larger(one: Trial, other: Trial) -> bool:
 
 
 def _are_alike(one: Trial, other: Trial) -> bool:
-    return _apart(one, other) < max(2.0 * SAME, 0.1 * max(one.tracking))
+    return _largest_difference(one, other) < max(2.0 * TOLERANCE_M, 0.1 * max(one.tracking))
 
 
-def _apart(one: Trial, other: Trial) -> float:
+def _largest_difference(one: Trial, other: Trial) -> float:
     """Largest difference (m) between two runs in the largest error of a follower."""
     return max(abs(a - b) for a, b in zip(one.tracking, other.tracking, strict=True))
 

@@ -3,10 +3,10 @@
 from functools import partial
 
 from scenarios.results.drives import Trial
-from scenarios.studies.paper.claims.base import numbers_of
+from scenarios.studies.paper.claims.base_case import numbers_of
 from scenarios.studies.paper.claims.claim import Answer, Claim, Claims, by_runs
 from scenarios.studies.paper.experiments import OTHER_LAWS
-from scenarios.studies.paper.findings import SAME, Findings, in_cm, non_increasing
+from scenarios.studies.paper.findings import TOLERANCE_M, Findings, in_cm, non_increasing
 from scenarios.studies.paper.keys import BASE, Variant
 
 NAMES = {
@@ -17,12 +17,12 @@ NAMES = {
 CLAIMS = Claims()
 
 
-def against(law: Variant, findings: Findings) -> Answer:
+def compare_with(law: Variant, findings: Findings) -> Answer:
     """Answer whether the paper's law stays at least as close to the trajectory as `law`."""
-    own, other = findings.trials[BASE], findings.trials[BASE.varied(law)]
+    own, other = findings.trials[BASE], findings.trials[BASE.with_variant(law)]
     word = "decrease" if non_increasing(other.tracking) else "do not decrease"
     return Answer(
-        **by_runs(findings, _strays_no_further, BASE, BASE.varied(law)),
+        **by_runs(findings, _is_at_least_as_close, BASE, BASE.with_variant(law)),
         ours=f"{law.replace('_', ' ')}: off the own trajectory {in_cm(other.tracking)}, which "
         f"{word}; off the lead's path {in_cm(other.cross_track)}. The paper's law: "
         f"{in_cm(own.tracking)}; {in_cm(own.cross_track)}",
@@ -30,8 +30,8 @@ def against(law: Variant, findings: Findings) -> Answer:
     )
 
 
-def _strays_no_further(own: Trial, other: Trial) -> bool:
-    return max(own.tracking) <= max(other.tracking) + SAME
+def _is_at_least_as_close(own: Trial, other: Trial) -> bool:
+    return max(own.tracking) <= max(other.tracking) + TOLERANCE_M
 
 
 for _law in OTHER_LAWS:
@@ -40,7 +40,7 @@ for _law in OTHER_LAWS:
             name=f"against_{_law}",
             where="beside the paper",
             paper=f"The law strays no further off the same trajectory than {NAMES[_law]}",
-            needs=(BASE, BASE.varied(_law)),
-            answer=partial(against, _law),
+            needs=(BASE, BASE.with_variant(_law)),
+            answer=partial(compare_with, _law),
         )
     )

@@ -5,7 +5,7 @@ import numpy as np
 from scenarios.results.drives import Array, Trial
 from scenarios.studies.paper.claims.claim import Answer, Claims, by_runs
 from scenarios.studies.paper.claims.other_cases import SIMULATIONS
-from scenarios.studies.paper.findings import SAME, Findings, cm, in_cm, non_increasing
+from scenarios.studies.paper.findings import TOLERANCE_M, Findings, cm, in_cm, non_increasing
 from scenarios.studies.paper.keys import BASE, NO_LEAD_DATA, VARIABLE_SPEED, A, B, C, D
 from vehicles.theory.string_stability import head_to_tail, is_string_stable
 
@@ -67,7 +67,7 @@ def others_true(findings: Findings) -> Answer:
 )
 def amplified_in_l2(findings: Findings) -> Answer:
     def grows(run: Trial) -> bool:
-        return not is_string_stable(l2_norms(run), SAME * length(run) ** 0.5)
+        return not is_string_stable(l2_norms(run), TOLERANCE_M * length(run) ** 0.5)
 
     trial = findings.trials[NO_LEAD_DATA]
     return Answer(
@@ -85,14 +85,14 @@ def amplified_in_l2(findings: Findings) -> Answer:
 )
 def not_amplified_in_l2(findings: Findings) -> Answer:
     def keeps(run: Trial) -> bool:
-        return is_string_stable(l2_norms(run), SAME * length(run) ** 0.5)
+        return is_string_stable(l2_norms(run), TOLERANCE_M * length(run) ** 0.5)
 
     trial = findings.trials[BASE]
     return Answer(
         **by_runs(findings, keeps, BASE),
         ours=_in_l2(trial),
         reason="judged off the lead's driven path, over the same stretch of it for all cars. "
-        f"Growth by less than {1000 * SAME:.0f} mm rms counts as none",
+        f"Growth by less than {1000 * TOLERANCE_M:.0f} mm rms counts as none",
         numbers=_numbers(trial),
     )
 
@@ -107,7 +107,7 @@ def definition_1_norms(trial: Trial) -> tuple[float, ...]:
 
 def holds_definition_1(trial: Trial) -> bool:
     """Whether no follower's norm exceeds that of the one ahead, by more than SAME."""
-    return is_string_stable(definition_1_norms(trial), SAME)
+    return is_string_stable(definition_1_norms(trial), TOLERANCE_M)
 
 
 def l2_norms(trial: Trial, measure: str = "cross_track") -> tuple[float, ...]:

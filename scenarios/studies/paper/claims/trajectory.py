@@ -25,7 +25,7 @@ LIMIT = 0.09
 DRAWS = 400
 """Noisy arcs from which the mean of a fitted curvature is taken."""
 
-HOW: dict[Trajectory, str] = {
+FIT_DESCRIPTIONS: dict[Trajectory, str] = {
     "fitted": "Here several shapes are fitted, and the simplest that explains the samples counts",
     "paper": "Taken by the letter here: a line where the whole preview passes, else one circle",
 }
@@ -94,7 +94,7 @@ def ten_centimetres(findings: Findings) -> Answer:
         ours="no sample of an arc is 10 cm from the chord of the preview where its radius is above "
         + ", ".join(f"{radius:.0f} m at {speed:.0f} m/s" for speed, radius in hidden.items()),
         holds=False,
-        reason="such arcs pass for lines. " + HOW[findings.trajectory],
+        reason="such arcs pass for lines. " + FIT_DESCRIPTIONS[findings.trajectory],
         numbers={f"hidden_radius_m_at_{v:.0f}_mps": radius for v, radius in hidden.items()},
     )
 
@@ -173,7 +173,7 @@ def recipe_suffices(findings: Findings) -> Answer:
         phases=Tally(sum(error < LIMIT for error in exact.values()), len(exact), "radii"),
         noise=Tally(below, len(noisy), "radii with noise"),
         reason=f"measured by the paper's 9 cm on each of {len(RADII)} roads. "
-        + HOW[findings.trajectory],
+        + FIT_DESCRIPTIONS[findings.trajectory],
         numbers={f"tracking_error_m_max_at_{r:.0f}_m": error for r, error in exact.items()},
     )
 

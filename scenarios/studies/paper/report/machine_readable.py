@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from scenarios.results.drives import Trial
-from scenarios.studies.paper.claims.claim import Judged, JudgedClaim
-from scenarios.studies.paper.claims.field import numbers_of, settled_errors
+from scenarios.studies.paper.claims.claim import JudgedClaim, Verdict
+from scenarios.studies.paper.claims.field_experiment import numbers_of, settled_errors
 from scenarios.studies.paper.experiments import RUNS_OF_CASE
 from scenarios.studies.paper.findings import Findings, non_increasing
 from scenarios.studies.paper.keys import FIELD_WITH, FIELD_WITHOUT, Part
@@ -75,16 +75,16 @@ def _row(row: JudgedClaim) -> dict[str, Any]:
         "name": claim.name,
         "where": claim.where,
         "paper": claim.paper,
-        "driven": claim.driven,
-        "trajectories": {kind: _judged_row(judged) for kind, judged in row.judged.items()},
+        "driven": claim.simulated,
+        "trajectories": {kind: _verdict_row(verdict) for kind, verdict in row.verdicts.items()},
     }
 
 
-def _judged_row(judged: Judged) -> dict[str, Any]:
-    answer = judged.answer
+def _verdict_row(verdict: Verdict) -> dict[str, Any]:
+    answer = verdict.answer
     return {
         "ours": answer.ours,
-        "verdict": judged.judgement,
+        "verdict": verdict.judgement,
         "reason": answer.reason,
         "phases": answer.phases._asdict() if answer.phases else None,
         "noise": answer.noise._asdict() if answer.noise else None,

@@ -356,7 +356,7 @@ def recipe(findings: Mapping[Trajectory, Findings]) -> Figure:
         "fitted,\nnoise": fitted.noisy(BASE),
         "the\npaper's": [paper.trials[BASE]],
         "the paper's,\nnoise": paper.noisy(BASE),
-        "prefix\nrule": [paper.trials[BASE.varied("paper_prefix")]],
+        "prefix\nrule": [paper.trials[BASE.with_variant("paper_prefix")]],
     }
     for column, runs in enumerate(bars.values()):
         for place in PLACES:
@@ -385,7 +385,7 @@ PICTURES: dict[str, tuple[tuple[Need, ...], Draw]] = {
 
 BOTH: dict[str, tuple[tuple[Need, ...], Callable[[Mapping[Trajectory, Findings]], Figure]]] = {
     "paper_recipe.png": (
-        (BASE, BASE.varied("paper_prefix"), *(at_radius(r) for r in RADII)),
+        (BASE, BASE.with_variant("paper_prefix"), *(at_radius(r) for r in RADII)),
         recipe,
     ),
 }

@@ -7,8 +7,8 @@ from pathlib import Path
 import matplotlib as mpl
 
 from scenarios.studies.paper.claims import (
-    base,
-    field,
+    base_case,
+    field_experiment,
     gains,
     model,
     other_cases,
@@ -20,12 +20,12 @@ from scenarios.studies.paper.claims import (
 from scenarios.studies.paper.claims.claim import (
     JUDGEMENTS,
     Answer,
-    Judged,
     JudgedClaim,
+    Verdict,
     groups,
     judge,
 )
-from scenarios.studies.paper.findings import SAME, in_cm
+from scenarios.studies.paper.findings import TOLERANCE_M, in_cm
 from scenarios.studies.paper.keys import (
     BASE,
     TRAJECTORIES,
@@ -45,10 +45,10 @@ CLAIMS = (
     *trajectory.CLAIMS,
     *theory.CLAIMS,
     *gains.CLAIMS,
-    *base.CLAIMS,
+    *base_case.CLAIMS,
     *other_cases.CLAIMS,
     *string_stability.CLAIMS,
-    *field.CLAIMS,
+    *field_experiment.CLAIMS,
     *other_laws.CLAIMS,
 )
 """All claims in the order of the paper, those beyond it last."""
@@ -127,11 +127,11 @@ def _markdown(
     yield ""
     yield from _differing(claims)
     yield from _recipe(findings)
-    calculated = [one for one in claims if not one.claim.driven]
-    driven = [one for one in claims if one.claim.driven]
+    calculated = [one for one in claims if not one.claim.simulated]
+    simulated = [one for one in claims if one.claim.simulated]
     yield from _in_short(calculated, "fitted", "calculated, the same for both")
     for kind in findings:
-        yield from _in_short(driven, kind, TRAJECTORY_NAMES[kind])
+        yield from _in_short(simulated, kind, TRAJECTORY_NAMES[kind])
     yield from _method()
     yield from _claims(claims)
     for name, files in pictures.items():
@@ -145,7 +145,7 @@ def _markdown(
 
 
 def _counts(claims: Sequence[JudgedClaim], kind: Trajectory) -> str:
-    judgements = [claim.judged[kind].judgement for claim in claims]
+    judgements = [claim.verdicts[kind].judgement for claim in claims]
     hold, open_, fail, rest = (judgements.count(j) for j in JUDGEMENTS)
     return (
         f"{TRAJECTORY_NAMES[kind]}: {hold} hold, {open_} are undecided, {fail} do not hold, {rest} "
@@ -166,24 +166,24 @@ def _differing(claims: Sequence[JudgedClaim]) -> Iterator[str]:
         )
         yield "|---|---|---|---|"
     for claim in differing:
-        verdicts = (claim.judged[kind].judgement for kind in TRAJECTORIES)
+        verdicts = (claim.verdicts[kind].judgement for kind in TRAJECTORIES)
         yield _line(claim.claim.where, claim.claim.paper, *verdicts)
     yield ""
 
 
 def _recipe(findings: AllFindings) -> Iterator[str]:
     paper = findings["paper"]
-    base, prefix = BASE, BASE.varied("paper_prefix")
-    if not all(map(paper.has, (base, prefix, A, C, at_radius(300.0)))):
+    prefix = BASE.with_variant("paper_prefix")
+    if not all(map(paper.has, (BASE, prefix, A, C, at_radius(300.0)))):
         return
-    tracking = {key: paper.trials[key].tracking for key in (A, C, base, prefix)}
-    noisy = max(paper.noisy(base), key=lambda run: max(run.tracking)).tracking
+    tracking = {key: paper.trials[key].tracking for key in (A, C, BASE, prefix)}
+    noisy = max(paper.noisy(BASE), key=lambda run: max(run.tracking)).tracking
     yield from (
         "## What the paper's trajectory needs",
         "",
         f"With exact samples and own state, on the report's road (500 m), the paper's recipe gives "
         f"what the paper says: A {in_cm(tracking[A])}, C {in_cm(tracking[C])}, base case "
-        f"{in_cm(tracking[base])}. It needs all of that. With 2 cm of noise the base case comes to "
+        f"{in_cm(tracking[BASE])}. It needs all of that. With 2 cm of noise the base case comes to "
         f"{in_cm(noisy)}; on bends of 300 m, exact, to "
         f"{in_cm(paper.trials[at_radius(300.0)].tracking)}, of 200 m to "
         f"{in_cm(paper.trials[at_radius(200.0)].tracking)}; and with the longest straight prefix "
@@ -208,7 +208,7 @@ def _in_short(claims: Sequence[JudgedClaim], kind: Trajectory, title: str) -> It
             yield f"{GROUPS[group]}:"
             yield ""
             for claim in members:
-                answer = claim.judged[kind].answer
+                answer = claim.verdicts[kind].answer
                 runs = "" if group == "does not hold" else f": {_runs(answer)}"
                 yield f"- {claim.claim.paper} ({claim.claim.where}){runs}"
             yield ""
@@ -249,8 +249,8 @@ def _method() -> Iterator[str]:
         "What noise changes is said beside it and decides nothing.",
         "- The paper measures errors against the trajectory that a car itself has fitted. That is "
         "given first, largest values of the followers front to back; true errors are distances "
-        f"from the lead's driven path. Values that differ by less than {1000 * SAME:.0f} mm count "
-        "as equal.",
+        "from the lead's driven path. Values that differ by less than "
+        f"{1000 * TOLERANCE_M:.0f} mm count as equal.",
         "",
     )
 
@@ -266,31 +266,31 @@ def _claims(claims: Sequence[JudgedClaim]) -> Iterator[str]:
     yield _line("paper", "says", *(c for n in names for c in (n, "verdict")), "why, or how far")
     yield "|---|---|---|---|---|---|---|"
     for row in claims:
-        first, second = (row.judged[kind] for kind in TRAJECTORIES)
+        first, second = (row.verdicts[kind] for kind in TRAJECTORIES)
         same = second.answer.ours == first.answer.ours
-        again = "the same" if row.claim.driven else "(calculated)"
+        again = "the same" if row.claim.simulated else "(calculated)"
         yield _line(
             row.claim.where,
             row.claim.paper,
             first.answer.ours,
-            _verdict(first),
+            _verdict_cell(first),
             again if same else second.answer.ours,
-            _verdict(second),
+            _verdict_cell(second),
             _reasons(first, second),
         )
     yield ""
     yield "## Pictures"
 
 
-def _verdict(judged: Judged) -> str:
+def _verdict_cell(verdict: Verdict) -> str:
     """The judgement, and the count of runs in which the claim holds."""
-    bold = judged.judgement in {"undecided", "does not hold"}
-    verdict = f"**{judged.judgement}**" if bold else str(judged.judgement)
-    runs = _runs(judged.answer)
-    return f"{verdict} ({runs})" if runs else verdict
+    bold = verdict.judgement in {"undecided", "does not hold"}
+    text = f"**{verdict.judgement}**" if bold else str(verdict.judgement)
+    runs = _runs(verdict.answer)
+    return f"{text} ({runs})" if runs else text
 
 
-def _reasons(first: Judged, second: Judged) -> str:
+def _reasons(first: Verdict, second: Verdict) -> str:
     reason, other = first.answer.reason, second.answer.reason
     if reason == other:
         return reason

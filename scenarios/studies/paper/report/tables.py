@@ -14,23 +14,25 @@ from scenarios.studies.paper.keys import (
     C,
     at_radius,
 )
-from scenarios.studies.paper.linear_prediction import linear
+from scenarios.studies.paper.linear_prediction import predict_case
 
 EXPECTED = (BASE, NO_LEAD_DATA, A, B, C)
 """Cases of equal cars at constant speed."""
 
 CHANGED = {
-    BASE.varied("as_is"): "nothing: the base case",
-    BASE.varied("blend"): "one trajectory for each source, commands blended",
-    BASE.varied("lead_only"): "lead's data only (α = 0)",
-    BASE.varied("slip_compensated"): "slip compensated in bends (the product's default law)",
-    BASE.varied("knows_loading"): "controller knows its load",
-    BASE.varied("slip_compensated_knows_loading"): "both",
-    BASE.varied("own_state_estimated"): "own state estimated from the car's own measurements",
-    BASE.varied("paper_prefix"): "the paper's trajectory with the longest straight prefix first",
-    BASE.varied("stanley"): "Stanley's law (both lane changes)",
-    BASE.varied("pure_pursuit"): "pure pursuit (both lane changes)",
-    BASE.varied("gap_20_m"): "gaps of 20 m: the predecessor, too, is beyond the preview",
+    BASE.with_variant("as_is"): "nothing: the base case",
+    BASE.with_variant("blend"): "one trajectory for each source, commands blended",
+    BASE.with_variant("lead_only"): "lead's data only (α = 0)",
+    BASE.with_variant("slip_compensated"): "slip compensated in bends (the product's default law)",
+    BASE.with_variant("knows_loading"): "controller knows its load",
+    BASE.with_variant("slip_compensated_knows_loading"): "both",
+    BASE.with_variant("own_state_estimated"): "own state estimated from the car's own measurements",
+    BASE.with_variant(
+        "paper_prefix"
+    ): "the paper's trajectory with the longest straight prefix first",
+    BASE.with_variant("stanley"): "Stanley's law (both lane changes)",
+    BASE.with_variant("pure_pursuit"): "pure pursuit (both lane changes)",
+    BASE.with_variant("gap_20_m"): "gaps of 20 m: the predecessor, too, is beyond the preview",
 }
 
 
@@ -53,7 +55,7 @@ def _radii(findings: Findings) -> Iterator[str]:
         for r in RADII
         for key, word in (
             (at_radius(r), "with"),
-            (at_radius(r).varied("no_lead_data"), "without"),
+            (at_radius(r).with_variant("no_lead_data"), "without"),
         )
     ]
     name = TRAJECTORY_NAMES[findings.trajectory]
@@ -97,7 +99,7 @@ def _expected(findings: Findings) -> Iterator[str]:
     )
     for key in EXPECTED:
         if findings.has(key):
-            own, true = linear(findings, key)
+            own, true = predict_case(findings, key)
             trial = findings.trials[key]
             cells = (own, trial.tracking, true, trial.cross_track)
             yield (f"| {key.label} | " + " | ".join(map(in_cm, cells)) + " |")

@@ -14,7 +14,7 @@ from scenarios.definition.check.link_sample import StraightDrive
 from scenarios.definition.scenario import load_scenario
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.studies.channel.comparison import Comparison, compare
-from scenarios.studies.channel.law import burst_shares, delay_quantiles
+from scenarios.studies.channel.predictions import burst_shares, delay_quantiles
 from transport.links.link import Link
 
 RATIOS = st.floats(0.05, 0.95)

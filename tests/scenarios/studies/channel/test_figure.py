@@ -95,7 +95,7 @@ def test_radios_of_one_loss_differ_in_their_bursts_alone() -> None:
 def test_costs_are_told_over_their_seeds() -> None:
     cost = Cost(Channel(8.0, 0.2, 20.0, 8.0), (0.1, 3.0, 0.2))
     assert (cost.median_m, cost.largest_m) == (0.2, 3.0)
-    assert cost.beyond(lane_margin_m()) == 1
+    assert cost.runs_beyond(lane_margin_m()) == 1
     assert lane_margin_m() == pytest.approx(0.5 * (3.5 - 1.86))
 
 

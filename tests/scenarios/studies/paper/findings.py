@@ -32,7 +32,7 @@ from scenarios.studies.paper.keys import (
 from vehicles.preview.curve_fit import Trajectory
 
 
-def a_trial(tracking: tuple[float, ...], true: tuple[float, ...] | None = None) -> Trial:
+def trial_of(tracking: tuple[float, ...], true: tuple[float, ...] | None = None) -> Trial:
     """A run of 35 s whose followers have these largest errors (m), 12 s after the start."""
     at = np.arange(0.0, 35.0, 0.1)
     bump = np.exp(-((at - 12.0) ** 2))
@@ -46,29 +46,35 @@ def a_trial(tracking: tuple[float, ...], true: tuple[float, ...] | None = None) 
     return Trial((lead, *followers))
 
 
-def both(findings: Findings) -> dict[Trajectory, Findings]:
+def along_both_trajectories(findings: Findings) -> dict[Trajectory, Findings]:
     """Give the same findings along both trajectories."""
     return {"fitted": findings, "paper": replace(findings, trajectory="paper")}
 
 
-def a_paper_come_true() -> Findings:
+def findings_with_all_claims_true() -> Findings:
     """Findings in which every claim of the simulations and the field experiment holds."""
-    falling = a_trial((0.08, 0.06, 0.05))
-    same = (BASE, BASE.varied("blend"), BASE.varied("as_is"), D, VARIABLE_SPEED.varied("blend"))
+    falling = trial_of((0.08, 0.06, 0.05))
+    same = (
+        BASE,
+        BASE.with_variant("blend"),
+        BASE.with_variant("as_is"),
+        D,
+        VARIABLE_SPEED.with_variant("blend"),
+    )
     trials = dict.fromkeys(same, falling)
-    trials[NO_LEAD_DATA] = a_trial((0.08, 0.08, 0.08), (0.08, 0.16, 0.25))
-    trials[LONG_WITH] = a_trial((0.08, 0.06, 0.05), (0.08, 0.06, 0.05))
-    trials[LONG_WITHOUT] = a_trial((0.08, 0.08, 0.08), (0.08, 0.16, 0.25))
-    for key in (A, A.varied("slip_compensated"), A.varied("same_times"), B):
-        trials[key] = a_trial((0.03, 0.02, 0.01))
-    for key in (C, C.varied("slip_compensated"), C.varied("same_times")):
-        trials[key] = a_trial((0.05, 0.04, 0.03))
-    trials[VARIABLE_SPEED] = a_trial((0.10, 0.09, 0.08))
+    trials[NO_LEAD_DATA] = trial_of((0.08, 0.08, 0.08), (0.08, 0.16, 0.25))
+    trials[LONG_WITH] = trial_of((0.08, 0.06, 0.05), (0.08, 0.06, 0.05))
+    trials[LONG_WITHOUT] = trial_of((0.08, 0.08, 0.08), (0.08, 0.16, 0.25))
+    for key in (A, A.with_variant("slip_compensated"), A.with_variant("same_times"), B):
+        trials[key] = trial_of((0.03, 0.02, 0.01))
+    for key in (C, C.with_variant("slip_compensated"), C.with_variant("same_times")):
+        trials[key] = trial_of((0.05, 0.04, 0.03))
+    trials[VARIABLE_SPEED] = trial_of((0.10, 0.09, 0.08))
     for radius in RADII:
         trials[at_radius(radius)] = trials[at_radius(radius).noisy(1)] = falling
     for law in OTHER_LAWS:
-        trials[BASE.varied(law)] = falling
-    trials[FIELD_WITH], trials[FIELD_WITHOUT] = a_trial((0.05, 0.04)), a_trial((0.05, 0.06))
+        trials[BASE.with_variant(law)] = falling
+    trials[FIELD_WITH], trials[FIELD_WITHOUT] = trial_of((0.05, 0.04)), trial_of((0.05, 0.06))
     responses = [
         SineResponse(frequency, preview, (1.0, 1.1, 1.2, 1.3))
         for preview, frequencies in (

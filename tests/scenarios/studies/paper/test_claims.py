@@ -8,8 +8,8 @@ import pytest
 
 from scenarios.results.drives import Trial
 from scenarios.studies.paper.claims import (
-    base,
-    field,
+    base_case,
+    field_experiment,
     gains,
     model,
     other_cases,
@@ -18,9 +18,9 @@ from scenarios.studies.paper.claims import (
     theory,
     trajectory,
 )
-from scenarios.studies.paper.claims.base import below, decreasing
-from scenarios.studies.paper.claims.claim import Answer, Claim, Claims, groups, judge, judged
-from scenarios.studies.paper.claims.field import settled_errors
+from scenarios.studies.paper.claims.base_case import below, decreasing
+from scenarios.studies.paper.claims.claim import Answer, Claim, Claims, groups, judge, verdict_of
+from scenarios.studies.paper.claims.field_experiment import settled_errors
 from scenarios.studies.paper.claims.string_stability import definition_1_norms, l2_norms
 from scenarios.studies.paper.experiments import RADII, RUNS_OF_CASE
 from scenarios.studies.paper.findings import Findings, Tally, in_cm, non_increasing
@@ -37,14 +37,18 @@ from scenarios.studies.paper.keys import (
     RunKey,
     at_radius,
 )
-from tests.scenarios.studies.paper.findings import a_paper_come_true, a_trial, both
+from tests.scenarios.studies.paper.findings import (
+    along_both_trajectories,
+    findings_with_all_claims_true,
+    trial_of,
+)
 
 SIMULATED = (
-    *base.CLAIMS,
+    *base_case.CLAIMS,
     *other_cases.CLAIMS,
     *string_stability.CLAIMS,
     *other_laws.CLAIMS,
-    *field.CLAIMS,
+    *field_experiment.CLAIMS,
 )
 DRIVEN = (*trajectory.CLAIMS, *SIMULATED)
 CALCULATED = (*model.CLAIMS, *theory.CLAIMS, *gains.CLAIMS)
@@ -53,7 +57,7 @@ ALL = (*DRIVEN, *CALCULATED)
 
 def judgements(findings: Findings, claims: Sequence[Claim] = DRIVEN) -> dict[str, str]:
     return {
-        one.claim.name: one.judged["fitted"].judgement
+        one.claim.name: one.verdicts["fitted"].judgement
         for one in judge(claims, {"fitted": findings})
     }
 
@@ -64,8 +68,8 @@ def test_names_of_claims_differ() -> None:
 
 def test_only_what_was_run_is_judged() -> None:
     assert judgements(Findings()) == {}
-    assert "mass" not in judgements(Findings(trials={A: a_trial((0.03, 0.03, 0.03))}))
-    assert "a_decreasing" in judgements(Findings(trials={A: a_trial((0.03, 0.03, 0.03))}))
+    assert "mass" not in judgements(Findings(trials={A: trial_of((0.03, 0.03, 0.03))}))
+    assert "a_decreasing" in judgements(Findings(trials={A: trial_of((0.03, 0.03, 0.03))}))
 
 
 @pytest.mark.parametrize(
@@ -74,11 +78,11 @@ def test_only_what_was_run_is_judged() -> None:
 def test_an_answer_becomes_a_judgement(holds: bool | None, judgement: str) -> None:
     answer = Answer(ours="we", holds=holds, reason="why")
     claim = Claim(name="x", where="V", paper="says", answer=lambda _: answer)
-    (one,) = judge([claim], both(Findings()))
+    (one,) = judge([claim], along_both_trajectories(Findings()))
     assert one.claim == claim
-    assert set(one.judged) == {"fitted", "paper"}
-    assert all(row.judgement == judgement for row in one.judged.values())
-    assert all(row.answer == answer for row in one.judged.values())
+    assert set(one.verdicts) == {"fitted", "paper"}
+    assert all(row.judgement == judgement for row in one.verdicts.values())
+    assert all(row.answer == answer for row in one.verdicts.values())
     assert not one.differs
 
 
@@ -117,9 +121,9 @@ def test_non_increasing(maxima: tuple[float, ...], expected: bool) -> None:
 def test_a_limit_holds_or_not_and_noise_is_counted() -> None:
     findings = Findings(
         trials={
-            VARIABLE_SPEED: a_trial((0.02, 0.108, 0.05)),
-            VARIABLE_SPEED.noisy(1): a_trial((0.02, 0.10, 0.05)),
-            VARIABLE_SPEED.noisy(2): a_trial((0.02, 0.12, 0.05)),
+            VARIABLE_SPEED: trial_of((0.02, 0.108, 0.05)),
+            VARIABLE_SPEED.noisy(1): trial_of((0.02, 0.10, 0.05)),
+            VARIABLE_SPEED.noisy(2): trial_of((0.02, 0.12, 0.05)),
         }
     )
     answer = below(0.11, VARIABLE_SPEED, findings)
@@ -130,18 +134,20 @@ def test_a_limit_holds_or_not_and_noise_is_counted() -> None:
 
 
 def test_errors_that_grow_fail_with_a_reason_and_others_need_none() -> None:
-    grows = Findings(trials={key: a_trial((0.04, 0.05, 0.06)) for key in (D, D.varied("blend"))})
+    grows = Findings(
+        trials={key: trial_of((0.04, 0.05, 0.06)) for key in (D, D.with_variant("blend"))}
+    )
     answer = decreasing(D, grows)
     assert answer.holds is False
     assert "one trajectory for each source" in answer.reason
-    falls = decreasing(D, Findings(trials={D: a_trial((0.06, 0.05, 0.04))}))
+    falls = decreasing(D, Findings(trials={D: trial_of((0.06, 0.05, 0.04))}))
     assert falls.holds
     assert not falls.reason
 
 
 def test_what_holds_but_for_noise_says_so() -> None:
     findings = Findings(
-        trials={A: a_trial((0.04, 0.03, 0.02)), A.noisy(1): a_trial((0.04, 0.03, 0.05))}
+        trials={A: trial_of((0.04, 0.03, 0.02)), A.noisy(1): trial_of((0.04, 0.03, 0.05))}
     )
     answer = decreasing(A, findings)
     assert answer.holds
@@ -161,14 +167,14 @@ def test_what_hangs_on_where_the_samples_fall_is_undecided(
 ) -> None:
     findings = Findings(
         trials={
-            B: a_trial((0.04, 0.03, last)),
-            B.varied("blend"): a_trial((0.04, 0.03, 0.02)),
-            B.moved(0.5): a_trial((0.04, 0.031, last - 0.002)),
-            B.moved(0.75): a_trial((0.04, 0.03, last - 0.001)),
+            B: trial_of((0.04, 0.03, last)),
+            B.with_variant("blend"): trial_of((0.04, 0.03, 0.02)),
+            B.moved(0.5): trial_of((0.04, 0.031, last - 0.002)),
+            B.moved(0.75): trial_of((0.04, 0.03, last - 0.001)),
         }
     )
     (one,) = judge([c for c in ALL if c.name == "b_decreasing"], {"fitted": findings})
-    row = one.judged["fitted"]
+    row = one.verdicts["fitted"]
     assert row.judgement == judgement
     assert row.answer.phases == Tally(holding, 3)
     assert [one] == (groups([one], "fitted").get(judgement) or [one])
@@ -178,7 +184,7 @@ def test_what_hangs_on_where_the_samples_fall_is_undecided(
 
 
 def test_where_the_simulations_bear_the_paper_out_all_those_claims_hold() -> None:
-    found = judgements(a_paper_come_true())
+    found = judgements(findings_with_all_claims_true())
     assert set(found) == {claim.name for claim in DRIVEN}
     simulated = {claim.name for claim in SIMULATED}
     failed = {name for name in simulated if found[name] != "holds"}
@@ -190,27 +196,28 @@ def test_where_the_simulations_bear_the_paper_out_all_those_claims_hold() -> Non
 @pytest.mark.parametrize(
     ("key", "trial", "falls"),
     [
-        (BASE, a_trial((0.08, 0.091, 0.05)), {"base_below_9_cm", "base_decreasing", "base_true",
+        (BASE, trial_of((0.08, 0.091, 0.05)), {"base_below_9_cm", "base_decreasing", "base_true",
             "definition_1", "not_amplified_in_l2", "against_stanley", "against_pure_pursuit"}),
-        (BASE, a_trial((0.08, 0.06, 0.05), (0.08, 0.09, 0.10)), {"base_true",
+        (BASE, trial_of((0.08, 0.06, 0.05), (0.08, 0.09, 0.10)), {"base_true",
             "not_amplified_in_l2"}),
-        (NO_LEAD_DATA, a_trial((0.08, 0.09, 0.1), (0.08,) * 3), {"amplified_without_lead_data",
+        (NO_LEAD_DATA, trial_of((0.08, 0.09, 0.1), (0.08,) * 3), {"amplified_without_lead_data",
             "amplified_in_l2"}),
-        (BASE.varied("stanley"), a_trial((0.07, 0.06, 0.05)), {"against_stanley"}),
-        (C, a_trial((0.03, 0.02, 0.01)), {"faster"}),
-        (B, a_trial((0.05, 0.04, 0.03)), {"mass"}),
-        (D, a_trial((0.02, 0.03, 0.05)), {"d_decreasing", "uneven", "others_true"}),
-        (VARIABLE_SPEED, a_trial((0.12, 0.09, 0.08)), {"variable_below_11_cm"}),
-        (VARIABLE_SPEED, a_trial((0.09, 0.10, 0.10)), {"variable_speed_decreasing", "others_true"}),
-        (A, a_trial((0.03, 0.02, 0.01), (0.03, 0.02, 0.4)), {"small", "others_true"}),
+        (BASE.with_variant("stanley"), trial_of((0.07, 0.06, 0.05)), {"against_stanley"}),
+        (C, trial_of((0.03, 0.02, 0.01)), {"faster"}),
+        (B, trial_of((0.05, 0.04, 0.03)), {"mass"}),
+        (D, trial_of((0.02, 0.03, 0.05)), {"d_decreasing", "uneven", "others_true"}),
+        (VARIABLE_SPEED, trial_of((0.12, 0.09, 0.08)), {"variable_below_11_cm"}),
+        (VARIABLE_SPEED, trial_of((0.09, 0.10, 0.10)), {"variable_speed_decreasing",
+            "others_true"}),
+        (A, trial_of((0.03, 0.02, 0.01), (0.03, 0.02, 0.4)), {"small", "others_true"}),
     ],
 )  # fmt: skip
 def test_each_claim_fails_where_it_should(key: RunKey, trial: Trial, falls: set[str]) -> None:
-    findings = a_paper_come_true()
+    findings = findings_with_all_claims_true()
     before = judgements(findings)
     findings.trials[key] = trial
     if key == D:
-        findings.trials[D.varied("blend")] = trial
+        findings.trials[D.with_variant("blend")] = trial
     after = judgements(findings)
     changed = {name for name in after if after[name] != before[name]}
     assert changed == falls
@@ -218,19 +225,19 @@ def test_each_claim_fails_where_it_should(key: RunKey, trial: Trial, falls: set[
 
 
 def test_a_bend_too_tight_for_the_recipe_leaves_it_undecided() -> None:
-    findings = a_paper_come_true()
+    findings = findings_with_all_claims_true()
     assert judgements(findings)["recipe_suffices"] == "holds"
-    findings.trials[at_radius(250.0)] = a_trial((0.08, 0.10, 0.05))
+    findings.trials[at_radius(250.0)] = trial_of((0.08, 0.10, 0.05))
     assert judgements(findings)["recipe_suffices"] == "undecided"
     for radius in RADII:
-        findings.trials[at_radius(radius)] = a_trial((0.08, 0.10, 0.05))
+        findings.trials[at_radius(radius)] = trial_of((0.08, 0.10, 0.05))
     assert judgements(findings)["recipe_suffices"] == "does not hold"
 
 
 def test_the_field_claims_fail_where_they_should() -> None:
-    findings = a_paper_come_true()
-    findings.trials[FIELD_WITH] = a_trial((0.05, 0.9))
-    findings.trials[FIELD_WITHOUT] = a_trial((0.05, 0.05))
+    findings = findings_with_all_claims_true()
+    findings.trials[FIELD_WITH] = trial_of((0.05, 0.9))
+    findings.trials[FIELD_WITHOUT] = trial_of((0.05, 0.05))
     found = judgements(findings)
     assert found["field_amplified"] == "does not hold"
     assert found["field_not_amplified"] == "does not hold"
@@ -242,14 +249,14 @@ def test_the_field_claims_fail_where_they_should() -> None:
 
 
 def test_initial_errors_do_not_count_once_settled() -> None:
-    trial = a_trial((0.05, 0.06))
+    trial = trial_of((0.05, 0.06))
     trial.followers[0].cross_track[:50] = 0.4
     assert trial.cross_track[0] == pytest.approx(0.4)
     assert settled_errors(trial).cross_track == pytest.approx((0.05, 0.06), rel=1e-3)
 
 
 def test_what_theory_says_of_the_paper() -> None:
-    findings = a_paper_come_true()
+    findings = findings_with_all_claims_true()
     found = judgements(findings, CALCULATED)
     assert set(found) == {claim.name for claim in CALCULATED}
     assert {name for name, judgement in found.items() if judgement == "does not hold"} == {
@@ -271,13 +278,13 @@ def test_a_row_of_runs_is_judged_by_all_of_them_and_not_by_noise() -> None:
         answer = Answer(
             ours="", holds=holding > 2, phases=Tally(holding, 4), noise=Tally(0, 3, "seeds")
         )
-        assert judged(answer).judgement == expected
-    assert judged(Answer(ours="", holds=None, phases=Tally(1, 4))).judgement == "not checkable"
+        assert verdict_of(answer).judgement == expected
+    assert verdict_of(Answer(ours="", holds=None, phases=Tally(1, 4))).judgement == "not checkable"
 
 
 def test_every_claim_on_simulations_counts_the_phases_of_its_runs() -> None:
     """Which the rule needs; exempt is what is no run of a road, or one log alone."""
-    findings = a_paper_come_true()
+    findings = findings_with_all_claims_true()
     keys = {key for case in RUNS_OF_CASE.values() for key in case if key.seed is None}
     for key in keys:
         exact = findings.trials.get(key.exact, findings.trials[BASE])
@@ -291,21 +298,21 @@ def test_every_claim_on_simulations_counts_the_phases_of_its_runs() -> None:
 
 
 def test_a_claim_may_hold_along_one_trajectory_only() -> None:
-    fitted, paper = both(a_paper_come_true()).values()
-    paper = replace(paper, trials={**paper.trials, BASE: a_trial((0.08, 0.091, 0.05))})
+    fitted, paper = along_both_trajectories(findings_with_all_claims_true()).values()
+    paper = replace(paper, trials={**paper.trials, BASE: trial_of((0.08, 0.091, 0.05))})
     found = judge(DRIVEN, {"fitted": fitted, "paper": paper})
     assert {one.claim.name for one in found if one.differs} >= {
         "base_below_9_cm",
         "base_decreasing",
     }
     (window,) = [one for one in found if one.claim.name == "one_change"]
-    numbers = [window.judged[kind].answer.numbers for kind in ("fitted", "paper")]
+    numbers = [window.verdicts[kind].answer.numbers for kind in ("fitted", "paper")]
     assert [one["window_s"] for one in numbers] == pytest.approx([1.15, 0.8])
     assert [one["changes_in_window_max"] for one in numbers] == [2, 1]
 
 
 def test_l2_is_taken_over_the_stretch_that_all_have_driven() -> None:
-    trial = a_trial((0.1, 0.1))
+    trial = trial_of((0.1, 0.1))
     first, second = trial.followers
     place = np.arange(0.0, 400.0, 1.0)
     wave = 0.1 * np.sin(2.0 * np.pi * place / 50.0)
@@ -319,7 +326,7 @@ def test_l2_is_taken_over_the_stretch_that_all_have_driven() -> None:
 
 
 def test_definition_1_takes_the_larger_of_error_and_heading() -> None:
-    trial = a_trial((0.08, 0.06))
+    trial = trial_of((0.08, 0.06))
     drive = replace(trial.followers[1], heading_error=np.full(350, -0.2))
     assert definition_1_norms(trial) == pytest.approx((0.08, 0.06))
     assert definition_1_norms(Trial((trial.lead, trial.followers[0], drive))) == pytest.approx(

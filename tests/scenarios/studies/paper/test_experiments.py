@@ -27,7 +27,7 @@ from scenarios.studies.paper.field_runs import as_run, field_runs
 from scenarios.studies.paper.fitted_samples import SampleCounter
 from scenarios.studies.paper.frequency_response import PERIODS, amplitudes, sine_scenario
 from scenarios.studies.paper.keys import BASE, A, C, RunKey, at_radius
-from scenarios.studies.paper.linear_prediction import predicted
+from scenarios.studies.paper.linear_prediction import predict_errors
 from scenarios.studies.paper.reproduce import run_experiment
 from tests.made.scenarios.messages import truth
 from transport.log.reader import LogReader
@@ -220,10 +220,10 @@ def test_linear_theory_of_a_chain_that_answers_with_one_tenth_too_much() -> None
     east = np.linspace(0.0, 1000.0, 2001)
     lead = a_drive("v1", east, -3.0 * np.exp(-(((east - 500.0) / 80.0) ** 2)), 30.0)
     more = Transfer(np.array([1.1]), np.array([1.0]))
-    tracking, true = predicted(lead, more, 1.0, 3)
+    tracking, true = predict_errors(lead, more, 1.0, 3)
     assert tracking == pytest.approx((0.3, 0.33, 0.363), rel=1e-3)
     assert true == pytest.approx((0.3, 0.63, 0.993), rel=1e-3)
-    tracking, true = predicted(lead, more, 0.5, 3)
+    tracking, true = predict_errors(lead, more, 0.5, 3)
     assert tracking == pytest.approx((0.3, 0.315, 0.32325), rel=1e-3)
     assert true == pytest.approx((0.3, 0.465, 0.55575), rel=1e-3)
 
@@ -267,14 +267,14 @@ def test_the_samples_of_a_logged_run_are_counted(tmp_path: Path) -> None:
 
 def test_the_base_case_is_logged_and_its_variants_are_not() -> None:
     assert EXPERIMENTS[BASE] == Experiment(logged=True)
-    assert not EXPERIMENTS[BASE.varied("blend")].logged
+    assert not EXPERIMENTS[BASE.with_variant("blend")].logged
     assert sqrt(len(EXPERIMENTS)) < 13.0  # each is driven twice: under two minutes in all
 
 
 @pytest.mark.parametrize("kind", ["fitted", "paper"])
 def test_a_run_is_driven_along_its_trajectory(kind: Trajectory) -> None:
-    for key in (BASE, BASE.varied("blend"), BASE.varied("paper_prefix")):
-        run = EXPERIMENTS[key].along(kind)
+    for key in (BASE, BASE.with_variant("blend"), BASE.with_variant("paper_prefix")):
+        run = EXPERIMENTS[key].with_trajectory(kind)
         scenario = load_scenario(run.scenario, run.overrides, run.seed)
         asked = "paper_prefix" if key.variant == "paper_prefix" else kind
         for name in scenario.vehicle_names:
@@ -288,7 +288,7 @@ def test_the_paper_s_trajectory_gives_the_paper_s_numbers() -> None:
     """
     largest = {}
     for key in (A, C, BASE, at_radius(250.0), BASE.noisy(1)):
-        run = EXPERIMENTS[key].along("paper")
+        run = EXPERIMENTS[key].with_trajectory("paper")
         until = [f"duration_s={FIRST_CHANGE_S[key]}"] if key in (A, C) else []
         scenario = load_scenario(run.scenario, [*run.overrides, *until], run.seed)
         largest[key] = 100.0 * max(drive_trial(scenario).tracking)

@@ -10,11 +10,11 @@ from scenarios.studies.paper.keys import (
     NO_LEAD_DATA,
     VARIABLE_SPEED,
     A,
-    Along,
     JobKey,
     Part,
     RunKey,
     SineKey,
+    WithTrajectory,
     at_radius,
 )
 
@@ -23,18 +23,18 @@ from scenarios.studies.paper.keys import (
     ("key", "text"),
     [
         (BASE, "base"),
-        (A.varied("same_times"), "a/same_times"),
+        (A.with_variant("same_times"), "a/same_times"),
         (BASE.noisy(1), "base/noise/1"),
         (BASE.moved(0.25), "base/phase/0.25"),
         (BASE.moved(0.5), "base/phase/0.5"),
         (NO_LEAD_DATA.noisy(5), "no_lead_data/noise/5"),
         (LONG_WITH, "long/with"),
         (at_radius(300.0), "radius/300"),
-        (at_radius(1000.0).varied("no_lead_data"), "radius/1000/no_lead_data"),
+        (at_radius(1000.0).with_variant("no_lead_data"), "radius/1000/no_lead_data"),
         (at_radius(200.0).noisy(2), "radius/200/noise/2"),
         (FIELD_WITHOUT.noisy(3), "field/without/noise/3"),
-        (Along("paper", at_radius(200.0).noisy(2)), "paper/radius/200/noise/2"),
-        (Along("fitted", Part.FIELD), "fitted/field"),
+        (WithTrajectory("paper", at_radius(200.0).noisy(2)), "paper/radius/200/noise/2"),
+        (WithTrajectory("fitted", Part.FIELD), "fitted/field"),
         (Part.GAINS, "gains"),
         (SineKey(0.8, 0.25), "propagation at 0.8 rad/s, preview 0.25 s"),
         (SineKey(10.0, 0.8), "propagation at 10 rad/s, preview 0.8 s"),
@@ -51,7 +51,7 @@ def test_no_two_runs_share_a_text() -> None:
 
 
 def test_a_repetition_knows_its_exact_run() -> None:
-    key = at_radius(400.0).varied("slip_compensated")
+    key = at_radius(400.0).with_variant("slip_compensated")
     assert key.noisy(2).exact == key.moved(0.5).exact == key.exact == key
     assert key.noisy(2) != key
 

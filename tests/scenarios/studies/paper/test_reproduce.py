@@ -25,21 +25,24 @@ from scenarios.studies.paper.keys import (
     TRAJECTORIES,
     VARIABLE_SPEED,
     A,
-    Along,
     Part,
     SineKey,
+    WithTrajectory,
 )
 from scenarios.studies.paper.report.report import CLAIMS, all_pictures, write_report
 from scenarios.studies.paper.reproduce import (
     Run,
-    add,
     chosen_cases,
     jobs_of,
     reproduce,
     run_experiment,
+    store_result,
 )
 from tests.made.many.engines import engine_here
-from tests.scenarios.studies.paper.findings import a_paper_come_true, both
+from tests.scenarios.studies.paper.findings import (
+    along_both_trajectories,
+    findings_with_all_claims_true,
+)
 
 PNG = b"\x89PNG"
 
@@ -67,11 +70,11 @@ def no_progress(_: str) -> None:
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The report on made-up findings, with something for every run of every case."""
     out = tmp_path_factory.mktemp("whole")
-    findings = a_paper_come_true()
+    findings = findings_with_all_claims_true()
     for case in RUNS_OF_CASE.values():
         for key in case:
             findings.trials.setdefault(key, findings.trials[BASE])
-    write_report(both(findings), list(RUNS_OF_CASE), out)
+    write_report(along_both_trajectories(findings), list(RUNS_OF_CASE), out)
     return out
 
 
@@ -162,12 +165,14 @@ def test_every_run_is_done_once_and_the_long_ones_first(tmp_path: Path) -> None:
     jobs = list(jobs_of(chosen_cases([]), tmp_path))
     runs = {key: run for case in RUNS_OF_CASE.values() for key, run in case.items()}
     alone = {key for key, run in runs.items() if run.names_trajectory}
-    assert alone == {BASE.varied("paper_prefix")}
-    both = {Along(kind, key) for key in runs.keys() - alone for kind in TRAJECTORIES}
-    assert both | alone <= set(jobs)
-    assert not {Along(kind, key) for key in alone for kind in TRAJECTORIES} & set(jobs)
-    assert jobs[:3] == [*(Along(kind, Part.FIELD) for kind in TRAJECTORIES), Part.GAINS]
-    assert jobs.index(Along("paper", VARIABLE_SPEED)) < jobs.index(Along("fitted", BASE.noisy(1)))
+    assert alone == {BASE.with_variant("paper_prefix")}
+    repeated = {WithTrajectory(kind, key) for key in runs.keys() - alone for kind in TRAJECTORIES}
+    assert repeated | alone <= set(jobs)
+    assert not {WithTrajectory(kind, key) for key in alone for kind in TRAJECTORIES} & set(jobs)
+    assert jobs[:3] == [*(WithTrajectory(kind, Part.FIELD) for kind in TRAJECTORIES), Part.GAINS]
+    assert jobs.index(WithTrajectory("paper", VARIABLE_SPEED)) < jobs.index(
+        WithTrajectory("fitted", BASE.noisy(1))
+    )
 
 
 def test_a_job_that_fails_ends_it_all(tmp_path: Path) -> None:
@@ -177,18 +182,18 @@ def test_a_job_that_fails_ends_it_all(tmp_path: Path) -> None:
 
 
 def test_results_are_put_where_they_belong() -> None:
-    source, findings = a_paper_come_true(), Findings()
+    source, findings = findings_with_all_claims_true(), Findings()
     field = FieldRuns(source.trials[FIELD_WITH], source.trials[FIELD_WITHOUT], ("run_1_v1",))
-    add(findings, BASE, Run(source.trials[BASE], source.samples[BASE]))
-    add(findings, A, Run(source.trials[A]))
-    add(findings, Part.FIELD, field)
-    add(findings, Part.GAINS, ("one.png",))
-    add(findings, SineKey(0.8, 0.25), source.sine_responses[0])
+    store_result(findings, BASE, Run(source.trials[BASE], source.samples[BASE]))
+    store_result(findings, A, Run(source.trials[A]))
+    store_result(findings, Part.FIELD, field)
+    store_result(findings, Part.GAINS, ("one.png",))
+    store_result(findings, SineKey(0.8, 0.25), source.sine_responses[0])
     assert all(map(findings.has, (BASE, *Part)))
     assert findings.samples == {BASE: source.samples[BASE]}
     assert findings.field_logs == ("run_1_v1",)
     with pytest.raises(TypeError, match="base: not a result of this part: FieldRuns"):
-        add(findings, BASE, field)
+        store_result(findings, BASE, field)
 
 
 def test_the_gains_pictures_are_those_of_the_gains_report(

@@ -11,10 +11,10 @@ from transport.links.laws.moments import LossStates
 from vehicles.schedule import MILLISECOND
 
 Floats = NDArray[np.float64]
-LONGEST = 2000
+LONGEST_BURST = 2000
 """Messages of the longest burst that is counted by its length."""
-SAME = 1e-6
-DISTANCES = 10
+TOLERANCE = 1e-6
+DISTANCE_COUNT = 10
 
 
 def burst_shares(expected: ExpectedChannel, effects: Sequence[Effect]) -> Floats | None:
@@ -26,24 +26,24 @@ def burst_shares(expected: ExpectedChannel, effects: Sequence[Effect]) -> Floats
     loss, burst = expected.loss_ratio, expected.burst_messages
     if not loss or burst is None or not np.isfinite(burst):
         return None
-    if abs(burst * (1.0 - loss) - 1.0) < SAME:
-        return (1.0 - loss) * loss ** np.arange(float(LONGEST))
+    if abs(burst * (1.0 - loss) - 1.0) < TOLERANCE:
+        return (1.0 - loss) * loss ** np.arange(float(LONGEST_BURST))
     for states in filter(None, (one.states for one in effects)):
-        shares = _of_chain(states, loss)
-        mean = float(shares @ np.arange(1, LONGEST + 1))
-        return shares if abs(mean / burst - 1.0) < SAME else None
+        shares = _chain_burst_shares(states, loss)
+        mean = float(shares @ np.arange(1, LONGEST_BURST + 1))
+        return shares if abs(mean / burst - 1.0) < TOLERANCE else None
     return None
 
 
-def _of_chain(law: LossStates, loss: float) -> Floats:
+def _chain_burst_shares(law: LossStates, loss: float) -> Floats:
     """The same of a chain beside independent losses that make the whole `loss`."""
     own = float(np.clip(law.shares @ law.loss_by_state, 0.0, 1.0))
     beside = 1.0 - (1.0 - loss) / (1.0 - own)
     loss_by_state = 1.0 - (1.0 - law.loss_by_state) * (1.0 - beside)
     state = (law.shares * (1.0 - loss_by_state)) @ law.rows * loss_by_state
     begun = state.sum()
-    longer = np.empty(LONGEST + 1)
-    for length in range(LONGEST + 1):
+    longer = np.empty(LONGEST_BURST + 1)
+    for length in range(LONGEST_BURST + 1):
         longer[length] = state.sum() / begun
         state = state @ law.rows * loss_by_state
     return longer[:-1] - longer[1:]
@@ -69,5 +69,5 @@ def delay_quantiles(
 def distances_m(effects: Sequence[Effect]) -> list[float]:
     """Ten distances over the reach of a link's radio; none without one."""
     for far in filter(None, (one.range_m for one in effects)):
-        return [far * (place + 0.5) / DISTANCES for place in range(DISTANCES)]
+        return [far * (place + 0.5) / DISTANCE_COUNT for place in range(DISTANCE_COUNT)]
     return []

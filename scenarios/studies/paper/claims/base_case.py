@@ -8,7 +8,7 @@ import numpy as np
 from scenarios.results.drives import Trial
 from scenarios.studies.paper.claims.claim import Answer, Claims, by_runs
 from scenarios.studies.paper.experiments import RADII
-from scenarios.studies.paper.findings import SAME, Findings, cm, in_cm, non_increasing
+from scenarios.studies.paper.findings import TOLERANCE_M, Findings, cm, in_cm, non_increasing
 from scenarios.studies.paper.keys import (
     BASE,
     LONG_WITH,
@@ -17,12 +17,12 @@ from scenarios.studies.paper.keys import (
     RunKey,
     at_radius,
 )
-from scenarios.studies.paper.linear_prediction import linear, why_growing
+from scenarios.studies.paper.linear_prediction import explain_growth, predict_case
 
 SPACING_S = 0.5
 """Time (s) from a car's centre of mass to the next one's."""
 
-CHANGES = (5.0, 6.0, 7.0, 8.0, 20.0, 21.0, 22.0, 23.0)
+CURVATURE_CHANGES = (5.0, 6.0, 7.0, 8.0, 20.0, 21.0, 22.0, 23.0)
 """When (s) the lead of the base case reaches a change of curvature."""
 
 CLAIMS = Claims()
@@ -76,14 +76,14 @@ def _lags(trial: Trial) -> list[float]:
     after = []
     for place, drive in enumerate(trial.followers, start=1):
         peak = float(drive.at[int(np.argmax(np.abs(drive.lateral_error)))]) - place * SPACING_S
-        after.append(min((peak - at for at in CHANGES), key=abs))
+        after.append(min((peak - at for at in CURVATURE_CHANGES), key=abs))
     return after
 
 
 @CLAIMS.claim(
     where="V-C.1; IV-B, Definition 1",
     paper="The largest errors decrease from the first follower on",
-    needs=(BASE, BASE.varied("blend")),
+    needs=(BASE, BASE.with_variant("blend")),
 )
 def base_decreasing(findings: Findings) -> Answer:
     return decreasing(BASE, findings)
@@ -99,7 +99,7 @@ def base_true(findings: Findings) -> Answer:
         return non_increasing(run.cross_track)
 
     trial, long = findings.trials[BASE], findings.trials[LONG_WITH]
-    _, expected = linear(findings, BASE)
+    _, expected = predict_case(findings, BASE)
     return Answer(
         **by_runs(findings, stays_on_track, BASE),
         ours=f"against the lead's driven path {in_cm(trial.cross_track)}; of eight cars "
@@ -117,10 +117,10 @@ def base_true(findings: Findings) -> Answer:
 )
 def amplified_without_lead_data(findings: Findings) -> Answer:
     def grows(run: Trial) -> bool:
-        return run.cross_track[-1] > run.cross_track[0] + SAME
+        return run.cross_track[-1] > run.cross_track[0] + TOLERANCE_M
 
     trial, long = findings.trials[NO_LEAD_DATA], findings.trials[LONG_WITHOUT]
-    _, expected = linear(findings, NO_LEAD_DATA)
+    _, expected = predict_case(findings, NO_LEAD_DATA)
     return Answer(
         **by_runs(findings, grows, NO_LEAD_DATA),
         ours=f"true errors {in_cm(trial.cross_track)}, of eight cars {in_cm(long.cross_track)}; "
@@ -179,12 +179,12 @@ def _radii(limit: float, findings: Findings) -> str:
     exact = [r for r in tried if max(findings.trials[at_radius(r)].tracking) < limit]
     noisy = [r for r in tried if all(max(t.tracking) < limit for t in findings.noisy(at_radius(r)))]
     return (
-        f"depends on the road: of the radii tried it holds on {_listed(exact)}, with noise on "
-        f"{_listed(noisy)}"
+        f"depends on the road: of the radii tried it holds on {_radius_text(exact)}, with noise on "
+        f"{_radius_text(noisy)}"
     )
 
 
-def _listed(radii: Sequence[float]) -> str:
+def _radius_text(radii: Sequence[float]) -> str:
     if not radii:
         return "none"
     above = [radius for radius in RADII if radius >= radii[0]]
@@ -202,7 +202,7 @@ def decreasing(key: RunKey, findings: Findings) -> Answer:
     trial, outcome = findings.trials[key], by_runs(findings, decreases, key)
     phases, seeds = outcome["phases"], outcome["noise"]
     if not outcome["holds"] or (phases is not None and phases.holding < phases.runs):
-        reason = why_growing(key, findings)
+        reason = explain_growth(key, findings)
     elif seeds is not None and seeds.holding < seeds.runs:
         reason = "with a receiver's noise the largest value is a matter of chance"
     else:
@@ -220,7 +220,7 @@ def decreasing(key: RunKey, findings: Findings) -> Answer:
 def _growth(trials: Sequence[Trial]) -> str:
     """Growth of the largest error from one follower to the next, or nothing if no run has any."""
     steps = [1000.0 * max(b - a for a, b in pairwise(trial.tracking)) for trial in trials]
-    if max(steps) < 1000.0 * SAME:
+    if max(steps) < 1000.0 * TOLERANCE_M:
         return ""
     if len(steps) == 1:
         return f", up by {steps[0]:.1f} mm"

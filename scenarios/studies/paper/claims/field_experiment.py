@@ -7,7 +7,7 @@ import numpy as np
 from scenarios.results.drives import Trial
 from scenarios.studies.paper.claims.claim import Answer, Claims, by_runs
 from scenarios.studies.paper.experiments import BASE_SPEED, LANE
-from scenarios.studies.paper.findings import SAME, Findings, Tally, cm, in_cm
+from scenarios.studies.paper.findings import TOLERANCE_M, Findings, Tally, cm, in_cm
 from scenarios.studies.paper.frequency_response import PREVIEW_S, SHORT_PREVIEW_S
 from scenarios.studies.paper.keys import FIELD_WITH, FIELD_WITHOUT, Part
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS
@@ -15,10 +15,10 @@ from vehicles.preview.curve_fit import FitSettings, Trajectory
 from vehicles.theory.propagation import propagation, trace_propagation
 from vehicles.theory.string_stability import head_to_tail
 
-ROOM = 0.5 * (LANE - LINCOLN_MKZ.width)
+LANE_MARGIN = 0.5 * (LANE - LINCOLN_MKZ.width)
 """Room (m) on each side of a car in its lane."""
 
-INITIAL_ERRORS_GONE = 10.0
+SETTLING_TIME = 10.0
 """Time (s) after which the initial errors have decayed: the slowest root takes 0.4 s at 25 m/s."""
 
 
@@ -35,7 +35,7 @@ class SettledErrors:
     cross_track_rms: tuple[float, ...]
 
 
-WHY_PL3: dict[Trajectory, str] = {
+PL3_REASONS: dict[Trajectory, str] = {
     "fitted": "PL3 follows PL2 back to the lead's path in the first seconds, but its largest error "
     "stays below PL2's: nothing appears to grow here",
     "paper": "PL2's path and the lead's lie up to 40 cm apart in the first seconds, through which "
@@ -109,10 +109,10 @@ def field_course(_: Findings) -> Answer:
 def field_amplified(findings: Findings) -> Answer:
     errors = settled_errors(findings.trials[FIELD_WITHOUT])
     return Answer(
-        **by_runs(findings, _grows_off_the_lead, FIELD_WITHOUT),
+        **by_runs(findings, _cross_track_grows, FIELD_WITHOUT),
         ours="once the initial errors are gone, off the lead's driven path: "
-        f"{_of_both(errors.cross_track, errors.cross_track_rms)}; against the own trajectory: "
-        f"{_of_both(errors.tracking, errors.tracking_rms)}",
+        f"{_rms_and_max(errors.cross_track, errors.cross_track_rms)}; against the own trajectory: "
+        f"{_rms_and_max(errors.tracking, errors.tracking_rms)}",
         numbers=numbers_of(errors),
     )
 
@@ -126,11 +126,11 @@ def field_not_amplified(findings: Findings) -> Answer:
     errors, others = (settled_errors(findings.trials[key]) for key in (FIELD_WITH, FIELD_WITHOUT))
     growth, other = (head_to_tail(e.cross_track_rms) for e in (errors, others))
     return Answer(
-        **by_runs(findings, _does_not_grow, FIELD_WITH),
-        ours=f"against the own trajectory: {_of_both(errors.tracking, errors.tracking_rms)}",
+        **by_runs(findings, _tracking_does_not_grow, FIELD_WITH),
+        ours=f"against the own trajectory: {_rms_and_max(errors.tracking, errors.tracking_rms)}",
         reason="off the lead's driven path they grow all the same, "
-        f"{_of_both(errors.cross_track, errors.cross_track_rms)}: {growth:.2f}-fold in the mean, "
-        f"without the lead's data {other:.2f}-fold",
+        f"{_rms_and_max(errors.cross_track, errors.cross_track_rms)}: {growth:.2f}-fold "
+        f"in the mean, without the lead's data {other:.2f}-fold",
         numbers=numbers_of(errors),
     )
 
@@ -144,10 +144,10 @@ def field_initial_error(findings: Findings) -> Answer:
     trial = findings.trials[FIELD_WITH]
     tracking = trial.tracking
     return Answer(
-        **by_runs(findings, _appears_to_grow, FIELD_WITH),
+        **by_runs(findings, _largest_tracking_grows, FIELD_WITH),
         ours=f"with PL2 starting 40 cm to the left: {in_cm(tracking)}, later "
         f"{in_cm(settled_errors(trial).tracking)}",
-        reason=WHY_PL3[findings.trajectory],
+        reason=PL3_REASONS[findings.trajectory],
         numbers={"tracking_error_m_max": tracking},
     )
 
@@ -162,16 +162,14 @@ def field_on_the_road(findings: Findings) -> Answer:
     return Answer(
         **by_runs(findings, _is_on_the_road, FIELD_WITH),
         ours=f"from their start on they come {in_cm(true)} off the lead's path; a lane has "
-        f"{cm(ROOM)} on each side of a car",
+        f"{cm(LANE_MARGIN)} on each side of a car",
         numbers={"cross_track_error_m_max": true},
     )
 
 
 def settled_errors(trial: Trial) -> SettledErrors:
-    own = [drive.lateral_error[drive.at >= INITIAL_ERRORS_GONE] for drive in trial.followers]
-    true = [
-        d.cross_track[d.at[: len(d.cross_track)] >= INITIAL_ERRORS_GONE] for d in trial.followers
-    ]
+    own = [drive.lateral_error[drive.at >= SETTLING_TIME] for drive in trial.followers]
+    true = [d.cross_track[d.at[: len(d.cross_track)] >= SETTLING_TIME] for d in trial.followers]
     return SettledErrors(
         tuple(float(np.abs(values).max()) for values in own),
         tuple(float(np.abs(values).max()) for values in true),
@@ -180,27 +178,27 @@ def settled_errors(trial: Trial) -> SettledErrors:
     )
 
 
-def _grow(rms: tuple[float, ...]) -> bool:
-    return rms[-1] > rms[0] + SAME
+def _grows(rms: tuple[float, ...]) -> bool:
+    return rms[-1] > rms[0] + TOLERANCE_M
 
 
-def _grows_off_the_lead(trial: Trial) -> bool:
-    return _grow(settled_errors(trial).cross_track_rms)
+def _cross_track_grows(trial: Trial) -> bool:
+    return _grows(settled_errors(trial).cross_track_rms)
 
 
-def _does_not_grow(trial: Trial) -> bool:
-    return not _grow(settled_errors(trial).tracking_rms)
+def _tracking_does_not_grow(trial: Trial) -> bool:
+    return not _grows(settled_errors(trial).tracking_rms)
 
 
-def _appears_to_grow(trial: Trial) -> bool:
+def _largest_tracking_grows(trial: Trial) -> bool:
     return trial.tracking[-1] > trial.tracking[0]
 
 
 def _is_on_the_road(trial: Trial) -> bool:
-    return max(trial.cross_track) < ROOM
+    return max(trial.cross_track) < LANE_MARGIN
 
 
-def _of_both(largest: tuple[float, ...], rms: tuple[float, ...]) -> str:
+def _rms_and_max(largest: tuple[float, ...], rms: tuple[float, ...]) -> str:
     return f"rms {in_cm(rms)}, at most {in_cm(largest)}"
 
 
