@@ -85,9 +85,9 @@ def launch(
                 sleep=sleep,
             )
     except BusError as error:  # our own router: no fault of the input
-        outcome.fail(f"{error}; the run ends")
+        outcome.fail(str(error))
     except OSError as error:  # the system allows no more processes, memory or open files
-        outcome.fail(f"cannot start all processes: {error.strerror}; the run ends")
+        outcome.fail(f"cannot start all processes: {error.strerror}")
     finally:
         if outcome.router_ended:  # let the recorder notice before it is stopped
             sleep(NOTICED_S)
@@ -116,7 +116,7 @@ def _is_over(
             outcome.fail(RECORDER_FAILED, is_reported=True)
         elif child.name not in vehicles or (child.exit_code != 0 and not continues):
             outcome.router_ended = child.name == ROUTER and not outcome.reason
-            outcome.fail(f"{describe(child)}; the run ends")
+            outcome.fail(describe(child))
     return bool(outcome.reason)
 
 

@@ -179,8 +179,8 @@ class RecorderProcess:
             if offset.exceeds(self._clock_offset_ms_max):
                 too_far.append(str(offset))
         if too_far:
-            allowed = f"allowed are {self._clock_offset_ms_max:g} ms (convoy.clock_offset_ms_max)"
-            self._conductor.stop(f"{'; '.join(too_far)}; {allowed}")
+            allowed = f"convoy.clock_offset_ms_max = {self._clock_offset_ms_max:g}"
+            self._conductor.stop(f"{allowed}: {', '.join(too_far)}")
 
     def _note_presences(self, now: int) -> None:
         present = self._membership.vehicles

@@ -146,9 +146,9 @@ def test_a_process_that_has_not_begun_ends_with_its_launcher_at_once() -> None:
 def test_a_launcher_may_say_why() -> None:
     with waiter("launched") as process:
         assert process.stdin is not None
-        process.stdin.write("v2 was killed by signal 9; the run ends")
+        process.stdin.write("v2 was killed by signal 9")
         process.stdin.flush()
-        assert last_words(process) == ("v2 was killed by signal 9; the run ends held", 1)
+        assert last_words(process) == ("v2 was killed by signal 9 held", 1)
 
 
 def test_without_a_launcher_the_end_of_standard_input_means_nothing() -> None:

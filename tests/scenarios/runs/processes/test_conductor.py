@@ -168,8 +168,8 @@ def test_the_cause_of_a_departure_has_time_to_be_reported() -> None:
     """Its launcher speaks when its process has ended, which comes after its token has gone."""
     outcome = play(*ALL_COME, (10.0, "v2 finishes"), (10.7, "v2 goes"), until=10.7 + 0.9 * LEFT_S)
     assert outcome.over is None
-    outcome.conductor.stop("v2 ended with exit code 143; the run ends")
-    assert outcome.reason == "v2 ended with exit code 143; the run ends"
+    outcome.conductor.stop("v2 ended with exit code 143")
+    assert outcome.reason == "v2 ended with exit code 143"
 
 
 def test_a_vehicle_that_finishes_early_and_stays_is_not_awaited_longer() -> None:

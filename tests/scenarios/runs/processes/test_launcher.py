@@ -158,7 +158,7 @@ def test_without_its_router_a_run_fails_and_nothing_else_is_started(folder: Path
     outcome = launch(
         plan, Stop(), cast("Supervisor", supervisor), repair_if_truncated, sleep=lambda _: None
     )
-    assert (outcome.exit_code, outcome.reason) == (1, "the router did not start; the run ends")
+    assert (outcome.exit_code, outcome.reason) == (1, "the router did not start")
     assert supervisor.started == []
 
 
@@ -194,7 +194,7 @@ def test_a_completed_recorder_decides_over_a_signal_that_comes_later(folder: Pat
 
 def test_a_vehicle_that_is_killed_ends_the_run(folder: Path) -> None:
     launched = play(folder, (7.0, "v2", SEGMENTATION_FAULT), (20.0, "recorder", 0))
-    reason = "v2 was killed by signal 11; the run ends"
+    reason = "v2 was killed by signal 11"
     assert launched.ending == (1, reason)
     assert launched.over == pytest.approx(7.0, abs=2 * WATCH_PERIOD_S)
     assert launched.supervisor.calls == [
@@ -207,7 +207,7 @@ def test_a_vehicle_that_is_killed_ends_the_run(folder: Path) -> None:
 
 def test_a_vehicle_that_fails_ends_the_run_with_its_exit_code_in_the_line(folder: Path) -> None:
     launched = play(folder, (1.0, "v3", 2), (20.0, "recorder", 0))
-    assert launched.ending == (1, "v3 ended with exit code 2; the run ends")
+    assert launched.ending == (1, "v3 ended with exit code 2")
 
 
 def test_the_convoy_continues_without_failed_vehicles_if_requested(folder: Path) -> None:
@@ -220,14 +220,14 @@ def test_the_convoy_continues_without_failed_vehicles_if_requested(folder: Path)
 @pytest.mark.parametrize("goes_on", [False, True])
 def test_without_its_router_no_run_goes_on(folder: Path, *, goes_on: bool) -> None:
     launched = play(folder, (5.0, "router", -9), (20.0, "recorder", 0), goes_on=goes_on)
-    assert launched.ending == (1, "router was killed by signal 9; the run ends")
+    assert launched.ending == (1, "router was killed by signal 9")
     assert launched.over == pytest.approx(5.0, abs=2 * WATCH_PERIOD_S + NOTICED_S)
 
 
 def test_a_recorder_that_completed_its_run_decides_over_the_router(folder: Path) -> None:
     launched = play(folder, (19.5, "router", -9), recorder_ends_with=0)
     assert launched.ending == (0, "")
-    reason = "router was killed by signal 9; the run ends"
+    reason = "router was killed by signal 9"
     assert ("send reason", "recorder", reason) in launched.supervisor.calls
     launched = play(folder, (20.0, "router", -9), (20.0, "recorder", 0))
     assert launched.ending == (0, "")
@@ -248,14 +248,14 @@ def test_a_failed_recorder_has_printed_the_reason(folder: Path, *, goes_on: bool
 @pytest.mark.parametrize("goes_on", [False, True])
 def test_a_recorder_that_is_killed_ends_the_run(folder: Path, *, goes_on: bool) -> None:
     launched = play(folder, (5.0, "recorder", -9), goes_on=goes_on)
-    assert launched.ending == (1, "recorder was killed by signal 9; the run ends")
+    assert launched.ending == (1, "recorder was killed by signal 9")
 
 
 def test_the_first_failure_decides(folder: Path) -> None:
     launched = play(folder, (5.0, "v1", -9), (5.0, "v2", -15), (5.0, "router", 1))
-    assert launched.ending == (1, "router ended with exit code 1; the run ends")
+    assert launched.ending == (1, "router ended with exit code 1")
     launched = play(folder, (5.0, "v2", -15), (5.5, "v1", -9))
-    assert launched.ending == (1, "v2 was killed by signal 15; the run ends")
+    assert launched.ending == (1, "v2 was killed by signal 15")
 
 
 # ---- Being stopped
@@ -306,7 +306,7 @@ def test_a_log_that_its_recorder_could_not_complete_is_repaired(folder: Path) ->
     assert LogReader(folder / LOG_NAME).truncated
     launched = play(folder, (5.0, "recorder", -9))
     assert launched.outcome.repaired
-    assert launched.ending == (1, "recorder was killed by signal 9; the run ends")
+    assert launched.ending == (1, "recorder was killed by signal 9")
     assert not LogReader(folder / LOG_NAME).truncated
 
 
@@ -325,4 +325,4 @@ def test_a_log_that_was_not_begun_cannot_be_repaired(folder: Path) -> None:
     (folder / LOG_NAME).touch()
     launched = play(folder, (0.1, "recorder", -9))
     assert not launched.outcome.repaired
-    assert launched.ending == (1, "recorder was killed by signal 9; the run ends")
+    assert launched.ending == (1, "recorder was killed by signal 9")

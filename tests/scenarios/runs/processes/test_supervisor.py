@@ -107,7 +107,7 @@ def test_failures_are_noticed_reasons_sent_and_hung_children_killed(supervisor: 
     assert describe(killed) == "killed was killed by signal 9"
     assert supervisor.ended() == []  # informed once
 
-    supervisor.send_reason("informed", "v2 failed; the run ends")
+    supervisor.send_reason("informed", "v2 failed")
     supervisor.send_reason("killed", "too late")
     supervisor.send_reason("nobody", "nothing happens")
     until(lambda: results.exit_code is not None)
