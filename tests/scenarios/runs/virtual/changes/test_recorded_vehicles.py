@@ -45,7 +45,7 @@ def test_its_receiver_changes_and_its_clock_is_off(tmp_path: Path) -> None:
 
 def test_changes_of_software_are_refused_for_a_replay(tmp_path: Path) -> None:
     change = '[[change]]\nkind = "stall"\nvehicle = "v2"\nat_s = 2.0\nfor_s = 1.0\n'
-    with pytest.raises(ScenarioError, match="moves as it was recorded: allowed only kind"):
+    with pytest.raises(ScenarioError, match="replays a drive, allowed only kind"):
         with_recorded(tmp_path, change)
 
 
