@@ -143,16 +143,16 @@ def _link_tables(tables: ScenarioTables) -> dict[str, LinkTable]:
 
 def _senders(tables: ScenarioTables) -> Iterator[Problem]:
     """Yield contradictions of receivers and sending, and of link rates with the rule of sending."""
-    found: dict[Problem, None] = {}
+    result: dict[Problem, None] = {}
     names = vehicle_names(tables)
     for name in names:
         own, setup = tables.vehicle.get(name), vehicle_setup(tables, name)
         gnss = f"vehicle.{name}.gnss" if own and own.gnss else "gnss"
         sending = f"vehicle.{name}.sending" if own and own.sending else "sending"
-        found |= {(f"{gnss}.{key}", why): None for key, why in setup.gnss.problems()}
-        found |= {(f"{sending}.{key}", why): None for key, why in setup.sending.problems()}
-    yield from found
-    if found:
+        result |= {(f"{gnss}.{key}", why): None for key, why in setup.gnss.problems()}
+        result |= {(f"{sending}.{key}", why): None for key, why in setup.sending.problems()}
+    yield from result
+    if result:
         return
     for sender, receiver in directed_links(names, lead_waits=tables.speed.lead_waits):
         setup = vehicle_setup(tables, sender)

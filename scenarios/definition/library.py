@@ -55,8 +55,8 @@ def drills() -> tuple[str, ...]:
 
 
 def _shipped() -> dict[str, Path]:
-    found = (path for path in LIBRARY.rglob("*.toml") if path.parent != PRESETS)
-    return {path.stem: path for path in found if path.stem != TEMPLATE}
+    result = (path for path in LIBRARY.rglob("*.toml") if path.parent != PRESETS)
+    return {path.stem: path for path in result if path.stem != TEMPLATE}
 
 
 def read_file(name_or_path: str | Path) -> ScenarioFile:

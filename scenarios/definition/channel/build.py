@@ -46,20 +46,20 @@ def link_effects(
     setting = replace(setting, between=between, latency=latency)
     if table.loss is not None and table.loss.replaces_others:
         return (*table.loss.effects(setting), *besides)
-    found: list[Effect] = []
+    result: list[Effect] = []
     if table.rate_hz is not None and table.rate_hz < source_rate_hz:
-        found.append(Decimation(Fraction(table.rate_hz) / Fraction(source_rate_hz)))
-    found += _of(setting, *setting.radio_off)
-    found += besides
-    found += _of(setting, *(table.outages or ()))
+        result.append(Decimation(Fraction(table.rate_hz) / Fraction(source_rate_hz)))
+    result += _of(setting, *setting.radio_off)
+    result += besides
+    result += _of(setting, *(table.outages or ()))
     if table.loss_ratio > 0.0:
-        found.append(Loss(table.loss_ratio))
-    found += _of(setting, table.loss, table.collisions, table.radio)
-    found.append(Latency(latency))
+        result.append(Loss(table.loss_ratio))
+    result += _of(setting, table.loss, table.collisions, table.radio)
+    result.append(Latency(latency))
     if table.jitter_ms > 0.0:
-        found.append(Jitter(round(table.jitter_ms * MILLISECOND)))
-    found += _of(setting, table.delay, table.content)
-    return tuple(found)
+        result.append(Jitter(round(table.jitter_ms * MILLISECOND)))
+    result += _of(setting, table.delay, table.content)
+    return tuple(result)
 
 
 def _of(setting: LinkSetting, *laws: LinkLaw | None) -> list[Effect]:

@@ -79,11 +79,11 @@ def expected_loss(
     decimated = any(one.reason == "rate" for one in effects)
     if decimated and any(one.judged_by == "number" for one in effects):
         return None  # the rate selects messages by number as well
-    found = [one.losses(distance_m) for one in effects]
+    result = [one.losses(distance_m) for one in effects]
     if table.content is not None:
-        found.append(table.content.corrupted(USUAL_MESSAGE_BYTES))
-    known = [one for one in found if one is not None]
-    if len(known) < len(found):
+        result.append(table.content.corrupted(USUAL_MESSAGE_BYTES))
+    known = [one for one in result if one is not None]
+    if len(known) < len(result):
         return None
     whole = reduce(Losses.beside, (one for one in known if one.loss), Losses(0.0, None, 0.0))
     if decimated and any(one.has_memory for one in known):

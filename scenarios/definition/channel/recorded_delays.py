@@ -56,17 +56,17 @@ def _recorded(path: Path, key: str, given: str) -> tuple[float, ...]:
         raise SettingError(
             key, f"{given}: line 1 has no column {COLUMN}, allowed a CSV file with it"
         )
-    place, found = names.index(COLUMN), []
+    place, result = names.index(COLUMN), []
     for number, row in enumerate(rows[1:], 2):
         cell = row[place].strip() if place < len(row) else ""
         if not any(one.strip() for one in row):
             continue
-        found.append(_delay(cell, f"{given}: line {number}: {COLUMN} is {cell[:20]!r}", key))
-    if not found:
+        result.append(_delay(cell, f"{given}: line {number}: {COLUMN} is {cell[:20]!r}", key))
+    if not result:
         raise SettingError(key, f"{given}: no delays, allowed one or more")
-    kept = min(len(found), MAX_RECORDED)
-    found.sort()
-    return tuple(found[(2 * k + 1) * len(found) // (2 * kept)] for k in range(kept))
+    kept = min(len(result), MAX_RECORDED)
+    result.sort()
+    return tuple(result[(2 * k + 1) * len(result) // (2 * kept)] for k in range(kept))
 
 
 def _delay(cell: str, problem: str, key: str) -> float:

@@ -162,34 +162,34 @@ def _links_of(path: Path) -> dict[tuple[str, str], dict[int, LinkVerdict]]:
     from transport.log.reader import LogReader  # noqa: PLC0415 - not in a vehicle's process
     from transport.log.records import LogError  # noqa: PLC0415
 
-    found: dict[tuple[str, str], dict[int, LinkVerdict]] = {}
+    result: dict[tuple[str, str], dict[int, LinkVerdict]] = {}
     try:
         reader = LogReader(path)
         reader.require_all("verdict")
         for _, receiver, message in reader.messages(("verdict",)):
             verdict = cast("LinkVerdict", message)
-            found.setdefault((verdict.sender, receiver), {})[verdict.pose_seq] = verdict
+            result.setdefault((verdict.sender, receiver), {})[verdict.pose_seq] = verdict
     except LogError as error:
         raise ValueError(str(error).removeprefix(f"{path}: ")) from error
     except OSError:
         raise
     except Exception as error:
         raise ValueError("damaged log") from error
-    return found
+    return result
 
 
 def _record(
-    loss: EarlierRun, found: dict[tuple[str, str], dict[int, LinkVerdict]], pair: tuple[str, str]
+    loss: EarlierRun, result: dict[tuple[str, str], dict[int, LinkVerdict]], pair: tuple[str, str]
 ) -> EarlierRun:
     """Replace the file by the verdicts of a link; raises ValueError without verdicts.
 
     A message without a verdict never arrived: it is lost, with the delay of the previous one.
     """
     link = loss.sender or pair[0], loss.receiver or pair[1]
-    if link not in found:
-        known = ", ".join(f"{sender} → {receiver}" for sender, receiver in sorted(found))
+    if link not in result:
+        known = ", ".join(f"{sender} → {receiver}" for sender, receiver in sorted(result))
         raise ValueError(f"no verdicts of {link[0]} → {link[1]}, allowed {known or 'none'}")
-    verdicts, delays = found[link], list[int]()
+    verdicts, delays = result[link], list[int]()
     dropped: dict[str, list[int]] = {}
     for number in range(max(verdicts) + 1):
         verdict = verdicts.get(number)

@@ -83,8 +83,8 @@ def entries_about(
     entries: Sequence[LinkEntry], names: Sequence[str], sender: str, receiver: str
 ) -> list[tuple[int, LinkEntry]]:
     """Return the entries of a link with their specificity, the least specific first."""
-    found = [(specificity(entry, names, sender, receiver), entry) for entry in entries]
-    about = [(grade, entry) for grade, entry in found if grade is not None]
+    result = [(specificity(entry, names, sender, receiver), entry) for entry in entries]
+    about = [(grade, entry) for grade, entry in result if grade is not None]
     return sorted(about, key=lambda one: one[0])
 
 

@@ -88,8 +88,8 @@ def times_beyond_limit(
 
 def _first_from(at_s: Floats, rate_hz: float) -> Floats:
     """Return the first instants (s) of a schedule of `rate_hz` at or after given ones."""
-    found: Floats = np.ceil(at_s * rate_hz - _ROUNDING / 1000.0) / rate_hz
-    return found
+    result: Floats = np.ceil(at_s * rate_hz - _ROUNDING / 1000.0) / rate_hz
+    return result
 
 
 def all_lost_per_h(links: Sequence[Alarms | None]) -> float | None:

@@ -198,8 +198,8 @@ def _tyres(car: VehicleParameters) -> dict[str, Any]:
 
 def _offsets(tables: ScenarioTables) -> dict[str, dict[str, float]]:
     keys = {"lateral_offset_m", "heading_offset_deg"}
-    found = {name: own.model_dump(include=keys) for name, own in tables.vehicle.items()}
-    return {name: offsets for name, offsets in found.items() if any(offsets.values())}
+    result = {name: own.model_dump(include=keys) for name, own in tables.vehicle.items()}
+    return {name: offsets for name, offsets in result.items() if any(offsets.values())}
 
 
 def _replays(scenario: Scenario) -> dict[str, dict[str, Any]]:
@@ -232,7 +232,7 @@ def warnings(scenario: Scenario) -> tuple[str, ...]:
 
 
 def _warnings(scenario: Scenario, run: _Run) -> tuple[str, ...]:
-    found = (
+    result = (
         *_trace_warnings(scenario),
         *_replay_warnings(scenario),
         *_vehicle_warnings(scenario),
@@ -242,7 +242,7 @@ def _warnings(scenario: Scenario, run: _Run) -> tuple[str, ...]:
         *_speed_warnings(scenario, run),
         *slip_warnings(scenario, list(zip(run.speeds, run.curvatures, strict=True))),
     )
-    return tuple(dict.fromkeys(found))  # one file may be the path and replayed as well
+    return tuple(dict.fromkeys(result))  # one file may be the path and replayed as well
 
 
 def _trace_warnings(scenario: Scenario) -> Iterator[str]:

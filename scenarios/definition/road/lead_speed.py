@@ -180,7 +180,7 @@ def _mean_speed(t: FloatArray, distance: FloatArray, knots: FloatArray, half: fl
     """Return the mean speed (m/s) within `half` s of each knot, within the record."""
     late, early = np.minimum(knots + half, t[-1]), np.maximum(knots - half, 0.0)
     early = np.minimum(early, late - half)
-    found: list[float] = (
+    result: list[float] = (
         (np.interp(late, t, distance) - np.interp(early, t, distance)) / (late - early)
     ).tolist()
-    return found
+    return result

@@ -121,12 +121,12 @@ def table_with(value: S, kinds: Mapping[str, type] | None = None) -> SettingsTab
 
 def keys_with(settings: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
     """Return keys and values, in the units of keys, of some fields of a settings class."""
-    found = {
+    result = {
         one.key: _from_si(one, values[one.name])
         for one in fields_of(settings)
         if one.name in values
     }
-    return {key: one.model_dump() if isinstance(one, Table) else one for key, one in found.items()}
+    return {key: one.model_dump() if isinstance(one, Table) else one for key, one in result.items()}
 
 
 def fields_of(settings: type[Any]) -> Iterator[SettingField]:

@@ -53,20 +53,20 @@ def cleaned(points: Floats, times: Sequence[float]) -> Cleaned:
         for one in stands_in(points[:, left], track.at[left], timed=bool(times))
     ]
     noise = max([noise_deviation(points[:, left]), *(stand.wander for stand in stands)])
-    found = Cleaned([], points.copy(), noise, jumps, stands)
+    result = Cleaned([], points.copy(), noise, jumps, stands)
     begin = 0
     for stand in [*stands, None]:
         end = stand.first if stand else count
-        found.kept += [int(k) for k in left if begin <= k < end]
+        result.kept += [int(k) for k in left if begin <= k < end]
         if stand:
             starts, stops = stand.first == left[0], stand.last == left[-1]
             begun, ended = stand.core
             ends = (ended,) if starts else (begun,) if stops or begun == ended else stand.core
-            found.kept += ends
-            found.points[:, list(ends)] = np.array(stand.place)[:, None]
+            result.kept += ends
+            result.points[:, list(ends)] = np.array(stand.place)[:, None]
             begin = stand.last + 1
-    found.points = found.points[:, found.kept]
-    return found
+    result.points = result.points[:, result.kept]
+    return result
 
 
 def without_leaps(points: Sequence[RecordedPoint]) -> tuple[list[RecordedPoint], list[str]]:
@@ -103,9 +103,9 @@ def _parts(times: Sequence[float]) -> list[range]:
 
 def _continuing(parts: Sequence[range], last: int, times: Sequence[float]) -> list[int]:
     """Return the points of the parts that continue from point `last`."""
-    found: list[int] = []
+    result: list[int] = []
     for part in parts:
         if abs(times[part[0]] - times[last]) <= LEAP:
-            found += part
+            result += part
             last = part[-1]
-    return found
+    return result

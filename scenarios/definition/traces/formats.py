@@ -247,8 +247,8 @@ def read_log(path: Path, vehicle: str | None) -> RecordedDrive:
     from transport.log.records import LogError  # noqa: PLC0415 - not in a vehicle's process
 
     try:
-        found, damage = _poses(path, vehicle)
-        poses = sorted(found, key=lambda pose: pose.measured_at_ns)
+        result, damage = _poses(path, vehicle)
+        poses = sorted(result, key=lambda pose: pose.measured_at_ns)
     except LogError as error:
         raise TraceError(str(error).removeprefix(f"{path}: ")) from error
     except TraceError:

@@ -62,7 +62,7 @@ class JumpFinder:
         self._least = max(LEAST_JUMP, UNLIKELY * noise_deviation(points))
 
     def without_jumps(self) -> list[Jump]:
-        found: list[Jump] = []
+        result: list[Jump] = []
         place = 0
         suspects = set(self._suspects())
         while place < len(self.kept):
@@ -70,14 +70,14 @@ class JumpFinder:
             if jump is None:
                 place += 1
                 continue
-            found.append(
+            result.append(
                 Jump(self.kept[place], self.kept[place + jump - 1], self._size(place, jump))
             )
             around = self.kept[max(0, place - 2) : place + jump + 2]
             del self.kept[place : place + jump]
             suspects.update(around)
             place = max(0, place - 2)
-        return found
+        return result
 
     def _suspects(self) -> list[int]:
         """Return points off the line between their neighbours, and the points next to them."""

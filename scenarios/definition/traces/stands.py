@@ -78,7 +78,7 @@ def stands_in(points: Floats, at: Floats, *, timed: bool) -> list[Stand]:
     span = max(LEAST_STAND, count * usual) if timed else max(FEWEST, count)
     radius = max(LEAST_RADIUS, UNLIKELY * noise)
     free = np.ones(at.size, dtype=bool)
-    found: list[Stand] = []
+    result: list[Stand] = []
     # Drift looks like motion in short windows; short standstills vanish in long ones.
     for window in sorted({span, *(DRIFTS if timed else ())}, reverse=True):
         slow = _slow(points, at, max(window, span), slowest) & free
@@ -86,23 +86,23 @@ def stands_in(points: Floats, at: Floats, *, timed: bool) -> list[Stand]:
             one = _stand(points, at, run, radius, window if timed else math.inf)
             if one is not None and free[one.first : one.last + 1].all():
                 free[one.first : one.last + 1] = False
-                found.append(one)
-    return _in_one(sorted(found, key=lambda one: one.first), points, at)
+                result.append(one)
+    return _in_one(sorted(result, key=lambda one: one.first), points, at)
 
 
 def _in_one(stands: list[Stand], points: Floats, at: Floats) -> list[Stand]:
     """Merge standstills that follow each other at nearly the same place."""
-    found: list[Stand] = []
+    result: list[Stand] = []
     for stand in stands:
-        before = found[-1] if found else None
+        before = result[-1] if result else None
         if before is None or not _are_one(before, stand, at):
-            found.append(stand)
+            result.append(stand)
             continue
         core = before.core[0], stand.core[1]
         x, y = np.median(points[:, core[0] : core[1] + 1], axis=1).tolist()
         wander = max(before.wander, stand.wander)
-        found[-1] = Stand(before.first, stand.last, core, (x, y), wander)
-    return found
+        result[-1] = Stand(before.first, stand.last, core, (x, y), wander)
+    return result
 
 
 def _are_one(before: Stand, stand: Stand, at: Floats) -> bool:

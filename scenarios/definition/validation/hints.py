@@ -161,16 +161,16 @@ def _leaf(given: object) -> tuple[tuple[str, ...], object]:
 def _corrected(table: Location, names: tuple[str, ...], value: object) -> Location | None:
     """Correct the first name in a table, then those inside it; None if one is like no key."""
     name, *rest = names
-    found = _similar(table, name, is_table=bool(rest) or isinstance(value, Mapping))
-    if found is None or not rest:
-        return found
-    if found == ("vehicle",):
-        found, rest = (*found, rest[0]), rest[1:]
-        return _corrected(found, tuple(rest), value) if rest else found
-    if rest[0] in fields_of_table(found):
-        inner = (*found, rest[0])
+    result = _similar(table, name, is_table=bool(rest) or isinstance(value, Mapping))
+    if result is None or not rest:
+        return result
+    if result == ("vehicle",):
+        result, rest = (*result, rest[0]), rest[1:]
+        return _corrected(result, tuple(rest), value) if rest else result
+    if rest[0] in fields_of_table(result):
+        inner = (*result, rest[0])
         return _corrected(inner, tuple(rest[1:]), value) if rest[1:] else inner
-    return _corrected(found, tuple(rest), value)
+    return _corrected(result, tuple(rest), value)
 
 
 def _similar(table: Location, word: str, *, is_table: bool) -> Location | None:
@@ -217,17 +217,17 @@ def _elsewhere(word: str, stem: str) -> Location | None:
 @cache
 def _keys_below(section: str) -> tuple[Location, ...]:
     """Return all keys of a top-level table, the outer ones first; lists are left out."""
-    found: list[Location] = []
+    result: list[Location] = []
     tables: list[Location] = [(section,)]
     while tables:
         table = tables.pop(0)
         for name, field in fields_of_table(table).items():
             if _is_list(field):
                 continue
-            found.append((*table, name))
+            result.append((*table, name))
             if any(models_of(field.annotation)) and len(table) < 3:
                 tables.append((*table, name))
-    return tuple(found)
+    return tuple(result)
 
 
 def _scalars(table: Location) -> list[str]:
