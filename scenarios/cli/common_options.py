@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import click
 
 from scenarios.cli.guide import completion
+from scenarios.studies.picture_style import PICTURE_FORMATS
 from transport.bus.zenoh_options import ZenohOptions
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -216,6 +217,16 @@ def folder_option(default: str, help_text: str) -> Callable[[Command], Command]:
         show_default=True,
         help=help_text,
     )
+
+
+def picture_format_option(command: Command) -> Command:
+    return click.option(
+        "--picture-format",
+        type=click.Choice(PICTURE_FORMATS),
+        default="png",
+        show_default=True,
+        help="Format of the plots.",
+    )(command)
 
 
 def output_option(help_text: str) -> Callable[[Command], Command]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarios.cli.columns import Column, figure, table_of
-from scenarios.cli.common_options import folder_option
+from scenarios.cli.common_options import folder_option, picture_format_option
 from scenarios.cli.error_lines import clear_errors, require
 
 if TYPE_CHECKING:  # brings scipy
@@ -49,7 +49,10 @@ Examples:
     help=f"Speed to analyse, {SLOWEST:g} to {FASTEST:g} m/s. Repeatable.",
 )
 @folder_option("gains", "Folder for gains.json and the plots.")
-def gains(*, gains: tuple[float, float, float], speeds: tuple[float, ...], out: Path) -> None:
+@picture_format_option
+def gains(
+    *, gains: tuple[float, float, float], speeds: tuple[float, ...], out: Path, picture_format: str
+) -> None:
     """Analyse the steering gains.
 
     Computes stabilising gain sets, margins, lowest stable rates and the propagation of errors along
@@ -68,7 +71,9 @@ def gains(*, gains: tuple[float, float, float], speeds: tuple[float, ...], out: 
             raise ScenarioError(refused)
         chosen = tuple(dict.fromkeys(speeds)) or DEFAULT_SPEEDS
         try:
-            report = gains_report(LINCOLN_MKZ, Gains(*gains), chosen, out_dir=out)
+            report = gains_report(
+                LINCOLN_MKZ, Gains(*gains), chosen, out_dir=out, picture_format=picture_format
+            )
         except ScenarioError:
             raise  # the folder is refused
         except (ValueError, ArithmeticError) as error:
@@ -132,7 +137,8 @@ Examples:
     "--case", "cases", multiple=True, metavar="NAME", help="Run this case only. Repeatable."
 )
 @folder_option("paper", "Folder for the report, the plots and the logs.")
-def reproduce(*, cases: tuple[str, ...], out: Path) -> None:
+@picture_format_option
+def reproduce(*, cases: tuple[str, ...], out: Path, picture_format: str) -> None:
     """Reproduce the paper's experiments.
 
     Simulates the experiments and writes a report that compares each claim with the result.
@@ -142,4 +148,4 @@ def reproduce(*, cases: tuple[str, ...], out: Path) -> None:
     from scenarios.studies.paper.reproduce import reproduce as carry_out
 
     with clear_errors():
-        sys.exit(carry_out(cases, out, click.echo))
+        sys.exit(carry_out(cases, out, click.echo, picture_format=picture_format))

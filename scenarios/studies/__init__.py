@@ -7,5 +7,6 @@ engine/         the jobs of a study on cores or on a dask scheduler, its journal
 gains/          `convoy gains`: stabilising gain sets, margins, certificates
 many/           answers from many runs: sweeps, drills, boundaries, risk, blame
 paper/          `convoy reproduce`: the paper's experiments run, its claims judged
-picture_style   colours and settings of the pictures
+axis_labels     labels with units
+picture_style   style and formats of the plots
 """

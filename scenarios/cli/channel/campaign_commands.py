@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarios.cli.columns import Column, table_of
-from scenarios.cli.common_options import folder_option
+from scenarios.cli.common_options import folder_option, picture_format_option
 from scenarios.cli.error_lines import clear_errors, require
 
 if TYPE_CHECKING:
@@ -24,8 +24,9 @@ Examples:
 """
 )
 @click.option("--quick", is_flag=True, help="Simulate only a few runs, as a preview.")
-@folder_option("channel", "Folder for channel.png and channel.json.")
-def figure(*, quick: bool, out: Path) -> None:
+@folder_option("channel", "Folder for the plot and channel.json.")
+@picture_format_option
+def figure(*, quick: bool, out: Path, picture_format: str) -> None:
     """Plot the cost of loss, bursts and latency.
 
     Simulates a lane change over many channels and plots the largest error of the last car.
@@ -38,14 +39,15 @@ def figure(*, quick: bool, out: Path) -> None:
     from scenarios.studies.channel.cost_report import JSON_FILE, PICTURE, channel_figure
 
     with clear_errors():
-        costs = channel_figure(QUICK if quick else Plan(), out, click.echo)
+        plan = QUICK if quick else Plan()
+        costs = channel_figure(plan, out, click.echo, picture_format=picture_format)
         margin_m = lane_margin_m()
         left_lane: Column[Cost] = Column(
             "left its\nlane", lambda one: f"{one.runs_beyond(margin_m)} of {len(one.errors_m)}"
         )
         over_bursts = [one for one in costs if one.channel.burst_messages is not None]
         Console().print(table_of((*COST_COLUMNS, left_lane), over_bursts))
-        click.echo(f"written: {out / PICTURE} and {out / JSON_FILE}")
+        click.echo(f"written: {out / PICTURE}.{picture_format} and {out / JSON_FILE}")
 
 
 COST_COLUMNS: "Sequence[Column[Cost]]" = (
@@ -74,8 +76,9 @@ Examples:
     metavar="N",
     help="Number of cuts. Each is simulated with four reactions.",
 )
-@folder_option("cuts", "Folder for cuts.png and cuts.json.")
-def cuts(*, count: int, out: Path) -> None:
+@folder_option("cuts", "Folder for the plot and cuts.json.")
+@picture_format_option
+def cuts(*, count: int, out: Path, picture_format: str) -> None:
     """Cut all links at random and compare results.
 
     Cuts all links at random times of double lane changes, and compares the four reactions of
@@ -88,9 +91,9 @@ def cuts(*, count: int, out: Path) -> None:
     from scenarios.studies.cuts.campaign import JSON_FILE, PICTURE, run_campaign
 
     with clear_errors():
-        found = run_campaign(count, out, click.echo)
+        found = run_campaign(count, out, click.echo, picture_format=picture_format)
         Console().print(table_of(REACTION_COLUMNS, found))
-        click.echo(f"written: {out / PICTURE} and {out / JSON_FILE}")
+        click.echo(f"written: {out / PICTURE}.{picture_format} and {out / JSON_FILE}")
 
 
 REACTION_COLUMNS: "Sequence[Column[ReactionFigures]]" = (

@@ -103,7 +103,7 @@ def show(
         drive = StraightDrive(loaded, chosen, distance_m)
         found, sample = compare(drive, messages)
         if output is not None:
-            from scenarios.studies.channel.picture import draw
+            from scenarios.studies.channel.comparison_plot import draw
 
             draw(found, sample, output)
         if as_json:

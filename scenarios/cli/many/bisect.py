@@ -6,7 +6,13 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarios.cli.columns import Column, print_whole, table_of
-from scenarios.cli.common_options import FiniteRange, Ratio, folder_option, override_options
+from scenarios.cli.common_options import (
+    FiniteRange,
+    Ratio,
+    folder_option,
+    override_options,
+    picture_format_option,
+)
 from scenarios.cli.error_lines import clear_errors, require
 from scenarios.cli.guide import completion
 from scenarios.cli.many.study_options import (
@@ -50,7 +56,8 @@ Examples:
               help="Find the smallest value at which any run breaks the limit.")  # fmt: skip
 @override_options
 @engine_options
-@folder_option("boundary", "Folder for boundary.png and bisect.json.")
+@folder_option("boundary", "Folder for the plot and bisect.json.")
+@picture_format_option
 def bisect(
     *,
     scenario: str,
@@ -65,6 +72,7 @@ def bisect(
     workers: int | None,
     scheduler: str,
     out: Path,
+    picture_format: str,
 ) -> None:
     """Find the value at which a limit breaks.
 
@@ -97,13 +105,13 @@ def bisect(
             selected_workers(workers, scheduler),
             click.echo,
             out=out,
-            files=(PICTURE, JSON_FILE),
+            files=(f"{PICTURE}.{picture_format}", JSON_FILE),
             identity=query.identity(),
         ) as engine:
             result = find_boundary(query, engine)
-            write_boundary(query, result, out)
+            written = write_boundary(query, result, out, picture_format)
         print_answer(query, result, Console())
-        click.echo(f"written: {out / PICTURE} and {out / JSON_FILE}")
+        click.echo(f"written: {', '.join(map(str, written))}")
 
 
 def _bounds_of(span: str) -> tuple[float, float]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, cast
 import click
 
 from scenarios.cli.columns import Column, table_of
-from scenarios.cli.common_options import folder_option
+from scenarios.cli.common_options import folder_option, picture_format_option
 from scenarios.cli.error_lines import clear_errors, require
 from scenarios.cli.many.study_options import (
     engine_options,
@@ -40,7 +40,8 @@ Examples:
 @click.argument("log", type=click.Path(path_type=Path))
 @limit_option
 @figure_option("Rank losses by their effect on this figure")
-@folder_option("blame", "Folder for blame.png, blame.json and smallest.toml.")
+@folder_option("blame", "Folder for the plot, blame.json and smallest.toml.")
+@picture_format_option
 @engine_options
 @click.option(
     "--runs",
@@ -60,6 +61,7 @@ def blame(
     workers: int | None,
     scheduler: str,
     max_runs: int,
+    picture_format: str,
 ) -> None:
     """Find the lost messages behind an error.
 
@@ -84,11 +86,15 @@ def blame(
             selected_workers(workers, scheduler),
             click.echo,
             out=out,
-            files=(blame_files.PICTURE, blame_files.JSON_FILE, blame_files.SMALLEST),
+            files=(
+                f"{blame_files.PICTURE}.{picture_format}",
+                blame_files.JSON_FILE,
+                blame_files.SMALLEST,
+            ),
             identity=study.identity_of_blame(file, limit, ranked, max_runs),
         ) as engine:
             result = study.blame(file, limit, ranked, engine, max_runs=max_runs)
-            written = blame_files.write_report(result, out)
+            written = blame_files.write_report(result, out, picture_format)
         print_blame(result, Console())
         if result.smallest is not None:
             click.echo(f"\nbreak {limit} again: {blame_files.command_of(out)}")

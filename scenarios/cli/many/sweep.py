@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarios.cli.columns import Column, print_whole, table_of
-from scenarios.cli.common_options import folder_option, override_options
+from scenarios.cli.common_options import folder_option, override_options, picture_format_option
 from scenarios.cli.error_lines import clear_errors, print_error, require
 from scenarios.cli.guide import completion
 from scenarios.cli.many.study_options import (
@@ -86,6 +86,7 @@ A figure is a number in summary.json (see `convoy reference fields`):
 @override_options
 @folder_option("sweep", "Folder for the tables, the plots and the journal.")
 @engine_options
+@picture_format_option
 @click.option("--no-pictures", is_flag=True, help="Write tables only; needs no Matplotlib.")
 @click.option("--parquet", is_flag=True, help="Write the tables as Parquet too.")
 def sweep(
@@ -101,6 +102,7 @@ def sweep(
     scheduler: str,
     parquet: bool,
     no_pictures: bool,
+    picture_format: str,
 ) -> None:
     """Run a scenario over values and seeds.
 
@@ -125,7 +127,12 @@ def sweep(
         fleet = selected_workers(workers, scheduler)
         report = partial(click.echo, err=True)
         table, written = run_sweep(
-            plan, out, fleet, report, parquet=parquet, pictures=not no_pictures
+            plan,
+            out,
+            fleet,
+            report,
+            parquet=parquet,
+            picture_format=None if no_pictures else picture_format,
         )
         print_sweep(table, Console())
         click.echo(f"written: {', '.join(map(str, written))}")

@@ -20,7 +20,7 @@ from scenarios.studies.engine.workers import open_workers
 from vehicles.driver.degradation.settings import Reaction
 
 SCHEMA = "convoy.cuts/1"
-PICTURE, JSON_FILE = "cuts.png", "cuts.json"
+PICTURE, JSON_FILE = "cuts", "cuts.json"
 REACTIONS: tuple[Reaction, ...] = ("degrade", "extrapolate", "hold", "straight")
 SPEEDS_MPS = 8.0, 30.0
 CUT_AT_S = 3.0, 17.0
@@ -90,20 +90,26 @@ def summary_of_reaction(rows: Sequence[CutFigures]) -> ReactionFigures:
 
 
 def run_campaign(
-    count: int, out: Path, progress: Callable[[str], None], *, workers: int | None = None
+    count: int,
+    out: Path,
+    progress: Callable[[str], None],
+    *,
+    workers: int | None = None,
+    picture_format: str = "png",
 ) -> list[ReactionFigures]:
-    """Simulate `count` cuts with each reaction; write picture and JSON into `out`.
+    """Simulate `count` cuts with each reaction; write plot and JSON into `out`.
 
     Uses all cores by default. Raises ScenarioError if one of both files exists.
     """
-    from scenarios.studies.cuts.picture import drawn_figure  # noqa: PLC0415 - matplotlib
+    from scenarios.studies.cuts.error_plots import drawn_figure  # noqa: PLC0415 - matplotlib
 
+    picture = f"{PICTURE}.{picture_format}"
     cuts = [cut for reaction in REACTIONS for cut in draw_cuts(count, reaction)]
     with study_engine(
         partial(open_workers, workers),
         progress,
         out=out,
-        files=(PICTURE, JSON_FILE),
+        files=(picture, JSON_FILE),
         identity={"--cuts": count, **asdict(current_stamp())},
     ) as engine:
         rows = run_cuts(cuts, engine)
@@ -113,7 +119,7 @@ def run_campaign(
         }
         found = [summary_of_reaction(of) for of in by_reaction.values()]
         write_files(
-            out, {JSON_FILE: machine_readable(found, rows), PICTURE: drawn_figure(by_reaction)}
+            out, {JSON_FILE: machine_readable(found, rows), picture: drawn_figure(by_reaction)}
         )
     return found
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from scenarios.definition.errors import ScenarioError
+from scenarios.studies.picture_style import encoded, picture_format_of
 
 Row = dict[str, Any]
 """A row of a table: texts, numbers or None by column."""
@@ -32,7 +33,7 @@ def write_file(path: Path, content: Any) -> None:
     """Put one file in its place once it is complete.
 
     A mapping is written as JSON, a list of rows as CSV, or as Parquet by the name, a figure of
-    matplotlib as PNG, a text as it is.
+    matplotlib as PNG, SVG or PDF by the name, a text as it is.
     """
     if isinstance(content, str):
         data = content.encode()
@@ -41,7 +42,7 @@ def write_file(path: Path, content: Any) -> None:
     elif isinstance(content, list):
         data = _parquet(content) if path.suffix == ".parquet" else _csv(content)
     else:
-        data = _png(content)
+        data = encoded(content, picture_format_of(path))
     part = path.with_name(f".{path.name}.part")
     part.write_bytes(data)
     part.replace(path)
@@ -63,14 +64,3 @@ def _parquet(rows: Sequence[Row]) -> bytes:
     columns = {name: [row[name] for row in rows] for name in rows[0]}
     pyarrow.parquet.write_table(pyarrow.table(columns), sink)
     return bytes(sink.getvalue().to_pybytes())
-
-
-def _png(figure: Any) -> bytes:
-    from matplotlib import rc_context  # noqa: PLC0415 - an extra
-
-    from scenarios.studies.picture_style import STYLE  # noqa: PLC0415
-
-    content = io.BytesIO()
-    with rc_context(STYLE):
-        figure.savefig(content, format="png", dpi=110.0)
-    return content.getvalue()

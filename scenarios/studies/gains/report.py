@@ -1,4 +1,4 @@
-"""`convoy gains`: the analysis of one choice of steering gains, as JSON and pictures."""
+"""`convoy gains`: the analysis of one choice of steering gains, as JSON and plots."""
 
 import json
 from collections.abc import Sequence
@@ -89,7 +89,7 @@ NOMINAL_HZ = 50
 REPORT = "gains.json"
 
 
-def refuse_foreign_files(out_dir: Path, *, pictures: bool = True) -> None:
+def refuse_foreign_files(out_dir: Path, picture_format: str | None = "png") -> None:
     """Raise ScenarioError if the report would overwrite anything but an earlier report.
 
     The fields of an earlier gains.json identify it, and with it the pictures in its folder.
@@ -106,10 +106,10 @@ def refuse_foreign_files(out_dir: Path, *, pictures: bool = True) -> None:
         raise ScenarioError(
             [f"{path}: exists and is no report on gains; give another folder by --out"]
         )
-    if pictures:
-        from scenarios.studies.gains.pictures import NAMES  # noqa: PLC0415 - brings matplotlib
+    if picture_format:
+        from scenarios.studies.gains.stability_plots import NAMES  # noqa: PLC0415 - brings matplotlib
 
-        for picture in (out_dir / name for name in NAMES):
+        for picture in (out_dir / f"{name}.{picture_format}" for name in NAMES):
             if picture.exists() or picture.is_symlink():
                 raise ScenarioError(
                     [f"{picture}: exists without {REPORT}; give another folder by --out"]
@@ -123,16 +123,16 @@ def gains_report(
     loadings: Sequence[Loading] | None = None,
     out_dir: Path | None = None,
     *,
-    pictures: bool = True,
+    picture_format: str | None = "png",
 ) -> GainsReport:
     """Analyse `gains` on the car over `speeds` (m/s) and `loadings`.
 
-    With `out_dir`, writes gains.json there and, unless `pictures` is false, PNG pictures (needs
-    matplotlib). Paper, sections III-F, IV and V-A, V-B. The fastest speed is the reference for
+    With `out_dir`, writes gains.json there and, unless `picture_format` is None, plots (needs
+    Matplotlib). Paper, sections III-F, IV and V-A, V-B. The fastest speed is the reference for
     results at one speed. Raises ValueError for no speed or no loading.
     """
     if out_dir is not None:
-        refuse_foreign_files(out_dir, pictures=pictures)
+        refuse_foreign_files(out_dir, picture_format)
         out_dir.mkdir(parents=True, exist_ok=True)
     loadings = all_loadings() if loadings is None else loadings
     if not speeds or not loadings:
@@ -150,10 +150,10 @@ def gains_report(
         sampled=tuple(_sampled_at(subject, speed) for speed in subject.speeds),
     )
     if out_dir is not None:
-        if pictures:
-            from scenarios.studies.gains.pictures import draw_all  # noqa: PLC0415 - matplotlib is optional
+        if picture_format:
+            from scenarios.studies.gains.stability_plots import draw_all  # noqa: PLC0415 - matplotlib is optional
 
-            report = replace(report, pictures=draw_all(subject, report, out_dir))
+            report = replace(report, pictures=draw_all(subject, report, out_dir, picture_format))
         text = json.dumps(as_json(report), indent=2, allow_nan=False)
         (out_dir / REPORT).write_text(text + "\n", encoding="utf-8")
     return report

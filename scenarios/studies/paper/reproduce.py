@@ -48,7 +48,12 @@ WORKERS = 2
 
 
 def reproduce(
-    cases: Sequence[str], out: Path, progress: Callable[[str], None], *, workers: int = WORKERS
+    cases: Sequence[str],
+    out: Path,
+    progress: Callable[[str], None],
+    *,
+    workers: int = WORKERS,
+    picture_format: str = "png",
 ) -> int:
     """Run `cases` (all, if none is named) and write report, pictures and logs into `out`.
 
@@ -62,8 +67,8 @@ def reproduce(
     )
 
     chosen = chosen_cases(cases)
-    jobs = jobs_of(chosen, out)
-    written = [REPORT, "report.json", *all_pictures(), *map(str, jobs)]
+    jobs = jobs_of(chosen, out, picture_format)
+    written = [REPORT, "report.json", *all_pictures(picture_format), *map(str, jobs)]
     refuse_existing(*(out / name for name in written), place="folder by --out")
     out.mkdir(parents=True, exist_ok=True)
     with study_engine(partial(open_workers, workers), progress) as engine:
@@ -80,7 +85,7 @@ def reproduce(
         else:
             for results_along in findings.values():
                 store_result(results_along, key, results[key])
-    claims = write_report(findings, chosen, out)
+    claims = write_report(findings, chosen, out, picture_format)
     for trajectory in TRAJECTORIES:
         judgements = [claim.verdicts[trajectory].judgement for claim in claims]
         counts = ", ".join(f"{j}: {judgements.count(j)}" for j in JUDGEMENTS)
@@ -107,7 +112,7 @@ def chosen_cases(cases: Sequence[str]) -> list[str]:
     return [case for case in RUNS_OF_CASE if case in cases or not cases]
 
 
-def jobs_of(cases: Sequence[str], out: Path) -> dict[JobKey, Work]:
+def jobs_of(cases: Sequence[str], out: Path, picture_format: str = "png") -> dict[JobKey, Work]:
     """The jobs, longest first."""
     jobs: dict[JobKey, Work] = {}
     if Part.FIELD in cases:
@@ -115,7 +120,7 @@ def jobs_of(cases: Sequence[str], out: Path) -> dict[JobKey, Work]:
             key = WithTrajectory(trajectory, Part.FIELD)
             jobs[key] = partial(_field, out / str(key), trajectory)
     if Part.GAINS in cases:
-        jobs[Part.GAINS] = partial(_gains, out / Part.GAINS)
+        jobs[Part.GAINS] = partial(_gains, out / Part.GAINS, picture_format)
     jobs |= _runs_of(cases, out)
     if Part.PROPAGATION in cases:
         for preview, frequencies in (
@@ -165,11 +170,11 @@ def _field(folder: Path, trajectory: Trajectory) -> FieldRuns:
     return field_runs(load_scenario(experiment.scenario, experiment.overrides), folder)
 
 
-def _gains(folder: Path) -> tuple[str, ...]:
+def _gains(folder: Path, picture_format: str) -> tuple[str, ...]:
     from scenarios.studies.gains.report import gains_report  # noqa: PLC0415 - brings matplotlib
     from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS  # noqa: PLC0415
 
-    report = gains_report(LINCOLN_MKZ, NOMINAL_GAINS, out_dir=folder)
+    report = gains_report(LINCOLN_MKZ, NOMINAL_GAINS, out_dir=folder, picture_format=picture_format)
     return report.pictures
 
 

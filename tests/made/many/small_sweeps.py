@@ -24,7 +24,7 @@ def small_plan(vary: Sequence[str] = VARY, seeds: int = 2) -> SweepPlan:
 def driven_here(plan: SweepPlan, out: Path) -> SweepTable:
     """Carry a sweep out in this process, without pictures."""
     said: list[str] = []
-    return run_sweep(plan, out, partial(open_workers, 0), said.append, pictures=False)[0]
+    return run_sweep(plan, out, partial(open_workers, 0), said.append, picture_format=None)[0]
 
 
 def tables(out: Path) -> dict[str, bytes]:

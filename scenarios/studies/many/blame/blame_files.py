@@ -1,4 +1,4 @@
-"""The files of `convoy blame`: a picture, figures as JSON, and the smallest set as a scenario.
+"""The files of `convoy blame`: a plot, figures as JSON, and the smallest set as a scenario.
 
 Needs matplotlib.
 """
@@ -17,11 +17,20 @@ from scenarios.studies.many.blame.losses import Burst, bursts_of
 from scenarios.studies.many.blame.ranking import MAX_ALONE, NEGLIGIBLE_M, Attribution
 from scenarios.studies.many.blame.rerun import RerunResult
 from scenarios.studies.many.blame.study import BlameResult
-from scenarios.studies.picture_style import BLUE, GREEN, GREY, ORANGE, RED, STYLE
+from scenarios.studies.picture_style import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PAGE_IN,
+    RED,
+    SMALL_PT,
+    STYLE,
+)
 from vehicles.schedule import SECOND
 
 SCHEMA = "convoy.blame/1"
-PICTURE, JSON_FILE, SMALLEST = "blame.png", "blame.json", "smallest.toml"
+PICTURE, JSON_FILE, SMALLEST = "blame", "blame.json", "smallest.toml"
 GROUPING = (
     "a burst is a run of consecutive numbers lost on one link; bursts that overlap in time are a "
     "moment; moments in order of time were given back half by half, and only halves that mend "
@@ -50,9 +59,12 @@ def command_of(out: Path) -> str:
     return shlex.join(["convoy", "run", str(out / SMALLEST), "--clock", "virtual"])
 
 
-def write_report(found: BlameResult, out: Path) -> list[Path]:
+def write_report(found: BlameResult, out: Path, picture_format: str = "png") -> list[Path]:
     """Write picture, JSON, and the scenario of the smallest set if there is one."""
-    contents: dict[str, Any] = {PICTURE: drawn(found), JSON_FILE: machine_readable(found, out)}
+    contents: dict[str, Any] = {
+        f"{PICTURE}.{picture_format}": drawn(found),
+        JSON_FILE: machine_readable(found, out),
+    }
     scenario = smallest_scenario(found)
     if scenario is not None:
         head = f"# Written by `convoy blame {shlex.quote(str(found.run.log))}`: it breaks "
@@ -130,42 +142,44 @@ def _smallest(found: BlameResult, out: Path) -> dict[str, Any] | None:
     }
 
 
-# ---- The picture: the run with other losses, and what each burst cost
+# ---- The plot: the run with other losses, and the effect of each burst
 
-MOST_BARS = 10
+MOST_BARS = 8
 LABELS = {"error": "true error", "gap": "true gap"}
 
 
 @mpl.rc_context(STYLE)
 def drawn(found: BlameResult) -> Figure:
     """Draw the figure of the worst vehicle over time, and metres for each row."""
-    figure = Figure(figsize=(10.5, 3.8), layout="constrained")
+    figure = Figure(figsize=(PAGE_IN, 3.2), layout="constrained")
     over_time, bars = figure.subplots(1, 2, width_ratios=(3, 2))
     _over_time(over_time, found)
     _bars(bars, found)
+    handles, labels = over_time.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3)
     return figure
 
 
 def _over_time(axes: Axes, found: BlameResult) -> None:
-    runs: list[tuple[str, RerunResult | None, str]] = [
-        ("as recorded", found.recorded, RED),
-        ("worst burst given back", found.best_restored, BLUE),
-        ("only the smallest set lost", found.smallest_result, ORANGE),
-        ("nothing lost", found.clean, GREEN),
+    runs: list[tuple[str, RerunResult | None, str, str]] = [
+        ("as recorded", found.recorded, RED, "-"),
+        ("worst burst restored", found.best_restored, BLUE, "-"),
+        ("only the smallest set lost", found.smallest_result, ORANGE, "--"),
+        ("nothing lost", found.clean, GREEN, "-"),
     ]
     until_s = found.criteria.until / SECOND
-    for label, result, colour in runs:
+    for label, result, colour, line in runs:
         if result is not None:
             points = [one for one in result.series[found.recorded.vehicle] if one[0] <= until_s]
             instants, values = [at for at, _ in points], [value for _, value in points]
-            axes.plot(instants, values, color=colour, label=label)
+            axes.plot(instants, values, color=colour, linestyle=line, label=label)
     if found.rows:
-        for burst in found.rows[0].group:
-            axes.axvspan(*burst.span_s, color=GREY, alpha=0.12, linewidth=0.0)
+        for number, burst in enumerate(found.rows[0].group):
+            axes.axvspan(*burst.span_s, color=GREY, alpha=0.2, linewidth=0.0,
+                         label="" if number else "worst burst")  # fmt: skip
     _bound(axes, found)
     what = LABELS[found.criteria.figure]
     axes.set(xlabel="time, s", ylabel=f"{what} of {found.recorded.vehicle}, m")
-    axes.legend(loc="upper left")
 
 
 def _bound(axes: Axes, found: BlameResult) -> None:
@@ -181,7 +195,7 @@ def _bars(axes: Axes, found: BlameResult) -> None:
     axes.barh(range(len(rows)), [max(row.reduction_m, 0.0) for row in rows], color=BLUE)
     names = []
     for first, *others in (row.group for row in rows):
-        names.append(_shortened(first.line + (f" and {len(others)} more" if others else ""), 40))
-    axes.set_yticks(range(len(rows)), names, fontsize=7.5)
+        names.append(_shortened(first.line + (f", {len(others)} more" if others else ""), 30))
+    axes.set_yticks(range(len(rows)), names, fontsize=SMALL_PT)
     axes.grid(visible=False, axis="y")
-    axes.set(xlabel="mended when given back, m")
+    axes.set(xlabel="gain if restored, m")

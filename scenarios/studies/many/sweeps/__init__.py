@@ -5,5 +5,5 @@ figure      a figure of a run's summary, by its name
 plan        the runs of a sweep, and the figures and limits of each
 sweep       the runs, with a journal, and the files
 cell_table  statistics of the runs of each cell
-pictures    heat maps, lines with bands, distributions over seeds
+heat_maps   heat maps, lines with bands, distributions over seeds
 """

@@ -18,7 +18,7 @@ from scenarios.studies.many.sweeps.plan import SweepPlan
 
 CELLS, RUNS, JSON_FILE = "sweep.csv", "runs.csv", "sweep.json"
 PARQUET = ("sweep.parquet", "runs.parquet")
-HEAT_MAP, SEEDS = "sweep.png", "seeds.png"
+HEAT_MAP, SEEDS = "sweep", "seeds"
 
 
 def run_sweep(
@@ -28,19 +28,23 @@ def run_sweep(
     report: Callable[[str], None],
     *,
     parquet: bool = False,
-    pictures: bool = True,
+    picture_format: str | None = "png",
 ) -> tuple[SweepTable, list[Path]]:
     """Run what the journal in `out` does not have yet; returns table and files.
 
-    A killed sweep resumes when it is started again, and ends with the same bytes in all tables.
+    Without a `picture_format` it draws nothing. A killed sweep resumes when it is started again,
+    and ends with the same bytes in all tables.
     Raises ScenarioError if the folder holds something else.
     """
-    files = (CELLS, RUNS, JSON_FILE, HEAT_MAP, SEEDS, *PARQUET)
+    plots = [f"{name}.{picture_format}" for name in (HEAT_MAP, SEEDS) if picture_format]
+    files = (CELLS, RUNS, JSON_FILE, *plots, *PARQUET)
     with study_engine(
         fleet, report, out=out, files=files, identity=plan.identity(), keep_journal=True
     ) as engine:
         table = table_of(plan, _entries(plan, engine))
-        contents = tables_of(table, parquet=parquet) | (drawn(table, report) if pictures else {})
+        contents = tables_of(table, parquet=parquet)
+        if picture_format:
+            contents |= drawn(table, report, picture_format)
         return table, write_files(out, contents)
 
 
@@ -66,9 +70,11 @@ def tables_of(table: SweepTable, *, parquet: bool = False) -> dict[str, Any]:
     return contents
 
 
-def drawn(table: SweepTable, report: Callable[[str], None]) -> dict[str, Any]:
-    """Return all pictures by file name; the reason for a missing heat map goes to `report`."""
-    from scenarios.studies.many.sweeps.pictures import (  # noqa: PLC0415 - needs matplotlib
+def drawn(
+    table: SweepTable, report: Callable[[str], None], picture_format: str = "png"
+) -> dict[str, Any]:
+    """Return all plots by file name; the reason for a missing heat map goes to `report`."""
+    from scenarios.studies.many.sweeps.heat_maps import (  # noqa: PLC0415 - needs matplotlib
         seeds_figure,
         sweep_figure,
         why_no_heat_map,
@@ -76,5 +82,7 @@ def drawn(table: SweepTable, report: Callable[[str], None]) -> dict[str, Any]:
 
     if why_not := why_no_heat_map(table):
         report(why_not)
-        return {SEEDS: seeds_figure(table)}
-    return {HEAT_MAP: sweep_figure(table), SEEDS: seeds_figure(table)}
+        figures = {SEEDS: seeds_figure(table)}
+    else:
+        figures = {HEAT_MAP: sweep_figure(table), SEEDS: seeds_figure(table)}
+    return {f"{name}.{picture_format}": figure for name, figure in figures.items()}

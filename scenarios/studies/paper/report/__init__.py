@@ -3,5 +3,5 @@
 report            report.md
 machine_readable  report.json
 tables            its tables
-pictures          its pictures
+experiment_plots  its plots
 """

@@ -5,7 +5,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import matplotlib as mpl
+from matplotlib.figure import Figure
 
+from scenarios.studies.engine.results import write_files
 from scenarios.studies.paper.claims import (
     base_case,
     field_experiment,
@@ -34,8 +36,8 @@ from scenarios.studies.paper.keys import (
     C,
     at_radius,
 )
+from scenarios.studies.paper.report.experiment_plots import BOTH, PICTURES
 from scenarios.studies.paper.report.machine_readable import AllFindings, logs, machine_readable
-from scenarios.studies.paper.report.pictures import BOTH, PICTURES
 from scenarios.studies.paper.report.tables import tables
 from scenarios.studies.picture_style import STYLE
 from vehicles.preview.curve_fit import Trajectory
@@ -54,32 +56,34 @@ CLAIMS = (
 """All claims in the order of the paper, those beyond it last."""
 
 CAPTIONS = {
-    "road.png": "The road of the main cases, which the paper does not give.",
-    "errors_base.png": "Lateral errors against the own trajectory, base case.",
-    "errors_a_to_d.png": "Scenarios A to D.",
-    "errors_variable_speed.png": "Lateral errors while the speed changes in both lane changes.",
-    "maxima.png": "Largest errors, exact (bars), with the road moved by less than lies between "
+    "road": "The road of the main cases, which the paper does not give.",
+    "errors_base": "Lateral errors against the own trajectory, base case.",
+    "errors_a_to_d": "Scenarios A to D.",
+    "errors_variable_speed": "Lateral errors while the speed changes in both lane changes.",
+    "maxima": "Largest errors, exact (bars), with the road moved by less than lies between "
     "samples (dashes) and with a receiver's noise (dots; where it is shorter, of the first lane "
     "change).",
-    "lead_data.png": "With the predecessor's data only, true errors grow from car to car, while "
+    "lead_data": "With the predecessor's data only, true errors grow from car to car, while "
     "those against the own trajectory hardly show it; with the lead's data they level off.",
-    "radius.png": "Errors against the radius of the bends, first lane change.",
-    "propagation.png": "The paper's G(jω) in closed form and simulated, and what a swing of the "
+    "radius": "Errors against the radius of the bends, first lane change.",
+    "propagation": "The paper's G(jω) in closed form and simulated, and what a swing of the "
     "lead becomes in the convoy. G takes the difference of both cars' states at one instant, "
     "heading included and without feedforward. In the convoy a car steers along the path that the "
     "other left: F(jω), which the measured ratios follow at low frequency. Above, the fit over "
     "some 35 m smooths the path away (a swing of 7 rad/s is 27 m long), less so with less preview.",
-    "field.png": "Field experiment: PL1 drives alone, PL2 behind its record, PL3 behind both.",
-    "paper_recipe.png": "What the paper's recipe needs. Left: radius of the bends; hollow marks "
+    "field": "Field experiment: PL1 drives alone, PL2 behind its record, PL3 behind both.",
+    "paper_recipe": "What the paper's recipe needs. Left: radius of the bends; hollow marks "
     "are the worst of the noisy runs. Right: the base case, exact, with noise (worst seed), "
     "and with the longest straight prefix of Section III-A split off.",
 }
 
 
-def write_report(findings: AllFindings, cases: Sequence[str], out: Path) -> list[JudgedClaim]:
-    """Judge the findings on `cases`, write report and pictures into `out`; returns the claims."""
+def write_report(
+    findings: AllFindings, cases: Sequence[str], out: Path, picture_format: str = "png"
+) -> list[JudgedClaim]:
+    """Judge the findings on `cases`, write report and plots into `out`; returns the claims."""
     claims = judge(CLAIMS, findings)
-    pictures = _draw(findings, out)
+    pictures = _draw(findings, out, picture_format)
     text = "\n".join(_markdown(findings, cases, claims, pictures)) + "\n"
     (out / "report.md").write_text(text, encoding="utf-8")
     report = machine_readable(findings, cases, claims, pictures)
@@ -87,28 +91,31 @@ def write_report(findings: AllFindings, cases: Sequence[str], out: Path) -> list
     return claims
 
 
-def all_pictures() -> list[str]:
-    return [*BOTH, *(_file(name, kind) for name in PICTURES for kind in TRAJECTORIES)]
+def all_pictures(picture_format: str = "png") -> list[str]:
+    """Names of the files of all plots."""
+    names = [*BOTH, *(_file(name, kind) for name in PICTURES for kind in TRAJECTORIES)]
+    return [f"{name}.{picture_format}" for name in names]
 
 
-def _file(picture: str, kind: Trajectory) -> str:
-    return f"{Path(picture).stem}_{kind}.png"
+def _file(name: str, kind: Trajectory) -> str:
+    return f"{name}_{kind}"
 
 
-def _draw(findings: AllFindings, out: Path) -> dict[str, list[str]]:
-    """Draw every picture for which there are results; returns the file names of each."""
+def _draw(findings: AllFindings, out: Path, picture_format: str) -> dict[str, list[str]]:
+    """Draw every plot for which there are results; returns the file names of each."""
     drawn: dict[str, list[str]] = {}
+    figures: dict[str, Figure] = {}
     with mpl.rc_context(STYLE):
         for name, (needs, draw_both) in BOTH.items():
             if all(results.has(need) for results in findings.values() for need in needs):
-                draw_both(findings).savefig(out / name, metadata={"Software": ""})
-                drawn[name] = [name]
+                figures[file := f"{name}.{picture_format}"] = draw_both(findings)
+                drawn[name] = [file]
         for name, (needs, draw) in PICTURES.items():
             for kind, results in findings.items():
                 if all(map(results.has, needs)):
-                    file = _file(name, kind)
-                    draw(results).savefig(out / file, metadata={"Software": ""})
+                    figures[file := f"{_file(name, kind)}.{picture_format}"] = draw(results)
                     drawn.setdefault(name, []).append(file)
+    write_files(out, figures)
     return drawn
 
 
@@ -187,7 +194,7 @@ def _recipe(findings: AllFindings) -> Iterator[str]:
         f"{in_cm(noisy)}; on bends of 300 m, exact, to "
         f"{in_cm(paper.trials[at_radius(300.0)].tracking)}, of 200 m to "
         f"{in_cm(paper.trials[at_radius(200.0)].tracking)}; and with the longest straight prefix "
-        f"of Section III-A split off to {in_cm(tracking[prefix])}: paper_recipe.png below.",
+        f"of Section III-A split off to {in_cm(tracking[prefix])}: see paper_recipe below.",
         "",
     )
 

@@ -201,9 +201,9 @@ def test_the_gains_pictures_are_those_of_the_gains_report(
 ) -> None:
     drawn: list[Path] = []
 
-    def report(*_: object, out_dir: Path) -> SimpleNamespace:
+    def report(*_: object, out_dir: Path, picture_format: str) -> SimpleNamespace:
         drawn.append(out_dir)
-        return SimpleNamespace(pictures=("roots_over_loadings.png",))
+        return SimpleNamespace(pictures=(f"roots_over_loadings.{picture_format}",))
 
     monkeypatch.setattr("scenarios.studies.gains.report.gains_report", report)
     pictures = reproduction.jobs_of(["gains"], tmp_path)[Part.GAINS]()

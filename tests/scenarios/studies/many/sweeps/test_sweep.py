@@ -81,7 +81,7 @@ def three_threads() -> Iterator[WorkerGroup]:
 
 def test_another_executor_gives_the_same_tables(whole: Path, tmp_path: Path) -> None:
     """That a process pool does is shown by the command, which is killed meanwhile."""
-    run_sweep(small_plan(), tmp_path, three_threads, lambda _: None, pictures=False)
+    run_sweep(small_plan(), tmp_path, three_threads, lambda _: None, picture_format=None)
     assert tables(tmp_path) == tables(whole)
 
 

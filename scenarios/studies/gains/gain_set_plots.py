@@ -1,4 +1,4 @@
-"""Pictures of stabilising gain sets (paper, sections III-F and V-A). Needs matplotlib."""
+"""Plots of stabilising gain sets (paper, sections III-F and V-A). Needs matplotlib."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from scenarios.studies.gains.results import Subject
-from scenarios.studies.picture_style import RED, SEQUENCE
+from scenarios.studies.picture_style import PAGE_IN, RED, SEQUENCE
 from vehicles.car.parameters import Gains
 from vehicles.theory.gain_sets import boundary_curve, gain_extremes, stabilises_all
 from vehicles.theory.linear_model import affine_coefficients
@@ -19,7 +19,7 @@ from vehicles.theory.polynomials import spectral_abscissa
 
 Array = NDArray[np.float64]
 
-LATERAL, HEADING, YAW_RATE = "$k_e$ (rad/m)", r"$k_\theta$ (rad/rad)", r"$k_\omega$ (s)"
+LATERAL, HEADING, YAW_RATE = "$k_e$, rad/m", r"$k_\theta$, rad/rad", r"$k_\omega$, s"
 
 ALL_SPEEDS, ALL_LOADINGS = "#cfe3f3", "#8fbfe0"
 
@@ -80,17 +80,13 @@ def stabilising_slices(subject: Subject) -> Figure:
     lateral, heading = np.linspace(0.0, k_e, 90), np.linspace(low, high, 90)
     cuts = np.linspace(first + 0.2 * (last - first), last - 0.12 * (last - first), 6)
     cuts[np.argmin(np.abs(cuts - subject.gains.yaw_rate))] = subject.gains.yaw_rate
-    figure = Figure(figsize=(9.0, 5.6), layout="constrained")
+    figure = Figure(figsize=(PAGE_IN, 4.8), layout="constrained")
     panels = figure.subplots(2, 3, sharex=True, sharey=True)
-    for axes, cut in zip(panels.flat, cuts.tolist(), strict=True):
-        shades = axes.contourf(
-            lateral,
-            heading,
-            _decay(subject, lateral, heading, cut),
-            levels=np.linspace(0.0, 3.0, 13),
-            cmap=SEQUENCE,
-            extend="max",
-        )
+    decays = [_decay(subject, lateral, heading, cut) for cut in cuts.tolist()]
+    fastest = max(float(decay.max()) for decay in decays)
+    levels = MaxNLocator(12).tick_values(0.0, max(fastest, 0.1))
+    for axes, cut, decay in zip(panels.flat, cuts.tolist(), decays, strict=True):
+        shades = axes.contourf(lateral, heading, decay, levels=levels, cmap=SEQUENCE)
         curve = _boundary(subject, subject.reference, cut, np.array([k_e, high - low]))
         axes.plot(curve[:, 0], curve[:, 1], color="black", linewidth=1.2)
         axes.axvline(0.0, color="black", linewidth=1.2)
@@ -106,10 +102,9 @@ def stabilising_slices(subject: Subject) -> Figure:
     for axes in panels[:, 0]:
         axes.set_ylabel(HEADING)
     bar = figure.colorbar(shades, ax=panels, shrink=0.8)
-    bar.set_label("decay of the slowest root (1/s)")
+    bar.set_label("decay of the slowest root, 1/s")
     figure.suptitle(
-        f"Stabilising gains at {subject.reference:.4g} m/s: shaded by their roots, "
-        "bounded by D-decomposition (black)"
+        f"Stabilising gains at {subject.reference:.4g} m/s; black: boundary by D-decomposition"
     )
     return figure
 
@@ -118,7 +113,7 @@ def stabilising_set(subject: Subject) -> Figure:
     """The stabilising set in three dimensions, as a stack of slices."""
     (_, k_e), (low, high), (first, last) = _extent(subject, [subject.reference])
     lateral, heading = np.linspace(0.0, k_e, 150), np.linspace(low, high, 150)
-    figure = Figure(figsize=(7.0, 5.6), layout="constrained")
+    figure = Figure(figsize=(0.7 * PAGE_IN, 4.2), layout="constrained")
     axes: Any = figure.add_subplot(projection="3d", computed_zorder=False)
     cuts = np.linspace(first, last, 24)[1:-1].tolist()
     for index, cut in enumerate(cuts):
@@ -135,7 +130,7 @@ def stabilising_set(subject: Subject) -> Figure:
     axes.set_ylabel(HEADING, labelpad=8)
     axes.set_zlabel(YAW_RATE, labelpad=6)
     axes.yaxis.set_major_locator(MaxNLocator(4))
-    axes.set_box_aspect((1.1, 1.1, 0.85))
+    axes.set_box_aspect((1.1, 1.1, 0.85), zoom=0.88)
     axes.view_init(elev=22.0, azim=-52.0)
     axes.set_title(f"Stabilising gains at {subject.reference:.4g} m/s (star: chosen)", y=1.0)
     return figure
@@ -147,7 +142,7 @@ def intersection(subject: Subject) -> Figure:
     k_e, low, high = 1.25 * k_e, min(low, -0.3), 1.15 * high
     lateral, heading = np.linspace(0.0, k_e, 260), np.linspace(low, high, 260)
     gains = _grid(lateral, heading, subject.gains.yaw_rate)
-    figure = Figure(figsize=(7.2, 4.8), layout="constrained")
+    figure = Figure(figsize=(0.75 * PAGE_IN, 3.6), layout="constrained")
     axes = figure.subplots()
     for cars, shade, label in (
         ([subject.parameters], ALL_SPEEDS, "all speeds"),

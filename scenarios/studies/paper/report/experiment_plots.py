@@ -1,4 +1,4 @@
-"""Pictures of the report on the paper's experiments. Needs matplotlib: import it when drawing."""
+"""Plots of the report on the paper's experiments. Needs matplotlib: import it when drawing."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -30,7 +30,7 @@ from scenarios.studies.paper.keys import (
     Variant,
     at_radius,
 )
-from scenarios.studies.picture_style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
+from scenarios.studies.picture_style import BLUE, GREEN, GREY, ORANGE, PAGE_IN, PURPLE, RED
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS
 from vehicles.preview.curve_fit import Trajectory
 from vehicles.theory.propagation import propagation, trace_propagation
@@ -59,24 +59,24 @@ def _draw(axes: Axes, drives: Sequence[tuple[Drive, Array]], first: int, width: 
             label=drive.name if place else f"{drive.name} (lead)",
         )
     axes.axhline(0.0, color=GREY, linewidth=0.6)
-    axes.set_xlabel("time (s)")
+    axes.set_xlabel("time, s")
 
 
 def _errors(axes: Axes, trial: Trial, width: float = 1.2) -> None:
     """Plot the lateral error of all cars against the own trajectory."""
     _draw(axes, [(drive, drive.lateral_error) for drive in trial.drives], 0, width)
-    axes.set_ylabel("lateral error (cm)")
+    axes.set_ylabel("lateral error, cm")
 
 
 def _true_errors(axes: Axes, trial: Trial, width: float = 1.2) -> None:
     """Plot the followers' distances from the lead's driven path."""
     _draw(axes, [(drive, drive.cross_track) for drive in trial.followers], 1, width)
-    axes.set_ylabel("beside the lead's path (cm)")
+    axes.set_ylabel("beside the lead's path, cm")
 
 
 def road(findings: Findings) -> Figure:
     lead = findings.trials[BASE].lead
-    figure = Figure(figsize=(7.6, 2.4), layout="constrained")
+    figure = Figure(figsize=(PAGE_IN, 2.4), layout="constrained")
     axes = figure.subplots()
     axes.plot(lead.east, lead.north, color=BLUE)
     for second in (5, 10, 20, 25):
@@ -92,14 +92,14 @@ def road(findings: Findings) -> Figure:
             fontsize=8.0,
         )
     axes.set_ylim(-4.4, 1.4)
-    axes.set_xlabel("along the road (m)")
-    axes.set_ylabel("to the left (m)")
+    axes.set_xlabel("along the road, m")
+    axes.set_ylabel("to the left, m")
     axes.set_title("The lead's path: arcs of 500 m radius, lanes of 3.6 m (height exaggerated)")
     return figure
 
 
 def base(findings: Findings) -> Figure:
-    figure = Figure(figsize=(7.6, 3.4), layout="constrained")
+    figure = Figure(figsize=(PAGE_IN, 3.4), layout="constrained")
     axes = figure.subplots()
     _errors(axes, findings.trials[BASE])
     for limit in (-9.0, 9.0):
@@ -113,7 +113,7 @@ def base(findings: Findings) -> Figure:
         fontsize=8.0,
     )
     axes.set_title("Base case: 30 m/s, one passenger in front, three in the rear")
-    axes.legend(ncols=4, loc="upper right", bbox_to_anchor=(1.0, 0.93))
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return figure
 
 
@@ -124,37 +124,37 @@ def a_to_d(findings: Findings) -> Figure:
         C: "C: 20 m/s, n_f = 1, n_r = 0",
         D: "D: 30 m/s, two heavier cars before two lighter",
     }
-    figure = Figure(figsize=(9.6, 5.6), layout="constrained")
+    figure = Figure(figsize=(PAGE_IN, 5.6), layout="constrained")
     panels = figure.subplots(2, 2, sharey=True)
     for axes, (key, title) in zip(panels.flat, titles.items(), strict=True):
         _errors(axes, findings.trials[key])
         axes.set_title(title)
-    panels[0, 0].legend(ncols=2, loc="lower center")
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return figure
 
 
 def variable_speed(findings: Findings) -> Figure:
     trial = findings.trials[VARIABLE_SPEED]
-    figure = Figure(figsize=(7.6, 4.8), layout="constrained")
+    figure = Figure(figsize=(PAGE_IN, 4.8), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(1.0, 1.7))
     lead = trial.lead
     above.plot(lead.at, lead.speed, color=BLUE)
-    above.set_ylabel("speed (m/s)", color=BLUE)
+    above.set_ylabel("speed, m/s", color=BLUE)
     beside = above.twinx()
     beside.grid(visible=False)
     acceleration = np.diff(lead.speed) / np.diff(lead.at)
     beside.plot(lead.at[:-1], acceleration, color=ORANGE, linestyle="--", linewidth=1.0)
-    beside.set_ylabel("acceleration (m/s²)", color=ORANGE)
+    beside.set_ylabel("acceleration, m/s²", color=ORANGE)
     beside.spines["right"].set_visible(True)
     above.set_title("Variable speed")
     _errors(below, trial)
-    below.legend(ncols=4, loc="lower right")
+    figure.legend(*below.get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return figure
 
 
 def field(findings: Findings) -> Figure:
     with_data, without = findings.trials[FIELD_WITH], findings.trials[FIELD_WITHOUT]
-    figure = Figure(figsize=(10.4, 5.4), layout="constrained")
+    figure = Figure(figsize=(PAGE_IN, 5.4), layout="constrained")
     panels = figure.subplot_mosaic(
         [["course", "off without", "true without"], ["course", "off with", "true with"]],
         width_ratios=(0.9, 1.0, 1.0),
@@ -163,9 +163,11 @@ def field(findings: Findings) -> Figure:
     for word, trial in (("without", without), ("with", with_data)):
         _errors(panels[f"off {word}"], trial, 0.7)
         _true_errors(panels[f"true {word}"], trial, 0.9)
-        for kind, height in (("off", 10.0), ("true", 15.0)):
+        for kind in ("off", "true"):
             panels[f"{kind} {word}"].set_title(f"{word.capitalize()} the lead's data")
-            panels[f"{kind} {word}"].set_ylim(-height, height)
+            panels[f"{kind} {word}"].sharey(panels[f"{kind} without"])
+    cars = panels["course"].get_legend_handles_labels()
+    figure.legend(*cars, loc="outside lower center", ncols=4)
     return figure
 
 
@@ -176,22 +178,21 @@ def _course(axes: Axes, trial: Trial) -> None:
             drive.east, drive.north, color=COLOURS[place], linestyle=DASHES[place], label=label
         )
     axes.set_aspect("equal")
-    axes.set_xlabel("east (m)")
-    axes.set_ylabel("north (m)")
+    axes.set_xlabel("east, m")
+    axes.set_ylabel("north, m")
     axes.set_title("Course")
-    axes.legend(loc="center")
 
 
 def lead_data(findings: Findings) -> Figure:
     """Draw true errors without and with the lead's data, and their maxima along eight cars."""
-    figure = Figure(figsize=(10.4, 3.6), layout="constrained")
+    figure = Figure(figsize=(PAGE_IN, 3.6), layout="constrained")
     left, middle, right = figure.subplots(1, 3, width_ratios=(1.2, 1.2, 1.0))
     _true_errors(left, findings.trials[NO_LEAD_DATA])
     _true_errors(middle, findings.trials[BASE])
     left.set_title("Without the lead's data")
     middle.set_title("With the lead's data")
     middle.sharey(left)
-    left.legend(loc="lower right")
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower left", ncols=4)
     for key, colour in ((LONG_WITHOUT, RED), (LONG_WITH, BLUE)):
         trial = findings.trials[key]
         cars = np.arange(2, 2 + len(trial.followers))
@@ -210,9 +211,9 @@ def lead_data(findings: Findings) -> Figure:
             )
     right.set_ylim(bottom=0.0)
     right.set_xlabel("car")
-    right.set_ylabel("largest error (cm)")
-    right.set_title("Eight cars, first lane change")
-    right.legend(fontsize=7.0)
+    right.set_ylabel("largest error, cm")
+    right.set_title("Eight cars")
+    figure.legend(*right.get_legend_handles_labels(), loc="outside lower right", ncols=2)
     return figure
 
 
@@ -220,7 +221,7 @@ def maxima(findings: Findings) -> Figure:
     """Draw largest errors: exact (bars), with the road moved (dashes), with noise (dots)."""
     known = (BASE, NO_LEAD_DATA, A, B, C, D, VARIABLE_SPEED)
     cases = [key for key in known if findings.has(key)]
-    figure = Figure(figsize=(9.6, 5.2), layout="constrained")
+    figure = Figure(figsize=(PAGE_IN, 5.2), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True)
     for axes, measure in ((above, "tracking"), (below, "cross_track")):
         for column, key in enumerate(cases):
@@ -231,13 +232,13 @@ def maxima(findings: Findings) -> Figure:
                 axes.plot([x] * len(noisy), noisy, "o", color="black", markersize=2.2)
                 moved = [100.0 * getattr(run, measure)[place] for run in findings.moved(key)]
                 axes.plot([x] * len(moved), moved, "_", color="black", markersize=7.0)
-        axes.set_ylabel("largest error (cm)")
+        axes.set_ylabel("largest error, cm")
     for place in PLACES:
         above.bar(0.0, 0.0, color=COLOURS[place + 1], label=f"follower {place + 1}")
     above.plot([], [], "_", color="black", markersize=7.0, label="the road moved")
     above.plot([], [], "o", color="black", markersize=2.2, label="a run with noise")
-    above.legend(ncols=5, loc="upper right")
-    above.set_ylim(0.0, 10.0)
+    marks = above.get_legend_handles_labels()
+    figure.legend(*marks, loc="outside lower center", ncols=5)
     above.set_title("Off the own trajectory (what the paper shows)")
     below.set_title("Off the lead's driven path")
     below.set_xticks(range(len(cases)), [key.label for key in cases])
@@ -245,7 +246,7 @@ def maxima(findings: Findings) -> Figure:
 
 
 def radius(findings: Findings) -> Figure:
-    figure = Figure(figsize=(9.6, 3.8), layout="constrained")
+    figure = Figure(figsize=(PAGE_IN, 3.8), layout="constrained")
     left, right = figure.subplots(1, 2)
     _followers_over_radius(left, findings)
     styles: tuple[tuple[Variant | None, str, str, str], ...] = (
@@ -259,11 +260,11 @@ def radius(findings: Findings) -> Figure:
         right.plot(
             RADII, 100.0 * np.array(values), color=colour, marker=mark, markersize=4, label=label
         )
-    right.set_ylabel("off the lead's path (cm)")
+    right.set_ylabel("off the lead's path, cm")
     right.set_title("The third follower")
     for axes in (left, right):
         axes.legend()
-        axes.set_xlabel("radius of the bends (m)")
+        axes.set_xlabel("radius of the bends, m")
         axes.set_ylim(bottom=0.0)
     return figure
 
@@ -287,13 +288,13 @@ def _followers_over_radius(axes: Axes, findings: Findings) -> None:
         color=RED,
         fontsize=8.0,
     )
-    axes.set_ylabel("off the own trajectory (cm)")
+    axes.set_ylabel("off the own trajectory, cm")
     axes.set_title("With the lead's data (small: with noise)")
 
 
 def measured_propagation(findings: Findings) -> Figure:
     fine = np.geomspace(0.3, 30.0, 600)
-    figure = Figure(figsize=(7.6, 4.2), layout="constrained")
+    figure = Figure(figsize=(PAGE_IN, 4.2), layout="constrained")
     axes = figure.subplots()
     paper = propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED)
     trace = trace_propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED)
@@ -321,8 +322,8 @@ def measured_propagation(findings: Findings) -> Figure:
     label = f"the same with a preview of {SHORT_PREVIEW_S:g} s, all cars"
     axes.plot(driven, ratios.mean(axis=1), "D", color=PURPLE, mfc="white", ms=4.5, label=label)
     axes.axhline(1.0, color=GREY, linewidth=0.8)
-    axes.set_ylim(0.0, 2.4)
-    axes.set_xlabel("frequency (rad/s)")
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlabel("frequency, rad/s")
     axes.set_ylabel("amplitude over that of the car ahead")
     axes.set_title("Propagation with the predecessor's data only, 30 m/s")
     axes.legend(loc="upper left")
@@ -330,7 +331,7 @@ def measured_propagation(findings: Findings) -> Figure:
 
 
 def recipe(findings: Mapping[Trajectory, Findings]) -> Figure:
-    figure = Figure(figsize=(10.4, 3.8), layout="constrained")
+    figure = Figure(figsize=(PAGE_IN, 3.8), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(1.3, 1.0))
     for (trajectory, results), colour, mark in zip(
         findings.items(), (BLUE, RED), ("o", "s"), strict=True
@@ -346,8 +347,8 @@ def recipe(findings: Mapping[Trajectory, Findings]) -> Figure:
     left.axhline(9.0, color=GREY, linestyle=":", linewidth=1.0)
     left.set_xticks([200, 300, 400, 500, 700, 1000], ["200", "300", "400", "500", "700", "1000"])
     left.minorticks_off()
-    left.set_xlabel("radius of the bends (m)")
-    left.set_ylabel("largest error off the own trajectory (cm)")
+    left.set_xlabel("radius of the bends, m")
+    left.set_ylabel("largest error off the own trajectory, cm")
     left.set_title("A lane change at 30 m/s (dotted: the paper's 9 cm)")
     left.legend()
     fitted, paper = findings["fitted"], findings["paper"]
@@ -371,20 +372,20 @@ def recipe(findings: Mapping[Trajectory, Findings]) -> Figure:
 
 
 PICTURES: dict[str, tuple[tuple[Need, ...], Draw]] = {
-    "road.png": ((BASE,), road),
-    "errors_base.png": ((BASE,), base),
-    "errors_a_to_d.png": ((A, B, C, D), a_to_d),
-    "errors_variable_speed.png": ((VARIABLE_SPEED,), variable_speed),
-    "maxima.png": ((BASE,), maxima),
-    "lead_data.png": ((BASE, NO_LEAD_DATA, LONG_WITH, LONG_WITHOUT), lead_data),
-    "radius.png": (tuple(at_radius(r) for r in RADII), radius),
-    "propagation.png": ((Part.PROPAGATION,), measured_propagation),
-    "field.png": ((Part.FIELD,), field),
+    "road": ((BASE,), road),
+    "errors_base": ((BASE,), base),
+    "errors_a_to_d": ((A, B, C, D), a_to_d),
+    "errors_variable_speed": ((VARIABLE_SPEED,), variable_speed),
+    "maxima": ((BASE,), maxima),
+    "lead_data": ((BASE, NO_LEAD_DATA, LONG_WITH, LONG_WITHOUT), lead_data),
+    "radius": (tuple(at_radius(r) for r in RADII), radius),
+    "propagation": ((Part.PROPAGATION,), measured_propagation),
+    "field": ((Part.FIELD,), field),
 }
 """Needs of each picture, and the function that draws it."""
 
 BOTH: dict[str, tuple[tuple[Need, ...], Callable[[Mapping[Trajectory, Findings]], Figure]]] = {
-    "paper_recipe.png": (
+    "paper_recipe": (
         (BASE, BASE.with_variant("paper_prefix"), *(at_radius(r) for r in RADII)),
         recipe,
     ),

@@ -1,4 +1,4 @@
-"""Pictures of the gains report: its curves, and the list of all. Needs matplotlib."""
+"""Plots of the gains report: its curves, and the list of all. Needs matplotlib."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -8,9 +8,21 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from scenarios.studies.engine.results import write_files
+from scenarios.studies.gains.gain_set_plots import intersection, stabilising_set, stabilising_slices
 from scenarios.studies.gains.results import GainsReport, Subject
-from scenarios.studies.gains.set_pictures import intersection, stabilising_set, stabilising_slices
-from scenarios.studies.picture_style import BLUE, GREEN, GREY, ORANGE, RED, SEQUENCE, SKY, STYLE
+from scenarios.studies.picture_style import (
+    BLUE,
+    COLUMN_IN,
+    GREEN,
+    GREY,
+    ORANGE,
+    PAGE_IN,
+    RED,
+    SEQUENCE,
+    SKY,
+    STYLE,
+)
 from vehicles.theory.gain_sets import abscissa
 from vehicles.theory.propagation import chain_offsets, propagation, trace_propagation
 
@@ -29,7 +41,7 @@ def abscissa_over_speed(subject: Subject, report: GainsReport) -> Figure:
     varying = report.varying_speed
     speeds = np.linspace(varying.slowest_mps, varying.fastest_mps, 200).tolist()
     curves = np.array([abscissa(car, subject.gains, speeds) for car in subject.cars])
-    figure = Figure(figsize=(6.4, 3.8), layout="constrained")
+    figure = Figure(figsize=(COLUMN_IN, 3.3), layout="constrained")
     axes = figure.subplots()
     axes.fill_between(
         speeds, curves.min(axis=0), curves.max(axis=0), color=SKY, alpha=0.4, label="all loadings"
@@ -53,28 +65,28 @@ def abscissa_over_speed(subject: Subject, report: GainsReport) -> Figure:
             label=rf"proven for all speeds: $\sigma$ = {varying.decay_per_s:.3f} 1/s",
         )
     axes.axhline(0.0, color=RED, linewidth=1.0, label="stability limit")
-    axes.set_xlabel("speed (m/s)")
-    axes.set_ylabel("largest real part (1/s)")
-    axes.set_title("Slowest root of the closed loop against speed")
-    axes.legend(loc="best")
+    axes.set_xlabel("speed, m/s")
+    axes.set_ylabel("largest real part, 1/s")
+    axes.set_title("Slowest root of the closed loop")
+    figure.legend(loc="outside lower center", ncols=2)
     return figure
 
 
 def certified_acceleration(_subject: Subject, report: GainsReport) -> Figure:
     """Bounds on acceleration that keep the loop certainly stable, against speed."""
     table = report.varying_speed.table
-    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
+    figure = Figure(figsize=(COLUMN_IN, 3.3), layout="constrained")
     axes = figure.subplots()
-    axes.set_xlabel("speed (m/s)")
-    axes.set_ylabel("certified |acceleration| (m/s²)")
-    axes.set_title("Braking and accelerating that cannot destabilise the loop")
+    axes.set_xlabel("speed, m/s")
+    axes.set_ylabel("certified |acceleration|, m/s²")
+    axes.set_title("Acceleration that keeps the loop stable")
     if not table:
         text = "not stable at every constant speed:\nnothing is certified"
         axes.text(0.5, 0.5, text, ha="center", transform=axes.transAxes)
         return figure
     speeds = [row.speed_mps for row in table]
     for bounds, label, colour, line in (
-        ([row.certified for row in table], "certificate: tuned Q, weighted over speed", BLUE, "-"),
+        ([row.certified for row in table], "tuned Q, weighted over speed", BLUE, "-"),
         ([row.tuned_q_only for row in table], "tuned Q, not weighted", GREEN, "--"),
         ([row.unit_q_only for row in table], "Q = 1, not weighted", ORANGE, ":"),
     ):
@@ -84,19 +96,20 @@ def certified_acceleration(_subject: Subject, report: GainsReport) -> Figure:
     axes.axhline(DRY_ASPHALT, color=GREY, linewidth=1.0)
     axes.annotate(
         "dry asphalt",
-        (speeds[0], DRY_ASPHALT),
+        (speeds[-1], DRY_ASPHALT),
         (0, -10),
         textcoords="offset points",
+        ha="right",
         color=GREY,
         fontsize=8.0,
     )
-    axes.legend(loc="center right", bbox_to_anchor=(1.0, 0.36))
+    figure.legend(loc="outside lower center")
     return figure
 
 
 def error_propagation(subject: Subject, report: GainsReport) -> Figure:
     """|G(j w)| from car to car, simulated too, and what the lead's data change."""
-    figure = Figure(figsize=(9.4, 4.0), layout="constrained")
+    figure = Figure(figsize=(PAGE_IN, 3.3), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
     _draw_propagation(left, subject, report)
     _draw_chain(right, subject)
@@ -128,10 +141,10 @@ def _draw_propagation(axes: Axes, subject: Subject, report: GainsReport) -> None
             label="simulated chain",
         )
     axes.axhline(1.0, color=GREY, linewidth=1.0)
-    axes.set_ylim(0.0, 2.5)
-    axes.set_xlabel("frequency (rad/s)")
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlabel("frequency, rad/s")
     axes.set_ylabel("|G|: error over the predecessor's")
-    axes.set_title("Predecessor only: errors grow where |G| > 1")
+    axes.set_title("Predecessor only: errors grow if |G| > 1")
     axes.legend(loc="upper left")
 
 
@@ -152,16 +165,16 @@ def _draw_chain(axes: Axes, subject: Subject) -> None:
         )
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel("follower")
-    axes.set_ylabel("distance from the lead's path (cm)")
+    axes.set_ylabel("distance from the lead's path, cm")
     axes.set_title(
-        f"Lead swings 1 m at {SINE_FREQUENCY / (2.0 * np.pi):.1f} Hz, {subject.reference:.4g} m/s"
+        f"Lead sine of 1 m, {SINE_FREQUENCY / (2.0 * np.pi):.1f} Hz, {subject.reference:.4g} m/s"
     )
     axes.legend(loc="upper left")
 
 
 def roots_over_loadings(subject: Subject, report: GainsReport) -> Figure:
     """Roots of Delta(s, K) for every loading at the reference speed (paper, section V-B)."""
-    figure = Figure(figsize=(9.0, 4.0), layout="constrained")
+    figure = Figure(figsize=(PAGE_IN, 3.0), layout="constrained")
     panels = figure.subplots(1, 2)
     rows = report.loadings
     roots = np.array([row.roots_per_s for row in rows])
@@ -178,8 +191,8 @@ def roots_over_loadings(subject: Subject, report: GainsReport) -> Figure:
             zorder=3,
         )
         axes.axvline(0.0, color=RED, linewidth=1.0)
-        axes.set_xlabel("real part (1/s)")
-    panels[0].set_ylabel("imaginary part (rad/s)")
+        axes.set_xlabel("real part, 1/s")
+    panels[0].set_ylabel("imaginary part, rad/s")
     panels[0].set_title("All roots")
     slow = np.abs(roots[..., 1]) < SLOW_ROOTS
     left = 1.3 * min(float(roots[..., 0].max(axis=1).min()), -0.5)
@@ -189,14 +202,14 @@ def roots_over_loadings(subject: Subject, report: GainsReport) -> Figure:
     panels[1].set_ylim(-height, height)
     panels[1].set_title("Close to the origin")
     bar = figure.colorbar(dots, ax=panels)
-    bar.set_label("mass (kg)")
+    bar.set_label("mass, kg")
     figure.suptitle(f"Roots of the closed loop over loadings at {subject.reference:.4g} m/s")
     return figure
 
 
 def lowest_rates(_subject: Subject, report: GainsReport) -> Figure:
     """Lowest stable rates of inertial sensor, fixes alone and control, against speed."""
-    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
+    figure = Figure(figsize=(COLUMN_IN, 3.3), layout="constrained")
     axes = figure.subplots()
     speeds = [row.speed_mps for row in report.sampled]
     for rates, label, colour, marker in (
@@ -221,35 +234,38 @@ def lowest_rates(_subject: Subject, report: GainsReport) -> Figure:
     ):
         values = [np.nan if rate is None else rate for rate in rates]
         axes.plot(speeds, values, color=colour, marker=marker, markersize=4.5, label=label)
-    axes.set_ylim(0.0, 50.0)
-    axes.set_xlabel("speed (m/s)")
-    axes.set_ylabel("lowest stable rate (Hz)")
-    axes.set_title("Rates from which on the loop is stable as it is run")
-    axes.legend(loc="best")
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlabel("speed, m/s")
+    axes.set_ylabel("lowest stable rate, Hz")
+    axes.set_title("Lowest stable rates")
+    figure.legend(loc="outside lower center")
     return figure
 
 
 OF_SETS: dict[str, Callable[[Subject], Figure]] = {
-    "stabilising_slices.png": stabilising_slices,
-    "stabilising_set.png": stabilising_set,
-    "intersection.png": intersection,
+    "stabilising_slices": stabilising_slices,
+    "stabilising_set": stabilising_set,
+    "intersection": intersection,
 }
 OF_NUMBERS: dict[str, Callable[[Subject, GainsReport], Figure]] = {
-    "abscissa.png": abscissa_over_speed,
-    "certified_acceleration.png": certified_acceleration,
-    "propagation.png": error_propagation,
-    "roots_over_loadings.png": roots_over_loadings,
-    "lowest_rates.png": lowest_rates,
+    "abscissa": abscissa_over_speed,
+    "certified_acceleration": certified_acceleration,
+    "propagation": error_propagation,
+    "roots_over_loadings": roots_over_loadings,
+    "lowest_rates": lowest_rates,
 }
 
 
 NAMES = (*OF_SETS, *OF_NUMBERS)
 
 
-def draw_all(subject: Subject, report: GainsReport, out_dir: Path) -> tuple[str, ...]:
+def draw_all(
+    subject: Subject, report: GainsReport, out_dir: Path, picture_format: str
+) -> tuple[str, ...]:
+    """Write all plots; returns the names of the files."""
     with mpl.rc_context(STYLE):
         figures = {name: draw(subject) for name, draw in OF_SETS.items()}
         figures |= {name: draw(subject, report) for name, draw in OF_NUMBERS.items()}
-        for name, figure in figures.items():
-            figure.savefig(out_dir / name, metadata={"Software": ""})
-    return tuple(figures)
+    files = {f"{name}.{picture_format}": figure for name, figure in figures.items()}
+    write_files(out_dir, files)
+    return tuple(files)

@@ -1,4 +1,4 @@
-"""Pictures of a sweep: heat maps with the contour of a limit, lines with bands, distributions.
+"""Plots of a sweep: heat maps with the contour of a limit, lines with bands, distributions.
 
 Needs matplotlib. Two keys make heat maps, three several of them, one a line, none only the
 distribution over the seeds.
@@ -16,29 +16,44 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from scenarios.definition.run_limits import Limit
+from scenarios.studies.axis_labels import axis_label
 from scenarios.studies.many.sweeps.axis import SweepAxis
-from scenarios.studies.many.sweeps.cell_table import SweepCell, SweepTable
-from scenarios.studies.picture_style import BLUE, GREY, ORANGE, RED, SEQUENCE, STYLE
+from scenarios.studies.many.sweeps.cell_table import SweepTable
+from scenarios.studies.picture_style import (
+    BLUE,
+    COLUMN_IN,
+    GREY,
+    ORANGE,
+    PAGE_IN,
+    RED,
+    SEQUENCE,
+    SMALL_PT,
+    STYLE,
+    ink_on,
+)
 
 HALF = 0.5
 """Share of broken runs at which the boundary of a limit is drawn."""
 MOST_PANELS = 12
-PANEL_IN = (4.0, 3.2)
-MOST_LABELS = 12
+PANEL_HEIGHT_IN = 2.8
+MOST_LABELS = 8
 """Values that an axis is labelled with."""
+WIDEST_LABELS = 32
+"""Characters of all labels together; longer ones are slanted."""
 MOST_NUMBERS = 40
 """Cells that are large enough to have their value written into them."""
-BRIGHT = 0.6
-"""Share of the colours from which on black is read better than white."""
 MOST_NAMED = 8
 """Cells with a name of their own in the legend."""
+PERCENT = 100.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepPanel:
-    """The values of each cell in one picture, and the bound to mark."""
+    """The values of each cell in one plot, in the unit of its label, and the bound to mark."""
 
+    label: str
     title: str
+    band: str
     values: NDArray[np.float64]
     low: NDArray[np.float64]
     high: NDArray[np.float64]
@@ -51,23 +66,27 @@ def _panels(table: SweepTable) -> Iterator[SweepPanel]:
     for number, limit in enumerate(table.plan.limits):
         shares = [cell.limits[number] for cell in table.cells]
         yield SweepPanel(
-            title=f"share of runs that break {limit} (line: half)",
-            values=_numbers(share.ratio for share in shares),
-            low=_numbers(share.low for share in shares),
-            high=_numbers(share.high for share in shares),
-            bound=HALF,
+            label=f"runs that break {limit}, %",
+            title=f"Runs that break {limit}",
+            band="95 % interval",
+            values=PERCENT * _numbers(share.ratio for share in shares),
+            low=PERCENT * _numbers(share.low for share in shares),
+            high=PERCENT * _numbers(share.high for share in shares),
+            bound=PERCENT * HALF,
             is_share=True,
         )
     for number, figure in enumerate(table.plan.figures):
         spreads = [cell.figures[number] for cell in table.cells]
         bound = _bound_of(figure.name, table.plan.limits)
-        line = "" if bound is None else f" (line: {bound:g})"
+        label = axis_label(figure.name)
         yield SweepPanel(
-            title=f"{figure.name}, median{line}",
-            values=_numbers(spread.median for spread in spreads),
-            low=_numbers(spread.p5 for spread in spreads),
-            high=_numbers(spread.p95 for spread in spreads),
-            bound=bound,
+            label=label.text,
+            title="Median of the runs",
+            band="5 to 95 %",
+            values=label.factor * _numbers(spread.median for spread in spreads),
+            low=label.factor * _numbers(spread.p5 for spread in spreads),
+            high=label.factor * _numbers(spread.p95 for spread in spreads),
+            bound=None if bound is None else label.factor * bound,
             is_share=False,
         )
 
@@ -89,7 +108,7 @@ def why_no_heat_map(table: SweepTable) -> str:
     """Return the reason if the cells cannot be drawn, else an empty text."""
     axes = table.plan.axes
     if not axes:
-        return "no heat map: no key varies; seeds.png has the distribution over the seeds"
+        return "no heat map: no key varies; the plot of the seeds shows their distribution"
     if len(axes) > 3:
         return f"no heat map: {len(axes)} keys vary, three can be drawn; fix some by --set"
     if len(axes) == 3 and len(axes[0].texts) > MOST_PANELS:
@@ -107,16 +126,18 @@ def sweep_figure(table: SweepTable) -> Figure:
     for place, panel in zip(places, panels, strict=True):
         if len(axes) == 2:
             _heat(figure, place, axes, panel, panel.values)
+            place.set_title(panel.title)
         else:
             _line(place, axes[0], panel)
     return figure
 
 
 def _places(panels: Sequence[object]) -> tuple[Figure, list[Axes]]:
-    """Make a figure with a place for each panel, three in a row."""
-    columns = min(len(panels), 3)
+    """Make a figure with a place for each panel: one in a column, two on a page's width."""
+    columns = min(len(panels), 2)
     rows = -(-len(panels) // columns)
-    figure = Figure(figsize=(columns * PANEL_IN[0], rows * PANEL_IN[1]), layout="constrained")
+    width = COLUMN_IN if columns == 1 else PAGE_IN
+    figure = Figure(figsize=(width, rows * PANEL_HEIGHT_IN), layout="constrained")
     places = list(figure.subplots(rows, columns, squeeze=False).flat)
     for place in places[len(panels) :]:
         place.set_axis_off()
@@ -125,15 +146,25 @@ def _places(panels: Sequence[object]) -> tuple[Figure, list[Axes]]:
 
 def _positions(axis: SweepAxis) -> NDArray[np.float64]:
     """Positions of a key's values: ascending numbers at their place, others side by side."""
-    numbers = axis.numbers
-    if numbers is None or any(np.diff(numbers) <= 0.0):
+    if _is_category(axis):
         return np.arange(len(axis.texts), dtype=float)
-    return np.array(numbers)
+    return axis_label(axis.key).factor * np.array(axis.numbers)
+
+
+def _is_category(axis: SweepAxis) -> bool:
+    numbers = axis.numbers
+    return numbers is None or any(np.diff(numbers) <= 0.0)
 
 
 def _labels(axis: SweepAxis) -> tuple[NDArray[np.float64], list[str]]:
     step = -(-len(axis.texts) // MOST_LABELS)
-    return _positions(axis)[::step], list(axis.texts[::step])
+    texts = [_shown(axis, text) for text in axis.texts]
+    return _positions(axis)[::step], list(texts[::step])
+
+
+def _shown(axis: SweepAxis, text: str) -> str:
+    """A value in the unit of the axis's label."""
+    return text if axis.numbers is None else f"{axis_label(axis.key).factor * float(text):g}"
 
 
 def _heat(
@@ -149,47 +180,33 @@ def _heat(
     x, y = _positions(along), _positions(up)
     least, most = _ends(panel)
     mesh = place.pcolormesh(x, y, grid, shading="nearest", cmap=SEQUENCE, vmin=least, vmax=most)
-    figure.colorbar(mesh, ax=place)
+    bar = figure.colorbar(mesh, ax=place)
+    bar.set_label(panel.label)
     if panel.bound is not None and min(grid.shape) > 1:
         inside = grid[np.isfinite(grid)]
         if inside.size and inside.min() < panel.bound < inside.max():
             place.contour(x, y, grid, levels=[panel.bound], colors=[RED], linewidths=1.6)
+            bar.ax.axhline(panel.bound, color=RED, linewidth=1.6)
     if grid.size <= MOST_NUMBERS:
-        dark = least + BRIGHT * (most - least)
-        _number(place, x.tolist(), y.tolist(), grid.tolist(), dark, share=panel.is_share)
+        for (row, column), value in np.ndenumerate(grid):
+            if isfinite(value):
+                ink = ink_on(mesh.to_rgba(np.array([value]))[0])
+                text = f"{value:.0f}" if panel.is_share else f"{value:.2g}"
+                place.text(float(x[column]), float(y[row]), text, color=ink, ha="center",
+                           va="center", fontsize=SMALL_PT)  # fmt: skip
     place.set_xticks(*_labels(along))
     place.set_yticks(*_labels(up))
-    place.set(xlabel=along.key, ylabel=up.key, title=panel.title)
+    place.set(xlabel=axis_label(along.key).text, ylabel=axis_label(up.key).text)
     place.grid(visible=False)
 
 
-def _number(
-    place: Axes,
-    x: Sequence[float],
-    y: Sequence[float],
-    rows: Sequence[Sequence[float]],
-    dark: float,
-    *,
-    share: bool,
-) -> None:
-    """Write each cell's value into it: a share in percent, a figure to two digits.
-
-    Values up to `dark` have a dark colour.
-    """
-    for up, row in zip(y, rows, strict=True):
-        for along, value in zip(x, row, strict=True):
-            if isfinite(value):
-                text = f"{100.0 * value:.0f} %" if share else f"{value:.2g}"
-                ink = "black" if value > dark else "white"
-                place.text(along, up, text, color=ink, ha="center", va="center", fontsize=7.0)
-
-
 def _ends(panel: SweepPanel) -> tuple[float, float]:
-    """Values of the first and the last colour, the same in all parts of a picture."""
+    """Values of the first and the last colour, the same in all parts of a plot."""
     known = panel.values[np.isfinite(panel.values)]
-    if panel.is_share or not known.size:
+    if not known.size:
         return 0.0, 1.0
-    return float(known.min()), float(known.max())
+    least, most = float(known.min()), float(known.max())
+    return (least, most) if most > least else (least - 0.5, most + 0.5)
 
 
 def _multiples(axes: Sequence[SweepAxis], panel: SweepPanel) -> Figure:
@@ -199,22 +216,37 @@ def _multiples(axes: Sequence[SweepAxis], panel: SweepPanel) -> Figure:
     figure, places = _places(texts)
     for place, text, part in zip(places, texts, parts, strict=True):
         _heat(figure, place, axes, panel, part)
-        place.set_title(f"{axes[0].key}={text}")
-    figure.suptitle(panel.title, fontsize=10.0)
+        place.set_title(f"{axes[0].key} = {text}")
+    figure.suptitle(panel.title)
     return figure
 
 
 def _line(place: Axes, axis: SweepAxis, panel: SweepPanel) -> None:
+    """Draw values with their bands; categories as points with bars, which no line joins."""
     x = _positions(axis)
-    place.fill_between(x, panel.low, panel.high, color=BLUE, alpha=0.2, linewidth=0.0)
-    place.plot(x, panel.values, "o-", color=BLUE, markersize=3.0)
+    if _is_category(axis):
+        band = [panel.values - panel.low, panel.high - panel.values]
+        place.errorbar(x, panel.values, yerr=np.maximum(band, 0.0), fmt="o", color=BLUE,
+                       markersize=4.0, elinewidth=1.0, capsize=2.0)  # fmt: skip
+        place.set_xlim(-0.5, len(x) - 0.5)
+    else:
+        place.fill_between(x, panel.low, panel.high, color=BLUE, alpha=0.2, linewidth=0.0)
+        place.plot(x, panel.values, "o-", color=BLUE, markersize=3.0)
     if panel.bound is not None:
         place.axhline(panel.bound, color=RED, linewidth=0.9, linestyle=":")
-    place.set_xticks(*_labels(axis))
-    band = "95 % interval" if panel.is_share else "5 to 95 % of the runs"
-    place.set(xlabel=axis.key, title=f"{panel.title}, {band}")
+    places, texts = _labels(axis)
+    place.set_xticks(places, texts)
+    if _is_category(axis) and max(map(len, texts)) * len(texts) > WIDEST_LABELS:
+        place.tick_params(axis="x", labelrotation=25.0)
+        for tick in place.get_xticklabels():
+            tick.set(ha="right", rotation_mode="anchor")
+    place.set(
+        xlabel=axis_label(axis.key).text,
+        ylabel=panel.label,
+        title=f"{panel.title} and {panel.band}",
+    )
     if panel.is_share:
-        place.set_ylim(-0.03, 1.03)
+        place.set_ylim(-3.0, 103.0)
 
 
 @mpl.rc_context(STYLE)
@@ -222,22 +254,27 @@ def seeds_figure(table: SweepTable) -> Figure:
     """Draw the distribution of each figure over the seeds, a line for each cell."""
     figure, places = _places(table.plan.figures)
     for number, place in enumerate(places):
-        for cell, colour in zip(table.cells, _colours(table), strict=True):
-            _distribution(place, cell, number, colour)
         name = table.plan.figures[number].name
+        label = axis_label(name)
+        for cell, colour in zip(table.cells, _colours(table), strict=True):
+            values = zip(table.plan.axes, cell.values, strict=True)
+            text = "; ".join(_shown(axis, value) for axis, value in values)
+            runs = [run.figures[number] for run in cell.runs if not run.error]
+            known = [label.factor * value for value in runs if value is not None]
+            _distribution(place, known, colour, text)
         if (bound := _bound_of(name, table.plan.limits)) is not None:
-            place.axvline(bound, color=RED, linewidth=0.9, linestyle=":")
-        place.set(xlabel=name, ylabel="share of the runs", title=_over(table))
-        lines = place.get_legend_handles_labels()[0]
-        if table.plan.axes and lines and len(table.cells) <= MOST_NAMED:
-            keys = ", ".join(axis.key for axis in table.plan.axes)
-            place.legend(loc="lower right", title=keys, title_fontsize=7.5)
+            place.axvline(label.factor * bound, color=RED, linewidth=0.9, linestyle=":")
+        place.set(xlabel=label.text, ylabel="runs, %", title=_over(table))
+    lines = places[0].get_legend_handles_labels() if places else ([], [])
+    if table.plan.axes and lines[0] and len(table.cells) <= MOST_NAMED:
+        keys = "; ".join(axis_label(axis.key).text for axis in table.plan.axes)
+        figure.legend(*lines, loc="outside lower center", title=keys, ncols=2 * len(places))
     return figure
 
 
 def _over(table: SweepTable) -> str:
     """Return the number of seeds, and the meaning of colours without a legend."""
-    several = f", blue to orange: {len(table.cells)} cells in their order"
+    several = f", {len(table.cells)} cells from blue to orange"
     return f"{table.plan.seeds} seeds{several if len(table.cells) > MOST_NAMED else ''}"
 
 
@@ -249,8 +286,15 @@ def _colours(table: SweepTable) -> list[Any]:
     return [map_(share) for share in np.linspace(0.0, 1.0, len(table.cells))]
 
 
-def _distribution(place: Axes, cell: SweepCell, number: int, colour: Any) -> None:
-    values = [run.figures[number] for run in cell.runs if not run.error]
-    known = np.sort([value for value in values if value is not None])
+def _distribution(place: Axes, values: Sequence[float], colour: Any, text: str) -> None:
+    known = np.sort(values)
     if known.size:
-        place.ecdf(known, color=colour, linewidth=1.2, label=", ".join(cell.values))
+        shares = PERCENT * np.arange(1, known.size + 1) / known.size
+        place.step(
+            [known[0], *known],
+            [0.0, *shares],
+            where="post",
+            color=colour,
+            linewidth=1.2,
+            label=text,
+        )
