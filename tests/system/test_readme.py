@@ -28,6 +28,7 @@ README = Path(__file__).parents[2] / "README.md"
 SHORT = ["--set", "duration_s=2"]
 TWO_CARS = "--set duration_s=2.5 --set convoy.vehicles=2"
 BEND = " ".join(f'--set "{one}"' for one in SETTINGS)
+BISECT = f"{BEND} --precision 0.2 --out b"
 NOT_HERE = {
     "--rerun spawn": "--rerun save=live.rrd --clock virtual",  # needs a display
     "run lossy_lane_change": "run lossy_lane_change --clock virtual",
@@ -41,7 +42,7 @@ NOT_HERE = {
     "sweep lossy_lane_change": f"sweep lossy_lane_change {TWO_CARS}",
     "0.5:0.9:0.1": "0.5:0.9:0.4",
     "8,15,25,35 --seeds 10": "8,35 --seeds 1",
-    "--limit lane --out many/boundary": f"--limit error_m=1 --to 0.2 --seeds 4 {BEND} --out b",
+    "--limit lane --out many/boundary": f"--limit error_m=1 --seeds 4 {BISECT}",
     "risk lossy_lane_change": f"risk lossy_lane_change --runs 20 {TWO_CARS}",
     "blame runs/lossy": "blame runs/lossy --runs 12",
     "convoy drill": "convoy drill lead_lost",
