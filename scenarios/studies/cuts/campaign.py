@@ -1,4 +1,4 @@
-"""Many cuts, the same with each reaction, and their figures."""
+"""Random cuts, simulated with each reaction, and their figures."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -24,32 +24,29 @@ PICTURE, JSON_FILE = "cuts", "cuts.json"
 REACTIONS: tuple[Reaction, ...] = ("degrade", "extrapolate", "hold", "straight")
 SPEEDS_MPS = 8.0, 30.0
 CUT_AT_S = 3.0, 17.0
-"""The convoy has formed by then, and its last car is through both lane changes by then."""
+"""From when the convoy has formed until its last car has left both lane changes."""
 SHORT_S, LONG_S = (0.3, 4.0), 14.0
-"""Ranges of half of the cuts; the others last until all stand."""
+"""Half of the cuts are short, from a range; the other half last until all cars have stopped."""
 
 
 def draw_cuts(count: int, reaction: Reaction, seed: int = 1) -> Iterator[LinkCut]:
-    """Draw cuts at random instants of double lane changes at random speeds.
-
-    Equal seeds give equal cuts, the same for each reaction.
-    """
-    chance = np.random.Generator(np.random.PCG64(seed))
+    """Draw cuts at random times and speeds, the same for each reaction."""
+    random = np.random.Generator(np.random.PCG64(seed))
     for number in range(count):
         yield LinkCut(
             reaction=reaction,
-            speed_mps=round(float(chance.uniform(*SPEEDS_MPS)), 2),
-            at_s=round(float(chance.uniform(*CUT_AT_S)), 3),
-            for_s=LONG_S if number % 2 else round(float(chance.uniform(*SHORT_S)), 3),
+            speed_mps=round(float(random.uniform(*SPEEDS_MPS)), 2),
+            at_s=round(float(random.uniform(*CUT_AT_S)), 3),
+            for_s=LONG_S if number % 2 else round(float(random.uniform(*SHORT_S)), 3),
             seed=number + 1,
         )
 
 
 def run_cuts(cuts: Sequence[LinkCut], engine: Engine) -> list[CutFigures]:
-    """Simulate all cuts; returns a row for each follower, in the order of `cuts`."""
+    """Simulate all cuts; return a row per follower, in the order of `cuts`."""
     jobs = [
-        Job(key=f"{one.reaction} {one.seed}", work=partial(_fields, one), command=str(one))
-        for one in cuts
+        Job(key=f"{cut.reaction} {cut.seed}", work=partial(_fields, cut), command=str(cut))
+        for cut in cuts
     ]
     engine.progress.total = len(jobs)
     rows = TypeAdapter(list[CutFigures])
@@ -62,7 +59,7 @@ def _fields(cut: LinkCut) -> list[dict[str, Any]]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReactionFigures:
-    """Figures of followers with one reaction over all cuts (m, s; shares from 0 to 1)."""
+    """Figures of all followers with one reaction."""
 
     reaction: Reaction
     cuts: int

@@ -1,4 +1,4 @@
-"""One cut of all messages in a double lane change, and the figures of its followers."""
+"""A cut of all links in a double lane change, and the figures of its followers."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
@@ -17,23 +17,20 @@ from vehicles.messages import Command, LinkVerdict, Message, Mode, Tracking, Tru
 from vehicles.schedule import SECOND, nanoseconds
 
 LATERAL_ACCELERATION = 1.8
-"""Of the lane changes (m/s²): that of the paper's, 500 m at 30 m/s."""
+"""Lateral acceleration of the lane changes (m/s²), as in the paper: 500 m at 30 m/s."""
 AFTERWARDS_S = 20.0
-"""How long a run goes on after the cut."""
+"""Duration of the run after the cut."""
 SETTLED_S = 5.0
-"""Time at the convoy's speed that a follower has to reach the path that it receives again."""
+"""Time at the speed of the convoy that a follower has to return to the lead's path."""
 STANDING = 0.05
-"""A car that is slower than this (m/s) stands."""
-UNDER_WAY = 0.5
-"""A car that drives at this share of the convoy's speed has resumed."""
+"""Speed (m/s) below which a car has stopped."""
+RESUMED = 0.5
+"""Share of the convoy's speed from which on a car has resumed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkCut:
-    """All messages of a convoy at `speed_mps` stop `at_s` after the start, for `for_s`.
-
-    `reaction` is that of the followers among the `vehicles`; `seed` is that of all noise.
-    """
+    """All links of a convoy at `speed_mps` are cut at `at_s` (after the start) for `for_s`."""
 
     reaction: Reaction
     speed_mps: float
@@ -43,7 +40,7 @@ class LinkCut:
     vehicles: int = 3
 
     def scenario(self) -> Scenario:
-        """The double lane change of the paper, each piece a second long at any speed."""
+        """The double lane change of the paper, with segments of one second at any speed."""
         second, radius = self.speed_mps, self.speed_mps**2 / LATERAL_ACCELERATION
         right = {"length_m": second, "radius_m": radius, "turn": "right"}
         left = right | {"turn": "left"}
@@ -73,7 +70,7 @@ class LinkCut:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModeChange:
-    """A change of a follower's mode (s after the start), and its reason."""
+    """A change of mode at `at_s` after the start."""
 
     at_s: float
     mode: Mode
@@ -84,15 +81,13 @@ class ModeChange:
 class CutFigures:
     """Figures of a follower in a cut (m, s).
 
-    `error` is the largest true distance from the lead's driven path during the cut, `error_inside`
-    that within the known path. `error_back` is that after the follower has passed the lead's
-    position at the end of the cut and `SETTLED_S` more, before which its path was unknown; 0 if it
-    did not get there. `predicted_blind` is the distance beyond the known path that it predicted
-    when it lost its last source, `blind` the distance that it drove; both are 0 if it can stop
-    within. `ticks_late` is the number of control periods from the loss of its last source by the
-    thresholds to its change of mode. `friction` is the largest share used, `command_step` (rad) the
-    largest of the steering command. `resumed_after` counts from the end of the cut; inf if it never
-    did.
+    `error` is the largest true error during the cut, `error_on_known_path` before the end of the
+    known path, `error_after_recovery` from `SETTLED_S` after the lead's position at the end of the
+    cut (0 if not reached). `predicted_blind` is the distance without a known path that the follower
+    predicted when it lost its last source, `blind` the distance driven; both are 0 if it can stop
+    in time. `ticks_late` counts control periods between the threshold for losing the last source
+    and the change of mode. `friction` is the largest share used, `command_step` (rad) the largest
+    step of the steering command. `resumed_after` counts from the end of the cut; inf if never.
     """
 
     cut: LinkCut
@@ -112,7 +107,7 @@ class CutFigures:
 
 @dataclass(slots=True)
 class _FollowerRecord:
-    """Messages about one follower, and its errors and stations by instant."""
+    """Messages of a follower, and its errors and stations by instant (ns)."""
 
     truth: list[TruePose] = field(default_factory=list)
     tracking: list[Tracking] = field(default_factory=list)
@@ -123,7 +118,7 @@ class _FollowerRecord:
 
 
 class CutObserver:
-    """An observer of a run with a cut that derives the figures of its followers."""
+    """Observer of a run with a cut that derives the figures of its followers."""
 
     kinds: frozenset[type[Message]] = frozenset((Command, LinkVerdict, Tracking, TruePose))
 
@@ -138,85 +133,91 @@ class CutObserver:
         degradation = scenario.tables.control.degradation.value
         period = 1.0 / scenario.tables.gnss.value.rate
         self._lost_after = nanoseconds(degradation.lost_after_silence(period))
-        self._of: defaultdict[str, _FollowerRecord] = defaultdict(_FollowerRecord)
+        self._records: defaultdict[str, _FollowerRecord] = defaultdict(_FollowerRecord)
         stream.on_error(self._record_error)
 
     def _record_error(self, foot: CrossTrack) -> None:
-        self._of[foot.vehicle].errors[foot.at_ns] = foot.lateral
-        self._of[foot.vehicle].stations[foot.at_ns] = foot.station
+        self._records[foot.vehicle].errors[foot.at_ns] = foot.lateral
+        self._records[foot.vehicle].stations[foot.at_ns] = foot.station
 
     def listen(self, _at: int, message: Message) -> None:
-        of = self._of[message.vehicle]
+        record = self._records[message.vehicle]
         match message:
             case TruePose():
-                of.truth.append(message)
+                record.truth.append(message)
                 if message.vehicle == self._names[0] and message.true_at_ns <= self._to:
                     self._reached_from = message.distance_m + SETTLED_S * self._cut.speed_mps
             case Tracking():
-                of.tracking.append(message)
+                record.tracking.append(message)
             case Command():
-                of.steering.append(message.steering_rad)
+                record.steering.append(message.steering_rad)
             case LinkVerdict() if (
                 message.outcome == "delivered" and message.sent_at_ns < self._from
             ):
-                of.received_at[message.sender] = message.received_at_ns
+                record.received_at[message.sender] = message.received_at_ns
 
     def figures(self) -> tuple[CutFigures, ...]:
         return tuple(self._figures(name) for name in self._names[1:])
 
     def _figures(self, name: str) -> CutFigures:
-        of = self._of[name]
-        away = [one for one in of.tracking if self._from <= one.decided_at_ns < self._to]
-        lost = next((one for one in away if one.mode in {"coast", "stop"}), None)
+        record = self._records[name]
+        during = [
+            tracking
+            for tracking in record.tracking
+            if self._from <= tracking.decided_at_ns < self._to
+        ]
+        lost = next((tracking for tracking in during if tracking.mode in {"coast", "stop"}), None)
         return CutFigures(
             cut=self._cut,
             vehicle=name,
-            error=_largest(of.errors.get(one.decided_at_ns, 0.0) for one in away),
+            error=_largest(record.errors.get(row.decided_at_ns, 0.0) for row in during),
             error_on_known_path=_largest(
-                of.errors.get(one.decided_at_ns, 0.0)
-                for one in takewhile(lambda one: not one.known_m < 0.0, away)
+                record.errors.get(row.decided_at_ns, 0.0)
+                for row in takewhile(lambda row: not row.known_m < 0.0, during)
             ),
             error_after_recovery=_largest(
-                error for at, error in of.errors.items() if of.stations[at] > self._reached_from
+                error
+                for at, error in record.errors.items()
+                if record.stations[at] > self._reached_from
             ),
             predicted_blind=lost.blind_m if lost else 0.0,
-            blind=max([0.0, *(-one.known_m for one in away if not isnan(one.known_m))]),
+            blind=max([0.0, *(-row.known_m for row in during if not isnan(row.known_m))]),
             stopped=any(
-                one.speed_mps < STANDING
-                for one in of.truth
-                if self._from <= one.true_at_ns < self._to
+                pose.speed_mps < STANDING
+                for pose in record.truth
+                if self._from <= pose.true_at_ns < self._to
             ),
-            ticks_late=self._ticks_late(of, lost),
-            friction=max(one.friction_ratio for one in of.truth),
-            command_step=_largest(b - a for a, b in pairwise([0.0, *of.steering])),
-            resumed_after=self._resumed_after(of),
-            changes=tuple(self._changes(of.tracking)),
+            ticks_late=self._ticks_late(record, lost),
+            friction=max(pose.friction_ratio for pose in record.truth),
+            command_step=_largest(b - a for a, b in pairwise([0.0, *record.steering])),
+            resumed_after=self._resumed_after(record),
+            changes=tuple(self._changes(record.tracking)),
         )
 
-    def _ticks_late(self, of: _FollowerRecord, lost: Tracking | None) -> int:
+    def _ticks_late(self, record: _FollowerRecord, lost: Tracking | None) -> int:
         """Count control periods between the threshold and the change of mode."""
-        if lost is None or not of.received_at:
+        if lost is None or not record.received_at:
             return 0
-        threshold = max(of.received_at.values()) + self._lost_after
+        threshold = max(record.received_at.values()) + self._lost_after
         return (lost.decided_at_ns - threshold) // self._period
 
-    def _resumed_after(self, of: _FollowerRecord) -> float:
-        speeds = {one.true_at_ns: one.speed_mps for one in of.truth}
-        under_way = UNDER_WAY * self._cut.speed_mps
+    def _resumed_after(self, record: _FollowerRecord) -> float:
+        speeds = {pose.true_at_ns: pose.speed_mps for pose in record.truth}
+        resumed = RESUMED * self._cut.speed_mps
         instants = (
-            one.decided_at_ns
-            for one in of.tracking
-            if one.decided_at_ns >= self._to and one.mode not in {"coast", "stop", "straight"}
+            row.decided_at_ns
+            for row in record.tracking
+            if row.decided_at_ns >= self._to and row.mode not in {"coast", "stop", "straight"}
         )
-        at = next((at for at in instants if speeds.get(at, 0.0) >= under_way), None)
+        at = next((at for at in instants if speeds.get(at, 0.0) >= resumed), None)
         return inf if at is None else (at - self._to) / SECOND
 
     def _changes(self, tracking: Sequence[Tracking]) -> list[ModeChange]:
         changes = []
-        for before, one in pairwise(tracking):
-            if one.mode != before.mode:
-                at_s = (one.decided_at_ns - self._start) / SECOND
-                changes.append(ModeChange(at_s=at_s, mode=one.mode, reason=one.reason))
+        for before, after in pairwise(tracking):
+            if after.mode != before.mode:
+                at_s = (after.decided_at_ns - self._start) / SECOND
+                changes.append(ModeChange(at_s=at_s, mode=after.mode, reason=after.reason))
         return changes
 
 

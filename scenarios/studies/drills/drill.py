@@ -1,4 +1,4 @@
-"""One drill: a scenario with limits, driven with one or more seeds, and how each limit was kept."""
+"""Drills: scenarios with limits, simulated with one or more seeds, and the row of each limit."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -15,15 +15,15 @@ from scenarios.studies.engine.job import Job
 from scenarios.studies.many.variant import Variant, identity_of
 
 RUN = "run"
-"""In place of a limit: the run itself, which failed for another reason."""
-UNMEASURED = "was not measured: nobody had such a figure, or the run ended before"
+"""Limit of the row of a run that failed for another reason."""
+UNMEASURED = "was not measured: no vehicle has the figure, or the run ended too early"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrillResult:
-    """The result of a drill with one seed; `other_reason` is a failure other than its limits.
+    """Result of a drill with one seed; `other_reason` is a failure other than its limits.
 
-    `drill` is the name given by the user, `command` repeats the run; it took `took_s`.
+    `drill` is the name entered by the user, `command` repeats the run.
     """
 
     drill: str
@@ -36,10 +36,10 @@ class DrillResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrillRow:
-    """How a limit of a drill was kept over all seeds: the worst figure, and its vehicle.
+    """A limit of a drill with the worst value over all seeds, and its vehicle.
 
-    `margin_ratio` is the share of the bound that was left, negative if it was broken, None for a
-    bound of 0. `line` describes a breach.
+    `margin_ratio` is the margin over the bound, negative if the limit was broken, None for a bound
+    of 0. `message` describes a breach.
     """
 
     drill: str
@@ -56,7 +56,7 @@ class DrillRow:
 
     @property
     def label(self) -> str:
-        """The limit for a table: its key and bound, or the required reaction and its time."""
+        """Key and bound of the limit, or the required reaction and its time."""
         if self.bound is None:
             return self.limit
         if self.action:
@@ -67,15 +67,15 @@ class DrillRow:
 def drill_variants(
     name: str, overrides: Sequence[str] = (), seeds: Sequence[int] = ()
 ) -> list[Variant]:
-    """Return the runs of a drill, by default one with its own seed; raises ScenarioError.
+    """Return the runs of a drill, a scenario or a file, by default with its own seed.
 
-    `name` is that of a shipped drill or scenario, or a file.
+    Raises ScenarioError if it is invalid or has no limits.
     """
     whole = load_scenario(name, overrides)
     limits = whole.tables.limits
     if not limits.model_fields_set - {"after_collision"}:
         raise ScenarioError(
-            [f"{name}: limits: missing, a drill says what must hold, such as collisions_max = 0"]
+            [f"{name}: limits: missing, a drill needs at least one, such as collisions_max = 0"]
         )
     text = load_scenario(name).text
     return [
@@ -85,12 +85,14 @@ def drill_variants(
 
 
 def identity_of_drills(variants: Sequence[Variant]) -> dict[str, Any]:
-    """All that the results depend on, by the words of the command line."""
+    """Everything that the results depend on, named as on the command line."""
     first = identity_of(variants[0])
     return first | {
-        "SCENARIO": list(dict.fromkeys(one.name for one in variants)),
-        "its content": list(dict.fromkeys(identity_of(one)["its content"] for one in variants)),
-        "--seeds": [one.seed for one in variants],
+        "SCENARIO": list(dict.fromkeys(variant.name for variant in variants)),
+        "scenario digest": list(
+            dict.fromkeys(identity_of(variant)["scenario digest"] for variant in variants)
+        ),
+        "--seeds": [variant.seed for variant in variants],
     }
 
 
@@ -102,12 +104,18 @@ def run_drill(variant: Variant) -> DrillResult:
 
 def run_drills(variants: Sequence[Variant], engine: Engine) -> list[DrillResult]:
     jobs = [
-        Job(key=f"{one.name} {one.seed}", work=partial(_fields, one), command=one.command)
-        for one in variants
+        Job(
+            key=f"{variant.name} {variant.seed}",
+            work=partial(_fields, variant),
+            command=variant.command,
+        )
+        for variant in variants
     ]
     engine.progress.total = len(jobs)
     return [
-        DrillResult(**fields | {"limits": tuple(LimitFigure(**one) for one in fields["limits"])})
+        DrillResult(
+            **fields | {"limits": tuple(LimitFigure(**limit) for limit in fields["limits"])}
+        )
         for fields in engine.results(jobs)
     ]
 
@@ -128,16 +136,16 @@ def drill_result(variant: Variant, summary: RunSummary, duration_s: float) -> Dr
 
 
 def _other_reason(summary: RunSummary) -> str:
-    """Why a run failed, without the limits that it broke."""
+    """Reason of a failure, without the limits that were broken."""
     reason = summary.reason
-    for one in summary.limits:
-        if one.message:
-            reason = reason.replace(one.message, "")
+    for limit in summary.limits:
+        if limit.message:
+            reason = reason.replace(limit.message, "")
     return "; ".join(part for part in reason.split("; ") if part.strip())
 
 
 def drill_rows(runs: Sequence[DrillResult]) -> list[DrillRow]:
-    """Return a row for each limit of each drill, the worst of all seeds."""
+    """Return a row for each limit of each drill, with the worst value over all seeds."""
     names = dict.fromkeys(run.drill for run in runs)
     return [
         row for name in names for row in rows_of_drill([run for run in runs if run.drill == name])
@@ -147,7 +155,7 @@ def drill_rows(runs: Sequence[DrillResult]) -> list[DrillRow]:
 def rows_of_drill(runs: Sequence[DrillResult]) -> Iterator[DrillRow]:
     """Yield a row for each limit of a drill, from its runs with all seeds.
 
-    If a run failed for another reason, that is the first row.
+    The first row is a run that failed for another reason, if any.
     """
     for run in (run for run in runs if run.other_reason):
         yield DrillRow(
@@ -164,30 +172,32 @@ def rows_of_drill(runs: Sequence[DrillResult]) -> Iterator[DrillRow]:
             command=run.command,
         )
         break
-    for limit in dict.fromkeys(one.limit for run in runs for one in run.limits):
-        found = [(run, one) for run in runs for one in run.limits if one.limit == limit]
-        yield _row(*max(found, key=lambda pair: excess(pair[1])))
+    for name in dict.fromkeys(limit.limit for run in runs for limit in run.limits):
+        of_name = [(run, limit) for run in runs for limit in run.limits if limit.limit == name]
+        yield _row(*max(of_name, key=lambda pair: excess(pair[1])))
 
 
-def _row(run: DrillResult, one: LimitFigure) -> DrillRow:
-    unmeasured = one.value is None and not one.broken
+def _row(run: DrillResult, limit: LimitFigure) -> DrillRow:
+    unmeasured = limit.value is None and not limit.broken
     return DrillRow(
         drill=run.drill,
-        limit=one.limit,
-        action=one.action,
-        bound=one.bound,
-        value=one.value,
-        vehicle=one.vehicle,
+        limit=limit.limit,
+        action=limit.action,
+        bound=limit.bound,
+        value=limit.value,
+        vehicle=limit.vehicle,
         seed=run.seed,
-        margin_ratio=None if one.value is None or not one.bound else -excess(one) / one.bound,
-        passed=not one.broken and not unmeasured,
-        message=f"limits.{one.limit} {UNMEASURED}" if unmeasured else one.message,
+        margin_ratio=None
+        if limit.value is None or not limit.bound
+        else -excess(limit) / limit.bound,
+        passed=not limit.broken and not unmeasured,
+        message=f"limits.{limit.limit} {UNMEASURED}" if unmeasured else limit.message,
         command=run.command,
     )
 
 
-def excess(one: LimitFigure) -> float:
-    """Excess of a figure over its bound, in the limit's unit; negative while it is kept."""
-    if one.value is None:
+def excess(limit: LimitFigure) -> float:
+    """Excess over the bound in the unit of the limit; negative if the limit was kept."""
+    if limit.value is None:
         return inf
-    return one.bound - one.value if one.limit.endswith("_min") else one.value - one.bound
+    return limit.bound - limit.value if limit.limit.endswith("_min") else limit.value - limit.bound

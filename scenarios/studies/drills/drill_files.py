@@ -1,4 +1,4 @@
-"""The files of drills: JSON, and JUnit XML, which test servers read."""
+"""Files of drills: JSON, and JUnit XML for test servers."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -26,7 +26,7 @@ def machine_readable(rows: Sequence[DrillRow], runs: Sequence[DrillResult]) -> d
 
 
 def write_junit(rows: Sequence[DrillRow], runs: Sequence[DrillResult], file: Path) -> None:
-    """Write all rows as JUnit XML: a suite for each drill, a case for each limit."""
+    """Write all rows as JUnit XML: a test suite per drill, a test case per limit."""
     root = as_xml(rows, runs)
     Xml.indent(root)
     text = Xml.tostring(root, encoding="unicode")
@@ -34,7 +34,7 @@ def write_junit(rows: Sequence[DrillRow], runs: Sequence[DrillResult], file: Pat
 
 
 def as_xml(rows: Sequence[DrillRow], runs: Sequence[DrillResult]) -> Xml.Element:
-    """Return all rows as a tree; the time of a suite is the sum of the drill's runs."""
+    """Return all rows as an XML tree; the time of a suite is the sum over its runs."""
     failed = sum(not row.passed for row in rows)
     took = sum(run.duration_s for run in runs)
     root = Xml.Element("testsuites", _counts("convoy drill", len(rows), failed, took))

@@ -1,6 +1,6 @@
-"""The instant at which a burst of losses does most harm: a grid over the run, then ever closer.
+"""Search for the most harmful time of a burst loss: a grid over the run, then finer steps.
 
-A burst loses what is sent during it, so instants matter down to the spacing of messages.
+A burst drops the messages sent during it, so results depend on time down to the message period.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,25 +19,24 @@ from scenarios.studies.engine.job import Job
 from scenarios.studies.many.variant import Variant
 
 PEAKS = 3
-"""The worst instants that are searched more closely: the highest peak may be narrow."""
+"""Number of refined times, because the highest peak may be narrow."""
 EARLIEST_S = 1.0
-"""By default no burst is earlier: a convoy has formed by then."""
+"""Default earliest burst, when the convoy has formed."""
 MIN_STEP_S = 0.001
-"""Instants are whole milliseconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BurstLoss:
-    """Loss of all messages on `links`, pairs of sender and receiver, for `for_s`.
+    """Loss of all messages on `links` for `for_s`.
 
-    Ends are names, roles or "*", as in `[[change]]`.
+    Links are pairs of sender and receiver: names, roles or "*", as in `[[change]]`.
     """
 
     for_s: float
     links: tuple[tuple[str, str], ...] = ((ANY, ANY),)
 
     def overrides(self, at_s: float, first: int) -> tuple[str, ...]:
-        """Overrides that add the burst to a scenario with `first` changes of its own."""
+        """Return overrides that add the burst to a scenario with `first` changes."""
         return tuple(
             f'change.{first + place}={{kind="cut", at_s={at_s!r}, for_s={self.for_s!r}, '
             f'sender="{sender}", receiver="{receiver}"}}'
@@ -62,7 +61,7 @@ def parsed_burst(texts: Sequence[str], for_s: float, scenario: Scenario) -> Burs
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchSpan:
-    """Instants to search (s), first every `step_s`, at last every `finest_s`."""
+    """Times to search (s), first with `step_s`, in the end with `finest_s`."""
 
     from_s: float
     to_s: float
@@ -70,15 +69,15 @@ class SearchSpan:
     finest_s: float
 
     def grid(self) -> list[float]:
-        """The first instants, with both ends."""
+        """The times of the first pass, with both ends."""
         count = int((self.to_s - self.from_s) / self.step_s + 1e-9)
         inner = [round(self.from_s + place * self.step_s, 3) for place in range(count + 1)]
         return sorted({*inner, self.to_s})
 
     def neighbours(self, at_s: float, step_s: float) -> list[float]:
-        """Instants a step away on both sides of one, inside of the span."""
+        """Times one step before and after `at_s`, within the span."""
         sides = (round(at_s - step_s, 3), round(at_s + step_s, 3))
-        return [one for one in sides if self.from_s <= one <= self.to_s]
+        return [side for side in sides if self.from_s <= side <= self.to_s]
 
 
 def search_span(
@@ -90,9 +89,9 @@ def search_span(
     step_s: float,
     finest_s: float,
 ) -> SearchSpan:
-    """Return the span to search; by default all instants at which the burst ends within the run.
+    """Return the span to search, by default all times at which the burst ends within the run.
 
-    Raises ScenarioError if there are none.
+    Raises ScenarioError for invalid or empty spans.
     """
     last = round(scenario.duration_s - burst.for_s, 3)
     first = min(EARLIEST_S, max(last, 0.0)) if from_s is None else from_s
@@ -105,15 +104,15 @@ def search_span(
     if not MIN_STEP_S <= finest_s <= step_s:
         raise ScenarioError(
             [
-                f"--step, --finest: given {step_s:g} and {finest_s:g} s, allowed the first at "
-                f"least the second, and that at least {MIN_STEP_S:g}"
+                f"--step, --finest: given {step_s:g} and {finest_s:g} s, allowed --finest from "
+                f"{MIN_STEP_S:g} s up to --step"
             ]
         )
     if not first <= end <= last:
         raise ScenarioError(
             [
-                f"--from, --to: given {first:g} to {end:g} s, allowed in order and at most "
-                f"{last:g}, where the burst ends with the run"
+                f"--from, --to: given {first:g} to {end:g} s, allowed --from up to --to, and "
+                f"--to up to {last:g} s, when the burst ends with the run"
             ]
         )
     return SearchSpan(from_s=first, to_s=end, step_s=step_s, finest_s=finest_s)
@@ -121,10 +120,10 @@ def search_span(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorstInstant:
-    """The result of a search: the instant, the worst run there, and all tried instants.
+    """Result of a search: the worst time, the worst run at this time, and all times.
 
-    `figure` is that of `variant`, whose seed has the worst figure at this instant; `figures` are
-    the means over all seeds by instant (s), in order of time.
+    `figure` is the value of `variant`, the worst seed at this time. `figures` are the means over
+    all seeds by time (s), in order of time.
     """
 
     word: str
@@ -135,18 +134,17 @@ class WorstInstant:
 
     @property
     def mean(self) -> float:
-        """Mean of the figure over the seeds, by which this instant is the worst."""
+        """Mean of the figure over the seeds at the worst time."""
         return self.figures[self.at_s]
 
 
 @dataclass(slots=True)
 class WorstSearch:
-    """A search for the instant at which `burst` makes a figure of `base` worst.
+    """Search for the time at which `burst` makes a figure of `base` worst.
 
-    `word` names the figure, "error_m" (the largest true error) or "gap_m" (the smallest true gap).
-    An instant is rated by its mean over `seeds` runs, from the seed of `base` on: with a single
-    seed the noise may decide. All instants share the seeds. `changes` is the number of changes of
-    `base` itself.
+    `word` is "error_m" (the largest true error) or "gap_m" (the smallest true gap). The search
+    maximizes the mean over `seeds` runs, from the seed of `base` on. All times share the seeds.
+    `changes` is the number of changes in `base`.
     """
 
     base: Variant
@@ -158,7 +156,7 @@ class WorstSearch:
     _runs: dict[float, dict[int, float]] = field(default_factory=dict)
 
     def run(self, span: SearchSpan) -> WorstInstant:
-        """Search a grid, and then closer and closer around its worst instants."""
+        """Search a grid, then with halved steps around its worst times."""
         self._simulate(span.grid())
         step = span.step_s
         while step > span.finest_s:
@@ -173,12 +171,12 @@ class WorstSearch:
             word=self.word,
             at_s=at,
             figure=self._figure(runs[seed]),
-            figures={one: self._figure(mean) for one, mean in sorted(worst)},
+            figures={time: self._figure(mean) for time, mean in sorted(worst)},
             variant=self.variant(at, seed),
         )
 
     def variant(self, at_s: float, seed: int | None = None) -> Variant:
-        """The run with the burst at an instant, with the seed of `base` or another."""
+        """Return the run with the burst at a time, by default with the seed of `base`."""
         return replace(
             self.base,
             overrides=(*self.base.overrides, *self.burst.overrides(at_s, self.changes)),
@@ -186,47 +184,51 @@ class WorstSearch:
         )
 
     def _peaks(self, apart_s: float) -> list[float]:
-        """The worst instants more than `apart_s` apart, as neighbours of a peak are as bad."""
+        """The worst times more than `apart_s` apart, so that no peak counts twice."""
         peaks: list[float] = []
         for at, _ in self._worst():
-            if len(peaks) < PEAKS and all(abs(at - one) > apart_s + 1e-6 for one in peaks):
+            if len(peaks) < PEAKS and all(abs(at - peak) > apart_s + 1e-6 for peak in peaks):
                 peaks.append(at)
         return peaks
 
     def _worst(self) -> list[tuple[float, float]]:
-        """Instants with runs of all seeds and their mean severities: worst first, then earliest."""
+        """Times with their mean severities, the worst first, of equals the earliest."""
         means = [
             (at, sum(runs[seed] for seed in sorted(runs)) / self.seeds)
             for at, runs in self._runs.items()
             if len(runs) == self.seeds
         ]
-        return sorted(means, key=lambda one: (-one[1], one[0]))
+        return sorted(means, key=lambda time: (-time[1], time[0]))
+
+    @property
+    def field(self) -> str:
+        """Summary field of the figure."""
+        return WORDS[self.word].figure
 
     def _figure(self, severity: float) -> float:
         return -severity if WORDS[self.word].is_least else severity
 
-    def _simulate(self, instants: Sequence[float]) -> None:
+    def _simulate(self, times: Sequence[float]) -> None:
         seeds = range(self.base.seed, self.base.seed + self.seeds)
-        tried = [(at, seed) for at in instants for seed in seeds]
+        samples = [(at, seed) for at in times for seed in seeds]
         jobs = []
-        for at, seed in tried:
+        for at, seed in samples:
             variant = self.variant(at, seed)
             key, work = f"{at}/{seed}", partial(_severity, variant, self.word)
             jobs.append(Job(key=key, work=work, command=variant.command))
-        for (at, seed), badness in zip(tried, self.engine.results(jobs), strict=True):
+        for (at, seed), badness in zip(samples, self.engine.results(jobs), strict=True):
             self._runs.setdefault(at, {})[seed] = badness
-        there, mean = self._worst()[0]
-        what = f"the worst at {there:g} s: {self.word} {self._figure(mean):.3f}"
-        self.engine.progress.stage = what
+        at, mean = self._worst()[0]
+        self.engine.progress.stage = f"worst at {at:g} s: {self.field} {self._figure(mean):.3f}"
 
 
 def _severity(variant: Variant, word: str) -> float:
-    """Severity of a run (m): its largest true error, or its smallest gap with the sign changed."""
+    """Severity of a run (m): its largest true error, or its negative smallest gap."""
     return severity(Limit(WORDS[word].key, 0.0), variant.run())
 
 
 def base_variant(name: str, overrides: Sequence[str], seed: int | None) -> Variant:
-    """Return the run to search; raises ScenarioError."""
+    """Return the run to search; raises ScenarioError if it is invalid."""
     whole = load_scenario(name, overrides, seed)
     return Variant(
         text=load_scenario(name).text,

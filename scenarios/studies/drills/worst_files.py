@@ -1,4 +1,4 @@
-"""The worst instant as a drill, a short file that extends the scenario, and as JSON."""
+"""The worst time of a burst as a drill that extends the scenario, and as JSON."""
 
 import os
 from pathlib import Path
@@ -16,68 +16,67 @@ from scenarios.studies.engine.results import refuse_existing, write_file
 
 SCHEMA = "convoy.worst/1"
 MARGIN = 1.5
-"""The limit written is this many times as wide as the figure found."""
+"""Factor between the figure and the limit of the drill."""
 
 
-def write_drill(found: WorstInstant, file: Path) -> None:
-    """Write the worst run as a drill into a new file; raises ScenarioError.
+def write_drill(worst: WorstInstant, file: Path) -> None:
+    """Write the worst run as a drill into a new file; raises ScenarioError if it exists.
 
-    It extends the scenario of the search, and holds the overrides, the burst, and a limit `MARGIN`
-    times as wide as the figure found.
+    The drill extends the scenario of the search with the overrides, the burst, and a limit with the
+    factor `MARGIN`.
     """
-    text = drill_text(found, file)
+    text = drill_text(worst, file)
     refuse_existing(file)
     write_file(file, text)
 
 
-def drill_text(found: WorstInstant, file: Path) -> str:
+def drill_text(worst: WorstInstant, file: Path) -> str:
     """Return the text of the drill for `file`; raises ScenarioError if it is invalid."""
-    one = found.variant
-    base = one.name
+    variant = worst.variant
+    base = variant.name
     if base not in (*library(), *drills()):
         base = os.path.relpath(Path(base).resolve(), file.resolve().parent)
     tables: Raw = {
         "extends": base,
         "name": file.stem,
-        "description": f"a burst at the worst instant of {Path(one.name).stem}",
-        "seed": one.seed,
+        "description": f"burst loss at the worst time of {Path(variant.name).stem}",
+        "seed": variant.seed,
     }
-    whole = merged(read_file(one.name), one.overrides).raw
-    for override in one.overrides:
+    whole = merged(read_file(variant.name), variant.overrides).raw
+    for override in variant.overrides:
         _copy_key(whole, tables, parse_override(override)[0])
-    row = WORDS[found.word]
-    bound = found.figure / MARGIN if row.is_least else found.figure * MARGIN
+    row = WORDS[worst.word]
+    bound = worst.figure / MARGIN if row.is_least else worst.figure * MARGIN
     limits = dict(tables.get("limits", {}))
     tables["limits"] = limits | {row.key: round(bound, 2)}
     text = (
-        f"# A burst at {found.at_s:g} s, the worst instant that convoy worst has found: "
-        f"{found.word} {found.figure:.3f}\n"
-        f"# (with seed {one.seed}, of {len(found.figures)} instants tried).\n\n"
+        f"# Burst loss at {worst.at_s:g} s, the worst of {len(worst.figures)} times simulated by "
+        f"`convoy worst`:\n# {row.figure} {worst.figure:.3f} with seed {variant.seed}.\n\n"
         + tomli_w.dumps(tables)
     )
     scenario_from_text(text, label=str(file), folder=file.resolve().parent)
     return text
 
 
-def machine_readable(found: WorstInstant, burst: BurstLoss) -> dict[str, Any]:
-    tried = [{"at_s": at, found.word: figure} for at, figure in found.figures.items()]
+def machine_readable(worst: WorstInstant, burst: BurstLoss) -> dict[str, Any]:
+    name = WORDS[worst.word].figure
     return {
         "schema": SCHEMA,
-        "scenario": found.variant.name,
-        "seed": found.variant.seed,
+        "scenario": worst.variant.name,
+        "seed": worst.variant.seed,
         "burst_s": burst.for_s,
         "links": [list(pair) for pair in burst.links],
-        "figure": found.word,
-        "at_s": found.at_s,
-        found.word: found.figure,
-        "mean": found.mean,
-        "command": found.variant.command,
-        "tried": tried,
+        "figure": name,
+        "at_s": worst.at_s,
+        name: worst.figure,
+        "mean": worst.mean,
+        "command": worst.variant.command,
+        "simulated": [{"at_s": at, name: mean} for at, mean in worst.figures.items()],
     }
 
 
 def _copy_key(whole: Raw, tables: Raw, parts: tuple[str, ...]) -> None:
-    """Copy the key of an override from the whole scenario; a whole array if it is in one."""
+    """Copy the key of an override from the whole scenario, or the array that contains it."""
     source: Any = whole
     target: Any = tables
     for depth, part in enumerate(parts):

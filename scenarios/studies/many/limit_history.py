@@ -1,6 +1,6 @@
-"""One run and one limit: how near the run came, when, and whether it broke the limit and ended.
+"""How close a run comes to a limit over time, and whether it breaks it.
 
-Cheaper than a summary: only the figures of the limit are computed. The verdict agrees with that of
+Faster than a summary, because only the figures of the limit are computed. The result agrees with
 `broken_by` on the summary of the whole run.
 """
 
@@ -20,14 +20,14 @@ from scenarios.runs.virtual.virtual_convoy import Branch
 from vehicles.messages import Message, Tracking, TruePose
 
 Measure = Literal["limit", "silence"]
-"""Nearness to a limit: by the limit's figure, or by how long nothing was received."""
+"""Severity of a run: the figure of the limit, or the longest time without data."""
 
 
 @dataclass(frozen=True, slots=True)
 class SeverityRecord:
-    """At instant `at` (ns) the run came nearer to the limit than before: `value`.
+    """The severity reached a new maximum `value` at instant `at` (ns).
 
-    It is inf once the limit is broken; before, in the unit of the measure.
+    In the unit of the measure, or inf if the limit is broken.
     """
 
     at: int
@@ -36,13 +36,13 @@ class SeverityRecord:
 
 @dataclass(frozen=True, slots=True)
 class LimitHistory:
-    """The records of a run, in order of time, each larger than the one before."""
+    """The increasing severity of a run, in order of time."""
 
     records: tuple[SeverityRecord, ...]
 
     @property
     def severity(self) -> float:
-        """The last record: inf if the limit was broken, -inf if there was nothing to measure."""
+        """The largest severity: inf if the limit was broken, -inf if nothing was measured."""
         return self.records[-1].value if self.records else -inf
 
     @property
@@ -51,9 +51,9 @@ class LimitHistory:
 
 
 def silence(message: Message, lead: str) -> float:
-    """How long (s) a follower has received nothing from its sources; -inf before it ever did.
+    """Time (s) since a follower last received a pose; -inf before the first pose.
 
-    -inf for messages other than `Tracking`, and those of the `lead`.
+    Also -inf for the lead, and for messages other than `Tracking`.
     """
     if not isinstance(message, Tracking) or message.vehicle == lead:
         return -inf
@@ -62,7 +62,7 @@ def silence(message: Message, lead: str) -> float:
 
 
 class LimitObserver:
-    """An observer of a virtual run that follows one limit, and ends the run at a breach."""
+    """Observer of a virtual run that tracks a limit and stops the run when it is broken."""
 
     kinds: frozenset[type[Message]] = frozenset((TruePose, Tracking))
 
@@ -75,7 +75,7 @@ class LimitObserver:
         self._records: list[SeverityRecord] = []
         self._stream = FigureStream.of(scenario)
         self._live = LiveLimit(limit, self._stream, scenario.vehicle_names)
-        # A collision ends a logged run as well: later messages do not count there either.
+        # As in a logged run, messages after a collision that ends the run do not count.
         if collision_ends_run(self._limits, 1 + (self._limits.collisions_max or 0)):
             self._stream.on_event(self._count_collision, ("collision",))
 
@@ -96,12 +96,12 @@ class LimitObserver:
             self.is_finished = collision_ends_run(self._limits, self._collisions)
 
     def _silence(self, message: Message) -> float:
-        """How long (s) a follower to which the limit applies has received nothing."""
+        """Time without data (s) of a follower to which the limit applies, else -inf."""
         applies = self._live.limit.vehicle in {"", message.vehicle}
         return silence(message, self._lead) if applies else -inf
 
     def finish(self, at: int) -> LimitHistory:
-        """Return the records of the run, which ended at instant `at` (ns)."""
+        """Return the history of the run, which ended at instant `at` (ns)."""
         self._stream.finish()
         if self._live.broken:
             self._record(at, inf)
@@ -121,12 +121,12 @@ def watch_limit(
 ) -> LimitHistory:
     """Run `scenario` in virtual time until it breaks `limit`, or to its end.
 
-    Random numbers come from other seeds after the instants of the `branches`. A fault of a vehicle
+    After the instants of the `branches`, random numbers come from other seeds. A failed vehicle
     ends the run.
     """
-    run = LimitObserver(scenario, limit, measure)
-    outcome = drive(scenario, [run], until=lambda: run.is_finished, branches=branches)
-    return run.finish(outcome.at)
+    observer = LimitObserver(scenario, limit, measure)
+    outcome = drive(scenario, [observer], until=lambda: observer.is_finished, branches=branches)
+    return observer.finish(outcome.at)
 
 
 def with_seed(scenario: Scenario, seed: int) -> Scenario:

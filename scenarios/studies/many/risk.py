@@ -1,4 +1,4 @@
-"""The probability that one run breaks a limit: by counting runs, or by splitting them."""
+"""Probability that a run breaks a limit, by counting runs or by splitting."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -19,21 +19,19 @@ from scenarios.studies.many.variant import Variant, identity_of
 Method = Literal["counting", "splitting", "auto"]
 SCHEMA = "convoy.risk/1"
 JSON_FILE = "risk.json"
-NO_COMMAND = (
-    "a branched run is no scenario, so no command repeats it: risk.json has its seed and branches"
-)
+NO_COMMAND = "no command repeats a branched run; its seed and branches are in risk.json"
 FIRST_RUNS, ENOUGH_BROKEN = 200, 5
-"""Where fewer of the first runs break the limit, counting would take longer."""
+"""Splitting needs fewer runs if fewer than 5 of the first 200 break the limit."""
 REPETITIONS_PER_ROUND = 10
-"""Repetitions between two looks at how certain the mean is."""
+"""Repetitions between two checks of the precision."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RiskQuery:
-    """The risk that a run of `variant` breaks `limit`, and the wanted precision.
+    """Estimation of the probability that a run of `variant` breaks `limit`.
 
-    `to` is half of the interval's width over the estimate; no more than `max_runs` start, but for
-    what a repetition needs to end. Repetitions follow `paths` runs at a time.
+    It stops at the relative half-width `precision` of the interval, or after `max_runs` runs and
+    the end of the current repetition. A repetition has `paths` runs at a time.
     """
 
     variant: Variant
@@ -45,7 +43,7 @@ class RiskQuery:
     paths: int = 50
 
     def identity(self) -> dict[str, Any]:
-        """All that the answer depends on, by the words of the command line."""
+        """Everything that the result depends on, named as on the command line."""
         return identity_of(
             self.variant,
             limit=str(self.limit),
@@ -59,10 +57,10 @@ class RiskQuery:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Risk:
-    """The probability with its interval of 95 %, and the runs behind it.
+    """The probability with its 95 % confidence interval.
 
-    `broken` are the seeds that broke the limit, by counting; `repetitions` are the independent
-    estimates, by splitting, whose mean it is.
+    `broken` are the seeds that broke the limit (counting), `repetitions` the independent estimates
+    of which it is the mean (splitting).
     """
 
     method: Literal["counting", "splitting"]
@@ -77,7 +75,7 @@ class Risk:
 
     @property
     def relative_half_width(self) -> float:
-        """Half of the interval over the estimate; inf if that is 0."""
+        """Half the width of the interval over the estimate; inf if the estimate is 0."""
         return 0.5 * (self.high - self.low) / self.probability if self.probability else float("inf")
 
 
@@ -86,33 +84,36 @@ def estimate_risk(query: RiskQuery, engine: Engine) -> Risk:
         return _split(query, 0, engine)
     most = query.max_runs
     counted_runs = min(FIRST_RUNS, most) if query.method == "auto" else most
-    found = _count(query, counted_runs, engine)
+    risk = _count(query, counted_runs, engine)
     if query.method == "counting" or counted_runs == most:
-        return found
-    if len(found.broken) >= ENOUGH_BROKEN:
-        return _count(query, most, engine, found)
+        return risk
+    if len(risk.broken) >= ENOUGH_BROKEN:
+        return _count(query, most, engine, risk)
     engine.report(
-        f"{len(found.broken)} of {counted_runs} runs broke the limit: splitting from here on"
+        f"{len(risk.broken)} of {counted_runs} runs broke the limit; continuing by splitting"
     )
     return _split(query, counted_runs, engine)
 
 
 def _count(query: RiskQuery, most: int, engine: Engine, before: Risk | None = None) -> Risk:
-    """Count from the seed after those `before` on: twice as many runs each time, up to `most`."""
+    """Count broken limits, doubling the number of runs until precise enough, up to `most`.
+
+    Continues after the seeds of `before`.
+    """
     done, broken = (before.runs, list(before.broken)) if before else (0, [])
     while True:
         until = min(max(2 * done, FIRST_RUNS), most)
         variants = [replace(query.variant, seed=seed) for seed in range(done + 1, until + 1)]
         jobs = [
             Job(
-                key=f"seed {one.seed}",
-                work=partial(one.breaks, query.limit),
-                command=one.command,
+                key=f"seed {variant.seed}",
+                work=partial(variant.breaks, query.limit),
+                command=variant.command,
             )
-            for one in variants
+            for variant in variants
         ]
-        broke = engine.results(jobs)
-        broken += [one.seed for one, is_broken in zip(variants, broke, strict=True) if is_broken]
+        results = engine.results(jobs)
+        broken += [run.seed for run, is_broken in zip(variants, results, strict=True) if is_broken]
         done = until
         risk = _by_counting(broken, done)
         engine.report(f"{len(broken)} of {done} runs broke the limit")
@@ -125,7 +126,7 @@ def _by_counting(broken: Sequence[int], runs: int) -> Risk:
     low, high = clopper_pearson(len(broken), runs)
     return Risk(
         method="counting",
-        interval="Clopper and Pearson's, exact",
+        interval="Clopper-Pearson, exact",
         probability=share,
         low=low,
         high=high,
@@ -136,7 +137,7 @@ def _by_counting(broken: Sequence[int], runs: int) -> Risk:
 
 
 def _split(query: RiskQuery, counted_runs: int, engine: Engine) -> Risk:
-    """Repeat the splitting in rounds, until the mean is precise enough or the runs are used up."""
+    """Repeat the splitting in rounds until the mean is precise enough or `max_runs` are used."""
     most = query.max_runs - counted_runs
     if most < REPETITIONS_PER_ROUND * query.paths:
         raise ScenarioError(
@@ -145,47 +146,49 @@ def _split(query: RiskQuery, counted_runs: int, engine: Engine) -> Risk:
                 f"{REPETITIONS_PER_ROUND} repetitions of {query.paths} paths"
             ]
         )
-    work = Splitting(
+    splitting = Splitting(
         variant=query.variant,
         limit=query.limit,
         measure=query.measure,
         paths=query.paths,
         max_runs=most // REPETITIONS_PER_ROUND,
     )
-    found: list[RiskEstimate] = []
+    estimates: list[RiskEstimate] = []
     while True:
-        first = len(found)
+        first = len(estimates)
         jobs = [
-            Job(key=f"repetition {number}", work=partial(run_repetition, work, number))
+            Job(key=f"repetition {number}", work=partial(run_repetition, splitting, number))
             for number in range(first, first + REPETITIONS_PER_ROUND)
         ]
-        found += [RiskEstimate(**fields) for fields in engine.results(jobs)]
-        risk = _by_splitting(found, counted_runs)
-        engine.report(f"{len(found)} repetitions, {risk.runs} runs: {risk.probability:.3g}")
+        estimates += [RiskEstimate(**fields) for fields in engine.results(jobs)]
+        risk = _by_splitting(estimates, counted_runs)
+        engine.report(
+            f"{len(estimates)} repetitions, {risk.runs} runs: probability {risk.probability:.3g}"
+        )
         used = risk.runs - counted_runs
         if (
             risk.relative_half_width <= query.precision
-            or used * (1 + REPETITIONS_PER_ROUND / len(found)) > most
+            or used * (1 + REPETITIONS_PER_ROUND / len(estimates)) > most
         ):
             return risk
 
 
-def _by_splitting(found: Sequence[RiskEstimate], counted_runs: int) -> Risk:
-    mean = mean_of([one.probability for one in found])
+def _by_splitting(estimates: Sequence[RiskEstimate], counted_runs: int) -> Risk:
+    mean = mean_of([estimate.probability for estimate in estimates])
     return Risk(
         method="splitting",
-        interval=f"Student's, of {len(found)} independent repetitions",
+        interval=f"Student's t of {len(estimates)} independent repetitions",
         probability=mean.value,
         low=mean.low,
         high=mean.high,
         standard_error=mean.standard_error,
-        runs=counted_runs + sum(one.runs for one in found),
-        repetitions=tuple(found),
+        runs=counted_runs + sum(estimate.runs for estimate in estimates),
+        repetitions=tuple(estimates),
     )
 
 
 def command_of(query: RiskQuery, risk: Risk) -> str:
-    """The command that repeats a run that broke the limit; empty if there is none."""
+    """Command that repeats a run that broke the limit, or an empty text."""
     if not risk.broken:
         return ""
     return replace(query.variant, seed=risk.broken[0]).command

@@ -1,4 +1,4 @@
-"""Intervals of confidence: of shares from counts alone, and of means."""
+"""Confidence intervals of shares and means."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,29 +9,28 @@ from scenarios.results.channel.estimates import CONFIDENCE, share
 
 
 def wilson(successes: int, count: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """Score interval of a share: `successes` of `count`.
+    """Wilson score interval of the share `successes` of `count`.
 
-    Wilson, Journal of the American Statistical Association 22, 1927. It covers the share with about
-    the `confidence`, also near 0 and 1; (0, 1) without runs. Raises ValueError for impossible
-    counts.
+    Its coverage is approximate, also near 0 and 1. (0, 1) if both counts are 0. Raises ValueError
+    for impossible counts. Wilson, Journal of the American Statistical Association 22, 1927.
     """
     if count or successes:
         _check(successes, count)
-    found = share(successes, count, confidence)
-    # Rounding must not take the ends off 0 and 1.
-    low = 0.0 if successes == 0 else found.low
-    return low, 1.0 if successes == count else found.high
+    interval = share(successes, count, confidence)
+    # Exact ends in spite of rounding.
+    low = 0.0 if successes == 0 else interval.low
+    return low, 1.0 if successes == count else interval.high
 
 
 def clopper_pearson(
     successes: int, count: int, confidence: float = CONFIDENCE
 ) -> tuple[float, float]:
-    """Exact interval of a share: `successes` of `count`.
+    """Clopper-Pearson interval of the share `successes` of `count`.
 
-    Clopper and Pearson, Biometrika 26, 1934: it covers the share with at least the `confidence`.
-    Raises ValueError for impossible counts.
+    Its coverage is at least `confidence`. Raises ValueError for impossible counts. Clopper and
+    Pearson, Biometrika 26, 1934.
     """
-    from scipy.stats import beta  # noqa: PLC0415 - an extra
+    from scipy.stats import beta  # noqa: PLC0415 - optional
 
     _check(successes, count)
     tail = 0.5 * (1.0 - confidence)
@@ -47,7 +46,7 @@ def _check(successes: int, count: int) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Mean:
-    """Mean of independent estimates with its standard error and interval, within 0 to 1."""
+    """Mean of independent probabilities with standard error and interval."""
 
     value: float
     standard_error: float
@@ -56,12 +55,12 @@ class Mean:
 
 
 def mean_of(estimates: Sequence[float], confidence: float = CONFIDENCE) -> Mean:
-    """Mean of independent unbiased estimates, with Student's interval (1908).
+    """Mean of independent unbiased estimates with Student's t interval.
 
-    The estimates are skewed to the right, so that with few of them, or few paths each, the
-    interval lies a little low. Raises ValueError for fewer than two.
+    The distribution of the estimates is right-skewed: with few estimates, the interval is slightly
+    too low. Raises ValueError for fewer than two estimates.
     """
-    from scipy.stats import t  # noqa: PLC0415 - an extra
+    from scipy.stats import t  # noqa: PLC0415 - optional
 
     if len(estimates) < 2:
         raise ValueError(f"no interval of {len(estimates)} estimates")

@@ -1,4 +1,4 @@
-"""Engines for tests: one that works in this process, one whose results are made up."""
+"""Engines for tests: one in this process, one with synthetic results."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -17,13 +17,12 @@ def engine_here(workers: int | None = 0) -> Iterator[Engine]:
         yield engine
 
 
-class MadeUpEngine(Engine):
-    """Does no job: `result` makes up what each gives."""
+class SyntheticEngine(Engine):
+    """Runs no job: results come from `result`."""
 
     def __init__(self, result: Callable[[Job], Any]) -> None:
         super().__init__(partial(open_workers, 0), ExitStack(), lambda _: None)
         self._result = result
 
     def results(self, jobs: Sequence[Job]) -> list[Any]:
-        """Return the results in the order of the jobs, as the engine does."""
         return [self._result(job) for job in jobs]

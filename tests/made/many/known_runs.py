@@ -1,7 +1,7 @@
-"""A small convoy whose run depends on nothing but which messages were lost: no noise, no jitter.
+"""A small convoy without noise and jitter, whose runs depend only on the lost messages.
 
-So there are as many runs as ways to lose some of ten messages, and the probability that one breaks
-a limit is known for any ratio of independent losses.
+There is one run for each subset of ten messages. The probability that a run breaks a limit is
+therefore known for any ratio of independent losses.
 """
 
 from dataclasses import dataclass, field
@@ -26,14 +26,14 @@ SETTINGS = (
     "links.jitter_ms=0", "links.latency_ms=20",
 )  # fmt: skip
 NEVER = 100.0
-"""A true error (m) that nobody reaches."""
+"""A true error (m) that no vehicle reaches."""
 
 Lost = tuple[int, ...]
 ALL_LOST = [
-    tuple(number for number, gone in enumerate(way) if gone)
-    for way in product((False, True), repeat=MESSAGES)
+    tuple(number for number, is_lost in enumerate(losses) if is_lost)
+    for losses in product((False, True), repeat=MESSAGES)
 ]
-"""All ways to lose messages, by their numbers."""
+"""All subsets of messages, by their numbers."""
 
 
 def small_convoy(*settings: str) -> Variant:
@@ -43,7 +43,7 @@ def small_convoy(*settings: str) -> Variant:
 
 
 def probability(lost: Lost, ratio: float) -> float:
-    """That just these messages are lost."""
+    """Probability that exactly these messages are lost."""
     return float(ratio ** len(lost) * (1.0 - ratio) ** (MESSAGES - len(lost)))
 
 
@@ -51,13 +51,13 @@ def probability(lost: Lost, ratio: float) -> float:
 class KnownRuns:
     """The small convoy with a ratio of losses and a bound of the true error (m).
 
-    Its runs, and branches of them, lose the messages that those of the emulator lose, by the same
-    keys; what then happens was driven once for each way to lose messages, when it was needed first.
+    Runs and branches lose the same messages as in the emulator, by the same keys. Each subset of
+    losses is simulated once, when it is first needed.
     """
 
     ratio: float
     bound: float
-    driven: dict[Lost, tuple[SeverityRecord, ...]] = field(default_factory=dict)
+    simulated: dict[Lost, tuple[SeverityRecord, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.scenario = small_convoy(f"links.loss_ratio={self.ratio}").scenario
@@ -72,15 +72,14 @@ class KnownRuns:
         return tuple(number for number in range(MESSAGES) if draw("loss", number) < self.ratio)
 
     def history_of(self, lost: Lost) -> LimitHistory:
-        """What is seen of the run that loses these messages."""
-        if lost not in self.driven:
+        if lost not in self.simulated:
             numbers = ",".join(map(str, lost))
             law = [f"links.loss={{kind='listed', lost_numbers='{numbers}'}}"] if lost else []
             variant = small_convoy("links.loss_ratio=0", *law)
             found = watch_limit(variant.scenario, Limit("cross_track_error_m_max", NEVER))
-            self.driven[lost] = found.records
+            self.simulated[lost] = found.records
         beyond = [
-            SeverityRecord(one.at, one.value + NEVER - self.bound) for one in self.driven[lost]
+            SeverityRecord(one.at, one.value + NEVER - self.bound) for one in self.simulated[lost]
         ]
         held = [one for one in beyond if one.value <= 0.0]
         return LimitHistory(
@@ -88,25 +87,23 @@ class KnownRuns:
         )
 
     def run(self, seed: int, branches: tuple[Branch, ...] = ()) -> BranchedRun:
-        """A run with a seed and branches."""
         return BranchedRun(seed, branches, self.history_of(self.lost(seed, branches)))
 
     def truth(self) -> float:
-        """The probability that a run breaks the limit."""
+        """Exact probability that a run breaks the limit."""
         return sum(probability(one, self.ratio) for one in ALL_LOST if self.history_of(one).broken)
 
     def counted(self, seeds: range) -> int:
-        """How many of the seeds break the limit."""
+        """Number of seeds that break the limit."""
         broken = {lost for lost in ALL_LOST if self.history_of(lost).broken}
         return sum(self.lost(seed) in broken for seed in seeds)
 
 
 @dataclass
 class SilentRuns(KnownRuns):
-    """The same runs, near the limit by how many messages were lost in a row: many are equal."""
+    """The same runs, with the number of consecutive losses as severity, which has many ties."""
 
     def history_of(self, lost: Lost) -> LimitHistory:
-        """What is seen of the run that loses these messages."""
         broken = super().history_of(lost).broken
         records, row = list[SeverityRecord](), 0
         for number in range(MESSAGES):

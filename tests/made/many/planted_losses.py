@@ -1,4 +1,4 @@
-"""Runs with one decisive burst of losses among harmless ones, to be found again."""
+"""Runs with one decisive burst of losses among harmless losses."""
 
 from dataclasses import dataclass, replace
 from functools import cache
@@ -13,13 +13,13 @@ from vehicles.schedule import SECOND
 
 LANE = Limit("lane_departures_max", 0)
 SOON_S = 3.0
-"""A burst that is decisive lets somebody leave the lane until so long after its end."""
+"""After a decisive burst, a vehicle leaves the lane within this time of its end."""
 Link = tuple[str, str]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Convoy:
-    """A convoy that drives a lane change: how many vehicles, how long (s), at which rate (Hz)."""
+    """A lane change: number of vehicles, duration (s), rate of the poses (Hz)."""
 
     vehicles: int
     duration_s: float
@@ -54,7 +54,6 @@ class Planted:
 
     @property
     def messages(self) -> frozenset[tuple[Link, int]]:
-        """The planted losses."""
         return frozenset((link, number) for link in self.links for number in self.burst)
 
 
@@ -95,21 +94,18 @@ def _breaks(scenario: Scenario, until_s: float) -> bool:
 
 @cache
 def planted(convoy: Convoy, case: int) -> Planted:
-    """Case number `case`: with its burst somebody leaves the lane, without it nobody does.
+    """Return a case in which a vehicle leaves the lane if and only if the burst occurs.
 
-    It is enough by itself: the other losses are harmless with it, too.
-
-    The burst is on all links to one follower, at a random instant of a lane change; drawn again
-    until it is decisive.
+    The burst is on all links to one follower, at a random time of a lane change.
     """
     chance = np.random.Generator(np.random.PCG64([case, 14]))
     while True:
         place = int(chance.integers(1, convoy.vehicles))
         receiver = f"v{place + 1}"
         links = tuple((sender, receiver) for sender in dict.fromkeys(("v1", f"v{place}")))
-        # The lead is in the first arc by then, so the follower goes on without having heard of it.
+        # The lead is in the first arc, of which the follower receives nothing.
         from_s = convoy.straight_s - 0.2 + float(chance.uniform(-0.3, 0.8))
-        # Who drives further behind it knows more of the road, half a second for each gap.
+        # Each vehicle further back knows half a second more of the path.
         length_s = float(chance.uniform(*convoy.burst_s)) + 0.5 * (place - 1)
         burst = range(round(from_s * convoy.rate_hz), round((from_s + length_s) * convoy.rate_hz))
         seed = int(chance.integers(1, 10_000))

@@ -1,4 +1,4 @@
-"""Sweeps that take a moment: two vehicles, half a second, in this process."""
+"""Short sweeps: two vehicles, half a second, in this process."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -21,12 +21,10 @@ def small_plan(vary: Sequence[str] = VARY, seeds: int = 2) -> SweepPlan:
     return planned("lane_change", vary=vary, seeds=seeds, sets=SETS, figures=FIGURES, limits=LIMITS)
 
 
-def driven_here(plan: SweepPlan, out: Path) -> SweepTable:
-    """Carry a sweep out in this process, without pictures."""
-    said: list[str] = []
-    return run_sweep(plan, out, partial(open_workers, 0), said.append, picture_format=None)[0]
+def run_sweep_here(plan: SweepPlan, out: Path) -> SweepTable:
+    """Run a sweep in this process, without plots."""
+    return run_sweep(plan, out, partial(open_workers, 0), lambda _: None, picture_format=None)[0]
 
 
 def tables(out: Path) -> dict[str, bytes]:
-    """The content of a sweep's tables, by name."""
     return {name: (out / name).read_bytes() for name in TABLES}

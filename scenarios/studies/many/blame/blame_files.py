@@ -1,4 +1,4 @@
-"""The files of `convoy blame`: a plot, figures as JSON, and the smallest set as a scenario.
+"""Files of `convoy blame`: a plot, JSON, and the smallest set as a scenario.
 
 Needs matplotlib.
 """
@@ -31,15 +31,17 @@ from vehicles.schedule import SECOND
 
 SCHEMA = "convoy.blame/1"
 PICTURE, JSON_FILE, SMALLEST = "blame", "blame.json", "smallest.toml"
+FIELDS = {"error": "cross_track_error_m_max", "gap": "true_gap_m_min"}
+"""Summary fields of the figures."""
 GROUPING = (
-    "a burst is a run of consecutive numbers lost on one link; bursts that overlap in time are a "
-    "moment; moments in order of time were given back half by half, and only halves that mend "
-    f"{NEGLIGIBLE_M:g} m or more, or mend it only together, were looked into"
+    "A burst is a series of consecutive messages lost on one link. An overlap is a set of bursts "
+    "that overlap in time. Groups were restored half by half. Only halves that change the figure "
+    f"by at least {NEGLIGIBLE_M:g} m, alone or together, were divided further."
 )
 
 
 def smallest_scenario(found: BlameResult) -> Scenario | None:
-    """Return the scenario that loses only the smallest set, and fails by the limit."""
+    """Return the scenario that loses only the smallest set, with the limit."""
     if found.smallest is None:
         return None
     lines = ", ".join(burst.line for burst in bursts_of(found.smallest.items))
@@ -55,7 +57,7 @@ def _shortened(text: str, most: int = 200) -> str:
 
 
 def command_of(out: Path) -> str:
-    """The command that repeats the breach by the smallest set."""
+    """Command that repeats the run with the smallest set."""
     return shlex.join(["convoy", "run", str(out / SMALLEST), "--clock", "virtual"])
 
 
@@ -67,22 +69,24 @@ def write_report(found: BlameResult, out: Path, picture_format: str = "png") -> 
     }
     scenario = smallest_scenario(found)
     if scenario is not None:
-        head = f"# Written by `convoy blame {shlex.quote(str(found.run.log))}`: it breaks "
-        rest = f"# {found.criteria.limit} with no other losses than those listed below.\n#\n"
-        contents[SMALLEST] = f"{head}the limit\n{rest}#   {command_of(out)}\n\n{scenario.text}"
+        head = (
+            f"# Written by `convoy blame {shlex.quote(str(found.run.log))}`.\n"
+            f"# The losses listed below break the limit {found.criteria.limit}.\n"
+        )
+        contents[SMALLEST] = f"{head}#\n#   {command_of(out)}\n\n{scenario.text}"
     return write_files(out, contents)
 
 
 def machine_readable(found: BlameResult, out: Path) -> dict[str, Any]:
     run = found.run
-    lost = [one for burst in found.bursts for one in burst.messages]
+    lost = [message for burst in found.bursts for message in burst.messages]
     return {
         "schema": SCHEMA,
         "log": str(run.log),
         "scenario": run.scenario.name,
         "seed": run.scenario.seed,
         "limit": str(found.criteria.limit),
-        "figure": found.criteria.figure,
+        "figure": FIELDS[found.criteria.figure],
         "until_s": found.criteria.until / SECOND,
         "recorded": _result_fields(found.recorded),
         "without_loss": _result_fields(found.clean),

@@ -1,8 +1,7 @@
-"""A recorded run as a scenario that loses exactly the messages of a list, and no others.
+"""A recorded run as a scenario that loses exactly the messages of a list.
 
-Delays, order and content stay, as draws are keyed by the message. Where the fate of a message also
-depended on others, in a queue, or on changes of its link, its recorded delay replaces the link's
-laws.
+Delays, order and content stay the same, because random numbers are keyed by message. For links with
+a queue or with changes during the run, the recorded delays replace the laws of the link.
 """
 
 from collections.abc import Iterable, Mapping
@@ -25,28 +24,28 @@ from transport.links.laws.loss.number_sets import NumberSet
 from vehicles.schedule import SECOND
 
 LOSES = {"loss", "loss_ratio", "collisions", "outages", "radio", "preset", "preset_source"}
-"""Keys of a link by which it loses messages; others delay or alter them."""
+"""Keys of a link that cause losses."""
 RECORDED_DELAY = {"queue"}
-"""Keys that are left out where delays were recorded. Those take the place of the others, too, by
-which vehicles know meanwhile what to expect of the link."""
+"""Keys to omit for links with recorded delays. The other delay keys stay: vehicles derive from them
+what to expect of the link."""
 
 
 @dataclass(frozen=True)
 class LossFreeScenario:
-    """A scenario without any loss, to which listed losses can be added."""
+    """A scenario without losses, to which listed losses can be added."""
 
     scenario: Scenario
 
     def with_losses(self, lost: Iterable[LostMessage]) -> Scenario:
         numbers = numbers_by_link(lost)
         entries = tuple(
-            _note_loss(entry, numbers.get((entry.sender, entry.receiver)))
+            _with_loss(entry, numbers.get((entry.sender, entry.receiver)))
             for entry in self.scenario.tables.link
         )
         return Scenario(self.scenario.tables.model_copy(update={"link": entries}))
 
     def smallest(self, lost: Iterable[LostMessage], limit: Limit, description: str) -> Scenario:
-        """Return the scenario with these losses, whose only limit is `limit`."""
+        """Return the scenario with these losses and the only limit `limit`."""
         tables = self.with_losses(lost).tables
         changes = {
             "name": f"{tables.name[:20]}_blamed",
@@ -56,7 +55,7 @@ class LossFreeScenario:
         return Scenario(tables.model_copy(update=changes))
 
 
-def _note_loss(entry: LinkEntry, numbers: NumberSet | None) -> LinkEntry:
+def _with_loss(entry: LinkEntry, numbers: NumberSet | None) -> LinkEntry:
     if numbers is None:
         return entry
     if isinstance(entry.loss, EarlierRun):
@@ -70,16 +69,18 @@ def _note_loss(entry: LinkEntry, numbers: NumberSet | None) -> LinkEntry:
 def loss_free(run: RecordedRun) -> LossFreeScenario:
     """Return the scenario of a recorded run without its losses."""
     scenario = run.scenario
-    changes = [one for one in scenario.tables.change if isinstance(one, LINK_CHANGES)]
+    changes = [change for change in scenario.tables.change if isinstance(change, LINK_CHANGES)]
     changed = {
-        pair for one in changes for pair in links_of(one, scenario.vehicle_names, scenario.links)
+        pair
+        for change in changes
+        for pair in links_of(change, scenario.vehicle_names, scenario.links)
     }
     entries = []
     for pair, table in scenario.links.items():
         recorded = pair in changed or table.queue is not None or isinstance(table.loss, EarlierRun)
         if recorded:
             entries.append(_recorded(run, pair, table))
-        else:  # delays are drawn again, each by its message's number
+        else:  # delays are keyed by message number and stay the same
             listed = Listed(kind="listed", lost_numbers="")
             entries.append(_entry(pair, table, also_left_out=set(), loss=listed))
     tables = scenario.tables.model_copy(
@@ -88,11 +89,11 @@ def loss_free(run: RecordedRun) -> LossFreeScenario:
             "links": LinkTable(),
             "link": tuple(entries),
             "change": tuple(
-                one for one in scenario.tables.change if not isinstance(one, LINK_CHANGES)
+                change for change in scenario.tables.change if not isinstance(change, LINK_CHANGES)
             ),
             "vehicle": {
-                name: one.model_copy(update={"transmitter_off": (), "receiver_off": ()})
-                for name, one in scenario.tables.vehicle.items()
+                name: vehicle.model_copy(update={"transmitter_off": (), "receiver_off": ()})
+                for name, vehicle in scenario.tables.vehicle.items()
             },
         }
     )
@@ -100,9 +101,9 @@ def loss_free(run: RecordedRun) -> LossFreeScenario:
 
 
 def _recorded(run: RecordedRun, pair: LinkEnds, table: LinkTable) -> LinkEntry:
-    """Build the entry of a link whose delays were recorded.
+    """Build the entry of a link with recorded delays.
 
-    Messages not yet visible when the run ended become visible a second later.
+    Messages still in transit at the end of the run become visible one second later.
     """
     fates, ends_at = run.fates[pair], round(run.scenario.duration_s * SECOND)
     sent = run.sent[pair[0]]
@@ -133,7 +134,7 @@ def _entry(
     }
     content = table.content
     if content is not None:
-        # A bit error that a receiver notices is a loss.
+        # A detected bit error is a loss.
         ratio = {"bit_error_ratio": 0.0} if content.frame_check else {}
         kept = {**kept, "content": content.model_copy(update=ratio)}
     return LinkEntry(sender=pair[0], receiver=pair[1], loss=loss, **kept)  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""The losses of a recorded run: bursts of each link, and the fates of all messages in its log."""
+"""Losses of a recorded run: the fate of each message in its log, and bursts of each link."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -20,7 +20,7 @@ LinkEnds = tuple[str, str]
 
 @dataclass(frozen=True, slots=True, order=True)
 class LostMessage:
-    """A message that a link lost, by its sending time (ns after the start) and number."""
+    """A lost message with its sending time (ns after the start) and number."""
 
     sent_at: int
     link: LinkEnds
@@ -32,11 +32,11 @@ Losses = frozenset[LostMessage]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fate:
-    """The fate of a message: its sending time and delay (ns).
+    """The fate of a message on a link, with sending time and delay (ns).
 
-    `reason` is that of a drop, empty without one. A dropped message has the delay that it would
-    have had. `is_lost`: it can be restored. The link's own rate and content errors without a frame
-    check cannot.
+    `reason` is empty unless the message was dropped; `delay` is then the delay without the drop.
+    Messages with `is_lost` can be restored; messages dropped by the link's rate, or corrupted
+    without a frame check, cannot.
     """
 
     sent_at: int
@@ -49,9 +49,9 @@ class Fate:
 class RecordedRun:
     """A run from its log, with instants in ns after its start.
 
-    `fates` are the verdicts of each link by the message's number, `sent` the sending times of each
-    sender by number. `truth` are the true poses (east, north, m) by vehicle and instant; `messages`
-    are those that its figures are made of, in the order of the log.
+    `fates` are by link and message number, `sent` are sending times by sender and number. `truth`
+    are the true poses (east, north, m) by vehicle and instant. `messages` are the input of the
+    figures, in the order of the log.
     """
 
     log: Path
@@ -64,7 +64,7 @@ class RecordedRun:
     messages: list[Message] = field(default_factory=list)
 
     def lost(self, until: int) -> tuple[LostMessage, ...]:
-        """Return lost messages that would have arrived by an instant, in order of time."""
+        """Return the lost messages that would have arrived by an instant, in order of time."""
         return tuple(
             sorted(
                 LostMessage(fate.sent_at, link, number)
@@ -80,7 +80,7 @@ class RecordedRun:
             return False
         return bool(reason) and counts_as_loss(reason)
 
-    def take(self, message: Message) -> None:
+    def add(self, message: Message) -> None:
         match message:
             case RunStart():
                 self.start_at = message.start_at_ns
@@ -104,30 +104,30 @@ class RecordedRun:
 
 
 def read_run(log: Path) -> RecordedRun:
-    """Read poses and their fates from a log; raises LogError if it is incomplete.
+    """Read poses and their fates from a log.
 
-    Also if there are no losses, or vehicles that move as they were recorded.
+    Raises LogError if the log is incomplete, has no losses, or has replayed vehicles.
     """
     reader = LogReader(log)
     if reader.damage:
         raise LogError(reader.damage)
     reader.require_all("verdict", "tracking", "truth")
     if reader.truncated:
-        raise LogError(f"{log}: breaks off; blame needs the log of a run that was ended")
+        raise LogError(f"{log}: truncated; blame needs the log of a complete run")
     run = RecordedRun(log, session_of(log))
     if run.scenario.replays:
         names = ", ".join(run.scenario.replays)
-        raise LogError(f"{log}: {names} moved as recorded; blame needs vehicles that drive")
+        raise LogError(f"{log}: {names} replayed a recorded drive; blame needs simulated vehicles")
     for _, _, message in reader.messages(("start", "gps", "verdict", "truth", "tracking")):
-        run.take(message)
+        run.add(message)
     if not run.start_at:
-        raise LogError(f"{log}: does not say when the run started")
+        raise LogError(f"{log}: has no start of the run")
     if not any(fate.is_lost for fates in run.fates.values() for fate in fates.values()):
-        raise LogError(f"{log}: no message was lost; there is nothing to blame")
+        raise LogError(f"{log}: no message was lost")
     return run
 
 
-# ---- Bursts, and those that act together
+# ---- Bursts and overlaps
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +147,7 @@ class Burst:
 
     @property
     def span_s(self) -> tuple[float, float]:
-        """When the first and the last message were sent (s after the start)."""
+        """Sending times of the first and the last message (s after the start)."""
         return self.messages[0].sent_at / SECOND, self.messages[-1].sent_at / SECOND
 
     @property
@@ -157,10 +157,10 @@ class Burst:
 
 
 def bursts_of(lost: Iterable[LostMessage]) -> tuple[Burst, ...]:
-    """Group lost messages into runs of consecutive numbers on each link, in order of time."""
+    """Group lost messages into consecutive numbers of each link, in order of time."""
     by_link: defaultdict[LinkEnds, list[LostMessage]] = defaultdict(list)
-    for one in sorted(lost):
-        by_link[one.link].append(one)
+    for message in sorted(lost):
+        by_link[message.link].append(message)
     return tuple(
         sorted(
             (Burst(run) for messages in by_link.values() for run in _runs(messages)),
@@ -171,18 +171,18 @@ def bursts_of(lost: Iterable[LostMessage]) -> tuple[Burst, ...]:
 
 def _runs(messages: Sequence[LostMessage]) -> Iterator[tuple[LostMessage, ...]]:
     run: list[LostMessage] = []
-    for one in sorted(messages, key=lambda one: one.number):
-        if run and one.number != run[-1].number + 1:
+    for message in sorted(messages, key=lambda message: message.number):
+        if run and message.number != run[-1].number + 1:
             yield tuple(run)
             run = []
-        run.append(one)
+        run.append(message)
     yield tuple(run)
 
 
 def overlaps_of(bursts: Sequence[Burst]) -> tuple[tuple[Burst, ...], ...]:
-    """Group bursts of several links that overlap in time; in order of time.
+    """Group bursts that overlap in time, in order of time.
 
-    A burst lasts from its first to its last message; chains of overlaps are one moment.
+    A burst lasts from its first to its last message. A chain of overlapping bursts is one group.
     """
     overlaps: list[list[Burst]] = []
     until = -1
@@ -195,7 +195,7 @@ def overlaps_of(bursts: Sequence[Burst]) -> tuple[tuple[Burst, ...], ...]:
 
 
 def numbers_by_link(lost: Iterable[LostMessage]) -> Mapping[LinkEnds, NumberSet]:
-    found: defaultdict[LinkEnds, list[int]] = defaultdict(list)
-    for one in lost:
-        found[one.link].append(one.number)
-    return {link: NumberSet.of((k, k) for k in numbers) for link, numbers in found.items()}
+    numbers: defaultdict[LinkEnds, list[int]] = defaultdict(list)
+    for message in lost:
+        numbers[message.link].append(message.number)
+    return {link: NumberSet.of((k, k) for k in own) for link, own in numbers.items()}

@@ -1,8 +1,8 @@
-"""Which losses were to blame, by metres: of groups first, then of the parts of those that matter.
+"""Ranking of losses by their effect in metres, by bisection.
 
-One run for each burst would be too many. Bursts in order of time are restored half by half, and a
-half is only divided if restoring it reduces the error: bisection, the best half first. Bursts that
-overlap in time are a moment and stay together until a moment is all that is left.
+One run per burst would take too long. Bursts in order of time are restored half by half; only
+halves whose restoration reduces the error are divided further, the best half first. Bursts that
+overlap in time are divided last.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -14,18 +14,18 @@ from scenarios.studies.many.blame.trials import Trials
 
 Group = tuple[Burst, ...]
 NEGLIGIBLE_M = 0.01
-"""Groups that reduce the error by less are not divided."""
+"""Groups with a smaller effect are not divided."""
 MAX_RUNS = 24
-"""Most runs with restored groups."""
+"""Maximum number of runs with restored groups."""
 MAX_ALONE = 6
-"""Number of the worst groups that also run with no other losses."""
+"""Number of top rows that are also simulated without other losses."""
 DIVIDED_TOGETHER = 2
-"""Groups divided together, whatever the number of workers: the result must not depend on it."""
+"""Groups divided in parallel; fixed, so that the result does not depend on the workers."""
 
 
 @dataclass(slots=True)
 class Attribution:
-    """A burst, a moment, or an undivided group, and the metres that it cost.
+    """A burst, overlapping bursts, or an undivided group, and its effect in metres.
 
     Restoring the group reduces the worst figure by `reduction_m`. `alone` is the result with no
     other losses, if simulated.
@@ -47,7 +47,7 @@ class Attribution:
 
     @property
     def span_s(self) -> tuple[float, float]:
-        """When the first and the last message were sent (s after the start)."""
+        """Sending times of the first and the last message (s after the start)."""
         return (
             min(burst.span_s[0] for burst in self.group),
             max(burst.span_s[1] for burst in self.group),
@@ -57,15 +57,15 @@ class Attribution:
     def kind(self) -> str:
         if len(self.group) == 1:
             return "burst"
-        return "moment" if len(overlaps_of(self.group)) == 1 else "group"
+        return "overlap" if len(overlaps_of(self.group)) == 1 else "group"
 
 
 def losses_of(bursts: Iterable[Burst]) -> Losses:
-    return frozenset(one for burst in bursts for one in burst.messages)
+    return frozenset(message for burst in bursts for message in burst.messages)
 
 
 def halves(group: Group) -> list[Group]:
-    """Split a group by moments in two, a moment by its bursts; empty for a single burst."""
+    """Split a group in two between overlaps, or within one; empty for a single burst."""
     parts: Sequence[Group] = overlaps_of(group)
     if len(parts) == 1:
         parts = [(burst,) for burst in group]
@@ -73,42 +73,42 @@ def halves(group: Group) -> list[Group]:
         return []
     middle = len(parts) // 2
     return [
-        tuple(burst for part in some for burst in part) for some in (parts[:middle], parts[middle:])
+        tuple(burst for part in half for burst in part) for half in (parts[:middle], parts[middle:])
     ]
 
 
 def rank_losses(
     trials: Trials, bursts: Group, recorded: RerunResult, reduction_m: float
 ) -> list[Attribution]:
-    """Rank bursts, moments, and undivided groups, the costliest first.
+    """Rank bursts, overlaps and undivided groups by their effect.
 
-    `reduction_m` is the improvement when all are restored. If two halves improve nothing one by one
-    but do together, both are divided.
+    `reduction_m` is the effect of restoring all `bursts`. If two halves have an effect only when
+    both are restored, both are divided.
     """
-    every = losses_of(bursts)
+    all_losses = losses_of(bursts)
     groups = [Attribution(bursts, reduction_m, potential_m=reduction_m)]
     most = trials.runs + MAX_RUNS
     while trials.runs < most and not trials.is_exhausted:
         promising = [
-            one
-            for one in groups
-            if one.is_undivided and one.potential_m >= NEGLIGIBLE_M and len(one.group) > 1
+            row
+            for row in groups
+            if row.is_undivided and row.potential_m >= NEGLIGIBLE_M and len(row.group) > 1
         ]
         if not promising:
             break
-        promising.sort(key=lambda one: (-one.potential_m, one.span_s, one.messages))
-        groups += _divide(trials, promising[:DIVIDED_TOGETHER], every, recorded)
-    shown = [one for one in groups if one.is_undivided or one.kind == "moment"]
-    return sorted(shown, key=lambda one: (-one.reduction_m, one.messages, one.span_s))
+        promising.sort(key=lambda row: (-row.potential_m, row.span_s, row.messages))
+        groups += _divide(trials, promising[:DIVIDED_TOGETHER], all_losses, recorded)
+    shown = [row for row in groups if row.is_undivided or row.kind == "overlap"]
+    return sorted(shown, key=lambda row: (-row.reduction_m, row.messages, row.span_s))
 
 
 def _divide(
-    trials: Trials, some: Sequence[Attribution], every: Losses, recorded: RerunResult
+    trials: Trials, rows: Sequence[Attribution], all_losses: Losses, recorded: RerunResult
 ) -> Iterator[Attribution]:
-    """Close each of the groups, and yield its halves."""
-    parts = [halves(one.group) for one in some]
-    results = iter(trials.results(every - losses_of(part) for pair in parts for part in pair))
-    for whole, pair in zip(some, parts, strict=True):
+    """Divide groups and yield their halves."""
+    parts = [halves(row.group) for row in rows]
+    results = iter(trials.results(all_losses - losses_of(part) for pair in parts for part in pair))
+    for whole, pair in zip(rows, parts, strict=True):
         whole.is_undivided = False
         reductions = [recorded.badness_m - next(results).badness_m for _ in pair]
         unexplained = 0.5 * (whole.potential_m - max(reductions))
@@ -117,7 +117,7 @@ def _divide(
 
 
 def run_alone(trials: Trials, rows: Sequence[Attribution]) -> None:
-    """Run with the losses of each of the worst rows alone."""
+    """Simulate each of the top rows without other losses."""
     worst = rows[:MAX_ALONE]
     for row, result in zip(worst, trials.results(row.losses for row in worst), strict=True):
         row.alone = result

@@ -1,4 +1,4 @@
-"""A repeated run with other losses: its worst figure, and whether it breaks a limit."""
+"""One run with other losses: its worst figure, and whether it breaks a limit."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -26,7 +26,7 @@ NO_END = 2**63
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RerunCriteria:
-    """Figure and limit by which runs are compared, and the end of the comparison (ns)."""
+    """Figure and limit to evaluate, until an instant (ns after the start)."""
 
     figure: FigureName
     limit: Limit
@@ -37,9 +37,9 @@ class RerunCriteria:
 class RerunResult:
     """The worst figure of a run (m), its vehicle and instant, and the breach of the limit.
 
-    As `badness_m` a gap is negative: the smaller, the worse. Instants are in ns after the start;
-    `broken_at` is when the breach was known, None without one. `series` are instants (s) and
-    figures (m) of each vehicle, if requested.
+    `badness_m` is the error or the negative gap. Instants are in ns after the start; `broken_at` is
+    None if the limit was kept. `series` are instants (s) and figures (m) of each vehicle, if
+    requested.
     """
 
     badness_m: float
@@ -55,7 +55,7 @@ class RerunResult:
 
 
 class RerunObserver:
-    """An observer of a run, live or from a log, that follows a figure and a limit."""
+    """Observer of a figure and a limit, in a virtual run or from a log."""
 
     kinds: frozenset[type[Message]] = KINDS
 
@@ -78,7 +78,7 @@ class RerunObserver:
         self.now = 0
 
     def listen(self, at: int, message: Message) -> None:
-        """Take one message; those after the criteria's instant are ignored."""
+        """Process a message; ignored after `criteria.until`."""
         if isinstance(message, TruePose):
             self.now = message.true_at_ns - self._start_at
         if self.now <= self.criteria.until:
@@ -102,7 +102,7 @@ class RerunObserver:
             self.broken_at = self.now
 
     def result(self, *, whole: bool = False) -> RerunResult:
-        """Return the result so far; `whole` with the series."""
+        """Return the result so far; `whole`: with series."""
         self._stream.finish()
         self._note_breach()
         badness, vehicle, at = self._worst
@@ -118,11 +118,11 @@ class RerunObserver:
 def result_of(
     scenario: Scenario, criteria: RerunCriteria, start_at: int, messages: Iterable[Message]
 ) -> RerunResult:
-    """Return the result of a finished run, from its messages."""
-    watch = RerunObserver(scenario, criteria, start_at)
+    """Return the result of a recorded run, with series."""
+    observer = RerunObserver(scenario, criteria, start_at)
     for message in messages:
-        watch.listen(start_at, message)
-    return watch.result(whole=True)
+        observer.listen(start_at, message)
+    return observer.result(whole=True)
 
 
 def rerun(
@@ -132,32 +132,29 @@ def rerun(
     whole: bool = False,
     ends_when_broken: bool = False,
 ) -> RerunResult:
-    """Run in virtual time without a log until the criteria is answered; `whole`: with series.
+    """Run in virtual time until `criteria.until`; `whole`: with series.
 
-    A fault of a vehicle ends the run.
+    A failed vehicle ends the run.
     """
-    watch = RerunObserver(scenario, criteria, scenario.start_at_ns)
+    observer = RerunObserver(scenario, criteria, scenario.start_at_ns)
 
-    def is_answered() -> bool:
-        broken = ends_when_broken and watch.broken_at is not None
-        return broken or watch.now > criteria.until
+    def is_over() -> bool:
+        broken = ends_when_broken and observer.broken_at is not None
+        return broken or observer.now > criteria.until
 
-    drive(scenario, [watch], until=is_answered)
-    return watch.result(whole=whole)
+    drive(scenario, [observer], until=is_over)
+    return observer.result(whole=whole)
 
 
 def first_difference(scenario: Scenario, truth: Truth) -> tuple[str, int] | None:
-    """Run in virtual time; return the first true pose that differs in bits from `truth`.
-
-    None if all are equal.
-    """
-    found: dict[tuple[str, int], tuple[float, float]] = {}
+    """Run in virtual time; return vehicle and instant of the first true pose unlike `truth`."""
+    poses: dict[tuple[str, int], tuple[float, float]] = {}
 
     def listen(_at: int, message: Message) -> None:
         if isinstance(message, TruePose):
             at = message.true_at_ns - scenario.start_at_ns
-            found[message.vehicle, at] = message.east_m, message.north_m
+            poses[message.vehicle, at] = message.east_m, message.north_m
 
     drive(scenario, [OnMessage(listen, frozenset([TruePose]))])
-    instants = sorted(truth, key=lambda one: (one[1], one[0]))
-    return next((key for key in instants if found.get(key) != truth[key]), None)
+    instants = sorted(truth, key=lambda key: (key[1], key[0]))
+    return next((key for key in instants if poses.get(key) != truth[key]), None)

@@ -1,8 +1,8 @@
 """The smallest set of losses that still breaks the limit: bursts first, then messages in them.
 
-By delta debugging: Zeller and Hildebrandt, "Simplifying and isolating failure-inducing input", IEEE
-Transactions on Software Engineering 28(2), 2002. Only complements are tried: subsets cost as many
-tests again and are not needed for a result that is 1-minimal (Hodován and Kiss, "Practical
+Delta debugging: Zeller and Hildebrandt, "Simplifying and isolating failure-inducing input", IEEE
+Transactions on Software Engineering 28(2), 2002. Only complements are tested: subsets double the
+number of tests and are not needed for a 1-minimal result (Hodován and Kiss, "Practical
 improvements to the minimizing delta debugging algorithm", ICSOFT 2016).
 """
 
@@ -18,17 +18,17 @@ from scenarios.studies.many.blame.trials import Trials
 
 Item = TypeVar("Item")
 FirstFailing = Callable[[Sequence[tuple[Item, ...]]], int | None]
-"""Returns the index of the first set with which the test still fails, None if all pass.
+"""Returns the index of the first set with which the test fails, or None.
 
-It must not depend on the order in which they were tried.
+The result must not depend on the order of the tests.
 """
 
 
 @dataclass(frozen=True, slots=True)
 class SmallestSet(Generic[Item]):
-    """The remaining items, in their order.
+    """The remaining items in their order.
 
-    With `is_minimal` the test passes without any one of them: each was left out and tried.
+    If `is_minimal`, the test passes as soon as any one item is removed.
     """
 
     items: tuple[Item, ...]
@@ -41,12 +41,11 @@ def ddmin(
     is_exhausted: Callable[[], bool] = lambda: False,
     chunks: int = 2,
 ) -> SmallestSet[Item]:
-    """Leave out items while the test, which fails with all of them, goes on failing.
+    """Remove items as long as the test, which fails with all of them, still fails.
 
-    Chunks are left out one after another, down to single items, each half as long as before once
-    none can be left out; `chunks` is their first number. Once it is `enough` the set so far is
-    returned. A single remaining item is minimal only if the test passes without any, which the
-    caller has to know.
+    Removes chunks, `chunks` of them at first, and halves their length when none can be removed.
+    Returns the current set once `is_exhausted`. The caller must know that the test passes without
+    any items.
     """
     left = tuple(items)
     while len(left) > 1:
@@ -56,7 +55,7 @@ def ddmin(
             return SmallestSet(_concatenated(kept), is_minimal=False)
         if len(parts) == len(left) and len(kept) == len(parts):
             break
-        # Removing items may make others redundant: single items are tried again.
+        # Removed items can make others redundant, so test single items again.
         left, chunks = _concatenated(kept), 2 * len(kept)
     return SmallestSet(left, is_minimal=True)
 
@@ -66,15 +65,15 @@ def _remove_parts(
     first_failing: FirstFailing[Item],
     is_exhausted: Callable[[], bool],
 ) -> list[tuple[Item, ...]]:
-    """Leave out each part in turn that can be, but for the last one; returns the others."""
-    kept, begin = list(parts), 0
-    while begin < len(kept) > 1 and not is_exhausted():
-        without = [_concatenated([*kept[:k], *kept[k + 1 :]]) for k in range(begin, len(kept))]
-        place = first_failing(without)
-        if place is None:
+    """Remove each part in turn if possible, but not all; return the others."""
+    kept, start = list(parts), 0
+    while start < len(kept) > 1 and not is_exhausted():
+        without = [_concatenated([*kept[:k], *kept[k + 1 :]]) for k in range(start, len(kept))]
+        index = first_failing(without)
+        if index is None:
             break
-        begin += place
-        del kept[begin]
+        start += index
+        del kept[start]
     return kept
 
 
@@ -83,10 +82,10 @@ def trim(
     first_failing: FirstFailing[Item],
     is_exhausted: Callable[[], bool] = lambda: False,
 ) -> tuple[Item, ...]:
-    """Cut off items at the end and at the beginning while the test goes on failing.
+    """Remove items at the end and at the beginning as long as the test fails.
 
-    By bisection, two cuts at once: for successive causes it finds their ends in a few tests. The
-    test fails with the result in any case.
+    Uses bisection with two cuts at a time, which takes few tests if the causes are consecutive.
+    The test fails with the result in any case.
     """
     left = tuple(items)
     for _ in range(2):
@@ -99,25 +98,25 @@ def _longest_cut(
     first_failing: FirstFailing[Item],
     is_exhausted: Callable[[], bool],
 ) -> int:
-    """Number of leading items that can be left out, if leaving out more makes the test pass."""
+    """Number of leading items that can be removed, assuming that removing more passes."""
     fails, passes = 0, len(items)
     while passes - fails > 1 and not is_exhausted():
         third = max((passes - fails) // 3, 1)
         cuts = sorted({passes - third, fails + third}, reverse=True)
-        place = first_failing([items[cut:] for cut in cuts])
-        if place != 0:
-            passes = cuts[-1] if place is None else cuts[place - 1]
-        if place is not None:
-            fails = cuts[place]
+        index = first_failing([items[cut:] for cut in cuts])
+        if index != 0:
+            passes = cuts[-1] if index is None else cuts[index - 1]
+        if index is not None:
+            fails = cuts[index]
     return fails
 
 
 def _concatenated(parts: Sequence[tuple[Item, ...]]) -> tuple[Item, ...]:
-    return tuple(one for part in parts for one in part)
+    return tuple(item for part in parts for item in part)
 
 
 def split(items: tuple[Item, ...], chunks: int) -> list[tuple[Item, ...]]:
-    """Split into `chunks` parts, none empty, of lengths that differ by one at most."""
+    """Split into `chunks` parts whose lengths differ by at most one."""
     size = len(items)
     edges = [size * k // chunks for k in range(chunks + 1)]
     return [items[a:b] for a, b in pairwise(edges)]
@@ -126,24 +125,24 @@ def split(items: tuple[Item, ...], chunks: int) -> list[tuple[Item, ...]]:
 def smallest_set(
     trials: Trials, bursts: Sequence[Burst], rows: Sequence[Attribution]
 ) -> SmallestSet[LostMessage]:
-    """Shrink `bursts`, which break the limit while no loss does not.
+    """Return the smallest set of losses that breaks the limit, which `bursts` break.
 
-    Starts from the row with the fewest messages that breaks it alone, if there is one.
+    Starts from the smallest row that breaks it alone, if any.
     """
     alone = [row for row in rows if row.alone is not None and trials.is_breach(row.alone)]
     start = min(alone, key=lambda row: (row.messages, row.span_s)).group if alone else bursts
-    trials.set_stage("the smallest set of bursts")
+    trials.set_stage("reducing the set of bursts")
     first = partial(_first_breaking, trials, losses_of)
     of_bursts = ddmin(start, first, lambda: trials.is_exhausted)
-    trials.set_stage("the smallest set of messages")
+    trials.set_stage("reducing the set of messages")
     messages = sorted(losses_of(of_bursts.items))
     first_of_messages = partial(_first_breaking, trials, frozenset)
     left = trim(messages, first_of_messages, lambda: trials.is_exhausted)
-    # Without its ends most of a burst is needed, so single messages are tried at once.
+    # Most of a trimmed burst is needed, so test single messages first.
     return ddmin(left, first_of_messages, lambda: trials.is_exhausted, chunks=len(left))
 
 
 def _first_breaking(
     trials: Trials, losses: Callable[[Iterable[Item]], Losses], sets: Sequence[tuple[Item, ...]]
 ) -> int | None:
-    return trials.first_breaking([losses(one) for one in sets])
+    return trials.first_breaking([losses(items) for items in sets])

@@ -1,4 +1,4 @@
-"""`convoy blame`: all its steps, in order."""
+"""`convoy blame`: all steps in order."""
 
 import hashlib
 from dataclasses import asdict, dataclass, replace
@@ -19,16 +19,16 @@ from transport.log.records import LogError
 from vehicles.schedule import SECOND
 
 AFTER_NS = SECOND
-"""Fewer losses may break the limit a little later, so runs go on this long after the worst."""
+"""Reruns continue this long after the worst instant: fewer losses may break the limit later."""
 MAX_RUNS = 400
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BlameResult:
-    """The result: the recorded run, one without any loss, the bursts, and the smallest set.
+    """Results of the recorded run, of a run without losses, and of reruns.
 
-    `mended` is the run with the costliest row restored. `smallest` is None if the limit was not
-    broken or is broken without any loss; then `not_reduced_reason` is the reason.
+    `best_restored` is the run with the first of the `rows` restored. `smallest` is None if the
+    limit is kept or is broken without losses; `not_reduced_reason` is then the reason.
     """
 
     run: RecordedRun
@@ -51,14 +51,13 @@ def blame(
 ) -> BlameResult:
     """Find the losses that caused the worst figure of a log and the breach of `limit`.
 
-    Repeats the run, ranks its losses, and shrinks them. Raises LogError, also if the losses of the
-    log do not reproduce it.
+    Raises LogError if the log is unusable, or if its losses do not reproduce the run.
     """
     run = read_run(log)
     criteria = RerunCriteria(figure=figure, limit=limit)
     recorded = result_of(run.scenario, criteria, run.start_at, run.messages)
     if not recorded.vehicle:
-        raise LogError(f"{log}: holds no {figure} of a follower to blame losses for")
+        raise LogError(f"{log}: has no true {figure} of a follower")
     breach_at = recorded.broken_at or 0
     trials = Trials(
         convoy=loss_free(run),
@@ -72,21 +71,22 @@ def blame(
     if not bursts:
         until_s = trials.criteria.until / SECOND
         raise LogError(
-            f"{log}: no message was lost until {until_s:.2f} s, a second after "
-            f"the worst; there is nothing to blame"
+            f"{log}: no message was lost until {until_s:.2f} s, one second after the worst {figure}"
         )
-    trials.set_stage("the run as recorded, and without any loss")
+    trials.set_stage("repeating the run, with and without its losses")
     _check_same(trials, run)
     (clean,) = trials.results([frozenset()], whole=True)
-    trials.set_stage("bursts given back")
+    trials.set_stage("restoring bursts")
     rows = rank_losses(trials, bursts, recorded, recorded.badness_m - clean.badness_m)
-    trials.set_stage("bursts alone")
+    trials.set_stage("losing single bursts only")
     run_alone(trials, rows)
     not_reduced_reason = _reason_not_reduced(recorded, clean, limit)
     smallest = None if not_reduced_reason else smallest_set(trials, bursts, rows)
-    trials.set_stage("for the picture")
+    trials.set_stage("simulating the plotted runs")
     (best_restored,) = trials.results([losses_of(bursts) - rows[0].losses], whole=True)
-    again = trials.results([frozenset(smallest.items)], whole=True) if smallest else [None]
+    smallest_results = (
+        trials.results([frozenset(smallest.items)], whole=True) if smallest else [None]
+    )
     return BlameResult(
         run=run,
         criteria=trials.criteria,
@@ -97,7 +97,7 @@ def blame(
         rows=tuple(rows),
         best_restored=best_restored,
         smallest=smallest,
-        smallest_result=again[0],
+        smallest_result=smallest_results[0],
         not_reduced_reason=not_reduced_reason,
         runs=trials.runs,
         seconds=trials.seconds,
@@ -105,29 +105,29 @@ def blame(
 
 
 def _check_same(trials: Trials, run: RecordedRun) -> None:
-    """Repeat the run with its losses and compare all true poses bit for bit; raises LogError."""
+    """Raise LogError unless a rerun with the same losses has identical true poses."""
     everything = frozenset(run.lost(max(at for _, at in run.truth) + SECOND * 3600))
-    off = trials.first_difference(everything, run.truth)
-    if off is None:
+    difference = trials.first_difference(everything, run.truth)
+    if difference is None:
         return
-    vehicle, at = off
-    late = f" ({run.late} messages came late)" if run.late else ""
+    vehicle, at = difference
+    late = f" ({run.late} messages were late)" if run.late else ""
     raise LogError(
-        f"{run.log}: with the same losses {vehicle} is elsewhere {at / SECOND:.2f} s after the "
-        f"start{late}; blame needs a run that virtual time repeats"
+        f"{run.log}: not reproducible: in a rerun, {vehicle} differs from {at / SECOND:.2f} s "
+        f"on{late}; use the log of a run with `--clock virtual`"
     )
 
 
 def identity_of_blame(log: Path, limit: Limit, figure: FigureName, max_runs: int) -> dict[str, Any]:
-    """All that the result depends on, by the words of the command line; raises LogError."""
+    """Everything that the result depends on, named as on the command line; raises LogError."""
     try:
         with log.open("rb") as file:
-            content = hashlib.file_digest(file, "sha256").hexdigest()[:12]
+            digest = hashlib.file_digest(file, "sha256").hexdigest()[:12]
     except OSError as error:
         raise LogError(f"{log}: cannot read the log: {error.strerror}") from error
     return {
         "LOG": str(log),
-        "its content": content,
+        "log digest": digest,
         "--limit": str(limit),
         "--figure": figure,
         "--runs": max_runs,
@@ -137,7 +137,7 @@ def identity_of_blame(log: Path, limit: Limit, figure: FigureName, max_runs: int
 
 def _reason_not_reduced(recorded: RerunResult, clean: RerunResult, limit: Limit) -> str:
     if recorded.broken_at is None:
-        return f"the limit {limit} was not broken, so there is no set to shrink"
+        return f"the limit {limit} was not broken: no set of losses to reduce"
     if clean.broken_at is not None:
-        return f"the limit {limit} is broken without any loss, so there is no set to shrink"
+        return f"the limit {limit} is broken without any loss: no set of losses to reduce"
     return ""

@@ -1,4 +1,4 @@
-"""Runs with other losses, several at once, none repeated."""
+"""Parallel reruns with other losses; none is repeated."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -22,10 +22,10 @@ from scenarios.studies.many.blame.rerun import (
 
 @dataclass(slots=True)
 class Trials:
-    """Runs of one convoy, each with other losses.
+    """Reruns of one recorded run, each with other losses.
 
-    `runs` counts them, up to `max_runs`; `at_once` runs start together. A set of losses breaks the
-    limit if it does so until `breaks_by` (ns after the start).
+    There are up to `max_runs` runs, `parallel` at a time. A set of losses breaks the limit if that
+    happens by `breaks_by` (ns after the start).
     """
 
     convoy: LossFreeScenario
@@ -49,56 +49,55 @@ class Trials:
     def set_stage(self, stage: str) -> None:
         self.engine.progress.stage = stage
 
-    def results(self, of: Iterable[Losses], *, whole: bool = False) -> list[RerunResult]:
+    def results(self, sets: Iterable[Losses], *, whole: bool = False) -> list[RerunResult]:
         """Return the results of runs with exactly these losses; `whole`: with series."""
-        wanted = list(of)
-        new = [one for one in dict.fromkeys(wanted) if whole or one not in self._results]
+        wanted = list(sets)
+        new = [losses for losses in dict.fromkeys(wanted) if whole or losses not in self._results]
         self._results |= self._simulate(new, self.criteria, whole=whole)
         return [self._results[losses] for losses in wanted]
 
     def first_difference(self, losses: Losses, truth: Truth) -> tuple[str, int] | None:
-        """Repeat the whole run with these losses; return the first true pose that differs."""
+        """Return vehicle and instant of the first true pose unlike `truth`, or None."""
         work = partial(_first_difference, self.convoy.with_losses(losses).text, truth)
         job = Job(key="as recorded", work=work)
         self.runs += 1
-        (found,) = self.engine.results([job])
-        return None if found is None else (found[0], found[1])
+        (difference,) = self.engine.results([job])
+        return None if difference is None else (difference[0], difference[1])
 
     def first_breaking(self, sets: Sequence[Losses]) -> int | None:
-        """Return the index of the first set of losses that breaks the limit, None if none does.
+        """Return the index of the first set of losses that breaks the limit, or None.
 
-        Some run at once; the result does not depend on how many. Once there may be no more runs the
-        rest count as not breaking it.
+        The result does not depend on `parallel`. Sets that `max_runs` leaves unsimulated count as
+        not breaking it.
         """
-        for begin in range(0, len(sets), self.parallel):
-            some = sets[begin : begin + self.parallel]
+        for start in range(0, len(sets), self.parallel):
+            chunk = sets[start : start + self.parallel]
             if not self.is_exhausted:
-                self._test(some)
-            for place, losses in enumerate(some, begin):
+                self._test(chunk)
+            for index, losses in enumerate(chunk, start):
                 if self._broken.get(losses):
-                    return place
+                    return index
         return None
 
     def _test(self, sets: Sequence[Losses]) -> None:
         known = self._broken.keys() | self._results.keys()
         new = [losses for losses in dict.fromkeys(sets) if losses not in known]
         criteria = replace(self.criteria, until=self.breaks_by)
-        found = self._simulate(new, criteria, ends_when_broken=True)
-        found |= {one: self._results[one] for one in sets if one in self._results}
-        self._broken |= {losses: self.is_breach(result) for losses, result in found.items()}
+        results = self._simulate(new, criteria, ends_when_broken=True)
+        results |= {losses: self._results[losses] for losses in sets if losses in self._results}
+        self._broken |= {losses: self.is_breach(result) for losses, result in results.items()}
 
     def is_breach(self, result: RerunResult) -> bool:
-        """Whether the limit was broken until `breaks_by`."""
         return result.broken_at is not None and result.broken_at <= self.breaks_by
 
     def _simulate(
-        self, sets: Sequence[Losses], criteria: RerunCriteria, **how: bool
+        self, sets: Sequence[Losses], criteria: RerunCriteria, **options: bool
     ) -> dict[Losses, RerunResult]:
-        words = " ".join(word for word, is_wanted in how.items() if is_wanted)
+        flags = " ".join(name for name, is_set in options.items() if is_set)
         jobs = [
             Job(
-                key=f"{criteria.until} {words} {_digest(losses)}",
-                work=partial(_fields, self.convoy.with_losses(losses).text, criteria, **how),
+                key=f"{criteria.until} {flags} {_digest(losses)}",
+                work=partial(_fields, self.convoy.with_losses(losses).text, criteria, **options),
             )
             for losses in sets
         ]
@@ -107,8 +106,8 @@ class Trials:
         return dict(zip(sets, results, strict=True))
 
 
-def _fields(text: str, criteria: RerunCriteria, **how: bool) -> dict[str, Any]:
-    return asdict(rerun(scenario_from_text(text), criteria, **how))
+def _fields(text: str, criteria: RerunCriteria, **options: bool) -> dict[str, Any]:
+    return asdict(rerun(scenario_from_text(text), criteria, **options))
 
 
 def _first_difference(text: str, truth: Truth) -> tuple[str, int] | None:
@@ -116,5 +115,5 @@ def _first_difference(text: str, truth: Truth) -> tuple[str, int] | None:
 
 
 def _digest(losses: Losses) -> str:
-    names = sorted((*one.link, one.number) for one in losses)
+    names = sorted((*message.link, message.number) for message in losses)
     return blake2b(repr(names).encode(), digest_size=12).hexdigest()

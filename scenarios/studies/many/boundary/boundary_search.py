@@ -26,10 +26,10 @@ MAX_VALUES = 100_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoundaryQuery:
-    """At which value of `key` a `share` of the runs breaks `limit`.
+    """Search for the value of `key` from which on a `share` of the runs breaks `limit`.
 
-    `variant` is the run without key and seed; the value is sought from `low` to `high`, to within
-    `to` on either side, with the seeds from 1 to `seeds`.
+    The search covers `low` to `high` with the half-width `precision`. Each value is simulated with
+    the seeds 1 to `seeds`. `variant` is the run without key and seed.
     """
 
     variant: Variant
@@ -43,7 +43,7 @@ class BoundaryQuery:
 
     @property
     def values(self) -> list[float]:
-        """Values that may be tried, evenly spaced by at most twice `to`."""
+        """Possible values, evenly spaced by at most twice `precision`."""
         parts = ceil((self.high - self.low) / (2.0 * self.precision) - 1e-9)
         step = (self.high - self.low) / parts
         return [float(f"{self.low + step * number:.12g}") for number in range(parts + 1)]
@@ -58,7 +58,7 @@ class BoundaryQuery:
         )
 
     def identity(self) -> dict[str, Any]:
-        """All that the answer depends on, by the words of the command line."""
+        """Everything that the result depends on, named as on the command line."""
         span = [self.low, self.high]
         options = {
             "key": self.key,
@@ -69,7 +69,7 @@ class BoundaryQuery:
         return identity_of(self.variant, **options, seeds=self.seeds, share=self.share)
 
     def check(self) -> None:
-        """Raise ScenarioError for a wrong query, or a scenario refused at one of the ends."""
+        """Raise ScenarioError for an invalid range, precision, key or end value."""
         if not (isfinite(self.low) and isfinite(self.high) and self.low < self.high):
             wrong = (
                 f"--range: given {self.low:g}:{self.high:g}, allowed LOW:HIGH with LOW below HIGH"
@@ -81,10 +81,10 @@ class BoundaryQuery:
             raise ScenarioError([f"--precision: given {self.precision:g}, {allowed}"])
         now = _value_at(self.variant.scenario.text, self.key)
         if self.key == "seed" or isinstance(now, bool | str | list | dict):
-            raise ScenarioError([f"{self.key}: is no number that a limit depends on, but {now!r}"])
+            raise ScenarioError([f"{self.key}: given {now!r}, allowed a key with a number"])
         if isinstance(now, int):
             raise ScenarioError(
-                [f"{self.key}: takes whole numbers, which `convoy sweep --vary` can try one by one"]
+                [f"{self.key}: takes whole numbers; use `convoy sweep --vary {self.key}=…`"]
             )
         for value in (self.low, self.high):
             _ = self.at(value, 1).scenario
@@ -112,14 +112,14 @@ class BoundaryResult:
 
 
 def find_boundary(query: BoundaryQuery, engine: Engine) -> BoundaryResult:
-    """Raises ScenarioError if the question is wrong, or the share crosses it nowhere."""
+    """Run the search; raises ScenarioError if the query is invalid or there is no boundary."""
     query.check()
     curve = ShareCurve(query.values, query.share, query.seeds, partial(_run_samples, query, engine))
     try:
-        found = bracket(curve)
+        bracketed = bracket(curve)
     except NoBoundaryError:
         raise ScenarioError([_no_boundary(query, curve)]) from None
-    return _answer(query, curve, found)
+    return _result(query, curve, bracketed)
 
 
 def _run_samples(
@@ -130,24 +130,24 @@ def _run_samples(
         variant = query.at(values[number], seed)
         key, work = f"{values[number]:.12g}/{seed}", partial(variant.breaks, query.limit)
         jobs.append(Job(key=key, work=work, command=variant.command))
-    found = dict(zip(samples, engine.results(jobs), strict=True))
+    outcomes = dict(zip(samples, engine.results(jobs), strict=True))
     for number in sorted({number for number, _ in samples}):
-        here = [broke for (at, _), broke in found.items() if at == number]
+        broken = [broke for (at, _), broke in outcomes.items() if at == number]
         of_value = f"{query.key}={values[number]:g}"
-        counts = f"{sum(here)} of {len(here)} runs break it"
+        counts = f"{sum(broken)} of {len(broken)} runs break the limit"
         engine.progress.note(f"{engine.progress.done:3d} runs  {of_value}: {counts}")
-    return found
+    return outcomes
 
 
-def _answer(query: BoundaryQuery, curve: ShareCurve, found: Bracket) -> BoundaryResult:
+def _result(query: BoundaryQuery, curve: ShareCurve, found: Bracket) -> BoundaryResult:
     values = curve.values
     low, high = values[found.low], values[found.high]
     commands = {}
-    for word, number in (("low", found.low), ("high", found.high)):
+    for end, number in (("low", found.low), ("high", found.high)):
         broken = curve.broken_seeds(number)
         seed = broken[0] if broken else 1
-        what = "breaks" if broken else "holds"
-        commands[f"{word}, {what} {query.limit}"] = query.at(values[number], seed).command
+        verdict = "breaks" if broken else "keeps"
+        commands[f"{end} end, {verdict} {query.limit}"] = query.at(values[number], seed).command
     return BoundaryResult(
         boundary=float(f"{0.5 * (low + high):.12g}"),
         low=low,
@@ -164,17 +164,17 @@ def _answer(query: BoundaryQuery, curve: ShareCurve, found: Bracket) -> Boundary
 
 def _no_boundary(query: BoundaryQuery, curve: ShareCurve) -> str:
     points = [curve.point(number) for number in curve.evaluated]
-    found = ", ".join(f"{one.broken} of {one.runs} at {one.value:g}" for one in points)
-    side = "broken" if curve.reaches_share(0) else "held"
+    counts = ", ".join(f"{point.broken} of {point.runs} at {point.value:g}" for point in points)
+    side = "broken" if curve.reaches_share(0) else "kept"
     return (
         f"{query.key}: {query.limit} is {side} at both ends of --range "
-        f"{query.low:g}:{query.high:g} and between, so there is no boundary: {found} break it"
+        f"{query.low:g}:{query.high:g} and between, so there is no boundary; {counts} break it"
     )
 
 
 def _value_at(text: str, key: str) -> object:
-    """Value of a scenario under a dotted key; None if it has none."""
-    here: Any = tomllib.loads(text)
+    """Value of a dotted key in a scenario, or None."""
+    value: Any = tomllib.loads(text)
     for part in key.split("."):
-        here = here.get(part) if isinstance(here, dict) else None
-    return here
+        value = value.get(part) if isinstance(value, dict) else None
+    return value

@@ -1,8 +1,7 @@
-"""How many seeds break a limit at each value tried, and where their share crosses the wanted one.
+"""Share of seeds that break a limit over the value of a key, and bisection of it.
 
-The crossing is found by bisection of the counts, not of each seed's own boundary: a seed that
-breaks the limit at a value may hold it at a larger one, as where a follower that receives too
-little stops in its lane.
+The bisection uses the counts of all seeds, because single seeds need not be monotone: a follower
+that receives too little stops in its lane and then keeps the limit again.
 """
 
 from collections import defaultdict
@@ -15,20 +14,19 @@ from scenarios.results.channel.estimates import CONFIDENCE
 from scenarios.studies.many.statistics import wilson
 
 FIRST_SEEDS = 8
-"""Seeds with which a value is tried first: if all of them agree, the interval of Wilson is below
-or above one half."""
+"""Seeds simulated first: if all agree, the Wilson interval excludes one half."""
 COARSE_PARTS = 4
-"""Parts of the range whose ends are tried first; then those of twice as many parts."""
+"""Parts of the range of the first pass; the second pass has twice as many."""
 
 Sample = tuple[int, int]
-"""Number of a value, and a seed."""
+"""Index of a value, and a seed."""
 RunSamples = Callable[[Sequence[Sample]], Mapping[Sample, bool]]
-"""Returns for each place whether the run with that value and that seed breaks the limit."""
+"""Returns for each sample whether its run breaks the limit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SharePoint:
-    """The share of runs that broke the limit at a value, with its Wilson interval."""
+    """Share of runs that broke the limit at a value, with its 95 % Wilson interval."""
 
     value: float
     runs: int
@@ -39,10 +37,10 @@ class SharePoint:
 
 
 class ShareCurve:
-    """Outcomes at numbered values in ascending order; the same seeds 1, 2, … at each of them.
+    """Outcomes at ascending values, by index, with the same seeds 1, 2, … at each value.
 
-    A value is `beyond` if at least the wanted share of its seeds break the limit; with a share of
-    0 if one does.
+    A value reaches the `share` if at least that share of its seeds break the limit. A share of 0
+    needs one seed.
     """
 
     def __init__(
@@ -53,7 +51,7 @@ class ShareCurve:
         self._broke: defaultdict[int, dict[int, bool]] = defaultdict(dict)
 
     def run_seeds(self, numbers: Sequence[int], seeds: int | None = None) -> None:
-        """Try these values with the first `seeds` seeds, or all, unless that was done."""
+        """Simulate values with the first `seeds` seeds (default: all), each sample once."""
         samples = [
             (number, seed)
             for number in numbers
@@ -66,7 +64,7 @@ class ShareCurve:
 
     @property
     def evaluated(self) -> list[int]:
-        """Numbers of the tried values, ascending."""
+        """Indices of the simulated values, ascending."""
         return sorted(self._broke)
 
     @property
@@ -90,12 +88,11 @@ class ShareCurve:
         return sorted(seed for seed, broke in self._broke[number].items() if broke)
 
     def reaches_share(self, number: int) -> bool:
-        """Whether the share there is at least the wanted one."""
         point = self.point(number)
         return point.broken >= max(1, ceil(self.share * point.runs - 1e-9))
 
     def is_settled(self, number: int) -> bool:
-        """Whether more seeds could hardly change that, by the interval or as all were tried."""
+        """Whether more seeds are unlikely to change `reaches_share`."""
         point = self.point(number)
         if self.is_complete(number):
             return True
@@ -107,14 +104,14 @@ class ShareCurve:
         return len(self._broke[number]) == len(self.seeds)
 
     def changes(self) -> Iterator[tuple[int, int]]:
-        """Yield neighbouring tried values of which one is beyond and the other not."""
+        """Yield neighbouring values of which only one reaches the share."""
         for low, high in pairwise(self.evaluated):
             if self.reaches_share(low) != self.reaches_share(high):
                 yield low, high
 
     def non_monotone_seeds(self) -> list[int]:
-        """Seeds that change more than once between broken and held as the value grows."""
-        found = []
+        """Seeds that switch more than once between broken and kept as the value grows."""
+        turning = []
         for seed in self.seeds:
             broke = [
                 self._broke[number][seed]
@@ -122,20 +119,20 @@ class ShareCurve:
                 if seed in self._broke[number]
             ]
             if sum(before != after for before, after in pairwise(broke)) > 1:
-                found.append(seed)
-        return found
+                turning.append(seed)
+        return turning
 
 
 class NoBoundaryError(Exception):
-    """The share is on the same side at all values tried."""
+    """No simulated value, or every one, reaches the share."""
 
 
 @dataclass(frozen=True, slots=True)
 class Bracket:
-    """Numbers of the neighbouring values between which the share crosses the wanted one.
+    """Indices of the neighbouring values between which the share is reached.
 
-    `sure` are values (not numbers) between which it does so with confidence, -inf or inf if no
-    tried value is surely on that side, or with a share of 0.
+    `confident` are the values between which this happens with 95 % confidence; -inf or inf without
+    such a value, or for a share of 0.
     """
 
     low: int
@@ -144,24 +141,24 @@ class Bracket:
 
 
 def bracket(curve: ShareCurve) -> Bracket:
-    """Bracket the first crossing from the low end, between two neighbours.
+    """Bracket the lowest crossing between two neighbours, each simulated with all seeds.
 
-    On both sides of it all seeds run in the end. Raises NoBoundaryError.
+    Raises NoBoundaryError.
     """
     last = len(curve.values) - 1
     for parts in (COARSE_PARTS, 2 * COARSE_PARTS):
         curve.run_seeds(sorted({last * part // parts for part in range(parts + 1)}), FIRST_SEEDS)
         while (pair := next(curve.changes(), None)) is not None:
             low, high = pair
-            near = high - low == 1
-            unsure = [
+            adjacent = high - low == 1
+            undecided = [
                 number
                 for number in pair
-                if not (curve.is_complete(number) if near else curve.is_settled(number))
+                if not (curve.is_complete(number) if adjacent else curve.is_settled(number))
             ]
-            if unsure:
-                curve.run_seeds(unsure)
-            elif near:
+            if undecided:
+                curve.run_seeds(undecided)
+            elif adjacent:
                 return Bracket(low, high, _confident_values(curve, low, high))
             else:
                 curve.run_seeds([(low + high) // 2], FIRST_SEEDS)
@@ -172,23 +169,22 @@ def bracket(curve: ShareCurve) -> Bracket:
 
 
 def _confident_values(curve: ShareCurve, low: int, high: int) -> tuple[float, float]:
-    """The nearest tried values, down from `low` and up from `high`, whose interval excludes it.
+    """Nearest simulated values on either side whose interval excludes the share.
 
-    Together all intervals have a confidence of 95 % (Bonferroni).
+    The joint confidence of all intervals is 95 % (Bonferroni).
     """
     if curve.share == 0.0:
         return -inf, inf
     rising = curve.reaches_share(high)
-
     confidence = 1.0 - (1.0 - CONFIDENCE) / len(curve.evaluated)
 
-    def surely(number: int, *, beyond: bool) -> bool:
+    def excludes(number: int, *, reached: bool) -> bool:
         point = curve.point(number)
-        least, most = wilson(point.broken, point.runs, confidence)
-        return least > curve.share if beyond else most < curve.share
+        lower, upper = wilson(point.broken, point.runs, confidence)
+        return lower > curve.share if reached else upper < curve.share
 
-    below = [one for one in curve.evaluated if one <= low and surely(one, beyond=not rising)]
-    above = [one for one in curve.evaluated if one >= high and surely(one, beyond=rising)]
+    below = [k for k in curve.evaluated if k <= low and excludes(k, reached=not rising)]
+    above = [k for k in curve.evaluated if k >= high and excludes(k, reached=rising)]
     return (
         curve.values[below[-1]] if below else -inf,
         curve.values[above[0]] if above else inf,

@@ -1,4 +1,4 @@
-"""A key of a scenario and the values that it takes, as they are given on the command line."""
+"""A key that varies and its values, parsed from the command line."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -11,7 +11,6 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.overrides import OverrideError, parse_override
 
 MAX_VALUES = 1000
-"""Of one key."""
 ALLOWED_FORMS = "KEY=START:STOP:STEP or KEY=a,b,c, such as links.loss_ratio=0:0.9:0.1"
 NUMBER = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,3})?"
 RANGE = re.compile(rf"\s*({NUMBER})\s*:\s*({NUMBER})\s*:\s*({NUMBER})\s*")
@@ -21,7 +20,7 @@ BRACKETS = {"[": 1, "{": 1, "]": -1, "}": -1}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepAxis:
-    """One key and its values, as texts that `--set` takes."""
+    """A key and its values, as texts for `--set`."""
 
     key: str
     texts: tuple[str, ...]
@@ -32,13 +31,13 @@ class SweepAxis:
 
     @property
     def values(self) -> tuple[Any, ...]:
-        return tuple(parse_override(one)[1] for one in self.overrides)
+        return tuple(parse_override(override)[1] for override in self.overrides)
 
     @property
     def numbers(self) -> tuple[float, ...] | None:
-        """The values, if all are numbers."""
+        """The values if all are numbers, else None."""
         values = self.values
-        if all(isinstance(one, int | float) and not isinstance(one, bool) for one in values):
+        if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
             return tuple(map(float, values))
         return None
 
@@ -51,19 +50,19 @@ def parsed_axis(text: str) -> SweepAxis:
         parse_override(f"{key}=0")
         texts = _texts(given)
         axis = SweepAxis(key=key, texts=texts)
-        seen = [repr(one) if isinstance(one, str) else str(one) for one in axis.values]
-    except ValueError as error:  # OverrideError among them
+        shown = [repr(value) if isinstance(value, str) else str(value) for value in axis.values]
+    except ValueError as error:  # includes OverrideError
         why = ALLOWED_FORMS if isinstance(error, OverrideError) else error
         raise ScenarioError([f"--vary: given {text!r}, allowed {why}"]) from error
     if key == "seed":
-        raise ScenarioError(["--vary: seed: given by --seeds, which count from 1"])
-    if twice := [one for place, one in enumerate(seen) if one in seen[:place]]:
+        raise ScenarioError(["--vary: seed: use --seeds N for the seeds 1 to N"])
+    if twice := [value for k, value in enumerate(shown) if value in shown[:k]]:
         raise ScenarioError([f"--vary: {key}: given {twice[0]} twice"])
     return axis
 
 
 def _texts(given: str) -> tuple[str, ...]:
-    """Return texts of the values; raises ValueError with the allowed form."""
+    """Split into values; raises ValueError with the allowed form."""
     ends = RANGE.fullmatch(given)
     if WITHOUT_STEP.fullmatch(given):
         raise ValueError(f"a range with a step, such as {given.strip()}:0.1")
@@ -76,7 +75,7 @@ def _texts(given: str) -> tuple[str, ...]:
 
 
 def _range(start: Decimal, stop: Decimal, step: Decimal) -> list[str]:
-    """Decimal numbers from start to stop, both included: no sum of binary tenths."""
+    """Exact decimal numbers from start to stop, both included."""
     if not step or (stop - start) * step < 0:
         raise ValueError("a STEP that leads from START to STOP")
     count, rest = divmod(stop - start, step)
@@ -109,11 +108,13 @@ def parsed_axes(texts: Sequence[str]) -> tuple[SweepAxis, ...]:
     """Parse all `--vary`; raises ScenarioError, also for a key given twice."""
     axes = tuple(map(parsed_axis, texts))
     keys = [axis.key for axis in axes]
-    if twice := [key for place, key in enumerate(keys) if key in keys[:place]]:
-        raise ScenarioError([f"--vary: given {twice[0]} twice, allowed once, with all its values"])
+    if twice := [key for k, key in enumerate(keys) if key in keys[:k]]:
+        raise ScenarioError(
+            [f"--vary: given {twice[0]} twice; give all values of a key in one --vary"]
+        )
     return axes
 
 
 def cells(axes: Sequence[SweepAxis]) -> list[tuple[str, ...]]:
-    """Return every combination of values, as overrides; the last key changes fastest."""
+    """Return all combinations of values as overrides; the last key varies fastest."""
     return list(product(*(axis.overrides for axis in axes)))

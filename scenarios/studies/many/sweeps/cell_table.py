@@ -1,4 +1,4 @@
-"""The results of a sweep by cell: spreads of figures and shares of broken limits."""
+"""Results of a sweep by cell: quantiles of figures and shares of broken limits."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -17,7 +17,7 @@ SCHEMA = "convoy.sweep/1"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepRun:
-    """One run: its results, or the error that it raised."""
+    """The results of a run, or its error."""
 
     values: tuple[str, ...]
     seed: int
@@ -31,7 +31,7 @@ class SweepRun:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FigureSpread:
-    """A figure over the seeds of a cell, from the `known` runs that have it."""
+    """Quantiles of a figure over the seeds of a cell, from the `count` runs that have it."""
 
     count: int
     median: float | None = None
@@ -43,7 +43,7 @@ class FigureSpread:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitShare:
-    """Number of runs of a cell that broke a limit, and the share's Wilson interval of 95 %."""
+    """Number and share of runs that broke a limit, with the 95 % Wilson interval."""
 
     broken: int
     ratio: float | None
@@ -53,10 +53,10 @@ class LimitShare:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepCell:
-    """The runs of one cell; those that raised an error count in `errors` only.
+    """The runs of one combination of values; runs with an error count in `errors` only.
 
-    `failed` are those that did not end as planned, by limits in the scenario or by a fault. `worst`
-    is the run with the worst first figure.
+    `failed` runs broke a limit of the scenario or had a fault. `worst` is the run with the worst
+    first figure.
     """
 
     values: tuple[str, ...]
@@ -70,7 +70,7 @@ class SweepCell:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepTable:
-    """All cells of a sweep, in the order of its axes."""
+    """All cells of a sweep in the order of its axes."""
 
     plan: SweepPlan
     cells: tuple[SweepCell, ...]
@@ -81,7 +81,7 @@ class SweepTable:
 
     @property
     def worst(self) -> SweepRun:
-        """The run with the worst first figure of all."""
+        """The run with the worst first figure."""
         return max((cell.worst for cell in self.cells), key=_badness(self.plan.figures[0]))
 
     def rows(self) -> list[Row]:
@@ -120,16 +120,16 @@ class SweepTable:
 
 
 def table_of(plan: SweepPlan, entries: Mapping[str, Mapping[str, Any]]) -> SweepTable:
-    """Sum up the journal's entries of all runs, in any order."""
-    found = []
-    for place, cell in enumerate(plan.cells):
+    """Summarize the journal entries of all runs by cell."""
+    summarized = []
+    for number, cell in enumerate(plan.cells):
         values = tuple(override.partition("=")[2] for override in cell)
         runs = [
-            _run(values, one.seed, one.command, entries[run_key(place, one.seed)])
-            for one in plan.variants(cell)
+            _run(values, variant.seed, variant.command, entries[run_key(number, variant.seed)])
+            for variant in plan.variants(cell)
         ]
-        found.append(_cell(values, runs, plan.figures, plan.limits))
-    return SweepTable(plan=plan, cells=tuple(found))
+        summarized.append(_cell(values, runs, plan.figures, plan.limits))
+    return SweepTable(plan=plan, cells=tuple(summarized))
 
 
 def _run(values: tuple[str, ...], seed: int, command: str, entry: Mapping[str, Any]) -> SweepRun:
@@ -164,18 +164,17 @@ def _cell(
 
 
 def _badness(figure: SweepFigure) -> Callable[[SweepRun], float]:
-    """Severity of a run by a figure; of equal runs `max` takes the one with the smallest seed."""
+    """Key function by which `max` returns the worst run, of equal runs the first."""
     sign = -1.0 if figure.is_worst_when_least else 1.0
 
-    def bad(run: SweepRun) -> float:
+    def badness(run: SweepRun) -> float:
         value = run.figures[0] if run.figures else None
         return -np.inf if value is None else sign * value
 
-    return bad
+    return badness
 
 
 def _spread(values: Sequence[float | None]) -> FigureSpread:
-    """Quantiles, interpolated as numpy does by default."""
     known = [value for value in values if value is not None]
     if not known:
         return FigureSpread(count=0)
@@ -193,7 +192,7 @@ def _share(broken: Sequence[bool]) -> LimitShare:
     return LimitShare(broken=count, ratio=ratio, low=low, high=high)
 
 
-# ---- For machines
+# ---- JSON and Parquet
 
 
 def machine_readable(table: SweepTable) -> dict[str, object]:
@@ -228,7 +227,7 @@ def _cell_content(table: SweepTable, cell: SweepCell) -> dict[str, object]:
 
 
 def typed_rows(table: SweepTable, rows: Sequence[Row]) -> list[Row]:
-    """Convert the texts of numeric keys to numbers."""
+    """Convert the values of numeric keys to numbers."""
     numbers = {axis.key for axis in table.plan.axes if axis.numbers}
     return [
         {name: float(value) if name in numbers else value for name, value in row.items()}

@@ -1,4 +1,4 @@
-"""A figure of a run's summary by its name: of the worst follower, of a vehicle, of a link."""
+"""Figures of a summary by name: of the worst follower, a vehicle, or a link."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
@@ -21,19 +21,18 @@ SUBFIELDS: Mapping[str, Sequence[str]] = {
     "dropped": get_args(DropReason),
     "safe_time_ratio": tuple(map(str, SAFE_AGES_MS)),
 }
-"""Fields that are tables, and the keys that they may have."""
+"""Fields that are tables, with their possible keys."""
 RUN_FIELDS = ("ran_s",)
 MAX_SUGGESTIONS = 4
-"""Number of names offered for an unknown one."""
 
 
 @dataclass(frozen=True, slots=True)
 class SweepFigure:
-    """A figure by its name.
+    """A figure of a summary by its name.
 
-    `FIELD` is that of the worst follower: the largest, but the smallest of what ends with `_min`
-    and of `safe_time_ratio`. `v3.FIELD` is that of one vehicle, `links.FIELD` that of the worst
-    link, `v1:v2.FIELD` that of one. `events.KIND` is a count. Fields within fields have dots.
+    `FIELD` is the value of the worst follower: the largest, or for `*_min` and `safe_time_ratio`
+    the smallest. `v3.FIELD` is the value of one vehicle, `links.FIELD` of the worst link,
+    `v1:v2.FIELD` of one link. `events.KIND` is a count. Dots separate nested fields.
     """
 
     name: str
@@ -43,7 +42,7 @@ class SweepFigure:
         return self.name.endswith("_min") or "safe_time_ratio" in self.name.split(".")
 
     def of(self, summary: RunSummary) -> float | None:
-        """Its value in a run; None if there was nothing to measure."""
+        """The value in a run, or None if nothing was measured."""
         scope, _, rest = self.name.partition(".")
         if scope == "events":
             return float(sum(event.kind == rest for event in summary.events))
@@ -51,13 +50,13 @@ class SweepFigure:
             return float(getattr(summary, self.name))
         rows, path = self._rows(summary, scope, rest)
         values = [_value(row, path.split(".")) for row in rows]
-        known = [float(one) for one in values if one is not None and isfinite(one)]
+        known = [float(value) for value in values if value is not None and isfinite(value)]
         if not known:
             return None
         return min(known) if self.is_worst_when_least else max(known)
 
     def _rows(self, summary: RunSummary, scope: str, rest: str) -> tuple[Iterable[Any], str]:
-        """Return the rows that have the field, and the field's name."""
+        """Return the rows with the field, and the name of the field."""
         if scope == "links":
             return summary.links, rest
         if ":" in scope:
@@ -71,7 +70,7 @@ class SweepFigure:
 def _value(row: Any, path: Sequence[str]) -> float | None:
     for part in path:
         if isinstance(row, Mapping):
-            # A missing count is 0; a share of no commands is unknown.
+            # A missing count is 0; a share without commands is unknown.
             row = row.get(part, None if "safe_time_ratio" in path else 0)
         else:
             row = getattr(row, part)
@@ -79,7 +78,7 @@ def _value(row: Any, path: Sequence[str]) -> float | None:
 
 
 def _paths(kind: type) -> Iterator[str]:
-    """Names of all numbers of a summary's class."""
+    """Yield the dotted names of all numbers of a summary class."""
     for one in fields(kind):
         types = set(get_args(one.type) or (one.type,)) - {NoneType}
         if types <= {int, float}:
@@ -99,7 +98,7 @@ VEHICLE_FIELD_HEADS = frozenset(path.split(".")[0] for path in VEHICLE_FIELDS)
 
 
 def parsed_figure(text: str, vehicles: Sequence[str]) -> SweepFigure:
-    """Parse a figure's name in a convoy of `vehicles`; raises ScenarioError with near names."""
+    """Parse the name of a figure; raises ScenarioError with similar names."""
     links = ("links", *(f"{sender}:{receiver}" for sender, receiver in directed_links(vehicles)))
     scope, dot, _ = text.partition(".")
     if scope in vehicles and dot:
@@ -114,12 +113,12 @@ def parsed_figure(text: str, vehicles: Sequence[str]) -> SweepFigure:
     scope, _, name = text.rpartition(".")
     renamed = f"{scope}.{RENAMED_FIGURES.get(name)}".removeprefix(".")
     near = [renamed] if renamed in known else _near(text, known)
-    allowed = ", ".join(near) if near else "the numbers that `convoy reference fields` lists"
-    raise ScenarioError([f"--figure: unknown figure {text!r}, near it: {allowed}"])
+    hint = f"similar: {', '.join(near)}" if near else "see `convoy reference fields`"
+    raise ScenarioError([f"--figure: unknown figure {text!r}, {hint}"])
 
 
 def _near(text: str, known: Sequence[str]) -> list[str]:
-    """Similar names, or those that contain the text."""
+    """Return similar names, and names that contain the text."""
     inside = [name for name in known if len(text) > 2 and text in name]
     return list(dict.fromkeys([*get_close_matches(text, known, n=MAX_SUGGESTIONS), *inside]))[
         :MAX_SUGGESTIONS

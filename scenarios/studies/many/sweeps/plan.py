@@ -1,4 +1,4 @@
-"""The runs of a sweep, and the figures and limits of each."""
+"""The runs of a sweep, with the figures and limits to evaluate."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -22,8 +22,8 @@ MAX_RUNS = 100_000
 class SweepPlan:
     """A scenario, the keys that vary, the seeds 1 to `seeds`, the figures and limits.
 
-    Seed k is the same noise in every cell, as draws are keyed by it. `text` is the scenario without
-    overrides, `sets` are those of all runs.
+    A seed gives the same random numbers in every cell. `text` is the scenario without overrides,
+    `sets` are the overrides of all runs.
     """
 
     name: str
@@ -36,7 +36,7 @@ class SweepPlan:
 
     @property
     def cells(self) -> list[tuple[str, ...]]:
-        """The overrides of each cell, one for each axis."""
+        """The overrides of each cell, one per axis."""
         return cells(self.axes)
 
     @property
@@ -62,7 +62,7 @@ class SweepPlan:
         ]
 
     def identity(self) -> dict[str, Any]:
-        """All that its results depend on, by the words of the command line."""
+        """Everything that the results depend on, named as on the command line."""
         return identity_of(
             Variant(text=self.text, name=self.name, overrides=self.sets),
             vary=[f"{axis.key}={','.join(axis.texts)}" for axis in self.axes],
@@ -79,7 +79,7 @@ def run_key(cell: int, seed: int) -> str:
 def figures_of(
     variant: Variant, figures: Sequence[SweepFigure], limits: Sequence[Limit]
 ) -> dict[str, Any]:
-    """Simulate a run; returns what the journal keeps, in the order of figures and limits."""
+    """Simulate a run; return its journal entry, in the order of figures and limits."""
     summary = variant.run()
     return {
         "outcome": summary.outcome,
@@ -100,13 +100,13 @@ def planned(
 ) -> SweepPlan:
     """Build a sweep from the texts of the command line.
 
-    Raises ScenarioError, in a line for each problem, before anything runs: every value of every key
-    is tried once with the first values of the others.
+    Each value of each key is validated with the first values of the other keys. Raises
+    ScenarioError with a line for each problem.
     """
     axes = parsed_axes(vary)
     fixed = {text.partition("=")[0].strip() for text in sets}
     if both := [axis.key for axis in axes if axis.key in fixed]:
-        raise ScenarioError([f"--vary: {both[0]}: given by --set as well, allowed one of them"])
+        raise ScenarioError([f"--vary: {both[0]}: given by --set as well; use one of them"])
     plan = SweepPlan(
         name=name,
         text=load_scenario(name).text,
@@ -128,14 +128,14 @@ def planned(
 
 
 def _vehicles(plan: SweepPlan) -> Iterator[tuple[str, ...]]:
-    """Load the first run of each value; yields the names of its vehicles."""
+    """Load the first run of each value, and yield the names of its vehicles."""
     first = [axis.overrides[0] for axis in plan.axes]
-    tried = [first] + [
-        [*first[:place], override, *first[place + 1 :]]
-        for place, axis in enumerate(plan.axes)
+    combinations = [first] + [
+        [*first[:index], override, *first[index + 1 :]]
+        for index, axis in enumerate(plan.axes)
         for override in axis.overrides[1:]
     ]
-    for cell in tried:
+    for cell in combinations:
         try:
             yield plan.variants(cell)[0].scenario.vehicle_names
         except ScenarioError as error:
@@ -143,7 +143,7 @@ def _vehicles(plan: SweepPlan) -> Iterator[tuple[str, ...]]:
 
 
 def _as_varied(line: str, axes: Sequence[SweepAxis]) -> str:
-    """Name the option by which a refused value was given."""
+    """Name the option that holds the refused value."""
     by_set = "--set: "
     if any(line.startswith(f"{by_set}{axis.key}") for axis in axes):
         return line.replace(by_set, "--vary: ", 1)

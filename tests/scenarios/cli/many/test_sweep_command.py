@@ -25,7 +25,7 @@ from tests.made.many.small_sweeps import (
     LIMITS,
     SETS,
     VARY,
-    driven_here,
+    run_sweep_here,
     small_plan,
     tables,
 )
@@ -52,7 +52,7 @@ def convoy(*arguments: str | Path) -> Result:
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of an undisturbed sweep in this process."""
     out = tmp_path_factory.mktemp("whole")
-    driven_here(small_plan(seeds=SEEDS), out)
+    run_sweep_here(small_plan(seeds=SEEDS), out)
     return out
 
 

@@ -1,6 +1,6 @@
-"""All messages stop at some instant of a double lane change: what followers must make of it.
+"""Limits of followers when all links are cut during a double lane change.
 
-`pytest --campaign` makes 1000 cuts.
+`pytest --campaign` simulates 1000 cuts.
 """
 
 from functools import partial
@@ -18,7 +18,7 @@ from scenarios.studies.engine.workers import open_workers
 FEW, ALL = 2, 1000
 INSIDE_M = 0.3
 BLIND_SHARE, BLIND_M = 0.05, 0.5
-"""Blind metres are what was predicted to so much of them, or so many metres where they are few."""
+"""Allowed error of the predicted blind distance: a ratio, or at least a distance."""
 STEERING_RATE, CONTROL_S = 1.18, 0.02
 PROBATION_S = 1.0
 ROUNDING = 1e-9
@@ -26,30 +26,30 @@ CUTS = list(draw_cuts(ALL, "degrade"))
 
 
 @pytest.mark.campaign(FEW, ALL)
-def test_a_follower_stops_within_what_it_knows_or_drives_blind_as_far_as_it_said(
+def test_followers_stop_within_the_known_path_or_the_predicted_blind_distance(
     case: int,
 ) -> None:
     cut = CUTS[case]
-    for one in run_cut(cut):
-        what = f"{one.vehicle} in {cut}: {one.changes}"
-        assert one.error_on_known_path <= INSIDE_M, what
-        assert one.error_after_recovery <= INSIDE_M, what
-        assert one.friction <= 1.0 + ROUNDING, what
-        assert one.command_step <= STEERING_RATE * CONTROL_S + ROUNDING, what
-        assert 0 <= one.ticks_late <= 1, what
-        assert isfinite(one.resumed_after), what
-        assert all(change.reason for change in one.changes if change.mode in {"coast", "stop"}), (
-            what
+    for row in run_cut(cut):
+        case_text = f"{row.vehicle} in {cut}: {row.changes}"
+        assert row.error_on_known_path <= INSIDE_M, case_text
+        assert row.error_after_recovery <= INSIDE_M, case_text
+        assert row.friction <= 1.0 + ROUNDING, case_text
+        assert row.command_step <= STEERING_RATE * CONTROL_S + ROUNDING, case_text
+        assert 0 <= row.ticks_late <= 1, case_text
+        assert isfinite(row.resumed_after), case_text
+        assert all(change.reason for change in row.changes if change.mode in {"coast", "stop"}), (
+            case_text
         )
-        for first, later in pairwise(one.changes):
-            assert later.mode != first.mode, what
+        for first, later in pairwise(row.changes):
+            assert later.mode != first.mode, case_text
         for mode in ("coast", "stop", "lead", "predecessor", "composite"):
-            at = [change.at_s for change in one.changes if change.mode == mode]
-            assert all(b - a >= PROBATION_S for a, b in pairwise(at)), what
+            at = [change.at_s for change in row.changes if change.mode == mode]
+            assert all(b - a >= PROBATION_S for a, b in pairwise(at)), case_text
         if cut.for_s == LONG_S:
-            assert one.stopped, what
-            off = abs(one.blind - one.predicted_blind)
-            assert off <= max(BLIND_M, BLIND_SHARE * one.predicted_blind), what
+            assert row.stopped, case_text
+            off = abs(row.blind - row.predicted_blind)
+            assert off <= max(BLIND_M, BLIND_SHARE * row.predicted_blind), case_text
 
 
 def test_cuts_are_the_same_for_each_reaction() -> None:
@@ -58,7 +58,7 @@ def test_cuts_are_the_same_for_each_reaction() -> None:
     assert ours == theirs
 
 
-def test_figures_from_a_journal_are_those_of_the_run(tmp_path: Path) -> None:
+def test_figures_from_a_journal_equal_those_of_the_run(tmp_path: Path) -> None:
     cut = LinkCut(reaction="hold", speed_mps=8.0, at_s=1.0, for_s=1.0, seed=1, vehicles=2)
     with study_engine(partial(open_workers, 0), print, out=tmp_path, identity={}) as engine:
         assert run_cuts([cut], engine) == list(run_cut(cut))
@@ -66,7 +66,7 @@ def test_figures_from_a_journal_are_those_of_the_run(tmp_path: Path) -> None:
         assert engine.progress.done == 2
 
 
-def test_a_follower_that_extrapolates_leaves_the_road_at_full_speed() -> None:
+def test_an_extrapolating_follower_leaves_the_road() -> None:
     cut = LinkCut(reaction="extrapolate", speed_mps=20.0, at_s=6.5, for_s=8.0, seed=1)
     (first, *_) = run_cut(cut)
     assert first.error > 3.0

@@ -1,7 +1,4 @@
-"""What breaks the limits of the shipped drills: other behaviour, or a fault in one function.
-
-Every limit of every drill is broken by one of these at least: none is so loose that all passes.
-"""
+"""Faults and settings that break the limits of the shipped drills, each limit at least once."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -17,7 +14,7 @@ from vehicles.received_pose import ReceivedPose
 
 @dataclass(frozen=True)
 class Fault:
-    """Another function in the place of one of `vehicles/`, named with dots."""
+    """A replacement of a function of `vehicles/`, by dotted name."""
 
     place: str
     by: Callable[..., Any]
@@ -49,18 +46,17 @@ def _wheels_askew(
 
 
 WHEELS_STRAIGHT = Fault("vehicles.driver.follower.Follower._steer", _wheels_straight)
-"""A follower without data turns its wheels straight."""
+"""A follower without data steers straight."""
 WHEELS_ASKEW = Fault("vehicles.driver.follower.Follower._steer", _wheels_askew)
 """A follower without data steers two degrees to the left of its command."""
-BELIEVES_ALL = Fault("vehicles.driver.degradation.innovation_gate.InnovationGate.judge", _trust)
-"""Every pose is trusted."""
+TRUSTS_ALL = Fault("vehicles.driver.degradation.innovation_gate.InnovationGate.judge", _trust)
 ALL_EXACT = Fault("vehicles.driver.ego.pose_estimator._Model.position", lambda *_: 0.01)
-"""The car takes each of its fixes for exact to the centimetre."""
+"""The car assumes fixes with an error of one centimetre."""
 NEEDS_MANY = Fault(
     "vehicles.driver.degradation.source.reaches_ahead",
     lambda window: len(window.station) >= 60,
 )
-"""A trajectory is made of three seconds of messages, or not at all."""
+"""A trajectory needs three seconds of messages."""
 
 EXTRAPOLATE = "control.degradation.reaction=extrapolate"
 LATE = "control.degradation.lost_s=1.0"
@@ -73,7 +69,7 @@ SLOW = "control.degradation.probation_s=4.0"
 
 @dataclass(frozen=True)
 class Plant:
-    """What is planted into a drill, and the limits that it has to break."""
+    """Settings or a fault for a drill, and the limits that they must break."""
 
     drill: str
     breaks: tuple[str, ...]
@@ -86,11 +82,11 @@ class Plant:
 
 
 ERROR, GAP = "cross_track_error_m_max", "true_gap_m_min"
-BELIEF = "self_estimate_error_m_max"
+SELF_ESTIMATE = "self_estimate_error_m_max"
 
 
 def _alone(vehicle: str) -> str:
-    """A vehicle that does not slow down, among those that do."""
+    """Extrapolation for one vehicle, while the others degrade."""
     return f"vehicle.{vehicle}.control.degradation.reaction=extrapolate"
 
 
@@ -111,14 +107,14 @@ PLANTS = (
     Plant("tunnel", (ERROR,), fault=WHEELS_ASKEW),
     Plant("tunnel", (GAP,), (_alone("v3"),)),
     Plant("tunnel", ("recovery[0]",), (SLOW,)),
-    Plant("frozen_transmitter", (ERROR, "sources[0]"), fault=BELIEVES_ALL),
+    Plant("frozen_transmitter", (ERROR, "sources[0]"), fault=TRUSTS_ALL),
     Plant("frozen_transmitter", ("sources[0]",), (EXTRAPOLATE,)),
     Plant("frozen_transmitter", ("recovery[0]",), (SLOW,)),
     Plant("ghost_vehicle", (ERROR,), (WEAK,)),
     Plant("ghost_vehicle", ("distrusts_max",), ("control.degradation.gate_deviations=1.0",)),
     Plant("overconfident_gnss", (ERROR,), WEAKER),
     Plant("overconfident_gnss", ("recovery[0]",), (SLOW,)),
-    Plant("rtk_lost", (ERROR, BELIEF), fault=ALL_EXACT),
+    Plant("rtk_lost", (ERROR, SELF_ESTIMATE), fault=ALL_EXACT),
     Plant("clock_off", (ERROR,), (WEAK,)),
     Plant("clock_off", ("distrusts_max",), ("control.degradation.gate_deviations=1.0",)),
     Plant("clock_off", (GAP,), ("speed.gap.headway_s=0.3",)),

@@ -1,4 +1,4 @@
-"""From the limits of runs to the rows of a drill: the worst of all seeds, and how near it was."""
+"""Rows of a drill: the worst value of each limit over all seeds, and its margin."""
 
 from dataclasses import asdict, replace
 from typing import Any
@@ -20,7 +20,7 @@ from scenarios.studies.drills.drill import (
 )
 from scenarios.studies.drills.drill_files import as_xml, machine_readable
 from scenarios.studies.engine.job import Job
-from tests.made.many.engines import MadeUpEngine
+from tests.made.many.engines import SyntheticEngine
 
 
 def limit(figure: float | None, name: str = "cross_track_error_m_max", **more: Any) -> LimitFigure:
@@ -35,11 +35,11 @@ def run(*limits: LimitFigure, seed: int = 1, drill: str = "one", other: str = ""
 
 
 def only_row(*runs: DrillResult) -> DrillRow:
-    (found,) = rows_of_drill(runs)
-    return found
+    (row,) = rows_of_drill(runs)
+    return row
 
 
-def test_the_figure_is_the_worst_of_all_vehicles_and_seeds() -> None:
+def test_the_value_is_the_worst_of_all_vehicles_and_seeds() -> None:
     runs = [
         run(limit(0.2), limit(0.3), seed=1),
         run(limit(0.4), limit(0.1), seed=2),
@@ -51,20 +51,20 @@ def test_the_figure_is_the_worst_of_all_vehicles_and_seeds() -> None:
     assert row.command == "convoy run one --seed 2 --clock virtual"
 
 
-def test_of_a_least_value_the_smallest_is_the_worst() -> None:
+def test_the_smallest_value_of_a_lower_limit_is_the_worst() -> None:
     name = "true_gap_m_min"
     row = only_row(run(limit(0.8, name)), run(limit(0.6, name), seed=2))
     assert row.value == 0.6
     assert row.margin_ratio == pytest.approx(0.2)
 
 
-def test_a_broken_limit_has_no_margin_left_and_says_how() -> None:
+def test_a_broken_limit_has_a_negative_margin_and_a_message() -> None:
     row = only_row(run(limit(0.3)), run(limit(0.75, message="too far"), seed=2))
     assert (row.passed, row.value, row.message) == (False, 0.75, "too far")
     assert row.margin_ratio == pytest.approx(-0.5)
 
 
-def test_what_was_not_done_is_worse_than_what_was_done_late() -> None:
+def test_a_missing_reaction_is_worse_than_a_late_one() -> None:
     late = limit(0.9, "modes[0]", action="in mode stop", message="late")
     never = limit(None, "modes[0]", action="in mode stop", message="never")
     row = only_row(run(late), run(never, seed=2))
@@ -72,13 +72,13 @@ def test_what_was_not_done_is_worse_than_what_was_done_late() -> None:
     assert row.label == "v3 in mode stop, within 0.5 s"
 
 
-def test_what_could_not_be_measured_has_not_passed() -> None:
+def test_an_unmeasured_limit_fails() -> None:
     row = only_row(run(limit(None)))
     assert not row.passed
     assert row.message == f"limits.cross_track_error_m_max {UNMEASURED}"
 
 
-def test_a_run_that_failed_for_another_reason_has_a_row_of_its_own() -> None:
+def test_another_failure_has_a_separate_row() -> None:
     first, second = rows_of_drill([run(limit(0.3), other="v2 failed")])
     assert (first.limit, first.passed, first.message, first.label) == (
         "run",
@@ -89,7 +89,7 @@ def test_a_run_that_failed_for_another_reason_has_a_row_of_its_own() -> None:
     assert second.passed
 
 
-def test_a_count_that_must_be_0_has_no_share_of_it_left() -> None:
+def test_a_bound_of_0_has_no_margin_ratio() -> None:
     zero = LimitFigure(limit="collisions_max", bound=0, value=0)
     row = only_row(run(zero))
     assert (row.margin_ratio, row.passed, row.label) == (None, True, "collisions_max = 0")
@@ -100,7 +100,7 @@ def test_rows_keep_the_order_of_the_drills() -> None:
     assert [(row.drill, row.value) for row in drill_rows(runs)] == [("b", 0.3), ("a", 0.2)]
 
 
-def test_a_file_without_limits_is_no_drill() -> None:
+def test_a_scenario_without_limits_is_not_a_drill() -> None:
     with pytest.raises(ScenarioError, match=r"^lane_change: limits: missing, .*collisions_max"):
         drill_variants("lane_change")
     with pytest.raises(ScenarioError, match="limits: missing"):
@@ -110,7 +110,7 @@ def test_a_file_without_limits_is_no_drill() -> None:
     assert [one.seed for one in drill_variants("tunnel", seeds=(1, 2, 3))] == [1, 2, 3]
 
 
-def test_a_run_says_why_it_failed_besides_its_limits() -> None:
+def test_other_reasons_exclude_those_of_limits() -> None:
     short = ["duration_s=0.5", "convoy.vehicles=2", "limits.true_gap_m_min=50.0"]
     (variant,) = drill_variants("lane_change", short)
     summary = variant.run()
@@ -123,14 +123,14 @@ def test_a_run_says_why_it_failed_besides_its_limits() -> None:
         assert found.limits == summary.limits
 
 
-def test_all_are_driven_and_none_twice() -> None:
-    asked = [*drill_variants("tunnel", seeds=(1, 2)), *drill_variants("lead_lost", seeds=(1,))]
+def test_each_drill_is_simulated_once() -> None:
+    variants = [*drill_variants("tunnel", seeds=(1, 2)), *drill_variants("lead_lost", seeds=(1,))]
 
     def result(job: Job) -> dict[str, Any]:
         name, seed = job.key.split()
         return asdict(run(limit(0.1), drill=name, seed=int(seed)))
 
-    found = run_drills(asked, MadeUpEngine(result))
+    found = run_drills(variants, SyntheticEngine(result))
     assert [(one.drill, one.seed) for one in found] == [
         ("tunnel", 1),
         ("tunnel", 2),
@@ -139,7 +139,7 @@ def test_all_are_driven_and_none_twice() -> None:
     assert found[0] == run(limit(0.1), drill="tunnel", seed=1)
 
 
-# ---- For machines
+# ---- JSON and XML
 
 
 RUNS = [
@@ -149,7 +149,7 @@ RUNS = [
 ]
 
 
-def test_xml_has_a_case_for_each_limit_and_says_what_failed() -> None:
+def test_xml_has_a_case_for_each_limit_and_failure_messages() -> None:
     rows = drill_rows(RUNS)
     root = Xml.fromstring(Xml.tostring(as_xml(rows, RUNS)))
     assert root.tag == "testsuites"
@@ -176,5 +176,5 @@ def test_json_has_rows_and_runs() -> None:
     assert found["passed"] is False
     assert [row["passed"] for row in found["rows"]] == [True, True, False, False]
     assert [one["drill"] for one in found["runs"]] == ["good", "bad", "odd"]
-    assert "duration_s" not in found["runs"][0]  # the same figures give the same file
+    assert "duration_s" not in found["runs"][0]  # equal results give equal files
     assert machine_readable([], [])["passed"] is True

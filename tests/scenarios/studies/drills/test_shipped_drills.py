@@ -1,4 +1,4 @@
-"""The drills that ship: they pass, and each of their limits is broken by something planted."""
+"""Shipped drills pass, and each of their limits is broken by a planted fault."""
 
 import tomllib
 
@@ -13,7 +13,7 @@ from scenarios.studies.engine.engine import Engine
 from tests.made.many.engines import engine_here
 from tests.scenarios.studies.drills.planted_faults import PLANTS
 
-PROMISED = {
+EXPECTED = {
     "lead_lost",
     "predecessor_lost",
     "both_lost",
@@ -35,20 +35,20 @@ SEEDS = 5
 CASES = [(name, seed) for seed in range(1, SEEDS + 1) for name in drills()]
 
 
-def test_all_that_is_promised_is_there_and_is_no_scenario() -> None:
-    assert set(drills()) == PROMISED
+def test_the_expected_drills_exist_and_are_not_scenarios() -> None:
+    assert set(drills()) == EXPECTED
     assert not set(drills()) & set(library())
 
 
 @pytest.mark.parametrize("name", drills())
-def test_a_drill_is_a_short_commented_file_that_can_be_checked(name: str) -> None:
+def test_a_drill_is_a_short_commented_valid_file(name: str) -> None:
     text = (DRILLS / f"{name}.toml").read_text(encoding="utf-8")
     assert len(text.splitlines()) <= 50
     assert text.startswith("# ")
     assert tomllib.loads(text)["extends"] in library()
     scenario = load_scenario(name)
     assert scenario.name == name
-    assert scenario.fingerprint == ""  # it ships: its name says all
+    assert scenario.fingerprint == ""  # shipped, so its name identifies it
     assert scenario.duration_s <= 20.0
     assert len(scenario.vehicle_names) <= 4
     assert check(name).description
@@ -56,7 +56,7 @@ def test_a_drill_is_a_short_commented_file_that_can_be_checked(name: str) -> Non
 
 
 @pytest.mark.parametrize("name", drills())
-def test_each_limit_is_broken_by_something(name: str) -> None:
+def test_each_limit_has_a_planted_fault(name: str) -> None:
     limits = load_scenario(name).tables.limits
     given = {
         *(key for key in limits.model_fields_set if key.endswith(("_max", "_min"))),
@@ -80,7 +80,7 @@ def test_a_drill_passes(case: int) -> None:
 
 
 @pytest.mark.campaign(3, len(PLANTS))
-def test_what_is_planted_breaks_its_limits(case: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_planted_faults_break_their_limits(case: int, monkeypatch: pytest.MonkeyPatch) -> None:
     plant = PLANTS[case]
     if plant.fault is not None:
         monkeypatch.setattr(plant.fault.place, plant.fault.by)
@@ -95,12 +95,12 @@ SETTINGS = ("convoy.vehicles=3", "duration_s=12")
 
 
 def search(engine: Engine, seeds: int = SEEDS) -> WorstSearch:
-    """The search whose command stands in the head of the file."""
+    """The search whose command is in the header of the file."""
     base = base_variant("lane_change", SETTINGS, None)
     return WorstSearch(base, BURST, "error_m", engine, seeds=seeds)
 
 
-def test_the_burst_is_at_the_instant_that_was_found() -> None:
+def test_the_burst_is_at_the_time_of_the_search() -> None:
     (cut,) = load_scenario("burst_worst").tables.change
     assert cut.model_dump() == {
         "kind": "cut",
@@ -117,8 +117,8 @@ def test_the_burst_is_at_the_instant_that_was_found() -> None:
 
 
 @pytest.mark.campaign(1, 2)
-def test_the_burst_is_at_the_worst_instant(case: int) -> None:
-    """Worse than a second later; in a campaign it is what the search finds."""
+def test_the_burst_is_at_the_worst_time(case: int) -> None:
+    """Worse than one second later; a campaign repeats the search."""
     if case:
         span = SearchSpan(from_s=3.0, to_s=10.0, step_s=0.5, finest_s=0.05)
         with engine_here() as engine:

@@ -21,7 +21,7 @@ from scenarios.studies.engine.journal import JOURNAL
 from scenarios.studies.engine.stamp import current_stamp
 from scenarios.studies.engine.workers import open_workers
 from scenarios.studies.many.sweeps.sweep import run_sweep
-from tests.made.many.small_sweeps import driven_here, small_plan, tables
+from tests.made.many.small_sweeps import run_sweep_here, small_plan, tables
 
 distributed = pytest.importorskip("distributed")
 
@@ -50,7 +50,7 @@ def cluster() -> Iterator[Any]:
 
 def test_tables_equal_those_of_this_process(cluster: Any, tmp_path: Path) -> None:
     plan = small_plan(seeds=1)
-    driven_here(plan, tmp_path / "here")
+    run_sweep_here(plan, tmp_path / "here")
     workers = partial(open_workers, None, cluster.scheduler_address)
     run_sweep(plan, tmp_path / "dask", workers, lambda _: None, picture_format=None)
     assert tables(tmp_path / "dask") == tables(tmp_path / "here")
@@ -63,7 +63,7 @@ def test_a_killed_worker_process_does_not_change_the_tables(
 ) -> None:
     monkeypatch.setattr("scenarios.studies.engine.engine.REPORT_EVERY_S", 0.0)
     plan = small_plan(seeds=8)
-    driven_here(plan, tmp_path / "here")
+    run_sweep_here(plan, tmp_path / "here")
     kill_after = 1 + 5 * case
     with local_cluster(processes=True) as cluster:
         victims = [worker.pid for worker in cluster.workers.values()][:1]

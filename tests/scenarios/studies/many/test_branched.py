@@ -1,4 +1,4 @@
-"""Runs as paths: a copy is its parent until that came nearer; and a risk that is known."""
+"""Branched runs: copies equal their parents up to the branch, and known risks are estimated."""
 
 from dataclasses import replace
 from functools import cache, partial
@@ -31,11 +31,11 @@ WORK = Splitting(
     max_runs=30,
 )
 RARE = {"1e-3": (2.0, 1.592848e-3, 40), "1e-6": (4.2, 1.0e-6, 10)}
-"""Bounds of the true error (m), the probability that a run with RATIO of losses is beyond, and the
-repetitions of one estimate. Of ten the standard error is itself so uncertain that one estimate of
-seventy is three of them away (Student's law)."""
+"""Bounds of the true error (m), the probability of exceeding it at the loss RATIO, and the
+repetitions of one estimate. With ten repetitions one of 70 estimates is three standard errors off
+(Student's t)."""
 RARE_RATIO = 0.17
-"""Of independent losses, nine of which come in a row about once in a million runs."""
+"""Ratio of independent losses with nine in a row about once in a million runs."""
 
 
 @cache
@@ -43,13 +43,13 @@ def known_runs() -> SilentRuns:
     return SilentRuns(RATIO, 1.0)
 
 
-def test_a_copy_is_its_parent_until_that_came_nearer_than_the_level() -> None:
+def test_a_copy_equals_its_parent_until_it_exceeds_the_level() -> None:
     parent = WORK.run(5)
     records = parent.history.records
     level = records[len(records) // 2].value
     for seed in range(3):
         copy = continue_run(WORK.run, parent, level, seed)
-        same = [one for one in records if one.at <= copy.branches[-1].at]
+        same = [record for record in records if record.at <= copy.branches[-1].at]
         assert list(copy.history.records[: len(same)]) == same
         assert copy.severity > level
         again = continue_run(WORK.run, copy, copy.history.records[0].value, seed)
@@ -59,15 +59,14 @@ def test_a_copy_is_its_parent_until_that_came_nearer_than_the_level() -> None:
     assert len({continue_run(WORK.run, parent, level, seed).history for seed in range(6)}) > 1
 
 
-def test_a_repetition_depends_on_its_number_alone() -> None:
+def test_a_repetition_depends_only_on_its_number() -> None:
     once, again, other = (run_repetition(WORK, number) for number in (1, 1, 2))
     assert once == again != other
     assert once["runs"] <= WORK.max_runs + WORK.paths
     assert {*once["worst"]} == {"broken", "seed", "branches"}
 
 
-def test_known_runs_lose_what_branched_runs_lose() -> None:
-    """Or what follows would be about something else."""
+def test_known_runs_lose_the_same_messages_as_branched_runs() -> None:
     known = KnownRuns(0.4, 4.0)
     work = replace(WORK, variant=small_convoy("links.loss_ratio=0.4"))
     one, other = known.run(3), work.run(3)
@@ -87,14 +86,14 @@ def test_known_runs_lose_what_branched_runs_lose() -> None:
 @pytest.mark.long
 @pytest.mark.campaign(0, 20)
 @pytest.mark.parametrize("rare", RARE)
-def test_splitting_is_right_about_a_known_risk(rare: str, campaign: int) -> None:
-    """Over twenty seeds, against the exact probability, with 10⁵ counted runs beside."""
+def test_splitting_estimates_a_known_risk(rare: str, campaign: int) -> None:
+    """Over twenty seeds, against the exact probability and a count of 10⁵ runs."""
     if not campaign:
-        pytest.skip("drives a thousand runs; with --campaign")
-    bound, told, repetitions = RARE[rare]
-    known = SilentRuns(RATIO, bound, known_runs().driven)
+        pytest.skip("simulates a thousand runs; use --campaign")
+    bound, expected, repetitions = RARE[rare]
+    known = SilentRuns(RATIO, bound, known_runs().simulated)
     truth = known.truth()
-    assert truth == pytest.approx(told, rel=1e-6)
+    assert truth == pytest.approx(expected, rel=1e-6)
     found = [estimate(known, seed, repetitions) for seed in range(1, campaign + 1)]
     whole = mean_of([mean.value for mean, _ in found])
     assert abs(whole.value - truth) < 3.0 * whole.standard_error
@@ -111,7 +110,7 @@ def test_splitting_is_right_about_a_known_risk(rare: str, campaign: int) -> None
 
 
 def estimate(known: KnownRuns, seed: int, repetitions: int) -> tuple[Mean, int]:
-    """The mean of so many repetitions, and how many runs they took."""
+    """Mean of several repetitions, and their number of runs."""
     found = [
         split(
             100,
@@ -125,8 +124,7 @@ def estimate(known: KnownRuns, seed: int, repetitions: int) -> tuple[Mean, int]:
 
 
 @pytest.mark.campaign(20, 1000)
-def test_nine_losses_in_a_row_lose_the_path_whenever_they_come(campaign: int) -> None:
-    """Or the risk below is not known."""
+def test_nine_losses_in_a_row_always_lose_the_path(campaign: int) -> None:
     random, found = Random(3), set[bool]()
     for _ in range(campaign):
         ratio = random.choice((0.75, 0.85, 0.9))
@@ -139,26 +137,26 @@ def test_nine_losses_in_a_row_lose_the_path_whenever_they_come(campaign: int) ->
     assert found == {False, True}
 
 
-def test_the_law_of_rows_is_what_drawn_losses_do() -> None:
+def test_the_probability_of_a_row_matches_random_losses() -> None:
     random, count, ratio = np.random.default_rng(5), 20_000, 0.5
     lost = random.random((count, MESSAGES)) < ratio
     share = sum(loses_path(np.flatnonzero(one).tolist()) for one in lost) / count
-    told = probability(ratio)
-    assert abs(share - told) < 4.0 * sqrt(told * (1.0 - told) / count)
+    expected = probability(ratio)
+    assert abs(share - expected) < 4.0 * sqrt(expected * (1.0 - expected) / count)
 
 
 @pytest.mark.long
 @pytest.mark.campaign(0, 8)
-def test_one_in_a_million_is_told_within_half_by_twenty_thousand_runs(campaign: int) -> None:
-    """By real runs, two minutes for each seed on two cores."""
+def test_one_in_a_million_is_estimated_within_half_by_twenty_thousand_runs(campaign: int) -> None:
+    """Takes two minutes per seed on two cores."""
     if not campaign:
-        pytest.skip("drives 20 000 runs for each seed; with --campaign")
+        pytest.skip("simulates 20 000 runs per seed; use --campaign")
     truth = probability(RARE_RATIO)
     assert 0.5e-6 < truth < 2e-6
     inside = 0
     with engine_here(None) as engine:
         for seed in range(1, campaign + 1):
-            asked = RiskQuery(
+            query = RiskQuery(
                 variant=replace(lost_path_convoy(f"links.loss_ratio={RARE_RATIO}"), seed=seed),
                 limit=Limit("paths_lost_max", 0),
                 method="splitting",
@@ -167,7 +165,7 @@ def test_one_in_a_million_is_told_within_half_by_twenty_thousand_runs(campaign: 
                 max_runs=20_000,
                 paths=120,
             )
-            risk = estimate_risk(asked, engine)
+            risk = estimate_risk(query, engine)
             assert risk.runs <= 20_000
             assert risk.relative_half_width < 0.5
             assert abs(risk.probability - truth) < 3.0 * risk.standard_error

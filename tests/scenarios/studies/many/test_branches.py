@@ -1,4 +1,4 @@
-"""A run that is branched: bit for bit the same up to an instant, other draws after it."""
+"""A branched run is identical up to the branch, and has other random numbers after it."""
 
 from collections import Counter
 
@@ -33,7 +33,7 @@ CHANNELS = {
 
 
 def sent(scenario: Scenario, *branches: Branch) -> list[tuple[int, bytes, Message]]:
-    """All messages of a run, with the instants at which they were sent."""
+    """Sending times and messages of a run."""
     convoy = VirtualConvoy(scenario, branches)
     found: list[tuple[int, bytes, Message]] = []
 
@@ -52,7 +52,7 @@ def short(channel: str) -> Scenario:
 
 @pytest.mark.spread(3)
 @pytest.mark.parametrize("channel", CHANNELS)
-def test_a_branch_changes_nothing_before_and_much_after(channel: str) -> None:
+def test_a_branch_changes_only_what_follows(channel: str) -> None:
     scenario = short(channel)
     at = scenario.start_at_ns + SECOND
     plain, branched = sent(scenario), sent(scenario, Branch(at, 77))
@@ -66,13 +66,13 @@ def test_a_branch_changes_nothing_before_and_much_after(channel: str) -> None:
         )
         assert len(mine) > 20
         assert mine != others
-    # Of the same branch the same run, of another seed another one.
+    # The same branch repeats the run; another seed does not.
     assert [one[:2] for one in sent(scenario, Branch(at, 77))] == [one[:2] for one in branched]
     assert [one[:2] for one in sent(scenario, Branch(at, 78))] != [one[:2] for one in branched]
 
 
 def test_a_branch_at_the_run_s_own_seed_changes_no_link() -> None:
-    """Numbers that are drawn by key are the same again; streams of noise begin anew."""
+    """Keyed random numbers are the same; streams of noise restart."""
     scenario = short("losses and jitter")
     at = scenario.start_at_ns + SECOND
 
@@ -86,7 +86,7 @@ def test_a_branch_at_the_run_s_own_seed_changes_no_link() -> None:
     assert verdicts() == verdicts(Branch(at, scenario.seed))
 
 
-def test_a_second_branch_leaves_what_the_first_one_drew() -> None:
+def test_a_second_branch_keeps_the_effect_of_the_first() -> None:
     scenario = short("losses and jitter")
     first, second = (Branch(scenario.start_at_ns + k * SECOND // 2, 7 * k) for k in (1, 2))
     once, twice = sent(scenario, first), sent(scenario, first, second)
@@ -96,7 +96,7 @@ def test_a_second_branch_leaves_what_the_first_one_drew() -> None:
 
 
 def test_a_chain_keeps_its_state_at_a_branch() -> None:
-    """Bursts of a thousand messages: drawn anew, half of the states would be others."""
+    """Bursts have a thousand messages: new random states would differ in half of the cases."""
     stay = 0.999
     chain = CoupledChain([(stay, 1.0 - stay), (1.0 - stay, stay)], 0)
     kept = 0
@@ -109,8 +109,8 @@ def test_a_chain_keeps_its_state_at_a_branch() -> None:
     assert kept >= 57
 
 
-def test_outages_by_chance_go_on_as_they_were_drawn() -> None:
-    """They are numbered by cells of time, which lie on both sides of a message."""
+def test_random_outages_continue_at_a_branch() -> None:
+    """They are keyed by cells of time that extend over the branch."""
     outage = random_outage(3 * SECOND, 2 * SECOND, 0)
     link = Link((outage,), 5, "v0", "v1")
     contexts = [TransmissionContext(number, number * SECOND // 20) for number in range(2000)]

@@ -1,4 +1,4 @@
-"""A run that is watched for a limit says what the summary of the whole run says."""
+"""The history of a limit agrees with the summary of the whole run."""
 
 from itertools import pairwise
 from math import inf
@@ -30,7 +30,7 @@ LIMITS = (
 
 @pytest.mark.spread(3)
 @pytest.mark.parametrize("run", RUNS)
-def test_the_limit_is_broken_as_by_the_summary(run: str) -> None:
+def test_broken_limits_equal_those_of_the_summary(run: str) -> None:
     scenario = load_scenario("lossy_lane_change", RUNS[run])
     summary = run_unlogged(scenario)
     for text in LIMITS:
@@ -42,7 +42,7 @@ def test_the_limit_is_broken_as_by_the_summary(run: str) -> None:
 
 
 @pytest.mark.parametrize("measure", ["limit", "silence"])
-def test_records_rise_in_time_and_the_last_one_ends_the_run(measure: str) -> None:
+def test_severity_increases_and_a_breach_ends_the_run(measure: str) -> None:
     scenario = load_scenario("lossy_lane_change", RUNS["broken"])
     run = LimitObserver(scenario, Limit("cross_track_error_m_max", 0.3), measure=measure)  # type: ignore[arg-type]
     outcome = drive(scenario, [run], until=lambda: run.is_finished)
@@ -52,7 +52,7 @@ def test_records_rise_in_time_and_the_last_one_ends_the_run(measure: str) -> Non
     assert outcome.at == records[-1].at < scenario.start_at_ns + 25 * 10**8
 
 
-def test_another_seed_is_that_of_the_command_line() -> None:
+def test_with_seed_equals_the_seed_of_the_command_line() -> None:
     again = with_seed(load_scenario("lossy_lane_change", SHORT), 9)
     limit = Limit("cross_track_error_m_max", 9.0)
     assert watch_limit(again, limit) == watch_limit(

@@ -1,4 +1,4 @@
-"""Splitting is unbiased on processes whose probability is known, ties and jumps included."""
+"""Splitting is unbiased for processes of known probability, including ties and jumps."""
 
 from dataclasses import dataclass
 from math import inf, sqrt
@@ -12,7 +12,7 @@ from scenarios.studies.many.splitting import split
 
 @dataclass(frozen=True)
 class Walk:
-    """States of a Markov chain on the whole numbers, step by step; the top breaks the limit."""
+    """Successive states of a Markov chain; `top` breaks the limit."""
 
     states: tuple[int, ...]
     top: int
@@ -25,9 +25,9 @@ class Walk:
 
 @dataclass(frozen=True)
 class Chain:
-    """From a state up by one with a chance that does not depend on it, or back as `falls` says.
+    """A chain that goes up by one with the probability `up`, or down as defined by `falls`.
 
-    `falls` "to zero" is a run of losses, whose longest is sought; "by one" is the gambler's ruin.
+    "to zero" is a series of losses, "by one" the gambler's ruin.
     """
 
     up: float
@@ -39,7 +39,7 @@ class Chain:
         return 0 if self.falls == "to zero" else max(state - 1, 0)
 
     def probability(self) -> float:
-        """That the top is reached within the steps, by the law of the states."""
+        """Exact probability of reaching `top` within `steps`."""
         law = np.zeros(self.top + 1)
         law[0] = 1.0
         for _ in range(self.steps):

@@ -1,4 +1,4 @@
-"""Intervals of shares and quantiles: against scipy, by coverage, and at their ends."""
+"""Confidence intervals of shares, against SciPy and by coverage."""
 
 from math import isclose
 
@@ -14,7 +14,7 @@ CONFIDENCES = st.sampled_from([0.8, 0.95, 0.99])
 
 @settings(max_examples=25)
 @given(st.integers(1, 400), st.data(), CONFIDENCES)
-def test_both_intervals_of_a_share_are_scipy_s(
+def test_intervals_of_a_share_equal_those_of_scipy(
     count: int, data: st.DataObject, confidence: float
 ) -> None:
     successes = data.draw(st.integers(0, count))
@@ -31,8 +31,8 @@ def test_both_intervals_of_a_share_are_scipy_s(
 @pytest.mark.spread(4)
 @pytest.mark.parametrize("share", [0.003, 0.1, 0.5, 0.77])
 @pytest.mark.parametrize("count", [8, 20, 200])
-def test_the_exact_interval_covers_at_least_as_often_as_it_says(count: int, share: float) -> None:
-    """Summed over all counts there can be, so no simulation is needed."""
+def test_the_coverage_of_the_exact_interval_is_at_least_nominal(count: int, share: float) -> None:
+    """Summed over all possible counts, without simulation."""
     covered = sum(
         binom.pmf(successes, count, share)
         for successes in range(count + 1)
@@ -42,7 +42,7 @@ def test_the_exact_interval_covers_at_least_as_often_as_it_says(count: int, shar
 
 
 @pytest.mark.parametrize("share", [0.1, 0.3, 0.5])
-def test_wilson_s_interval_covers_about_as_often_as_it_says(share: float) -> None:
+def test_the_coverage_of_wilson_s_interval_is_about_nominal(share: float) -> None:
     covered = sum(
         binom.pmf(successes, 50, share)
         for successes in range(51)
@@ -52,7 +52,7 @@ def test_wilson_s_interval_covers_about_as_often_as_it_says(share: float) -> Non
 
 
 @pytest.mark.parametrize(("successes", "count"), [(1, 0), (-1, 5), (6, 5)])
-def test_counts_that_there_are_not_are_refused(successes: int, count: int) -> None:
+def test_impossible_counts_are_refused(successes: int, count: int) -> None:
     for interval in (wilson, clopper_pearson):
         with pytest.raises(ValueError, match=f"{successes} of {count}"):
             interval(successes, count)

@@ -1,4 +1,4 @@
-"""Logs of short runs that lost messages by every law there is."""
+"""Logs of short runs with losses of each kind."""
 
 from pathlib import Path
 from typing import Any

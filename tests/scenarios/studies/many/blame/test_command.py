@@ -1,4 +1,4 @@
-"""`convoy blame`: its table and files, the scenario that it writes, and what it refuses."""
+"""`convoy blame`: its table, files and errors, and the scenario of the smallest set."""
 
 import json
 from dataclasses import replace
@@ -29,7 +29,7 @@ def convoy(*arguments: str | Path) -> Result:
 
 
 def refused(result: Result) -> str:
-    """The one line with which the command refuses its input."""
+    """Return the error line of a refused command."""
     assert result.exit_code == 2, result.output
     (line,) = result.output.splitlines()
     return line.removeprefix("error: ")
@@ -43,9 +43,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("figure", ["error", "gap"])
-def test_the_worst_figure_and_the_breach_are_those_of_the_summary(
-    log: Path, figure: FigureName
-) -> None:
+def test_worst_figure_and_breach_equal_those_of_the_summary(log: Path, figure: FigureName) -> None:
     run, rows = read_run(log), summary_of(log).vehicles
     errors = [row.cross_track_error_m_max for row in rows if row.cross_track_error_m_max]
     gaps = [row.true_gap_m_min for row in rows if row.true_gap_m_min]
@@ -58,26 +56,24 @@ def test_the_worst_figure_and_the_breach_are_those_of_the_summary(
         assert (result.broken_at is not None) == broken_by(limit, summary_of(log))
 
 
-def test_the_smallest_set_is_written_as_a_scenario_that_breaks_the_limit_when_run(
-    log: Path, tmp_path: Path
-) -> None:
+def test_the_scenario_of_the_smallest_set_breaks_the_limit(log: Path, tmp_path: Path) -> None:
     out = tmp_path / "why"
     done = convoy("blame", log.parent, "--out", out, "--workers", "0")
     assert done.exit_code == 0, done.output
     assert f"convoy run {out / 'smallest.toml'} --clock virtual" in done.output
     assert (out / "blame.png").read_bytes().startswith(b"\x89PNG")
 
-    found: dict[str, Any] = json.loads((out / "blame.json").read_text())
-    assert found["schema"] == "convoy.blame/1"
-    assert found["recorded"]["broken_at_s"] is not None
-    assert found["without_loss"]["broken_at_s"] is None
-    (worst, *others) = found["rows"]
-    assert worst["reduction_m"] == max(row["reduction_m"] for row in found["rows"])
-    assert worst["reduction_m"] <= found["recorded"]["figure_m"]
-    assert {one["receiver"] for one in worst["bursts"]} == {"v2"}
-    everything = [one for row in (worst, *others) for one in row["bursts"]]
-    distinct = {(one["sender"], one["receiver"], *one["numbers"]) for one in everything}
-    assert len(distinct) == found["considered_bursts"]
+    report: dict[str, Any] = json.loads((out / "blame.json").read_text())
+    assert report["schema"] == "convoy.blame/1"
+    assert report["recorded"]["broken_at_s"] is not None
+    assert report["without_loss"]["broken_at_s"] is None
+    (worst, *others) = report["rows"]
+    assert worst["reduction_m"] == max(row["reduction_m"] for row in report["rows"])
+    assert worst["reduction_m"] <= report["recorded"]["figure_m"]
+    assert {burst["receiver"] for burst in worst["bursts"]} == {"v2"}
+    bursts = [burst for row in (worst, *others) for burst in row["bursts"]]
+    distinct = {(burst["sender"], burst["receiver"], *burst["numbers"]) for burst in bursts}
+    assert len(distinct) == report["considered_bursts"]
 
     smallest = load_scenario(out / "smallest.toml")
     assert smallest.tables.limits.lane_departures_max == 0
@@ -86,11 +82,9 @@ def test_the_smallest_set_is_written_as_a_scenario_that_breaks_the_limit_when_ru
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
     assert summary["reason"].startswith("limits.lane_departures_max = 0")
     lost = sum(link["sent"] - link["delivered"] for link in summary["links"])
-    assert lost - 1 <= found["smallest"]["messages"] <= lost  # one may be under way at the end
+    assert lost - 1 <= report["smallest"]["messages"] <= lost  # one may be in transit at the end
 
-    assert refused(convoy("blame", log, "--out", out)) == (
-        f"{out / 'blame.png'}: exists; give another folder by --out"
-    )
+    assert refused(convoy("blame", log, "--out", out)).startswith(f"{out / 'blame.png'}: exists")
 
 
 @pytest.mark.parametrize(
@@ -100,7 +94,7 @@ def test_the_smallest_set_is_written_as_a_scenario_that_breaks_the_limit_when_ru
         ("error_m=0.001", "the limit error_m=0.001 is broken without any loss"),
     ],
 )
-def test_without_a_breach_by_losses_it_ranks_only(
+def test_without_a_breach_by_losses_bursts_are_only_ranked(
     log: Path, tmp_path: Path, limit: str, why: str
 ) -> None:
     done = convoy(
@@ -109,52 +103,51 @@ def test_without_a_breach_by_losses_it_ranks_only(
     assert done.exit_code == 0, done.output
     assert why in " ".join(done.output.split())
     assert not (tmp_path / "smallest.toml").exists()
-    found = json.loads((tmp_path / "blame.json").read_text())
-    assert found["smallest"] is None
-    assert found["not_reduced_reason"].startswith(why)
-    assert found["rows"][0]["reduction_m"] > 0.1
+    report = json.loads((tmp_path / "blame.json").read_text())
+    assert report["smallest"] is None
+    assert report["not_reduced_reason"].startswith(why)
+    assert report["rows"][0]["reduction_m"] > 0.1
 
 
-def test_a_log_that_virtual_time_does_not_repeat_is_refused(
+def test_an_irreproducible_log_is_refused(
     log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One pose of a thousand off by a nanometre, as after a message that came late."""
+    """One pose differs by a nanometre, as after a late message."""
 
-    def nearly(path: Path) -> Any:
+    def read_altered(path: Path) -> Any:
         run = read_run(path)
         key = ("v2", 2_000_000_000)
         east, north = run.truth[key]
         return replace(run, late=3, truth={**run.truth, key: (east + 1e-9, north)})
 
-    monkeypatch.setattr(study, "read_run", nearly)
+    monkeypatch.setattr(study, "read_run", read_altered)
     line = refused(convoy("blame", log, "--out", tmp_path, "--workers", "0"))
-    assert line == (
-        f"{log}: with the same losses v2 is elsewhere 2.00 s after the start (3 messages came "
-        "late); blame needs a run that virtual time repeats"
-    )
+    assert line.startswith(f"{log}: ")
+    for fact in ("v2", "2.00 s", "3 messages were late", "--clock virtual"):
+        assert fact in line
 
 
 def test_a_log_without_losses_is_refused(tmp_path: Path) -> None:
     run_virtual(load_scenario("lane_change", ["duration_s=0.5"]), tmp_path, Stop())
     log = tmp_path / "run.mcap"
     line = refused(convoy("blame", log, "--out", tmp_path / "out"))
-    assert line == f"{log}: no message was lost; there is nothing to blame"
+    assert line == f"{log}: no message was lost"
     assert not (tmp_path / "out").exists()
 
 
-def test_a_broken_log_is_refused(log: Path, tmp_path: Path) -> None:
+def test_a_damaged_log_is_refused(log: Path, tmp_path: Path) -> None:
     half = tmp_path / "half.mcap"
     data = log.read_bytes()
     half.write_bytes(data[:-100])
     line = refused(convoy("blame", half, "--out", tmp_path / "out"))
-    assert line == f"{half}: breaks off; blame needs the log of a run that was ended"
+    assert line.startswith(f"{half}: truncated")
     other = tmp_path / "text.mcap"
     other.write_text("no log")
     assert str(other) in refused(convoy("blame", other, "--out", tmp_path / "out"))
     assert "No such file" in refused(convoy("blame", tmp_path / "none.mcap"))
 
 
-def test_a_recorded_vehicle_is_refused(log: Path, tmp_path: Path) -> None:
+def test_a_replayed_vehicle_is_refused(log: Path, tmp_path: Path) -> None:
     text = {
         "extends": "lane_change",
         "duration_s": 0.5,
@@ -164,9 +157,9 @@ def test_a_recorded_vehicle_is_refused(log: Path, tmp_path: Path) -> None:
     }
     run_virtual(scenario_from_text(tomli_w.dumps(text), folder=log.parent), tmp_path, Stop())
     line = refused(convoy("blame", tmp_path, "--out", tmp_path / "out"))
-    assert line.endswith("v2 moved as recorded; blame needs vehicles that drive")
+    assert line.startswith(f"{tmp_path / 'run.mcap'}: v2 ")
 
 
-def test_a_limit_that_there_is_not_is_refused(log: Path, tmp_path: Path) -> None:
+def test_an_unknown_limit_is_refused(log: Path, tmp_path: Path) -> None:
     line = refused(convoy("blame", log, "--limit", "speed", "--out", tmp_path / "out"))
     assert line.startswith("--limit: given 'speed', allowed ")

@@ -1,4 +1,4 @@
-"""Delta debugging on tests made up: what is left does what the whole does, nothing less does."""
+"""Delta debugging of synthetic tests: the result fails like the whole and is minimal."""
 
 from collections.abc import Callable, Sequence
 from hashlib import blake2b
@@ -15,8 +15,8 @@ few = settings(max_examples=40)
 
 
 def first_that(fails: Fails) -> Callable[[Sequence[tuple[int, ...]]], int | None]:
-    """The places of sets in which the test fails, asked one by one."""
-    return lambda sets: next((k for k, one in enumerate(sets) if fails(frozenset(one))), None)
+    """Return the index of the first set with which the test fails."""
+    return lambda sets: next((k for k, items in enumerate(sets) if fails(frozenset(items))), None)
 
 
 def shrink(size: int, fails: Fails) -> SmallestSet[int]:
@@ -27,7 +27,7 @@ def shrink(size: int, fails: Fails) -> SmallestSet[int]:
 
 @few
 @given(SIZES.flatmap(lambda n: st.tuples(st.just(n), st.sets(st.integers(0, n - 1), min_size=1))))
-def test_of_causes_that_are_all_needed_exactly_these_are_left(case: tuple[int, set[int]]) -> None:
+def test_exactly_the_necessary_items_remain(case: tuple[int, set[int]]) -> None:
     size, needed = case
     found = shrink(size, lambda items: needed <= items)
     assert found == SmallestSet(tuple(sorted(needed)), is_minimal=True)
@@ -35,21 +35,19 @@ def test_of_causes_that_are_all_needed_exactly_these_are_left(case: tuple[int, s
 
 @few
 @given(st.data(), SIZES)
-def test_of_several_causes_each_of_which_is_enough_one_is_left(
-    data: st.DataObject, size: int
-) -> None:
-    cause = st.frozensets(st.integers(0, size - 1), min_size=1, max_size=6)
-    causes = data.draw(st.sets(cause, min_size=1, max_size=4))
-    found = shrink(size, lambda items: any(one <= items for one in causes))
+def test_one_of_several_sufficient_causes_remains(data: st.DataObject, size: int) -> None:
+    a_cause = st.frozensets(st.integers(0, size - 1), min_size=1, max_size=6)
+    causes = data.draw(st.sets(a_cause, min_size=1, max_size=4))
+    found = shrink(size, lambda items: any(cause <= items for cause in causes))
     assert frozenset(found.items) in causes
 
 
 @few
 @given(SIZES, st.integers(0, 1000), st.integers(1, 9))
-def test_where_more_can_be_less_no_single_item_can_be_spared(
+def test_the_result_is_minimal_for_a_test_that_is_not_monotone(
     size: int, salt: int, of_ten: int
 ) -> None:
-    """A test that fails or not by chance, set by set: nothing follows from a part for the whole."""
+    """The test fails at random, independently for each set."""
     every = frozenset(range(size))
 
     def fails(items: frozenset[int]) -> bool:
@@ -60,25 +58,23 @@ def test_where_more_can_be_less_no_single_item_can_be_spared(
     left = frozenset(found.items)
     assert found.is_minimal
     assert fails(left)
-    assert not any(fails(left - {one}) for one in left)
+    assert not any(fails(left - {item}) for item in left)
 
 
 @few
 @given(SIZES, st.integers(0, 1000), st.integers(0, 30))
-def test_what_is_found_when_it_is_enough_still_fails_and_is_not_called_minimal(
-    size: int, salt: int, most: int
-) -> None:
+def test_an_exhausted_search_returns_a_failing_set(size: int, salt: int, most: int) -> None:
     needed = {salt % size, (salt * 7 + 3) % size}
     tried = 0
 
     def first(sets: Sequence[tuple[int, ...]]) -> int | None:
         nonlocal tried
-        for place, one in enumerate(sets):
+        for index, items in enumerate(sets):
             if tried >= most:
                 return None
             tried += 1
-            if needed <= set(one):
-                return place
+            if needed <= set(items):
+                return index
         return None
 
     found = ddmin(range(size), first, lambda: tried >= most)
@@ -87,8 +83,8 @@ def test_what_is_found_when_it_is_enough_still_fails_and_is_not_called_minimal(
         assert set(found.items) == needed
 
 
-def test_a_long_run_of_causes_costs_few_tests() -> None:
-    """20 in a row among 1000 harmless ones: some halvings, and each of the 20 once or twice."""
+def test_consecutive_causes_take_few_tests() -> None:
+    """20 consecutive items of 1000: some halvings, and one or two tests for each of the 20."""
     tried = 0
 
     def fails(items: frozenset[int]) -> bool:
@@ -101,7 +97,7 @@ def test_a_long_run_of_causes_costs_few_tests() -> None:
 
 
 @given(st.data(), SIZES)
-def test_of_causes_in_a_row_the_ends_are_cut_off(data: st.DataObject, size: int) -> None:
+def test_trimming_keeps_exactly_consecutive_causes(data: st.DataObject, size: int) -> None:
     first = data.draw(st.integers(0, size - 1))
     last = data.draw(st.integers(first, size - 1))
     needed = set(range(first, last + 1))
@@ -110,7 +106,7 @@ def test_of_causes_in_a_row_the_ends_are_cut_off(data: st.DataObject, size: int)
 
 
 @given(SIZES, st.integers(0, 1000))
-def test_what_is_left_between_cut_ends_fails_in_any_case(size: int, salt: int) -> None:
+def test_the_trimmed_set_always_fails(size: int, salt: int) -> None:
     every = frozenset(range(size))
 
     def fails(items: frozenset[int]) -> bool:
@@ -124,6 +120,6 @@ def test_what_is_left_between_cut_ends_fails_in_any_case(size: int, salt: int) -
 @pytest.mark.parametrize("chunks", [1, 2, 3, 7])
 def test_chunks_are_even_and_keep_the_order(chunks: int) -> None:
     parts = split(tuple(range(7)), chunks)
-    assert [one for part in parts for one in part] == list(range(7))
+    assert [item for part in parts for item in part] == list(range(7))
     assert len(parts) == chunks
     assert max(map(len, parts)) - min(map(len, parts)) <= 1

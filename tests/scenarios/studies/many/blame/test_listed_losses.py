@@ -1,4 +1,4 @@
-"""A run with exactly the losses that one says: those of its log give its log, others only these."""
+"""Reruns with listed losses: all losses of a log reproduce it; a subset loses only the subset."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from vehicles.messages import LinkVerdict, Message
 
 
 def fates(scenario: Scenario) -> dict[tuple[str, str, int], tuple[str, int]]:
-    """Of each message that a link judged why it was dropped, and when it was visible (ns)."""
+    """Drop reason and instant of visibility (ns) of each message."""
     found = {}
 
     def listen(_at: int, message: Message) -> None:
@@ -30,7 +30,7 @@ def fates(scenario: Scenario) -> dict[tuple[str, str, int], tuple[str, int]]:
 
 @pytest.mark.spread(4)
 @pytest.mark.parametrize("law", LAWS)
-def test_the_log_s_losses_give_the_log_s_poses_and_fewer_only_what_was_given_back(
+def test_the_losses_of_a_log_reproduce_it_and_a_subset_restores_the_rest(
     law: str, tmp_path: Path
 ) -> None:
     run = recorded(law, tmp_path)
@@ -40,18 +40,18 @@ def test_the_log_s_losses_give_the_log_s_poses_and_fewer_only_what_was_given_bac
     as_sent_to_workers = scenario_from_text(convoy.with_losses(lost).text)
     assert first_difference(as_sent_to_workers, run.truth) is None
 
-    still_lost, given_back = lost[::2], lost[1::2]
+    still_lost, restored = lost[::2], lost[1::2]
     before, after = fates(convoy.with_losses(lost)), fates(convoy.with_losses(still_lost))
-    back = {(*one.link, one.number) for one in given_back}
+    restored_keys = {(*message.link, message.number) for message in restored}
     for key, (reason, visible_at) in before.items():
-        if law == "in bursts, in order":  # what comes back holds up what was sent after it
+        if law == "in bursts, in order":  # restored messages delay later ones
             assert after[key][1] >= visible_at
         else:
             assert after[key][1] == visible_at
-        assert after[key][0] == ("" if key in back else reason)
+        assert after[key][0] == ("" if key in restored_keys else reason)
 
 
-def test_without_losses_nothing_is_lost_and_with_one_it_alone(tmp_path: Path) -> None:
+def test_no_loss_or_a_single_one_is_reproduced(tmp_path: Path) -> None:
     run = recorded("by place, rate and reservation", tmp_path)
     convoy = loss_free(run)
     kept = {key for key, (reason, _) in fates(convoy.scenario).items() if not reason}
@@ -64,7 +64,7 @@ def test_without_losses_nothing_is_lost_and_with_one_it_alone(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("law", ["independent", "a queue"])
-def test_the_scenario_written_is_the_one_that_was_driven(law: str, tmp_path: Path) -> None:
+def test_the_written_scenario_reproduces_the_run(law: str, tmp_path: Path) -> None:
     run = recorded(law, tmp_path)
     limit = Limit("cross_track_error_m_max", 0.25)
     smallest = loss_free(run).smallest(run.lost(NO_END), limit, "some losses")

@@ -1,4 +1,4 @@
-"""Ranking and shrinking on convoys made up, whose error is a formula of what was lost."""
+"""Ranking and shrinking for synthetic runs whose error is a formula of the losses."""
 
 from collections.abc import Callable
 from dataclasses import asdict
@@ -17,7 +17,7 @@ from scenarios.studies.many.blame.ranking import Attribution, losses_of, rank_lo
 from scenarios.studies.many.blame.rerun import RerunCriteria, RerunResult
 from scenarios.studies.many.blame.shrinking import SmallestSet, smallest_set
 from scenarios.studies.many.blame.trials import Trials
-from tests.made.many.engines import MadeUpEngine
+from tests.made.many.engines import SyntheticEngine
 
 ErrorOf = Callable[[Losses], float]
 LANE_M = 0.8
@@ -25,10 +25,9 @@ PERIOD = 50_000_000
 
 
 class NoConvoy:
-    """In place of a convoy, whose runs nobody drives here."""
+    """Stands in for a scenario; nothing is simulated."""
 
     def with_losses(self, losses: Losses) -> SimpleNamespace:
-        """In place of a scenario's text, what it loses."""
         return SimpleNamespace(text=losses)
 
 
@@ -46,14 +45,13 @@ def trials_of(error_of: ErrorOf, parallel: int = 1, max_runs: int = 1000) -> Tri
         convoy=cast("LossFreeScenario", NoConvoy()),
         criteria=RerunCriteria(figure="error", limit=Limit("lane_departures_max", 0), until=2),
         breaks_by=2,
-        engine=MadeUpEngine(result),
+        engine=SyntheticEngine(result),
         parallel=parallel,
         max_runs=max_runs,
     )
 
 
 def lost(sender: str, first: int, count: int) -> list[LostMessage]:
-    """A burst on the link to v3."""
     numbers = range(first, first + count)
     return [LostMessage(number * PERIOD, (sender, "v3"), number) for number in numbers]
 
@@ -71,7 +69,7 @@ def found(
     return rows, smallest_set(trials, bursts, rows), trials
 
 
-def test_bursts_are_runs_of_numbers_and_moments_what_overlaps() -> None:
+def test_bursts_are_consecutive_numbers_grouped_by_overlap() -> None:
     bursts = bursts_of([*lost("v1", 10, 5), *lost("v2", 13, 4), *lost("v1", 17, 1), *HARMLESS[:1]])
     assert [one.line for one in bursts] == [
         "v2 → v3 0",
@@ -85,7 +83,7 @@ def test_bursts_are_runs_of_numbers_and_moments_what_overlaps() -> None:
 
 
 @pytest.mark.parametrize("first", [0, 271, 580])
-def test_of_a_hundred_bursts_the_one_that_costs_is_found_in_few_runs(first: int) -> None:
+def test_the_harmful_one_of_a_hundred_bursts_is_found_in_few_runs(first: int) -> None:
     burst = frozenset(lost("v1", first, 20))
     rows, smallest, trials = found(
         lambda losses: 0.1 * len(losses & burst), [*HARMLESS, *burst], parallel=2
@@ -94,13 +92,13 @@ def test_of_a_hundred_bursts_the_one_that_costs_is_found_in_few_runs(first: int)
     assert rows[0].reduction_m == pytest.approx(2.0)
     assert rows[0].alone is not None
     assert rows[0].alone.broken_at is not None
-    assert len(smallest.items) == 9  # with each 0.1 m, and 0.8 m allowed
+    assert len(smallest.items) == 9  # 0.1 m each, 0.8 m allowed
     assert smallest.is_minimal
     assert trials.runs < 60
 
 
-def test_two_bursts_that_cost_together_are_both_found() -> None:
-    """As of the lead and the predecessor: while one of them is heard nothing happens."""
+def test_two_bursts_that_are_harmful_together_are_both_found() -> None:
+    """As for lead and predecessor: one of them is enough."""
     lead, ahead = frozenset(lost("v1", 300, 10)), frozenset(lost("v2", 302, 6))
     rows, smallest, _ = found(
         lambda losses: 1.5 * (lead | ahead <= losses), [*lost("v1", 100, 9), *lead, *ahead]
@@ -110,8 +108,8 @@ def test_two_bursts_that_cost_together_are_both_found() -> None:
     assert set(smallest.items) == lead | ahead
 
 
-def test_two_bursts_each_of_which_is_enough_are_both_looked_into() -> None:
-    """Giving back one of them mends nothing, for the other one is still lost."""
+def test_two_bursts_that_are_each_sufficient_are_both_divided() -> None:
+    """Restoring one of them has no effect while the other is lost."""
     early, late = frozenset(lost("v1", 100, 8)), frozenset(lost("v1", 500, 8))
     rows, smallest, _ = found(
         lambda losses: 1.5 * (early <= losses or late <= losses), [*HARMLESS[:8], *early, *late]
@@ -122,7 +120,7 @@ def test_two_bursts_each_of_which_is_enough_are_both_looked_into() -> None:
 
 
 @pytest.mark.parametrize("parallel", [2, 3, 8])
-def test_what_is_found_does_not_depend_on_how_many_runs_go_on_at_once(parallel: int) -> None:
+def test_the_result_does_not_depend_on_the_number_of_parallel_runs(parallel: int) -> None:
     def error_of(losses: Losses) -> float:
         numbers = sorted(one.number for one in losses if one.link[0] == "v1")
         return 0.3 * sum(b - a == 1 for a, b in pairwise(numbers))
@@ -134,7 +132,7 @@ def test_what_is_found_does_not_depend_on_how_many_runs_go_on_at_once(parallel: 
     assert again == smallest
 
 
-def test_when_the_runs_are_used_up_the_set_is_not_called_minimal() -> None:
+def test_a_set_is_not_minimal_when_the_runs_are_used_up() -> None:
     burst = frozenset(lost("v1", 271, 40))
     _, smallest, trials = found(
         lambda losses: 1.5 * (burst <= losses), [*HARMLESS, *burst], max_runs=30
@@ -144,11 +142,11 @@ def test_when_the_runs_are_used_up_the_set_is_not_called_minimal() -> None:
     assert trials.runs <= 31
 
 
-def test_a_set_is_driven_once() -> None:
-    asked: list[Losses] = []
+def test_each_set_is_simulated_once() -> None:
+    simulated: list[Losses] = []
 
     def error_of(losses: Losses) -> float:
-        asked.append(losses)
+        simulated.append(losses)
         return 0.2 * len(losses)
 
     bursts: tuple[Burst, ...] = bursts_of(lost("v1", 3, 7))
@@ -156,4 +154,4 @@ def test_a_set_is_driven_once() -> None:
     sets = [frozenset(one.messages[:k]) for one in bursts for k in range(1, 8)]
     trials.results(sets)
     assert trials.first_breaking([*sets, *sets]) == 4  # five messages, 1.0 m
-    assert len(asked) == len(set(asked)) == trials.runs == 7
+    assert len(simulated) == len(set(simulated)) == trials.runs == 7

@@ -1,4 +1,4 @@
-"""The bracket of a share that is known beforehand: where it is, how sure, and what it costs."""
+"""Brackets of a known share: position, confidence, and number of runs."""
 
 from collections.abc import Callable, Mapping, Sequence
 from math import inf
@@ -28,7 +28,7 @@ def thresholds(middle: float, spread: float, seed: int = 1) -> list[float]:
 
 @settings(max_examples=30)
 @given(st.floats(0.05, 0.95), st.floats(0.0, 0.1), st.integers(1, 5), st.booleans())
-def test_seeds_with_a_threshold_each_are_bracketed_by_their_middle(
+def test_the_median_threshold_of_all_seeds_is_bracketed(
     middle: float, spread: float, seed: int, falls: bool
 ) -> None:
     own = thresholds(middle, spread, seed)
@@ -46,10 +46,10 @@ def test_seeds_with_a_threshold_each_are_bracketed_by_their_middle(
 
 @settings(max_examples=30)
 @given(st.integers(0, 49), st.integers(1, 20))
-def test_the_smallest_value_of_any_seed(first: int, who: int) -> None:
-    """One seed breaks it long before all others."""
+def test_a_share_of_0_brackets_the_first_broken_seed(first: int, early: int) -> None:
+    """One seed breaks the limit long before all others."""
     curve = curve_of(
-        lambda value, seed: value > (VALUES[first] if seed == who else max(VALUES[first], 0.97)),
+        lambda value, seed: value > (VALUES[first] if seed == early else max(VALUES[first], 0.97)),
         share=0.0,
     )
     found = bracket(curve)
@@ -57,27 +57,27 @@ def test_the_smallest_value_of_any_seed(first: int, who: int) -> None:
     assert found.confident == (-inf, inf)
 
 
-def test_the_ends_that_are_sure_hold_the_boundary_as_often_as_they_say() -> None:
-    """Each seed breaks the limit at each value by a chance of its own: nothing is monotone."""
-    held, count = 0, 200
-    for attempt in range(count):
-        draws = np.random.Generator(np.random.PCG64(attempt)).random((51, 20))
+def test_the_confident_values_contain_the_boundary_often_enough() -> None:
+    """Outcomes are independent and not monotone."""
+    contained, count = 0, 200
+    for trial in range(count):
+        draws = np.random.Generator(np.random.PCG64(trial)).random((51, 20))
 
         def broken(value: float, seed: int, draws: np.ndarray = draws) -> bool:
             number = VALUES.index(value)
             return bool(draws[number, seed - 1] < value)
 
         found = bracket(curve_of(broken))
-        held += found.confident[0] < 0.5 < found.confident[1]
-    assert held >= 0.95 * count
+        contained += found.confident[0] < 0.5 < found.confident[1]
+    assert contained >= 0.95 * count
 
 
-def test_a_share_that_rises_only_inside_is_found() -> None:
+def test_a_peak_inside_the_range_is_found() -> None:
     found = bracket(curve_of(lambda value, _: 0.8 < value < 0.95))
     assert (VALUES[found.low], VALUES[found.high]) == (0.8, 0.82)
 
 
-def test_the_first_crossing_is_taken_and_seeds_that_turn_are_named() -> None:
+def test_seeds_that_are_not_monotone_are_listed() -> None:
     curve = curve_of(lambda value, seed: value > 0.9 or (seed == 3 and 0.4 < value < 0.6))
     found = bracket(curve)
     assert (VALUES[found.low], VALUES[found.high]) == (0.9, 0.92)
@@ -85,6 +85,6 @@ def test_the_first_crossing_is_taken_and_seeds_that_turn_are_named() -> None:
 
 
 @pytest.mark.parametrize("broken", [True, False])
-def test_a_limit_that_is_the_same_everywhere_has_no_boundary(broken: bool) -> None:
+def test_without_a_crossing_there_is_no_boundary(broken: bool) -> None:
     with pytest.raises(NoBoundaryError):
         bracket(curve_of(lambda *_: broken))

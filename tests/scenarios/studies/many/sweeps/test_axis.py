@@ -1,4 +1,4 @@
-"""Ranges have both ends and exact decimals; lists keep what brackets and quotes hold together."""
+"""Ranges include both ends and are exact; lists respect brackets and quotes."""
 
 from decimal import Decimal
 from fractions import Fraction
@@ -37,7 +37,7 @@ def refused(*texts: str) -> str:
         ("2026-01-01T00:00:00Z", ["2026-01-01T00:00:00Z"]),
     ],
 )
-def test_values_are_those_that_were_written(given: str, texts: list[str]) -> None:
+def test_values_keep_their_text(given: str, texts: list[str]) -> None:
     axis = parsed_axis(f"some.key={given}")
     assert axis.key == "some.key"
     assert list(axis.texts) == texts
@@ -58,7 +58,7 @@ def test_a_range_is_exact(start: Decimal, step: Decimal, count: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("given", "fact"),
     [
         (["key"], "allowed KEY=START:STOP:STEP"),
         (["key="], "allowed KEY=START:STOP:STEP"),
@@ -70,17 +70,17 @@ def test_a_range_is_exact(start: Decimal, step: Decimal, count: int) -> None:
         (["key=0:1e9:1e-3"], "at most 1000 values"),
         (["key=" + ",".join(map(str, range(1001)))], "at most 1000 values"),
         (["key=1,2,1"], "key: given 1 twice"),
-        (["seed=1,2"], "given by --seeds"),
+        (["seed=1,2"], "--seeds"),
         (["key=1,2", "key=3"], "given key twice"),
     ],
 )
-def test_what_makes_no_axis_is_refused_in_a_line(given: list[str], said: str) -> None:
+def test_invalid_axes_are_refused_in_one_line(given: list[str], fact: str) -> None:
     line = refused(*given)
     assert line.startswith("--vary: ")
-    assert said in line
+    assert fact in line
 
 
-def test_cells_are_all_combinations_the_last_key_fastest() -> None:
+def test_cells_are_all_combinations_and_the_last_key_varies_fastest() -> None:
     axes = parsed_axes(["a=1,2", "b=x,y"])
     assert cells(axes) == [("a=1", "b=x"), ("a=1", "b=y"), ("a=2", "b=x"), ("a=2", "b=y")]
     assert cells([]) == [()]

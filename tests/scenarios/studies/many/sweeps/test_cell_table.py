@@ -1,4 +1,4 @@
-"""What a table says is what its runs say: checked with scipy, and in any order of the journal."""
+"""Tables of sweeps agree with their runs, with SciPy, and for any order of the journal."""
 
 import csv
 import json
@@ -27,8 +27,8 @@ def plan() -> SweepPlan:
     return small_plan(seeds=SEEDS)
 
 
-def made_up(plan: SweepPlan) -> dict[str, Any]:
-    """Entries of a journal: a figure that grows with the cell, another that is often unknown."""
+def journal_entries(plan: SweepPlan) -> dict[str, Any]:
+    """Synthetic entries: a figure that grows with the cell, and one that is often missing."""
     noise = random.Random(5)
     entries: dict[str, Any] = {}
     for place in range(len(plan.cells)):
@@ -50,8 +50,8 @@ def values(entries: dict[str, Any], cell: int, number: int) -> list[float]:
     return [row["figures"][number] for row in rows if "error" not in row and row["figures"][number]]
 
 
-def test_a_row_sums_up_the_runs_of_its_cell(plan: SweepPlan) -> None:
-    entries = made_up(plan)
+def test_a_row_summarizes_the_runs_of_its_cell(plan: SweepPlan) -> None:
+    entries = journal_entries(plan)
     table = table_of(plan, entries)
     rows = table.rows()
     assert [row["links.loss_ratio"] for row in rows] == ["0", "0", "0.8", "0.8"]
@@ -78,8 +78,8 @@ def test_a_row_sums_up_the_runs_of_its_cell(plan: SweepPlan) -> None:
     assert table.errors == SEEDS + 1
 
 
-def test_a_cell_whose_runs_all_raised_says_nothing_but_that(plan: SweepPlan) -> None:
-    row = table_of(plan, made_up(plan)).rows()[2]
+def test_a_cell_with_only_errors_has_no_figures(plan: SweepPlan) -> None:
+    row = table_of(plan, journal_entries(plan)).rows()[2]
     assert row["errors"] == SEEDS
     assert row["cross_track_error_m_max.median"] is None
     assert (row["lane.broken_ratio"], row["lane.broken_ratio_low"]) == (None, 0.0)
@@ -87,7 +87,7 @@ def test_a_cell_whose_runs_all_raised_says_nothing_but_that(plan: SweepPlan) -> 
 
 
 def test_the_order_of_the_journal_does_not_matter(plan: SweepPlan, tmp_path: Path) -> None:
-    entries = made_up(plan)
+    entries = journal_entries(plan)
     shuffled = list(entries.items())
     random.Random(7).shuffle(shuffled)
     for name, of in (("one", entries), ("other", dict(shuffled))):
@@ -97,9 +97,9 @@ def test_the_order_of_the_journal_does_not_matter(plan: SweepPlan, tmp_path: Pat
         assert one == other
 
 
-def test_files_say_the_same_as_one_another(plan: SweepPlan, tmp_path: Path) -> None:
+def test_all_files_agree(plan: SweepPlan, tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
-    table = table_of(plan, made_up(plan))
+    table = table_of(plan, journal_entries(plan))
     write_files(tmp_path, tables_of(table, parquet=True))
     whole = json.loads((tmp_path / "sweep.json").read_text())
     assert whole["schema"] == "convoy.sweep/1"
@@ -123,7 +123,7 @@ def test_files_say_the_same_as_one_another(plan: SweepPlan, tmp_path: Path) -> N
 
 
 @given(count=st.integers(1, 300), data=st.data(), confidence=st.floats(0.5, 0.999))
-def test_wilson_is_that_of_scipy(count: int, data: st.DataObject, confidence: float) -> None:
+def test_wilson_equals_scipy(count: int, data: st.DataObject, confidence: float) -> None:
     successes = data.draw(st.integers(0, count))
     wanted = binomtest(successes, count).proportion_ci(confidence, method="wilson")
     assert wilson(successes, count, confidence) == pytest.approx(
@@ -131,7 +131,7 @@ def test_wilson_is_that_of_scipy(count: int, data: st.DataObject, confidence: fl
     )
 
 
-def test_without_runs_every_share_is_possible() -> None:
+def test_without_runs_the_interval_is_0_to_1() -> None:
     assert wilson(0, 0) == (0.0, 1.0)
 
 
@@ -155,14 +155,14 @@ def of(vary: tuple[str, ...]) -> SweepTable:
 
 
 @pytest.mark.parametrize("vary", [THREE[:1], THREE, ("links.preset=clear,lossy",)])
-def test_up_to_three_keys_are_drawn(vary: tuple[str, ...], tmp_path: Path) -> None:
-    said: list[str] = []
-    write_files(tmp_path, drawn(of(vary), said.append))
-    assert not said
+def test_up_to_three_keys_are_plotted(vary: tuple[str, ...], tmp_path: Path) -> None:
+    lines: list[str] = []
+    write_files(tmp_path, drawn(of(vary), lines.append))
+    assert not lines
     assert (tmp_path / "sweep.png").read_bytes()[:4] == PNG
 
 
-def test_pictures_of_the_same_runs_are_the_same_bytes(tmp_path: Path) -> None:
+def test_plots_of_equal_runs_are_identical(tmp_path: Path) -> None:
     for name in ("one", "other"):
         write_files(tmp_path / name, drawn(of(THREE[:2]), lambda _: None))
     for name in ("sweep.png", "seeds.png"):
@@ -178,8 +178,8 @@ def test_pictures_of_the_same_runs_are_the_same_bytes(tmp_path: Path) -> None:
         (("gnss.rate_hz=1:13:1", *THREE[:2]), "no heat map: gnss.rate_hz has 13 values, 12 can"),
     ],
 )
-def test_what_cannot_be_drawn_is_said(vary: tuple[str, ...], why: str) -> None:
-    said: list[str] = []
-    assert list(drawn(of(vary), said.append)) == ["seeds.png"]
-    (line,) = said
+def test_the_reason_for_a_missing_heat_map_is_reported(vary: tuple[str, ...], why: str) -> None:
+    lines: list[str] = []
+    assert list(drawn(of(vary), lines.append)) == ["seeds.png"]
+    (line,) = lines
     assert line.startswith(why)

@@ -1,4 +1,4 @@
-"""A figure has the value that summary.json has, found there by other means."""
+"""Figures have the values of summary.json."""
 
 import json
 from functools import cache
@@ -17,7 +17,7 @@ NAMES = ("v1", "v2", "v3")
 
 @cache
 def run() -> RunSummary:
-    """A short run with losses and an event: v3 does not hear anybody for a while."""
+    """A short run with losses and an event: v3 is without data for a while."""
     overrides = ["duration_s=4", "convoy.vehicles=3", "links.loss_ratio=0.9", "convoy.gap_m=1"]
     return run_unlogged(load_scenario("lane_change", overrides))
 
@@ -47,18 +47,18 @@ def test_figures_are_those_of_the_summary() -> None:
         row["safe_time_ratio"]["500"] for row in links.values()
     )
     kinds = [event["kind"] for event in whole["events"]]
-    assert kinds, "the run is meant to have events"
+    assert kinds, "the run needs events"
     for kind in ("path_lost", "collision", "stop"):
         assert of(f"events.{kind}") == kinds.count(kind)
 
 
-def test_every_name_that_is_allowed_has_a_value_or_none() -> None:
+def test_every_allowed_name_has_a_value_or_none() -> None:
     for name in (*VEHICLE_FIELDS, *(f"links.{path}" for path in LINK_FIELDS)):
         value = of(name)
         assert value is None or isinstance(value, float), name
 
 
-def test_a_vehicle_that_a_cell_lacks_has_no_figure() -> None:
+def test_a_missing_vehicle_has_no_figure() -> None:
     assert parsed_figure("v9.distance_m", [*NAMES, "v9"]).of(run()) is None
 
 
@@ -72,15 +72,15 @@ def test_a_vehicle_that_a_cell_lacks_has_no_figure() -> None:
         ("v1:v2.los_ratio", "v1:v2.loss_ratio"),
         ("gap", "true_gap_m_min"),
         ("v7.distance_m", "distance_m"),
-        ("xyz", "numbers that `convoy reference fields` lists"),
-        ("", "numbers that"),
+        ("xyz", "convoy reference fields"),
+        ("", "convoy reference fields"),
     ],
 )
-def test_an_unknown_name_is_refused_with_near_ones(text: str, near: str) -> None:
+def test_an_unknown_name_is_refused_with_similar_names(text: str, near: str) -> None:
     with pytest.raises(ScenarioError) as error:
         parsed_figure(text, NAMES)
     (line,) = error.value.lines
-    assert line.startswith(f"--figure: unknown figure {text!r}, near it: ")
+    assert line.startswith(f"--figure: unknown figure {text!r}, ")
     assert near in line
 
 

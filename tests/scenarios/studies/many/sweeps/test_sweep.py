@@ -1,4 +1,4 @@
-"""Sweeps of small runs: resumed, on several executors, with runs that raise; all to the byte."""
+"""Small sweeps give the same bytes when resumed, on several executors, and with errors."""
 
 import json
 import random
@@ -14,18 +14,18 @@ from scenarios.studies.engine.journal import JOURNAL, open_journal
 from scenarios.studies.engine.workers import WorkerGroup
 from scenarios.studies.many.sweeps.plan import DEFAULT_FIGURE, planned
 from scenarios.studies.many.sweeps.sweep import run_sweep
-from tests.made.many.small_sweeps import SETS, driven_here, small_plan, tables
+from tests.made.many.small_sweeps import SETS, run_sweep_here, small_plan, tables
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a sweep that was not disturbed."""
+    """The folder of an uninterrupted sweep."""
     out = tmp_path_factory.mktemp("sweep")
-    driven_here(small_plan(), out)
+    run_sweep_here(small_plan(), out)
     return out
 
 
-def test_each_run_is_that_of_its_variant(whole: Path) -> None:
+def test_each_run_equals_that_of_its_variant(whole: Path) -> None:
     plan = small_plan()
     cells = json.loads((whole / "sweep.json").read_text())["cells"]
     for place, seed in ((0, 1), (3, 2)):
@@ -36,7 +36,7 @@ def test_each_run_is_that_of_its_variant(whole: Path) -> None:
         errors = [row.cross_track_error_m_max for row in summary.vehicles[1:]]
         assert run["figures"]["cross_track_error_m_max"] == max(filter(None, errors))
     figures = {run["figures"][DEFAULT_FIGURE] for cell in cells for run in cell["runs"]}
-    assert len(figures) == plan.runs, "every run is another one"
+    assert len(figures) == plan.runs, "all runs differ"
 
 
 def test_seeds_are_shared_between_cells() -> None:
@@ -46,14 +46,14 @@ def test_seeds_are_shared_between_cells() -> None:
 
 
 @pytest.mark.campaign(2, 20)
-def test_cut_anywhere_and_resumed_the_tables_are_the_same(
+def test_a_truncated_journal_gives_the_same_tables(
     whole: Path, campaign: int, tmp_path: Path
 ) -> None:
     journal = (whole / JOURNAL).read_bytes()
     noise = random.Random(11)
     for cut in (len(journal), *(noise.randrange(len(journal)) for _ in range(campaign))):
         (tmp_path / JOURNAL).write_bytes(journal[:cut])
-        driven_here(small_plan(), tmp_path)
+        run_sweep_here(small_plan(), tmp_path)
         assert tables(tmp_path) == tables(whole)
         assert (tmp_path / JOURNAL).read_bytes().count(b"\n") == journal.count(b"\n")
 
@@ -69,7 +69,7 @@ def test_flipped_bits_of_a_journal_give_the_same_tables(
         damaged = bytearray(journal)
         damaged[place] ^= 1 << noise.randrange(8)
         (tmp_path / JOURNAL).write_bytes(damaged)
-        driven_here(small_plan(), tmp_path)
+        run_sweep_here(small_plan(), tmp_path)
         assert tables(tmp_path) == tables(whole), place
 
 
@@ -80,65 +80,68 @@ def three_threads() -> Iterator[WorkerGroup]:
 
 
 def test_another_executor_gives_the_same_tables(whole: Path, tmp_path: Path) -> None:
-    """That a process pool does is shown by the command, which is killed meanwhile."""
+    """For process pools see the tests of the command."""
     run_sweep(small_plan(), tmp_path, three_threads, lambda _: None, picture_format=None)
     assert tables(tmp_path) == tables(whole)
 
 
-def test_a_run_that_raises_stands_in_its_cell(tmp_path: Path) -> None:
-    """Two vehicles are allowed, and a third one's clock, but not both: no value shows it alone."""
+def test_an_error_is_counted_in_its_cell(tmp_path: Path) -> None:
+    """Each value is valid, but two vehicles and a clock of a third one are not."""
     vary = ("convoy.vehicles=3,2", "vehicle={},{v3={clock={offset_ms=3.0}}}")
     plan = planned("lane_change", vary=vary, seeds=1, sets=SETS[:1], limits=["lane"])
-    table = driven_here(plan, tmp_path)
+    table = run_sweep_here(plan, tmp_path)
     assert [cell.errors for cell in table.cells] == [0, 0, 0, 1]
     run = table.cells[3].runs[0]
     assert "vehicle.v3: no such vehicle, allowed v1, v2" in run.error
     assert run.figures == ()
     assert "vehicle.v3: no such vehicle" in (tmp_path / "runs.csv").read_text()
     before = tables(tmp_path)
-    driven_here(plan, tmp_path)
+    run_sweep_here(plan, tmp_path)
     assert tables(tmp_path) == before
 
 
-def test_a_run_whose_worker_died_is_tried_again_next_time(whole: Path, tmp_path: Path) -> None:
+def test_a_run_whose_worker_died_is_retried_on_resume(whole: Path, tmp_path: Path) -> None:
     (tmp_path / JOURNAL).write_bytes((whole / JOURNAL).read_bytes())
     with open_journal(tmp_path, small_plan().identity(), print) as journal:
         for key in list(journal.entries)[1:3]:
             journal.add(key, {"error": "died", "given_up": True})
-    driven_here(small_plan(), tmp_path)
+    run_sweep_here(small_plan(), tmp_path)
     assert tables(tmp_path) == tables(whole)
 
 
-def test_files_of_somebody_else_are_not_overwritten(tmp_path: Path) -> None:
+def test_other_files_are_not_overwritten(tmp_path: Path) -> None:
     (tmp_path / "runs.csv").write_text("mine")
     with pytest.raises(ScenarioError, match=r"runs.csv: exists; give another folder by --out$"):
-        driven_here(small_plan(), tmp_path)
+        run_sweep_here(small_plan(), tmp_path)
     assert (tmp_path / "runs.csv").read_text() == "mine"
     assert len(list(tmp_path.iterdir())) == 1
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("given", "fact"),
     [
         ({"vary": ["links.loss_ratio=0:1.2:0.3"]}, "--vary: links.loss_ratio: given 1.2, allowed"),
         ({"vary": ["links.los_ratio=0,1"]}, "unknown key, did you mean links.loss_ratio?"),
         ({"vary": ["convoy.gap_m=3,10", "convoy.vehicles=2,none"]}, "--vary: convoy.vehicles: giv"),
-        ({"vary": ["convoy.gap_m=3,10"], "sets": ["convoy.gap_m=4"]}, "given by --set as well"),
+        (
+            {"vary": ["convoy.gap_m=3,10"], "sets": ["convoy.gap_m=4"]},
+            "--vary: convoy.gap_m: given by --set",
+        ),
         ({"vary": [], "sets": ["convoy.gap_m=no"]}, "--set: convoy.gap_m: given"),
         ({"vary": [], "limits": ["lanes"]}, "--limit: given 'lanes', allowed"),
         ({"vary": [], "figures": ["v9.distance_m"]}, "--figure: unknown figure 'v9.distance_m'"),
         ({"vary": ["convoy.gap_m=6:900:1"], "seeds": 1000}, "given 895000 runs, allowed 100000"),
     ],
 )
-def test_what_cannot_be_driven_is_refused_before_anything_runs(
-    given: dict[str, list[str]], said: str
+def test_invalid_sweeps_are_refused_before_anything_runs(
+    given: dict[str, list[str]], fact: str
 ) -> None:
     with pytest.raises(ScenarioError) as error:
         planned("lane_change", **({"seeds": 2} | given))  # type: ignore[arg-type]
     (line,) = error.value.lines
-    assert said in line
+    assert fact in line
 
 
-def test_vehicles_of_any_cell_have_figures() -> None:
+def test_figures_of_vehicles_of_any_cell_are_allowed() -> None:
     plan = planned("lane_change", vary=["convoy.vehicles=2,5"], seeds=1, figures=["v5.distance_m"])
     assert [figure.name for figure in plan.figures] == ["v5.distance_m"]
