@@ -127,7 +127,7 @@ def test_overrides_apply_to_each_drill(tmp_path: Path) -> None:
     ("arguments", "line"),
     [
         (("nowhere",), "nowhere: no such file"),
-        (("lane_change",), "lane_change: limits: missing, a drill says what must hold"),
+        (("lane_change",), "lane_change: limits: missing"),
         (("tunnel", "--set", "links.loss=1"), "--set: links.loss: given 1"),
         (("tunnel", "--clock", "wall"), "--out: missing, --clock wall needs"),
     ],
@@ -152,10 +152,10 @@ def test_the_worst_time_is_printed_as_json_and_written(tmp_path: Path) -> None:
     )  # fmt: skip
     assert done.exit_code == 0, done.output
     found = json.loads(done.stdout)
-    assert [one["at_s"] for one in found["tried"]] == [0.5, 1.0]
+    assert [time["at_s"] for time in found["simulated"]] == [0.5, 1.0]
     written = load_scenario(file)
     (worst,) = [one for one in run_unlogged(written).vehicles if one.role == "follower"]
-    assert worst.cross_track_error_m_max == found["error_m"]
+    assert worst.cross_track_error_m_max == found["cross_track_error_m_max"]
     refused = convoy("worst", "lane_change", "--burst", "1s", "--output", file)
     assert (refused.exit_code, refused.stderr) == (
         2,

@@ -93,5 +93,5 @@ def test_an_unknown_name_is_refused_with_similar_names(text: str, near: str) -> 
     ],
 )
 def test_a_renamed_figure_is_refused_with_its_new_name(old: str, new: str) -> None:
-    with pytest.raises(ScenarioError, match=f"near it: {new}$"):
+    with pytest.raises(ScenarioError, match=f" {new}$"):
         parsed_figure(old, ("v1", "v2"))
