@@ -67,7 +67,7 @@ FIGURE_COLUMNS: Sequence[Column[ComparedFigure]] = (
     Column("", lambda row: row.figure, left=True),
     Column("law", lambda row: _with_unit(row, row.law)),
     Column("sample", lambda row: _with_unit(row, row.sample)),
-    Column("95 % of such samples", _interval, left=True),
+    Column("95 % interval", _interval, left=True),
 )
 
 

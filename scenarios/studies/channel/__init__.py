@@ -1,9 +1,9 @@
-"""`convoy channel`: laws against samples, the laws of recorded links, and what channels cost.
+"""`convoy channel`: compare laws with samples, fit laws to logs, study the cost of channels.
 
-predictions      what the laws predict of bursts, delays and distances
-comparison       all figures of a link, of its laws and of a sample
-comparison_plot  the same, drawn
-fitting/         the laws of the links of a log
-cost_drives      drives over many channels, and what each cost a convoy
-cost_report      the same as a plot and as JSON
+predictions      burst lengths, delays and distances predicted by the laws of a link
+comparison       figures of a link, predicted and sampled
+comparison_plot  plot of the comparison
+fitting/         fit laws to the links of a log
+cost_drives      runs over many channels, and the largest error of each
+cost_report      plot and JSON of these runs
 """

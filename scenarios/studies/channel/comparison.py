@@ -1,4 +1,4 @@
-"""The laws of a link against a sample of them: loss, bursts, delay, delivery over distance."""
+"""Comparison of a link's laws with a sample: loss, bursts, delay, delivery over distance."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,15 +14,12 @@ from scenarios.studies.channel.predictions import burst_shares, delay_quantiles,
 
 QUANTILES = (0.05, 0.5, 0.95, 0.99)
 BURST_EDGES = (1, 2, 3, 4, 5, 7, 10, 15, 20, 30, 50)
-"""Bursts are counted from one of them up to before the next."""
+"""First length of each bin of burst lengths; the last bin is open."""
 
 
 @dataclass(frozen=True, slots=True)
 class ComparedFigure:
-    """One figure: by the law, None if unknown, and of the sample.
-
-    `low` and `high` are the 95 % interval of the sample.
-    """
+    """One figure: predicted by the law (None if unknown) and sampled, with its 95 % interval."""
 
     figure: str
     law: float | None
@@ -33,10 +30,10 @@ class ComparedFigure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
-    """All figures of a link, ratios from 0 to 1 and delays in ms.
+    """All figures of a link; ratios are from 0 to 1, delays in ms.
 
-    `bursts` are shares of the bursts by their length, such as "5 to 6"; `distances` deliveries by
-    metres, none without a radio.
+    `bursts` holds the share of bursts of each length, such as "5 to 6". `distances` holds the
+    delivery ratio at each distance; it is empty without a radio.
     """
 
     sender: str
@@ -53,7 +50,7 @@ class Comparison:
 
 
 def compare(drive: StraightDrive, messages: int) -> tuple[Comparison, SampledChannel]:
-    """Draw `messages` of a link, and a tenth at each distance; compare them with the law."""
+    """Sample `messages` of a link, and a tenth of that at each distance; compare with the laws."""
     sample, effects = drive.sample(messages), drive.effects()
     between = drive.between()
     expected = expected_channel(drive.table, drive.rate_hz, drive.distance_m, drive.between)
@@ -62,9 +59,9 @@ def compare(drive: StraightDrive, messages: int) -> tuple[Comparison, SampledCha
     lengths = bursts(sample.lost)
     loss = _share_figure("loss", expected.loss_ratio, sample.lost, expected.loss_inflation)
     burst = mean_length(lengths, CONFIDENCE)
-    interval = (burst.value, burst.low, burst.high) if burst and isfinite(burst.high) else ()
+    interval = (burst.value, burst.low, burst.high) if burst and isfinite(burst.high) else (None,)
     delays = sample.delay_ms
-    there = bool(len(delays))
+    delivered = bool(len(delays))
     quantiles: Sequence[float | None] = delay_quantiles(expected, effects, QUANTILES) or [
         None for _ in QUANTILES
     ]
@@ -78,22 +75,22 @@ def compare(drive: StraightDrive, messages: int) -> tuple[Comparison, SampledCha
         vehicles_between=between.count,
         figures=(
             loss,
-            ComparedFigure("lost in a row", expected.burst_messages, *(interval or (None,))),
+            ComparedFigure("lost in a row", expected.burst_messages, *interval),
             ComparedFigure(
-                "mean delay", expected.latency_ms_mean, float(delays.mean()) if there else None
+                "mean delay", expected.latency_ms_mean, float(delays.mean()) if delivered else None
             ),
             ComparedFigure(
-                "its deviation",
+                "delay deviation",
                 expected.latency_ms_deviation,
-                float(delays.std()) if there else None,
+                float(delays.std()) if delivered else None,
             ),
             *(
                 ComparedFigure(
-                    f"{100.0 * part:g} % of delays within",
+                    f"{100.0 * level:g} % delay quantile",
                     law,
-                    float(np.quantile(delays, part)) if there else None,
+                    float(np.quantile(delays, level)) if delivered else None,
                 )
-                for part, law in zip(QUANTILES, quantiles, strict=True)
+                for level, law in zip(QUANTILES, quantiles, strict=True)
             ),
         ),
         bursts=_burst_figures(lengths, burst_shares(expected, effects)),
@@ -106,14 +103,14 @@ def compare(drive: StraightDrive, messages: int) -> tuple[Comparison, SampledCha
 
 
 def _share_figure(
-    figure: str, law: float | None, of: NDArray[np.bool_], variance_ratio: float
+    figure: str, law: float | None, events: NDArray[np.bool_], variance_ratio: float
 ) -> ComparedFigure:
-    """A share of events; its interval allows for bursts of the law and of the sample."""
-    lengths = bursts(of)
-    mean = float(np.mean(of)) if len(of) else 0.0
-    own = inflation(mean, float(lengths.mean())) if len(lengths) else 1.0
-    found = share(int(of.sum()), len(of), CONFIDENCE, max(own, variance_ratio))
-    return ComparedFigure(figure, law, found.value, found.low, found.high)
+    """Compare a share of events; its interval accounts for bursts of the law and of the sample."""
+    lengths = bursts(events)
+    mean = float(np.mean(events)) if len(events) else 0.0
+    sampled = inflation(mean, float(lengths.mean())) if len(lengths) else 1.0
+    interval = share(int(events.sum()), len(events), CONFIDENCE, max(sampled, variance_ratio))
+    return ComparedFigure(figure, law, interval.value, interval.low, interval.high)
 
 
 def _burst_figures(
@@ -123,10 +120,10 @@ def _burst_figures(
     for edge, after in zip(BURST_EDGES, (*BURST_EDGES[1:], None), strict=True):
         within = (lengths >= edge) & (lengths < (after or lengths.max(initial=0) + 1))
         expected = None if law is None else float(law[edge - 1 : after and after - 1].sum())
-        found = share(int(within.sum()), len(lengths), CONFIDENCE)
+        interval = share(int(within.sum()), len(lengths), CONFIDENCE)
         name = f"{edge} or more" if after is None else f"{edge} to {after - 1}"
         name = f"{edge}" if after == edge + 1 else name
-        rows.append(ComparedFigure(name, expected, found.value, found.low, found.high))
+        rows.append(ComparedFigure(name, expected, interval.value, interval.low, interval.high))
     while rows and not rows[-1].sample and (rows[-1].law or 0.0) < 1e-4:
         rows.pop()
     return tuple(rows) if len(lengths) else ()

@@ -1,8 +1,7 @@
-"""Runs for `convoy channel figure`, and their costs.
+"""Runs of `convoy channel figure`, and the largest error of each.
 
-Three cars drive the first lane change of `lossy_lane_change` at 30 m/s and send ten messages a
-second, in virtual time. What counts is the largest true distance of the last car from the path of
-the first.
+Three cars drive the first lane change of `lossy_lane_change` at 30 m/s in virtual time and send ten
+messages per second. The error is the largest true distance of the last car from the lead's path.
 """
 
 from collections.abc import Iterator
@@ -20,18 +19,18 @@ SETTINGS = (
     *("convoy.vehicles=3", "gnss.rate_hz=10.0", "duration_s=11.0"),
     *("links.jitter_ms=0.0", "links.loss_ratio=0.0"),
 )
-"""Over the scenario: the last car is through its lane change after 9 s."""
+"""Overrides of the scenario. The last car completes its lane change after 9 s."""
 FLOOR_MS = 20.0
-"""Latency while something else varies."""
+"""Latency (ms) while another quantity varies."""
 BURST_LOSS_RATIO = 0.2
-"""Share of messages lost while bursts vary."""
+"""Loss ratio while the mean burst varies."""
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Values of each axis, and the number of seeds for each pair of them.
+    """Values of each axis, and the number of seeds for each channel.
 
-    Mean bursts begin with 1 / (1 - loss), where messages are lost independently.
+    The shortest mean burst is 1 / (1 - loss), that of independent losses.
     """
 
     gaps_m: tuple[float, ...] = (3.0, 10.0)
@@ -62,12 +61,12 @@ QUICK = Plan(
     map_seeds=1,
     burst_seeds=1,
 )
-"""A small plan for a first look."""
+"""A small plan for a preview."""
 
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """One channel at one gap; without a mean burst messages are lost independently."""
+    """One channel at one gap; losses are independent if there is no mean burst."""
 
     gap_m: float
     loss_ratio: float
@@ -85,7 +84,7 @@ class Channel:
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """Largest true error (m) of the last vehicle over a channel, for each seed."""
+    """Largest true error (m) of the last vehicle over a channel, per seed."""
 
     channel: Channel
     errors_m: tuple[float, ...]
@@ -111,15 +110,15 @@ def lane_margin_m() -> float:
 
 def simulate_costs(plan: Plan, engine: Engine) -> list[Cost]:
     """Simulate every channel of `plan` with every seed; returns costs in that order."""
-    drives = [(channel, seed) for channel in plan.channels for seed in plan.seeds(channel)]
+    runs = [(channel, seed) for channel in plan.channels for seed in plan.seeds(channel)]
     jobs = [
         Job(key=f"{channel}, seed {seed}", work=partial(error_m, channel, seed))
-        for channel, seed in drives
+        for channel, seed in runs
     ]
     engine.progress.total = len(jobs)
-    found = dict(zip(drives, engine.results(jobs), strict=True))
+    errors = dict(zip(runs, engine.results(jobs), strict=True))
     return [
-        Cost(channel, tuple(found[channel, seed] for seed in plan.seeds(channel)))
+        Cost(channel, tuple(errors[channel, seed] for seed in plan.seeds(channel)))
         for channel in plan.channels
     ]
 

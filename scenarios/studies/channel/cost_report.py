@@ -1,6 +1,6 @@
-"""`convoy channel figure`: what loss, bursts and latency cost the last vehicle of a convoy.
+"""`convoy channel figure`: plot and JSON of the last car's error over loss, bursts and latency.
 
-As a plot and as JSON. Needs matplotlib.
+Needs matplotlib.
 """
 
 from collections.abc import Callable, Sequence
@@ -53,9 +53,9 @@ def channel_figure(
     workers: int | None = None,
     picture_format: str = "png",
 ) -> list[Cost]:
-    """Simulate `plan`; write the plot and its figures as JSON into `out`.
+    """Simulate `plan` and write a plot and its figures as JSON into `out`.
 
-    Uses all cores by default. Raises ScenarioError if one of both files exists.
+    Uses all cores by default. Raises ScenarioError if one of the files exists.
     """
     picture = f"{PICTURE}.{picture_format}"
     with study_engine(
@@ -81,14 +81,14 @@ def machine_readable(costs: Sequence[Cost], lane_margin_m: float) -> dict[str, A
         "lane_margin_m": lane_margin_m,
         "channels": [
             {
-                **asdict(one.channel),
-                "seeds": list(range(1, len(one.errors_m) + 1)),
-                "true_error_m_max": list(one.errors_m),
-                "true_error_m_max_median": one.median_m,
-                "true_error_m_max_largest": one.largest_m,
-                "beyond_lane": one.runs_beyond(lane_margin_m),
+                **asdict(cost.channel),
+                "seeds": list(range(1, len(cost.errors_m) + 1)),
+                "true_error_m_max": list(cost.errors_m),
+                "true_error_m_max_median": cost.median_m,
+                "true_error_m_max_largest": cost.largest_m,
+                "beyond_lane": cost.runs_beyond(lane_margin_m),
             }
-            for one in costs
+            for cost in costs
         ],
     }
 

@@ -1,4 +1,4 @@
-"""`convoy gains`: the analysis of one choice of steering gains, as JSON and plots."""
+"""`convoy gains`: analysis of one choice of steering gains, as JSON and plots."""
 
 import json
 from collections.abc import Sequence
@@ -74,17 +74,17 @@ from vehicles.theory.varying_speed import (
 )
 
 DEFAULT_SPEEDS = (*PAPER_SPEEDS[:-1], 30.0)
-"""The paper's speeds (m/s), 10 to 60 mph and 30 m/s (which it equates with 67 mph)."""
+"""The paper's speeds (m/s): 10 to 60 mph, and 30 m/s instead of 67 mph."""
 
 CURVE = 1.0 / 300.0
 """Curvature (1/m) of the curve on which steady cornering is reported."""
 
 TOLERANCE = 1e-9
-"""Distance from the boundary (spectral abscissa over the steering frequency) off which membership
-by Routh-Hurwitz must agree with the roots."""
+"""Distance from the boundary (spectral abscissa over steering frequency) beyond which
+Routh-Hurwitz and the roots must agree."""
 
 NOMINAL_HZ = 50
-"""Rate of control and of the inertial sensor, below which the lowest stable rates are sought."""
+"""Default rate of control and inertial sensor; the lowest stable rates are searched below it."""
 
 REPORT = "gains.json"
 
@@ -92,19 +92,19 @@ REPORT = "gains.json"
 def refuse_foreign_files(out_dir: Path, picture_format: str | None = "png") -> None:
     """Raise ScenarioError if the report would overwrite anything but an earlier report.
 
-    The fields of an earlier gains.json identify it, and with it the pictures in its folder.
+    An earlier report is recognised by the fields of its gains.json.
     """
     path = out_dir / REPORT
     if path.exists() or path.is_symlink():
         try:
-            known = json.loads(path.read_text(encoding="utf-8"))
+            existing = json.loads(path.read_text(encoding="utf-8"))
         except ValueError:
-            known = None
-        own = {entry.name for entry in fields(GainsReport)}
-        if isinstance(known, dict) and own == known.keys():
+            existing = None
+        names = {field.name for field in fields(GainsReport)}
+        if isinstance(existing, dict) and names == existing.keys():
             return
         raise ScenarioError(
-            [f"{path}: exists and is no report on gains; give another folder by --out"]
+            [f"{path}: exists and is not a gains report; give another folder by --out"]
         )
     if picture_format:
         from scenarios.studies.gains.stability_plots import NAMES  # noqa: PLC0415 - brings matplotlib
@@ -125,11 +125,11 @@ def gains_report(
     *,
     picture_format: str | None = "png",
 ) -> GainsReport:
-    """Analyse `gains` on the car over `speeds` (m/s) and `loadings`.
+    """Analyse `gains` over `speeds` (m/s) and `loadings` (paper, Sections III-F, IV, V-A and V-B).
 
-    With `out_dir`, writes gains.json there and, unless `picture_format` is None, plots (needs
-    Matplotlib). Paper, sections III-F, IV and V-A, V-B. The fastest speed is the reference for
-    results at one speed. Raises ValueError for no speed or no loading.
+    Writes gains.json into `out_dir`, if given, and plots unless `picture_format` is None (needs
+    Matplotlib). Results at one speed refer to the fastest. Raises ValueError without a speed or a
+    loading.
     """
     if out_dir is not None:
         refuse_foreign_files(out_dir, picture_format)
@@ -160,7 +160,7 @@ def gains_report(
 
 
 def _stabilising_set(subject: Subject) -> StabilisingSet:
-    """Whether the gains are inside the sets, how large those are, and the margin inside (V-A)."""
+    """Compute membership in the stabilising sets, their extent, and the margins (V-A)."""
     parameters, gains, speeds = subject.parameters, subject.gains, subject.speeds
     cars, reference = subject.cars, subject.reference
     relative_at_reference = relative_over_all = None
@@ -194,7 +194,7 @@ def _box(cars: Sequence[VehicleParameters], speeds: Sequence[float]) -> GainBox:
 
 
 def _verification(subject: Subject) -> Verification:
-    """Compare membership with the roots on random gains around the set, at every speed."""
+    """Compare Routh-Hurwitz with the roots on random gains around the set, at every speed."""
     parameters = subject.parameters
     random = np.random.default_rng(0)
     points = disagreements = 0
@@ -211,7 +211,7 @@ def _verification(subject: Subject) -> Verification:
 
 
 def _at_speed(subject: Subject, speed: float) -> AtSpeed:
-    """Results at one constant speed (m/s), steady cornering at 300 m radius included."""
+    """Results at one constant speed (m/s), including steady cornering at 300 m radius."""
     parameters, gains = subject.parameters, subject.gains
     lateral, heading = steady_cornering(parameters, gains, speed, CURVE)
     return AtSpeed(
@@ -227,7 +227,7 @@ def _at_speed(subject: Subject, speed: float) -> AtSpeed:
 
 
 def _at_loading(subject: Subject, loading: Loading) -> AtLoading:
-    """Roots at the reference speed and other effects of a loading (V-B)."""
+    """Roots and cornering of a loaded car at the reference speed (V-B)."""
     parameters, gains, speeds = subject.parameters, subject.gains, subject.speeds
     car, speed = loaded(parameters, loading), subject.reference
     roots = np.sort_complex(np.roots(characteristic_polynomial(car, gains, speed)))
@@ -253,7 +253,7 @@ def _at_loading(subject: Subject, loading: Loading) -> AtLoading:
 
 
 def _varying_speed(subject: Subject) -> VaryingSpeed:
-    """Tabulate the certified accelerations against speed, and simpler certificates (IV-A)."""
+    """Tabulate accelerations over speed by the full certificate and by simpler ones (IV-A)."""
     parameters, gains = subject.parameters, subject.gains
     certificate = certify(parameters, gains)
 
@@ -284,7 +284,7 @@ def _varying_speed(subject: Subject) -> VaryingSpeed:
 
 
 def _propagation_at(subject: Subject, speed: float) -> PropagationAt:
-    """Propagation at one speed (IV-B), if the loop is stable."""
+    """Propagation of errors at one speed (IV-B)."""
     parameters, gains = subject.parameters, subject.gains
     if float(abscissa(parameters, gains, [speed])[0]) >= 0.0:
         return PropagationAt(speed, stable=False)
@@ -300,7 +300,7 @@ def _propagation_at(subject: Subject, speed: float) -> PropagationAt:
 
 
 def _amplification(subject: Subject, speed: float, steering: SteeringModel) -> Amplification:
-    """Norms of G and where it amplifies; at the reference speed it is simulated as well."""
+    """Norms of G and the bands it amplifies, plus a simulation at the reference speed."""
     parameters, gains = subject.parameters, subject.gains
     transfer = propagation(parameters, gains, speed, steering)
     whole, slow = peak(transfer), peak(transfer, LANE_CHANGE_BAND)
@@ -326,18 +326,18 @@ def _amplification(subject: Subject, speed: float, steering: SteeringModel) -> A
 
 
 def _sampled_at(subject: Subject, speed: float) -> SampledAt:
-    """Decay at the usual rates, and the lowest stable rates, at one speed."""
-    usual = SampledLoop(subject.parameters, subject.parameters, subject.gains)
+    """Decay at the default rates, and the lowest stable rates, at one speed."""
+    nominal = SampledLoop(subject.parameters, subject.parameters, subject.gains)
     return SampledAt(
         speed_mps=speed,
-        decay_per_s=sampled_stability(usual, speed).decay,
+        decay_per_s=sampled_stability(nominal, speed).decay,
         lowest_imu_rate_hz=lowest_stable_rate(
-            lambda rate: replace(usual, imu_hz=rate), speed, NOMINAL_HZ
+            lambda rate: replace(nominal, imu_hz=rate), speed, NOMINAL_HZ
         ),
         lowest_rate_without_imu_hz=lowest_stable_rate(
-            lambda rate: replace(usual, imu_hz=rate, gnss_hz=rate), speed, NOMINAL_HZ
+            lambda rate: replace(nominal, imu_hz=rate, gnss_hz=rate), speed, NOMINAL_HZ
         ),
         lowest_control_rate_hz=lowest_stable_rate(
-            lambda rate: replace(usual, imu_hz=rate, control_hz=rate), speed, NOMINAL_HZ
+            lambda rate: replace(nominal, imu_hz=rate, control_hz=rate), speed, NOMINAL_HZ
         ),
     )

@@ -1,7 +1,7 @@
-"""Typed results of `convoy gains`, one per section, and their form as JSON.
+"""Typed results of `convoy gains`, one class per section, and their JSON form.
 
-The names of the fields are the keys of gains.json. A field with a default is left out where it
-is None; any other None is null.
+Field names are the keys of gains.json. A field with a default is omitted if it is None; any other
+None is null.
 """
 
 import math
@@ -17,7 +17,7 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """Subject of a report; speeds (m/s) rising, the last one is the reference."""
+    """Car, gains, speeds (m/s, ascending; the last is the reference) and loadings to analyse."""
 
     parameters: VehicleParameters
     gains: Gains
@@ -35,7 +35,7 @@ class Subject:
 
 @dataclass(frozen=True, slots=True)
 class GainBox:
-    """Least and greatest gains of a stabilising set."""
+    """Smallest and largest gains of a stabilising set."""
 
     lateral_rad_per_m: Interval
     heading_rad_per_rad: Interval
@@ -44,7 +44,7 @@ class GainBox:
 
 @dataclass(frozen=True, slots=True)
 class GainBall:
-    """A ball of stabilising gains, measured in the units of the gains."""
+    """Largest ball of stabilising gains around the chosen ones, in the units of the gains."""
 
     radius_in_gain_units: float
     nearest_unstable: Gains
@@ -54,7 +54,7 @@ class GainBall:
 
 @dataclass(frozen=True, slots=True)
 class RelativeGainBall:
-    """A ball of stabilising gains, measured relative to the chosen gains."""
+    """Largest ball of stabilising gains, relative to the chosen gains."""
 
     radius_ratio: float
     nearest_unstable: Gains
@@ -64,9 +64,9 @@ class RelativeGainBall:
 
 @dataclass(frozen=True, slots=True)
 class StabilisingSet:
-    """Whether the gains are inside the sets, how large those are, and the margin inside.
+    """Membership in the stabilising sets, their extent, and margins.
 
-    There are no relative balls if one of the gains is zero.
+    Relative balls are None if one of the gains is zero.
     """
 
     inside_at_all_speeds: bool
@@ -83,7 +83,7 @@ class StabilisingSet:
 
 @dataclass(frozen=True, slots=True)
 class Verification:
-    """Comparison of membership by Routh-Hurwitz with the roots, on random gains."""
+    """Comparison of Routh-Hurwitz with the roots on random gains."""
 
     random_points: int
     disagreements_with_roots: int
@@ -92,7 +92,7 @@ class Verification:
 
 @dataclass(frozen=True, slots=True)
 class AtSpeed:
-    """Results at one constant speed: decay, margins of the gains, steady cornering."""
+    """Decay, margins of the gains and steady cornering at one constant speed."""
 
     speed_mps: float
     abscissa_per_s: float
@@ -113,7 +113,7 @@ class MovedCentre:
 
 @dataclass(frozen=True, slots=True)
 class AtLoading:
-    """Results with one loading at the reference speed; roots as (real, imaginary)."""
+    """Results for one loading at the reference speed; roots as (real, imaginary)."""
 
     front_passengers: int
     rear_passengers: int
@@ -130,9 +130,9 @@ class AtLoading:
 
 @dataclass(frozen=True, slots=True)
 class CertifiedAt:
-    """Accelerations certified at one speed: by the full certificate, and by simpler ones.
+    """Accelerations certified at one speed by the full certificate and by simpler ones.
 
-    In JSON each bound is a key of its own, such as certified_braking_mps2.
+    In JSON each bound has its own key, such as certified_braking_mps2.
     """
 
     speed_mps: float
@@ -144,7 +144,7 @@ class CertifiedAt:
 
 @dataclass(frozen=True, slots=True)
 class VaryingSpeed:
-    """Certified accelerations between two speeds; the table is empty if nothing is certified."""
+    """Certified accelerations between two speeds; the table is empty without a certificate."""
 
     slowest_mps: float
     fastest_mps: float
@@ -156,9 +156,9 @@ class VaryingSpeed:
 
 @dataclass(frozen=True, slots=True)
 class Amplification:
-    """Amplification of errors with the predecessor's data only and a steering model.
+    """Amplification of errors with the predecessor's data only, for one steering model.
 
-    At the reference speed it is simulated as well.
+    The simulated values exist at the reference speed only.
     """
 
     norm_ratio: float
@@ -175,7 +175,7 @@ class Amplification:
 
 @dataclass(frozen=True, slots=True)
 class TraceAmplification:
-    """Amplification of errors by a car that follows its predecessor's path."""
+    """Amplification of errors by a car that steers along its predecessor's path."""
 
     norm_below_1_hz_ratio: float
     peak_below_1_hz_radps: float
@@ -183,7 +183,7 @@ class TraceAmplification:
 
 @dataclass(frozen=True, slots=True)
 class PropagationAt:
-    """Propagation of errors at one speed; all None for a loop that is not stable."""
+    """Propagation of errors at one speed; None values for an unstable loop."""
 
     speed_mps: float
     stable: bool
@@ -195,11 +195,11 @@ class PropagationAt:
 
 @dataclass(frozen=True, slots=True)
 class SampledAt:
-    """Stability of the loop as it is run at one speed: control and inertial sensor at 50 Hz.
+    """Stability of the sampled loop at one speed, with control and inertial sensor at 50 Hz.
 
-    `decay_per_s` is negative where errors grow. The lowest rates, in whole Hz up to 50, from which
-    on the loop is stable: of the inertial sensor alone, of own motion known from fixes only, of
-    control and inertial sensor together. None where it is not stable at 50 Hz.
+    `decay_per_s` is negative if errors grow. The lowest stable rates are whole Hz up to 50, None if
+    unstable at 50 Hz: of the inertial sensor, of fixes without an inertial sensor, and of control
+    and inertial sensor together.
     """
 
     speed_mps: float
@@ -211,7 +211,7 @@ class SampledAt:
 
 @dataclass(frozen=True, slots=True)
 class GainsReport:
-    """All results of `convoy gains`; `pictures` are the names of the files drawn."""
+    """All results of `convoy gains`; `pictures` holds the file names of the plots."""
 
     gains: Gains
     reference_speed_mps: float
@@ -226,7 +226,7 @@ class GainsReport:
 
 
 def as_json(value: Any) -> Any:
-    """Convert a result to JSON values: null for infinity and NaN."""
+    """Convert a result to JSON values; infinity and NaN become null."""
     match value:
         case Gains():
             return {

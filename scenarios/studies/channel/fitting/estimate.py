@@ -1,4 +1,4 @@
-"""One parameter of a law, estimated."""
+"""An estimated parameter of a law."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""`convoy channel fit`: the links of a log as a block of a scenario that reproduces them."""
+"""`convoy channel fit`: fit the links of a log and write them as a TOML block."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,10 +14,7 @@ from scenarios.studies.channel.fitting.recorded import RecordedLink, recorded_li
 
 @dataclass(frozen=True, slots=True)
 class FittedLink:
-    """Fitted keys of a `[[link]]` entry, and their estimates.
-
-    Each of the `notes` names in a line what the log leaves open.
-    """
+    """Fitted keys of a `[[link]]` entry, their estimates, and notes on what the log leaves open."""
 
     sender: str
     receiver: str
@@ -34,8 +31,8 @@ class FittedLink:
 
 def fit_link(link: RecordedLink) -> FittedLink:
     loss_keys, estimates, notes = fit_losses(link)
-    there = link.delivered
-    chosen = there if there.any() else ~there
+    delivered = link.delivered
+    chosen = delivered if delivered.any() else ~delivered
     delay = fit_delay(link.number[chosen], link.sent_at_s[chosen], link.delay_ms[chosen])
     return FittedLink(
         sender=link.sender,
@@ -54,12 +51,12 @@ def fit_log(log: Path) -> tuple[FittedLink, ...]:
 
 
 def as_toml(links: tuple[FittedLink, ...]) -> str:
-    """Return the block for a scenario, each entry under its estimates as comments."""
+    """Format the TOML block, with the estimates of each entry as comments above it."""
     blocks = []
     for link in links:
         head = f"# {link.sender} → {link.receiver}, {link.messages} messages; 95 % intervals:"
-        lines = [head, *(f"#   {one}" for one in (*link.estimates, *link.notes))]
-        # As one table and then one of many: short entries would be written as `link = [{…}]`.
+        lines = [head, *(f"#   {line}" for line in (*link.estimates, *link.notes))]
+        # tomli_w would write a short list of tables inline, as `link = [{…}]`.
         entry = tomli_w.dumps({"link": link.entry}).replace("[link]", "[[link]]", 1)
         blocks.append("\n".join([*lines, entry.rstrip()]))
     return "\n\n".join(blocks) + "\n"

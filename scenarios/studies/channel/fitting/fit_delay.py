@@ -1,8 +1,7 @@
-"""The law of a link's delay from recorded delays: maximum likelihood, of the laws that links know.
+"""Maximum-likelihood fit of a link's delay law to recorded delays.
 
-Where messages keep their order, a message that had to wait for an earlier one says only that its
-own delay was no longer than that: it enters by the distribution function (left-censored).
-Delays that are correlated from message to message enter by what the one before them tells.
+On links that preserve order, a message that waited for an earlier one is left-censored: its own
+delay was at most the recorded one. Correlated delays enter conditionally on the previous delay.
 """
 
 from collections.abc import Callable, Mapping
@@ -21,19 +20,19 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 TOLERANCE_MS = 1e-3
-"""Delays that differ by less are the same: they are whole nanoseconds, and logged as such."""
+"""Delays that differ by less count as equal."""
 MIN_MESSAGES = 100
-"""Fewer delays do not identify a law; they are kept as they are."""
+"""With fewer delays the recorded ones are used instead of a law."""
 NEGLIGIBLE_CORRELATION = 0.05
-"""Messages with a smaller correlation are taken to be on their own."""
+"""Messages with a smaller correlation count as independent."""
 SIGNIFICANCE = 1e-3
-"""A law that explains the delays with less chance than this is none of them."""
+"""A law with a smaller p-value is rejected."""
 MAX_QUANTILES = 500
 
 
 @dataclass(frozen=True, slots=True)
 class FittedDelay:
-    """Keys of a link that reproduce its delays, and their estimates."""
+    """Keys of a link that reproduce its delays, their estimates and a description."""
 
     keys: dict[str, Any]
     estimates: tuple[Estimate, ...]
@@ -42,10 +41,10 @@ class FittedDelay:
 
 @dataclass(frozen=True, slots=True)
 class _FittedLaw:
-    """A law with its floor and the parameters of the table, all in ms."""
+    """A fitted law: floor (ms), logarithms of mean and deviation, correlation, their errors."""
 
     kind: str
-    frozen: Any
+    distribution: Any
     parameters: tuple[float, ...]
     likelihood: float
 
@@ -57,9 +56,9 @@ def fit_delay(number: NDArray[np.int64], sent_at_s: Floats, delay_ms: Floats) ->
         value = round(float(np.mean(delay_ms)), 6)
         exact = Estimate("latency_ms", value, 0.0, value, value)
         return FittedDelay({"latency_ms": value}, (exact,), f"constant, {value:g} ms")
-    there = sent_at_s * 1e3 + delay_ms
-    waited = np.concatenate(([False], np.diff(there) < TOLERANCE_MS))
-    in_order = bool((np.diff(there) > -TOLERANCE_MS).all() and waited.any())
+    steps = np.diff(sent_at_s * 1e3 + delay_ms)
+    waited = np.concatenate(([False], steps < TOLERANCE_MS))
+    in_order = bool((steps > -TOLERANCE_MS).all() and waited.any())
     waited &= in_order
     if len(delay_ms) < MIN_MESSAGES:
         return _as_recorded(delay_ms, in_order=in_order)
@@ -67,19 +66,19 @@ def fit_delay(number: NDArray[np.int64], sent_at_s: Floats, delay_ms: Floats) ->
     if uniform is not None:
         return uniform
     delays = _Delays(number, delay_ms, waited)
-    found = [_fit_kind(kind, delays) for kind in DISTRIBUTIONS]
-    best = max((law for law in found if law), key=lambda law: law.likelihood, default=None)
+    laws = [_fit_kind(kind, delays) for kind in DISTRIBUTIONS]
+    best = max((law for law in laws if law), key=lambda law: law.likelihood, default=None)
     if best is None or not _explains(best, delays):
         return _as_recorded(delay_ms, in_order=in_order)
     return _described_fit(best, in_order=in_order)
 
 
 def _uniform(delay_ms: Floats) -> FittedDelay | None:
-    """Return a floor and jitter, if delays are spread evenly."""
+    """Return floor and jitter, or None if the delays are not uniform."""
     low, high, count = float(delay_ms.min()), float(delay_ms.max()), len(delay_ms)
     if stats.kstest((delay_ms - low) / (high - low), "uniform").pvalue < SIGNIFICANCE:
         return None
-    # Each end lies a step of (high - low)/n beyond the extreme, exponentially distributed.
+    # Each end lies beyond the extreme by an exponential distance of mean (high - low)/n.
     step = (high - low) / (count - 1)
     floor, jitter = max(0.0, low - step), high - low + 2.0 * step
     estimates = (
@@ -109,11 +108,11 @@ DISTRIBUTIONS: Mapping[str, Callable[[float, float, float], Any]] = {
     "lognormal": _lognormal,
     "normal": _normal,
 }
-"""Laws of delay that are fitted, by their kind: of a floor, a mean and a deviation beyond it."""
+"""Fitted laws by kind, each a function of the floor, and of mean and deviation beyond it."""
 
 
 def _distribution(kind: str, parameters: Floats) -> Any:
-    """The law of a floor (ms), and logarithms of mean and deviation beyond it."""
+    """Distribution with a floor (ms) and logarithms of mean and deviation beyond it."""
     return DISTRIBUTIONS[kind](float(parameters[0]), exp(parameters[1]), exp(parameters[2]))
 
 
@@ -129,30 +128,29 @@ def _fit_kind(kind: str, delays: "_Delays") -> _FittedLaw | None:
             value = delays.likelihood(law, tanh(parameters[3]) if len(parameters) > 3 else 0.0)
         return -value if np.isfinite(value) else inf
 
-    begin = max(0.0, low - 0.05 * deviation)
-    start = [begin, log(max(exact.mean() - begin, 1e-3)), log(deviation)]
-    found = optimize.minimize(
+    floor = max(0.0, low - 0.05 * deviation)
+    start = [floor, log(max(exact.mean() - floor, 1e-3)), log(deviation)]
+    optimum = optimize.minimize(
         minus_likelihood, np.array([*start, 0.1] if delays.may_be_correlated else start),
         method="Nelder-Mead",
         options={"xatol": 1e-4, "fatol": 1e-3, "maxiter": 4000, "maxfev": 4000},
     )  # fmt: skip
-    if not np.isfinite(found.fun):
+    if not np.isfinite(optimum.fun):
         return None
-    law = _distribution(kind, found.x)
-    values, errors = [*map(float, found.x)], [*_errors(minus_likelihood, found.x)]
+    law = _distribution(kind, optimum.x)
+    values, errors = [*map(float, optimum.x)], [*_errors(minus_likelihood, optimum.x)]
     if not delays.may_be_correlated:
         values, errors = [*values, 0.0], [*errors, inf]
-    return _FittedLaw(kind, law, (*values, *errors), -found.fun)
+    return _FittedLaw(kind, law, (*values, *errors), -optimum.fun)
 
 
 @dataclass(frozen=True)
 class _Delays:
-    """Delays (ms) in the order of their numbers, and which of them waited for one before.
+    """Delays (ms) ordered by message number, and which messages waited for an earlier one.
 
-    The normal scores behind the delays are a chain: given the last delivered message, which did not
-    wait itself, the next has the correlation ρ^steps with it. The successor of a message that
-    waited, whose own delay is unknown, is left out; so each term is the chance of a delay given all
-    before it, and the cause of waiting does not bias them.
+    The normal scores of the delays form a first-order autoregressive chain: two delivered messages
+    have the correlation ρ^steps. The successor of a message that waited is left out, because the
+    own delay of that message is unknown. Each term is thus conditional on all earlier delays.
     """
 
     number: NDArray[np.int64]
@@ -164,48 +162,48 @@ class _Delays:
         """Whether delays of successive messages may be correlated."""
         if self.waited.any():
             return True
-        found = float(stats.spearmanr(self.delay_ms[:-1], self.delay_ms[1:]).statistic)
-        return bool(abs(found) > 3.0 / sqrt(len(self.delay_ms)))
+        correlation = float(stats.spearmanr(self.delay_ms[:-1], self.delay_ms[1:]).statistic)
+        return bool(abs(correlation) > 3.0 / sqrt(len(self.delay_ms)))
 
     def likelihood(self, law: Any, correlation: float) -> float:
-        """Log-likelihood of these delays."""
+        """Log-likelihood of the delays."""
         if not correlation:
             exact, at_most = self.delay_ms[~self.waited], self.delay_ms[self.waited]
             return float(law.logpdf(exact).sum() + law.logcdf(at_most).sum())
         score = _scores(law, self.delay_ms)
         after = np.flatnonzero(~self.waited[:-1]) + 1
         steps = (self.number[after] - self.number[after - 1]).astype(np.float64)
-        tied = np.sign(correlation) ** steps * abs(correlation) ** steps
-        rest = np.sqrt(1.0 - tied * tied)
-        own = (score[after] - tied * score[after - 1]) / rest
+        correlations = np.sign(correlation) ** steps * abs(correlation) ** steps
+        deviation = np.sqrt(1.0 - correlations * correlations)
+        innovation = (score[after] - correlations * score[after - 1]) / deviation
         waited = self.waited[after]
         known = after[~waited]
         terms = law.logpdf(self.delay_ms[known]) + 0.5 * score[known] ** 2
-        terms -= 0.5 * own[~waited] ** 2 + np.log(rest[~waited])
-        return float(terms.sum() + stats.norm.logcdf(own[waited]).sum())
+        terms -= 0.5 * innovation[~waited] ** 2 + np.log(deviation[~waited])
+        return float(terms.sum() + stats.norm.logcdf(innovation[waited]).sum())
 
 
 def _scores(law: Any, delay_ms: Floats) -> Floats:
-    """Normal scores of delays, from the nearer tail."""
+    """Normal scores of delays, computed from the nearer tail for accuracy."""
     below = law.cdf(delay_ms)
-    found: Floats = np.where(
+    scores: Floats = np.where(
         below < 0.5, stats.norm.ppf(np.clip(below, 1e-15, 0.5)),
         stats.norm.isf(np.clip(law.sf(delay_ms), 1e-15, 0.5)),
     )  # fmt: skip
-    return found
+    return scores
 
 
 def _errors(minus_likelihood: Callable[[Floats], float], best: Floats) -> tuple[float, ...]:
-    """Standard errors from the curvature of the likelihood; inf where it has none."""
+    """Standard errors from the curvature of the likelihood; inf where the curvature is zero."""
     steps = np.full(len(best), 1e-3)
     steps[0] *= max(1.0, abs(best[0]))
     size = len(best)
     hessian = np.empty((size, size))
     for i in range(size):
         for j in range(size):
-            one, other = np.eye(size)[i] * steps, np.eye(size)[j] * steps
+            along_i, along_j = np.eye(size)[i] * steps, np.eye(size)[j] * steps
             corners = [
-                minus_likelihood(best + a * one + b * other) for a in (1, -1) for b in (1, -1)
+                minus_likelihood(best + a * along_i + b * along_j) for a in (1, -1) for b in (1, -1)
             ]
             hessian[i, j] = (corners[0] - corners[1] - corners[2] + corners[3]) / (
                 4.0 * steps[i] * steps[j]
@@ -217,9 +215,9 @@ def _errors(minus_likelihood: Callable[[Floats], float], best: Floats) -> tuple[
 
 
 def _explains(law: _FittedLaw, delays: _Delays) -> bool:
-    """Test whether delays fit the law, from messages far enough apart to be independent.
+    """Test the law on messages far enough apart to be independent.
 
-    With waiting messages the test is skipped: their share differs from message to message.
+    Skipped if messages waited, because the distribution then differs between messages.
     """
     if delays.waited.any():
         return True
@@ -229,12 +227,14 @@ def _explains(law: _FittedLaw, delays: _Delays) -> bool:
         if correlation < NEGLIGIBLE_CORRELATION
         else min(ceil(log(NEGLIGIBLE_CORRELATION) / log(correlation)), 100)
     )
-    return float(stats.kstest(delays.delay_ms[::stride], law.frozen.cdf).pvalue) >= SIGNIFICANCE
+    return (
+        float(stats.kstest(delays.delay_ms[::stride], law.distribution.cdf).pvalue) >= SIGNIFICANCE
+    )
 
 
 def _described_fit(law: _FittedLaw, *, in_order: bool) -> FittedDelay:
-    floor, mean, deviation, tied, *errors = law.parameters
-    mean, deviation, correlation = exp(mean), exp(deviation), tanh(tied)
+    floor, log_mean, log_deviation, atanh_correlation, *errors = law.parameters
+    mean, deviation, correlation = exp(log_mean), exp(log_deviation), tanh(atanh_correlation)
     table: dict[str, Any] = {
         "kind": law.kind, "mean_ms": _rounded(mean), "deviation_ms": _rounded(deviation),
     }  # fmt: skip
@@ -257,7 +257,7 @@ def _described_fit(law: _FittedLaw, *, in_order: bool) -> FittedDelay:
 
 
 def _as_recorded(delay_ms: Floats, *, in_order: bool) -> FittedDelay:
-    """Return the quantiles of the delays, if no law fits them."""
+    """Return the quantiles of the recorded delays, for delays that no law fits."""
     shares = (np.arange(min(len(delay_ms), MAX_QUANTILES)) + 0.5) / min(
         len(delay_ms), MAX_QUANTILES
     )

@@ -1,8 +1,8 @@
-"""The losses of a link from recorded fates: each law by the messages that it had to judge.
+"""Fit the loss laws of a link to recorded fates.
 
-A log says by which law a message was dropped. Laws judge in the order of ORDER, and the first that
-drops a message names the reason; so a law is estimated from what no earlier one dropped. For it
-those dropped earlier are unknown, and what later ones dropped has passed it.
+The log states which law dropped a message. Laws judge in the order of REASON_ORDER, and the first
+law that drops a message sets the reason. Each law is therefore fitted to the messages that no
+earlier law dropped; messages dropped by later laws count as passed.
 """
 
 from collections.abc import Callable, Mapping
@@ -22,31 +22,31 @@ from transport.links.laws.registry import KEY_OF_REASON
 Flags = NDArray[np.bool_]
 
 REASON_ORDER = tuple(KEY_OF_REASON)
-"""Reasons in the order in which the effects of a link judge."""
-OUTAGE_NOTE = "outages as times: one drive does not tell whether places are behind them"
+"""Reasons in the order in which the effects of a link judge a message."""
+OUTAGE_NOTE = "outages are given as times; a single run cannot show whether they depend on places"
 OUTAGES = ("outage", "transmitter_off", "receiver_off")
 TYPICAL_RESERVATION = 10.0
-"""Messages of a reservation of LTE-V2X on average, 5 to 15 at 10 Hz (3GPP TS 36.321)."""
+"""Mean messages of an LTE-V2X reservation, 5 to 15 at 10 Hz (3GPP TS 36.321)."""
 
 
 def fit_losses(link: RecordedLink) -> FittedKeys:
-    """Fit all laws of loss of a link: keys, estimates, and what the log leaves open."""
+    """Fit all loss laws of a link."""
     keys: dict[str, Any] = {}
     estimates: list[Estimate] = []
     notes: list[str] = []
     for fitter in FITTERS.values():
-        more, found, noted = fitter(link)
-        keys |= more
-        estimates += found
-        notes += noted
+        fitted_keys, fitted_estimates, fitted_notes = fitter(link)
+        keys |= fitted_keys
+        estimates += fitted_estimates
+        notes += fitted_notes
     return keys, estimates, notes
 
 
 def judged_by(link: RecordedLink, *reasons: str) -> tuple[Flags, Flags]:
-    """Which messages a law with the reasons `words` judged, and which of all it dropped."""
-    earlier = REASON_ORDER[: min(REASON_ORDER.index(word) for word in reasons)]
+    """Masks of the messages that a law with these reasons judged, and of those it dropped."""
+    earlier = REASON_ORDER[: min(map(REASON_ORDER.index, reasons))]
     dropped: Flags = np.isin(link.reason, reasons)
-    judged: Flags = ~np.isin(link.reason, [word for word in earlier if word not in reasons])
+    judged: Flags = ~np.isin(link.reason, [reason for reason in earlier if reason not in reasons])
     return judged, dropped
 
 
@@ -54,15 +54,15 @@ def _rate(link: RecordedLink) -> FittedKeys:
     skipped = link.reason == "rate"
     if not skipped.any() or not link.period_s:
         return {}, [], []
-    carried = Fraction(float(1.0 - skipped.mean())).limit_denominator(100)
-    rate_hz = float(carried) / link.period_s
+    kept = Fraction(float(1.0 - skipped.mean())).limit_denominator(100)
+    rate_hz = float(kept) / link.period_s
     step = 1.0 / (len(skipped) * link.period_s)
     value = float(f"{rate_hz:.6g}")
     return {"rate_hz": value}, [Estimate("rate_hz", value, step, value - step, value + step)], []
 
 
 def _outages(link: RecordedLink) -> FittedKeys:
-    """Windows of time from the first message that was held back to the first that was not."""
+    """Fit time windows, each from the first dropped message to the next one that passed."""
     off = np.isin(link.reason, OUTAGES)
     if not off.any():
         return {}, [], []
@@ -71,13 +71,13 @@ def _outages(link: RecordedLink) -> FittedKeys:
     edges = np.flatnonzero(np.diff(np.concatenate(([False], off, [False])).astype(np.int8)))
     windows, estimates = [], []
     last = float(sent_at[-1]) + link.period_s
-    for place, (first, after) in enumerate(zip(edges[::2], edges[1::2], strict=True)):
+    for index, (first, after) in enumerate(zip(edges[::2], edges[1::2], strict=True)):
         from_s = float(sent_at[first])
         to_s = float(sent_at[after]) if after < len(sent_at) else last
         windows.append({"kind": "window", "from_s": round(from_s, 6), "to_s": round(to_s, 6)})
         for key, at in (("from_s", from_s), ("to_s", to_s)):
             low = max(0.0, at - link.period_s)
-            estimates.append(Estimate(f"outages[{place}].{key}", at, link.period_s, low, at))
+            estimates.append(Estimate(f"outages[{index}].{key}", at, link.period_s, low, at))
     return {"outages": windows}, estimates, [OUTAGE_NOTE]
 
 
@@ -92,7 +92,7 @@ def _independent(link: RecordedLink) -> FittedKeys:
 
 
 def _transitions(link: RecordedLink, judged: Flags, lost: Flags) -> tuple[int, int, int, int]:
-    """Count pairs of messages: first delivered, of these then lost; first lost, then delivered."""
+    """Count successive pairs: first passed, of these second lost; first lost, second passed."""
     pairs = (np.diff(link.number) == 1) & judged[1:] & judged[:-1]
     before, after = lost[:-1][pairs], lost[1:][pairs]
     return (
@@ -102,12 +102,12 @@ def _transitions(link: RecordedLink, judged: Flags, lost: Flags) -> tuple[int, i
 
 
 def _bursts(link: RecordedLink) -> FittedKeys:
-    """Gilbert's chain from its transitions, which are binomial, and so are their errors."""
+    """Fit Gilbert's chain to its transitions, whose counts are binomial."""
     judged, lost = judged_by(link, "burst", "pattern")
     if not lost.any():
         return {}, [], []
     good, worsened, bad, recovered = _transitions(link, judged, lost)
-    if not worsened or not recovered:  # one burst alone, or no end of it
+    if not worsened or not recovered:  # a single burst, or one without an end
         return _incomplete_burst(judged, lost)
     p, r = worsened / good, recovered / bad
     variance_p, variance_r = p * (1.0 - p) / good, r * (1.0 - r) / bad
@@ -132,10 +132,10 @@ def _bursts(link: RecordedLink) -> FittedKeys:
 
 
 def _incomplete_burst(judged: Flags, lost: Flags) -> FittedKeys:
-    """A chain without a complete burst: only its length so far is known."""
-    count, of = int(lost.sum()), int(judged.sum())
+    """Fit a chain without a complete burst, whose length is known only so far."""
+    losses, count = int(lost.sum()), int(judged.sum())
     burst = float(bursts(lost[judged]).max())
-    interval = share(count, of, CONFIDENCE, inflation(count / of, burst))
+    interval = share(losses, count, CONFIDENCE, inflation(losses / count, burst))
     table = {
         "kind": "gilbert_elliott",
         "loss_ratio": _rounded(interval.value),
@@ -150,10 +150,10 @@ def _incomplete_burst(judged: Flags, lost: Flags) -> FittedKeys:
 
 
 def _collisions(link: RecordedLink) -> FittedKeys:
-    """Persistent collisions by their mean burst, for reservations of the usual length.
+    """Fit persistent collisions to their mean burst, for reservations of the typical length.
 
-    With the share p lost and the chance q of keeping a resource, a colliding reservation is
-    followed by another with c = q + (1 - q) p, and a burst has 10 / (1 - c) messages.
+    With loss ratio p and probability q of keeping a resource, the reservation after a colliding one
+    collides with probability c = q + (1 - q) p. The mean burst has 10 / (1 - c) messages.
     """
     judged, lost = judged_by(link, "collision")
     if not lost.any():
@@ -173,10 +173,10 @@ def _collisions(link: RecordedLink) -> FittedKeys:
 
 
 def _share_and_burst(judged: Flags, lost: Flags) -> tuple[float, float, float, float]:
-    """Share lost and mean burst, with their standard errors."""
-    of = lost[judged]
-    lengths, count = bursts(of), len(of)
-    loss, burst = float(of.mean()), float(lengths.mean())
+    """Loss ratio and mean burst, with their standard errors."""
+    judged_lost = lost[judged]
+    lengths, count = bursts(judged_lost), len(judged_lost)
+    loss, burst = float(judged_lost.mean()), float(lengths.mean())
     variance_ratio = inflation(loss, burst)
     deviation = max(float(lengths.std()), sqrt(burst * (burst - 1.0)))
     return (
@@ -199,4 +199,4 @@ FITTERS: Mapping[str, Callable[[RecordedLink], FittedKeys]] = {
     "collisions": _collisions,
     "radio": lambda link: fit_radio(link, *judged_by(link, "range")),
 }
-"""Functions that fit the laws of a link, by its keys."""
+"""Functions that fit the laws of a link, by key."""

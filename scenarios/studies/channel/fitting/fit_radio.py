@@ -1,8 +1,8 @@
-"""Deliveries of a link over distance: a table, alone or by reservations, or shadowing.
+"""Fit the radio of a link: delivery over distance, per message or reservation, or shadowing.
 
-Losses of a radio are distinguished by the correlation of two messages' fates. Independent losses
-have none. Messages of one reservation share their fate, so the correlation approaches 1 as they
-come closer. In shadowing each message has a chance of its own, so it does not.
+The correlation between the fates of two messages distinguishes these laws. It is zero for
+independent losses. It approaches 1 for neighbouring messages if a reservation shares one fate, and
+stays below 1 under shadowing.
 """
 
 from dataclasses import dataclass, replace
@@ -21,30 +21,31 @@ from scenarios.studies.channel.fitting.recorded import RecordedLink
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 FittedKeys = tuple[dict[str, Any], list[Estimate], list[str]]
+"""Keys of a link, their estimates, and notes on what the log leaves open."""
 
 MIN_PER_BIN = 200
-"""Least number of messages to estimate a share of deliveries at a distance from."""
+"""Least number of messages to estimate a delivery ratio from."""
 MIN_BIN_M = 2.0
-"""Distances that differ by less are the same."""
+"""Least width of a bin of distances."""
 MAX_BINS = 40
 SIGNIFICANT_ERRORS = 4.0
-"""Standard errors from which a correlation is there."""
+"""Standard errors from which a correlation is significant."""
 SHARED_FATE_CORRELATION = 0.88
-"""A correlation of messages next to one another above which they share one fate."""
+"""Correlation of neighbouring messages above which they share one fate."""
 MIN_LOSSES = 100
-"""Least number of losses to fit shadowing from."""
+"""Least number of losses to fit shadowing to."""
 MIN_RESERVATIONS = 15
-"""In each stretch of distances."""
+"""Least number of reservations per bin of distances."""
 MAX_LAGS = 200
 STANDARD_LENGTHS = ((1, 3), (2, 6), (5, 15), (10, 30), (25, 75))
-"""Messages of a reservation at least and at most (3GPP TS 36.321: 5 to 15 at 10 Hz, and so on)."""
-FEW_LOSSES_NOTE = "losses waver, but are too few to tell by what law: given as a table with bursts"
-RESERVATION_NOTE = "the mean reservation is told, its limits and what is kept of it hardly"
+"""Shortest and longest reservation in messages (3GPP TS 36.321: 5 to 15 at 10 Hz, and so on)."""
+FEW_LOSSES_NOTE = "correlated losses, too few to identify their law: given as a table with bursts"
+RESERVATION_NOTE = "the mean reservation is well determined; its limits and keep_ratio are not"
 
 
 @dataclass(frozen=True)
 class RadioFates:
-    """The messages that a link's radio judged, in order: numbers, distances (m), fates."""
+    """Numbers, distances (m) and fates of the messages that a link's radio judged, in order."""
 
     number: NDArray[np.int64]
     distance_m: Floats
@@ -53,78 +54,79 @@ class RadioFates:
 
     @cached_property
     def bins(self) -> tuple[NDArray[np.intp], ...]:
-        """Messages by stretches of distance: equally many in each, none too narrow."""
+        """Indices of the messages in each bin of distances; bins are equally full."""
         ordered = np.argsort(self.distance_m, kind="stable")
-        wide = float(self.distance_m[ordered[-1]] - self.distance_m[ordered[0]])
-        bins = max(1, min(MAX_BINS, len(ordered) // self.min_per_bin, int(wide / MIN_BIN_M)))
-        return tuple(np.sort(part) for part in np.array_split(ordered, bins))
+        span_m = float(self.distance_m[ordered[-1]] - self.distance_m[ordered[0]])
+        count = max(1, min(MAX_BINS, len(ordered) // self.min_per_bin, int(span_m / MIN_BIN_M)))
+        return tuple(np.sort(part) for part in np.array_split(ordered, count))
 
     @cached_property
     def bin_distance_m(self) -> Floats:
-        return np.array([float(self.distance_m[one].mean()) for one in self.bins])
+        return np.array([float(self.distance_m[indices].mean()) for indices in self.bins])
 
     @cached_property
     def delivery_ratios(self) -> Floats:
-        return np.array([1.0 - float(self.lost[one].mean()) for one in self.bins])
+        return np.array([1.0 - float(self.lost[indices].mean()) for indices in self.bins])
 
     @cached_property
     def expected_loss(self) -> Floats:
-        """Loss probability of each message, by the table."""
-        found: Floats = 1.0 - np.interp(self.distance_m, self.bin_distance_m, self.delivery_ratios)
-        return found
+        """Loss probability of each message at its distance."""
+        loss: Floats = 1.0 - np.interp(self.distance_m, self.bin_distance_m, self.delivery_ratios)
+        return loss
 
     def pairs(self, lag: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Indices of messages `lag` numbers apart."""
+        """Indices of the message pairs whose numbers differ by `lag`."""
         later = np.searchsorted(self.number, self.number + lag)
-        there = later < len(self.number)
-        there[there] = self.number[later[there]] == self.number[there] + lag
-        first: NDArray[np.intp] = np.flatnonzero(there)
+        exists = later < len(self.number)
+        exists[exists] = self.number[later[exists]] == self.number[exists] + lag
+        first: NDArray[np.intp] = np.flatnonzero(exists)
         return first, later[first]
 
     @cached_property
     def correlations(self) -> Floats:
-        """Correlation of the fates of messages at lags from 1 on, beyond that by distance."""
+        """Correlation of two fates at lags from 1 on, with the effect of distance removed."""
         chance = self.expected_loss
-        beyond, spread = self.lost - chance, np.sqrt(chance * (1.0 - chance))
-        found = []
+        residual, deviation = self.lost - chance, np.sqrt(chance * (1.0 - chance))
+        correlations = []
         for lag in range(1, MAX_LAGS + 1):
-            one, other = self.pairs(lag)
-            scale = float(spread[one] @ spread[other])
-            found.append(float(beyond[one] @ beyond[other]) / scale if scale else 0.0)
-        return np.array(found)
+            first, second = self.pairs(lag)
+            scale = float(deviation[first] @ deviation[second])
+            product = float(residual[first] @ residual[second])
+            correlations.append(product / scale if scale else 0.0)
+        return np.array(correlations)
 
 
 def fit_radio(link: RecordedLink, judged: Flags, lost: Flags) -> FittedKeys:
-    """Find the radio of a link from the messages that it judged."""
+    """Fit the radio of a link to the messages that it judged."""
     judged = judged & np.isfinite(link.distance_m)
     if not (lost & judged).any():
         return {}, [], []
     fates = RadioFates(link.number[judged], link.distance_m[judged], lost[judged])
-    close = fates.correlations[:2]
+    first, second = fates.correlations[:2].tolist()
     error = 1.0 / sqrt(max(float((fates.expected_loss > 0.0).sum()), 1.0))
-    if close[0] < SIGNIFICANT_ERRORS * error:
+    if first < SIGNIFICANT_ERRORS * error:
         return _table(fates, {}, np.zeros(0))
-    if 2.0 * close[0] - close[1] > SHARED_FATE_CORRELATION:
+    if 2.0 * first - second > SHARED_FATE_CORRELATION:  # extrapolated to lag 0
         return _reservations(fates)
     if link.driven_m is None or int(fates.lost.sum()) < MIN_LOSSES:
         table, estimates, _ = _reservations(fates)
         return table, estimates, [FEW_LOSSES_NOTE]
-    found = fit_shadowing(fates.distance_m, link.driven_m[judged], fates.lost, fates.pairs)
-    return _reservations(fates) if found is None else (*found, [SHADOWING_NOTE])
+    fitted = fit_shadowing(fates.distance_m, link.driven_m[judged], fates.lost, fates.pairs)
+    return _reservations(fates) if fitted is None else (*fitted, [SHADOWING_NOTE])
 
 
 def _reservations(fates: RadioFates) -> FittedKeys:
-    """A table, with losses of whole reservations."""
+    """Fit a table in which whole reservations are lost."""
     mean, error = _mean_reservation(fates)
     coarse = max(MIN_PER_BIN, round(MIN_RESERVATIONS * mean))
     fates = replace(fates, min_per_bin=coarse)
     mean, error = _mean_reservation(fates)
-    least, most, kept, shared = _lengths(mean, fates.correlations)
+    shortest, longest, keep_ratio, shared = _lengths(mean, fates.correlations)
     keys = {
         "burst": "reservation",
-        "keep_ratio": round(kept, 3),
-        "reselection_messages_min": least,
-        "reselection_messages_max": most,
+        "keep_ratio": round(keep_ratio, 3),
+        "reselection_messages_min": shortest,
+        "reselection_messages_max": longest,
     }
     table, estimates, notes = _table(fates, keys, shared)
     reservation = Estimate.normal("radio, messages of a reservation", mean, error, 1.0)
@@ -132,68 +134,67 @@ def _reservations(fates: RadioFates) -> FittedKeys:
 
 
 def _mean_reservation(fates: RadioFates) -> tuple[float, float]:
-    """Mean number of messages for which resources are held, and its standard error.
+    """Mean number of messages of a reservation, and its standard error.
 
-    New ones are selected with the chance h before a message; then it is lost as by the table, else
-    like the one before it, unless the distance has changed that. The mean is 1 / h.
+    Before each message new resources are selected with probability h. The message is then lost with
+    the probability of its distance; otherwise its fate is that of the previous message, apart from
+    changes of the distance. The mean is 1 / h.
     """
-    one, other = fates.pairs(1)
+    first, second = fates.pairs(1)
     chance, lost = fates.expected_loss, fates.lost
-    moved = float(np.abs(chance[other] - chance[one]).sum())
-    changes = max(float((lost[one] != lost[other]).sum()) - moved, 1.0)
-    possible = float(np.where(lost[one], 1.0 - chance[other], chance[other]).sum())
+    moved = float(np.abs(chance[second] - chance[first]).sum())
+    changes = max(float((lost[first] != lost[second]).sum()) - moved, 1.0)
+    possible = float(np.where(lost[first], 1.0 - chance[second], chance[second]).sum())
     mean = max(possible / changes, 1.0)
     return mean, mean / sqrt(changes)
 
 
 def _lengths(mean: float, correlations: Floats) -> tuple[int, int, float, Floats]:
-    """The usual lengths, and the share kept on, that fit the correlations best at this mean."""
+    """Shortest and longest reservation, keep ratio and correlations that fit best at this mean."""
     lags = min(len(correlations), max(4, round(2.0 * mean)))
-    usual = [pair for pair in STANDARD_LENGTHS if sum(pair) / 2.0 <= mean * 1.15] or [(1, 1)]
+    candidates = [pair for pair in STANDARD_LENGTHS if sum(pair) / 2.0 <= mean * 1.15] or [(1, 1)]
     best: tuple[float, int, int, float, Floats] | None = None
-    for least, most in usual:
-        kept = min(max(1.0 - 0.5 * (least + most) / mean, 0.0), 0.99)
-        shared = _shared_reservation(least, most, kept, len(correlations))
-        miss = float(((shared - correlations)[:lags] ** 2).sum())
-        if best is None or miss < best[0]:
-            best = miss, least, most, kept, shared
-    assert best is not None  # noqa: S101 - there is one candidate at least
+    for shortest, longest in candidates:
+        keep_ratio = min(max(1.0 - 0.5 * (shortest + longest) / mean, 0.0), 0.99)
+        shared = _shared_reservation(shortest, longest, keep_ratio, len(correlations))
+        error = float(((shared - correlations)[:lags] ** 2).sum())
+        if best is None or error < best[0]:
+            best = error, shortest, longest, keep_ratio, shared
+    assert best is not None  # noqa: S101 - candidates are never empty
     return best[1:]
 
 
-def _shared_reservation(least: int, most: int, kept: float, lags: int) -> Floats:
-    """Probability that two messages have the same resources, by the lag between them from 1 on."""
-    length = np.zeros(most)
-    length[least - 1 :] = 1.0 / (most - least + 1)  # of 1 to `most` messages
-    left = np.cumsum(length[::-1])[::-1] / (length @ np.arange(1, most + 1))
-    found = []
+def _shared_reservation(shortest: int, longest: int, keep_ratio: float, lags: int) -> Floats:
+    """Probability that two messages use the same resources, by their lag from 1 on."""
+    length = np.zeros(longest)
+    length[shortest - 1 :] = 1.0 / (longest - shortest + 1)  # of 1 to `longest` messages
+    remaining = np.cumsum(length[::-1])[::-1] / (length @ np.arange(1, longest + 1))
+    shared = []
     for _ in range(lags):
-        over = left[0]
-        left = np.append(left[1:], 0.0) + over * kept * length
-        found.append(float(left.sum()))
-    return np.array(found)
+        ended = remaining[0]
+        remaining = np.append(remaining[1:], 0.0) + ended * keep_ratio * length
+        shared.append(float(remaining.sum()))
+    return np.array(shared)
 
 
 def _table(fates: RadioFates, keys: dict[str, Any], shared: Floats) -> FittedKeys:
-    """Deliveries over distance, a row for each stretch; `held` correlates messages by their lag."""
+    """Delivery ratio of each bin; `shared` is the correlation of two messages by lag."""
     estimates = []
     for at, ratio, chosen in zip(
         fates.bin_distance_m, fates.delivery_ratios, fates.bins, strict=True
     ):
         count, variance_ratio = len(chosen), _variance_ratio(fates.number[chosen], shared)
         interval = share(ratio * count, count, CONFIDENCE, variance_ratio)
-        alone = (
-            count / variance_ratio
-        )  # independent messages; one more of each kind, against 0 and 1
-        likely = (ratio * alone + 1.0) / (alone + 2.0)
-        error = sqrt(likely * (1.0 - likely) / alone)
+        independent = count / variance_ratio
+        likely = (ratio * independent + 1.0) / (independent + 2.0)  # never exactly 0 or 1
+        error = sqrt(likely * (1.0 - likely) / independent)
         key = f"radio.delivery_ratio at {at:.1f} m"
         estimates.append(Estimate(key, float(ratio), error, interval.low, interval.high))
     distances = [round(at, 3) for at in fates.bin_distance_m.tolist()]
     delivery_ratios = [round(ratio, 4) for ratio in fates.delivery_ratios.tolist()]
     table = {
         "kind": "table",
-        # Beyond its last row nothing is delivered, so that is held on to the farthest message.
+        # A table delivers nothing beyond its last row, so the last row is the farthest message.
         "distance_m": [*distances, round(float(fates.distance_m.max()) + MIN_BIN_M, 3)],
         "delivery_ratio": [*delivery_ratios, delivery_ratios[-1]],
         **keys,
@@ -202,9 +203,9 @@ def _table(fates: RadioFates, keys: dict[str, Any], shared: Floats) -> FittedKey
 
 
 def _variance_ratio(number: NDArray[np.int64], shared: Floats) -> float:
-    """Ratio of the variance of a share to that of independent messages."""
-    there = np.zeros(int(number[-1] - number[0]) + 1, dtype=np.bool_)
-    there[number - number[0]] = True
-    lags = range(1, min(len(shared), len(there) - 1) + 1)
-    pairs = [float((there[:-lag] & there[lag:]).sum()) for lag in lags]
+    """Ratio of the variance of a share to that for independent messages."""
+    present = np.zeros(int(number[-1] - number[0]) + 1, dtype=np.bool_)
+    present[number - number[0]] = True
+    lags = range(1, min(len(shared), len(present) - 1) + 1)
+    pairs = [float((present[:-lag] & present[lag:]).sum()) for lag in lags]
     return 1.0 + 2.0 * float(np.dot(pairs, shared[: len(pairs)])) / len(number)

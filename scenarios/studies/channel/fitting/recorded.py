@@ -1,4 +1,4 @@
-"""Fates of the messages of each directed link of a recorded run, as arrays."""
+"""Fates of the messages on each directed link of a recorded run, as arrays."""
 
 from collections import defaultdict
 from dataclasses import dataclass
@@ -17,11 +17,11 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class RecordedLink:
-    """The messages of one link on which it decided, by number.
+    """The messages with a verdict on one link, ordered by number.
 
-    `sent_at_s` is from the start, `delay_ms` from sending until it was or would have been there,
-    `distance_m` the true one at the sending, `reason` empty for what was delivered. `driven_m` is
-    what the receiver had driven by then since the start, if that is known.
+    `sent_at_s` counts from the start. `delay_ms` is the delay a message had, or would have had.
+    `distance_m` is the true distance at the time of sending; `driven_m` is the distance driven by
+    the receiver until then, if known. `reason` is empty for delivered messages.
     """
 
     sender: str
@@ -35,22 +35,18 @@ class RecordedLink:
 
     @property
     def period_s(self) -> float:
-        """Usual time between two messages that were sent one after the other."""
+        """Median time between two successive messages; 0 if there are none."""
         steps = np.diff(self.number)
         return float(np.median(np.diff(self.sent_at_s)[steps == 1])) if (steps == 1).any() else 0.0
 
     @property
     def delivered(self) -> NDArray[np.bool_]:
-        """Which messages were delivered."""
-        found: NDArray[np.bool_] = self.reason == ""
-        return found
+        delivered: NDArray[np.bool_] = self.reason == ""
+        return delivered
 
 
 def recorded_links(log: Path) -> tuple[RecordedLink, ...]:
-    """Read the links of the run in `log`, by receiver from the lead back; raises LogError.
-
-    Links on which nothing was decided are left out.
-    """
+    """Read the links of the run in `log`, without links that have no verdict; raises LogError."""
     reader = LogReader(log)
     reader.require_all("verdict", "truth")
     scenario = scenario_in(reader)
@@ -82,28 +78,29 @@ def _link(
     sender_at: dict[int, tuple[float, float]],
     receiver_at: list[TruePose],
 ) -> RecordedLink:
-    verdicts.sort(key=lambda one: one.pose_seq)
-    sent_at = np.array([one.sent_at_ns for one in verdicts])
-    nowhere = (np.nan, np.nan)
-    here = _receiver_poses_at(sent_at, receiver_at)
-    there = np.array([sender_at.get(one.pose_seq, nowhere) for one in verdicts])
+    verdicts.sort(key=lambda verdict: verdict.pose_seq)
+    sent_at = np.array([verdict.sent_at_ns for verdict in verdicts])
+    unknown = (np.nan, np.nan)
+    receiver = _receiver_poses_at(sent_at, receiver_at)
+    sender = np.array([sender_at.get(verdict.pose_seq, unknown) for verdict in verdicts])
+    delays = [verdict.visible_at_ns - verdict.sent_at_ns for verdict in verdicts]
     return RecordedLink(
         sender=pair[0],
         receiver=pair[1],
-        number=np.array([one.pose_seq for one in verdicts]),
+        number=np.array([verdict.pose_seq for verdict in verdicts]),
         sent_at_s=(sent_at - start_at) / SECOND,
-        delay_ms=np.array([one.visible_at_ns - one.sent_at_ns for one in verdicts]) / MILLISECOND,
-        distance_m=np.hypot(*(there - here[:, :2]).T),
-        reason=np.array([one.reason for one in verdicts], dtype=np.str_),
-        driven_m=here[:, 2] if receiver_at else None,
+        delay_ms=np.array(delays) / MILLISECOND,
+        distance_m=np.hypot(*(sender - receiver[:, :2]).T),
+        reason=np.array([verdict.reason for verdict in verdicts], dtype=np.str_),
+        driven_m=receiver[:, 2] if receiver_at else None,
     )
 
 
 def _receiver_poses_at(instants: NDArray[np.int64], places: list[TruePose]) -> Floats:
-    """East, north and metres driven of the receiver at its last true pose until each instant."""
+    """East, north and distance driven of the last true pose before each instant, (n, 3)."""
     if not places:
         return np.full((len(instants), 3), np.nan)
-    table = np.array([(one.east_m, one.north_m, one.distance_m) for one in places])
-    before = np.searchsorted([one.true_at_ns for one in places], instants, side="right") - 1
-    found: Floats = table[np.maximum(before, 0)]
-    return found
+    table = np.array([(pose.east_m, pose.north_m, pose.distance_m) for pose in places])
+    before = np.searchsorted([pose.true_at_ns for pose in places], instants, side="right") - 1
+    receiver: Floats = table[np.maximum(before, 0)]
+    return receiver

@@ -1,4 +1,4 @@
-"""Links as a log would have them, judged without a run: a long drive of a convoy that breathes."""
+"""Recorded links made without a run, on a long drive whose gaps grow and shrink."""
 
 from collections.abc import Iterable
 from functools import partial
@@ -16,7 +16,7 @@ from vehicles.schedule import MILLISECOND, SECOND
 RATE_HZ = 20.0
 SPEED_MPS = 30.0
 NEAREST_M, FARTHEST_M = 10.0, 160.0
-"""Gaps, between which the convoy goes."""
+"""Range of the distance between neighbouring cars."""
 PERIOD_S = 200.0
 SIZE = 120
 STRAIGHT = """
@@ -42,7 +42,7 @@ def long_drive(links: str) -> Scenario:
 def recorded_links_of(
     scenario: Scenario, messages: int, seed: int, pairs: Iterable[tuple[str, str]] = ()
 ) -> tuple[RecordedLink, ...]:
-    """Let links between `pairs` judge so many messages each, by default all that there are."""
+    """Judge `messages` on each link of `pairs`, by default on all links."""
     chosen = tuple(pairs) or tuple(scenario.links)
     return tuple(_recorded(scenario, pair, messages, seed) for pair in chosen)
 
@@ -50,34 +50,34 @@ def recorded_links_of(
 def _recorded(scenario: Scenario, pair: tuple[str, str], messages: int, seed: int) -> RecordedLink:
     places = [scenario.vehicle_names.index(name) for name in pair]
     between = partial(vehicles_between, scenario.route, *places)
-    asked = scenario.links[pair]
-    effects = link_effects(asked, RATE_HZ, scenario.link_setting(*pair, 0), between)
-    link = Link(effects, seed, *pair, link_stages(asked))
+    table = scenario.links[pair]
+    effects = link_effects(table, RATE_HZ, scenario.link_setting(*pair, 0), between)
+    link = Link(effects, seed, *pair, link_stages(table))
     sent_at = [round(k * SECOND / RATE_HZ) for k in range(messages)]
-    there, here = (_driven(place, np.array(sent_at) / SECOND) for place in places)
+    sender_m, receiver_m = (_driven(place, np.array(sent_at) / SECOND) for place in places)
     apart = (places[1] - places[0]) * NEAREST_M
     stream = [
         TransmissionContext(
             k, at, SIZE, Position(sender + apart, 0.0, sender), Position(own, 0.0, own)
         )
-        for k, (at, sender, own) in enumerate(zip(sent_at, there, here, strict=True))
+        for k, (at, sender, own) in enumerate(zip(sent_at, sender_m, receiver_m, strict=True))
     ]
     judged = judge_stream(link, stream)
     return RecordedLink(
         *pair,
         number=np.arange(messages),
         sent_at_s=np.array(sent_at) / SECOND,
-        delay_ms=(np.array([one.visible_at for one in judged]) - sent_at) / MILLISECOND,
-        distance_m=np.abs(there + apart - here),
-        reason=np.array([one.reason for one in judged], dtype=np.str_),
-        driven_m=here,
+        delay_ms=(np.array([verdict.visible_at for verdict in judged]) - sent_at) / MILLISECOND,
+        distance_m=np.abs(sender_m + apart - receiver_m),
+        reason=np.array([verdict.reason for verdict in judged], dtype=np.str_),
+        driven_m=receiver_m,
     )
 
 
 def _driven(
     place: int, at_s: "np.ndarray[tuple[int], np.dtype[np.float64]]"
 ) -> "np.ndarray[tuple[int], np.dtype[np.float64]]":
-    """Metres driven by a vehicle while gaps grow and shrink evenly."""
+    """Distance (m) driven by a vehicle while gaps grow and shrink linearly."""
     phase = at_s / PERIOD_S % 1.0
     gap = (FARTHEST_M - NEAREST_M) * (1.0 - np.abs(2.0 * phase - 1.0))
     return SPEED_MPS * at_s - place * gap

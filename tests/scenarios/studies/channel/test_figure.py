@@ -1,4 +1,4 @@
-"""`convoy channel figure` on a few drives: picture, twin and table."""
+"""`convoy channel figure` on a few runs: plot, JSON and table."""
 
 import json
 from dataclasses import replace
@@ -33,53 +33,51 @@ SMALL = Plan(
 )
 
 
-def unseen(_: str) -> None:
+def no_progress(_: str) -> None:
     pass
 
 
-def test_it_draws_and_writes_what_it_drove(tmp_path: Path) -> None:
-    said: list[str] = []
-    costs = channel_figure(SMALL, tmp_path / "out", said.append, workers=0)
-    assert said[-1].endswith("4 of 4 runs")
+def test_plot_and_json_hold_the_simulated_errors(tmp_path: Path) -> None:
+    progress: list[str] = []
+    costs = channel_figure(SMALL, tmp_path / "out", progress.append, workers=0)
+    assert progress[-1].endswith("4 of 4 runs")
     assert (tmp_path / "out" / PICTURE).read_bytes().startswith(PNG)
-    twin = json.loads((tmp_path / "out" / JSON_FILE).read_text())
-    assert [row["true_error_m_max"] for row in twin["channels"]] == [
-        list(one.errors_m) for one in costs
+    report = json.loads((tmp_path / "out" / JSON_FILE).read_text())
+    assert [row["true_error_m_max"] for row in report["channels"]] == [
+        list(cost.errors_m) for cost in costs
     ]
-    assert all(row["seeds"] == [1] for row in twin["channels"])
+    assert all(row["seeds"] == [1] for row in report["channels"])
     again = drive_trial(Channel(8.0, 0.6, 20.0).scenario(1)).cross_track[-1]
-    (lossy,) = [one for one in costs if one.channel == Channel(8.0, 0.6, 20.0)]
+    (lossy,) = [cost for cost in costs if cost.channel == Channel(8.0, 0.6, 20.0)]
     assert lossy.errors_m == (again,)
-    (clear,) = [one for one in costs if one.channel == Channel(8.0, 0.0, 20.0)]
+    (clear,) = [cost for cost in costs if cost.channel == Channel(8.0, 0.0, 20.0)]
     assert clear.median_m < 0.1
     with pytest.raises(ScenarioError, match="exists; give another folder by --out"):
-        channel_figure(SMALL, tmp_path / "out", unseen, workers=0)
+        channel_figure(SMALL, tmp_path / "out", no_progress, workers=0)
 
 
-def test_stopped_between_two_drives_it_goes_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    driven: list[int] = []
+def test_an_interrupted_study_resumes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seeds: list[int] = []
 
     def error_m(channel: Channel, seed: int) -> float:
-        driven.append(seed)
-        if len(driven) == 3:
+        seeds.append(seed)
+        if len(seeds) == 3:
             raise KeyboardInterrupt
         return channel.loss_ratio + channel.latency_ms / 7.0
 
     monkeypatch.setattr(cost_drives, "error_m", error_m)
     with pytest.raises(KeyboardInterrupt):
-        channel_figure(SMALL, tmp_path, unseen, workers=0)
+        channel_figure(SMALL, tmp_path, no_progress, workers=0)
     assert not (tmp_path / PICTURE).exists()
-    costs = channel_figure(SMALL, tmp_path, unseen, workers=0)
-    assert len(driven) == 6, "of four drives two were under way when it was interrupted"
-    assert [one.errors_m for one in costs] == [
-        (one.channel.loss_ratio + one.channel.latency_ms / 7.0,) for one in costs
+    costs = channel_figure(SMALL, tmp_path, no_progress, workers=0)
+    assert len(seeds) == 6, "two of four runs were in progress when it was interrupted"
+    assert [cost.errors_m for cost in costs] == [
+        (cost.channel.loss_ratio + cost.channel.latency_ms / 7.0,) for cost in costs
     ]
     assert {file.name for file in tmp_path.iterdir()} == {PICTURE, JSON_FILE}
 
 
-def test_radios_of_one_loss_differ_in_their_bursts_alone() -> None:
+def test_channels_over_bursts_differ_only_in_their_mean_burst() -> None:
     tables = [
         Channel(8.0, BURST_LOSS_RATIO, 20.0, burst).scenario(1).tables.links
         for burst in Plan().bursts_messages
@@ -88,20 +86,18 @@ def test_radios_of_one_loss_differ_in_their_bursts_alone() -> None:
     assert len({table.model_copy(update={"loss": None}).model_dump_json() for table in tables}) == 1
     first = tables[0].loss
     assert isinstance(first, GilbertElliott)
-    # Bursts as long as those of losses that are each on their own.
+    # The shortest mean burst is that of independent losses.
     assert first.burst_messages_mean == pytest.approx(1.0 / (1.0 - BURST_LOSS_RATIO))
 
 
-def test_costs_are_told_over_their_seeds() -> None:
+def test_a_cost_summarises_its_seeds() -> None:
     cost = Cost(Channel(8.0, 0.2, 20.0, 8.0), (0.1, 3.0, 0.2))
     assert (cost.median_m, cost.largest_m) == (0.2, 3.0)
     assert cost.runs_beyond(lane_margin_m()) == 1
     assert lane_margin_m() == pytest.approx(0.5 * (3.5 - 1.86))
 
 
-def test_the_command_takes_few_drives_if_it_is_to_be_quick(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_quick_simulates_few_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     few = sum(len(QUICK.seeds(channel)) for channel in QUICK.channels)
     assert few < 0.05 * sum(len(Plan().seeds(channel)) for channel in Plan().channels)
     monkeypatch.setattr(

@@ -1,4 +1,4 @@
-"""What is found in recorded links is what they were drawn from, and errors are what they say."""
+"""Fits recover the parameters of made links, with errors of the stated size."""
 
 import tomllib
 from collections.abc import Callable
@@ -36,7 +36,7 @@ def link(
 
 
 def of(fitted: FittedLink, key: str) -> Estimate:
-    return next(one for one in fitted.estimates if one.key == key)
+    return next(estimate for estimate in fitted.estimates if estimate.key == key)
 
 
 def chain(random: np.random.Generator, count: int, p: float, r: float) -> NDArray[np.str_]:
@@ -49,20 +49,20 @@ def chain(random: np.random.Generator, count: int, p: float, r: float) -> NDArra
 
 
 def scores(draw: Callable[[np.random.Generator], Estimate], truth: float) -> Floats:
-    """How many standard errors each of RUNS estimates lies from the truth."""
-    found = [draw(np.random.default_rng(seed)) for seed in range(RUNS)]
-    return np.array([(one.value - truth) / one.error for one in found])
+    """Error of each of RUNS estimates, in standard errors."""
+    estimates = [draw(np.random.default_rng(seed)) for seed in range(RUNS)]
+    return np.array([(estimate.value - truth) / estimate.error for estimate in estimates])
 
 
-def check(scored: Floats) -> None:
-    """Normal scores: the mean is 0, the deviation 1, none far out (each at about 0.1 %)."""
-    assert abs(scored.mean()) < 3.3 / sqrt(RUNS) + 0.1
-    assert 0.7 < scored.std() < 1.35
-    assert np.abs(scored).max() < 4.5
+def check(normal_scores: Floats) -> None:
+    """Check mean 0, deviation 1 and no outliers, each at a level of about 0.1 %."""
+    assert abs(normal_scores.mean()) < 3.3 / sqrt(RUNS) + 0.1
+    assert 0.7 < normal_scores.std() < 1.35
+    assert np.abs(normal_scores).max() < 4.5
 
 
 @pytest.mark.parametrize(("loss", "burst"), [(0.2, 8.0), (0.4, 4.0), (0.05, 2.0)])
-def test_bursts_are_found_with_honest_errors(loss: float, burst: float) -> None:
+def test_bursts_are_fitted_with_calibrated_errors(loss: float, burst: float) -> None:
     r = 1.0 / burst
     p = r * loss / (1.0 - loss)
 
@@ -73,7 +73,7 @@ def test_bursts_are_found_with_honest_errors(loss: float, burst: float) -> None:
     check(scores(fitted("loss.burst_messages_mean"), burst))
 
 
-def test_a_loss_is_told_from_what_earlier_laws_left_of_it() -> None:
+def test_a_loss_ratio_refers_to_messages_that_earlier_laws_passed() -> None:
     def draw(random: np.random.Generator) -> RecordedLink:
         fates = chain(random, 4000, 0.05, 0.2)  # judges after the independent loss
         fates[random.random(4000) < 0.3] = "loss"
@@ -86,7 +86,7 @@ def test_a_loss_is_told_from_what_earlier_laws_left_of_it() -> None:
 
 @pytest.mark.campaign(2, 4)
 @pytest.mark.parametrize("kind", ["gamma", "lognormal", "normal"])
-def test_a_law_of_delay_is_found_with_its_floor(kind: str, campaign: int) -> None:
+def test_a_delay_law_is_fitted_with_its_floor(kind: str, campaign: int) -> None:
     floor, mean, count = 20.0, 40.0, 4000
     deviation = 8.0 if kind == "normal" else 25.0
 
@@ -103,37 +103,37 @@ def test_a_law_of_delay_is_found_with_its_floor(kind: str, campaign: int) -> Non
     for seed in range(campaign):
         delays = draw(np.random.default_rng(seed))
         fitted = fit_link(link([""] * count, delays))
-        found = fitted.keys["latency_ms"] + fitted.keys["delay"]["mean_ms"]
-        assert found == pytest.approx(floor + mean, abs=4.0 * deviation / sqrt(count))
-        if kind != "normal":  # a shifted gamma law of a large shape is one, too
+        fitted_mean = fitted.keys["latency_ms"] + fitted.keys["delay"]["mean_ms"]
+        assert fitted_mean == pytest.approx(floor + mean, abs=4.0 * deviation / sqrt(count))
+        if kind != "normal":  # a gamma law of large shape is nearly normal
             assert fitted.keys["delay"]["kind"] == kind
             assert abs(of(fitted, "latency_ms").value - floor) < 4 * of(fitted, "latency_ms").error
 
 
-def test_even_delays_are_a_floor_and_jitter() -> None:
+def test_uniform_delays_give_a_floor_and_jitter() -> None:
     delays = 60.0 + 80.0 * np.random.default_rng(2).random(2000)
     fitted = fit_link(link([""] * 2000, delays))
     assert fitted.keys["latency_ms"] == pytest.approx(60.0, abs=0.2)
     assert fitted.keys["jitter_ms"] == pytest.approx(80.0, abs=0.4)
 
 
-def test_one_delay_is_the_latency_alone() -> None:
+def test_constant_delays_give_the_latency_only() -> None:
     assert fit_link(link([""] * 300)).keys == {"latency_ms": 20.0}
 
 
-def test_correlated_delays_are_found_so() -> None:
+def test_the_correlation_of_delays_is_fitted() -> None:
     random, count, rho = np.random.default_rng(8), 1200, 0.6
     normal = np.empty(count)
     normal[0] = random.standard_normal()
     for k in range(1, count):
         normal[k] = rho * normal[k - 1] + sqrt(1 - rho * rho) * random.standard_normal()
     fitted = fit_link(link([""] * count, 20.0 + np.exp(3.0 + 0.4 * normal)))
-    found = of(fitted, "delay.correlation_ratio")
-    assert abs(found.value - rho) < 4.0 * found.error
+    estimate = of(fitted, "delay.correlation_ratio")
+    assert abs(estimate.value - rho) < 4.0 * estimate.error
     assert fitted.keys["delay"]["kind"] == "lognormal"
 
 
-def test_delays_in_order_are_found_behind_those_that_waited() -> None:
+def test_delays_on_an_ordered_link_are_fitted_as_censored() -> None:
     random, count = np.random.default_rng(5), 1500
     own = 20.0 + random.gamma(2.25, 60.0 / 2.25, count)
     sent = np.arange(count) * PERIOD * 1e3
@@ -144,7 +144,7 @@ def test_delays_in_order_are_found_behind_those_that_waited() -> None:
         assert abs(of(fitted, key).value - truth) < 4.0 * of(fitted, key).error
 
 
-def test_delays_that_no_law_explains_stay_as_they_are() -> None:
+def test_delays_that_no_law_fits_are_kept_as_recorded() -> None:
     random = np.random.default_rng(3)
     delays = np.where(random.random(1000) < 0.5, 20.0, 90.0) + random.random(1000)
     fitted = fit_link(link([""] * 1000, delays))
@@ -154,7 +154,7 @@ def test_delays_that_no_law_explains_stay_as_they_are() -> None:
     )
 
 
-def test_deliveries_are_found_over_distance() -> None:
+def test_delivery_over_distance_is_fitted() -> None:
     random, count = np.random.default_rng(6), 20_000
     distance = random.uniform(50.0, 250.0, count)
     delivered = np.clip(1.2 - distance / 250.0, 0.0, 1.0)
@@ -165,13 +165,13 @@ def test_deliveries_are_found_over_distance() -> None:
     assert len(table["distance_m"]) > 20
 
 
-def test_an_outage_is_a_window_to_within_a_message() -> None:
+def test_an_outage_is_fitted_as_a_window() -> None:
     fates = [""] * 100 + ["outage"] * 60 + [""] * 40
     (window,) = fit_link(link(fates)).keys["outages"]
     assert window == {"kind": "window", "from_s": 5.0, "to_s": 8.0}
 
 
-def test_the_block_is_an_entry_of_a_scenario() -> None:
+def test_the_toml_block_is_an_entry_of_a_scenario() -> None:
     random = np.random.default_rng(7)
     fitted = fit_link(link(chain(random, 2000, 0.05, 0.25), 20.0 + random.gamma(3.0, 5.0, 2000)))
     text = as_toml((fitted,))

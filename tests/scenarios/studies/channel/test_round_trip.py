@@ -1,6 +1,6 @@
-"""What is found of the channel of each preset is that channel, and drawn again it is the same.
+"""Fits recover the channel of each preset, and a sample of the fit equals the original.
 
-By default three presets over a short drive; `--campaign` takes them all, and long ones.
+By default three presets on a short drive; `--campaign` runs all of them on a long one.
 """
 
 from collections.abc import Callable, Iterator
@@ -18,7 +18,6 @@ from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.channel.estimates import bursts
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
-from scenarios.studies.channel.fitting.estimate import Estimate
 from scenarios.studies.channel.fitting.fit import FittedLink, as_toml, fit_link, fit_log
 from scenarios.studies.channel.fitting.recorded import RecordedLink
 from tests.scenarios.studies.channel.recorded_channels import long_drive, recorded_links_of
@@ -33,60 +32,60 @@ Measure = Callable[[Counts, Counts], Counts]
 FIRST = ("bursty", "lte_v2x_oneshot", "nlosv_etsi")
 ORDERED = (*FIRST, *(name for name in presets() if name not in FIRST))
 FEW, MANY = 4000, 20_000
-"""Messages of each link."""
+"""Messages per link."""
 BLOCKS, SHUFFLES = 20, 10_000
-CERTAIN = 1e-3
+SIGNIFICANCE = 1e-3
 BURSTS = np.array([1, 2, 3, 5, 9, 17, 33, 65, 10**9]) - 0.5
-"""Lengths of bursts that are counted together."""
+"""Edges of the bins of burst lengths."""
 
 
 @pytest.mark.campaign(len(FIRST), len(ORDERED))
-def test_the_channel_of_a_preset_is_found_and_drawn_again(
+def test_the_fit_of_a_preset_reproduces_its_channel(
     case: int, request: pytest.FixtureRequest
 ) -> None:
     whole = request.config.getoption("--campaign")
     name, messages = ORDERED[case], MANY if whole else FEW
-    asked = long_drive(f'[links]\npreset = "{name}"')
-    pairs = list(asked.links) if whole else [("v1", "v4"), ("v3", "v4")]
-    recorded = recorded_links_of(asked, messages, 1, pairs)
+    scenario = long_drive(f'[links]\npreset = "{name}"')
+    pairs = list(scenario.links) if whole else [("v1", "v4"), ("v3", "v4")]
+    recorded = recorded_links_of(scenario, messages, 1, pairs)
     fitted = tuple(map(fit_link, recorded))
-    scores = [abs(score) for one in fitted for score in off_by(asked, one)]
+    scores = [abs(score) for link in fitted for score in scores_of(scenario, link)]
     assert sum(score > 3.0 for score in scores) <= ceil(0.01 * len(scores)), sorted(scores)[-5:]
     assert max(scores, default=0.0) < 5.0
     again = recorded_links_of(long_drive(as_toml(fitted)), messages, 2, pairs)
     for pair, before, after in zip(pairs, recorded, again, strict=True):
-        chances = alike(before, after)
-        assert min(chances.values()) >= CERTAIN / len(chances), (pair, chances)
+        p_values = compare_links(before, after)
+        assert min(p_values.values()) >= SIGNIFICANCE / len(p_values), (pair, p_values)
 
 
 # ---- Parameters
 
 
-def off_by(asked: Scenario, found: FittedLink) -> Iterator[float]:
-    """By how many standard errors each estimate is off.
+def scores_of(scenario: Scenario, fitted: FittedLink) -> Iterator[float]:
+    """Error of each estimate, in standard errors.
 
-    Not compared are windows, but by what they lose, and a table that stands for too few losses.
+    Outages are compared by their losses only; tables that replace shadowing are not compared.
     """
-    table = asked.links[found.sender, found.receiver]
-    apart = asked.vehicle(found.receiver).place - asked.vehicle(found.sender).place
-    for one in found.estimates:
-        if one.key.startswith("outages"):
+    table = scenario.links[fitted.sender, fitted.receiver]
+    apart = scenario.vehicle(fitted.receiver).place - scenario.vehicle(fitted.sender).place
+    for estimate in fitted.estimates:
+        if estimate.key.startswith("outages"):
             continue
-        if isinstance(table.radio, PathLossRadio) and "given as a table" in " ".join(found.notes):
+        if isinstance(table.radio, PathLossRadio) and "given as a table" in " ".join(fitted.notes):
             continue
-        truth = true_value(table, one, apart - 1)
-        if one.error == 0.0:
-            assert one.value == pytest.approx(truth, abs=1e-6)
+        truth = true_value(table, estimate.key, apart - 1)
+        if estimate.error == 0.0:
+            assert estimate.value == pytest.approx(truth, abs=1e-6)
         else:
-            yield (one.value - truth) / one.error
+            yield (estimate.value - truth) / estimate.error
 
 
-def true_value(table: LinkTable, one: Estimate, between: int) -> float:
-    """What was asked for, in the words of an estimate."""
-    key = one.key.removeprefix("loss.").removeprefix("delay.").removeprefix("radio.")
-    if one.key in {"loss_ratio", "latency_ms"}:
-        return float(getattr(table, one.key))
-    if isinstance(table.loss, GilbertElliott) and one.key.startswith("loss."):
+def true_value(table: LinkTable, full_key: str, between: int) -> float:
+    """Configured value of the key of an estimate."""
+    key = full_key.removeprefix("loss.").removeprefix("delay.").removeprefix("radio.")
+    if full_key in {"loss_ratio", "latency_ms"}:
+        return float(getattr(table, full_key))
+    if isinstance(table.loss, GilbertElliott) and full_key.startswith("loss."):
         loss, burst = table.loss.loss_ratio or 0.0, table.loss.burst_messages_mean or 1.0
         derived = {"good_to_bad_ratio": loss / (1.0 - loss) / burst, "bad_to_good_ratio": 1 / burst}
         return float(derived.get(key) or getattr(table.loss, key))
@@ -103,25 +102,25 @@ def true_value(table: LinkTable, one: Estimate, between: int) -> float:
 
 
 def path_loss_values(radio: PathLossRadio, between: int) -> dict[str, float]:
-    """One law for the way and the vehicles on it: what they cost, and how that wavers."""
+    """Parameters of one path-loss law that includes the vehicles in between."""
     assert radio.shadowing is not None
-    wavering, cost, median = radio.shadowing.deviation_db, 0.0, radio.errors.snr_db[0]
+    deviation, obstruction, median = radio.shadowing.deviation_db, 0.0, radio.errors.snr_db[0]
     if between:
-        wavering, median = (
+        deviation, median = (
             radio.shadowing.obstructed_deviation_db,
             radio.errors.obstructed_snr_db[0],
         )
         if isinstance(radio.obstruction, LossPerVehicle):
-            cost = between * radio.obstruction.loss_db
+            obstruction = between * radio.obstruction.loss_db
         elif isinstance(radio.obstruction, SingleLoss):
-            cost = radio.obstruction.mean_db
-            wavering = hypot(wavering, radio.obstruction.deviation_db)
-    usual = PathLossRadio().reference_loss_db
-    beyond = highway_loss(radio.frequency_hz) - usual + median - 1.0
+            obstruction = radio.obstruction.mean_db
+            deviation = hypot(deviation, radio.obstruction.deviation_db)
+    reference = PathLossRadio().reference_loss_db
+    shift = highway_loss(radio.frequency_hz) - reference + median - 1.0
     return {
-        "power_dbm": radio.power_dbm - cost - beyond,
+        "power_dbm": radio.power_dbm - obstruction - shift,
         "exponent": 2.0,
-        "shadowing.deviation_db": wavering,
+        "shadowing.deviation_db": deviation,
         "shadowing.decorrelation_m": radio.shadowing.decorrelation_m,
     }
 
@@ -129,47 +128,47 @@ def path_loss_values(radio: PathLossRadio, between: int) -> dict[str, float]:
 # ---- Two samples
 
 
-def alike(one: RecordedLink, other: RecordedLink) -> dict[str, float]:
-    """Chances of two links to differ so much if they are one channel, by what is looked at.
+def compare_links(first: RecordedLink, second: RecordedLink) -> dict[str, float]:
+    """p-values of the hypothesis that two links are the same channel, by measure.
 
-    Both were judged at the same distances, so pieces of the drive can be swapped between them: that
-    is an exact test as long as a piece is long against what ties messages together.
+    Both links were judged at the same distances, so swapping parts of the drive between them is an
+    exact permutation test, if parts are long compared with the correlation of messages.
     """
-    delays = np.concatenate([one.delay_ms, other.delay_ms])
+    delays = np.concatenate([first.delay_ms, second.delay_ms])
     edges = np.unique(np.quantile(delays, np.linspace(0.0, 1.0, 100)))
     both = [(histogram_of_losses(link), histogram_of_bursts(link), histogram_of_delays(link, edges))
-            for link in (one, other)]  # fmt: skip
-    words = ("share lost", "lengths of bursts", "delays")
+            for link in (first, second)]  # fmt: skip
+    names = ("share lost", "lengths of bursts", "delays")
     measures = (kolmogorov_smirnov, chi_square, kolmogorov_smirnov)
     return {
-        word: chance(before, after, measure)
-        for word, measure, before, after in zip(words, measures, *both, strict=True)
+        name: p_value(before, after, measure)
+        for name, measure, before, after in zip(names, measures, *both, strict=True)
     }
 
 
-def chance(one: Counts, other: Counts, measure: Measure) -> float:
-    """Share of random swaps of pieces after which two samples differ as much as they do."""
-    signs = np.random.default_rng(1).choice([-1.0, 1.0], (SHUFFLES, len(one)))
+def p_value(first: Counts, second: Counts, measure: Measure) -> float:
+    """Share of random swaps after which two samples differ at least as much as before."""
+    signs = np.random.default_rng(1).choice([-1.0, 1.0], (SHUFFLES, len(first)))
     signs[0] = 1.0
-    found = measure(signs @ (one - other), (one + other).sum(axis=0))
-    return float((found >= found[0] - 1e-9).mean())
+    differences = measure(signs @ (first - second), (first + second).sum(axis=0))
+    return float((differences >= differences[0] - 1e-9).mean())
 
 
 def kolmogorov_smirnov(differences: Counts, _total: Counts) -> Counts:
-    found: Counts = np.abs(np.cumsum(differences, axis=1)).max(axis=1)
-    return found
+    largest: Counts = np.abs(np.cumsum(differences, axis=1)).max(axis=1)
+    return largest
 
 
 def chi_square(differences: Counts, total: Counts) -> Counts:
-    found: Counts = (differences**2 / np.maximum(total, 1.0)).sum(axis=1)
-    return found
+    statistic: Counts = (differences**2 / np.maximum(total, 1.0)).sum(axis=1)
+    return statistic
 
 
 def histogram(at: NDArray[np.intp], values: Counts, edges: Counts, count: int) -> Counts:
-    """Count values for each piece of the drive; `at` are places among its `count` messages."""
-    found = np.zeros((BLOCKS, len(edges) + 1))
-    np.add.at(found, (at * BLOCKS // count, np.searchsorted(edges, values)), 1.0)
-    return found
+    """Count values per part of the drive; `at` holds indices of its `count` messages."""
+    counts = np.zeros((BLOCKS, len(edges) + 1))
+    np.add.at(counts, (at * BLOCKS // count, np.searchsorted(edges, values)), 1.0)
+    return counts
 
 
 def histogram_of_losses(link: RecordedLink) -> Counts:
@@ -184,22 +183,22 @@ def histogram_of_bursts(link: RecordedLink) -> Counts:
 
 
 def histogram_of_delays(link: RecordedLink, edges: Counts) -> Counts:
-    there = np.flatnonzero(link.delivered)
-    return histogram(there, link.delay_ms[there], edges, len(link.number))
+    delivered = np.flatnonzero(link.delivered)
+    return histogram(delivered, link.delay_ms[delivered], edges, len(link.number))
 
 
-def test_the_test_tells_channels_apart_that_are_not_the_same() -> None:
+def test_different_channels_have_small_p_values() -> None:
     def link(text: str, seed: int) -> RecordedLink:
-        (one,) = recorded_links_of(long_drive(f"[links]\n{text}"), FEW, seed, [("v1", "v2")])
-        return one
+        (recorded,) = recorded_links_of(long_drive(f"[links]\n{text}"), FEW, seed, [("v1", "v2")])
+        return recorded
 
-    lossy = link("loss_ratio = 0.2", 1)
-    assert min(alike(lossy, link("loss_ratio = 0.2", 2)).values()) > 0.01
-    assert alike(lossy, link("loss_ratio = 0.3", 2))["share lost"] < CERTAIN
-    assert alike(lossy, link("latency_ms = 21.0\nloss_ratio = 0.2", 2))["delays"] < CERTAIN
+    lossy, late = link("loss_ratio = 0.2", 1), link("latency_ms = 21.0\nloss_ratio = 0.2", 2)
+    assert min(compare_links(lossy, link("loss_ratio = 0.2", 2)).values()) > 0.01
+    assert compare_links(lossy, link("loss_ratio = 0.3", 2))["share lost"] < SIGNIFICANCE
+    assert compare_links(lossy, late)["delays"] < SIGNIFICANCE
     ge = 'loss = {{ kind = "gilbert_elliott", loss_ratio = 0.2, burst_messages_mean = {} }}'
-    found = alike(link(ge.format(2.0), 1), link(ge.format(3.0), 2))
-    assert found["lengths of bursts"] < CERTAIN
+    p_values = compare_links(link(ge.format(2.0), 1), link(ge.format(3.0), 2))
+    assert p_values["lengths of bursts"] < SIGNIFICANCE
 
 
 # ---- From logs
@@ -213,15 +212,15 @@ def shipped(preset: str) -> Scenario:
 
 @pytest.mark.spread(1)
 @pytest.mark.parametrize("preset", ["bursty", "ieee80211p_jam"])
-def test_a_log_gives_a_block_that_runs(preset: str, tmp_path: Path) -> None:
-    asked = shipped(preset)
-    run_virtual(asked, tmp_path / "run", Stop())
+def test_the_fit_of_a_log_is_a_valid_scenario(preset: str, tmp_path: Path) -> None:
+    scenario = shipped(preset)
+    run_virtual(scenario, tmp_path / "run", Stop())
     fitted = fit_log(tmp_path / "run" / "run.mcap")
-    assert [(one.sender, one.receiver) for one in fitted] == list(asked.links)
-    scores = [abs(score) for one in fitted for score in off_by(asked, one)]
+    assert [(link.sender, link.receiver) for link in fitted] == list(scenario.links)
+    scores = [abs(score) for link in fitted for score in scores_of(scenario, link)]
     assert max(scores) < 4.0
     again = scenario_from_text(f'extends = "lane_change"\nname = "again"\n{as_toml(fitted)}')
-    for pair in asked.links:
+    for pair in scenario.links:
         table = again.links[pair]
         if preset == "bursty":
             assert isinstance(table.loss, GilbertElliott), pair

@@ -45,8 +45,8 @@ def test_files(nominal: GainsReport, folder: Path) -> None:
     _check_files(folder, nominal)
 
 
-def test_what_the_paper_says_of_its_gains(nominal: GainsReport) -> None:
-    """Section V: in the interior of the intersection, Hurwitz for all loadings, set not convex."""
+def test_the_paper_s_gains_have_the_properties_of_section_v(nominal: GainsReport) -> None:
+    """They lie inside the intersection, are Hurwitz for all loadings; the set is not convex."""
     sets = nominal.stabilising_set
     assert sets.inside_at_all_speeds_and_loadings
     assert sets.ball_over_speeds_and_loadings.radius_in_gain_units == pytest.approx(0.06)
@@ -60,8 +60,8 @@ def test_what_the_paper_says_of_its_gains(nominal: GainsReport) -> None:
     assert nominal.verification.random_points == 300 * len(DEFAULT_SPEEDS)
 
 
-def test_lowest_rates_are_those_that_convoys_showed(nominal: GainsReport) -> None:
-    """Own motion that came with the fixes was too slow below 6 Hz at 15 m/s, 10 Hz at 30 m/s."""
+def test_lowest_rates_agree_with_simulated_convoys(nominal: GainsReport) -> None:
+    """Without an inertial sensor, convoys were unstable below 6 Hz at 15 m/s, 10 Hz at 30 m/s."""
     rows = {round(row.speed_mps): row for row in nominal.sampled}
     assert all(row.decay_per_s > 0.0 for row in nominal.sampled)
     alone = [rows[speed].lowest_rate_without_imu_hz for speed in (13, 18, 30)]
@@ -80,20 +80,20 @@ def test_roots_are_those_of_the_loaded_cars(nominal: GainsReport) -> None:
         load = Loading(front_passengers=row.front_passengers, rear_passengers=row.rear_passengers)
         car = loaded(LINCOLN_MKZ, load)
         expected = np.linalg.eigvals(closed_loop_at(car, NOMINAL_GAINS, 30.0))
-        found = np.array([complex(*root) for root in row.roots_per_s])
-        assert found == pytest.approx(np.sort_complex(expected), rel=1e-6)
+        roots = np.array([complex(*root) for root in row.roots_per_s])
+        assert roots == pytest.approx(np.sort_complex(expected), rel=1e-6)
 
 
 def test_simulation_stays_within_two_per_cent(nominal: GainsReport) -> None:
     reference = nominal.propagation[-1]
     assert reference.speed_mps == 30.0
-    for found in (reference.instantaneous, reference.second_order):
-        assert found is not None
-        assert found.simulated_ratio is not None
-        assert len(found.simulated_ratio) == 10
-        assert found.simulation_error_ratio_max is not None
-        assert found.simulation_error_ratio_max < 0.02
-        assert found.norm_ratio > 1.0
+    for amplification in (reference.instantaneous, reference.second_order):
+        assert amplification is not None
+        assert amplification.simulated_ratio is not None
+        assert len(amplification.simulated_ratio) == 10
+        assert amplification.simulation_error_ratio_max is not None
+        assert amplification.simulation_error_ratio_max < 0.02
+        assert amplification.norm_ratio > 1.0
 
 
 def test_certificate_exceeds_dry_asphalt(nominal: GainsReport) -> None:
@@ -104,7 +104,7 @@ def test_certificate_exceeds_dry_asphalt(nominal: GainsReport) -> None:
         assert row.unit_q_only.accelerating < row.certified.accelerating
 
 
-def test_gains_that_do_not_stabilise_are_reported_as_such(tmp_path: Path) -> None:
+def test_gains_that_do_not_stabilise_are_reported(tmp_path: Path) -> None:
     gains = Gains(0.06, 3.0, 0.0)
     report = gains_report(LINCOLN_MKZ, gains, [10.0, 30.0], [Loading()], tmp_path)
     assert not report.stabilising_set.inside_at_all_speeds
@@ -120,24 +120,24 @@ def test_gains_that_do_not_stabilise_are_reported_as_such(tmp_path: Path) -> Non
 
 
 def test_the_form_in_json(nominal: GainsReport, folder: Path) -> None:
-    found = as_json(nominal)
-    assert found == json.loads((folder / "gains.json").read_text(encoding="utf-8"))
-    assert found["gains"] == {
+    report = as_json(nominal)
+    assert report == json.loads((folder / "gains.json").read_text(encoding="utf-8"))
+    assert report["gains"] == {
         "lateral_rad_per_m": 0.06,
         "heading_rad_per_rad": 0.96,
         "yaw_rate_s": 0.08,
     }
-    row, first = found["varying_speed"]["table"][0], nominal.varying_speed.table[0]
+    row, first = report["varying_speed"]["table"][0], nominal.varying_speed.table[0]
     assert row["certified_braking_mps2"] == first.certified.braking
     assert row["unit_q_paper_model_accelerating_mps2"] == first.unit_q_paper_model.accelerating
-    assert "simulated_ratio" in found["propagation"][-1]["second_order"]
-    assert "simulated_ratio" not in found["propagation"][0]["second_order"]
-    empty = found["loadings"][0]
+    assert "simulated_ratio" in report["propagation"][-1]["second_order"]
+    assert "simulated_ratio" not in report["propagation"][0]["second_order"]
+    empty = report["loadings"][0]
     assert (empty["rear_passengers"], empty["singular_frequency_radps"]) == (0, None)
 
 
 @pytest.mark.parametrize("value", [float("inf"), float("-inf"), float("nan")])
-def test_what_json_cannot_hold_is_null(value: float) -> None:
+def test_infinity_and_nan_are_null_in_json(value: float) -> None:
     assert as_json((1.0, value)) == [1.0, None]
 
 
@@ -147,14 +147,14 @@ def test_speeds_may_come_in_any_order() -> None:
     assert gains_report(LINCOLN_MKZ, NOMINAL_GAINS, [20.0, 10.0], some) == ascending
 
 
-def test_nothing_to_report_on_is_refused() -> None:
+def test_no_speed_or_no_loading_is_refused() -> None:
     with pytest.raises(ValueError, match="at least one"):
         gains_report(LINCOLN_MKZ, NOMINAL_GAINS, [])
     with pytest.raises(ValueError, match="at least one"):
         gains_report(LINCOLN_MKZ, NOMINAL_GAINS, [30.0], [])
 
 
-def test_matplotlib_is_not_imported_for_the_numbers() -> None:
+def test_the_report_does_not_import_matplotlib() -> None:
     code = "import scenarios.studies.gains.report, sys; assert 'matplotlib' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)
 
