@@ -153,7 +153,7 @@ def equality(run: Run, virtual: Run) -> Iterator[Row]:
     found = agreement(run, virtual)
     late = run.late_messages_at
     yield Row("late ticks, late messages", f"{run.late_ticks}, {len(late)}")
-    explained = found.parted_at is None or (bool(late) and late[0] < found.parted_at)
+    explained = found.differ_at is None or (bool(late) and late[0] < found.differ_at)
     yield Row(
         "true poses equal to the bit",
         f"{found.equal} of {found.compared}",
@@ -161,7 +161,10 @@ def equality(run: Run, virtual: Run) -> Iterator[Row]:
         explained,
     )
     yield Row(
-        "true paths apart, cm", f"{found.farthest_m * 100:.4f}", "2", found.farthest_m <= 0.02
+        "true paths apart, cm",
+        f"{found.distance_m_max * 100:.4f}",
+        "2",
+        found.distance_m_max <= 0.02,
     )
 
 

@@ -16,7 +16,7 @@ from time import process_time
 import numpy as np
 
 from tests.made.transport.received_poses import received
-from tests.made.vehicles.arc_courses import course, shaken, window
+from tests.made.vehicles.arc_courses import course, window, with_noise
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.steering import SlipCompensated
@@ -57,7 +57,7 @@ def samples(pieces: list[tuple[float, float]], count: int, seed: int) -> tuple[W
     random, path = np.random.default_rng(seed), course(pieces)
     lead = window(path, np.linspace(0.0, LENGTH, count - count // 2), EGO)
     predecessor = window(path, np.linspace(0.7, LENGTH - 0.4, count // 2), EGO)
-    return shaken(lead, random), shaken(predecessor, random)
+    return with_noise(lead, random), with_noise(predecessor, random)
 
 
 def circle(seen: tuple[Window, Window], _: int) -> object:

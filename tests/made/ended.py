@@ -1,11 +1,11 @@
-"""Whether a process that a test watches has come to its end."""
+"""Whether a process has ended."""
 
 import psutil
 
 
 def has_ended(process: psutil.Process) -> bool:
-    """Whether it is gone, or a zombie that nobody has waited for yet."""
+    """Whether a process does not exist, or is a zombie."""
     try:
         return not process.is_running() or process.status() == psutil.STATUS_ZOMBIE
-    except psutil.NoSuchProcess:  # between the two questions
+    except psutil.NoSuchProcess:  # ended between the two calls
         return True

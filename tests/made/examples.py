@@ -1,9 +1,9 @@
-"""How many examples of a property are tried: a few by default, and all in a campaign."""
+"""Number of examples of a property: a few by default, all in a campaign."""
 
 from hypothesis import settings
 
 CAMPAIGN = "campaign"
-"""Profile of hypothesis that `pytest --campaign` loads."""
+"""Hypothesis profile of `pytest --campaign`."""
 
 
 def examples(few: int, everything: int) -> settings:

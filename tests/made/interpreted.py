@@ -1,4 +1,4 @@
-"""What a test can do to interpreted code alone."""
+"""Mark of tests that need interpreted code."""
 
 import inspect
 
@@ -8,5 +8,5 @@ from vehicles.driver.degradation.sources import SourcePair
 
 interpreted_only = pytest.mark.skipif(
     not inspect.isfunction(SourcePair.stops_at),
-    reason="compiled code looks up neither methods nor constants that a test replaces",
+    reason="compiled code ignores replaced methods and constants",
 )

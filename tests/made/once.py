@@ -1,4 +1,4 @@
-"""What several processes of one test session need is made once, by whoever needs it first."""
+"""Share results between processes of a test session; the first to need a result makes it."""
 
 import fcntl
 import os
@@ -10,14 +10,14 @@ import pytest
 
 
 def shared(factory: pytest.TempPathFactory) -> Path:
-    """Return the folder that all processes of one test session have in common."""
+    """The folder shared by all processes of a test session."""
     own = factory.getbasetemp()
     return own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
 
 
 @contextmanager
 def first_only(folder: Path) -> Iterator[bool]:
-    """Give True to whoever comes first; the others wait until it is through."""
+    """Yield True to the first process; the others wait until it has finished."""
     folder.mkdir(exist_ok=True)
     done = folder / "done"
     with (folder / "lock").open("w") as lock:

@@ -1,4 +1,4 @@
-"""Runs that several tests look at are driven once, also when tests run side by side."""
+"""Runs that several tests share, simulated once per session, also under pytest-xdist."""
 
 from dataclasses import dataclass
 
@@ -9,12 +9,12 @@ from tests.system.logs import Run
 from tests.system.processes import run_to_the_end, start
 
 DURATION_S = 8.0
-"""By then the last car is in its first lane change."""
+"""The last car has begun its first lane change by then."""
 
 
 @dataclass(frozen=True)
 class Driven:
-    """`lane_change` as driven by processes on the wall clock, and in virtual time."""
+    """A run of `lane_change` by processes on the wall clock, and one in virtual time."""
 
     wall: Run
     virtual: Run
@@ -25,7 +25,6 @@ class Driven:
 
 @pytest.fixture(scope="session")
 def lane_change(tmp_path_factory: pytest.TempPathFactory) -> Driven:
-    """The default scenario, shortened: a run on the wall clock and its virtual twin."""
     folder = shared(tmp_path_factory) / "lane_change"
     arguments = ("run", "lane_change", f"--set=duration_s={DURATION_S}")
     with first_only(folder) as first:
@@ -36,7 +35,7 @@ def lane_change(tmp_path_factory: pytest.TempPathFactory) -> Driven:
                 )
                 assert virtual.exit_code == 0, virtual.err
                 wall.wait()
-                assert not wall.everyone()
+                assert not wall.remaining()
             (folder / "wall.out").write_text(wall.out)
             (folder / "wall.err").write_text(wall.err)
             (folder / "wall.code").write_text(str(wall.exit_code))

@@ -1,4 +1,4 @@
-"""What a run left behind, read by the public reader of MCAP and by our own."""
+"""Logs and summaries of finished runs, read by the public MCAP reader and by ours."""
 
 import json
 import subprocess
@@ -28,49 +28,45 @@ SECOND = 1_000_000_000
 GNSS_HZ = 20
 CONTROL_HZ = 50
 Truths = dict[str, dict[int, TruePose]]
-"""Of each vehicle its true poses by their instant, in ns after the start."""
+"""True poses of each vehicle by instant, in ns after the start."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """The folder of a run that is over."""
+    """The folder of a finished run."""
 
     folder: Path
 
     @property
     def log(self) -> Path:
-        """Its log."""
         return self.folder / "run.mcap"
 
     @cached_property
     def messages(self) -> list[Message]:
-        """All messages of its log."""
         return [message for _, _, message in LogReader(self.log).messages()]
 
     @cached_property
     def summary(self) -> dict[str, Any]:
-        """What `summary.json` says."""
-        found: dict[str, Any] = json.loads((self.folder / "summary.json").read_text())
-        return found
+        summary: dict[str, Any] = json.loads((self.folder / "summary.json").read_text())
+        return summary
 
     def vehicle(self, name: str) -> dict[str, Any]:
-        """Return one vehicle's part of the summary."""
+        """The row of one vehicle in the summary."""
         rows: dict[str, dict[str, Any]] = {row["name"]: row for row in self.summary["vehicles"]}
         return rows[name]
 
     @cached_property
     def start_at(self) -> int:
-        """The instant of the start (ns)."""
         return next(m.start_at_ns for m in self.messages if isinstance(m, RunStart))
 
     @cached_property
     def truths(self) -> Truths:
-        """Return the true poses in the order of the schedule."""
-        found: Truths = defaultdict(dict)
+        """True poses in the order of the schedule."""
+        truths: Truths = defaultdict(dict)
         for message in self.messages:
             if isinstance(message, TruePose):
-                found[message.vehicle][message.true_at_ns - self.start_at] = message
-        return {name: dict(sorted(poses.items())) for name, poses in sorted(found.items())}
+                truths[message.vehicle][message.true_at_ns - self.start_at] = message
+        return {name: dict(sorted(poses.items())) for name, poses in sorted(truths.items())}
 
     @property
     def last_truth_at(self) -> int:
@@ -78,12 +74,12 @@ class Run:
         return self.start_at + max(at for poses in self.truths.values() for at in poses)
 
     def texts(self, vehicle: str) -> list[str]:
-        """Return the lines of text that one vehicle, or `run`, wrote into the log."""
+        """Log lines of one vehicle, or of `run`."""
         return [m.text for m in self.messages if isinstance(m, LogText) and m.vehicle == vehicle]
 
     @property
     def late_messages_at(self) -> list[int]:
-        """When messages that came late should have been heard, in ns after the start."""
+        """Instants at which late messages were due, in ns after the start."""
         return sorted(
             m.visible_at_ns - self.start_at
             for m in self.messages
@@ -92,38 +88,38 @@ class Run:
 
     @property
     def late_ticks(self) -> int:
-        """Return how many ticks all vehicles together were late for."""
+        """Late ticks of all vehicles."""
         last = {m.vehicle: m.late_ticks for m in self.messages if isinstance(m, Health)}
         return sum(last.values())
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """How two runs of one scenario agree in their true poses.
+    """Agreement of the true poses of two runs of one scenario.
 
-    `parted_at` is the first instant, in ns after the start, at which any pose differs in any bit.
+    `differ_at` is the first instant, in ns after the start, at which a pose differs in any bit.
     """
 
     compared: int
     equal: int
-    farthest_m: float
-    parted_at: int | None
+    distance_m_max: float
+    differ_at: int | None
 
 
-def agreement(one: Run, other: Run) -> Agreement:
-    """Compare the true poses that two runs have at the same time after their starts."""
-    farthest, equal, parted, compared = 0.0, 0, [], 0
-    for name, poses in one.truths.items():
+def agreement(run: Run, other: Run) -> Agreement:
+    """Compare the true poses of two runs at equal times after their starts."""
+    distance_max, equal, differing, compared = 0.0, 0, [], 0
+    for name, poses in run.truths.items():
         theirs = other.truths[name]
         for at in poses.keys() & theirs.keys():
             a, b = poses[at], theirs[at]
             compared += 1
-            farthest = max(farthest, hypot(a.east_m - b.east_m, a.north_m - b.north_m))
+            distance_max = max(distance_max, hypot(a.east_m - b.east_m, a.north_m - b.north_m))
             if _state(a) == _state(b):
                 equal += 1
             else:
-                parted.append(at)
-    return Agreement(compared, equal, farthest, min(parted, default=None))
+                differing.append(at)
+    return Agreement(compared, equal, distance_max, min(differing, default=None))
 
 
 def _state(pose: TruePose) -> tuple[float, ...]:
@@ -133,27 +129,27 @@ def _state(pose: TruePose) -> tuple[float, ...]:
     )
 
 
-FEW_RATIO = 0.02
-"""If no more messages than these come late, cars drive nearly the same."""
+LATE_RATIO_MAX = 0.02
+"""Up to this share of late messages, cars drive nearly the same."""
 
 
 def assert_equal_while_nothing_was_late(wall: Run, virtual: Run, within_m: float) -> None:
-    """What two runs differ in is explained by a message that was counted as late before.
+    """Check that runs differ only after a late message, and by at most `within_m` if few were late.
 
-    A few of them cost no more than so much; how many there are is a matter of the machine.
+    The number of late messages depends on the load of the machine.
     """
     found = agreement(wall, virtual)
     assert found.compared >= sum(map(len, wall.truths.values()))
     late = wall.late_messages_at
     judged = sum(isinstance(message, LinkVerdict) for message in wall.messages)
-    assert found.farthest_m <= within_m or len(late) > FEW_RATIO * judged
-    if found.parted_at is not None:
-        assert late, f"parted after {found.parted_at} ns, and nothing was late"
-        assert late[0] < found.parted_at
+    assert found.distance_m_max <= within_m or len(late) > LATE_RATIO_MAX * judged
+    if found.differ_at is not None:
+        assert late, f"runs differ after {found.differ_at} ns without a late message"
+        assert late[0] < found.differ_at
 
 
 def assert_sound(log: Path) -> None:
-    """A log is a whole MCAP file, to readers that know nothing of this project."""
+    """Check that independent readers accept a log as a complete MCAP file."""
     with log.open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
         count = sum(1 for _ in reader.iter_messages())
@@ -172,16 +168,16 @@ def assert_sound(log: Path) -> None:
 
 
 def assert_nothing_missing(run: Run, duration_s: float) -> None:
-    """Every vehicle's poses are there for the whole time, and no message of any kind is missing."""
+    """Check that poses of all vehicles span the run, and that no message is missing."""
     numbers: defaultdict[tuple[str, type[Message]], list[int]] = defaultdict(list)
     for message in run.messages:
         numbers[message.vehicle, type(message)].append(message.seq)
-    for (name, kind), found in numbers.items():
-        if kind is CompositeTrajectory:  # made anew when something was heard, numbered as decided
-            assert len(set(found)) == len(found), name
+    for (name, kind), sent in numbers.items():
+        if kind is CompositeTrajectory:  # fitted at ticks with new messages, numbered by the tick
+            assert len(set(sent)) == len(sent), name
         else:
-            assert sorted(found) == list(range(len(found))), f"{name}: {kind.__name__}"
-    poses = {name: len(found) for (name, kind), found in numbers.items() if kind is GpsPose}
+            assert sorted(sent) == list(range(len(sent))), f"{name}: {kind.__name__}"
+    poses = {name: len(sent) for (name, kind), sent in numbers.items() if kind is GpsPose}
     assert set(poses) == set(run.truths)
     for name, count in poses.items():
         assert abs(count - duration_s * GNSS_HZ) <= 1, name
@@ -189,7 +185,7 @@ def assert_nothing_missing(run: Run, duration_s: float) -> None:
 
 
 def assert_summary_is_in_the_log(run: Run) -> None:
-    """`summary.json` is the log's own attachment, and counts what the log holds."""
+    """Check that `summary.json` equals the attachment of the log, and its counts the messages."""
     attached = LogReader(run.log).attachments()["summary.json"]
     assert attached == (run.folder / "summary.json").read_bytes()
     counted = Counter(m.vehicle for m in run.messages if isinstance(m, GpsPose))

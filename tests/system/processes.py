@@ -1,4 +1,4 @@
-"""Convoys as a user starts them, with every process that comes of it."""
+"""`convoy` commands as a user starts them, with all their descendant processes."""
 
 import os
 import re
@@ -14,101 +14,100 @@ from uuid import uuid4
 
 import psutil
 
-PART = "convoy-"
-"""Begins the system's names of a run's parts."""
+PREFIX = "convoy-"
+"""Prefix of the process names of a run."""
 MARK = "CONVOY_TEST_MARK"
-"""Every process inherits this variable, so none of a test's processes can hide."""
-PATIENCE_S = 60.0
-"""Longest wait for what must happen, on a machine that has other things to do."""
+"""Environment variable that all descendants of a command inherit, to find them by."""
+TIMEOUT_S = 60.0
+"""Longest wait for an expected event, on a busy machine."""
 SETTLE_S = 10.0
-"""After whatever happened, no process is left behind after this time.
+"""All processes of a failed run end within this time.
 
-A run itself takes at most five seconds for it; the rest is for a machine with other things to do.
+A run needs at most 5 s; the rest is for a busy machine.
 """
 PROGRESS = re.compile(r" of [0-9.]+ s.* · true error now |^run [A-Za-z0-9_-]+: writes ")
-"""Lines of progress, and the first line of a run."""
+"""Progress lines, and the first line of a run."""
 DRIVING = "vehicles are present"
-"""The recorder says so half a second before the start."""
+"""The recorder prints this half a second before the start."""
 
 
 @dataclass(frozen=True)
 class Process:
-    """One `convoy …` command that runs, what it has said, and all that it started."""
+    """A running `convoy …` command with its output and its descendants."""
 
     popen: "subprocess.Popen[bytes]"
     mark: str
-    printed: Path
-    complained: Path
+    stdout_file: Path
+    stderr_file: Path
 
     @property
     def out(self) -> str:
-        """What it printed so far."""
-        return self.printed.read_text()
+        """Standard output so far."""
+        return self.stdout_file.read_text()
 
     @property
     def err(self) -> str:
-        """What it and those it started wrote to standard error so far."""
-        return self.complained.read_text()
+        """Standard error so far, including that of descendants."""
+        return self.stderr_file.read_text()
 
     def lines(self) -> list[str]:
-        """Return the lines on standard error without `error: `, progress and the start."""
+        """Lines of standard error without `error: `, progress and the start line."""
         lines = (line.removeprefix("error: ") for line in self.err.splitlines())
         return [line for line in lines if not PROGRESS.search(line)]
 
-    def everyone(self) -> list[psutil.Process]:
-        """Return the processes that are left of it, itself among them."""
+    def remaining(self) -> list[psutil.Process]:
+        """Processes still alive, including the command itself."""
         return [process for process in psutil.process_iter() if _mark_of(process) == self.mark]
 
     def parts(self) -> dict[str, psutil.Process]:
-        """Return the processes of a run by name: launcher, router, recorder, v1, v2, …"""
-        return {self._name(process): process for process in self.everyone()}
+        """Processes of a run by name: launcher, router, recorder, v1, v2, …"""
+        return {self._name(process): process for process in self.remaining()}
 
     def _name(self, process: psutil.Process) -> str:
-        """Name of a part of a run; that of none while it is being made, or has just ended."""
+        """Name of a process of a run; empty while it is being created, or after its end."""
         with suppress(psutil.Error):
             name = process.name()
-            if name.startswith(PART):
-                return name.removeprefix(PART)
+            if name.startswith(PREFIX):
+                return name.removeprefix(PREFIX)
         return "launcher" if process.pid == self.popen.pid else ""
 
     def part(self, name: str) -> psutil.Process:
-        """Return one process of a run, as soon as it is there."""
+        """Wait for a process of a run, and return it."""
         assert until(lambda: name in self.parts() or self.exit_code is not None)
         assert name in self.parts(), self.err
         return self.parts()[name]
 
     def await_start(self) -> None:
-        """Wait until all vehicles are there, half a second before they start."""
+        """Wait until all vehicles are present, half a second before they start."""
         assert until(lambda: DRIVING in self.err or self.exit_code is not None), self.err
         assert self.exit_code is None, self.err
 
     def drive(self, seconds: float) -> None:
-        """Wait until the convoy has driven for so long."""
+        """Wait until the convoy has driven for `seconds`."""
         self.await_start()
         time.sleep(0.5 + seconds)
         assert self.exit_code is None, self.err
 
     @property
     def exit_code(self) -> int | None:
-        """Its exit code; None while it runs."""
         return self.popen.poll()
 
-    def wait(self, seconds: float = PATIENCE_S) -> int:
-        """Wait for its end; returns the exit code."""
+    def wait(self, seconds: float = TIMEOUT_S) -> int:
+        """Wait for the end; return the exit code."""
         return self.popen.wait(seconds)
 
-    def is_gone_in_time(self) -> bool:
-        """Say whether nothing is left of it within the time that it may take."""
-        return until(lambda: not self.everyone(), SETTLE_S)
+    def ends_in_time(self) -> bool:
+        """Whether all processes end within `SETTLE_S`."""
+        return until(lambda: not self.remaining(), SETTLE_S)
 
 
 @contextmanager
 def start(*arguments: object, folder: Path) -> Iterator[Process]:
-    """Start `convoy ARGUMENTS` in `folder`; in the end nothing is left of it."""
+    """Start `convoy ARGUMENTS` in `folder`; kill all its processes on exit."""
     mark = uuid4().hex
-    printed, complained = folder / f"{mark}.out", folder / f"{mark}.err"
+    stdout_file, stderr_file = folder / f"{mark}.out", folder / f"{mark}.err"
     environment = {**os.environ, MARK: mark, "COLUMNS": "200"}
-    with printed.open("wb") as out, complained.open("wb") as err:
+    with stdout_file.open("wb") as out, stderr_file.open("wb") as err:
         popen = subprocess.Popen(
             [sys.executable, "-m", "scenarios.cli", *map(str, arguments)],
             cwd=folder,
@@ -118,26 +117,26 @@ def start(*arguments: object, folder: Path) -> Iterator[Process]:
             stderr=err,
             start_new_session=True,
         )
-    process = Process(popen, mark, printed, complained)
+    process = Process(popen, mark, stdout_file, stderr_file)
     try:
         yield process
     finally:
-        for one in process.everyone():
+        for part in process.remaining():
             with suppress(psutil.NoSuchProcess):
-                one.send_signal(signal.SIGKILL)
+                part.send_signal(signal.SIGKILL)
         popen.wait()
 
 
 def run_to_the_end(*arguments: object, folder: Path) -> Process:
-    """Run `convoy ARGUMENTS` in `folder` and wait for its end; nothing is left of it."""
+    """Run `convoy ARGUMENTS` in `folder` to its end; no process remains."""
     with start(*arguments, folder=folder) as process:
         process.wait()
-        assert not process.everyone()
+        assert not process.remaining()
     return process
 
 
-def until(holds: Callable[[], bool], seconds: float = PATIENCE_S) -> bool:
-    """Wait until `holds()`, at most `seconds`; say whether it does."""
+def until(holds: Callable[[], bool], seconds: float = TIMEOUT_S) -> bool:
+    """Wait up to `seconds` until `holds()`; return whether it does."""
     end = time.monotonic() + seconds
     while not holds() and time.monotonic() < end:
         time.sleep(0.02)
@@ -146,7 +145,7 @@ def until(holds: Callable[[], bool], seconds: float = PATIENCE_S) -> bool:
 
 def _mark_of(process: psutil.Process) -> str | None:
     try:
-        if process.status() == psutil.STATUS_ZOMBIE:  # has ended; only its parent has not looked
+        if process.status() == psutil.STATUS_ZOMBIE:  # ended, not yet reaped
             return None
         return process.environ().get(MARK)
     except psutil.Error:

@@ -2,7 +2,7 @@
 
     python -m tests.system.screenshot runs/…/run.mcap picture.png --at 22
 
-Needs Vulkan; without a graphics card Debian's mesa-vulkan-drivers do (a few seconds a picture).
+Needs Vulkan. Without a graphics card, install mesa-vulkan-drivers (a few seconds per picture).
 """
 
 import argparse
@@ -24,7 +24,7 @@ from transport.picture.option import parse_rerun_option
 
 START_S = 20.0
 SETTLE_S = 1.5
-"""A picture that is unchanged after this time is complete."""
+"""A picture that does not change within this time is complete."""
 GLANCE_S = 0.2
 """Time between pictures while waiting for something to appear."""
 TOP_BAR = 36
@@ -42,7 +42,7 @@ def headless_viewer(
 ) -> Iterator[ViewerClient]:
     """Open a viewer without a window on `source`, a recording's path or a server's URL.
 
-    A `layout` is given to it as a user would: `rerun SOURCE - < LAYOUT`.
+    A `layout` is passed on standard input: `rerun SOURCE - < LAYOUT`.
     """
     port = viewer_process.free_port("127.0.0.1", 0)
     flags = ["--headless", "--bind", "127.0.0.1", "--port", str(port), "--window-size", size]
@@ -65,22 +65,22 @@ def headless_viewer(
 
 
 def picture_now(client: ViewerClient) -> Any:
-    """Take the viewer's picture as it is, without its menu."""
+    """The current picture of the viewer, without its menu."""
     picture = Image.open(io.BytesIO(client.take_screenshot())).convert("RGB")
     return picture.crop((0, TOP_BAR, picture.width, picture.height))
 
 
 def take_picture(client: ViewerClient, at_s: float, *, settled: bool = True) -> Any:
-    """Take the viewer's picture at a time of the run (s), without its menu.
+    """The picture of the viewer at a time of the run (s), without its menu.
 
-    It loads piece by piece: with `settled` the picture is taken when it does not change any more.
+    The viewer loads gradually: with `settled`, wait until the picture stops changing.
     """
     deadline = time.monotonic() + START_S
     while True:
         try:
             client.set_time("run_time", duration=at_s, play_state="paused")
             break
-        except ConnectionError:  # it has not got the recording yet
+        except ConnectionError:  # the recording is still loading
             if time.monotonic() > deadline:
                 raise
             time.sleep(0.2)

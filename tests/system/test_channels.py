@@ -1,4 +1,4 @@
-"""What real processes' links decide is what they decide in virtual time, message by message."""
+"""Links of real processes decide as in virtual time, message by message."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ extends = "lane_change"
 name = "every_law"
 duration_s = 4.0
 [links]
-latency_ms = 100.0          # of which the wire takes a few
+latency_ms = 100.0          # includes the network
 jitter_ms = 15.0
 outages = [{ kind = "window", from_s = 1.0, to_s = 1.2 },
            { kind = "stretch", from_m = 60.0, to_m = 66.0, vehicle = "sender" },
@@ -83,34 +83,34 @@ radio = { power_dbm = -8.0 }
 """
 FLOOR_MS = 100.0
 GAP_M = 215.0
-"""So that radios lose something within seconds."""
-USUAL_S = 4.0
+"""Large enough for radios to lose messages within seconds."""
+DEFAULT_S = 4.0
 LONGER_S = {"lead_lost": 11.5, "tunnel": 11.5}
-"""Presets of which nothing is seen in the first seconds."""
-Fate = tuple[str, str, int, int, int, int, str]
-"""Outcome, reason, instants after the start (ns) of sending and of being visible and heard, copies,
-and what was made false."""
+"""Presets without losses in the first seconds."""
+Verdict = tuple[str, str, int, int, int, int, str]
+"""Outcome, reason, instants after the start (ns) at which a message is sent, visible and received,
+copies, and false content."""
 
 
-def fates(run: Run) -> dict[tuple[str, str, int], Fate]:
-    """What became of each message, by sender, receiver and number."""
+def verdicts(run: Run) -> dict[tuple[str, str, int], Verdict]:
+    """Verdicts by sender, receiver and number of the message."""
     return {
-        (one.sender, one.vehicle, one.pose_seq): (
-            one.outcome,
-            one.reason,
-            one.sent_at_ns - run.start_at,
-            one.visible_at_ns - run.start_at,
-            one.received_at_ns - run.start_at,
-            one.copies,
-            one.content,
+        (m.sender, m.vehicle, m.pose_seq): (
+            m.outcome,
+            m.reason,
+            m.sent_at_ns - run.start_at,
+            m.visible_at_ns - run.start_at,
+            m.received_at_ns - run.start_at,
+            m.copies,
+            m.content,
         )
-        for one in run.messages
-        if isinstance(one, LinkVerdict)
+        for m in run.messages
+        if isinstance(m, LinkVerdict)
     }
 
 
-def both(arguments: tuple[str, ...], folder: Path) -> tuple[Run, Run]:
-    """Run a scenario on the wall clock and in virtual time; both must end well."""
+def run_both_clocks(arguments: tuple[str, ...], folder: Path) -> tuple[Run, Run]:
+    """Run a scenario on the wall clock and in virtual time; both must succeed."""
     with start("run", *arguments, "--quiet", "--out=wall", folder=folder) as wall:
         virtual = run_to_the_end(
             "run", *arguments, "--clock=virtual", "--quiet", "--out=virtual", folder=folder
@@ -120,40 +120,46 @@ def both(arguments: tuple[str, ...], folder: Path) -> tuple[Run, Run]:
     return Run(folder / "wall"), Run(folder / "virtual")
 
 
-def assert_the_same_verdicts(wall: Run, virtual: Run) -> None:
-    """Every message has one fate, until one came late and vehicles parted."""
+def assert_same_verdicts(wall: Run, virtual: Run) -> None:
+    """Compare all verdicts, up to the first late message."""
     assert_equal_while_nothing_was_late(wall, virtual, within_m=20.0)
     late = wall.late_messages_at
-    found, wanted = fates(wall), fates(virtual)
-    sound = {key for key, fate in wanted.items() if not late or fate[4] < late[0]}
-    assert len(sound) > len(wanted) / 2 or late
-    differ = {key: (found.get(key), wanted[key]) for key in sound if found.get(key) != wanted[key]}
+    actual, expected = verdicts(wall), verdicts(virtual)
+    comparable = {key for key, verdict in expected.items() if not late or verdict[4] < late[0]}
+    assert len(comparable) > len(expected) / 2 or late
+    differ = {
+        key: (actual.get(key), expected[key])
+        for key in comparable
+        if actual.get(key) != expected[key]
+    }
     assert not differ
     if not late:
-        assert found == wanted
+        assert actual == expected
 
 
-def test_with_every_law_in_use_processes_judge_as_virtual_time_does(tmp_path: Path) -> None:
+def test_links_with_every_law_decide_alike_in_processes_and_virtual_time(tmp_path: Path) -> None:
     (tmp_path / "every_law.toml").write_text(EVERY_LAW)
-    wall, virtual = both(("every_law.toml",), tmp_path)
-    assert {fate[1] for fate in fates(virtual).values()} == {
+    wall, virtual = run_both_clocks(("every_law.toml",), tmp_path)
+    assert {verdict[1] for verdict in verdicts(virtual).values()} == {
         *("", "rate", "transmitter_off", "receiver_off", "outage", "loss", "burst", "pattern"),
         *("collision", "range", "queue", "corrupted"),
     }
-    assert {fate[6] for fate in fates(virtual).values()} >= {"offset", "replayed", "ghost"}
-    assert any(fate[5] for fate in fates(virtual).values())
-    assert_the_same_verdicts(wall, virtual)
+    assert {verdict[6] for verdict in verdicts(virtual).values()} >= {"offset", "replayed", "ghost"}
+    assert any(verdict[5] for verdict in verdicts(virtual).values())
+    assert_same_verdicts(wall, virtual)
 
 
 @pytest.mark.campaign(1, len(presets()))
-def test_over_every_preset_processes_judge_as_virtual_time_does(case: int, tmp_path: Path) -> None:
+def test_presets_decide_alike_in_processes_and_virtual_time(case: int, tmp_path: Path) -> None:
     name = presets()[case]
-    duration_s = LONGER_S.get(name, USUAL_S)
+    duration_s = LONGER_S.get(name, DEFAULT_S)
     settings = (
         *(f"links.preset={name}", f"links.latency_ms={FLOOR_MS}", f"duration_s={duration_s}"),
         *([] if name in LONGER_S else [f"convoy.gap_m={GAP_M}"]),
     )
-    wall, virtual = both(("lane_change", *(f"--set={one}" for one in settings)), tmp_path)
-    lost = sum(bool(fate[1]) for fate in fates(virtual).values())
+    wall, virtual = run_both_clocks(
+        ("lane_change", *(f"--set={setting}" for setting in settings)), tmp_path
+    )
+    lost = sum(bool(verdict[1]) for verdict in verdicts(virtual).values())
     assert (lost > 0) == (name != "clear")
-    assert_the_same_verdicts(wall, virtual)
+    assert_same_verdicts(wall, virtual)

@@ -1,4 +1,4 @@
-"""A compiled installation drives the same runs as an interpreted one, bit for bit."""
+"""A compiled installation writes the same bytes as an interpreted one."""
 
 import json
 import os
@@ -22,13 +22,13 @@ RUNS = (
     ("highway", "duration_s=3", "control.fusion=blend"),
     ("lead_lost", "duration_s=12"),
 )
-"""Scenarios with what is changed of them."""
-BUILT = "CONVOY_COMPILED"
-"""Variable that names the folder of a compiled installation, as `.ci/compiled` builds one."""
+"""Scenarios with overrides."""
+COMPILED_VARIABLE = "CONVOY_COMPILED"
+"""Variable with the folder of a compiled installation, which `.ci/compiled` builds."""
 
 
 def python(folder: Path, *arguments: str) -> str:
-    """Standard output of this interpreter, which finds the project in `folder`."""
+    """Run this interpreter on the project in `folder`; return its standard output."""
     done = subprocess.run(
         [sys.executable, *arguments],
         cwd=folder,
@@ -42,7 +42,7 @@ def python(folder: Path, *arguments: str) -> str:
 
 
 def copied(into: Path) -> Path:
-    """Copy what the project is built from, without what was compiled in place."""
+    """Copy the sources of the project, without modules compiled in place."""
     leave = ignore_patterns("*.so", "__pycache__")
     for name in ("vehicles", "transport", "scenarios"):
         copytree(ROOT / name, into / name, ignore=leave)
@@ -52,7 +52,7 @@ def copied(into: Path) -> Path:
 
 
 def install(project: Path, into: Path, *, compiled: bool) -> Path:
-    """Install the project from a copy of it, by what is installed here, into a folder."""
+    """Install a copy of the project into a folder, offline."""
     pip = ("-m", "pip", "install", "-q", "--no-deps", "--no-build-isolation", "--no-index")
     done = subprocess.run(
         [sys.executable, *pip, "--target", str(into), str(project)],
@@ -65,9 +65,9 @@ def install(project: Path, into: Path, *, compiled: bool) -> Path:
     return into
 
 
-def driven(folder: Path, out: Path, scenario: str, *changed: str) -> dict[str, bytes]:
-    """Log and summary of a run in virtual time."""
-    changes = (part for one in changed for part in ("--set", one))
+def run_files(folder: Path, out: Path, scenario: str, *changed: str) -> dict[str, bytes]:
+    """Log and summary of a virtual run."""
+    changes = (part for setting in changed for part in ("--set", setting))
     run = ("run", scenario, "--clock", "virtual", "--quiet", "--out", str(out), *changes)
     python(folder, "-m", "scenarios.cli", *run)
     return {name: (out / name).read_bytes() for name in ("run.mcap", "summary.json")}
@@ -75,11 +75,11 @@ def driven(folder: Path, out: Path, scenario: str, *changed: str) -> dict[str, b
 
 @pytest.fixture(scope="module")
 def compiled(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of a compiled installation: the one that `CONVOY_COMPILED` names, or a new one."""
-    if built := os.environ.get(BUILT):
-        return Path(built)
+    """Folder of a compiled installation: that of `CONVOY_COMPILED`, or a new one."""
+    if compiled_folder := os.environ.get(COMPILED_VARIABLE):
+        return Path(compiled_folder)
     if not request.config.getoption("--campaign"):
-        pytest.skip(f"compiles for minutes: .ci/run, {BUILT} or --campaign")
+        pytest.skip(f"takes minutes to compile: .ci/run, {COMPILED_VARIABLE} or --campaign")
     if which("cc") is None:
         pytest.skip("there is no C compiler")
     folder = tmp_path_factory.mktemp("compiled")
@@ -88,12 +88,12 @@ def compiled(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
 
 @pytest.fixture(scope="module")
 def plain(compiled: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:  # noqa: ARG001 - skips
-    """Folder of an interpreted installation of these sources."""
+    """Folder of an interpreted installation of the same sources."""
     folder = tmp_path_factory.mktemp("plain")
     return install(copied(folder / "project"), folder / "site", compiled=False)
 
 
-def test_an_installation_is_compiled_where_that_is_requested(compiled: Path, plain: Path) -> None:
+def test_an_installation_is_compiled_on_request(compiled: Path, plain: Path) -> None:
     assert not list(plain.rglob("*.so"))
     where = "import scenarios.results.metrics as m, vehicles.driver.follower as f; print(m, f)"
     assert python(plain, "-c", where).count(".py'") == 2
@@ -104,11 +104,11 @@ def test_an_installation_is_compiled_where_that_is_requested(compiled: Path, pla
 def test_compiled_runs_have_the_same_bytes(
     compiled: Path, plain: Path, run: tuple[str, ...], tmp_path: Path
 ) -> None:
-    expected = driven(plain, tmp_path / "plain", *run)
-    assert driven(compiled, tmp_path / "compiled", *run) == expected
+    expected = run_files(plain, tmp_path / "plain", *run)
+    assert run_files(compiled, tmp_path / "compiled", *run) == expected
 
 
-def test_a_compiled_process_that_crashes_continues_its_car(compiled: Path, tmp_path: Path) -> None:
+def test_a_crashed_compiled_process_restarts(compiled: Path, tmp_path: Path) -> None:
     crashing = ("run", "lane_change", "--quiet", "--set", "duration_s=4", "--set", CRASH)
     python(compiled, "-m", "scenarios.cli", *crashing, "--out", str(tmp_path / "crashed"))
     summary = json.loads((tmp_path / "crashed" / "summary.json").read_text())

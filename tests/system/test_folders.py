@@ -1,4 +1,4 @@
-"""Folders that two runs are given, that run full, and whose log is removed."""
+"""Run folders that two runs share, on a full disk, and with a removed log."""
 
 import errno
 import os
@@ -16,10 +16,10 @@ DURATION_S = 1.0
 SHORT = ("run", "lane_change", "--set=convoy.vehicles=2", f"--set=duration_s={DURATION_S}")
 
 
-def test_of_two_runs_into_one_folder_one_is_refused_and_the_other_is_whole(tmp_path: Path) -> None:
+def test_the_second_of_two_runs_into_one_folder_is_refused(tmp_path: Path) -> None:
     arguments = (*SHORT, "--out", tmp_path / "run")
-    with start(*arguments, folder=tmp_path) as one, start(*arguments, folder=tmp_path) as other:
-        winner, loser = sorted((one, other), key=lambda process: process.wait())
+    with start(*arguments, folder=tmp_path) as first, start(*arguments, folder=tmp_path) as second:
+        winner, loser = sorted((first, second), key=lambda process: process.wait())
         assert (winner.wait(), loser.wait()) == (0, 2), (winner.err, loser.err)
         assert len(loser.lines()) == 1
         assert str(tmp_path / "run") in loser.err
@@ -28,9 +28,9 @@ def test_of_two_runs_into_one_folder_one_is_refused_and_the_other_is_whole(tmp_p
     assert_nothing_missing(run, DURATION_S)
 
 
-def test_two_runs_of_the_same_second_have_folders_of_their_own(tmp_path: Path) -> None:
-    with start(*SHORT, folder=tmp_path) as one, start(*SHORT, folder=tmp_path) as other:
-        assert (one.wait(), other.wait()) == (0, 0), (one.err, other.err)
+def test_runs_started_in_the_same_second_use_separate_folders(tmp_path: Path) -> None:
+    with start(*SHORT, folder=tmp_path) as first, start(*SHORT, folder=tmp_path) as second:
+        assert (first.wait(), second.wait()) == (0, 0), (first.err, second.err)
     folders = list((tmp_path / "runs").iterdir())
     assert len(folders) == 2
     for folder in folders:
@@ -40,12 +40,12 @@ def test_two_runs_of_the_same_second_have_folders_of_their_own(tmp_path: Path) -
 LONG = ("run", "lane_change", "--set=convoy.vehicles=2", "--set=duration_s=30")
 
 
-def test_a_run_whose_log_is_removed_fails_at_once(tmp_path: Path) -> None:
+def test_a_run_fails_immediately_if_its_log_is_removed(tmp_path: Path) -> None:
     log = tmp_path / "run" / LOG_NAME
     with start(*LONG, "--out", log.parent, folder=tmp_path) as convoy:
         convoy.drive(0.5)
         log.unlink()
-        assert convoy.is_gone_in_time()
+        assert convoy.ends_in_time()
         assert convoy.wait() == 1
         assert "Traceback" not in convoy.err
     reason = Run(log.parent).summary["reason"]
@@ -54,7 +54,7 @@ def test_a_run_whose_log_is_removed_fails_at_once(tmp_path: Path) -> None:
     assert reason in convoy.out
 
 
-def test_a_run_whose_disk_runs_full_fails_with_a_sound_log(tmp_path: Path) -> None:
+def test_a_run_on_a_full_disk_fails_with_a_readable_log(tmp_path: Path) -> None:
     disk = tmp_path / "disk"
     disk.mkdir()
     mounted = subprocess.run(
@@ -63,14 +63,14 @@ def test_a_run_whose_disk_runs_full_fails_with_a_sound_log(tmp_path: Path) -> No
         check=False,
     )
     if mounted.returncode:
-        pytest.skip("may not mount a file system")
+        pytest.skip("mounting a file system is not permitted")
     try:
         with start(*LONG, "--out", disk / "run", folder=tmp_path) as convoy:
             convoy.drive(1.0)
             with suppress(OSError), (disk / "filler").open("wb", buffering=0) as filler:
                 while filler.write(bytes(4096)):
                     pass
-            assert convoy.is_gone_in_time()
+            assert convoy.ends_in_time()
             assert convoy.wait() == 1
             assert f"{disk / 'run' / LOG_NAME}: " in convoy.out
             assert os.strerror(errno.ENOSPC) in convoy.out

@@ -1,4 +1,4 @@
-"""Runs on one router keep apart, and each of their processes hears what becomes of its run."""
+"""Runs on one router are separate, and each process reports the outcome of its run."""
 
 import os
 import signal
@@ -21,8 +21,8 @@ SHORT = (*TWO, f"--set=duration_s={DURATION_S}")
 Start = Callable[..., Process]
 
 
-class Place:
-    """A router at a port of its own, and processes that meet there."""
+class SharedRouter:
+    """A router on a free port, and processes connected to it."""
 
     def __init__(self, folder: Path, stack: ExitStack) -> None:
         with socket() as probe:
@@ -53,18 +53,17 @@ class Place:
         return [recorder, *self.vehicles(scenario, *flags)]
 
     def vehicles(self, scenario: tuple[str, ...], *flags: object) -> list[Process]:
-        """Start two vehicles."""
         return [self.start("vehicle", *scenario, "--name", name, *flags) for name in NAMES]
 
 
 @pytest.fixture
-def place(tmp_path: Path) -> Iterator[Place]:
+def hub(tmp_path: Path) -> Iterator[SharedRouter]:
     with ExitStack() as stack:
-        yield Place(tmp_path, stack)
+        yield SharedRouter(tmp_path, stack)
 
 
 def await_driving(recorder: Process, seconds: float) -> float:
-    """Wait until a convoy has driven for so long; returns when it started, by `time.monotonic`."""
+    """Wait until a convoy has driven for `seconds`; return its start by `time.monotonic`."""
     recorder.await_start()
     started = time.monotonic() + 0.5
     time.sleep(0.5 + seconds)
@@ -76,22 +75,19 @@ def assert_refused(process: Process, line: str) -> None:
     assert process.lines() == [line]
 
 
-def test_two_convoys_on_one_router_drive_as_if_alone_and_refuse_intruders(
-    place: Place, tmp_path: Path
-) -> None:
-    aside = (*SHORT, "--set=vehicle.v1.lateral_offset_m=5")
-    first = place.start("record", *SHORT, "--out", "one")
+def test_convoys_on_one_router_do_not_affect_each_other(hub: SharedRouter, tmp_path: Path) -> None:
+    shifted = (*SHORT, "--set=vehicle.v1.lateral_offset_m=5")
+    first = hub.start("record", *SHORT, "--out", "one")
     assert until(lambda: "waiting for v1, v2" in first.err), first.err
-    assert_refused(  # before the run, which a busy machine might not make it into
-        place.try_out("record", *SHORT, "--out", "second"),
+    assert_refused(  # before the start: a busy machine could miss the run
+        hub.try_out("record", *SHORT, "--out", "second"),
         "run lane_change: there is a recorder already; give another --run",
     )
     assert not (tmp_path / "second").exists()
-    other = place.convoy(aside, "other", "--run", "other")
-    one = [first, *place.vehicles(SHORT)]
-    for part in (*one, *other):
+    other = hub.convoy(shifted, "other", "--run", "other")
+    for part in (first, *hub.vehicles(SHORT), *other):
         assert part.wait() == 0, part.err
-    for name, scenario in (("one", SHORT), ("other", aside)):
+    for name, scenario in (("one", SHORT), ("other", shifted)):
         out = f"{name}-virtual"
         run_to_the_end(
             "run", *scenario, "--clock=virtual", "--quiet", "--out", out, folder=tmp_path
@@ -102,49 +98,49 @@ def test_two_convoys_on_one_router_drive_as_if_alone_and_refuse_intruders(
         assert_equal_while_nothing_was_late(run, Run(tmp_path / out), within_m=0.05)
 
 
-def test_those_that_do_not_belong_are_refused_and_harm_nobody(place: Place, tmp_path: Path) -> None:
-    vehicle = place.start("vehicle", *SHORT, "--name=v1")
+def test_processes_that_do_not_match_the_run_are_refused(hub: SharedRouter, tmp_path: Path) -> None:
+    vehicle = hub.start("vehicle", *SHORT, "--name=v1")
     assert until(lambda: "waiting for the recorder of run lane_change" in vehicle.err), vehicle.err
     assert_refused(
-        place.try_out("vehicle", *SHORT, "--name=v1"),
+        hub.try_out("vehicle", *SHORT, "--name=v1"),
         "run lane_change: there is a vehicle v1 already; give another --run",
     )
     assert_refused(
-        place.try_out("vehicle", *SHORT, "--name=v2", "--seed=7"),
+        hub.try_out("vehicle", *SHORT, "--name=v2", "--seed=7"),
         "run lane_change: v1 has seed 1, here it is 7",
     )
     assert_refused(
-        place.try_out("record", *SHORT, "--set=convoy.gap_m=4", "--out=run"),
+        hub.try_out("record", *SHORT, "--set=convoy.gap_m=4", "--out=run"),
         "run lane_change: v1 has another content of scenario lane_change (file or --set)",
     )
     assert_refused(
-        place.try_out("vehicle", *SHORT, "--name=v2", "--run=a/b"),
+        hub.try_out("vehicle", *SHORT, "--name=v2", "--run=a/b"),
         "--run 'a/b': allowed are up to 100 letters, digits, underscores and hyphens",
     )
-    recorder = place.start("record", *SHORT, "--out=run")
-    second = place.start("vehicle", *SHORT, "--name=v2")
+    recorder = hub.start("record", *SHORT, "--out=run")
+    second = hub.start("vehicle", *SHORT, "--name=v2")
     recorder.await_start()
-    late = place.try_out("vehicle", *SHORT, "--name=v2", "--run=lane_change")
+    late = hub.try_out("vehicle", *SHORT, "--name=v2", "--run=lane_change")
     assert late.exit_code == 2  # while its namesake drives
     for part in (vehicle, second, recorder):
         assert part.wait() == 0, part.err
     assert Run(tmp_path / "run").summary["outcome"] == "completed"
 
 
-def test_a_vehicle_hears_that_its_run_is_off_or_has_started_without_it(place: Place) -> None:
-    vehicle = place.start("vehicle", *SHORT, "--name=v1")
+def test_vehicles_report_a_cancelled_or_already_started_run(hub: SharedRouter) -> None:
+    vehicle = hub.start("vehicle", *SHORT, "--name=v1")
     assert until(lambda: "joined" in vehicle.err), vehicle.err
-    recorder = place.start("record", *SHORT, "--out=off", "--wait=4")
+    recorder = hub.start("record", *SHORT, "--out=off", "--wait=4")
     assert recorder.wait() == 1
     assert "run: waiting for v2" in recorder.lines()
     assert vehicle.wait() == 1
     assert vehicle.lines()[1:] == ["v1: run lane_change was cancelled: not present in time: v2"]
 
-    goes_on = (*TWO, "--set=duration_s=12", '--set=convoy.on_vehicle_failure="continue"')
-    recorder, first, second = place.convoy(goes_on, "on")
+    continuing = (*TWO, "--set=duration_s=12", '--set=convoy.on_vehicle_failure="continue"')
+    recorder, first, second = hub.convoy(continuing, "on")
     await_driving(recorder, 0.2)
     second.popen.send_signal(signal.SIGKILL)
-    late = place.try_out("vehicle", *goes_on, "--name=v2")
+    late = hub.try_out("vehicle", *continuing, "--name=v2")
     assert late.exit_code == 1
     assert late.lines()[1:] == ["v2: run lane_change had started before this vehicle joined"]
     recorder.popen.send_signal(signal.SIGKILL)
@@ -152,14 +148,14 @@ def test_a_vehicle_hears_that_its_run_is_off_or_has_started_without_it(place: Pl
     assert first.lines()[2:] == ["v1: run lane_change failed: its recorder has left"]
 
 
-def test_a_router_that_is_away_at_the_end_does_not_fail_a_completed_run(
-    place: Place, tmp_path: Path
+def test_a_router_absent_at_the_end_does_not_fail_a_completed_run(
+    hub: SharedRouter, tmp_path: Path
 ) -> None:
-    recorder, *vehicles = place.convoy(SHORT, "run")
+    recorder, *vehicles = hub.convoy(SHORT, "run")
     started = await_driving(recorder, 1.0)
-    place.lose_router()
+    hub.lose_router()
     time.sleep(max(started + DURATION_S + 0.5 - time.monotonic(), 0.0))
-    place.start_router()
+    hub.start_router()
     for part in (recorder, *vehicles):
         assert part.wait() == 0, part.err
     summary = Run(tmp_path / "run").summary
@@ -169,60 +165,62 @@ def test_a_router_that_is_away_at_the_end_does_not_fail_a_completed_run(
     assert summary["recorder_rejected_messages"] == {}
 
 
-def test_a_router_that_is_lost_for_good_ends_all(tmp_path: Path) -> None:
-    """In mid-run, and in the last second; side by side, for both wait five seconds for it."""
+def test_a_permanently_lost_router_ends_all_processes(tmp_path: Path) -> None:
+    """Lose the router in mid-run and in the last second, in parallel: each waits 5 s."""
     mid, end = tmp_path / "mid", tmp_path / "end"
     with ExitStack() as stack:
-        places, parts = {}, {}
+        hubs, parts = {}, {}
         for folder, duration_s in ((mid, 30.0), (end, 3.0)):
             folder.mkdir()
-            places[folder] = Place(folder, stack)
-            parts[folder] = places[folder].convoy((*TWO, f"--set=duration_s={duration_s}"), "run")
+            hubs[folder] = SharedRouter(folder, stack)
+            parts[folder] = hubs[folder].convoy((*TWO, f"--set=duration_s={duration_s}"), "run")
         for folder, seconds in ((end, 2.6), (mid, 0.0)):
             await_driving(parts[folder][0], seconds)
-            places[folder].lose_router()
-        for folder, exit_code, said, outcome in (
+            hubs[folder].lose_router()
+        for folder, exit_code, message, outcome in (
             (mid, 1, "failed: the router was lost", "failed"),
             (end, 0, "is over", "completed"),
         ):
             for part in parts[folder]:
                 assert part.wait() == exit_code, part.err
             for name, vehicle in zip(NAMES, parts[folder][1:], strict=True):
-                assert vehicle.lines()[-1] == f"{name}: run lane_change {said}"
+                assert vehicle.lines()[-1] == f"{name}: run lane_change {message}"
             assert Run(folder / "run").summary["outcome"] == outcome
 
 
 _FILTER = '{flows: ["ingress"], messages: ["put"], key_exprs: ["**/gps"], size_limit: 0}'
-DEAF = f"low_pass_filter:[{_FILTER}]"
-"""A setting of Zenoh by which no pose reaches a process."""
+NO_POSES = f"low_pass_filter:[{_FILTER}]"
+"""A Zenoh setting that blocks all incoming poses."""
 
 
-def test_a_clean_link_that_delivers_nothing_fails_the_run(place: Place, tmp_path: Path) -> None:
+def test_a_clean_link_that_delivers_nothing_fails_the_run(
+    hub: SharedRouter, tmp_path: Path
+) -> None:
     scenario = (*TWO, "--set=duration_s=2")
-    recorder = place.start("record", *scenario, "--out=run", "--quiet")
-    lead = place.start("vehicle", *scenario, "--name=v1")
-    deaf = place.start("vehicle", *scenario, "--name=v2", "--cfg", DEAF)
+    recorder = hub.start("record", *scenario, "--out=run", "--quiet")
+    lead = hub.start("vehicle", *scenario, "--name=v1")
+    without_poses = hub.start("vehicle", *scenario, "--name=v2", "--cfg", NO_POSES)
     reason = "v1 → v2 delivered none of 40 poses"
     assert recorder.wait() == 1
     assert recorder.lines() == [reason]
-    for name, vehicle in (("v1", lead), ("v2", deaf)):
+    for name, vehicle in (("v1", lead), ("v2", without_poses)):
         assert vehicle.wait() == 1
         assert vehicle.lines()[-1] == f"{name}: run lane_change failed: {reason}"
     summary = Run(tmp_path / "run").summary
     assert (summary["outcome"], summary["reason"]) == ("failed", reason)
 
 
-def test_a_vehicle_whose_clock_is_off_is_not_driven_with(
-    place: Place, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_vehicle_with_a_wrong_clock_cancels_the_run(
+    hub: SharedRouter, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    vehicles = [place.start("vehicle", *SHORT, "--name=v1")]
+    vehicles = [hub.start("vehicle", *SHORT, "--name=v1")]
     (tmp_path / "sitecustomize.py").write_text(
         "import time\nreal = time.time_ns\ntime.time_ns = lambda: real() - 10_000_000_000\n"
     )
     with monkeypatch.context() as patch:
         patch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
-        vehicles.append(place.start("vehicle", *SHORT, "--name=v2"))
-    recorder = place.start("record", *SHORT, "--out=run", "--quiet")
+        vehicles.append(hub.start("vehicle", *SHORT, "--name=v2"))
+    recorder = hub.start("record", *SHORT, "--out=run", "--quiet")
     assert recorder.wait() == 1
     (line,) = recorder.lines()
     assert "v2" in line
@@ -231,13 +229,13 @@ def test_a_vehicle_whose_clock_is_off_is_not_driven_with(
     for name, vehicle in zip(NAMES, vehicles, strict=True):
         assert vehicle.wait() == 1
         assert vehicle.lines()[1:] == [f"{name}: run lane_change was cancelled: {reason}"]
-    said = [text for text in Run(tmp_path / "run").texts(RUN_SENDER) if "clock of" in text]
-    assert [text.split()[3] for text in said] == ["v1", "v2"]
+    lines = [text for text in Run(tmp_path / "run").texts(RUN_SENDER) if "clock of" in text]
+    assert [text.split()[3] for text in lines] == ["v1", "v2"]
 
 
-def test_a_recorder_that_is_held_up_loses_nothing(place: Place, tmp_path: Path) -> None:
+def test_a_suspended_recorder_loses_nothing(hub: SharedRouter, tmp_path: Path) -> None:
     duration_s = 5.0
-    recorder, *vehicles = place.convoy((*TWO, f"--set=duration_s={duration_s}"), "run")
+    recorder, *vehicles = hub.convoy((*TWO, f"--set=duration_s={duration_s}"), "run")
     await_driving(recorder, 0.5)
     recorder.part("recorder").suspend()
     time.sleep(3.0)
@@ -247,29 +245,29 @@ def test_a_recorder_that_is_held_up_loses_nothing(place: Place, tmp_path: Path) 
     assert_nothing_missing(Run(tmp_path / "run"), duration_s)
 
 
-def test_a_recorder_that_was_cut_off_names_what_it_missed(place: Place, tmp_path: Path) -> None:
-    """And makes no error of it: the convoy drives on meanwhile."""
+def test_a_disconnected_recorder_lists_missing_messages(hub: SharedRouter, tmp_path: Path) -> None:
+    """The run is completed: the convoy does not depend on the recorder."""
     duration_s = 5.0
     scenario = (*TWO, f"--set=duration_s={duration_s}")
-    lease = ("--cfg", "transport/link/tx/lease:1000")  # after it the router gives the recorder up
-    recorder = place.start("record", *scenario, "--out", "run", *lease)
-    vehicles = [place.start("vehicle", *scenario, "--name", name) for name in NAMES]
+    lease = ("--cfg", "transport/link/tx/lease:1000")  # then the router drops the recorder
+    recorder = hub.start("record", *scenario, "--out", "run", *lease)
+    vehicles = [hub.start("vehicle", *scenario, "--name", name) for name in NAMES]
     await_driving(recorder, 0.5)
     recorder.part("recorder").suspend()
     time.sleep(2.5)
     recorder.part("recorder").resume()
     for part in (recorder, *vehicles):
         assert part.wait() == 0, part.err
-    found = Run(tmp_path / "run").summary
-    missing = {row["name"]: row["missing_poses"] for row in found["vehicles"]}
+    summary = Run(tmp_path / "run").summary
+    missing = {row["name"]: row["missing_poses"] for row in summary["vehicles"]}
     assert all(missing.values())
     holes = dict.fromkeys(missing, 0)
-    for hole in found["holes"]:
+    for hole in summary["holes"]:
         holes[hole["vehicle"]] += hole["poses"] if hole["kind"] == "pose" else 0
         assert 0.0 <= hole["from_s"] <= hole["to_s"] < duration_s
     assert holes == missing
-    for row in found["vehicles"]:
+    for row in summary["vehicles"]:
         assert row["poses"] + row["missing_poses"] == 20 * duration_s
-    assert found["vehicles"][1]["cross_track_error_m_max"] < 0.2
+    assert summary["vehicles"][1]["cross_track_error_m_max"] < 0.2
     assert "not recorded: " in recorder.out
     assert "the figures cover only what was recorded" in recorder.out

@@ -1,4 +1,4 @@
-"""Real processes: a collision ends a run that allows none."""
+"""In a run of real processes, a collision ends a run that allows none."""
 
 import json
 from pathlib import Path
@@ -23,7 +23,7 @@ profile = [{ at_s = 0.0, speed_mps = 25.0 }, { at_s = 1.0, speed_mps = 25.0 },
 standstill_m = 1.0
 headway_s = 0.05
 [control.degradation]
-reaction = "extrapolate"    # who degrades does not collide
+reaction = "extrapolate"    # a follower that degrades does not collide
 [links]
 loss_ratio = 0.9
 [limits]
@@ -32,20 +32,20 @@ collisions_max = 0
 
 
 def summary(folder: Path) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    return found
+    values: dict[str, Any] = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    return values
 
 
-def test_a_collision_ends_the_run_and_is_said_everywhere(tmp_path: Path) -> None:
+def test_a_collision_ends_the_run_and_is_reported(tmp_path: Path) -> None:
     (tmp_path / "braking.toml").write_text(BRAKING)
-    said = run_to_the_end("run", "braking.toml", "--out", "hit", folder=tmp_path)
-    found = summary(tmp_path / "hit")
-    (collision,) = [one for one in found["events"] if one["kind"] == "collision"]
+    done = run_to_the_end("run", "braking.toml", "--out", "hit", folder=tmp_path)
+    result = summary(tmp_path / "hit")
+    (collision,) = [event for event in result["events"] if event["kind"] == "collision"]
     assert collision["vehicles"] == ["v1", "v2"]
-    assert said.exit_code == 1
-    assert found["outcome"] == "failed"
-    assert found["reason"].startswith("limits.collisions_max = 0: collision: v2 and v1, closing")
-    assert found["ran_s"] < 20.0
-    assert "run: collision: v2 and v1, closing at " in said.err
-    assert found["reason"] in said.out
-    assert "events: " in said.out
+    assert done.exit_code == 1
+    assert result["outcome"] == "failed"
+    assert result["reason"].startswith("limits.collisions_max = 0: collision: v2 and v1, closing")
+    assert result["ran_s"] < 20.0
+    assert "run: collision: v2 and v1, closing at " in done.err
+    assert result["reason"] in done.out
+    assert "events: " in done.out

@@ -23,7 +23,7 @@ def drawn_channel(chance: Random, share: float) -> Raw:
 
 
 def drawn_preset(chance: Random) -> str:
-    """Draw laws that are equal for all links."""
+    """Draw a preset with equal laws for all links."""
     return chance.choice([name for name in presets() if not read_preset(name).entries])
 
 
@@ -46,7 +46,7 @@ def drawn_delay(chance: Random) -> Raw:
 
 
 def drawn_queue(chance: Random) -> Raw:
-    """Draw a queue, from one that drops everything to one in which nothing waits."""
+    """Draw a queue, from dropping everything to no waiting."""
     return {
         "bytes_per_s": chance.choice([1.0, 2000.0, 1e9, chance.uniform(500.0, 10_000.0)]),
         "depth_messages": chance.choice([1, 10, 10_000]),
@@ -55,7 +55,7 @@ def drawn_queue(chance: Random) -> Raw:
 
 
 def drawn_outages(chance: Random) -> list[Raw]:
-    """Draw outages by time, by place and at random."""
+    """Draw outages by time, by place, and random ones."""
     drawn = [_window, _stretch, _circle, _random_outage]
     return [chance.choice(drawn)(chance) for _ in range(chance.randint(0, 3))]
 
@@ -67,12 +67,10 @@ def drawn_spans(chance: Random) -> list[Raw]:
 
 
 def drawn_radio(chance: Random) -> Raw:
-    """Draw a radio of either kind."""
     return chance.choice([_table, _path_loss])(chance)
 
 
 def drawn_content(chance: Random) -> Raw:
-    """Draw alterations of contents."""
     table: Raw = {
         "duplicate_ratio": chance.choice([0.0, 1.0, chance.random()]),
         "filter_duplicates": chance.random() < 0.5,
@@ -103,14 +101,14 @@ def _stretch(chance: Random) -> Raw:
         "kind": "stretch",
         "from_m": start,
         "to_m": start + length,
-        "vehicle": _who(chance),
+        "vehicle": _vehicle(chance),
     } | again
 
 
 def _circle(chance: Random) -> Raw:
     place = {"east_m": chance.uniform(-50.0, 50.0), "north_m": chance.uniform(-50.0, 50.0)}
     radius = chance.choice([0.01, 10.0, 1e5])
-    return {"kind": "circle", **place, "radius_m": radius, "vehicle": _who(chance)}
+    return {"kind": "circle", **place, "radius_m": radius, "vehicle": _vehicle(chance)}
 
 
 def _random_outage(chance: Random) -> Raw:
@@ -118,7 +116,7 @@ def _random_outage(chance: Random) -> Raw:
     return {"kind": "random", "mean_on_s": on, "mean_off_s": off}
 
 
-def _who(chance: Random) -> str:
+def _vehicle(chance: Random) -> str:
     return chance.choice(["sender", "receiver", "either", "both"])
 
 
@@ -162,7 +160,7 @@ def _false(chance: Random) -> Raw:
     span: Raw = {"from_s": start}
     if chance.random() < 0.5:
         span["to_s"] = start + chance.uniform(0.01, 1.0)
-    far = {f"{way}_m": chance.choice([1.0, 30.0, -1e4]) for way in ("east", "ahead", "left")}
+    far = {f"{axis}_m": chance.choice([1.0, 30.0, -1e4]) for axis in ("east", "ahead", "left")}
     return chance.choice(
         [
             {"kind": "offset", **far, **span},
@@ -183,4 +181,4 @@ LAWS = {
     "radio": drawn_radio,
     "content": drawn_content,
 }
-"""Laws of a link, each with its generator."""
+"""Generators of the laws of a link."""

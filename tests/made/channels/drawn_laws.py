@@ -1,4 +1,4 @@
-"""Random, consistent laws of loss of a link."""
+"""Random, consistent loss laws of a link."""
 
 from random import Random
 from typing import Any
@@ -7,14 +7,12 @@ Raw = dict[str, Any]
 
 
 def drawn_loss(chance: Random) -> Raw:
-    """Draw a law of loss of any kind."""
     return chance.choice(
         [_none, _mean_values, _chances, _four_state, _every_nth, _listed, _pattern, _log]
     )(chance)
 
 
 def drawn_collisions(chance: Random) -> Raw:
-    """Draw persistent collisions."""
     least = chance.choice([1, 5, 25])
     lengths = {
         "reselection_messages_min": least,
@@ -29,7 +27,7 @@ def drawn_collisions(chance: Random) -> Raw:
 def inline(value: object) -> str:
     """A value as TOML on one line."""
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{key} = {inline(one)}" for key, one in value.items()) + "}"
+        return "{" + ", ".join(f"{key} = {inline(entry)}" for key, entry in value.items()) + "}"
     return repr(value)
 
 

@@ -1,4 +1,4 @@
-"""False contents in an interval, as on a link of a run."""
+"""False contents of a link in an interval."""
 
 from dataclasses import asdict
 from math import inf
@@ -18,10 +18,10 @@ from transport.links.laws.false_content import (
 from transport.links.laws.link_law import LinkSetting
 from vehicles.schedule import SECOND
 
-Some = TypeVar("Some", bound=FalseContent)
+Content = TypeVar("Content", bound=FalseContent)
 
 
-def _in(spell: FalseInterval, law: type[Some], rate_hz: float = 20.0, **keys: float) -> Some:
+def _in(spell: FalseInterval, law: type[Content], rate_hz: float = 20.0, **keys: float) -> Content:
     start_at = START if spell.from_at >= START else 0
     to_s = None if spell.to_at == inf else (spell.to_at - start_at) / SECOND
     keys |= {"from_s": max((spell.from_at - start_at) / SECOND, 1e-9)}

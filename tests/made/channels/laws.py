@@ -16,8 +16,8 @@ SomeLaw = TypeVar("SomeLaw", bound=LinkLaw)
 
 def for_link(law: SomeLaw, setting: LinkSetting | None = None) -> SomeLaw:
     """First effect of the law on a link; raises ValueError if its keys do not fit."""
-    for key, why in law.problems():
-        raise ValueError(f"{key}: {why}")
+    for key, problem in law.problems():
+        raise ValueError(f"{key}: {problem}")
     effect = law.effects(setting or LinkSetting())[0]
     assert isinstance(effect, type(law))
     return effect
@@ -30,7 +30,7 @@ def long_run(effect: Effect) -> tuple[float | None, float | None]:
 
 
 def gilbert_elliott(p: float, r: float, h: float = 0.0, k: float = 1.0) -> GilbertElliott:
-    """By its probabilities."""
+    """From its probabilities."""
     return for_link(
         GilbertElliott(
             good_to_bad_ratio=p, bad_to_good_ratio=r, bad_delivered_ratio=h, good_delivered_ratio=k
@@ -39,14 +39,14 @@ def gilbert_elliott(p: float, r: float, h: float = 0.0, k: float = 1.0) -> Gilbe
 
 
 def gilbert(loss: float, burst: float) -> GilbertElliott:
-    """By mean loss and mean burst."""
+    """From mean loss and mean burst."""
     return for_link(GilbertElliott(loss_ratio=loss, burst_messages_mean=burst))
 
 
 def four_state(
     p13: float, p31: float, p32: float = 0.0, p23: float = 1.0, p14: float = 0.0
 ) -> FourState:
-    """By netem's probabilities."""
+    """From the probabilities of netem."""
     return for_link(
         FourState(
             gap_to_burst_ratio=p13,
@@ -59,7 +59,7 @@ def four_state(
 
 
 def collisions(loss: float, keep: float = 0.0, least: int = 5, most: int = 15) -> Collisions:
-    """By loss, probability of keeping a resource, and limits of a reservation."""
+    """From loss, probability of keeping a resource, and limits of a reservation."""
     return for_link(
         Collisions(
             loss_ratio=loss,
@@ -85,17 +85,16 @@ def stretch(
     receiver: float,
     every_m: float | None = None,
 ) -> StretchOutage:
-    """With the stations of both ends at the start."""
+    """An outage between two stations; `sender` and `receiver` are stations at the start."""
     law = StretchOutage(from_m=ends_m[0], to_m=ends_m[1], vehicle=vehicle, every_m=every_m)
     return for_link(law, LinkSetting(sender_station=sender, receiver_station=receiver))
 
 
 def circle(east: float, north: float, radius: float, vehicle: AffectedVehicle) -> CircleOutage:
-    """In the plane."""
     return for_link(CircleOutage(east_m=east, north_m=north, radius_m=radius, vehicle=vehicle))
 
 
 def random_outage(on: int, off: int, start_at: int, place: int = 0) -> RandomOutage:
-    """By the mean times on and off (ns)."""
+    """From the mean times on and off (ns)."""
     law = RandomOutage(mean_on_s=on / SECOND, mean_off_s=off / SECOND)
     return for_link(law, LinkSetting(start_at=start_at, place=place))

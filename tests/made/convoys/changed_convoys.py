@@ -1,4 +1,4 @@
-"""Convoys to which something is done, driven in virtual time with all that they send."""
+"""Convoys with `[[change]]` entries, run in virtual time with all their messages."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -33,15 +33,15 @@ segments = [{ length_m = 30.0 }, { length_m = 40.0, radius_m = 120.0, turn = "le
 
 def changed(*changes: str, rest: str = "", overrides: Sequence[str] = ()) -> Scenario:
     """The road with one `[[change]]` of each text in `changes`."""
-    entries = "".join(f"[[change]]\n{one}\n" for one in changes)
+    entries = "".join(f"[[change]]\n{change}\n" for change in changes)
     return scenario_from_text(f"{ROAD}\n{rest}\n{entries}", overrides=overrides)
 
 
 @dataclass
 class ChangedConvoy:
-    """A convoy in virtual time: its nodes, and all messages in the order in which they were sent.
+    """A convoy in virtual time: its nodes, and all messages in the order of sending.
 
-    Between two ticks a node can be exchanged for another one.
+    A node can be replaced between two ticks.
     """
 
     scenario: Scenario
@@ -49,51 +49,48 @@ class ChangedConvoy:
     nodes: dict[str, Node | ReplayedNode] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Build the vehicles."""
         self.start_at = self.scenario.start_at_ns
         self.bus = MemoryBus()
         self.builders = {n: VehicleBuilder(self.scenario, n) for n in self.scenario.vehicle_names}
         for name, builder in self.builders.items():
-            self.put(name, builder.node(self.start_at, self.sink(name), NoProbe()))
+            self.set_node(name, builder.node(self.start_at, self.sink(name), NoProbe()))
 
     def sink(self, name: str) -> ObservedSink:
-        """Where the messages of a vehicle go; only poses are encoded, which the others hear."""
+        """Sink of a vehicle; only poses are encoded, as other vehicles receive nothing else."""
         keep = OnMessage(lambda _, message: self.sent.append(message))
         return ObservedSink(name, self.bus, lambda: 0, listeners_by_kind([keep]))
 
-    def put(self, name: str, node: Node | ReplayedNode) -> None:
-        """Let `node` be the vehicle from now on."""
+    def set_node(self, name: str, node: Node | ReplayedNode) -> None:
+        """Set or replace the node of a vehicle."""
         if name not in self.nodes:
             for key in node.inbox.keys:
-                self.bus.subscribe(key, partial(self._hear, name))
+                self.bus.subscribe(key, partial(self._receive, name))
         self.nodes[name] = node
 
-    def _hear(self, name: str, key: str, data: bytes) -> None:
+    def _receive(self, name: str, key: str, data: bytes) -> None:
         self.nodes[name].inbox.on_bytes(key, data)
 
     def _step(self, name: str, tick: Tick) -> None:
         step_with_faults(self.nodes[name], name, self.start_at)(tick)
 
     def steps(self) -> list[Stepper]:
-        """What the vehicles do."""
         return [
             Stepper(builder.schedule, partial(builder.ticks, self.start_at), partial(self._step, n))
             for n, builder in self.builders.items()
         ]
 
     def run(self) -> "ChangedConvoy":
-        """Drive to the end."""
         for tick, step in steps_in_order(self.steps()):
             step(tick)
         return self
 
     def of(self, vehicle: str, kind: type[Message]) -> list[Any]:
         """All messages of one kind from a vehicle."""
-        return [one for one in self.sent if one.vehicle == vehicle and type(one) is kind]
+        return [m for m in self.sent if m.vehicle == vehicle and type(m) is kind]
 
     def truths(self, vehicle: str) -> dict[float, TruePose]:
         """True poses of a vehicle, by seconds after the start."""
         return {
-            round((one.true_at_ns - self.start_at) / 1e9, 6): one
-            for one in self.of(vehicle, TruePose)
+            round((pose.true_at_ns - self.start_at) / 1e9, 6): pose
+            for pose in self.of(vehicle, TruePose)
         }

@@ -1,4 +1,4 @@
-"""Convoys in virtual time without a log: what each car was told, and how it truly moved."""
+"""Convoys in virtual time without a log: commands and true motion of each car."""
 
 from collections import defaultdict
 from dataclasses import dataclass, field
@@ -11,14 +11,13 @@ from vehicles.messages import Command, LogText, Message, TruePose
 
 @dataclass
 class Driven:
-    """True poses, commands and lines of the log by vehicle."""
+    """True poses, commands and log lines by vehicle."""
 
     truth: defaultdict[str, list[TruePose]] = field(default_factory=lambda: defaultdict(list))
     commands: defaultdict[str, list[Command]] = field(default_factory=lambda: defaultdict(list))
     texts: defaultdict[str, list[LogText]] = field(default_factory=lambda: defaultdict(list))
 
     def take(self, _at: int, message: Message) -> None:
-        """Keep a message of one of these kinds."""
         match message:
             case TruePose():
                 self.truth[message.vehicle].append(message)
@@ -29,7 +28,7 @@ class Driven:
 
 
 def drive(scenario: Scenario) -> Driven:
-    """Drive `scenario` to its end; only poses are encoded, which the others hear."""
+    """Run `scenario` to its end; only poses are encoded, as vehicles receive nothing else."""
     driven = Driven()
     virtual_drive(scenario, [OnMessage(driven.take)]).raise_fault()
     return driven

@@ -1,7 +1,6 @@
-"""Whole scenarios drawn at random over the schema: every key that it has, its limits included.
+"""Random scenarios over the whole schema, including the limits of its keys.
 
-What is drawn is meant to be run: paths are longer than the drive, and no run costs more than some
-hundred steps.
+They can be run: paths are longer than the drive, and a run takes a few hundred steps.
 """
 
 import math
@@ -41,9 +40,9 @@ from vehicles.car.positioning.gnss_settings import StateErrors
 from vehicles.car.sending.intervals import CAM_SHARES
 
 Raw = dict[str, Any]
-MOST_VEHICLES = 8
+VEHICLES_MAX = 8
 STEPS = 200
-"""Of all vehicles of a run together, control and GNSS: what one costs of time."""
+"""Steps of control and GNSS of all vehicles of a run, which determine its cost."""
 CAR = {
     "mass_kg": LINCOLN_MKZ.mass,
     "yaw_inertia_kgm2": LINCOLN_MKZ.yaw_inertia,
@@ -52,25 +51,25 @@ CAR = {
     "front_axle_distance_m": LINCOLN_MKZ.front_axle_distance,
     "rear_axle_distance_m": LINCOLN_MKZ.rear_axle_distance,
 }
-"""What has to fit together for a car to be one."""
+"""Parameters that must be consistent."""
 SHARES = (0.0, 0.0, 0.2, 0.5, 1.0)
-"""Of a table's keys so many are given."""
-APART = (*LAWS, "preset", "preset_source")
-"""Keys of a link that are not drawn by the schema alone."""
-OF_ALL_SHARE, OF_ONE_SHARE = 0.12, 0.25
-"""Chance of each law for all links, and for one."""
+"""Shares of the keys of a table that are given."""
+SEPARATE_KEYS = (*LAWS, "preset", "preset_source")
+"""Keys of a link with generators of their own."""
+ALL_LINKS_SHARE, ONE_LINK_SHARE = 0.12, 0.25
+"""Probability of each law for all links, and for one link."""
 
 
 @dataclass(frozen=True)
 class DrawnScenario:
-    """A scenario file, the files that it names, and what is given beside it on the command line."""
+    """A scenario file, the files that it names, and overrides."""
 
     tables: Raw
     files: Mapping[str, str] = field(default_factory=dict)
     overrides: Sequence[str] = ()
 
     def write(self, folder: Path) -> Path:
-        """Write it into `folder`; returns the scenario's file."""
+        """Write all files into `folder`; return the path of the scenario."""
         for name, text in self.files.items():
             (folder / name).write_text(text, encoding="utf-8")
         path = folder / "drawn.toml"
@@ -79,12 +78,10 @@ class DrawnScenario:
 
     @property
     def settings(self) -> list[str]:
-        """Its overrides as arguments."""
-        return [f"--set={one}" for one in self.overrides]
+        return [f"--set={override}" for override in self.overrides]
 
 
 def drawn_scenario(chance: Random) -> DrawnScenario:
-    """Draw a scenario."""
     names = _names(chance)
     tables: Raw = {"name": chance.choice(["drawn", "A", "a-b_c" * 6])}
     files: dict[str, str] = {}
@@ -92,7 +89,7 @@ def drawn_scenario(chance: Random) -> DrawnScenario:
     _put(tables, "vehicle", {name: own for name, own in followers.items() if own})
     _put(tables, "parameters", _car(chance))
     _put(tables, "loading", drawn_table(chance, SettingsTable[Loading]))
-    _put(tables, "links", _links(chance, LinkTable, OF_ALL_SHARE))
+    _put(tables, "links", _links(chance, LinkTable, ALL_LINKS_SHARE))
     if len(names) > 1:
         _put(tables, "link", [_link(chance, names) for _ in range(chance.choice([0, 0, 1, 3]))])
     _put(tables, "events", drawn_table(chance, EventsTable))
@@ -115,7 +112,7 @@ def drawn_scenario(chance: Random) -> DrawnScenario:
     tables["speed"] = _speed(chance)
     tables["duration_s"] = _duration_s(chance, tables, names)
     tables["path"] = _path(chance, tables, files)
-    return _spread(chance, tables, files)
+    return _split(chance, tables, files)
 
 
 # ---- Values of the schema
@@ -124,7 +121,7 @@ def drawn_scenario(chance: Random) -> DrawnScenario:
 def drawn_table(
     chance: Random, table: type[Table], leave_out: Collection[str] = (), share: float | None = None
 ) -> Raw:
-    """Draw some keys of a table, each with a value that it allows."""
+    """Draw some keys of a table with allowed values."""
     share = chance.choice(SHARES) if share is None else share
     return {
         name: value
@@ -135,11 +132,11 @@ def drawn_table(
 
 
 def _value(chance: Random, kind: Any, rules: Sequence[object], usual: object) -> object:
-    """Draw a value of an annotation; None where it has no numbers or words of its own."""
+    """Draw a value of an annotation; None if it has neither numbers nor words."""
     origin = get_origin(kind)
     if origin is Annotated:
         inner, *more = get_args(kind)
-        rules = [*rules, *(rule for one in more for rule in getattr(one, "metadata", [one]))]
+        rules = [*rules, *(rule for extra in more for rule in getattr(extra, "metadata", [extra]))]
         return _value(chance, inner, rules, usual)
     if origin in {Union, UnionType}:
         return _value(chance, get_args(kind)[0], rules, usual)
@@ -154,7 +151,7 @@ def _value(chance: Random, kind: Any, rules: Sequence[object], usual: object) ->
 
 
 def limits_of(rules: Sequence[object], *, whole: bool) -> tuple[float, float]:
-    """Return the least and the greatest number that rules of a schema allow."""
+    """The least and the greatest number that rules of a schema allow."""
     least, most = -math.inf, math.inf
     for rule in rules:
         if (bound := getattr(rule, "ge", None)) is not None:
@@ -169,7 +166,7 @@ def limits_of(rules: Sequence[object], *, whole: bool) -> tuple[float, float]:
 
 
 def number(chance: Random, least: float, most: float, usual: object) -> float:
-    """Draw a number: at a limit, about the usual one, or any between the limits."""
+    """Draw a number: a limit, near the usual one, or any between the limits."""
     about = usual if isinstance(usual, int | float) and usual else 1.0
     most = most if math.isfinite(most) else max(10.0 * about, 3)
     least = least if math.isfinite(least) else -most
@@ -185,7 +182,7 @@ def number(chance: Random, least: float, most: float, usual: object) -> float:
     return min(max(drawn, least), most)
 
 
-# ---- The tables whose keys have to fit one another
+# ---- Tables whose keys depend on each other
 
 
 def _put(tables: Raw, key: str, value: object) -> None:
@@ -194,8 +191,8 @@ def _put(tables: Raw, key: str, value: object) -> None:
 
 
 def _names(chance: Random) -> list[str]:
-    """Names of the convoy, usual ones or others."""
-    count = chance.randint(1, MOST_VEHICLES)
+    """Names of the vehicles, default or other ones."""
+    count = chance.randint(1, VEHICLES_MAX)
     if chance.random() < 0.7:
         return [f"v{place}" for place in range(1, count + 1)]
     return [f"{chance.choice('aZx')}{'_-9'[place % 3] * (place + 1)}" for place in range(count)]
@@ -210,7 +207,7 @@ def _convoy(chance: Random, names: Sequence[str]) -> Raw:
 
 
 def _vehicle(chance: Random, *, lead: bool) -> Raw:
-    """What is different about one vehicle: nothing, most often."""
+    """Keys of one vehicle, most often none."""
     table: Raw = {}
     if chance.random() < 0.7:
         return table
@@ -232,7 +229,7 @@ def _vehicle(chance: Random, *, lead: bool) -> Raw:
 
 
 def _car(chance: Random, leave_out: Collection[str] = ()) -> Raw:
-    """Parameters of a car: of any at all, which is most often none, or of one like the usual."""
+    """Parameters of a car, mostly near those of the default car; others are mostly refused."""
     table = drawn_table(chance, ParametersTable, leave_out)
     if chance.random() < 0.9:
         table |= {
@@ -244,7 +241,7 @@ def _car(chance: Random, leave_out: Collection[str] = ()) -> Raw:
 
 
 def _receiver(chance: Random, *leave_out: str) -> Raw:
-    """A receiver: what it is off by, when it has which fix, and where none."""
+    """A receiver: errors, fix states and outages."""
     apart = ("entry_jump_m", "fix_states", "while_fixed", "while_float", "while_single")
     table = drawn_table(chance, GnssTable, (*apart, *leave_out))
     for key in ("drift", "common_drift"):
@@ -267,7 +264,7 @@ def _receiver(chance: Random, *leave_out: str) -> Raw:
 
 
 def _sending(chance: Random) -> Raw:
-    """A rule of sending: that of each fix, most often."""
+    """A sending rule, most often the default."""
     if chance.random() < 0.7:
         return {}
     busy = [{"at_s": chance.uniform(0.0, 1.0), "busy_ratio": chance.random()}]
@@ -294,16 +291,16 @@ def _steering(chance: Random) -> Raw:
 
 
 def _link(chance: Random, names: Sequence[str]) -> Raw:
-    """An entry for a link that is there, in any of its forms."""
+    """An entry for an existing link, in any of its forms."""
     receiver = chance.randrange(1, len(names))
     sender = chance.choice([names[0], names[receiver - 1], "*"])
     entry = {"sender": sender, "receiver": chance.choice([names[receiver], names[receiver], "*"])}
-    return entry | _links(chance, LinkEntry, OF_ONE_SHARE)
+    return entry | _links(chance, LinkEntry, ONE_LINK_SHARE)
 
 
 def _links(chance: Random, table: type[Table], share: float) -> Raw:
-    """What links do: keys of the schema, laws that are tables of their own, or a preset."""
-    apart = ("sender", "receiver", *APART)
+    """Keys of links: simple keys, laws in tables of their own, or a preset."""
+    apart = ("sender", "receiver", *SEPARATE_KEYS)
     return drawn_table(chance, table, apart) | drawn_channel(chance, share)
 
 
@@ -321,7 +318,7 @@ def _speed(chance: Random) -> Raw:
 
 
 def _duration_s(chance: Random, tables: Raw, names: Sequence[str]) -> float:
-    """From one to three seconds, and less where that would be too many steps."""
+    """From 1 to 3 s, less if that would exceed `STEPS`."""
     rates = tables["control"].get("rate_hz", 50.0) + tables.get("gnss", {}).get("rate_hz", 20.0)
     rates += tables.get("imu", {}).get("rate_hz", 0.0)
     affordable: float = STEPS / (rates * len(names))
@@ -329,7 +326,7 @@ def _duration_s(chance: Random, tables: Raw, names: Sequence[str]) -> float:
 
 
 def _path(chance: Random, tables: Raw, files: dict[str, str]) -> Raw:
-    """Draw a path of one of the kinds, longer than the lead drives in the time."""
+    """Draw a path of any kind, longer than the drive of the lead."""
     speed = tables["speed"]
     fastest = max(
         speed.get("set_mps", 20.0), *(p["speed_mps"] for p in speed.get("profile", [])), 1.0
@@ -372,12 +369,12 @@ def _segment(chance: Random, length_m: float) -> Raw:
 def _points(
     chance: Random, duration_s: float, length_m: float, files: dict[str, str], *, timed: bool
 ) -> Raw:
-    """A swinging drive as points, in the scenario itself or in a file."""
+    """A winding drive as points, in the scenario or in a file."""
     count = chance.randint(20, 200)
     step = max(length_m / count, 0.5)
-    swing, way = chance.uniform(0.0, 3.0), chance.uniform(20.0, 100.0)
+    swing, wavelength = chance.uniform(0.0, 3.0), chance.uniform(20.0, 100.0)
     east = [k * step for k in range(count + 1)]
-    north = [swing * math.sin(x / way) for x in east]
+    north = [swing * math.sin(x / wavelength) for x in east]
     time = [k * 2.0 * duration_s / count for k in range(count + 1)] if timed else []
     smoothing = {} if chance.random() < 0.5 else {"smoothing_m": chance.uniform(1.0, 20.0)}
     if chance.random() < 0.5:
@@ -392,8 +389,8 @@ def _points(
     return {"kind": "trace", "file": "drive.csv", **smoothing}
 
 
-def _spread(chance: Random, tables: Raw, files: dict[str, str]) -> DrawnScenario:
-    """Give some of it by a file that it extends, and some by overrides."""
+def _split(chance: Random, tables: Raw, files: dict[str, str]) -> DrawnScenario:
+    """Move some keys to a base file, and some to overrides."""
     overrides: list[str] = []
     if chance.random() < 0.3:
         given = [key for key in ("seed", "duration_s") if key in tables]

@@ -1,7 +1,7 @@
-"""What a stranger may put on the keys of a convoy, drawn at random from what it hears there.
+"""Random hostile messages under the keys of a convoy, derived from received ones.
 
-What is `refusable` belongs to no run, whoever sent it. What is `plausible` may be taken for a
-vehicle's own message: no receiver can tell, but it has to be counted all the same.
+`refusable` messages are invalid for any sender. `plausible` ones could come from a vehicle:
+receivers cannot detect them, but must count them.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,7 +15,7 @@ from vehicles.messages import FloatOrNan, LogText, Message
 from vehicles.schedule import SECOND
 
 Put = tuple[str, bytes]
-NO_NUMBERS = (float("nan"), float("inf"), float("-inf"))
+NOT_NUMBERS = (float("nan"), float("inf"), float("-inf"))
 NUMBERS = (0.0, -0.0, 5e-324, -1e308, 1e308, 1e9, -1.0, 360.0)
 INSTANTS = (-(2**63), -1, 0, 1, 2**63 - 1)
 SEQUENCES = (0, 1, 2**31, 2**32, 2**63, 2**64 - 1)
@@ -28,32 +28,32 @@ TEXTS = (
     "é" * 7000,
     "\0" * 99,
 )
-LEAVES_A_LOT_LATER_NS = 10**17
+FAR_NS = 10**17
 
 
 class Stranger:
-    """Draws messages from those of a run that starts at `start_at` (ns), with `vehicles`."""
+    """Draws hostile messages from those of a run that starts at `start_at` (ns)."""
 
     def __init__(self, chance: Random, vehicles: Sequence[str], start_at: int) -> None:
         self._chance = chance
         self._vehicles = vehicles
         self._start_at = start_at
         self._refusable: Sequence[Callable[[str, bytes], Put]] = (
-            *(self._noise, self._cut, self._longer, self._giant, self._again, self._elsewhere),
-            *(self._of_another, self._no_number, self._other_kind, self._early, self._late),
-            *(self._conducting, self._odd_word),
+            *(self._noise, self._cut, self._longer, self._giant, self._duplicate, self._elsewhere),
+            *(self._of_another, self._not_a_number, self._other_kind, self._early, self._late),
+            *(self._as_run_sender, self._invalid_word),
         )
         self._plausible: Sequence[Callable[[str, bytes], Put]] = (
             *(self._flipped, self._other_numbers, self._text, self._other_sequence),
         )
 
-    def refusable(self, heard: Sequence[Put]) -> Put:
-        """Draw what belongs to no run, from messages that every receiver has received."""
-        return self._chance.choice(self._refusable)(*self._chance.choice(heard))
+    def refusable(self, received: Sequence[Put]) -> Put:
+        """Draw an invalid message, derived from messages that every receiver has received."""
+        return self._chance.choice(self._refusable)(*self._chance.choice(received))
 
-    def plausible(self, heard: Sequence[Put]) -> Put:
-        """Draw what might be a vehicle's own."""
-        return self._chance.choice(self._plausible)(*self._chance.choice(heard))
+    def plausible(self, received: Sequence[Put]) -> Put:
+        """Draw a message that could come from a vehicle."""
+        return self._chance.choice(self._plausible)(*self._chance.choice(received))
 
     # ---- Refusable
 
@@ -71,7 +71,7 @@ class Stranger:
         size = self._chance.choice([MAX_BYTES + 1, 40_000, 300_000])
         return where, (data * (size // len(data) + 1))[: max(size, MAX_BYTES + 1)]
 
-    def _again(self, where: str, data: bytes) -> Put:
+    def _duplicate(self, where: str, data: bytes) -> Put:
         return where, data
 
     def _elsewhere(self, where: str, data: bytes) -> Put:
@@ -89,53 +89,53 @@ class Stranger:
         names = [*others, "ghost", RUN_SENDER, "", f"{message.vehicle}\0", "\x1b[31m", "v" * 300]
         return where, encode(replace(message, vehicle=self._chance.choice(names)))
 
-    def _no_number(self, where: str, data: bytes) -> Put:
+    def _not_a_number(self, where: str, data: bytes) -> Put:
         message = read(where, data)
-        spoilt = [
+        invalid = [
             replace(message, **{field.name: value})  # type: ignore[arg-type]
             for field in fields(message)
-            for value in NO_NUMBERS
+            for value in NOT_NUMBERS
             if field.type is float or (field.type == FloatOrNan and value == value)  # noqa: PLR0124
         ]
-        spoilt += [
+        invalid += [
             replace(message, **{field.name: (*column[1:], float("nan"))})  # type: ignore[arg-type]
             for field in fields(message)
             if field.type == tuple[float, ...] and (column := getattr(message, field.name))
         ]
-        return (where, encode(self._chance.choice(spoilt))) if spoilt else (where, b"")
+        return (where, encode(self._chance.choice(invalid))) if invalid else (where, b"")
 
     def _other_kind(self, where: str, data: bytes) -> Put:
-        """Under the key of another kind; of all kinds, none passes for another but by its key."""
+        """A message under the key of another kind; only the key distinguishes kinds."""
         vehicle, own = where.split("/")[1:]
         others = [name for name in TOPICS if name not in {own, "start", "end"}]
         return key(vehicle, TOPICS[self._chance.choice(others)]), data
 
     def _early(self, where: str, data: bytes) -> Put:
-        ago = self._chance.choice([2 * SECOND, 3600 * SECOND, LEAVES_A_LOT_LATER_NS])
-        return self._at(where, data, self._start_at - ago)
+        before = self._chance.choice([2 * SECOND, 3600 * SECOND, FAR_NS])
+        return self._at(where, data, self._start_at - before)
 
     def _late(self, where: str, data: bytes) -> Put:
-        ahead = self._chance.choice([3600 * SECOND, LEAVES_A_LOT_LATER_NS])
-        return self._at(where, data, self._start_at + ahead)
+        after = self._chance.choice([3600 * SECOND, FAR_NS])
+        return self._at(where, data, self._start_at + after)
 
     def _at(self, where: str, data: bytes, instant: int) -> Put:
         message = read(where, data)
         at = TOPIC_OF[type(message)].instant
         return where, encode(replace(message, seq=message.seq + 10**6, **{at: instant}))  # type: ignore[arg-type]
 
-    def _conducting(self, _where: str, data: bytes) -> Put:
+    def _as_run_sender(self, _where: str, data: bytes) -> Put:
         topic = TOPICS[self._chance.choice(list(TOPICS))]
         return key(RUN_SENDER, topic), data
 
-    def _odd_word(self, where: str, data: bytes) -> Put:
+    def _invalid_word(self, where: str, data: bytes) -> Put:
         message = read(where, data)
         words: list[Any] = [
             name
             for name in ("mode", "outcome", "level")
             if name in {f.name for f in fields(message)}
         ]
-        odd = ["", "COMPOSITE", "\x1b[31m", "x" * 5000]
-        changed = {name: self._chance.choice(odd) for name in words} or {"vehicle": "nobody"}
+        wrong = ["", "COMPOSITE", "\x1b[31m", "x" * 5000]
+        changed = {name: self._chance.choice(wrong) for name in words} or {"vehicle": "nobody"}
         return where, encode(replace(message, **changed))  # type: ignore[arg-type]
 
     # ---- Plausible
@@ -181,12 +181,12 @@ class Stranger:
 
 
 def read(where: str, data: bytes) -> Message:
-    """Read an honest message."""
+    """Decode a valid message."""
     return decode(TOPICS[where.rsplit("/", 1)[-1]], data)
 
 
 def encoded(message: Message, changed: dict[str, Any]) -> bytes:
-    """Encode a message with other values; as it was, where a field has no room for them."""
+    """Encode a message with changed values; unchanged if a field cannot hold them."""
     try:
         return encode(replace(message, **changed))
     except ValueError:

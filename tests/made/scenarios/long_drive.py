@@ -1,4 +1,4 @@
-"""What a convoy on a straight road sends, for as long as is asked for."""
+"""Messages of a convoy on a straight road, of any duration."""
 
 from collections.abc import Iterator
 
@@ -9,7 +9,7 @@ SPEED, GAP = 20.0, 15.0
 CONTROL_HZ, GNSS_HZ = 50, 20
 TENTH_S = 0.1
 SAMPLES = 40
-"""Received poses that a trajectory is fitted to, in the middle of usual ones."""
+"""Received poses per fitted trajectory, a typical number."""
 
 
 def convoy(vehicles: int) -> list[str]:
@@ -17,7 +17,7 @@ def convoy(vehicles: int) -> list[str]:
 
 
 def sent_in(tenth: int, vehicles: int = 4) -> Iterator[Message]:
-    """All messages of one tenth of a second, by the number of it."""
+    """All messages of a tenth of a second, given its number."""
     names = convoy(vehicles)
     for tick in _numbers(tenth, CONTROL_HZ):
         for place, name in enumerate(names):
@@ -39,7 +39,7 @@ def sent_in(tenth: int, vehicles: int = 4) -> Iterator[Message]:
 
 
 def _numbers(tenth: int, rate_hz: int) -> range:
-    """Those of a schedule of `rate_hz` in one tenth of a second."""
+    """Numbers of a schedule at `rate_hz` within a tenth of a second."""
     each = rate_hz // 10
     return range(tenth * each, (tenth + 1) * each)
 

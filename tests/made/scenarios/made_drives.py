@@ -1,7 +1,7 @@
-"""Drives as a receiver records them, made up: corners with ramps of curvature, and real noise.
+"""Synthetic recorded drives: corners with curvature ramps, and receiver noise.
 
-A course is laid by its curvature, which changes linearly from one place to the next as a driver
-turns the wheel, and is sampled as a receiver with RTK would: white noise and a slow wander.
+The curvature of a course is piecewise linear, as a driver turns the wheel. Its points have the
+noise of an RTK receiver: white noise and a slow drift.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,18 +18,18 @@ STEP = 0.05
 SPACING = 0.8
 """Distance (m) between two recorded points."""
 WHITE, WANDER, WANDER_LENGTH = 0.01, 0.015, 40.0
-"""Noise of the record: white (m), and wandering by so much (m) over so many metres."""
+"""Noise: white (m), and a drift of this standard deviation (m) and correlation length (m)."""
 Knots = Sequence[tuple[float, float]]
-"""Length (m) of a stretch and the curvature (1/m) at its end; the first begins straight."""
+"""Length (m) of a stretch and curvature (1/m) at its end; the first begins straight."""
 
 
-def along(knots: Knots) -> Points:
+def course_points(knots: Knots) -> Points:
     """Points (2, n) every `SPACING` along stretches of linear curvature, from (0, 0) eastward."""
     places = np.concatenate(([0.0], np.cumsum([length for length, _ in knots])))
-    bends = np.array([0.0, *(bend for _, bend in knots)])
+    curvatures = np.array([0.0, *(curvature for _, curvature in knots)])
     middle = np.arange(0.0, float(places[-1]), STEP) + 0.5 * STEP
-    yaw = np.cumsum(STEP * np.interp(middle, places, bends))
-    ahead = yaw - 0.5 * STEP * np.interp(middle, places, bends)
+    yaw = np.cumsum(STEP * np.interp(middle, places, curvatures))
+    ahead = yaw - 0.5 * STEP * np.interp(middle, places, curvatures)
     east = np.cumsum(STEP * np.cos(ahead))
     north = np.cumsum(STEP * np.sin(ahead))
     points: Points = np.stack((east, north))[:, :: round(SPACING / STEP)]
@@ -37,15 +37,15 @@ def along(knots: Knots) -> Points:
 
 
 def corner(angle: float, radius: float, ramp: float) -> Knots:
-    """Turn by `angle` (rad, left positive): over `ramp` (m) into a radius (m), and out again."""
-    bend = np.copysign(1.0 / radius, angle)
+    """Turn by `angle` (rad, left positive) at a radius (m), with a `ramp` (m) at both ends."""
+    curvature = np.copysign(1.0 / radius, angle)
     arc = abs(angle) * radius - ramp
     assert arc > 0.0, "the ramps alone turn further"
-    return [(ramp, float(bend)), (arc, float(bend)), (ramp, 0.0)]
+    return [(ramp, float(curvature)), (arc, float(curvature)), (ramp, 0.0)]
 
 
-def block() -> Points:
-    """Round a block of houses and on to the next: corners of 90°, left and right, 7 to 10 m."""
+def around_the_block() -> Points:
+    """Around blocks of houses: corners of 90°, left and right, 7 to 10 m."""
     quarter = 0.5 * np.pi
     knots: list[tuple[float, float]] = [(80.0, 0.0)]
     for side, radius, ramp in (
@@ -53,23 +53,23 @@ def block() -> Points:
         *((-1.0, 8.0, 6.0), (-1.0, 7.0, 5.0), (1.0, 10.0, 6.0)),
     ):
         knots += [*corner(side * quarter, radius, ramp), (70.0, 0.0)]
-    return along(knots)
+    return course_points(knots)
 
 
 def slalom() -> Points:
-    """Twelve cones 18 m apart, 1.5 m to either side."""
+    """Twelve cones at 18 m, 1.5 m to either side."""
     x = np.arange(0.0, 400.0, STEP)
     inside = (x > 100.0) & (x < 100.0 + 12 * 18.0)
     swing = 2.0 * np.pi / 36.0
     fade = np.clip((x - 100.0) / 18.0, 0.0, 1.0) * np.clip((316.0 - x) / 18.0, 0.0, 1.0)
     y = np.where(inside, 1.5 * np.sin(swing * (x - 100.0)) * fade * fade * (3.0 - 2.0 * fade), 0.0)
-    return _spaced(np.stack((x, y)))
+    return _resampled(np.stack((x, y)))
 
 
 def roundabout() -> Points:
-    """To the right, three quarters round a roundabout of 16 m to the left, out to the right."""
+    """Three quarters of a roundabout of 16 m radius, counter-clockwise."""
     turn = 0.25 * np.pi
-    return along(
+    return course_points(
         [
             (80.0, 0.0),
             *corner(-turn, 18.0, 8.0),
@@ -83,7 +83,7 @@ def roundabout() -> Points:
 
 
 def track(length: float = 5000.0) -> Points:
-    """A closed race track whose curvature changes everywhere, radius from about 20 m."""
+    """A closed race track of varying curvature, radius from about 20 m."""
     round_ = np.linspace(0.0, 2.0 * np.pi, 400_001)
     radius = (
         1.0
@@ -93,19 +93,19 @@ def track(length: float = 5000.0) -> Points:
         + 0.055 * np.cos(9.0 * round_ + 2.2)
     )
     outline = radius * np.stack((np.cos(round_), np.sin(round_)))
-    whole = float(np.sum(np.hypot(*np.diff(outline))))
-    return _spaced(outline * (length / whole))
+    length_now = float(np.sum(np.hypot(*np.diff(outline))))
+    return _resampled(outline * (length / length_now))
 
 
-def _spaced(line: Points) -> Points:
+def _resampled(line: Points) -> Points:
     """Points every `SPACING` along a fine polyline."""
-    way = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(line)))))
-    at = np.arange(0.0, float(way[-1]), SPACING)
-    return np.stack((np.interp(at, way, line[0]), np.interp(at, way, line[1])))
+    distance = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(line)))))
+    at = np.arange(0.0, float(distance[-1]), SPACING)
+    return np.stack((np.interp(at, distance, line[0]), np.interp(at, distance, line[1])))
 
 
-def recorded(points: Points, seed: int) -> Points:
-    """The points with the noise of a receiver."""
+def with_receiver_noise(points: Points, seed: int) -> Points:
+    """Add the noise of a receiver."""
     random = np.random.default_rng(seed)
     keep = np.exp(-SPACING / WANDER_LENGTH)
     drift, wander = np.zeros(2), []
@@ -117,20 +117,20 @@ def recorded(points: Points, seed: int) -> Points:
 
 
 DRIVES: dict[str, tuple[Callable[[], Points], str, float]] = {
-    "block": (block, "smoothing_m = 4.0", 12.0),
+    "block": (around_the_block, "smoothing_m = 4.0", 12.0),
     "slalom": (slalom, "smoothing_m = 8.0", 12.0),
     "roundabout": (roundabout, "smoothing_m = 6.0", 12.0),
     "track": (track, "smoothing_m = 10.0\nclosed = true", 30.0),
 }
-"""Course, keys of the table [path], and the speed (m/s) that is set for straights."""
+"""Course, keys of the table [path], and set speed (m/s) of straights."""
 
 
 def convoy_on(
     name: str, folder: Path, seed: int = 1, vehicles: int = 8, keys: str = ""
 ) -> Scenario:
-    """Write the drive `name` into `folder`; a convoy behind a lead that drives it, links clean."""
+    """Write the drive `name` into `folder`; return a scenario of it without losses."""
     course, path, speed = DRIVES[name]
-    points = recorded(course(), seed)
+    points = with_receiver_noise(course(), seed)
     rows = "\n".join(f"{east:.4f},{north:.4f}" for east, north in points.T.tolist())
     (folder / f"{name}.csv").write_text(f"x_m,y_m\n{rows}\n", encoding="utf-8")
     text = f"""name = "{name}"

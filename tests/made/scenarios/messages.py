@@ -1,4 +1,4 @@
-"""Messages as a vehicle might send them, with only what a test cares about given."""
+"""Messages with default values for all fields that a test does not set."""
 
 from dataclasses import replace
 
@@ -59,7 +59,7 @@ def gps(vehicle: str, seq: int, **more: float) -> GpsPose:
 
 
 def sent(pose: GpsPose, at_ns: int) -> GpsPose:
-    """The pose, measured and sent at another instant."""
+    """The pose with another instant of measurement and sending."""
     return replace(pose, measured_at_ns=at_ns, sent_at_ns=at_ns)
 
 
@@ -137,17 +137,17 @@ def verdict(
     *,
     latency_ms: float = 20.0,
     dropped: str = "",
-    heard_after_ms: float | None = None,
+    received_after_ms: float | None = None,
     number: int | None = None,
 ) -> LinkVerdict:
-    """The link's word on pose `seq`; one `heard_after_ms` the measurement came late.
+    """The verdict on pose `seq`; a pose is late if `received_after_ms` is given.
 
-    The message's own `number` is that of the pose unless given.
+    The `number` of the message is that of the pose by default.
     """
     outcome: Outcome = "dropped" if dropped else "delivered"
     measured_at = at(seq / 20)
-    late = heard_after_ms is not None
-    heard_after = latency_ms if heard_after_ms is None else heard_after_ms
+    late = received_after_ms is not None
+    received_after = latency_ms if received_after_ms is None else received_after_ms
     return LinkVerdict(
         vehicle=receiver,
         seq=seq if number is None else number,
@@ -157,7 +157,7 @@ def verdict(
         outcome=outcome,
         reason=dropped,
         visible_at_ns=measured_at + round(latency_ms * MS),
-        received_at_ns=measured_at + round(heard_after * MS),
+        received_at_ns=measured_at + round(received_after * MS),
         late=late,
         sent_at_ns=measured_at,
         copies=0,

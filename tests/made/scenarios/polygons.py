@@ -1,4 +1,4 @@
-"""The area that two bodies share, by a method of its own."""
+"""Common area of two bodies, by an independent method."""
 
 from itertools import pairwise
 
@@ -7,10 +7,10 @@ from scenarios.results.events.bodies import CarBody, corners
 Point = tuple[float, float]
 
 
-def common_area(one: CarBody, other: CarBody) -> float:
-    """Cut one body along each side of the other (Sutherland-Hodgman), and take the area (m²)."""
-    shape = list(corners(one))
-    for start, end in pairwise([*corners(other), corners(other)[0]]):
+def common_area(first: CarBody, second: CarBody) -> float:
+    """Area (m²) of the intersection of two bodies, by Sutherland-Hodgman clipping."""
+    shape = list(corners(first))
+    for start, end in pairwise([*corners(second), corners(second)[0]]):
         shape = _left_of(shape, start, end)
     return 0.5 * sum(
         shape[k - 1][0] * shape[k][1] - shape[k][0] * shape[k - 1][1] for k in range(len(shape))

@@ -1,4 +1,4 @@
-"""A made-up drive in every format that a recorded one may have, and a scenario that drives it."""
+"""A synthetic drive in all formats of recorded drives, and a scenario that drives it."""
 
 import math
 import operator
@@ -14,27 +14,27 @@ from vehicles.messages import GpsPose
 ORIGIN = Origin(48.1, 11.5, 500.0)
 START = 1_700_000_000  # Unix time (s) at which the drive begins: 22:13:20 UTC
 
-CSV = "x_m,y_m\n"  # the head of a file of places in the plane
+CSV = "x_m,y_m\n"  # header of a file of positions in the plane
 
 Drive = list[tuple[float, float, float, float]]
 """Time (s), east (m), north (m), speed (m/s)."""
 
 
 def drive() -> Drive:
-    """20 s round a left bend of 150 m radius at 12 m/s, ten points a second."""
-    found = []
+    """20 s on a left bend of 150 m radius at 12 m/s, 10 points per second."""
+    points = []
     for k in range(201):
         angle = 12.0 * 0.1 * k / 150.0
         east, north = 150.0 * math.sin(angle), 150.0 * (1.0 - math.cos(angle))
-        found.append((0.1 * k, east, north, 12.0))
-    return found
+        points.append((0.1 * k, east, north, 12.0))
+    return points
 
 
 def geodetic(east: float, north: float) -> tuple[float, float]:
     return LocalPlane(ORIGIN).to_geodetic(east, north)[:2]
 
 
-# --- Writers of each format, on their own: nothing of the project's reading is used
+# --- Writers of all formats, independent of the readers of the project
 
 
 def as_plane_csv(points: Drive) -> bytes:
@@ -80,27 +80,27 @@ def clock(seconds: float) -> str:
 
 
 def as_nmea(points: Drive, begin: float = 80_000.0) -> bytes:
-    """GGA and RMC of a receiver north and east of Greenwich, with a sentence of another kind."""
+    """GGA, RMC and one other sentence of a receiver north and east of Greenwich."""
     lines = []
     for t, e, n, v in points:
         latitude, longitude = geodetic(e, n)
-        where = f"{sexagesimal(latitude, 2)},N,{sexagesimal(longitude, 3)},E"
+        position = f"{sexagesimal(latitude, 2)},N,{sexagesimal(longitude, 3)},E"
         at = clock(begin + t)
         lines += [
-            sentence(f"GNGGA,{at},{where},4,20,0.7,455.0,M,45.0,M,,"),
+            sentence(f"GNGGA,{at},{position},4,20,0.7,455.0,M,45.0,M,,"),
             sentence("GPGSV,1,1,01,01,40,083,46"),
-            sentence(f"GNRMC,{at},A,{where},{v * 3600 / 1852:.6f},90.0,141123,,,A"),
+            sentence(f"GNRMC,{at},A,{position},{v * 3600 / 1852:.6f},90.0,141123,,,A"),
         ]
     return "\r\n".join(lines).encode()
 
 
 def write_log(path: Path, points: Drive) -> None:
-    """A log in which v1 drives `points` and v2 stands beside them."""
+    """A log in which v1 drives `points`, and v2 next to them."""
     with LogWriter(path) as log:
         for seq, (t, e, n, v) in enumerate(points):
             at = START * 10**9 + round(t * 1e9)
-            for vehicle, aside in (("v1", 0.0), ("v2", 50.0)):
-                latitude, longitude = geodetic(e + aside, n + aside)
+            for vehicle, offset in (("v1", 0.0), ("v2", 50.0)):
+                latitude, longitude = geodetic(e + offset, n + offset)
                 pose = GpsPose(
                     vehicle=vehicle,
                     seq=seq,

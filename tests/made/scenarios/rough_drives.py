@@ -1,7 +1,7 @@
-"""Drives as receivers record them, from a course that is known: the truth of each file.
+"""Recorded drives with defects, and the true course of each.
 
-A car goes over straights and arcs at a given speed, stands at places, and a receiver with noise,
-drift, jumps and holes writes what it takes for its place.
+A car drives straights and arcs at a given speed, with stops. The receiver adds noise, drift, jumps
+and holes.
 """
 
 import math
@@ -65,9 +65,9 @@ SUFFIXES = {
 class Rough:
     """One file: `course` is (length m, curvature 1/m) pieces, `stands` (at m, for s).
 
-    `holes` (from m, length m) are without points. `jumps` points are off by 2 m or more, of which
-    each lasts `jump_length` points. `drift` (m) is the standard deviation of a slow wander. `keys`
-    are lines of the scenario's table of the path. `twice`: the file has each point two times.
+    `holes` (from m, length m) have no points. `jumps` displacements of at least `jump_size` (m)
+    last `jump_length` points each. `drift` (m) is the standard deviation of a slow drift. `keys`
+    are lines of the table [path]. `twice`: each point occurs twice.
     """
 
     course: Course = LEFT
@@ -105,7 +105,7 @@ class Rough:
         east, north = (
             axis
             + random.normal(0.0, self.noise, count)
-            + wander(random, count, self.drift, 20.0 * self.rate_hz)
+            + slow_drift(random, count, self.drift, 20.0 * self.rate_hz)
             for axis in (east, north)
         )
         for k in random.choice(np.arange(20, count - 20, 25), self.jumps, replace=False):
@@ -113,9 +113,9 @@ class Rough:
             size = self.jump_size * random.uniform(1.0, 1.5)
             east[k : k + self.jump_length] += size * math.cos(angle)
             north[k : k + self.jump_length] += size * math.sin(angle)
-        seen = np.ones(count, dtype=bool)
+        kept = np.ones(count, dtype=bool)
         for begin, length in self.holes:
-            seen &= ~((stations > begin) & (stations < begin + length))
+            kept &= ~((stations > begin) & (stations < begin + length))
         rows = zip(
             np.arange(count) / self.rate_hz,
             east + self.offset[0],
@@ -125,13 +125,13 @@ class Rough:
         )
         return [
             (round(float(t), 6), float(e), float(n), float(v))
-            for (t, e, n, v), one in zip(rows, seen, strict=True)
+            for (t, e, n, v), keep in zip(rows, kept, strict=True)
             for _ in range(2 if self.twice else 1)
-            if one
+            if keep
         ]
 
     def _motion(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Stations and speeds at the instants: 2 m/s² up and down around each stand."""
+        """Stations and speeds at each instant, with 2 m/s² around each stop."""
         end = sum(length for length, _ in self.course)
         waits = dict(self.stands)
         station, speed, waited = 0.0, 0.0 if 0.0 in waits else self.speed, 0.0
@@ -158,24 +158,24 @@ class Rough:
         return np.array(stations), np.array(speeds)
 
 
-def wander(
+def slow_drift(
     random: np.random.Generator, count: int, size: float, memory: float
 ) -> NDArray[np.float64]:
-    """A slow drift of standard deviation `size` that forgets itself in `memory` points."""
+    """A slow drift of standard deviation `size` and correlation length `memory` (points)."""
     keep = math.exp(-1.0 / memory)
-    found = np.zeros(count)
-    shocks = random.normal(0.0, size * math.sqrt(1.0 - keep * keep), count) if size else found
+    drift = np.zeros(count)
+    shocks = random.normal(0.0, size * math.sqrt(1.0 - keep * keep), count) if size else drift
     value = random.normal(0.0, size) if size else 0.0
     for k, shock in enumerate(shocks.tolist()):
         value = keep * value + shock
-        found[k] = value
-    return found
+        drift[k] = value
+    return drift
 
 
 def truth(
     course: Course, stations: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """East and north (m) at `stations` (m) of a course that begins at the origin, going east."""
+    """East and north (m) at `stations` (m) of a course that starts eastward at the origin."""
     east, north = np.zeros(stations.size), np.zeros(stations.size)
     x = y = yaw = begin = 0.0
     for place, (length, curvature) in enumerate(course):
@@ -192,19 +192,19 @@ def truth(
     return east, north
 
 
-def off_the_truth(
+def path_errors(
     rough: Rough, east: NDArray[np.float64], north: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Distance (m) of each place from the course."""
+    """Distance (m) of each position from the course."""
     length = sum(piece for piece, _ in rough.course)
     xs, ys = truth(rough.course, np.arange(0.0, length + 0.1, 0.2))
     dx, dy = np.diff(xs), np.diff(ys)
-    found = []
+    errors = []
     for x, y in zip(east.tolist(), north.tolist(), strict=True):
         rx, ry = x - xs[:-1], y - ys[:-1]
         share = np.clip((rx * dx + ry * dy) / (dx * dx + dy * dy + 1e-12), 0.0, 1.0)
-        found.append(float(np.min(np.hypot(rx - share * dx, ry - share * dy))))
-    return np.array(found)
+        errors.append(float(np.min(np.hypot(rx - share * dx, ry - share * dy))))
+    return np.array(errors)
 
 
 PLACE = (
@@ -214,7 +214,7 @@ PLACE = (
 
 
 def text_of(rough: Rough, folder: Path, more: str = "") -> str:
-    """A scenario whose lead drives `rough`, which is written, by its times where it has some."""
+    """Write `rough`; return a scenario whose lead drives it, by its times if it has any."""
     (folder / rough.file_name).write_bytes(rough.write())
     text = (
         f'name = "rough"\n{more}[path]\nkind = "trace"\nfile = "{rough.file_name}"\n{rough.keys}\n'
@@ -230,7 +230,7 @@ def scenario_of(rough: Rough, folder: Path, more: str = "") -> Scenario:
 
 @dataclass(frozen=True, kw_only=True)
 class Expected:
-    """What is made of a file: how far (m) its path is from the truth, and what `check` counts.
+    """Largest distance (m) of the path from the truth, and counts of `check`.
 
     `patterns` match lines of `check`; `refused` matches the only error line.
     """
@@ -247,8 +247,8 @@ def holed(length: float, course: Course, form: str, speed: float = 10.0) -> Roug
     return Rough(course=course, holes=((120.0, length),), form=form, speed=speed)
 
 
-def bridged(length: float) -> tuple[str, ...]:
-    """Pattern of a hole in `check`: by points it is a step longer, or noise shorter."""
+def bridged_hole(length: float) -> tuple[str, ...]:
+    """Pattern of a hole in `check`; its length varies by a step and by noise."""
     lengths = "|".join(f"{length + more:.0f}" for more in (-1.0, 0.0, 1.0, 2.0))
     return (rf"a hole of ({lengths})\.\d m after (line|point) \d+.* is bridged",)
 
@@ -270,7 +270,7 @@ CASES: dict[str, tuple[Rough, Expected]] = {
     **{
         f"hole of {length:g} m on a straight, {form}": (
             holed(length, STRAIGHT, form),
-            Expected(holes=1, off=0.06, patterns=bridged(length)),
+            Expected(holes=1, off=0.06, patterns=bridged_hole(length)),
         )
         for length, form in (
             (5.0, "csv"), (10.0, "gpx"), (20.0, "nmea"), (30.0, "places"), (50.0, "wgs84")
@@ -279,7 +279,7 @@ CASES: dict[str, tuple[Rough, Expected]] = {
     **{
         f"hole of {length:g} m on an arc, {form}": (
             holed(length, LEFT, form),
-            Expected(holes=1, patterns=bridged(length)),
+            Expected(holes=1, patterns=bridged_hole(length)),
         )
         for length, form in (
             (5.0, "places"), (10.0, "csv"), (20.0, "gpx"), (30.0, "timed"), (50.0, "nmea")
@@ -291,7 +291,7 @@ CASES: dict[str, tuple[Rough, Expected]] = {
     "hole of 50 m on a right arc": (
         holed(50.0, RIGHT, "wgs84", speed=15.0), Expected(holes=1, off=0.1)
     ),
-    # Where the bend begins inside the hole, nobody knows where.
+    # The start of a bend within the hole is unknown.
     "hole over the beginning of an arc": (
         Rough(holes=((50.0, 30.0),)), Expected(holes=1, off=0.4)
     ),
@@ -417,4 +417,4 @@ CASES: dict[str, tuple[Rough, Expected]] = {
         Expected(stands=2, holes=1, jumps=(5, 5), patterns=("3912 km", "a hole of 2[5-7]")),
     ),
 }  # fmt: skip
-"""Files by name, and what becomes of each."""
+"""Files by name, with expected results."""

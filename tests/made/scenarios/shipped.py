@@ -1,4 +1,4 @@
-"""Scenarios that ship, driven to their end in virtual time once for all tests of a session."""
+"""Whole virtual runs of shipped scenarios, simulated once per test session."""
 
 from pathlib import Path
 
@@ -10,8 +10,8 @@ from scenarios.runs.virtual.logged_run import run_virtual
 from tests.made.once import first_only, shared
 
 
-def driven_to_its_end(name: str, factory: pytest.TempPathFactory) -> Path:
-    """Return the folder with the log and the summary of a whole run of a scenario that ships."""
+def whole_run(name: str, factory: pytest.TempPathFactory) -> Path:
+    """Folder with the log and the summary of a whole run of a shipped scenario."""
     folder = shared(factory) / f"shipped-{name}"
     with first_only(folder) as first:
         if first:

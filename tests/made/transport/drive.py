@@ -32,7 +32,7 @@ def angle(place: int, seconds: float) -> float:
 
 
 def offset_of(place: int) -> float:
-    """Each follower drives 0.1 m to the left of its predecessor."""
+    """Offset (m): each follower drives 0.1 m left of its predecessor."""
     return 0.1 * place
 
 

@@ -41,9 +41,9 @@ def inbox(
     rates = rate_hz if isinstance(rate_hz, Mapping) else dict.fromkeys(requested, rate_hz)
     links = []
     for sender, table in requested.items():
-        one = link(table, sender, receiver, seed=seed, rate_hz=rates[sender])
+        incoming = link(table, sender, receiver, seed=seed, rate_hz=rates[sender])
         gate = PoseGate(sender=sender, start_at=start_at, rate_hz=rates[sender], plane=plane)
-        links.append(IncomingLink(one, gate, content_stage(table.content, one, gate)))
+        links.append(IncomingLink(incoming, gate, content_stage(table.content, incoming, gate)))
     return Inbox(receiver, links, start_at=start_at)
 
 

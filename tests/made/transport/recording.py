@@ -12,7 +12,7 @@ Table = dict[str, dict[str, list[Any]]]
 
 def columns(path: Path) -> Table:
     """Read a recording; rows are ordered by run time."""
-    found: dict[str, list[tuple[int, dict[str, Any]]]] = defaultdict(list)
+    rows_of: dict[str, list[tuple[int, dict[str, Any]]]] = defaultdict(list)
     for chunk in RrdReader(str(path)).stream():
         batch = chunk.to_record_batch()
         for row in range(batch.num_rows):
@@ -22,9 +22,9 @@ def columns(path: Path) -> Table:
             run_time = values.pop("run_time", None)
             values.pop("log_time", None)
             values = {name: value.as_py() for name, value in values.items()}
-            found[chunk.entity_path].append((-1 if run_time is None else run_time.value, values))
+            rows_of[chunk.entity_path].append((-1 if run_time is None else run_time.value, values))
     table: Table = {}
-    for entity, rows in found.items():
+    for entity, rows in rows_of.items():
         rows.sort(key=lambda row: row[0])
         table[entity] = {"run_time": [at for at, _ in rows]}
         for name in sorted({name for _, values in rows for name in values}):

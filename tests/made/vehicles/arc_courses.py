@@ -1,4 +1,4 @@
-"""Courses of lines and arcs, and the samples that a source driving them would have sent."""
+"""Courses of lines and arcs, and samples of a source that drives them."""
 
 import math
 from collections.abc import Sequence
@@ -16,19 +16,19 @@ ORIGIN: Start = (0.0, 0.0, 0.0)
 
 
 def course(pieces: Sequence[tuple[float, float]], start: Start = ORIGIN) -> ArcSpline:
-    """Lay (curvature, length) pieces one behind the other from (east, north, yaw)."""
+    """Join (curvature, length) pieces from (east, north, yaw)."""
     east, north, yaw = start
-    laid = []
+    placed = []
     for curvature, length in pieces:
         piece = Piece(east, north, yaw, curvature, length)
         end = piece.at(length)
-        laid.append(piece)
+        placed.append(piece)
         east, north, yaw = end.east, end.north, end.yaw
-    return ArcSpline(laid)
+    return ArcSpline(placed)
 
 
 def beside(path: ArcSpline, station: float, left: float = 0.0) -> tuple[float, float]:
-    """The point `left` metres to the left of a place on the path."""
+    """The point `left` (m) of a station of the path."""
     place = path.at(station)
     return place.east - left * math.sin(place.yaw), place.north + left * math.cos(place.yaw)
 
@@ -36,7 +36,7 @@ def beside(path: ArcSpline, station: float, left: float = 0.0) -> tuple[float, f
 def window(
     path: ArcSpline, stations: Sequence[float] | Floats, ego: float, left: float = 0.0
 ) -> Window:
-    """Samples at stations of a path, seen by an ego at station `ego`."""
+    """Samples at stations of a path, for a car at station `ego`."""
     points = [beside(path, float(station), left) for station in stations]
     return Window(
         np.array([east for east, _ in points]),
@@ -45,17 +45,17 @@ def window(
     )
 
 
-def shaken(seen: Window, random: np.random.Generator, noise: float = 0.02) -> Window:
+def with_noise(samples: Window, random: np.random.Generator, noise: float = 0.02) -> Window:
     """The same samples with white noise on both coordinates."""
-    count = len(seen.east)
-    return seen._replace(
-        east=seen.east + noise * random.standard_normal(count),
-        north=seen.north + noise * random.standard_normal(count),
+    count = len(samples.east)
+    return samples._replace(
+        east=samples.east + noise * random.standard_normal(count),
+        north=samples.north + noise * random.standard_normal(count),
     )
 
 
 def misses(fit: Fit, path: ArcSpline, station: float) -> tuple[float, float, float]:
-    """How far offset (m), heading (rad) and curvature (1/m) of a fit are off at a station."""
+    """Errors of offset (m), heading (rad) and curvature (1/m) of a fit at a station."""
     true = path.at(station)
     foot = fit.spline.project(true.east, true.north)
     return (

@@ -26,7 +26,7 @@ LATENCY_NS = SECOND // 50
 
 @dataclass(frozen=True)
 class Step:
-    """One tick of a drive: its instant, the car before it, and the decision."""
+    """One tick of a drive: instant, state of the car, and decision."""
 
     now: int
     body: Body
@@ -46,12 +46,12 @@ def measured(body: Body, now: int) -> Fix | None:
 
 def instants(seconds: float, control_hz: float = CONTROL_HZ) -> list[int]:
     end = START + round(seconds * SECOND)
-    all_of = {
+    all_instants = {
         instant(START, k, rate)
         for rate in (control_hz, GNSS_HZ)
         for k in range(math.ceil(seconds * rate) + 1)
     }
-    return sorted(at for at in all_of if at <= end)
+    return sorted(at for at in all_instants if at <= end)
 
 
 def drive(

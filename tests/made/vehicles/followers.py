@@ -93,7 +93,7 @@ def modes(steps: Sequence[Step]) -> list[tuple[str, float]]:
 
 def admitted(poses: Iterable[GpsPose], now: int) -> list[ReceivedPose]:
     """Poses that pass the gates of the follower's inbox at `now` (ns)."""
-    return [pose for one in poses if (pose := _admitted(one, now)) is not None]
+    return [pose for message in poses if (pose := _admitted(message, now)) is not None]
 
 
 def _admitted(message: GpsPose, now: int) -> ReceivedPose | None:

@@ -1,4 +1,4 @@
-"""Courses that come close to themselves, as places by the distance driven."""
+"""Courses that approach or cross themselves, as positions by distance driven."""
 
 import math
 from collections.abc import Callable
@@ -12,7 +12,7 @@ Place = Callable[[float], tuple[float, float, float]]
 
 
 def lap(path: ArcSpline) -> Place:
-    """Places of a closed course driven round and round."""
+    """Positions on a closed course driven repeatedly."""
 
     def place(station: float) -> tuple[float, float, float]:
         at = path.at(station % path.length)
@@ -22,25 +22,25 @@ def lap(path: ArcSpline) -> Place:
 
 
 def bulb(lane: float = 3.5, radius: float = 9.0) -> ArcSpline:
-    """Out, left a little, round to the right, and back `lane` metres beside the way out.
+    """A turning loop: out, around to the right, and back at a distance of `lane` (m).
 
-    By symmetry the centre of the round is `radius` from the middle line; two arcs of one radius
-    meet where the centres are two radii apart.
+    By symmetry the centre of the loop is `radius` from the middle line; two arcs of one radius
+    meet where their centres are two radii apart.
     """
-    away = math.acos((radius + lane / 2.0) / (2.0 * radius))
+    angle = math.acos((radius + lane / 2.0) / (2.0 * radius))
     return course(
         [
             (0.0, 60.0),
-            (1.0 / radius, radius * away),
-            (-1.0 / radius, radius * (math.pi + 2.0 * away)),
-            (1.0 / radius, radius * away),
+            (1.0 / radius, radius * angle),
+            (-1.0 / radius, radius * (math.pi + 2.0 * angle)),
+            (1.0 / radius, radius * angle),
             (0.0, 60.0),
         ]
     )
 
 
 def eight(station: float) -> tuple[float, float, float]:
-    """A figure of eight of two circles of 15 m that touch at the origin, crossed by turns."""
+    """A figure of eight: two circles of 15 m that touch at the origin, driven alternately."""
     round_length = 2.0 * math.pi * 15.0
     turn = station / 15.0
     side = 1.0 if station % (2.0 * round_length) < round_length else -1.0

@@ -26,16 +26,18 @@ LATENCY = 20 * MILLISECOND
 Command = Callable[[float, Body], Actuation]
 
 
-def steadily(speed: float, curvature: float = 0.0, car: VehicleParameters = LINCOLN_MKZ) -> Command:
-    """Drive at a constant curvature (1/m) and speed (m/s)."""
+def constant_motion(
+    speed: float, curvature: float = 0.0, car: VehicleParameters = LINCOLN_MKZ
+) -> Command:
+    """Command of a constant curvature (1/m) at a speed (m/s)."""
     wheel = curvature * (car.wheelbase + car.steer_gradient * speed * speed)
     return lambda _seconds, _body: Actuation(wheel, 0.0)
 
 
-def wildly(
+def random_motion(
     seed: int, *, lateral: float = 8.0, braking: float = 8.0, fastest: float = 35.0
 ) -> Command:
-    """Random bends, swerves, braking and standstills, changing every half second.
+    """Command of random bends, swerves, braking and stops, changed every half second.
 
     `lateral`, `braking` (m/s²) and `fastest` (m/s) are the limits.
     """
@@ -96,8 +98,8 @@ def falsify(fixes: Sequence[Fix], false: FalseContent) -> list[ReceivedPose]:
     received: list[ReceivedPose] = []
     for pose in poses:
         acts = pose.sent_at_ns in false.span
-        one = false.falsify(pose, PLANE, recall) if acts else None
-        received.append(_received(one or pose))
+        falsified = false.falsify(pose, PLANE, recall) if acts else None
+        received.append(_received(falsified or pose))
         if acts and isinstance(false, GhostVehicle):
             received.append(_received(false.extra_message(pose, PLANE)))
     return received
@@ -133,15 +135,15 @@ class Judged:
 def judged(fixes: Iterable[Fix | ReceivedPose], gate: InnovationGate | None = None) -> list[Judged]:
     """Verdicts of a gate on all poses."""
     gate = gate or InnovationGate()
-    all_of = []
-    for one in fixes:
-        pose = one
+    verdicts = []
+    for fix in fixes:
+        pose = fix
         if isinstance(pose, Fix):
             pose = received_fix(pose, received_at=pose.measured_at + LATENCY)
         reason = gate.judge(pose)
-        all_of.append(Judged(pose, reason, gate.deviation(pose)))
-    return all_of
+        verdicts.append(Judged(pose, reason, gate.deviation(pose)))
+    return verdicts
 
 
-def refused(all_of: Iterable[Judged]) -> list[Judged]:
-    return [one for one in all_of if one.refused]
+def refused(verdicts: Iterable[Judged]) -> list[Judged]:
+    return [verdict for verdict in verdicts if verdict.refused]

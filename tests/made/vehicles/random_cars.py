@@ -1,4 +1,4 @@
-"""Cars and gains to try the linear model on, as hypothesis strategies."""
+"""Hypothesis strategies of cars and gains for the linear model."""
 
 from hypothesis import strategies as st
 

@@ -1,4 +1,4 @@
-"""Points as a recorder would have left them, for the tests of what is made of them."""
+"""Recorded points of known courses."""
 
 import math
 
@@ -10,20 +10,20 @@ from vehicles.geometry.smoothing import SmoothedPath, smooth_path
 Points = NDArray[np.float64]
 
 
-def circle(radius: float, way: float, spacing: float, yaw: float = 0.0) -> Points:
+def circle(radius: float, distance: float, spacing: float, yaw: float = 0.0) -> Points:
     """Points (2, n) on a left turn that starts at the origin in direction `yaw`."""
-    angle = np.arange(0.0, way, spacing) / radius
-    along, aside = radius * np.sin(angle), radius * (1.0 - np.cos(angle))
+    angle = np.arange(0.0, distance, spacing) / radius
+    along, left = radius * np.sin(angle), radius * (1.0 - np.cos(angle))
     cos, sin = math.cos(yaw), math.sin(yaw)
-    return np.stack((along * cos - aside * sin, along * sin + aside * cos))
+    return np.stack((along * cos - left * sin, along * sin + left * cos))
 
 
 def oval(laps: float, spacing: float, straight: float = 30.0, radius: float = 10.0) -> Points:
-    """Points on a stadium, left turning, that starts in the middle of a straight going east."""
+    """Points on a stadium, left turning, from the middle of a straight, eastward."""
     lap = 2.0 * (straight + math.pi * radius)
     points = []
-    for way in np.arange(0.0, laps * lap, spacing) % lap:
-        half, rest = divmod(way + straight / 2.0, lap / 2.0)
+    for distance in np.arange(0.0, laps * lap, spacing) % lap:
+        half, rest = divmod(distance + straight / 2.0, lap / 2.0)
         turn = max(0.0, rest - straight) / radius
         x = min(rest, straight) - straight / 2.0 + radius * math.sin(turn)
         y = -radius * math.cos(turn)

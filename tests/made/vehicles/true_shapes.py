@@ -1,7 +1,7 @@
-"""Shapes of known truth, drawn at random, and the error that no unbiased fit of them can beat.
+"""Random shapes of known truth, and a lower bound of the error of unbiased fits.
 
-Independent of the fit: a shape is a curvature over the way, integrated numerically, and the bound
-is the covariance of least squares with the shape's own unknowns, taken from numerical derivatives.
+Independent of the fit: a shape is a curvature over distance, integrated numerically. The bound is
+the covariance of least squares in the unknowns of the shape, by numerical derivatives.
 """
 
 from collections.abc import Callable
@@ -18,18 +18,17 @@ Floats = NDArray[np.float64]
 NOISE = 0.02
 GNSS_HZ = 20.0
 SPACING = 0.2
-"""A trace keeps no samples closer together than this (m)."""
+"""Least distance (m) of samples in a trace."""
 GRID = 0.01
 SETTINGS = FitSettings()
 
 
 @dataclass(frozen=True)
 class Shape:
-    """Curvature by place: `unknowns` and what they mean, and where both sources were measured.
+    """Curvature by station, with `unknowns`: curvatures (1/m), then stations (m) of joins.
 
-    The unknowns begin with curvatures (1/m) and end with places (m); offset and heading of the
-    whole come on top. `stations` are those of the lead's and of the predecessor's samples, the
-    car being at 0.
+    Offset and heading of the shape are further unknowns. `stations` are those of the samples of
+    lead and predecessor; the car is at 0.
     """
 
     unknowns: tuple[float, ...]
@@ -40,8 +39,8 @@ class Shape:
     def end(self) -> float:
         return max(float(stations[-1]) for stations in self.stations)
 
-    def laid(self, unknowns: tuple[float, ...], at: Floats) -> tuple[Floats, Floats, Floats]:
-        """East, north and yaw at places, from (0, 0) eastward at the car's."""
+    def coordinates(self, unknowns: tuple[float, ...], at: Floats) -> tuple[Floats, Floats, Floats]:
+        """East, north and yaw at stations; the car is at (0, 0), facing east."""
         low, high = min(float(at.min()), 0.0) - GRID, max(float(at.max()), 0.0) + GRID
         grid = np.arange(np.floor(low / GRID), np.ceil(high / GRID) + 1.0) * GRID
         middles = grid[:-1] + 0.5 * GRID
@@ -56,15 +55,15 @@ class Shape:
         return np.interp(at, grid, east), np.interp(at, grid, north), np.interp(at, grid, yaw)
 
     def bound(self) -> tuple[float, float]:
-        """Standard deviation (m) of least squares beside the car and at the end of the preview."""
+        """Standard deviation (m) of least squares at the car and at the end of the preview."""
         both = np.concatenate(self.stations)
         at = np.concatenate((both, [0.0, self.end]))
-        east, north, yaw = self.laid(self.unknowns, at)
+        east, north, yaw = self.coordinates(self.unknowns, at)
         columns = [np.cos(yaw), east * np.cos(yaw) + north * np.sin(yaw)]
         for k, value in enumerate(self.unknowns):
             step = 1e-5 if abs(value) < 0.5 else 1e-2
             moved = [
-                self.laid((*self.unknowns[:k], value + side, *self.unknowns[k + 1 :]), at)
+                self.coordinates((*self.unknowns[:k], value + side, *self.unknowns[k + 1 :]), at)
                 for side in (step, -step)
             ]
             d_east = (moved[0][0] - moved[1][0]) / (2.0 * step)
@@ -77,12 +76,12 @@ class Shape:
         return float(deviations[0]), float(deviations[1])
 
     def errors(self, random: np.random.Generator) -> tuple[float, float]:
-        """How far (m) the fit to samples with noise is off beside the car and at the end."""
+        """Errors (m) of the fit to noisy samples at the car and at the end."""
         windows = []
         turn, shift = random.uniform(-np.pi, np.pi), random.uniform(-500.0, 500.0, 2)
 
         def in_world(at: Floats) -> Floats:
-            east, north, _ = self.laid(self.unknowns, at)
+            east, north, _ = self.coordinates(self.unknowns, at)
             cos, sin = np.cos(turn), np.sin(turn)
             return np.stack((east * cos - north * sin, east * sin + north * cos)).T + shift
 
@@ -96,7 +95,7 @@ class Shape:
 
 
 def measured(random: np.random.Generator, low: float, high: float, step: float) -> Floats:
-    """Places every `step` (m) from `low` to `high`, begun anywhere."""
+    """Stations every `step` (m) from `low` to `high`, with a random start."""
     step = max(step, SPACING)
     places = np.arange(low + random.uniform(0.0, step), high, step)
     stride = 1 << (max(len(places) - 1, 0) // 40).bit_length()
@@ -104,14 +103,14 @@ def measured(random: np.random.Generator, low: float, high: float, step: float) 
 
 
 def both(random: np.random.Generator, speed: float) -> tuple[Floats, Floats]:
-    """Places of both sources in the window of a car at `speed` (m/s)."""
+    """Stations of both sources in the window of a car at `speed` (m/s)."""
     low, high = -SETTINGS.behind(speed), SETTINGS.ahead(speed)
     step = speed / GNSS_HZ
     return measured(random, low, high, step), measured(random, low, high, step)
 
 
-def bent(random: np.random.Generator, speed: float) -> float:
-    """A curvature (1/m) that a car drives at `speed`: from 0.5 to 3 m/s², radius from 6 m."""
+def random_curvature(random: np.random.Generator, speed: float) -> float:
+    """A curvature (1/m) at `speed`: 0.5 to 3 m/s² lateral acceleration, radius from 6 m."""
     side = float(random.choice([-1.0, 1.0]))
     return side * min(float(random.uniform(0.5, 3.0)) / speed**2, 1.0 / 6.0)
 
@@ -143,14 +142,14 @@ def line(random: np.random.Generator) -> Shape:
 
 def arc(random: np.random.Generator) -> Shape:
     speed = random.uniform(3.0, 35.0)
-    return Shape((bent(random, speed),), _constant, both(random, speed))
+    return Shape((random_curvature(random, speed),), _constant, both(random, speed))
 
 
 def clothoid(random: np.random.Generator) -> Shape:
-    """From one curvature to another within the window, as where a road turns into a bend."""
+    """A linear change of curvature within the window, as at the start of a bend."""
     speed = random.uniform(3.0, 35.0)
     seen = both(random, speed)
-    first, last = (random.uniform(-1.0, 1.0) * bent(random, speed) for _ in range(2))
+    first, last = (random.uniform(-1.0, 1.0) * random_curvature(random, speed) for _ in range(2))
     low, high = -SETTINGS.behind(speed), SETTINGS.ahead(speed)
     rate = (last - first) / (high - low)
     return Shape((first - rate * low, rate), _ramp, seen)
@@ -165,18 +164,18 @@ def line_arc(random: np.random.Generator) -> Shape:
     speed = random.uniform(3.0, 35.0)
     seen = both(random, speed)
     form = (_step_up, _step_down)[int(random.integers(2))]
-    return Shape((bent(random, speed), _join(random, speed)), form, seen)
+    return Shape((random_curvature(random, speed), _join(random, speed)), form, seen)
 
 
 def s_bend(random: np.random.Generator) -> Shape:
     speed = random.uniform(3.0, 35.0)
     seen = both(random, speed)
-    first, other = bent(random, speed), bent(random, speed)
+    first, other = random_curvature(random, speed), random_curvature(random, speed)
     return Shape((first, -np.copysign(other, first), _join(random, speed)), _step, seen)
 
 
 def u_turn(random: np.random.Generator) -> Shape:
-    """Straight, half a circle of 6 to 12 m, straight, from anywhere in it; at 3 to 5 m/s."""
+    """Straight, half a circle of 6 to 12 m radius, straight, at 3 to 5 m/s; random start."""
     speed = random.uniform(3.0, 5.0)
     radius, side = random.uniform(6.0, 12.0), random.choice([-1.0, 1.0])
     length = np.pi * radius
@@ -187,9 +186,9 @@ def u_turn(random: np.random.Generator) -> Shape:
 
 
 def stop_and_go(random: np.random.Generator) -> Shape:
-    """A source that brakes to a stop and starts again at 2 m/s², its samples crowding there."""
+    """A source that stops and starts at 2 m/s²; samples are dense at the stop."""
     speed = random.uniform(3.0, 12.0)
-    bend = bent(random, speed)
+    bend = random_curvature(random, speed)
     low, high = -SETTINGS.behind(speed), SETTINGS.ahead(speed)
     seen = []
     for _ in range(2):
@@ -222,7 +221,7 @@ JUMPING = {"line and arc": line_arc, "S-bend": s_bend, "U-turn": u_turn, "stop a
 
 @dataclass(frozen=True)
 class Row:
-    """Root mean squares over many draws (m), beside the car and at the end of the preview."""
+    """Root mean squares over all draws (m), at the car and at the end of the preview."""
 
     errors: tuple[float, float]
     bounds: tuple[float, float]
@@ -233,7 +232,7 @@ class Row:
 
 
 def drawn(kind: Callable[[np.random.Generator], Shape], draws: int, seed: int = 1) -> Row:
-    """Fit `draws` shapes of a kind, each with noise of its own."""
+    """Fit `draws` shapes of a kind with independent noise."""
     random = np.random.default_rng(seed)
     errors, bounds = [], []
     for _ in range(draws):

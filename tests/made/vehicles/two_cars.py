@@ -1,4 +1,4 @@
-"""Two cars on a straight, to test the speed guard of the second one with late or lost messages."""
+"""Two cars on a straight, to test the speed guard of the follower with late or lost messages."""
 
 from math import inf, nan
 
@@ -26,7 +26,7 @@ EMERGENCY = DegradationSettings().emergency
 
 
 class Road:
-    """Two cars on a straight: the follower receives some exact messages of the predecessor, late.
+    """Two cars on a straight; the follower receives some exact, delayed messages.
 
     `ahead` and `place` (m) are the positions of predecessor and follower, `known` is the newest
     received sample, `least` the smallest gap (m) so far.

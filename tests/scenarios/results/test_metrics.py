@@ -263,7 +263,7 @@ def test_figures_of_a_link_follow_from_its_verdicts() -> None:
         verdict("v2", "v3", 1, dropped="loss"),
         verdict("v2", "v3", 2, latency_ms=50.0),
         verdict("v2", "v3", 3, dropped="loss"),
-        verdict("v2", "v3", 4, latency_ms=30.0, heard_after_ms=100.0),
+        verdict("v2", "v3", 4, latency_ms=30.0, received_after_ms=100.0),
         verdict("v1", "v3", 4, latency_ms=500.0),
         verdict("v1", "v2", 4, dropped="loss"),
     )

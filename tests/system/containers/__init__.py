@@ -1,1 +1,1 @@
-"""Tests in containers, where there is an engine that runs them."""
+"""Tests in containers; skipped without a container engine."""

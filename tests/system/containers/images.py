@@ -1,4 +1,4 @@
-"""What containers are made of, whether they can be made here, and what is asked of the engine."""
+"""Build context of the container images, and calls of the container engine."""
 
 import shutil
 import subprocess
@@ -10,42 +10,40 @@ PARTS = (
     *("requirements.lock", "requirements-container.lock"),
     *("pyproject.toml", "README.md", "LICENSE", "vehicles", "transport", "scenarios"),
 )
-"""What the image and its composition are made of."""
+"""Build context of the image."""
 IMAGE = "convoy-emulator"
 VEHICLE_IMAGE = "convoy-emulator-vehicle"
 BASE = "python:3.11-slim-bookworm"
 BUILD_S = 900.0
 
 
-def obstacle() -> str | None:
-    """Say why containers cannot be tried here, if they cannot."""
+def missing_requirement() -> str | None:
+    """The reason why containers cannot run here, if any."""
     for tool in ("docker", "docker-compose"):
         if shutil.which(tool) is None:
-            return f"no {tool} here"
+            return f"{tool} is not installed"
     if call("docker", "info").returncode:
-        return "no container engine runs here"
+        return "no container engine is running"
     if call("docker", "image", "inspect", BASE).returncode:
-        return f"the base image {BASE} is not here (docker pull {BASE})"
+        return f"the base image {BASE} is missing (docker pull {BASE})"
     return None
 
 
 def call(
     *command: str, cwd: Path | None = None, timeout: float = 60.0
 ) -> "subprocess.CompletedProcess[str]":
-    """Run a command and keep what it says."""
     return subprocess.run(
         command, cwd=cwd, capture_output=True, text=True, timeout=timeout, check=False
     )
 
 
-def container_reaches_packages() -> bool:
-    """Say whether pip can fetch something from inside a container of the base image."""
+def pip_works_in_containers() -> bool:
+    """Whether pip in a container of the base image can download packages."""
     fetch = ("python3", "-m", "pip", "download", "-q", "--no-deps", "--dest", "/tmp", "click")
     return call("docker", "run", "--rm", BASE, *fetch, timeout=BUILD_S).returncode == 0
 
 
 def copy_parts(folder: Path) -> None:
-    """Copy what the image is made of."""
     for part in PARTS:
         source = PROJECT / part
         if source.is_dir():

@@ -20,9 +20,9 @@ from tests.system.containers.images import (
     IMAGE,
     VEHICLE_IMAGE,
     call,
-    container_reaches_packages,
     copy_parts,
-    obstacle,
+    missing_requirement,
+    pip_works_in_containers,
 )
 from tests.system.logs import (
     Run,
@@ -36,14 +36,14 @@ from tests.system.processes import until
 
 PORT_NAMES = ("CONVOY_PAGE_PORT", "CONVOY_DATA_PORT")
 USER = 4711
-"""Somebody who is not root."""
+"""A user other than root."""
 SHORT = f"--set=duration_s={DURATION_S:g}"
 DRIVE_S = 300.0
-"""The start and the run with room for a machine that has other things to do."""
+"""Time limit of start and run on a busy machine."""
 
 
 def free_ports() -> dict[str, int]:
-    """Choose ports for the page and its data: another test may be serving at the usual ones."""
+    """Free ports for the page and its data; another test may use the default ones."""
     with socket.socket() as page, socket.socket() as data:
         for probe in (page, data):
             probe.bind(("127.0.0.1", 0))
@@ -52,17 +52,17 @@ def free_ports() -> dict[str, int]:
 
 @pytest.fixture(scope="session")
 def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Copy what the image is made of, with the image built from it."""
+    """A copy of the build context, with its image built."""
     folder = shared(tmp_path_factory) / "project"
     with first_only(folder) as first:
-        why_not = obstacle() if first else None
-        if why_not:
-            pytest.skip(why_not)
+        reason = missing_requirement() if first else None
+        if reason:
+            pytest.skip(reason)
         if first:
             copy_parts(folder)
             built = call("docker", "build", "-t", IMAGE, ".", cwd=folder, timeout=BUILD_S)
-            if built.returncode and not container_reaches_packages():
-                pytest.skip("a container reaches no package index here, so no image can be built")
+            if built.returncode and not pip_works_in_containers():
+                pytest.skip("containers cannot reach a package index to build an image")
             assert built.returncode == 0, built.stdout[-2000:] + built.stderr[-2000:]
     return folder
 
@@ -71,7 +71,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def composed(
     folder: Path, ports: dict[str, int]
 ) -> Iterator[tuple["subprocess.Popen[bytes]", str]]:
-    """`docker-compose up` under a project name of its own; in the end all of it is taken down."""
+    """`docker-compose up` under a unique project name; taken down on exit."""
     name = f"convoy-test-{uuid4().hex[:8]}"
     compose = ["docker-compose", "-p", name]
     with (folder / "up.log").open("wb") as log:
@@ -94,19 +94,18 @@ def composed(
 
 
 def published(name: str) -> list[str]:
-    """Return under which of the host's addresses the containers' ports can be reached."""
+    """Addresses of the host at which ports of the containers are published."""
     shown = call("docker", "ps", "--filter", f"name={name}", "--format", "{{.Ports}}").stdout
     return re.findall(r"(\S+)->", shown)
 
 
 def containers(name: str) -> list[str]:
-    """Return the names of the containers that run."""
+    """Names of the running containers."""
     shown = call("docker", "ps", "--filter", f"name={name}", "--format", "{{.Names}}").stdout
     return sorted(re.sub(rf"^{name}[-_](.*)[-_]1$", r"\1", line) for line in shown.split())
 
 
 def page_is_served(port: int) -> bool:
-    """Say whether Rerun's page is there to watch the run."""
     try:
         with urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=5.0) as page:
             return bool(page.status == 200)
@@ -114,8 +113,8 @@ def page_is_served(port: int) -> bool:
         return False
 
 
-def given_to_a_user(project: Path) -> int:
-    """Let the project belong to somebody who is not root, as far as we may; returns who."""
+def change_owner(project: Path) -> int:
+    """Give the project to a user other than root, if permitted; return the user id."""
     if os.geteuid():
         return os.geteuid()
     os.chown(project / "docker-compose.yml", USER, USER)
@@ -123,43 +122,43 @@ def given_to_a_user(project: Path) -> int:
 
 
 @pytest.mark.long
-def test_six_containers_drive_the_default_scenario(project: Path, lane_change: Driven) -> None:
-    user = given_to_a_user(project)
+def test_six_containers_run_the_default_scenario(project: Path, lane_change: Driven) -> None:
+    user = change_owner(project)
     ports = free_ports()
     page = ports["CONVOY_PAGE_PORT"]
     with composed(project, ports) as (up, name):
-        said = project / "up.log"
+        output = project / "up.log"
         assert until(lambda: page_is_served(page) or up.poll() is not None, DRIVE_S)
-        assert up.poll() is None, said.read_text()
+        assert up.poll() is None, output.read_text()
         assert containers(name) == ["recorder", "router", "v1", "v2", "v3", "v4"]
         assert sorted(published(name)) == sorted(f"127.0.0.1:{port}" for port in ports.values())
-        assert up.wait(DRIVE_S) == 0, said.read_text()
-        assert f"http://127.0.0.1:{page}/?url=" in said.read_text()
+        assert up.wait(DRIVE_S) == 0, output.read_text()
+        assert f"http://127.0.0.1:{page}/?url=" in output.read_text()
         assert not containers(name)
     assert not call("docker", "ps", "-a", "-q", "--filter", f"name={name}").stdout
-    (folder,) = (project / "runs").iterdir()  # Docker made it, as it was not there
-    for written in (folder.parent, folder, *folder.iterdir()):
-        assert written.stat().st_uid == user, written
+    (folder,) = (project / "runs").iterdir()  # created by Docker
+    for path in (folder.parent, folder, *folder.iterdir()):
+        assert path.stat().st_uid == user, path
     assert re.fullmatch(r"\d{8}-\d{6}-lane_change-duration_s=8", folder.name)
     run = Run(folder)
     assert_sound(run.log)
     assert_nothing_missing(run, DURATION_S)
     assert_summary_is_in_the_log(run)
     assert run.summary["outcome"] == "completed"
-    assert_drives_as_virtual_time_does(run, lane_change.virtual)
+    assert_drives_as_in_virtual_time(run, lane_change.virtual)
 
 
-def assert_drives_as_virtual_time_does(run: Run, virtual: Run) -> None:
-    """True paths agree with those of the virtual run, made here and not in a container."""
+def assert_drives_as_in_virtual_time(run: Run, virtual: Run) -> None:
+    """Compare true poses with those of a virtual run outside of containers."""
     found = agreement(run, virtual)
     print(f"{found.equal} of {found.compared} true poses are equal to the bit;", end=" ")
-    print(f"farthest {found.farthest_m * 100:.3f} cm,", end=" ")
+    print(f"farthest {found.distance_m_max * 100:.3f} cm,", end=" ")
     print(f"late: {run.late_ticks} ticks, {len(run.late_messages_at)} messages")
     assert found.compared == 4 * DURATION_S * 50
     assert_equal_while_nothing_was_late(run, virtual, within_m=0.05)
 
 
-def test_unless_told_otherwise_the_default_scenario_is_shown_at_rerun_s_usual_ports(
+def test_defaults_are_the_default_scenario_and_ports_of_rerun(
     project: Path,
 ) -> None:
     shown = call("docker-compose", "config", cwd=project).stdout
@@ -170,7 +169,7 @@ def test_unless_told_otherwise_the_default_scenario_is_shown_at_rerun_s_usual_po
     ]
 
 
-def test_the_image_of_a_vehicle_does_without_the_extras(project: Path) -> None:
+def test_the_vehicle_image_lacks_the_extras(project: Path) -> None:
     build = ("docker", "build", "--target", "vehicle", "-t", VEHICLE_IMAGE, ".")
     built = call(*build, cwd=project, timeout=BUILD_S)
     assert built.returncode == 0, built.stdout[-2000:] + built.stderr[-2000:]
@@ -186,10 +185,10 @@ def test_the_image_of_a_vehicle_does_without_the_extras(project: Path) -> None:
 
 
 @pytest.mark.usefixtures("project")
-def test_the_image_takes_the_commands_of_convoy() -> None:
+def test_the_image_runs_commands_of_convoy() -> None:
     listed = call("docker", "run", "--rm", IMAGE, "list")
     assert listed.returncode == 0, listed.stderr
-    scenarios, _ = listed.stdout.split("\n\n", 1)  # and channels
+    scenarios, _ = listed.stdout.split("\n\n", 1)  # scenarios, then channels
     assert [line.split()[0] for line in scenarios.splitlines()] == list(library())
     refused = call("docker", "run", "--rm", IMAGE, "run", "nowhere")
     assert refused.returncode == 2

@@ -1,4 +1,4 @@
-"""A sweep on two dask workers in containers: the tables of a pool, also when one is killed."""
+"""A sweep on two dask workers in containers writes the tables of a pool, also if one is killed."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -14,9 +14,9 @@ from tests.system.containers.images import (
     BUILD_S,
     VEHICLE_IMAGE,
     call,
-    container_reaches_packages,
     copy_parts,
-    obstacle,
+    missing_requirement,
+    pip_works_in_containers,
 )
 
 IMAGE = "convoy-emulator-engine"
@@ -45,17 +45,17 @@ services:
   other:
     <<: *worker
 """
-"""No port is published: whoever is not in a container of this network reaches nobody."""
+"""No port is published: only containers of this network can connect."""
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Path:
-    """A folder with the composition, and the image that it needs."""
+    """A folder with the compose file, and its image built."""
     if not request.config.getoption("--campaign"):
         pytest.skip("builds an image with dask: with --campaign")
     pytest.importorskip("distributed")
-    if why_not := obstacle():
-        pytest.skip(why_not)
+    if reason := missing_requirement():
+        pytest.skip(reason)
     folder = tmp_path_factory.mktemp("engine")
     copy_parts(folder)
     steps = [("vehicle", VEHICLE_IMAGE, "Dockerfile"), ("", IMAGE, "Dockerfile.engine")]
@@ -64,8 +64,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequ
         stage = ("--target", target) if target else ()
         command = ("docker", "build", "-f", file, *stage, "-t", image, ".")
         built = call(*command, cwd=folder, timeout=BUILD_S)
-        if built.returncode and not container_reaches_packages():
-            pytest.skip("a container reaches no package index here, so no image can be built")
+        if built.returncode and not pip_works_in_containers():
+            pytest.skip("containers cannot reach a package index to build an image")
         assert built.returncode == 0, built.stdout[-2000:] + built.stderr[-2000:]
     (folder / "docker-compose.yml").write_text(COMPOSE)
     (folder / "out").mkdir()
@@ -74,7 +74,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequ
 
 @contextmanager
 def composed(folder: Path) -> Iterator[list[str]]:
-    """A scheduler and its workers, under a project name of their own."""
+    """A scheduler and its workers, under a unique project name."""
     compose = ["docker-compose", "-p", f"convoy-test-{uuid4().hex[:8]}"]
     try:
         up = call(*compose, "up", "-d", cwd=folder, timeout=DRIVE_S)
@@ -85,7 +85,7 @@ def composed(folder: Path) -> Iterator[list[str]]:
             call(*compose, "down", "--timeout", "5", cwd=folder, timeout=DRIVE_S)
 
 
-def sweep(out: str, *how: str) -> list[str]:
+def sweep(out: str, *options: str) -> list[str]:
     return [
         *("convoy", "sweep", "lane_change", f"--seeds={SEEDS}", "--no-pictures"),
         *(f"--set={text}" for text in SETS),
@@ -93,7 +93,7 @@ def sweep(out: str, *how: str) -> list[str]:
         *(f"--figure={text}" for text in FIGURES),
         *(f"--limit={text}" for text in LIMITS),
         f"--out=/out/{out}",
-        *how,
+        *options,
     ]
 
 
@@ -109,12 +109,12 @@ def wait_for(condition: Callable[[], bool]) -> None:
 
 
 @pytest.mark.long
-def test_two_workers_in_containers_give_the_tables_of_a_pool(folder: Path) -> None:
+def test_two_workers_in_containers_write_the_tables_of_a_pool(folder: Path) -> None:
     with composed(folder) as compose:
         inside = [*compose, "exec", "-T", "scheduler"]
         at = ("--scheduler", "tcp://scheduler:8786")
-        for out, how in (("pool", ("--workers", "2")), ("dask", at)):
-            done = call(*inside, *sweep(out, *how), cwd=folder, timeout=DRIVE_S)
+        for out, options in (("pool", ("--workers", "2")), ("dask", at)):
+            done = call(*inside, *sweep(out, *options), cwd=folder, timeout=DRIVE_S)
             assert done.returncode == 0, done.stderr
         detached = [*compose, "exec", "-d", "scheduler", *sweep("killed", *at)]
         assert call(*detached, cwd=folder).returncode == 0
@@ -122,7 +122,7 @@ def test_two_workers_in_containers_give_the_tables_of_a_pool(folder: Path) -> No
         wait_for(lambda: journal.exists() and journal.read_bytes().count(b"\n") > 3)
         assert call(*compose, "kill", "-s", "SIGKILL", "other", cwd=folder).returncode == 0
         left = RUNS + 1 - journal.read_bytes().count(b"\n")
-        assert left > 0, "killed too late to show anything"
+        assert left > 0, "no run was left when the worker was killed"
         wait_for((folder / "out" / "killed" / "sweep.json").exists)
     print(f"{left} of {RUNS} runs were left when a worker was killed")
     assert tables(folder, "dask") == tables(folder, "pool")

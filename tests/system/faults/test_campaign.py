@@ -1,6 +1,6 @@
-"""Kills at random instants of a run, its start-up and last second included.
+"""Signals at random instants of a run, including its start-up and last second.
 
-By default three of a hundred: what is killed in mid-run is in `test_supervision.py`.
+Three of a hundred by default; `test_supervision.py` kills processes in mid-run.
 """
 
 import re
@@ -19,27 +19,28 @@ from transport.log.records import LogError
 from vehicles.messages import TruePose
 
 DURATION_S = 1.5
-"""Of each run; with start-up and end it takes some four seconds."""
+"""Duration of each run; it takes about 4 s with start-up and end."""
 LATEST_S = 4.0
 KINDS = ("recorder", "launcher", "router", "v1", "v2")
 SIGNALS = (signal.SIGKILL, signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
 NS_PER_FLUSH = 400_000_000
-"""The recorder flushes this often; a loaded machine adds to it."""
+"""Flush interval of the recorder."""
 BUSY_NS = 900_000_000
+"""Allowance for a busy machine."""
 
 
 def target(convoy: Process, kind: str) -> psutil.Process | None:
-    """The process of that kind, None while or when there is none."""
+    """The process of that kind, if it is alive."""
     if kind == "launcher":
         return psutil.Process(convoy.popen.pid) if convoy.exit_code is None else None
     return convoy.parts().get(kind)
 
 
-def hit(convoy: Process, kind: str, number: signal.Signals, after_s: float) -> int:
-    """Send a signal `after_s` after the launch, once the process is there; returns when (ns)."""
+def send_signal_after(convoy: Process, kind: str, number: signal.Signals, after_s: float) -> int:
+    """Send a signal `after_s` after launch, when the process exists; return its instant (ns)."""
     time.sleep(after_s)
-    until_s = time.monotonic() + 10.0
-    while convoy.exit_code is None and time.monotonic() < until_s:
+    deadline = time.monotonic() + 10.0
+    while convoy.exit_code is None and time.monotonic() < deadline:
         victim = target(convoy, kind)
         if victim is not None:
             with suppress(psutil.NoSuchProcess):
@@ -50,52 +51,52 @@ def hit(convoy: Process, kind: str, number: signal.Signals, after_s: float) -> i
 
 
 @pytest.mark.campaign(3, 100)
-def test_whatever_is_killed_whenever_nothing_is_left_and_the_log_can_be_read(
+def test_a_signal_at_any_instant_leaves_no_process_and_a_readable_log(
     case: int, tmp_path: Path
 ) -> None:
     random = Random(case)
     kind = KINDS[case % len(KINDS)]
     number, after_s = random.choice(SIGNALS), random.uniform(0.0, LATEST_S)
-    how = random.choice(("fork", "fork", "spawn"))
+    start_method = random.choice(("fork", "fork", "spawn"))
     convoy_of_three = ("lane_change", "--set=convoy.vehicles=3", f"--set=duration_s={DURATION_S}")
-    arguments = ("run", *convoy_of_three, f"--start={how}")
-    what = f"{kind} {number.name} after {after_s:.2f} s, started by {how}"
+    arguments = ("run", *convoy_of_three, f"--start={start_method}")
+    label = f"{kind} {number.name} after {after_s:.2f} s, started by {start_method}"
     with start(*arguments, "--out", tmp_path / "run", folder=tmp_path) as convoy:
-        hit_at = hit(convoy, kind, number, after_s)
+        signal_at = send_signal_after(convoy, kind, number, after_s)
         code = convoy.wait()
-        assert convoy.is_gone_in_time(), f"{what}: left {convoy.everyone()}"
-        assert "Traceback" not in convoy.err, f"{what}: {convoy.err}"
-        assert code in {0, 1, 130, 143, -signal.SIGKILL, -signal.SIGTERM, -signal.SIGINT}, what
+        assert convoy.ends_in_time(), f"{label}: left {convoy.remaining()}"
+        assert "Traceback" not in convoy.err, f"{label}: {convoy.err}"
+        assert code in {0, 1, 130, 143, -signal.SIGKILL, -signal.SIGTERM, -signal.SIGINT}, label
         if kind != "launcher":
-            assert code in {0, 1}, f"{what}: {code} {convoy.err}"
+            assert code in {0, 1}, f"{label}: {code} {convoy.err}"
         if code == 1:
-            assert convoy.err.strip(), f"{what}: failed without a word"
+            assert convoy.err.strip(), f"{label}: failed without a message"
     log = tmp_path / "run" / "run.mcap"
     if log.exists():
-        assert_readable(log, hit_at, what)
+        assert_readable(log, signal_at, label)
 
 
 def truths_of(log: Path) -> list[TruePose]:
-    """True poses in a log; none where it was killed before its first message."""
+    """True poses in a log; empty if the run was killed before its first message."""
     try:
         return [m for _, _, m in LogReader(log).messages(("truth",)) if isinstance(m, TruePose)]
     except LogError as error:
-        # Killed, it breaks off; its launcher may have completed it since.
+        # A killed log is truncated, unless its launcher has completed it.
         if re.search("before the first message|contains no messages|is empty", str(error)):
             return []
         raise
 
 
-def assert_readable(log: Path, hit_at: int, what: str) -> None:
-    """All that was driven until shortly before the hit is there, without gaps."""
+def assert_readable(log: Path, signal_at: int, label: str) -> None:
+    """Check that the log has all true poses until shortly before the signal."""
     truths = truths_of(log)
     by_vehicle: dict[str, list[int]] = {}
     for truth in truths:
         by_vehicle.setdefault(truth.vehicle, []).append(truth.seq)
     for vehicle, numbers in by_vehicle.items():
-        assert numbers == list(range(len(numbers))), f"{what}: gaps of {vehicle}"
+        assert numbers == list(range(len(numbers))), f"{label}: gaps of {vehicle}"
     if truths:
-        last, began = max(t.true_at_ns for t in truths), min(t.true_at_ns for t in truths)
-        end = began + round(DURATION_S * 1e9)
-        driven_until = min(hit_at, end - 20_000_000)
-        assert last > driven_until - NS_PER_FLUSH - BUSY_NS, f"{what}: log ends too early"
+        last, first = max(t.true_at_ns for t in truths), min(t.true_at_ns for t in truths)
+        end = first + round(DURATION_S * 1e9)
+        driven_until = min(signal_at, end - 20_000_000)
+        assert last > driven_until - NS_PER_FLUSH - BUSY_NS, f"{label}: log ends too early"

@@ -1,4 +1,4 @@
-"""Commands that are interrupted, or whose output nobody reads any more."""
+"""Interrupted commands, and commands with closed output pipes."""
 
 import signal
 import subprocess
@@ -16,7 +16,7 @@ from tests.system.logs import Run, assert_sound
 from tests.system.processes import until
 
 SOON_S = 5.0
-"""A recorder gives a frozen router a second; a machine with other things to do adds to it."""
+"""A recorder waits 1 s for a frozen router; the rest is for a busy machine."""
 PATIENCE_S = 60.0
 NOBODY = "tcp/127.0.0.1:1"
 COMMANDS: Sequence[Sequence[str]] = (
@@ -33,7 +33,7 @@ COMMANDS: Sequence[Sequence[str]] = (
 
 @contextmanager
 def convoy(folder: Path, *arguments: str) -> Iterator["subprocess.Popen[str]"]:
-    """Start `convoy ARGUMENTS` in `folder`; in the end it is gone."""
+    """Start `convoy ARGUMENTS` in `folder`; kill it on exit."""
     process = subprocess.Popen(
         [sys.executable, "-m", "scenarios.cli", *arguments],
         cwd=folder,
@@ -50,8 +50,8 @@ def convoy(folder: Path, *arguments: str) -> Iterator["subprocess.Popen[str]"]:
             process.kill()
 
 
-def has_taken_the_signals(process: "subprocess.Popen[str]") -> bool:
-    """Whether SIGTERM has a handler, which the interpreter alone does not give it."""
+def has_signal_handlers(process: "subprocess.Popen[str]") -> bool:
+    """Whether SIGTERM has a handler; the interpreter itself installs none."""
     for line in Path(f"/proc/{process.pid}/status").read_text().splitlines():
         if line.startswith("SigCgt:"):
             return bool(int(line.split()[1], 16) >> (signal.SIGTERM - 1) & 1)
@@ -59,35 +59,32 @@ def has_taken_the_signals(process: "subprocess.Popen[str]") -> bool:
 
 
 def assert_ends_with_one_line(process: "subprocess.Popen[str]", number: signal.Signals) -> None:
-    """Ask it to stop: it ends soon, with the shell's exit code, and says why in one line."""
+    """Send a signal; check exit code, time, and the only error line."""
     process.send_signal(number)
-    asked_at = time.monotonic()
-    _, complaint = process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == 128 + number, complaint
-    assert time.monotonic() - asked_at < SOON_S
-    assert complaint.splitlines()[-1] == f"stopped by {number.name}"
-    assert complaint.count("stopped by") == 1
-    assert "Traceback" not in complaint
+    sent_at = time.monotonic()
+    _, errors = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 128 + number, errors
+    assert time.monotonic() - sent_at < SOON_S
+    assert errors.splitlines()[-1] == f"stopped by {number.name}"
+    assert errors.count("stopped by") == 1
+    assert "Traceback" not in errors
 
 
 @pytest.mark.spread(5)
 @pytest.mark.parametrize(("number", "after_s"), [(signal.SIGINT, 0.0), (signal.SIGTERM, 0.15)])
 @pytest.mark.parametrize("arguments", COMMANDS, ids=lambda arguments: arguments[0])
-def test_a_command_ends_at_once_while_it_is_being_loaded(
+def test_a_command_ends_promptly_during_its_imports(
     arguments: Sequence[str], number: signal.Signals, after_s: float, tmp_path: Path
 ) -> None:
     with convoy(tmp_path, *arguments) as process:
-        assert until(lambda: has_taken_the_signals(process))
+        assert until(lambda: has_signal_handlers(process))
         time.sleep(after_s)
         assert_ends_with_one_line(process, number)
 
 
 @pytest.mark.parametrize("joined", [False, True], ids=["joining", "joined"])
 @pytest.mark.parametrize("command", ["vehicle", "record"])
-def test_a_command_ends_although_its_router_is_frozen(
-    command: str, joined: bool, tmp_path: Path
-) -> None:
-    """Also a recorder with a vehicle that cannot answer any more."""
+def test_a_command_ends_with_a_frozen_router(command: str, joined: bool, tmp_path: Path) -> None:
     own = {"vehicle": ["--name", "v1"], "record": ["--out", "run", "--quiet"]}[command]
     with convoy(tmp_path, "router", "-l", "tcp/127.0.0.1:0") as router:
         assert router.stdout is not None
@@ -95,24 +92,24 @@ def test_a_command_ends_although_its_router_is_frozen(
         if not joined:
             router.send_signal(signal.SIGSTOP)
         with convoy(tmp_path, "vehicle", "lane_change", "--name", "v2", "-e", endpoint) as other:
-            # One after the other: a frozen router's connection is given up after a while.
-            assert until(lambda: linked(other, endpoint))
+            # In sequence: a connection to a frozen router times out.
+            assert until(lambda: is_connected(other, endpoint))
             with convoy(tmp_path, command, "lane_change", *own, "-e", endpoint) as process:
-                assert until(lambda: linked(process, endpoint))
+                assert until(lambda: is_connected(process, endpoint))
                 time.sleep(0.8)  # they declare what they send and receive
                 router.send_signal(signal.SIGSTOP)
                 assert_ends_with_one_line(process, signal.SIGINT)
 
 
-def linked(process: "subprocess.Popen[str]", endpoint: str) -> bool:
-    """Whether it has a connection to the router, which the system makes for a frozen one too."""
+def is_connected(process: "subprocess.Popen[str]", endpoint: str) -> bool:
+    """Whether a process has a TCP connection to the router, possibly frozen."""
     port = int(endpoint.rpartition(":")[2])
     connections = psutil.Process(process.pid).net_connections("tcp")
-    return any(one.raddr and one.raddr.port == port for one in connections)
+    return any(c.raddr and c.raddr.port == port for c in connections)
 
 
 @pytest.mark.parametrize("clock", ["wall", "virtual"])
-def test_a_run_goes_on_when_nobody_reads_what_it_prints(clock: str, tmp_path: Path) -> None:
+def test_a_run_continues_with_closed_output_pipes(clock: str, tmp_path: Path) -> None:
     short = ("--set=duration_s=1", "--set=convoy.vehicles=2")
     arguments = ("run", "lane_change", "--clock", clock, *short, "--out", "run")
     with convoy(tmp_path, *arguments) as process:
@@ -127,7 +124,7 @@ def test_a_run_goes_on_when_nobody_reads_what_it_prints(clock: str, tmp_path: Pa
     assert run.summary["ran_s"] == 1.0
 
 
-def test_a_reader_that_has_enough_is_no_error(tmp_path: Path) -> None:
+def test_a_closed_output_pipe_is_no_error(tmp_path: Path) -> None:
     with convoy(tmp_path, "list") as process:
         assert process.stdout is not None
         process.stdout.close()

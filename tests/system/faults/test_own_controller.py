@@ -1,4 +1,4 @@
-"""A controller of the user's own that fails, in a convoy of processes: one line, no traceback."""
+"""Failing user controllers in a convoy of processes: one line, no traceback."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,10 +16,10 @@ class Raising(FeedforwardFeedback):
     def steer(self, errors, speed):
         self.left -= 1
         if not self.left:
-            raise RuntimeError("lost my way")
+            raise RuntimeError("no path")
         return super().steer(errors, speed)
 
-class Dizzy(FeedforwardFeedback):
+class ReturnsNan(FeedforwardFeedback):
     left = 40
     def steer(self, errors, speed):
         self.left -= 1
@@ -29,14 +29,14 @@ class Other(FeedforwardFeedback):
     def __init__(self, parameters):
         pass
 """
-RAISED = "v2: controller 'own.Raising': steer() raised RuntimeError: lost my way, "
-DIZZY = "v3: controller 'own.Dizzy': steer() returned steering = nan"
+RAISED = "v2: controller 'own.Raising': steer() raised RuntimeError: no path, "
+NOT_A_NUMBER = "v3: controller 'own.ReturnsNan': steer() returned steering = nan"
 CONTINUES = "; the convoy continues without it"
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """The user's working folder with the module `own`."""
+    """A working folder with the module `own`."""
     (tmp_path / "own.py").write_text(OWN, encoding="utf-8")
     return tmp_path
 
@@ -51,7 +51,7 @@ def controlled(vehicle: str, name: str) -> str:
     return f"vehicle.{vehicle}.control.controller=own.{name}"
 
 
-def test_a_controller_that_raises_ends_the_run_in_one_line(folder: Path) -> None:
+def test_a_controller_that_raises_ends_the_run(folder: Path) -> None:
     ran = run_to_the_end(*arguments(controlled("v2", "Raising")), "--quiet", folder=folder)
     assert ran.exit_code == 1
     (line,) = ran.lines()
@@ -61,30 +61,29 @@ def test_a_controller_that_raises_ends_the_run_in_one_line(folder: Path) -> None
     assert (run.summary["outcome"], run.summary["reason"]) == ("failed", line)
 
 
-def test_a_convoy_goes_on_without_those_whose_controllers_fail(folder: Path) -> None:
-    """As it does when a process dies; in virtual time all the same."""
-    asked = (
-        *(controlled("v2", "Raising"), controlled("v3", "Dizzy")),
+def test_a_convoy_continues_without_failed_controllers(folder: Path) -> None:
+    settings = (
+        *(controlled("v2", "Raising"), controlled("v3", "ReturnsNan")),
         "convoy.on_vehicle_failure=continue",
     )
-    wall = run_to_the_end(*arguments(*asked), folder=folder)
-    virtual = run_to_the_end(*arguments(*asked, out="virtual"), "--clock=virtual", folder=folder)
-    for ran, where in ((wall, "run"), (virtual, "virtual")):
+    wall = run_to_the_end(*arguments(*settings), folder=folder)
+    virtual = run_to_the_end(*arguments(*settings, out="virtual"), "--clock=virtual", folder=folder)
+    for ran, folder_name in ((wall, "run"), (virtual, "virtual")):
         assert ran.exit_code == 0, ran.err
-        said = [line for line in ran.lines() if line.startswith(("v", "run: v"))]
-        first, second, *left = sorted(said, key=lambda line: line.startswith("run: "))
+        vehicle_lines = [line for line in ran.lines() if line.startswith(("v", "run: v"))]
+        first, second, *left = sorted(vehicle_lines, key=lambda line: line.startswith("run: "))
         assert first.startswith(RAISED)
-        assert second.startswith(DIZZY)
+        assert second.startswith(NOT_A_NUMBER)
         assert [line[:12] for line in left] == ["run: v2 left", "run: v3 left"]
         assert all(line.endswith(CONTINUES) for line in left)
         assert "Traceback" not in ran.err
-        run = Run(folder / where)
+        run = Run(folder / folder_name)
         assert_sound(run.log)
         assert run.summary["outcome"] == "completed"
         assert [len(poses) for poses in run.truths.values()] == [75, 29, 39]
 
 
-def test_a_controller_with_another_constructor_is_refused_before_anything_starts(
+def test_a_controller_with_a_wrong_constructor_is_refused_before_the_start(
     folder: Path,
 ) -> None:
     ran = run_to_the_end(*arguments(controlled("v2", "Other")), folder=folder)

@@ -1,4 +1,4 @@
-"""However a run ends: no process is left, the log can be read, and it says why."""
+"""Ends of a run: no process remains, the log is readable, and the reason is recorded."""
 
 import signal
 import time
@@ -23,16 +23,16 @@ from tests.system.processes import Process, run_to_the_end, start, until
 from transport.topics import RUN_SENDER
 
 LONG_S = 35.0
-"""No run of these tests comes to such an end by itself."""
+"""Longer than any of these tests."""
 LOST_S = 0.5
-"""At most so much of a run may be missing in its log; see `assert_log_reaches`."""
+"""Longest part of a run that may be missing in its log; see `assert_log_reaches`."""
 BUSY_S = 0.75
-"""A machine with other things to do flushes, and asks for the time, so much later."""
+"""Allowance for a busy machine."""
 CONVOY = ("v1", "v2", "v3")
 
 
 def three(folder: Path, *settings: str, duration_s: float = LONG_S) -> Sequence[object]:
-    """Arguments of a run of three vehicles into `folder`."""
+    """Arguments of a run of three vehicles."""
     return (
         *("run", "lane_change", "--set=convoy.vehicles=3", f"--set=duration_s={duration_s}"),
         *(f"--set={setting}" for setting in settings),
@@ -41,7 +41,7 @@ def three(folder: Path, *settings: str, duration_s: float = LONG_S) -> Sequence[
 
 
 def assert_log_reaches(run: Run, instant: int) -> None:
-    """The log is whole, and holds what was driven until half a second before `instant` (ns)."""
+    """Check that the log is valid and reaches `LOST_S` before `instant` (ns)."""
     assert_sound(run.log)
     lost_s = (instant - run.last_truth_at) * 1e-9
     assert lost_s < LOST_S + BUSY_S
@@ -49,154 +49,153 @@ def assert_log_reaches(run: Run, instant: int) -> None:
         assert [pose.seq for pose in poses.values()] == list(range(len(poses))), name
 
 
-def the_one_complaint(convoy: Process) -> str:
-    """Return the only line of a run beside the news of its start."""
+def only_error_line(convoy: Process) -> str:
+    """The only line of a run after that of its start."""
     (_, line) = convoy.lines()
     return line
 
 
-def assert_the_reason_is_shown(convoy: Process, run: Run) -> None:
-    """Standard output ends with the reason that the summary gives."""
+def assert_reason_printed(convoy: Process, run: Run) -> None:
     assert run.summary["reason"]
     assert run.summary["reason"] in convoy.out
 
 
 def kill(process: psutil.Process) -> int:
-    """Kill without warning; returns the instant (ns)."""
+    """Kill a process; return the instant (ns)."""
     process.send_signal(signal.SIGKILL)
     return time.time_ns()
 
 
 @pytest.mark.parametrize("victim", ["v2", "recorder", "router"])
-def test_a_part_that_is_killed_ends_the_run(victim: str, tmp_path: Path) -> None:
+def test_a_killed_process_ends_the_run(victim: str, tmp_path: Path) -> None:
     with start(*three(tmp_path), folder=tmp_path) as convoy:
         convoy.drive(0.6)
         killed_at = kill(convoy.part(victim))
-        assert convoy.is_gone_in_time()
+        assert convoy.ends_in_time()
         assert convoy.wait() == 1
-        line = the_one_complaint(convoy)
+        line = only_error_line(convoy)
     assert victim in line
     assert str(signal.SIGKILL.value) in line
     run = Run(tmp_path / "run")
     assert_log_reaches(run, killed_at)
     assert run.summary["outcome"] == "failed"
-    assert_the_reason_is_shown(convoy, run)
+    assert_reason_printed(convoy, run)
 
 
-def test_a_router_that_is_killed_in_the_last_second_leaves_a_completed_run(tmp_path: Path) -> None:
+def test_a_run_completes_if_its_router_is_killed_in_the_last_second(tmp_path: Path) -> None:
     duration_s = 2.0
     with start(*three(tmp_path, duration_s=duration_s), folder=tmp_path) as convoy:
         router = convoy.part("router")
         convoy.drive(duration_s - 0.5)
         kill(router)
         assert convoy.wait() == 0, convoy.err
-        assert not convoy.everyone()
+        assert not convoy.remaining()
     run = Run(tmp_path / "run")
     assert_sound(run.log)
     assert_summary_is_in_the_log(run)
     assert run.summary["outcome"] == "completed"
     lost = any("the router was lost" in text for text in run.texts(RUN_SENDER))
-    assert lost or all(row["finished"] for row in run.summary["vehicles"])  # a machine too slow
+    assert lost or all(row["finished"] for row in run.summary["vehicles"])  # a slow machine
 
 
-def test_when_the_launcher_is_killed_all_follow(tmp_path: Path) -> None:
+def test_all_processes_end_if_the_launcher_is_killed(tmp_path: Path) -> None:
     with start(*three(tmp_path), folder=tmp_path) as convoy:
-        convoy.drive(1.6)  # so that what may be missing is not all of it
+        convoy.drive(1.6)  # longer than what may be missing
         parts = len(CONVOY) + 3
-        # At first there may be one more, which writes the layout of the log.
-        assert until(lambda: len(convoy.everyone()) == parts)
+        # One more process writes the layout of the log at first.
+        assert until(lambda: len(convoy.remaining()) == parts)
         killed_at = kill(convoy.part("launcher"))
-        assert convoy.is_gone_in_time()
+        assert convoy.ends_in_time()
         assert "Traceback" not in convoy.err
     run = Run(tmp_path / "run")
     assert_log_reaches(run, killed_at)
     assert_summary_is_in_the_log(run)
     assert "launcher" in run.summary["reason"]
-    assert_the_reason_is_shown(convoy, run)
+    assert_reason_printed(convoy, run)
 
 
-def test_a_launcher_that_is_killed_before_the_start_leaves_nothing(tmp_path: Path) -> None:
+def test_a_launcher_killed_before_the_start_leaves_no_process(tmp_path: Path) -> None:
     with start(*three(tmp_path), folder=tmp_path) as convoy:
         convoy.part("v1")
         kill(convoy.part("launcher"))
-        assert convoy.is_gone_in_time()
+        assert convoy.ends_in_time()
         assert "Traceback" not in convoy.err
 
 
-def test_a_run_stops_when_asked_to(tmp_path: Path) -> None:
+def test_a_run_stops_on_a_signal(tmp_path: Path) -> None:
     with start(*three(tmp_path), folder=tmp_path) as convoy:
         convoy.drive(0.3)
         convoy.popen.send_signal(signal.SIGINT)
-        asked_at = time.time_ns()
-        assert convoy.is_gone_in_time()
+        sent_at = time.time_ns()
+        assert convoy.ends_in_time()
         assert convoy.wait() == 130
-        line = the_one_complaint(convoy)
+        line = only_error_line(convoy)
     run = Run(tmp_path / "run")
-    assert_log_reaches(run, asked_at)
+    assert_log_reaches(run, sent_at)
     assert_summary_is_in_the_log(run)
     assert signal.SIGINT.name in line
     assert run.summary["reason"] == line
-    assert_the_reason_is_shown(convoy, run)
+    assert_reason_printed(convoy, run)
     assert all(row["finished"] for row in run.summary["vehicles"])
 
 
-def test_a_vehicle_that_is_held_up_makes_good_every_tick(tmp_path: Path) -> None:
-    duration_s, held_s = 2.5, 1.0
+def test_a_suspended_vehicle_catches_up_all_ticks(tmp_path: Path) -> None:
+    duration_s, suspended_s = 2.5, 1.0
     arguments = three(tmp_path, duration_s=duration_s)
-    twin_arguments = (*arguments[:-1], "virtual", "--clock=virtual")
+    virtual_arguments = (*arguments[:-1], "virtual", "--clock=virtual")
     with (
         start(*arguments, folder=tmp_path) as convoy,
-        start(*twin_arguments, folder=tmp_path) as twin,
+        start(*virtual_arguments, folder=tmp_path) as virtual_process,
     ):
         convoy.drive(0.4)
         convoy.part("v2").suspend()
-        time.sleep(held_s)
+        time.sleep(suspended_s)
         convoy.part("v2").resume()
         assert convoy.wait() == 0, convoy.err
-        assert twin.wait() == 0, twin.err
+        assert virtual_process.wait() == 0, virtual_process.err
     run = Run(tmp_path / "run")
     assert_nothing_missing(run, duration_s)
-    assert run.vehicle("v2")["late_ticks"] >= 0.7 * held_s * 50
-    assert run.vehicle("v2")["lateness_ms_max"] > 700 * held_s
+    assert run.vehicle("v2")["late_ticks"] >= 0.7 * suspended_s * 50
+    assert run.vehicle("v2")["lateness_ms_max"] > 700 * suspended_s
     assert any("late ticks" in text for text in run.texts("v2"))
-    (said,) = [line for line in run.summary["warnings"] if "of the ticks began late" in line]
-    assert said.startswith(tuple("123456789"))
-    assert "(v2)" in said
-    assert "--clock virtual" in said
-    assert said in convoy.out
-    ways = []
-    for one, other in pairwise(run.truths["v2"].values()):
-        assert other.true_at_ns - one.true_at_ns == 20_000_000
-        ways.append(hypot(other.east_m - one.east_m, other.north_m - one.north_m))
-    # 30 m/s for 20 ms, less where the lead was not heard in time and v2 braked, and never a leap.
-    assert ways[0] == pytest.approx(0.6, rel=0.001)
-    assert 0.25 < min(ways) <= max(ways) < 0.62
-    assert all(abs(after - before) < 10.0 * 0.02**2 for before, after in pairwise(ways))
-    # What v2 had to say meanwhile came late to v3, and was counted.
+    (warning,) = [line for line in run.summary["warnings"] if "of the ticks began late" in line]
+    assert warning.startswith(tuple("123456789"))
+    assert "(v2)" in warning
+    assert "--clock virtual" in warning
+    assert warning in convoy.out
+    steps = []
+    for before, after in pairwise(run.truths["v2"].values()):
+        assert after.true_at_ns - before.true_at_ns == 20_000_000
+        steps.append(hypot(after.east_m - before.east_m, after.north_m - before.north_m))
+    # 30 m/s for 20 ms, less where poses of the lead were late and v2 braked; no jumps.
+    assert steps[0] == pytest.approx(0.6, rel=0.001)
+    assert 0.25 < min(steps) <= max(steps) < 0.62
+    assert all(abs(after - before) < 10.0 * 0.02**2 for before, after in pairwise(steps))
+    # Messages of v2 from this time reach v3 late, and are counted.
     links = {(row["sender"], row["receiver"]): row for row in run.summary["links"]}
-    assert links["v2", "v3"]["late"] >= 0.7 * held_s * 20
+    assert links["v2", "v3"]["late"] >= 0.7 * suspended_s * 20
     found = agreement(run, Run(tmp_path / "virtual"))
-    assert found.parted_at is None or found.parted_at > run.late_messages_at[0]
+    assert found.differ_at is None or found.differ_at > run.late_messages_at[0]
 
 
-def test_a_vehicle_that_hangs_for_good_ends_the_run(tmp_path: Path) -> None:
+def test_a_vehicle_that_hangs_permanently_ends_the_run(tmp_path: Path) -> None:
     with start(*three(tmp_path), folder=tmp_path) as convoy:
         convoy.drive(0.3)
         convoy.part("v3").suspend()
         assert convoy.wait() == 1
-        assert convoy.is_gone_in_time()
+        assert convoy.ends_in_time()
     run = Run(tmp_path / "run")
     assert "v3" in run.summary["reason"]
-    assert_the_reason_is_shown(convoy, run)
+    assert_reason_printed(convoy, run)
 
 
-def test_a_vehicle_that_is_told_to_leave_ends_the_run(tmp_path: Path) -> None:
+def test_a_terminated_vehicle_ends_the_run(tmp_path: Path) -> None:
     with start(*three(tmp_path), folder=tmp_path) as convoy:
         convoy.drive(0.3)
         convoy.part("v2").terminate()
-        assert convoy.is_gone_in_time()
+        assert convoy.ends_in_time()
         assert convoy.wait() == 1
-        line = the_one_complaint(convoy)
+        line = only_error_line(convoy)
     assert "v2" in line
     assert str(128 + signal.SIGTERM) in line
     run = Run(tmp_path / "run")
@@ -205,20 +204,19 @@ def test_a_vehicle_that_is_told_to_leave_ends_the_run(tmp_path: Path) -> None:
     assert run.summary["reason"] == line
 
 
-def test_a_convoy_may_go_on_without_some(tmp_path: Path) -> None:
-    """One dies, another is told to leave; the first and the last drive to the end."""
+def test_a_convoy_continues_without_failed_and_terminated_vehicles(tmp_path: Path) -> None:
     duration_s = 2.5
-    goes_on = ("--set=convoy.vehicles=4", '--set=convoy.on_vehicle_failure="continue"')
-    with start(*three(tmp_path, duration_s=duration_s), *goes_on, folder=tmp_path) as convoy:
+    settings = ("--set=convoy.vehicles=4", '--set=convoy.on_vehicle_failure="continue"')
+    with start(*three(tmp_path, duration_s=duration_s), *settings, folder=tmp_path) as convoy:
         convoy.drive(0.4)
         convoy.part("v2").send_signal(signal.SIGKILL)
         convoy.part("v3").send_signal(signal.SIGTERM)
         assert convoy.wait() == 0, convoy.err
-        assert not convoy.everyone()
-        said = sorted(line for line in convoy.lines() if " after the start; " in line)
-    assert len(said) == 2
-    for line, name, fate in zip(said, ("v2", "v3"), ("failed", "left"), strict=True):
-        assert line.startswith(f"run: {name} {fate} ")
+        assert not convoy.remaining()
+        lines = sorted(line for line in convoy.lines() if " after the start; " in line)
+    assert len(lines) == 2
+    for line, name, outcome in zip(lines, ("v2", "v3"), ("failed", "left"), strict=True):
+        assert line.startswith(f"run: {name} {outcome} ")
         assert line.endswith("after the start; the convoy continues without it")
     run = Run(tmp_path / "run")
     assert_sound(run.log)
@@ -232,20 +230,20 @@ def test_a_convoy_may_go_on_without_some(tmp_path: Path) -> None:
         assert run.vehicle(name)["poses"] == duration_s * 20
 
 
-def test_the_parts_of_a_run_can_be_started_by_hand(tmp_path: Path) -> None:
+def test_processes_of_a_run_can_be_started_by_hand(tmp_path: Path) -> None:
     duration_s = 1.0
     scenario = ("lane_change", "--set=convoy.vehicles=2", f"--set=duration_s={duration_s}")
     with ExitStack() as stack:
 
-        def by_hand(*arguments: object) -> Process:
+        def start_part(*arguments: object) -> Process:
             return stack.enter_context(start(*arguments, folder=tmp_path))
 
-        router = by_hand("router", "--listen", "tcp/127.0.0.1:0", "--until-empty")
+        router = start_part("router", "--listen", "tcp/127.0.0.1:0", "--until-empty")
         assert until(lambda: router.out.startswith(LISTENING)), router.err
         endpoint = router.out.removeprefix(LISTENING).strip()
-        recorder = by_hand("record", *scenario, "--connect", endpoint, "--out", "run", "--quiet")
+        recorder = start_part("record", *scenario, "--connect", endpoint, "--out", "run", "--quiet")
         vehicles = [
-            by_hand("vehicle", *scenario, "--name", name, "--connect", endpoint)
+            start_part("vehicle", *scenario, "--name", name, "--connect", endpoint)
             for name in ("v1", "v2")
         ]
         for part in (recorder, *vehicles, router):
@@ -255,7 +253,7 @@ def test_the_parts_of_a_run_can_be_started_by_hand(tmp_path: Path) -> None:
             joined, *driven = vehicle.lines()
             assert joined.startswith(f"{name}: joined, waiting for the ")
             assert driven == [f"{name}: run lane_change {what}" for what in ("starts", "is over")]
-        assert until(lambda: not any(part.everyone() for part in (recorder, *vehicles, router)))
+        assert until(lambda: not any(part.remaining() for part in (recorder, *vehicles, router)))
     run = Run(tmp_path / "run")
     assert_sound(run.log)
     assert_nothing_missing(run, duration_s)
@@ -263,7 +261,7 @@ def test_the_parts_of_a_run_can_be_started_by_hand(tmp_path: Path) -> None:
     assert run.summary["outcome"] == "completed"
 
 
-def test_a_recorder_says_who_did_not_come(tmp_path: Path) -> None:
+def test_a_recorder_lists_absent_vehicles(tmp_path: Path) -> None:
     with start("router", "-l", "tcp/127.0.0.1:0", folder=tmp_path) as router:
         assert until(lambda: router.out.startswith(LISTENING)), router.err
         endpoint = router.out.removeprefix(LISTENING).strip()

@@ -1,4 +1,4 @@
-"""What is done to vehicles by schedule: real processes do what virtual time does, bit for bit."""
+"""Scheduled vehicle faults act alike in real processes and in virtual time, bit for bit."""
 
 import json
 from pathlib import Path
@@ -17,7 +17,7 @@ duration_s = 9.0
 [convoy]
 vehicles = 5
 [links]
-latency_ms = 100.0          # of which the wire takes a few
+latency_ms = 100.0          # includes the network
 loss = { kind = "gilbert_elliott", loss_ratio = 0.1, burst_messages_mean = 3.0 }
 [vehicle.v2.clock]
 offset_ms = -40.0
@@ -51,10 +51,10 @@ kind = "leave"
 at_s = 5.0
 vehicle = "v4"
 """
-BACK_S = 6.505
-DEATH = """
+RESTART_S = 6.505
+PERMANENT_CRASH = """
 extends = "lane_change"
-name = "death"
+name = "permanent_crash"
 duration_s = 3.0
 [[change]]
 kind = "crash"
@@ -64,7 +64,7 @@ vehicle = "v3"
 
 
 def changes(run: Run) -> list[tuple[str, int, str]]:
-    """Who carried out what, in ns after the start."""
+    """Vehicle, instant (ns after the start) and table of each change."""
     return sorted(
         (m.vehicle, m.effective_at_ns - run.start_at, m.table)
         for m in run.messages
@@ -82,33 +82,33 @@ def sent(run: Run, vehicle: str) -> list[tuple[int, int]]:
 
 
 @pytest.fixture(scope="module")
-def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[Run, Run, list[str]]:
-    """Wall clock and virtual time, and what was seen of the process that crashes."""
+def faulty_runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Run, Run, list[str]]:
+    """Runs on both clocks, and the name of the restarted process."""
     folder = tmp_path_factory.mktemp("faults")
     (folder / "faults.toml").write_text(FAULTS)
-    seen: list[str] = []
-    with start("run", "faults.toml", "--quiet", "--out=wall", folder=folder) as said:
-        third = said.part("v3")
-        environment = Path(f"/proc/{third.pid}/environ")
+    restarts: list[str] = []
+    with start("run", "faults.toml", "--quiet", "--out=wall", folder=folder) as convoy:
+        process = convoy.part("v3")
+        environment = Path(f"/proc/{process.pid}/environ")
 
-        def started_anew() -> bool:
+        def restarted() -> bool:
             return environment.exists() and b"CONVOY_HANDOVER=" in environment.read_bytes()
 
-        if until(lambda: started_anew() or said.exit_code is not None) and started_anew():
-            seen.append(psutil.Process(third.pid).name())
-        assert said.wait() == 0, said.err
-        assert not said.everyone()
+        if until(lambda: restarted() or convoy.exit_code is not None) and restarted():
+            restarts.append(psutil.Process(process.pid).name())
+        assert convoy.wait() == 0, convoy.err
+        assert not convoy.remaining()
     virtual = run_to_the_end(
         "run", "faults.toml", "--clock=virtual", "--quiet", "--out=virtual", folder=folder
     )
     assert virtual.exit_code == 0, virtual.err
-    return Run(folder / "wall"), Run(folder / "virtual"), seen
+    return Run(folder / "wall"), Run(folder / "virtual"), restarts
 
 
-def test_processes_and_virtual_time_agree_until_something_came_late(
-    driven: tuple[Run, Run, list[str]],
+def test_processes_and_virtual_time_agree_until_a_late_message(
+    faulty_runs: tuple[Run, Run, list[str]],
 ) -> None:
-    wall, virtual, _ = driven
+    wall, virtual, _ = faulty_runs
     assert_equal_while_nothing_was_late(wall, virtual, within_m=0.5)
     assert {name: len(poses) for name, poses in wall.truths.items()} == dict.fromkeys(
         ("v1", "v2", "v3", "v4", "v5"), 450
@@ -123,32 +123,37 @@ def test_processes_and_virtual_time_agree_until_something_came_late(
     assert_sound(wall.log)
 
 
-def test_the_process_that_crashed_has_really_been_another_one_since(
-    driven: tuple[Run, Run, list[str]],
+def test_a_crashed_process_is_replaced(
+    faulty_runs: tuple[Run, Run, list[str]],
 ) -> None:
-    wall, _, seen = driven
-    assert seen, "no process was seen that had been handed over anything"
+    wall, _, restarts = faulty_runs
+    assert restarts, "no restarted process was found"
     numbers = [number for number, _ in sent(wall, "v3")]
-    assert numbers == list(range(len(numbers)))  # they go on
-    assert not [at for _, at in sent(wall, "v3") if 3.02e9 <= at < BACK_S * 1e9]
+    assert numbers == list(range(len(numbers)))
+    assert not [at for _, at in sent(wall, "v3") if 3.02e9 <= at < RESTART_S * 1e9]
     assert any("its software has restarted" in text for text in wall.texts("v3"))
 
 
-@pytest.mark.parametrize("when", ["end", "continue"])
-def test_a_process_that_does_not_come_back_ends_with_its_fault(when: str, tmp_path: Path) -> None:
-    (tmp_path / "death.toml").write_text(DEATH)
-    common = ("run", "death.toml", "--quiet", f'--set=convoy.on_vehicle_failure="{when}"')
-    said = run_to_the_end(*common, "--out=wall", folder=tmp_path)
+@pytest.mark.parametrize("on_failure", ["end", "continue"])
+def test_a_permanent_crash_ends_or_leaves_the_run(on_failure: str, tmp_path: Path) -> None:
+    (tmp_path / "permanent_crash.toml").write_text(PERMANENT_CRASH)
+    common = (
+        "run",
+        "permanent_crash.toml",
+        "--quiet",
+        f'--set=convoy.on_vehicle_failure="{on_failure}"',
+    )
+    wall = run_to_the_end(*common, "--out=wall", folder=tmp_path)
     virtual = run_to_the_end(*common, "--clock=virtual", "--out=virtual", folder=tmp_path)
     line = "its process has crashed, as requested, 1.50 s after the start"
-    assert said.exit_code == virtual.exit_code == (1 if when == "end" else 0), said.err
-    if when == "end":
-        assert f"v3: {line}" in said.err
+    assert wall.exit_code == virtual.exit_code == (1 if on_failure == "end" else 0), wall.err
+    if on_failure == "end":
+        assert f"v3: {line}" in wall.err
         assert f"v3: {line}" in virtual.err
     runs = Run(tmp_path / "wall"), Run(tmp_path / "virtual")
     for run in runs:
         assert max(run.truths["v3"]) < 1.5e9
-    if when == "continue":
+    if on_failure == "continue":
         for run in runs:
             fatal = [m.text for m in run.messages if isinstance(m, LogText) and m.level == "fatal"]
             assert fatal == [line]

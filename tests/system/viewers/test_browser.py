@@ -1,4 +1,4 @@
-"""The page that `--rerun serve` serves, looked at in a real browser: live, after, and reviewed."""
+"""The page of `--rerun serve` in a real browser: during and after a run, and in a review."""
 
 import re
 import signal
@@ -10,7 +10,7 @@ from tests.system.processes import Process, start, until
 from tests.system.viewers.browser import CHROMIUM, Browser, browser
 from transport.colours import colour_of
 
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium here to look with")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
 
 VEHICLES = 3
 SCENARIO = f"""
@@ -24,14 +24,14 @@ segments = [{{ length_m = 3000.0 }}]
 [speed]
 set_mps = 20.0
 """
-"""Long enough for a slow machine to load the page in."""
+"""Long enough for a slow machine to load the page."""
 FEWEST_PIXELS = 60
-"""A car of 35 by 13 pixels has more in its very colour, a curve alone has fewer."""
+"""Pixels of a car's colour: a car (35 by 13 pixels) has more, a curve alone has fewer."""
 PATIENCE_S = 60.0
 
 
 def shows_cars(page: Browser) -> bool:
-    """Say whether every car fills some pixels of the page with its colour."""
+    """Whether the page has pixels of every car's colour."""
     colours = {colour: count for count, colour in page.picture().getcolors(maxcolors=2**24)}
     return all(colours.get(colour_of(place), 0) > FEWEST_PIXELS for place in range(VEHICLES))
 
@@ -43,32 +43,32 @@ def description(page: Browser, process: Process) -> str:
 
 
 def destination(process: Process) -> str:
-    """Wait for the address that a command prints."""
+    """Wait until a command prints an address."""
 
     def printed() -> list[str]:
         return re.findall(r"http://127\.0\.0\.1:\S+", process.err + process.out)
 
     assert until(lambda: bool(printed()) or process.exit_code is not None)
     assert process.exit_code is None, process.err
-    return f"{printed()[0]}&renderer=webgl"  # the only one that needs no graphics card
+    return f"{printed()[0]}&renderer=webgl"  # works without a graphics card
 
 
 @pytest.mark.long
-def test_the_page_shows_the_convoy_live_afterwards_and_reviewed(tmp_path: Path) -> None:
+def test_the_page_shows_the_convoy_during_and_after_a_run_and_in_a_review(tmp_path: Path) -> None:
     (tmp_path / "long.toml").write_text(SCENARIO)
     with browser() as page:
-        page.open("data:text/html,nothing here yet")
+        page.open("data:text/html,empty")
         assert not shows_cars(page)
         with start("run", "long.toml", "--rerun=serve", "--out=run", folder=tmp_path) as run:
             address = destination(run)
             run.await_start()
             page.open(address)
             assert until(lambda: shows_cars(page), PATIENCE_S), description(page, run)
-            assert run.exit_code is None  # it was live
+            assert run.exit_code is None  # still running
             run.popen.send_signal(signal.SIGINT)
             assert run.wait() == 130
-            assert shows_cars(page)  # what was loaded stays
-        page.open("data:text/html,nothing here any more")
+            assert shows_cars(page)  # loaded data stays
+        page.open("data:text/html,empty again")
         assert until(lambda: not shows_cars(page), PATIENCE_S)
         with start("review", "run", "--rerun=serve", folder=tmp_path) as reviewing:
             page.open(destination(reviewing))

@@ -1,4 +1,4 @@
-"""Viewers come and go while a run is drawn; each sees all of it."""
+"""Viewers that connect during a run show all of it."""
 
 import time
 from pathlib import Path
@@ -24,18 +24,18 @@ from transport.picture.option import parse_rerun_option
 from transport.picture.view import RerunView
 
 pytestmark = pytest.mark.skipif(
-    not can_take_pictures(), reason="no Vulkan driver here to draw with (mesa-vulkan-drivers)"
+    not can_take_pictures(), reason="no Vulkan driver (mesa-vulkan-drivers)"
 )
 
 
 NEARLY, FEWEST_PIXELS = 30, 100
-"""A curve has more in nearly its colour; its edges are blurred."""
+"""Colour distance and number of pixels of a curve, whose edges are blurred."""
 PATIENCE_S = 20.0
-"""Longest time (s) in which a viewer on a busy machine draws its data."""
+"""Longest time (s) for a viewer on a busy machine to draw its data."""
 
 
-def cars_seen(picture: Any) -> bool:
-    """Whether every car fills some pixels with its colour."""
+def has_cars(picture: Any) -> bool:
+    """Whether a picture has pixels of every car's colour."""
     colours = {colour: count for count, colour in picture.getcolors(maxcolors=2**24)}
     return all(colours.get(colour_of(place), 0) > 200 for place in range(len(drive.VEHICLES)))
 
@@ -44,7 +44,7 @@ def shows_cars(viewer: ViewerClient, at_s: float) -> bool:
     """Whether a viewer shows every car at a time of the run (s) within `PATIENCE_S`."""
     deadline = time.monotonic() + PATIENCE_S
     while (
-        not (seen := cars_seen(take_picture(viewer, at_s, settled=False)))
+        not (seen := has_cars(take_picture(viewer, at_s, settled=False)))
         and time.monotonic() < deadline
     ):
         pass
@@ -73,13 +73,13 @@ def test_a_log_opens_without_this_project(tmp_path: Path) -> None:
     scenario = load_scenario("lossy_lane_change", ["duration_s=3"])
     run_virtual(scenario, tmp_path, Stop())
     layout = tmp_path / "rerun.rbl"
-    with rerun_layout(tmp_path, scenario):  # at its end it waits for a second only
+    with rerun_layout(tmp_path, scenario):  # waits for up to 1 s on exit
         assert until(layout.exists, PATIENCE_S)
     with headless_viewer(str(tmp_path / "run.mcap"), layout=layout) as viewer:
-        assert until(lambda: all(curves_in(picture_now(viewer))), PATIENCE_S)
+        assert until(lambda: all(has_curves(picture_now(viewer))), PATIENCE_S)
 
 
-def curves_in(picture: Any) -> list[bool]:
+def has_curves(picture: Any) -> list[bool]:
     """Whether each third of the right side has a curve in the first follower's colour."""
     thirds = []
     for third in range(3):

@@ -34,7 +34,7 @@ def corner(radius: float = 8.0, ramp: float = 6.0) -> ArcSpline:
     return ArcSpline(pieces)
 
 
-def shaken(drive: Drive, noise: float, random: np.random.Generator) -> Drive:
+def with_noise(drive: Drive, noise: float, random: np.random.Generator) -> Drive:
     """Add noise to the positions of a drive."""
     off = noise * random.standard_normal((len(drive), 2))
     return [
@@ -74,12 +74,12 @@ def test_errors_of_the_fit_do_not_grow_along_a_convoy(noise: float, within: floa
     path, random = corner(), np.random.default_rng(11)
     stations = np.arange(0.0, path.length, SPEED * STEP_S).tolist()
     course = [(place.east, place.north, place.yaw) for place in map(path.at, stations)]
-    lead, predecessor, largest = shaken(course, noise, random), None, []
+    lead, predecessor, largest = with_noise(course, noise, random), None, []
     for _ in range(CARS):
         drive = driven(lead, predecessor)
         # Before its own drive a predecessor was on the lead's course.
         before = [place for place in course if place[0] < BEGIN and place[2] == 0.0]
-        predecessor = shaken(before + drive, noise, random)
+        predecessor = with_noise(before + drive, noise, random)
         largest.append(max(abs(path.project(east, north).lateral) for east, north, _ in drive))
     assert max(largest) < within
     assert np.mean(largest[3:]) < np.mean(largest[:3]) + 0.01

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
-from tests.made.vehicles.arc_courses import beside, course, misses, shaken, window
+from tests.made.vehicles.arc_courses import beside, course, misses, window, with_noise
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.paper_recipe import circle_of_least_squares, recipe_curve
 from vehicles.preview.samples import Window
@@ -104,8 +104,8 @@ def test_alpha_weights_the_predecessor() -> None:
 def test_with_equal_weights_both_sources_act_as_one() -> None:
     """Section III-A.1 on α = 0.5."""
     path, random = course([(1 / 60, 30.0)]), np.random.default_rng(3)
-    lead = shaken(window(path, np.linspace(2.0, 30.0, 15), 0.0), random)
-    other = shaken(window(path, np.linspace(1.0, 16.0, 9), 0.0), random)
+    lead = with_noise(window(path, np.linspace(2.0, 30.0, 15), 0.0), random)
+    other = with_noise(window(path, np.linspace(1.0, 16.0, 9), 0.0), random)
     both = Window(*(np.concatenate(pair) for pair in zip(lead, other, strict=True)))
     order = both.station.argsort()
     one = Window(*(values[order] for values in both))
@@ -119,7 +119,7 @@ def test_noise_makes_the_circle_small() -> None:
     exact = window(path, np.linspace(0.5, 24.0, 16), 0.0)
     ratios = {}
     for settings in (PAPER, FitSettings()):
-        noisy = [fit(shaken(exact, random), None, settings=settings) for _ in range(300)]
+        noisy = [fit(with_noise(exact, random), None, settings=settings) for _ in range(300)]
         bends = [one.spline.pieces[0].curvature * 500.0 for one in noisy]
         ratios[settings.trajectory] = float(np.mean(bends))
     assert ratios["paper"] == pytest.approx(1.14, abs=0.03)
@@ -130,7 +130,7 @@ def test_noise_makes_the_circle_small() -> None:
 @pytest.mark.parametrize("radius", [-150.0, 150.0, 5000.0])
 def test_residuals_are_distances_from_the_trajectory(settings: FitSettings, radius: float) -> None:
     path = course([(0.0, 6.0), (1.0 / radius, 20.0)], (300.0, -40.0, 2.0))
-    seen = shaken(window(path, np.linspace(0.5, 25.0, 17), 0.0), np.random.default_rng(4))
+    seen = with_noise(window(path, np.linspace(0.5, 25.0, 17), 0.0), np.random.default_rng(4))
     fitted = fit(seen, None, settings=settings)
     away = [abs(fitted.spline.project(*place).lateral) for place in zip(*seen[:2], strict=True)]
     assert fitted.residual_max == pytest.approx(max(away), rel=1e-6)

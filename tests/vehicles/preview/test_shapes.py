@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from tests.made.vehicles.arc_courses import course, misses, shaken, window
+from tests.made.vehicles.arc_courses import course, misses, window, with_noise
 from tests.made.vehicles.true_shapes import JUMPING, SMOOTH, drawn
 from vehicles.geometry.arc_spline import ArcSpline, Piece
 from vehicles.preview.curve_fit import FitSettings
@@ -20,7 +20,7 @@ YAWS = st.floats(-math.pi, math.pi)
 
 
 def fit(path: ArcSpline, places: Sequence[float], ego: float, noise: float = 0.0) -> Fit:
-    seen = shaken(window(path, places, ego), np.random.default_rng(3), noise)
+    seen = with_noise(window(path, places, ego), np.random.default_rng(3), noise)
     fitted = fit_composite(seen, None, alpha=0.5, settings=SETTINGS)
     assert fitted is not None
     return fitted
@@ -101,7 +101,7 @@ def test_shapes_change_without_a_jump() -> None:
         (*path.pieces, Piece(end.east, end.north, end.yaw, end.curvature, 60.0)),
     )
     random, places = np.random.default_rng(8), np.arange(0.0, 150.0, 0.75)
-    seen = shaken(window(path, places.tolist(), 0.0), random)
+    seen = with_noise(window(path, places.tolist(), 0.0), random)
     bends = []
     for ego in np.arange(10.0, 120.0, 0.25):
         chosen = (places > ego - 5.0) & (places < ego + 16.0)

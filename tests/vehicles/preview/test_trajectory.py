@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
 from tests.made.examples import examples
-from tests.made.vehicles.arc_courses import beside, course, misses, shaken, window
+from tests.made.vehicles.arc_courses import beside, course, misses, window, with_noise
 from vehicles.geometry.arc_spline import ArcSpline
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.samples import Window
@@ -111,7 +111,7 @@ def test_fewest_pieces_explain_noisy_samples(seed: int) -> None:
     for pieces, paths in courses.items():
         for path in paths:
             lead, predecessor = two_sources(path, 30.0, 7.0)
-            fitted = fit(shaken(lead, random), shaken(predecessor, random))
+            fitted = fit(with_noise(lead, random), with_noise(predecessor, random))
             assert len(fitted.spline.pieces) == pieces
             assert fitted.residual_max < SETTINGS.tolerance
             assert fitted.outliers == 0
@@ -124,7 +124,7 @@ def test_noise_on_a_straight_road_is_not_taken_for_a_bend() -> None:
     of_arc = model_spread([(1e-9, 30.0)], both, 7.0)[2]
     bends = []
     for _ in range(400):
-        fitted = fit(shaken(seen[0], random), shaken(seen[1], random))
+        fitted = fit(with_noise(seen[0], random), with_noise(seen[1], random))
         assert len(fitted.spline.pieces) == 1
         bends.append(fitted.spline.curvature_at(7.0))
     # A fitted arc would have the curvature `of_arc` (rms); averaging removes most of it.
@@ -188,7 +188,7 @@ def test_spread_under_noise_is_that_of_least_squares(pieces: list[tuple[float, f
     both = Window(*(np.concatenate(pair) for pair in zip(lead, predecessor, strict=True)))
     random = np.random.default_rng(5)
     fitted = [
-        misses(fit(shaken(lead, random), shaken(predecessor, random)), path, ego)
+        misses(fit(with_noise(lead, random), with_noise(predecessor, random)), path, ego)
         for _ in range(400)
     ]
     spread = np.std(fitted, axis=0)
@@ -203,7 +203,7 @@ def test_spread_under_noise_is_that_of_least_squares(pieces: list[tuple[float, f
 
 def test_a_noisy_arc_minimises_the_distances() -> None:
     path = course([(1 / 25, 20.0)], (3.0, 4.0, 2.0))
-    seen = shaken(window(path, np.linspace(0.0, 20.0, 30), 5.0), np.random.default_rng(2))
+    seen = with_noise(window(path, np.linspace(0.0, 20.0, 30), 5.0), np.random.default_rng(2))
 
     def away(circle: np.ndarray) -> np.ndarray:
         east, north, radius = circle

@@ -88,7 +88,7 @@ def drive(shown: Shown, seconds: float = 12.0) -> None:
         shown.listen(START, verdict("v1", "v2", number))
     shown.listen(START, verdict("v1", "v2", 5, dropped="loss"))
     shown.listen(START, verdict("v1", "v2", 6, dropped="rate"))
-    shown.listen(START, verdict("v1", "v2", 7, heard_after_ms=90.0))
+    shown.listen(START, verdict("v1", "v2", 7, received_after_ms=90.0))
     shown.listen(START, health("v2", late_ticks=3))
 
 

@@ -16,7 +16,7 @@ from tests.made.scenarios.rough_drives import (
     STRAIGHT,
     Expected,
     Rough,
-    off_the_truth,
+    path_errors,
     scenario_of,
 )
 
@@ -34,7 +34,7 @@ def path_off_truth(scenario: Scenario, rough: Rough) -> float:
     if not rough.is_geodetic:
         east = east + table.east_offset_m - rough.offset[0]
         north = north + table.north_offset_m - rough.offset[1]
-    return float(np.max(off_the_truth(rough, east, north)))
+    return float(np.max(path_errors(rough, east, north)))
 
 
 def test_there_are_enough_files() -> None:

@@ -16,7 +16,7 @@ from scenarios.results.summary import RunSummary
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from scenarios.runs.virtual.logged_run import run_virtual
 from tests.made.scenarios.polygons import common_area
-from tests.made.scenarios.shipped import driven_to_its_end
+from tests.made.scenarios.shipped import whole_run
 from transport.log.reader import LogReader
 from vehicles.messages import LogText, TruePose
 
@@ -139,7 +139,7 @@ def test_a_log_gives_the_same_events_as_the_run_in_any_order(
 def test_shipped_scenarios_report_nothing_on_clean_links(
     tmp_path_factory: pytest.TempPathFactory, name: str
 ) -> None:
-    summary = summary_of(driven_to_its_end(name, tmp_path_factory) / LOG_NAME)
+    summary = summary_of(whole_run(name, tmp_path_factory) / LOG_NAME)
     slides = [event for event in summary.events if event.kind == "slide"]
     assert (list(summary.events), summary.holes) == (slides, ())
     # In the car park's tightest bends followers turn their wheels in jerks, and slide for moments.

@@ -15,13 +15,13 @@ from tests.made.transport.received_poses import received_fix
 from tests.made.vehicles.exact_drives import START
 from tests.made.vehicles.measured_drives import (
     Judged,
+    constant_motion,
     falsify,
     judged,
     measured_fixes,
+    random_motion,
     refused,
-    steadily,
     thinned,
-    wildly,
 )
 from transport.links.laws.false_content import FalseContent, FalseInterval, Shift
 from vehicles.car.dynamics import Actuation
@@ -60,7 +60,7 @@ def test_squared_innovations_of_an_honest_drive_are_chi_squared(
     noise: float, curvature: float
 ) -> None:
     fixes = measured_fixes(
-        steadily(15.0, curvature), seconds=100.0, speed=15.0, noise=GnssNoise(noise)
+        constant_motion(15.0, curvature), seconds=100.0, speed=15.0, noise=GnssNoise(noise)
     )
     pairs = zip(fixes[0::2], fixes[1::2], strict=False)  # pairs without a common pose
     squares = [
@@ -133,7 +133,7 @@ def test_no_honest_source_is_distrusted(
     noise = GnssNoise(
         position, coarser * usual.heading, coarser * usual.speed, coarser * usual.yaw_rate
     )
-    wild = wildly(seed, lateral=lateral, braking=braking)
+    wild = random_motion(seed, lateral=lateral, braking=braking)
     fixes = measured_fixes(wild, seconds=15.0, speed=speed, rate_hz=rate_hz, noise=noise, seed=seed)
     all_of = judged(thinned(fixes, share, seed), InnovationGate(noise))
     assert not refused(all_of)
@@ -145,7 +145,7 @@ def test_thirty_thousand_honest_poses_pass() -> None:
     """5 deviations in two axes occur once in 900 000 poses, twice as often for the sums."""
     count = 0
     for seed in range(12):
-        fixes = measured_fixes(wildly(seed), seconds=80.0, speed=2.0 * seed, seed=seed)
+        fixes = measured_fixes(random_motion(seed), seconds=80.0, speed=2.0 * seed, seed=seed)
         for every in (1, 2, 10):
             all_of = judged(fixes[::every])
             assert not reasons(all_of)
@@ -156,7 +156,7 @@ def test_thirty_thousand_honest_poses_pass() -> None:
 def test_a_car_with_tyres_at_their_limit_is_trusted() -> None:
     brush = replace(LINCOLN_MKZ, tyres="brush")
     for seed in range(5):
-        wild = wildly(seed, lateral=6.0, braking=5.0)
+        wild = random_motion(seed, lateral=6.0, braking=5.0)
         assert not reasons(
             judged(measured_fixes(wild, seconds=40.0, speed=25.0, seed=seed, car=brush))
         )
@@ -164,7 +164,7 @@ def test_a_car_with_tyres_at_their_limit_is_trusted() -> None:
 
 @pytest.mark.parametrize("rate_hz", [1.0, 20.0])
 def test_a_standing_car_that_repeats_its_position_is_not_frozen(rate_hz: float) -> None:
-    fixes = measured_fixes(steadily(0.0), seconds=120.0, speed=0.0, rate_hz=rate_hz)
+    fixes = measured_fixes(constant_motion(0.0), seconds=120.0, speed=0.0, rate_hz=rate_hz)
     assert not reasons(judged(fixes))
     exact = [replace(fix, east=1.0, north=2.0, yaw=0.0, speed=0.0) for fix in fixes]
     assert not reasons(judged(exact))
@@ -172,7 +172,7 @@ def test_a_standing_car_that_repeats_its_position_is_not_frozen(rate_hz: float) 
 
 @pytest.mark.parametrize("silence", [0.5, 2.0, 10.0])
 def test_after_a_silence_a_source_is_trusted_anywhere_within_reach(silence: float) -> None:
-    fixes = measured_fixes(wildly(3, lateral=5.0), seconds=20.0)
+    fixes = measured_fixes(random_motion(3, lateral=5.0), seconds=20.0)
     received = [fix for fix in fixes if not 0 <= (fix.measured_at - START) / SECOND - 5.0 < silence]
     assert not reasons(judged(received))
 
@@ -180,7 +180,7 @@ def test_after_a_silence_a_source_is_trusted_anywhere_within_reach(silence: floa
 @given(seed=st.integers(0, 1000), late=st.integers(1, 12))
 def test_true_late_poses_are_trusted_and_change_nothing(seed: int, late: int) -> None:
     """Poses that overtake one another are trusted; a false late one is refused without effect."""
-    fixes = measured_fixes(wildly(seed, lateral=6.0), seconds=6.0, seed=seed)
+    fixes = measured_fixes(random_motion(seed, lateral=6.0), seconds=6.0, seed=seed)
     shuffled = sorted(fixes, key=lambda fix: fix.seq + (late if fix.seq % 3 == 0 else 0))
     assert not reasons(judged(shuffled))
     gate = InnovationGate()
@@ -212,7 +212,7 @@ FALSE: list[tuple[FalseContent, str, float, float]] = [
 def test_false_content_is_detected_named_and_over(
     false: FalseContent, name: str, detected: float, trusted: float, seed: int
 ) -> None:
-    fixes = measured_fixes(steadily(15.0), seconds=12.0, speed=15.0, seed=seed)
+    fixes = measured_fixes(constant_motion(15.0), seconds=12.0, speed=15.0, seed=seed)
     all_of = judged(falsify(fixes, false))
     assert 0.0 <= first_refused(all_of) <= detected + 1e-9
     assert name in reasons(all_of)
@@ -220,7 +220,7 @@ def test_false_content_is_detected_named_and_over(
 
 
 def test_all_poses_of_a_frozen_source_are_refused_and_none_after() -> None:
-    fixes = measured_fixes(wildly(5, lateral=5.0, braking=4.0), seconds=12.0)
+    fixes = measured_fixes(random_motion(5, lateral=5.0, braking=4.0), seconds=12.0)
     all_of = judged(falsify(fixes, frozen(SPELL)))
     assert {one.pose.message.seq for one in refused(all_of)} == set(range(80, 140))
     assert reasons(all_of) == {"frozen"}
@@ -228,7 +228,7 @@ def test_all_poses_of_a_frozen_source_are_refused_and_none_after() -> None:
 
 @pytest.mark.parametrize(("rate_hz", "within"), [(20.0, 0.25), (10.0, 0.3), (2.0, 1.0)])
 def test_a_frozen_source_is_detected_at_walking_pace(rate_hz: float, within: float) -> None:
-    fixes = measured_fixes(steadily(1.4), seconds=12.0, speed=1.4, rate_hz=rate_hz)
+    fixes = measured_fixes(constant_motion(1.4), seconds=12.0, speed=1.4, rate_hz=rate_hz)
     all_of = judged(falsify(fixes, frozen(SPELL)))
     assert first_refused(all_of) <= within
     assert "frozen" in reasons(all_of)
@@ -237,7 +237,7 @@ def test_a_frozen_source_is_detected_at_walking_pace(rate_hz: float, within: flo
 
 @pytest.mark.parametrize("share", [1.0, 0.4])
 def test_of_two_tracks_the_first_one_stays_trusted(share: float) -> None:
-    fixes = measured_fixes(wildly(7, lateral=5.0, braking=4.0), seconds=12.0)
+    fixes = measured_fixes(random_motion(7, lateral=5.0, braking=4.0), seconds=12.0)
     beside = ghost(SPELL, Shift(left=4.0), HALF_PERIOD)
     received = thinned(falsify(fixes, beside), share, 1)
     true_at = {fix.measured_at for fix in fixes}
@@ -246,7 +246,7 @@ def test_of_two_tracks_the_first_one_stays_trusted(share: float) -> None:
 
 
 def test_a_new_position_is_trusted_after_it_was_consistent_for_the_configured_time() -> None:
-    fixes = measured_fixes(steadily(15.0), seconds=12.0, speed=15.0)
+    fixes = measured_fixes(constant_motion(15.0), seconds=12.0, speed=15.0)
     ever = FalseInterval(SPELL.from_at)
     moved = falsify(fixes, offset(ever, Shift(east=60.0, north=80.0)))
     for settle in (0.3, 1.0, 2.0):
@@ -261,7 +261,7 @@ def test_a_new_position_is_trusted_after_it_was_consistent_for_the_configured_ti
 @example(seed=161, size=6.554742213686828, share=1.0)
 def test_no_source_is_excluded_forever(seed: int, size: float, share: float) -> None:
     random = np.random.default_rng(seed)
-    fixes = measured_fixes(wildly(seed, lateral=6.0, braking=5.0), seconds=8.0, seed=seed)
+    fixes = measured_fixes(random_motion(seed, lateral=6.0, braking=5.0), seconds=8.0, seed=seed)
 
     def disturbed(fix: Fix) -> Fix:
         off = size * random.standard_normal(2)
@@ -291,7 +291,7 @@ def test_a_receiver_that_loses_its_fix_is_trusted_or_jumps(truth: float) -> None
         errors = ReceiverErrors(settings, ReceiverContext(START, 0.0, stream, stream))
         all_of = judged(
             measured_fixes(
-                steadily(20.0, 0.003), seconds=12.0, noise=GnssNoise(0.006), errors=errors
+                constant_motion(20.0, 0.003), seconds=12.0, noise=GnssNoise(0.006), errors=errors
             )
         )
         assert reasons(all_of) <= (set() if truth == 1.0 else {"jumping"})
@@ -308,7 +308,7 @@ def test_a_source_that_scatters_more_than_stated_is_over_confident(
 ) -> None:
     for seed in range(5):
         noise = GnssNoise(position=0.3)
-        fixes = measured_fixes(steadily(20.0, 0.005), seconds=15.0, noise=noise, seed=seed)
+        fixes = measured_fixes(constant_motion(20.0, 0.005), seconds=15.0, noise=noise, seed=seed)
         all_of = judged([replace(fix, accuracy=0.3 / factor) for fix in fixes])
         found = [one for one in all_of if one.reason == "over-confident"]
         assert found[0].seconds < within
@@ -318,8 +318,8 @@ def test_a_source_that_scatters_more_than_stated_is_over_confident(
 
 
 def test_over_confidence_ends_when_the_accuracy_is_true_again() -> None:
-    noisy = measured_fixes(steadily(20.0), seconds=6.0, noise=GnssNoise(position=0.3))
-    quiet = measured_fixes(steadily(20.0), seconds=15.0)
+    noisy = measured_fixes(constant_motion(20.0), seconds=6.0, noise=GnssNoise(position=0.3))
+    quiet = measured_fixes(constant_motion(20.0), seconds=15.0)
     fixes = [replace(fix, accuracy=0.02) for fix in noisy] + quiet[len(noisy) :]
     all_of = judged(fixes)
     assert "over-confident" in reasons(all_of)
@@ -335,7 +335,7 @@ def test_over_confidence_ends_when_the_accuracy_is_true_again() -> None:
     ],
 )
 def test_impossible_motion_is_named(wrong: Callable[[Fix], Fix]) -> None:
-    fixes = measured_fixes(steadily(20.0), seconds=6.0)
+    fixes = measured_fixes(constant_motion(20.0), seconds=6.0)
     gate = InnovationGate()
     judged(fixes[:80], gate)
     assert gate.judge(received_fix(wrong(fixes[80]))) == "impossible"
@@ -359,7 +359,7 @@ def test_lateral_acceleration_beyond_the_tyres_is_impossible() -> None:
 
 
 def test_a_single_wrong_heading_is_refused() -> None:
-    fixes = measured_fixes(steadily(20.0), seconds=6.0)
+    fixes = measured_fixes(constant_motion(20.0), seconds=6.0)
     gate = InnovationGate()
     judged(fixes[:80], gate)
     turned = replace(fixes[80], yaw=fixes[80].yaw + 0.3)
@@ -390,7 +390,7 @@ def test_headings_that_scatter_as_assumed_are_trusted() -> None:
 def test_jumps_are_detected_at_any_stated_accuracy() -> None:
     fixes = [
         replace(fix, accuracy=1e6)
-        for fix in measured_fixes(steadily(15.0), seconds=12.0, speed=15.0)
+        for fix in measured_fixes(constant_motion(15.0), seconds=12.0, speed=15.0)
     ]
     far = falsify(fixes, offset(SPELL, Shift(left=100.0)))
     assert first_refused(judged(far)) == 0.0

@@ -8,7 +8,7 @@ import pytest
 from tests.made.channels.false_content import frozen
 from tests.made.transport.received_poses import received
 from tests.made.vehicles.exact_drives import START
-from tests.made.vehicles.measured_drives import falsify, measured_fixes, steadily
+from tests.made.vehicles.measured_drives import constant_motion, falsify, measured_fixes
 from transport.links.laws.false_content import FalseInterval
 from vehicles.driver.degradation.innovation_gate import InnovationGate
 from vehicles.driver.degradation.trust import Trust
@@ -22,7 +22,7 @@ PERIOD = 50 * MILLISECOND
 def test_refusals_and_their_end_are_logged_once() -> None:
     remarks: list[str] = []
     trust = Trust("v1", InnovationGate(), remarks)
-    fixes = measured_fixes(steadily(15.0), seconds=12.0, speed=15.0)
+    fixes = measured_fixes(constant_motion(15.0), seconds=12.0, speed=15.0)
     for pose in falsify(fixes, frozen(SPELL)):
         is_false = BEGIN <= (pose.measured_at - START) / SECOND < END
         assert trust.judge(pose) == ("frozen" if is_false else "")
@@ -32,7 +32,7 @@ def test_refusals_and_their_end_are_logged_once() -> None:
 def test_without_a_gate_only_jumps_are_refused() -> None:
     remarks: list[str] = []
     trust = Trust("v1", None, remarks)
-    for pose in falsify(measured_fixes(steadily(15.0), seconds=7.0), frozen(SPELL)):
+    for pose in falsify(measured_fixes(constant_motion(15.0), seconds=7.0), frozen(SPELL)):
         assert trust.judge(pose) == ""  # frozen ones too
     assert remarks == []
 

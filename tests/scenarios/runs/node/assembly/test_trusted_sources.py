@@ -8,7 +8,7 @@ from scenarios.results.files import LOG_NAME
 from scenarios.runs.node.assembly.driver_builder import DriverBuilder
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.virtual.drive import drive
-from tests.made.scenarios.shipped import driven_to_its_end
+from tests.made.scenarios.shipped import whole_run
 from transport.codec import encode
 from transport.log.reader import LogReader
 from vehicles.messages import Command, LogText, Message
@@ -45,7 +45,7 @@ SHIPPED = [name for name in library() if name not in WHOLE]
 def test_no_source_of_a_whole_drive_is_distrusted(
     name: str, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    log = LogReader(driven_to_its_end(name, tmp_path_factory) / LOG_NAME)
+    log = LogReader(whole_run(name, tmp_path_factory) / LOG_NAME)
     texts = [
         message.text for _, _, message in log.messages(("log",)) if isinstance(message, LogText)
     ]

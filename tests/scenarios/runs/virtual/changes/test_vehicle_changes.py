@@ -305,6 +305,6 @@ def test_a_restarted_process_continues_from_the_handover(
         assert isinstance(other, Node)
         assert isinstance(other.phase, Down)
         assert other.inbox is not arrived
-        restarted.put(name, other)
+        restarted.set_node(name, other)
     assert exchanged == 1
     assert list(map(encode, restarted.sent)) == list(map(encode, kept.sent))
