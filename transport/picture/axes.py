@@ -17,6 +17,8 @@ MAX_STEPS = 4.0
 PLOT_WIDTH_PX = 670.0
 """Width of a plot in a window of 1600 pixels."""
 WIDEST_LABEL_PX = 40.0
+LARGEST, SMALLEST_SPAN = 1e9, 1e-9
+"""Limits of value axes: wrong messages may hold any number."""
 
 
 class ValueAxis(NamedTuple):
@@ -29,8 +31,8 @@ class ValueAxis(NamedTuple):
     @classmethod
     def around(cls, low: float, high: float) -> "ValueAxis":
         """Axis that contains zero, all values from `low` to `high`, and at least two labels."""
-        low, high = min(low, 0.0), max(high, 0.0)
-        span = high - low or 1.0
+        low, high = max(min(low, 0.0), -LARGEST), min(max(high, 0.0), LARGEST)
+        span = high - low if high - low > SMALLEST_SPAN else 1.0
         step = 10.0 ** math.floor(math.log10(span))
         if span > MAX_STEPS * step:
             step *= 10.0

@@ -31,6 +31,11 @@ def test_a_value_axis_has_all_values_and_two_numbers(a: float, b: float) -> None
     assert 2 <= inside <= MAX_STEPS + 2
 
 
+@pytest.mark.parametrize("value", [5e-324, -1e308, 1e308])
+def test_a_value_axis_has_labels_for_extreme_values(value: float) -> None:
+    assert len(ValueAxis.around(value, value).labels) >= 2
+
+
 @pytest.mark.parametrize(
     ("low", "high", "labels"),
     [
