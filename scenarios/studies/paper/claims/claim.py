@@ -91,7 +91,7 @@ class Claims(list[Claim]):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+class ClaimVerdict:
     answer: Answer
     judgement: Judgement
 
@@ -101,7 +101,7 @@ class JudgedClaim:
     """A claim as judged along each trajectory: one row of the report."""
 
     claim: Claim
-    verdicts: Mapping[Trajectory, Verdict]
+    verdicts: Mapping[Trajectory, ClaimVerdict]
 
     @property
     def differs(self) -> bool:
@@ -118,7 +118,9 @@ def judge(claims: Iterable[Claim], findings: Mapping[Trajectory, Findings]) -> l
     ]
 
 
-def _verdicts(claim: Claim, findings: Mapping[Trajectory, Findings]) -> dict[Trajectory, Verdict]:
+def _verdicts(
+    claim: Claim, findings: Mapping[Trajectory, Findings]
+) -> dict[Trajectory, ClaimVerdict]:
     if claim.simulated:
         return {
             trajectory: verdict_of(claim.answer(results))
@@ -128,7 +130,7 @@ def _verdicts(claim: Claim, findings: Mapping[Trajectory, Findings]) -> dict[Tra
     return dict.fromkeys(findings, once)
 
 
-def verdict_of(answer: Answer) -> Verdict:
+def verdict_of(answer: Answer) -> ClaimVerdict:
     """Judge by one rule: a claim that holds in all exact runs holds, in only some is undecided."""
     holding = answer.phases
     judgement: Judgement
@@ -138,7 +140,7 @@ def verdict_of(answer: Answer) -> Verdict:
         judgement = "undecided"
     else:
         judgement = "holds" if answer.holds else "does not hold"
-    return Verdict(answer=answer, judgement=judgement)
+    return ClaimVerdict(answer=answer, judgement=judgement)
 
 
 def groups(claims: Iterable[JudgedClaim], trajectory: Trajectory) -> dict[str, list[JudgedClaim]]:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from scenarios.results.drives import Trial
-from scenarios.studies.paper.claims.claim import JudgedClaim, Verdict
+from scenarios.studies.paper.claims.claim import ClaimVerdict, JudgedClaim
 from scenarios.studies.paper.claims.field_experiment import numbers_of, settled_errors
 from scenarios.studies.paper.experiments import RUNS_OF_CASE
 from scenarios.studies.paper.findings import Findings, non_increasing
@@ -80,7 +80,7 @@ def _row(row: JudgedClaim) -> dict[str, Any]:
     }
 
 
-def _verdict_row(verdict: Verdict) -> dict[str, Any]:
+def _verdict_row(verdict: ClaimVerdict) -> dict[str, Any]:
     answer = verdict.answer
     return {
         "ours": answer.ours,

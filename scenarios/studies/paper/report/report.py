@@ -22,8 +22,8 @@ from scenarios.studies.paper.claims import (
 from scenarios.studies.paper.claims.claim import (
     JUDGEMENTS,
     Answer,
+    ClaimVerdict,
     JudgedClaim,
-    Verdict,
     groups,
     judge,
 )
@@ -289,7 +289,7 @@ def _claims(claims: Sequence[JudgedClaim]) -> Iterator[str]:
     yield "## Pictures"
 
 
-def _verdict_cell(verdict: Verdict) -> str:
+def _verdict_cell(verdict: ClaimVerdict) -> str:
     """The judgement, and the count of runs in which the claim holds."""
     bold = verdict.judgement in {"undecided", "does not hold"}
     text = f"**{verdict.judgement}**" if bold else str(verdict.judgement)
@@ -297,7 +297,7 @@ def _verdict_cell(verdict: Verdict) -> str:
     return f"{text} ({runs})" if runs else text
 
 
-def _reasons(first: Verdict, second: Verdict) -> str:
+def _reasons(first: ClaimVerdict, second: ClaimVerdict) -> str:
     reason, other = first.answer.reason, second.answer.reason
     if reason == other:
         return reason
