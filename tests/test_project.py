@@ -30,6 +30,7 @@ PACKAGES = ("vehicles", "transport", "scenarios")
 TOP_LEVEL = {
     *PACKAGES, "tests",
     "pyproject.toml", "setup.py", "requirements.lock", "requirements-container.lock",
+    "CHANGELOG.md", "CITATION.cff",
     "README.md", "LICENSE", "docker-compose.yml", "Dockerfile", ".dockerignore", ".gitignore",
     ".ci",
 }  # fmt: skip

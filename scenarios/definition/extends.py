@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.library import ScenarioFile, read_base
+from scenarios.definition.library import LIBRARY, ScenarioFile, read_base
 from scenarios.definition.overrides import (
     OverrideError,
     Raw,
@@ -50,9 +50,13 @@ class MergedScenario:
         return self._file(key).label
 
     def folder(self, key: str) -> Path:
-        """Return the folder in which the file named by a key is searched."""
+        """Return the folder in which the file named by a key is searched.
+
+        It is that of the scenario file, and the working folder for overrides of a shipped scenario.
+        """
         if any(_around(one, key) for one in self.overridden):
-            return self.files[-1].folder
+            own = self.files[-1].folder
+            return Path() if own.is_relative_to(LIBRARY) else own
         return self._file(key).folder
 
     def _file(self, key: str) -> ScenarioFile:

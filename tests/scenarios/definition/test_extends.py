@@ -146,6 +146,16 @@ def test_a_trace_is_sought_beside_the_file_that_names_it(tmp_path: Path) -> None
     assert len(load_scenario(mine).tables.path.model_dump()["east_m"]) < 40
 
 
+def test_a_trace_set_over_a_shipped_scenario_is_searched_in_the_working_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rows = "\n".join(f"{second},{second * 10.0},0.0" for second in range(40))
+    (tmp_path / "mine.csv").write_text(f"t_s,x_m,y_m\n{rows}\n")
+    monkeypatch.chdir(tmp_path)
+    scenario = load_scenario("highway", overrides=["path.file=mine.csv"])
+    assert scenario.tables.path.model_dump()["source"] == "mine.csv"
+
+
 def test_overrides_are_laid_over_the_merged_tables(tmp_path: Path) -> None:
     scenario = extending(
         tmp_path, CURVED, "duration_s = 12.0\n", "duration_s=14.0", "path.segments.0.length_m=500"
