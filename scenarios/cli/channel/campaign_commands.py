@@ -98,11 +98,11 @@ def cuts(*, count: int, out: Path, picture_format: str) -> None:
 
 REACTION_COLUMNS: "Sequence[Column[ReactionFigures]]" = (
     Column("reaction", lambda one: one.reaction, left=True, wraps=True),
-    Column("error m\nmedian", lambda one: one.error_m_median, ".2f"),
-    Column("largest", lambda one: one.error_m_max, ".2f"),
-    Column("on known\nroad, m", lambda one: one.error_on_known_path_m_max, ".2f"),
-    Column("blind m\nlargest", lambda one: one.blind_m_max, ".1f"),
+    Column("error, m\nmedian", lambda one: one.error_m_median, ".2f"),
+    Column("max", lambda one: one.error_m_max, ".2f"),
+    Column("on known\npath, max", lambda one: one.error_on_known_path_m_max, ".2f"),
+    Column("blind, m\nmax", lambda one: one.blind_m_max, ".1f"),
     Column("stopped\n%", lambda one: one.stopped_ratio, ".0f", 100.0),
-    Column("friction\nused", lambda one: one.friction_ratio_max, ".2f"),
+    Column("friction\nmax", lambda one: one.friction_ratio_max, ".2f"),
     Column("resumed\n%", lambda one: one.resumed_ratio, ".0f", 100.0),
 )

@@ -144,26 +144,24 @@ def print_answer(query: "BoundaryQuery", result: "BoundaryResult", console: "Con
 
 def answer_lines(query: "BoundaryQuery", result: "BoundaryResult") -> list[str]:
     half = 0.5 * (result.high - result.low)
-    share = f"{100.0 * query.share:g} % of the runs" if query.share else "the first run"
+    share = f"at least {100.0 * query.share:g} % of the runs" if query.share else "some runs"
+    low, high = (
+        next(point.share for point in result.points if point.value == value)
+        for value in (result.low, result.high)
+    )
     lines = [
-        f"{query.key} = {result.boundary:g} ± {half:.2g}: from here {share} of "
-        f"{query.seeds} seeds break {query.limit} ({result.runs} runs simulated)"
+        f"{query.key} = {result.boundary:g} ± {half:.2g}: {'above' if low < high else 'below'}, "
+        f"{share} break {query.limit} ({query.seeds} seeds, {result.runs} runs)"
     ]
     if query.share:
-        low = (
-            f"above {result.confidence_low:g}"
-            if result.confidence_low is not None
-            else "no lower bound"
+        lower, upper = (
+            "none" if bound is None else f"{bound:g}"
+            for bound in (result.confidence_low, result.confidence_high)
         )
-        high = (
-            f"below {result.confidence_high:g}"
-            if result.confidence_high is not None
-            else "no upper bound"
-        )
-        lines.append(f"for other seeds, 95 % confidence: {low}, {high}")
+        lines.append(f"95 % confidence bounds for any seeds: lower {lower}, upper {upper}")
     if result.crossings > 1:
         lines.append(
-            f"the share crosses {query.share:g} at {result.crossings} values; this is the lowest"
+            f"there are {result.crossings} such boundaries in the range; this is the lowest"
         )
     if result.non_monotone_seeds:
         count = len(result.non_monotone_seeds)

@@ -139,8 +139,8 @@ COLUMNS: "Sequence[Column[Attribution]]" = (
     Column("lost", _which, left=True, wraps=True),
     Column("sent, s", lambda row: "{:.2f}-{:.2f}".format(*row.span_s)),
     Column("messages", lambda row: row.messages),
-    Column("restored:\ngain, m", lambda row: row.reduction_m, "z.3f"),
-    Column("alone\nm", lambda row: row.alone.figure_m if row.alone else "", ".3f"),
+    Column("reduction if\nrestored, m", lambda row: row.reduction_m, "z.3f"),
+    Column("figure\nalone, m", lambda row: row.alone.figure_m if row.alone else "", ".3f"),
     Column("breaks limit\nalone", _breaks_alone),
 )
 

@@ -174,9 +174,9 @@ def _columns(*, several_seeds: bool) -> "Sequence[Column[tuple[DrillRow, str]]]"
     return (
         Column("drill", lambda row: row[1], left=True, wraps=True),
         Column("limit", lambda row: row[0].label, left=True, wraps=True),
-        Column("figure", lambda row: row[0].value, ".3g"),
+        Column("value", lambda row: row[0].value, ".3g"),
         Column("margin", lambda row: _percent(row[0].margin_ratio)),
-        Column("of", vehicle, left=True, wraps=True),
+        Column("vehicle", vehicle, left=True, wraps=True),
         Column(
             "",
             lambda row: Text("pass") if row[0].passed else Text("FAIL", "bold red"),

@@ -94,7 +94,7 @@ def worst(
             of_seeds = f" (mean of {seeds} seeds {found.mean:.3f})" if seeds > 1 else ""
             click.echo(
                 f"worst at {found.at_s:g} s: {name} {found.figure:.3f}{of_seeds}, "
-                f"{len(found.figures)} times simulated\nrepeat it: {found.variant.command}"
+                f"{len(found.figures)} start times simulated\nrepeat it: {found.variant.command}"
             )
         if output is not None:
             write_drill(found, output)

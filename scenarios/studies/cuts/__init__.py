@@ -1,6 +1,6 @@
-"""Reactions of followers when all messages stop during a double lane change.
+"""Reactions of followers to a cut of all links during a double lane change.
 
-cut          one such run and its figures
-campaign     many of them, with each reaction
-error_plots  how far they stray, and how far they drive blind
+cut          one run with a cut, and its figures
+campaign     random cuts, simulated with each reaction
+error_plots  errors, and distances driven blind
 """

@@ -114,19 +114,19 @@ def run_campaign(
             reaction: [row for row in rows if row.cut.reaction == reaction]
             for reaction in REACTIONS
         }
-        found = [summary_of_reaction(of) for of in by_reaction.values()]
+        summaries = [summary_of_reaction(own) for own in by_reaction.values()]
         write_files(
-            out, {JSON_FILE: machine_readable(found, rows), picture: drawn_figure(by_reaction)}
+            out, {JSON_FILE: machine_readable(summaries, rows), picture: drawn_figure(by_reaction)}
         )
-    return found
+    return summaries
 
 
 def machine_readable(
-    found: Sequence[ReactionFigures], rows: Sequence[CutFigures]
+    summaries: Sequence[ReactionFigures], rows: Sequence[CutFigures]
 ) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
-        "reactions": [asdict(one) for one in found],
+        "reactions": [asdict(summary) for summary in summaries],
         "rows": [
             {
                 key: None if isinstance(value, float) and not isfinite(value) else value

@@ -50,9 +50,9 @@ def drill_text(worst: WorstInstant, file: Path) -> str:
     limits = dict(tables.get("limits", {}))
     tables["limits"] = limits | {row.key: round(bound, 2)}
     text = (
-        f"# Burst loss at {worst.at_s:g} s, the worst of {len(worst.figures)} times simulated by "
-        f"`convoy worst`:\n# {row.figure} {worst.figure:.3f} with seed {variant.seed}.\n\n"
-        + tomli_w.dumps(tables)
+        f"# Burst loss at {worst.at_s:g} s, the worst of {len(worst.figures)} start times\n"
+        f"# simulated by `convoy worst`: {row.figure} {worst.figure:.3f}, "
+        f"seed {variant.seed}.\n\n" + tomli_w.dumps(tables)
     )
     scenario_from_text(text, label=str(file), folder=file.resolve().parent)
     return text

@@ -48,7 +48,11 @@ class JobProgress:
         if now - self._reported_at < REPORT_EVERY_S and self.done != self.total:
             return
         self._reported_at = now
-        text = f"{self.done} runs" if self.total is None else f"{self.done} of {self.total} runs"
+        text = (
+            f"{self.done} run{'s' * (self.done > 1)}"
+            if self.total is None
+            else f"{self.done} of {self.total} runs"
+        )
         if self.total is not None and first < self.done < self.total:
             left_s = (now - first_at) / (self.done - first) * (self.total - self.done)
             text += f", {left_s:.0f} s left"

@@ -40,15 +40,15 @@ GROUPING = (
 )
 
 
-def smallest_scenario(found: BlameResult) -> Scenario | None:
+def smallest_scenario(blame: BlameResult) -> Scenario | None:
     """Return the scenario that loses only the smallest set, with the limit."""
-    if found.smallest is None:
+    if blame.smallest is None:
         return None
-    lines = ", ".join(burst.line for burst in bursts_of(found.smallest.items))
-    count, seed = len(found.smallest.items), found.run.scenario.seed
-    description = f"{found.run.scenario.name}, seed {seed}: {count} messages lost, {lines}"
-    return found.convoy.smallest(
-        found.smallest.items, found.criteria.limit, _shortened(description)
+    lines = ", ".join(burst.line for burst in bursts_of(blame.smallest.items))
+    count, seed = len(blame.smallest.items), blame.run.scenario.seed
+    description = f"{blame.run.scenario.name}, seed {seed}: {count} messages lost, {lines}"
+    return blame.convoy.smallest(
+        blame.smallest.items, blame.criteria.limit, _shortened(description)
     )
 
 
@@ -61,43 +61,43 @@ def command_of(out: Path) -> str:
     return shlex.join(["convoy", "run", str(out / SMALLEST), "--clock", "virtual"])
 
 
-def write_report(found: BlameResult, out: Path, picture_format: str = "png") -> list[Path]:
+def write_report(blame: BlameResult, out: Path, picture_format: str = "png") -> list[Path]:
     """Write picture, JSON, and the scenario of the smallest set if there is one."""
     contents: dict[str, Any] = {
-        f"{PICTURE}.{picture_format}": drawn(found),
-        JSON_FILE: machine_readable(found, out),
+        f"{PICTURE}.{picture_format}": drawn(blame),
+        JSON_FILE: machine_readable(blame, out),
     }
-    scenario = smallest_scenario(found)
+    scenario = smallest_scenario(blame)
     if scenario is not None:
         head = (
-            f"# Written by `convoy blame {shlex.quote(str(found.run.log))}`.\n"
-            f"# The losses listed below break the limit {found.criteria.limit}.\n"
+            f"# Written by `convoy blame {shlex.quote(str(blame.run.log))}`.\n"
+            f"# The losses listed below break the limit {blame.criteria.limit}.\n"
         )
         contents[SMALLEST] = f"{head}#\n#   {command_of(out)}\n\n{scenario.text}"
     return write_files(out, contents)
 
 
-def machine_readable(found: BlameResult, out: Path) -> dict[str, Any]:
-    run = found.run
-    lost = [message for burst in found.bursts for message in burst.messages]
+def machine_readable(blame: BlameResult, out: Path) -> dict[str, Any]:
+    run = blame.run
+    lost = [message for burst in blame.bursts for message in burst.messages]
     return {
         "schema": SCHEMA,
         "log": str(run.log),
         "scenario": run.scenario.name,
         "seed": run.scenario.seed,
-        "limit": str(found.criteria.limit),
-        "figure": FIELDS[found.criteria.figure],
-        "until_s": found.criteria.until / SECOND,
-        "recorded": _result_fields(found.recorded),
-        "without_loss": _result_fields(found.clean),
+        "limit": str(blame.criteria.limit),
+        "figure": FIELDS[blame.criteria.figure],
+        "until_s": blame.criteria.until / SECOND,
+        "recorded": _result_fields(blame.recorded),
+        "without_loss": _result_fields(blame.clean),
         "considered_messages": len(lost),
-        "considered_bursts": len(found.bursts),
+        "considered_bursts": len(blame.bursts),
         "grouping": GROUPING,
         "lost_alone_rows_max": MAX_ALONE,
-        "rows": [_row(row) for row in found.rows],
-        "smallest": _smallest(found, out),
-        "not_reduced_reason": found.not_reduced_reason,
-        "runs": found.runs,
+        "rows": [_row(row) for row in blame.rows],
+        "smallest": _smallest(blame, out),
+        "not_reduced_reason": blame.not_reduced_reason,
+        "runs": blame.runs,
     }
 
 
@@ -133,16 +133,16 @@ def _row(row: Attribution) -> dict[str, Any]:
     }
 
 
-def _smallest(found: BlameResult, out: Path) -> dict[str, Any] | None:
-    if found.smallest is None or found.smallest_result is None:
+def _smallest(blame: BlameResult, out: Path) -> dict[str, Any] | None:
+    if blame.smallest is None or blame.smallest_result is None:
         return None
     return {
         "file": SMALLEST,
         "command": command_of(out),
-        "messages": len(found.smallest.items),
-        "is_minimal": found.smallest.is_minimal,
-        "bursts": [_burst(burst) for burst in bursts_of(found.smallest.items)],
-        **_result_fields(found.smallest_result),
+        "messages": len(blame.smallest.items),
+        "is_minimal": blame.smallest.is_minimal,
+        "bursts": [_burst(burst) for burst in bursts_of(blame.smallest.items)],
+        **_result_fields(blame.smallest_result),
     }
 
 
@@ -153,49 +153,49 @@ LABELS = {"error": "true error", "gap": "true gap"}
 
 
 @mpl.rc_context(STYLE)
-def drawn(found: BlameResult) -> Figure:
+def drawn(blame: BlameResult) -> Figure:
     """Draw the figure of the worst vehicle over time, and metres for each row."""
     figure = Figure(figsize=(PAGE_IN, 3.2), layout="constrained")
     over_time, bars = figure.subplots(1, 2, width_ratios=(3, 2))
-    _over_time(over_time, found)
-    _bars(bars, found)
+    _over_time(over_time, blame)
+    _bars(bars, blame)
     handles, labels = over_time.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3)
     return figure
 
 
-def _over_time(axes: Axes, found: BlameResult) -> None:
+def _over_time(axes: Axes, blame: BlameResult) -> None:
     runs: list[tuple[str, RerunResult | None, str, str]] = [
-        ("as recorded", found.recorded, RED, "-"),
-        ("worst burst restored", found.best_restored, BLUE, "-"),
-        ("only the smallest set lost", found.smallest_result, ORANGE, "--"),
-        ("nothing lost", found.clean, GREEN, "-"),
+        ("as recorded", blame.recorded, RED, "-"),
+        ("worst burst restored", blame.best_restored, BLUE, "-"),
+        ("only the smallest set lost", blame.smallest_result, ORANGE, "--"),
+        ("nothing lost", blame.clean, GREEN, "-"),
     ]
-    until_s = found.criteria.until / SECOND
+    until_s = blame.criteria.until / SECOND
     for label, result, colour, line in runs:
         if result is not None:
-            points = [one for one in result.series[found.recorded.vehicle] if one[0] <= until_s]
+            points = [one for one in result.series[blame.recorded.vehicle] if one[0] <= until_s]
             instants, values = [at for at, _ in points], [value for _, value in points]
             axes.plot(instants, values, color=colour, linestyle=line, label=label)
-    if found.rows:
-        for number, burst in enumerate(found.rows[0].group):
+    if blame.rows:
+        for number, burst in enumerate(blame.rows[0].group):
             axes.axvspan(*burst.span_s, color=GREY, alpha=0.2, linewidth=0.0,
                          label="" if number else "worst burst")  # fmt: skip
-    _bound(axes, found)
-    what = LABELS[found.criteria.figure]
-    axes.set(xlabel="time, s", ylabel=f"{what} of {found.recorded.vehicle}, m")
+    _bound(axes, blame)
+    what = LABELS[blame.criteria.figure]
+    axes.set(xlabel="time, s", ylabel=f"{what} of {blame.recorded.vehicle}, m")
 
 
-def _bound(axes: Axes, found: BlameResult) -> None:
+def _bound(axes: Axes, blame: BlameResult) -> None:
     """Draw the limit, if it applies to the figure drawn."""
-    limit = found.criteria.limit
-    applies = limit.vehicle in {"", found.recorded.vehicle}
-    if applies and limit.row.live == found.criteria.figure and limit.row.figure:
+    limit = blame.criteria.limit
+    applies = limit.vehicle in {"", blame.recorded.vehicle}
+    if applies and limit.row.live == blame.criteria.figure and limit.row.figure:
         axes.axhline(limit.bound, color=GREY, linewidth=0.9, linestyle=":")
 
 
-def _bars(axes: Axes, found: BlameResult) -> None:
-    rows = list(reversed(found.rows[:MOST_BARS]))
+def _bars(axes: Axes, blame: BlameResult) -> None:
+    rows = list(reversed(blame.rows[:MOST_BARS]))
     axes.barh(range(len(rows)), [max(row.reduction_m, 0.0) for row in rows], color=BLUE)
     names = []
     for first, *others in (row.group for row in rows):

@@ -139,11 +139,11 @@ def _run_samples(
     return outcomes
 
 
-def _result(query: BoundaryQuery, curve: ShareCurve, found: Bracket) -> BoundaryResult:
+def _result(query: BoundaryQuery, curve: ShareCurve, bracketed: Bracket) -> BoundaryResult:
     values = curve.values
-    low, high = values[found.low], values[found.high]
+    low, high = values[bracketed.low], values[bracketed.high]
     commands = {}
-    for end, number in (("low", found.low), ("high", found.high)):
+    for end, number in (("low", bracketed.low), ("high", bracketed.high)):
         broken = curve.broken_seeds(number)
         seed = broken[0] if broken else 1
         verdict = "breaks" if broken else "keeps"
@@ -152,8 +152,8 @@ def _result(query: BoundaryQuery, curve: ShareCurve, found: Bracket) -> Boundary
         boundary=float(f"{0.5 * (low + high):.12g}"),
         low=low,
         high=high,
-        confidence_low=found.confident[0] if isfinite(found.confident[0]) else None,
-        confidence_high=found.confident[1] if isfinite(found.confident[1]) else None,
+        confidence_low=bracketed.confident[0] if isfinite(bracketed.confident[0]) else None,
+        confidence_high=bracketed.confident[1] if isfinite(bracketed.confident[1]) else None,
         crossings=len(list(curve.changes())),
         points=tuple(curve.point(number) for number in curve.evaluated),
         non_monotone_seeds=tuple(curve.non_monotone_seeds()),

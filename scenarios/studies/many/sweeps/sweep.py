@@ -1,4 +1,4 @@
-"""`convoy sweep`: the runs that are left, then tables and pictures."""
+"""`convoy sweep`: runs, tables and plots."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -24,22 +24,21 @@ HEAT_MAP, SEEDS = "sweep", "seeds"
 def run_sweep(
     plan: SweepPlan,
     out: Path,
-    fleet: OpenWorkers,
+    open_workers: OpenWorkers,
     report: Callable[[str], None],
     *,
     parquet: bool = False,
     picture_format: str | None = "png",
 ) -> tuple[SweepTable, list[Path]]:
-    """Run what the journal in `out` does not have yet; returns table and files.
+    """Simulate the runs that are not in the journal in `out`; return table and files.
 
-    Without a `picture_format` it draws nothing. A killed sweep resumes when it is started again,
-    and ends with the same bytes in all tables.
-    Raises ScenarioError if the folder holds something else.
+    An interrupted sweep resumes with the same results. Without a `picture_format` there are no
+    plots. Raises ScenarioError if the folder holds other files.
     """
     plots = [f"{name}.{picture_format}" for name in (HEAT_MAP, SEEDS) if picture_format]
     files = (CELLS, RUNS, JSON_FILE, *plots, *PARQUET)
     with study_engine(
-        fleet, report, out=out, files=files, identity=plan.identity(), keep_journal=True
+        open_workers, report, out=out, files=files, identity=plan.identity(), keep_journal=True
     ) as engine:
         table = table_of(plan, _entries(plan, engine))
         contents = tables_of(table, parquet=parquet)
