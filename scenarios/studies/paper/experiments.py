@@ -1,8 +1,8 @@
-"""The runs of `convoy reproduce`, by case: scenario, overrides, and whether there is a log.
+"""The runs of `convoy reproduce`, by case.
 
-The paper's simulations use exact measurements and cars that know their own state. In addition
-there are runs with a real receiver over several seeds, and runs in which one setting is changed.
-Every run is done along each trajectory.
+The paper's simulations use exact measurements and cars that know their own state. Additional runs
+use a noisy receiver with several seeds, or change one setting. Every run is simulated with both
+trajectories.
 """
 
 from collections.abc import Mapping
@@ -29,26 +29,26 @@ from scenarios.studies.paper.keys import (
 from vehicles.preview.curve_fit import Trajectory
 
 BASE_SEEDS = 4
-"""Noisy runs of the base case, with and without the lead's data."""
+"""Number of noisy runs of the base case, with and without the lead's data."""
 
 OTHER_SEEDS = 3
-"""Noisy runs of every other case, up to the end of its first lane change."""
+"""Number of noisy runs of other cases, which end after the first lane change."""
 
 FIRST_CHANGE_S = {BASE: 15.0, A: 31.0, B: 31.0, C: 17.0, D: 15.0, VARIABLE_SPEED: 15.0}
-"""When (s) the last car is through the first lane change, at the speed of each case."""
+"""Time (s) at which the last car has completed the first lane change, by case."""
 
 BOTH_CHANGES = (BASE, D, VARIABLE_SPEED, LONG_WITH, LONG_WITHOUT)
-"""Cases whose runs on moved roads also last until their end.
+"""Cases whose runs on shifted roads include both lane changes.
 
-At constant speed and without noise the second lane change is the mirror image of the first one,
-so other runs are repeated through the first one only.
+At constant speed and without noise the second lane change mirrors the first one, so other cases
+are repeated up to the end of the first.
 """
 
 RADII = (200.0, 250.0, 300.0, 400.0, 500.0, 700.0, 1000.0)
-"""Radii (m) of the curves, which the paper gives as hundreds of metres only."""
+"""Radii (m) of the curves; the paper states only hundreds of metres."""
 
 BASE_SPEED = 30.0
-"""Speed (m/s) of the base case, at which the paper gives the figures of its theory."""
+"""Speed (m/s) of the base case and of the paper's theoretical figures."""
 
 LANE = 3.6
 """Width of a lane (m)."""
@@ -73,13 +73,13 @@ NOISE = (
     "imu.yaw_rate_noise_radps=0.00175",
     "imu.yaw_rate_bias_radps=0.00175",
 )
-"""An RTK receiver, an inertial sensor, and a car that estimates its own state from them."""
+"""An RTK receiver and an inertial sensor, from which a car estimates its own state."""
 
 PHASES = (0.25, 0.5, 0.75)
-"""Shares of `SAMPLING_S` by which the road is moved, to show the effect of the samples' places."""
+"""Shifts of the road, as shares of `SAMPLING_S`, which show the effect of the sample positions."""
 
 SAMPLING_S = 0.1
-"""Time (s) after which the pattern of poses (20 Hz) and decisions (50 Hz) repeats."""
+"""Common period (s) of poses (20 Hz) and decisions (50 Hz)."""
 
 ROADS = {
     BASE: (30.0, (150.0, 600.0)),
@@ -89,13 +89,13 @@ ROADS = {
     D: (30.0, (150.0, 600.0)),
     VARIABLE_SPEED: (20.0, (100.0, 525.0)),
 }
-"""Speed (m/s) at the first curve, and where lane changes begin (m), of each case's scenario."""
+"""Speed (m/s) at the first curve, and distances (m) at which lane changes begin, by case."""
 
 FIELD_SEEDS = 2
 """Repetitions of the field experiment with noise."""
 
 FIELD_DURATION = "duration_s=45.0"
-"""Repetitions end after the lane change and the first bend, the exact runs after one lap."""
+"""Repetitions end after the lane change and the first bend; exact runs end after one lap."""
 
 FIELD_SPEED = 25.0
 """Speed (m/s) of the field experiment."""
@@ -103,18 +103,18 @@ FIELD_SPEED = 25.0
 PREDECESSOR_ONLY = ('control.fusion="predecessor"',)
 SLIP_COMPENSATED = ('control.controller="slip_compensated"',)
 OWN_STATE_ESTIMATED = ('control.own_state="estimated"',)
-"""Each car estimates its own state from its own measurements, which are exact."""
+"""Each car estimates its own state from its exact measurements."""
 OTHER_LAWS: tuple[Literal["stanley", "pure_pursuit"], ...] = ("stanley", "pure_pursuit")
 """Steering laws compared with the paper's along the same trajectories."""
 
 TRAJECTORY_KEY = "control.trajectory="
-"""Beginning of the override by which a run names its trajectory."""
+"""Prefix of the override that sets the trajectory of a run."""
 
 MIN_STRAIGHT = 1.0
-"""A straight shorter than this (m) is left out."""
+"""Shorter straights (m) are omitted."""
 
 NO_SLOWING = ("speed.lateral_acceleration_mps2_max=5.0",)
-"""Keeps the lead from slowing down in the tightest curves."""
+"""Keeps the lead from slowing down in tight curves."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,7 +141,7 @@ def lane_change_lengths(
 ) -> tuple[float, float]:
     """Length (m) of each arc of a lane change, and of the straight between them.
 
-    An arc lasts a second, unless two of them without a straight move the car too far already.
+    An arc lasts a second, or less if two arcs of a second would exceed the lane width.
     """
     angle = speed / radius
     sideways = 2.0 * radius * (1.0 - cos(angle))
@@ -152,7 +152,7 @@ def lane_change_lengths(
 
 
 def road(radius: float, arc: float, straight: float, begins: tuple[float, float]) -> str:
-    """Override for a road with two lane changes, to the right and back, at two places (m)."""
+    """Override for a road with two lane changes, to the right and back, at two distances (m)."""
 
     def change(first: str, second: str) -> list[str]:
         between = [f"{{length_m={straight:.3f}}}"] if straight > 0.0 else []
@@ -174,9 +174,9 @@ def road(radius: float, arc: float, straight: float, begins: tuple[float, float]
 
 
 def at_the_same_times(speed: float) -> tuple[str, ...]:
-    """Overrides for a road on which `speed` (m/s) gives the same times as 30 m/s on the usual one.
+    """Overrides for a road that takes as long at `speed` (m/s) as the base case's at 30 m/s.
 
-    Every piece lasts a second, so the radius is 2 v² / 3.6: lateral acceleration stays the same.
+    Every segment lasts a second. With radius 2 v² / 3.6 the lateral acceleration stays the same.
     """
     radius = 2.0 * speed**2 / LANE
     where = (5.0 * speed, 20.0 * speed)
@@ -195,7 +195,7 @@ def _noisy(key: RunKey, scenario: str, seeds: int, *changes: str) -> dict[RunKey
 
 
 def _with_phases(key: RunKey, exact: Experiment, case: RunKey = BASE) -> dict[RunKey, Experiment]:
-    """An exact run, and its repetitions with the road moved by less than the sample distance."""
+    """An exact run, and its repetitions on shifted roads."""
     speed, begins = ROADS[case]
     until = () if key in BOTH_CHANGES else _first_change(case)
     runs = {key: exact}
@@ -208,7 +208,7 @@ def _with_phases(key: RunKey, exact: Experiment, case: RunKey = BASE) -> dict[Ru
 
 
 def _repeated(key: RunKey, seeds: int, *until: str) -> dict[RunKey, Experiment]:
-    """One of the paper's cases: exact and logged, on a moved road, and with noise."""
+    """One of the paper's cases: exact and logged, on shifted roads, and with noise."""
     name = f"paper_{key}"
     return {
         **_with_phases(key, Experiment(scenario=name, logged=True), key),
@@ -217,14 +217,14 @@ def _repeated(key: RunKey, seeds: int, *until: str) -> dict[RunKey, Experiment]:
 
 
 def _paper_case(key: RunKey) -> dict[RunKey, Experiment]:
-    """One of the paper's other cases, and the same with a trajectory for each source."""
+    """One of the paper's other cases, and its variant with one trajectory per source."""
     name, until = f"paper_{key}", _first_change(key)
     blend = Experiment(scenario=name, overrides=('control.fusion="blend"', *until))
     return {**_repeated(key, OTHER_SEEDS, *until), key.with_variant("blend"): blend}
 
 
 def _base_variant(*changes: str) -> Experiment:
-    """The base case with something changed, through the first lane change."""
+    """The base case with changed settings, up to the end of the first lane change."""
     return Experiment(overrides=(*_first_change(BASE), *changes))
 
 
@@ -296,9 +296,9 @@ def _radius() -> dict[RunKey, Experiment]:
 
 
 def _field() -> dict[RunKey, Experiment]:
-    """Repetitions, moved and noisy, as live convoys: followers receive a replay as a live car.
+    """Repetitions of the field experiment, on shifted roads and with noise, as live convoys.
 
-    `field_runs` drives the exact runs, car by car.
+    Followers treat a replay like a live car. `field_runs` simulates the exact runs, car by car.
     """
     runs = {}
     for key, changes in ((FIELD_WITH, ()), (FIELD_WITHOUT, PREDECESSOR_ONLY)):
@@ -325,4 +325,4 @@ RUNS_OF_CASE: Mapping[str, Mapping[RunKey, Experiment]] = {
     Part.GAINS: {},
     Part.FIELD: _field(),
 }
-"""The runs of each case; `propagation`, `gains` and `field` are more than runs."""
+"""The runs of each case; `propagation`, `gains` and `field` have jobs of their own."""

@@ -1,7 +1,7 @@
-"""The paper's field experiment as it was done (Section V-D): one car, run after run.
+"""The paper's field experiment (Section V-D), in which one car drives run after run.
 
-Run 1 drives the course alone and is recorded. Run i drives behind the records of run 1, its lead,
-and of run i − 1, its predecessor.
+Run 1 drives the course alone and is recorded. Run i replays the record of run 1 as its lead and the
+record of run i − 1 as its predecessor.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from vehicles.geometry.geodesy import LocalPlane
 from vehicles.preview.trajectory import Fusion
 
 TIME_BETWEEN_RUNS = timedelta(minutes=5)
-"""Time from one run's start to the next one's."""
+"""Time between the starts of two runs."""
 
 WITH_LEAD_DATA: Fusion = "composite"
 WITHOUT_LEAD_DATA: Fusion = "predecessor"
@@ -26,7 +26,7 @@ WITHOUT_LEAD_DATA: Fusion = "predecessor"
 
 @dataclass(frozen=True)
 class FieldRuns:
-    """The drives of all runs, the lead's first, and the folder names of their logs."""
+    """The drives of all runs, lead first, and the folder names of their logs."""
 
     with_lead_data: Trial
     without_lead_data: Trial
@@ -34,9 +34,9 @@ class FieldRuns:
 
 
 def field_runs(scenario: Scenario, folder: Path) -> FieldRuns:
-    """Drive all runs of `scenario`, each logged in a sub-folder of `folder`.
+    """Simulate all runs of `scenario`, each logged in a sub-folder of `folder`.
 
-    The first two are driven once: a car with only the lead ahead has no lead data to leave out.
+    The first two runs are shared: with only the lead ahead, there are no separate lead data.
     """
     shared: list[tuple[Drive, Path]] = []
     for place in range(min(2, len(scenario.vehicle_names))):
@@ -44,11 +44,11 @@ def field_runs(scenario: Scenario, folder: Path) -> FieldRuns:
     trials: dict[Fusion, Trial] = {}
     logs = [log for _, log in shared]
     for fusion in (WITH_LEAD_DATA, WITHOUT_LEAD_DATA):
-        done = list(shared)
+        runs = list(shared)
         for place in range(2, len(scenario.vehicle_names)):
-            done.append(_drive(scenario, place, fusion, folder, done))
-        trials[fusion] = Trial(tuple(drive for drive, _ in done))
-        logs += [log for _, log in done[len(shared) :]]
+            runs.append(_drive(scenario, place, fusion, folder, runs))
+        trials[fusion] = Trial(tuple(drive for drive, _ in runs))
+        logs += [log for _, log in runs[len(shared) :]]
     names = tuple(log.name for log in logs)
     return FieldRuns(trials[WITH_LEAD_DATA], trials[WITHOUT_LEAD_DATA], names)
 
@@ -60,7 +60,7 @@ def _drive(
     folder: Path,
     before: Sequence[tuple[Drive, Path]],
 ) -> tuple[Drive, Path]:
-    """Drive run `place` (from 0) behind the logs `before` it; returns its drive and log."""
+    """Simulate run `place` (from 0) behind the earlier runs; return its drive and log."""
     run = as_run(scenario, place, fusion)
     kind = "" if place < 2 else f"_{fusion}"
     name = run.vehicle_names[place]
@@ -70,7 +70,7 @@ def _drive(
 
 
 def as_run(scenario: Scenario, place: int, fusion: Fusion = WITH_LEAD_DATA) -> Scenario:
-    """The run of the vehicle at `place` (from 0), later than those of the vehicles before it."""
+    """Scenario of the run of the vehicle at `place` (from 0), which starts after earlier runs."""
     tables, names = scenario.tables, scenario.vehicle_names[: place + 1]
     return Scenario(
         tables.model_copy(
@@ -87,7 +87,7 @@ def as_run(scenario: Scenario, place: int, fusion: Fusion = WITH_LEAD_DATA) -> S
 
 
 def _replays(run: Scenario, logs: Sequence[Path]) -> list[Replay]:
-    """Replays of lead and predecessor, each at its distance ahead of the car that drives."""
+    """Replays of lead and predecessor, each at its distance ahead of the driving car."""
     names, route = run.vehicle_names, run.route
     ego = len(names) - 1
     replays = []

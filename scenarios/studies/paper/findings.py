@@ -1,4 +1,4 @@
-"""Results of the runs of `convoy reproduce`, before they are judged and drawn."""
+"""Results of the runs of `convoy reproduce`, for claims, tables and plots."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -14,11 +14,11 @@ from vehicles.preview.curve_fit import Trajectory
 from vehicles.theory.string_stability import is_string_stable
 
 TOLERANCE_M = 0.001
-"""Largest errors that differ by less than this (m) count as equal."""
+"""Largest errors that differ by less (m) count as equal."""
 
 
 class Tally(NamedTuple):
-    """Count of the runs in which a statement holds, and what distinguishes these runs."""
+    """Number of runs in which a claim holds; `kind` names what differs between the runs."""
 
     holding: int
     runs: int
@@ -27,10 +27,10 @@ class Tally(NamedTuple):
 
 @dataclass
 class Findings:
-    """Results along one kind of trajectory, by key.
+    """Results with one kind of trajectory, by key.
 
-    `trials` and `samples` lack what was not run; `samples` are those of the logged runs, and
-    `field_logs` the folder names of the field experiment's logs.
+    `samples` holds the logged runs only; `field_logs` holds the folder names of the logs of the
+    field experiment.
     """
 
     trajectory: Trajectory = "fitted"
@@ -52,7 +52,7 @@ class Findings:
                 return self.gains_pictures is not None
 
     def ratios(self, preview_s: float) -> tuple[Array, Array]:
-        """Frequencies (rad/s, rising) driven with that preview, and ratios (n, followers)."""
+        """Frequencies (rad/s, ascending) simulated with a preview, and ratios (n, followers)."""
         responses = [
             response for response in self.sine_responses if response.preview_s == preview_s
         ]
@@ -63,7 +63,7 @@ class Findings:
         )
 
     def noisy(self, key: RunKey) -> list[Trial]:
-        """Runs with a receiver's noise, one per seed."""
+        """Runs with receiver noise, one per seed."""
         return [
             trial
             for candidate, trial in self.trials.items()
@@ -71,7 +71,7 @@ class Findings:
         ]
 
     def moved(self, key: RunKey) -> list[Trial]:
-        """The exact run, and its repetitions on a road moved by less than the sample distance."""
+        """The exact run, and its repetitions on a road shifted by less than the sample distance."""
         repeated = [
             trial
             for candidate, trial in self.trials.items()
@@ -80,28 +80,28 @@ class Findings:
         return [self.trials[key], *repeated]
 
     def seeds(self, holds: Callable[..., bool], *keys: RunKey) -> Tally | None:
-        """Count of the noisy runs of `keys` in which `holds` is true; None without such runs."""
+        """Count the noisy runs of `keys` in which `holds` is true; None without such runs."""
         tally = _tally(holds, *map(self.noisy, keys))
         return tally and tally._replace(kind="seeds")
 
     def phases(self, holds: Callable[..., bool], *keys: RunKey) -> Tally | None:
-        """Count of the exact runs of `keys` in which `holds` is true; None for a single run."""
+        """Count the exact runs of `keys` in which `holds` is true; None for a single run."""
         tally = _tally(holds, *map(self.moved, keys))
         return tally if tally and tally.runs > 1 else None
 
 
 def _tally(holds: Callable[..., bool], *runs: Sequence[Trial]) -> Tally | None:
-    together = list(zip(*runs, strict=False))
-    return Tally(sum(holds(*trials) for trials in together), len(together)) if together else None
+    groups = list(zip(*runs, strict=False))
+    return Tally(sum(holds(*trials) for trials in groups), len(groups)) if groups else None
 
 
 def non_increasing(maxima: tuple[float, ...]) -> bool:
-    """Whether no vehicle's largest error (m) exceeds that of the one ahead by more than SAME."""
+    """Whether no largest error (m) exceeds that of the car ahead by more than TOLERANCE_M."""
     return is_string_stable(maxima, TOLERANCE_M)
 
 
 def in_cm(maxima: tuple[float, ...]) -> str:
-    """Largest errors (m) of the followers, front to back, as text."""
+    """Format the largest errors (m) of the followers, front to back."""
     return ", ".join(f"{100.0 * value:.1f}" for value in maxima) + " cm"
 
 

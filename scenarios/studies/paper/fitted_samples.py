@@ -1,4 +1,4 @@
-"""The samples to which the followers of a logged run fit their trajectories."""
+"""Samples to which the followers of a logged run fit their trajectories."""
 
 from dataclasses import dataclass
 from math import atan2, cos, hypot, sin
@@ -9,9 +9,9 @@ from vehicles.messages import CompositeTrajectory, Message, TruePose
 LEAD, PREDECESSOR = 0, 1
 
 INITIAL_LINE_LEFT = 100.0
-"""Distance (m) after which a follower has left the initial straight line.
+"""Distance (m) after which a follower has left its initial straight line.
 
-The line replaces the poses from before its start; beyond it all samples were received.
+The line replaces poses from before the start; beyond it all samples were received.
 """
 
 
@@ -19,9 +19,9 @@ The line replaces the poses from before its start; beyond it all samples were re
 class SampleFigures:
     """Largest number of samples ahead from each source, and heading error of the two-sample rule.
 
-    `rule_error` (rad) is the largest difference, at any instant of the run, between the car's true
-    heading and that of the line through the sample closest to it and the second closest, the
-    paper's rule for θ_R; while the cars follow their trajectories the two differ by 0.02 rad.
+    `rule_error` (rad) is the largest difference between the car's true heading and the line
+    through its closest and second closest sample, the paper's rule for θ_R. The true heading
+    deviates from the path's by up to 0.02 rad.
     """
 
     lead: int = 0
@@ -30,7 +30,7 @@ class SampleFigures:
 
 
 class SampleCounter:
-    """Counts the samples of every recorded trajectory; an observer of a run."""
+    """Observer of a run that counts the samples of every trajectory."""
 
     kinds: frozenset[type[Message]] = frozenset((CompositeTrajectory, TruePose))
 
@@ -49,18 +49,18 @@ class SampleCounter:
     def _count(self, trajectory: CompositeTrajectory, ego: TruePose) -> None:
         ux, uy = cos(ego.yaw_rad), sin(ego.yaw_rad)
         counts = [0, 0]
-        away = []
+        distances = []
         places = zip(trajectory.sample_east_m, trajectory.sample_north_m, strict=True)
         for source, (east, north) in zip(trajectory.sample_source, places, strict=True):
             dx, dy = east - ego.east_m, north - ego.north_m
             counts[source] += dx * ux + dy * uy > 0.0
-            away.append((hypot(dx, dy), dx * ux + dy * uy, east, north))
+            distances.append((hypot(dx, dy), dx * ux + dy * uy, east, north))
         figures = self.figures
         figures.lead = max(figures.lead, counts[LEAD])
         figures.predecessor = max(figures.predecessor, counts[PREDECESSOR])
-        if len(away) < 2 or len(set(trajectory.sample_source)) < 2:
+        if len(distances) < 2 or len(set(trajectory.sample_source)) < 2:
             return
-        (_, a1, e1, n1), (_, a2, e2, n2) = sorted(away)[:2]
+        (_, a1, e1, n1), (_, a2, e2, n2) = sorted(distances)[:2]
         sign = 1.0 if a2 >= a1 else -1.0
         heading = atan2(sign * (n2 - n1), sign * (e2 - e1))
         figures.rule_error = max(figures.rule_error, abs(wrap_angle(heading - ego.yaw_rad)))

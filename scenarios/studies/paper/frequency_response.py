@@ -1,8 +1,8 @@
-"""Frequency response of the emulated convoy: the lead drives a sine, amplitudes are fitted.
+"""Frequency response of the emulated convoy, from fitted amplitudes behind a lead on a sine.
 
-The closed forms are in `vehicles.theory.propagation`: the paper's G(jω), in which a follower
-steers by the difference of both cars' states at one instant, and F(jω), in which it steers
-along the path that its predecessor left behind.
+The closed forms are in `vehicles.theory.propagation`. In the paper's G(jω) a follower steers by the
+difference of both cars' states at the same instant; in F(jω) it steers along its predecessor's
+path.
 """
 
 from dataclasses import dataclass
@@ -20,14 +20,14 @@ from vehicles.preview.curve_fit import Trajectory
 Array = NDArray[np.float64]
 
 FREQUENCIES = (0.8, 1.2, 1.8, 2.5, 3.5, 5.0, 7.0, 10.0)
-"""Frequencies (rad/s) of the sine, from a slow lane change to above what a car can follow."""
+"""Frequencies (rad/s) of the sine, from a slow lane change to beyond a car's bandwidth."""
 
 SHORT_FREQUENCIES = FREQUENCIES[2:]
-"""Those driven with the short preview; lower ones take long and do not depend on it."""
+"""Frequencies simulated with the short preview; lower ones do not depend on the preview."""
 
 PREVIEW_S = 0.8
 SHORT_PREVIEW_S = 0.25
-"""The paper's preview, and one with which the fit smooths little."""
+"""The paper's preview (s), and a short preview that smooths little."""
 
 MAX_AMPLITUDE = 0.5
 """Limit of the lead's amplitude (m)."""
@@ -36,16 +36,16 @@ MAX_ACCELERATION = 1.5
 """Limit of the lead's lateral acceleration (m/s²)."""
 
 PERIODS = 3
-"""Periods that are evaluated."""
+"""Number of evaluated periods."""
 
 TRANSIENT = 4.0
-"""Least time (s), and at least one period, that is driven before the evaluation."""
+"""Least time (s) before the evaluation, which is at least one period."""
 
 SPACING = 0.5
-"""Distance of the points of the lead's path (m)."""
+"""Distance between the points of the lead's path (m)."""
 
 STRAIGHT = 1.5
-"""Time (s) driven straight before the sine begins."""
+"""Time (s) on a straight before the sine begins."""
 
 RISE = 2.0
 """Time (s) over which the sine grows to its amplitude."""
@@ -68,7 +68,7 @@ class SineResponse:
 def drive_sine(
     frequency: float, preview_s: float = PREVIEW_S, trajectory: Trajectory = "fitted"
 ) -> SineResponse:
-    """Drive a convoy behind a lead on a sine of `frequency` (rad/s); see `sine_scenario`."""
+    """Simulate a convoy behind a lead on a sine of `frequency` (rad/s)."""
     scenario = sine_scenario(frequency, preview_s, trajectory)
     return SineResponse(frequency, preview_s, amplitudes(drive_trial(scenario), frequency))
 
@@ -76,7 +76,7 @@ def drive_sine(
 def sine_scenario(
     frequency: float, preview_s: float = PREVIEW_S, trajectory: Trajectory = "fitted"
 ) -> Scenario:
-    """The paper's base case (empty cars, no lead data) with a lead that drives a sine."""
+    """The paper's base case with empty cars, no lead data, and a lead that drives a sine."""
     alone = (
         'control.fusion="predecessor"',
         f'control.trajectory="{trajectory}"',
@@ -86,8 +86,8 @@ def sine_scenario(
     base = load_scenario("paper_base", (*alone, f"control.preview_s={preview_s}"))
     speed = base.tables.speed.set_mps
     convoy = sum(base.route.spacings)
-    driven = STRAIGHT + RISE + max(TRANSIENT, 2.0 * pi / frequency)
-    duration = ceil(driven + PERIODS * 2.0 * pi / frequency + convoy / speed) + 1.0
+    transient = STRAIGHT + RISE + max(TRANSIENT, 2.0 * pi / frequency)
+    duration = ceil(transient + PERIODS * 2.0 * pi / frequency + convoy / speed) + 1.0
     east = np.arange(0.0, speed * duration + 60.0, SPACING)
     since = east / speed - STRAIGHT
     rise = np.clip(since / RISE, 0.0, 1.0)
@@ -103,9 +103,9 @@ def sine_scenario(
 
 
 def amplitudes(trial: Trial, frequency: float) -> tuple[complex, ...]:
-    """Fit a sine to each vehicle's path over the same stretch of road, by least squares (m).
+    """Fit a sine and a straight line to each vehicle's path by least squares (m).
 
-    The stretch is the last PERIODS that all vehicles drove; a straight line is fitted as well.
+    All paths are fitted over the same section of road, the last PERIODS that all vehicles drove.
     """
     speed = float(trial.lead.speed.mean())
     end = min(float(drive.east[-1]) for drive in trial.drives)

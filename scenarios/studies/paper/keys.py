@@ -7,7 +7,7 @@ from typing import Literal
 from vehicles.preview.curve_fit import Trajectory
 
 TRAJECTORIES: tuple[Trajectory, ...] = ("fitted", "paper")
-"""Every run is done with each of them: the product's own, and the paper's recipe to the letter."""
+"""Every run uses both: the default fit, and the paper's recipe taken literally."""
 
 TRAJECTORY_NAMES: dict[Trajectory, str] = {
     "fitted": "fitted trajectory",
@@ -18,7 +18,7 @@ TRAJECTORY_NAMES: dict[Trajectory, str] = {
 Setup = Literal[
     "base", "a", "b", "c", "d", "variable_speed", "no_lead_data", "long", "radius", "field"
 ]
-"""Convoy and road: a case of the paper, or one made to test a claim."""
+"""Convoy and road: a case of the paper, or an additional one that tests a claim."""
 
 Variant = Literal[
     "as_is",
@@ -37,15 +37,15 @@ Variant = Literal[
     "with",
     "without",
 ]
-"""The setting that is changed."""
+"""The changed setting."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunKey:
-    """One run: its setup, the radius (m) of its curves, the changed setting, and the repetition.
+    """One run: setup, changed setting, radius (m) of the curves, and repetition.
 
-    A run with neither `phase` nor `seed` is the exact one. `phase` is the share by which the road
-    is moved, `seed` that of the receiver's noise.
+    `phase` is the shift of the road as a share of the sample distance, `seed` that of the
+    receiver's noise. A run with neither is the exact run.
     """
 
     setup: Setup
@@ -74,7 +74,7 @@ class RunKey:
 
     @property
     def exact(self) -> "RunKey":
-        """The exact run of which this one is a repetition."""
+        """The exact run that this run repeats."""
         return replace(self, phase=None, seed=None)
 
     def with_variant(self, variant: Variant) -> "RunKey":
@@ -102,7 +102,7 @@ def at_radius(radius: float) -> RunKey:
 
 
 class Part(StrEnum):
-    """A part of the reproduction that is more than one run."""
+    """A part of the reproduction that consists of several runs."""
 
     PROPAGATION = "propagation"
     GAINS = "gains"
@@ -111,7 +111,7 @@ class Part(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class SineKey:
-    """A convoy behind a lead on a sine: its frequency (rad/s) and the followers' preview (s)."""
+    """Run behind a lead that drives a sine: frequency (rad/s) and preview of the followers (s)."""
 
     frequency: float
     preview_s: float
@@ -126,7 +126,7 @@ Need = RunKey | Part
 
 @dataclass(frozen=True, slots=True)
 class WithTrajectory:
-    """A part of the reproduction along one kind of trajectory."""
+    """A part of the reproduction with one kind of trajectory."""
 
     trajectory: Trajectory
     part: RunKey | SineKey | Literal[Part.FIELD]
@@ -136,4 +136,4 @@ class WithTrajectory:
 
 
 JobKey = WithTrajectory | RunKey | Literal[Part.GAINS]
-"""A part that runs as one job; a run that names its trajectory has no `Along`."""
+"""A part that runs as one job; a run whose overrides set the trajectory is a bare `RunKey`."""

@@ -1,4 +1,4 @@
-"""Linear theory of the paper's cases: predicted errors, and why they grow."""
+"""Errors of the paper's cases predicted by linear theory, and reasons for their growth."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from vehicles.theory.propagation import Transfer, chain_offsets, trace_propagati
 from vehicles.theory.string_stability import LANE_CHANGE_BAND, amplified_band
 
 SAMPLES = 4096
-"""Points into which the lead's path is divided; a power of two for the FFT."""
+"""Number of samples of the lead's path; a power of two for the FFT."""
 
 BASE_CAR = (30.0, Loading(front_passengers=1, rear_passengers=3))
 CARS = {
@@ -19,11 +19,11 @@ CARS = {
     C: (20.0, Loading(front_passengers=1)),
     D: (30.0, Loading(front_passengers=1, rear_passengers=2)),
 }
-"""Speed (m/s) and load of each case's cars, in D of the first two; any other is the base case."""
+"""Speed (m/s) and load of the cars of a case (in D, of the first two), if not the base case's."""
 
 
 def transfer(key: RunKey) -> Transfer:
-    """F(jω) of a case, from the path a car follows to its own; its controller knows no load."""
+    """F(jω) of a case: a car's own path over the path it follows, with the load unknown to it."""
     speed, loading = CARS.get(key, BASE_CAR)
     return trace_propagation(
         loaded(LINCOLN_MKZ, loading), NOMINAL_GAINS, speed, assumed=LINCOLN_MKZ
@@ -31,41 +31,44 @@ def transfer(key: RunKey) -> Transfer:
 
 
 def predict_case(findings: Findings, key: RunKey) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Tracking and true errors (m) of a case's followers as linear theory predicts them."""
+    """Predict the largest tracking and true errors (m) of the followers of a case."""
     alpha = 1.0 if key == NO_LEAD_DATA else 0.5
     return predict_errors(findings.trials[key].lead, transfer(key), alpha, 3)
 
 
 def explain_growth(key: RunKey, findings: Findings) -> str:
-    """Explain why the errors of a case against the own trajectories grow."""
+    """Explain why the tracking errors of a case grow along the convoy."""
     tracking, _ = predict_case(findings, key)
     low, high = amplified_band(transfer(key))[0]
-    wide = "cars with the paper's law run wide, and " if low == 0.0 else ""
+    wide = "cars with the paper's law run wide in curves, and " if low == 0.0 else ""
     bands = f"{low:.1f} to {min(high, LANE_CHANGE_BAND):.1f}"
     shape = (
-        "A composite runs through two paths centimetres apart, which no one curve explains"
+        "The composite trajectory combines two paths centimetres apart, which no single curve fits"
         if findings.trajectory == "fitted"
-        else "One line or one circle is laid through a preview that is half straight, half bend"
+        else "One line or circle is fitted to a preview that is partly straight and partly curved"
     )
     text = (
-        f"two effects. (1) {wide}each path swings more than the one ahead where |F| > 1, in a lane "
-        f"change from {bands} rad/s; linear theory gives {in_cm(tracking)}. (2) {shape}"
+        f"two effects. (1) {wide}each path oscillates more than the path ahead where |F| > 1, in a "
+        f"lane change from {bands} rad/s; linear theory predicts {in_cm(tracking)}. (2) {shape}"
     )
     if findings.has(key.with_variant("blend")):
         blend = findings.trials[key.with_variant("blend")].tracking
-        text += f"; with one trajectory for each source (blend) {in_cm(blend)} in the first change"
+        text += (
+            f"; with one trajectory for each source (blend): {in_cm(blend)} in the first lane "
+            "change"
+        )
     return text
 
 
 def predict_errors(
     lead: Drive, transfer: Transfer, alpha: float, followers: int
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Largest tracking and true cross-track errors (m) of each follower: no sampling, fit or noise.
+    """Predict the largest tracking and true errors (m) of each follower.
 
-    The lead drives east at constant speed and ends on the line on which it began. Follower i
-    answers its reference r_i = α y_(i−1) + (1 − α) y_0 with y_i = F r_i (`transfer`). Its error
-    against the lead's path is d_i = y_i − y_0, and against its own trajectory, since
-    r_i − y_0 = α d_(i−1), it is y_i − r_i = d_i − α d_(i−1).
+    Neglects sampling, fit and noise. The lead drives east at constant speed and ends on its initial
+    line. Follower i follows r_i = α y_(i−1) + (1 − α) y_0 with y_i = F r_i (`transfer`). Its true
+    error is d_i = y_i − y_0. With r_i − y_0 = α d_(i−1), its tracking error is
+    y_i − r_i = d_i − α d_(i−1).
     """
     span = float(lead.at[-1] - lead.at[0])
     times = np.linspace(0.0, span, SAMPLES, endpoint=False)

@@ -55,11 +55,10 @@ def reproduce(
     workers: int = WORKERS,
     picture_format: str = "png",
 ) -> int:
-    """Run `cases` (all, if none is named) and write report, pictures and logs into `out`.
+    """Run `cases`, by default all, and write report, plots and logs into `out`.
 
-    `progress` gets a line for each part that is done. Returns the exit code: a claim that does
-    not hold is a result like another. Raises ScenarioError for an unknown case, or if `out` already
-    holds a report.
+    Reports progress line by line. Returns exit code 0, even if claims do not hold. Raises
+    ScenarioError for an unknown case, or if `out` already holds a report.
     """
     from scenarios.studies.paper.report.report import (  # noqa: PLC0415 - brings matplotlib
         all_pictures,
@@ -79,12 +78,12 @@ def reproduce(
         engine.progress.total = len(parts)
         results = dict(zip(jobs, engine.results(parts), strict=True))
     findings = {trajectory: Findings(trajectory) for trajectory in TRAJECTORIES}
-    for key in jobs:  # in one order, whichever part was done first
+    for key in jobs:
         if isinstance(key, WithTrajectory):
             store_result(findings[key.trajectory], key.part, results[key])
         else:
-            for results_along in findings.values():
-                store_result(results_along, key, results[key])
+            for findings_of_kind in findings.values():
+                store_result(findings_of_kind, key, results[key])
     claims = write_report(findings, chosen, out, picture_format)
     for trajectory in TRAJECTORIES:
         judgements = [claim.verdicts[trajectory].judgement for claim in claims]
@@ -95,13 +94,13 @@ def reproduce(
 
 
 def _run_in_clean_folder(folder: Path, work: Work) -> Any:
-    """Delete what a killed worker left in the folder, then do the work."""
+    """Delete the folder of an earlier, killed worker, then do the work."""
     rmtree(folder, ignore_errors=True)
     return work()
 
 
 def chosen_cases(cases: Sequence[str]) -> list[str]:
-    """The named cases in the order of the paper; raises ScenarioError for unknown ones."""
+    """Order the cases as in the paper; raises ScenarioError for unknown ones."""
     unknown = [case for case in cases if case not in RUNS_OF_CASE]
     if unknown:
         allowed = ", ".join(RUNS_OF_CASE)
@@ -113,7 +112,7 @@ def chosen_cases(cases: Sequence[str]) -> list[str]:
 
 
 def jobs_of(cases: Sequence[str], out: Path, picture_format: str = "png") -> dict[JobKey, Work]:
-    """The jobs, longest first."""
+    """Jobs of the cases, longest first."""
     jobs: dict[JobKey, Work] = {}
     if Part.FIELD in cases:
         for trajectory in TRAJECTORIES:
@@ -135,7 +134,7 @@ def jobs_of(cases: Sequence[str], out: Path, picture_format: str = "png") -> dic
 
 
 def _runs_of(cases: Sequence[str], out: Path) -> Iterator[tuple[JobKey, Work]]:
-    """The runs of the cases with each trajectory, logged ones first."""
+    """Runs of the cases with each trajectory, logged runs first."""
     runs = {key: experiment for case in cases for key, experiment in RUNS_OF_CASE[case].items()}
     for run, experiment in sorted(runs.items(), key=lambda row: not row[1].logged):
         if experiment.names_trajectory:
@@ -151,7 +150,7 @@ def _runs_of(cases: Sequence[str], out: Path) -> Iterator[tuple[JobKey, Work]]:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """The drives of one run and, if it was logged, the samples its followers fitted."""
+    """The drives of one run and, if it was logged, the samples that its followers fitted."""
 
     trial: Trial
     samples: SampleFigures | None = None
@@ -179,7 +178,6 @@ def _gains(folder: Path, picture_format: str) -> tuple[str, ...]:
 
 
 def store_result(findings: Findings, key: RunKey | SineKey | Part, result: object) -> None:
-    """Store one result in the findings."""
     match key, result:
         case RunKey(), Run():
             findings.trials[key] = result.trial
@@ -194,4 +192,4 @@ def store_result(findings: Findings, key: RunKey | SineKey | Part, result: objec
         case Part.GAINS, tuple():
             findings.gains_pictures = result
         case _:
-            raise TypeError(f"{key}: not a result of this part: {type(result).__name__}")
+            raise TypeError(f"{key}: unexpected result {type(result).__name__}")

@@ -1,4 +1,4 @@
-"""Claims of Section V-C.1: the base case, and the effect of the lead's data in simulations."""
+"""Claims of Section V-C.1: the base case and the effect of the lead's data in simulations."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -20,10 +20,10 @@ from scenarios.studies.paper.keys import (
 from scenarios.studies.paper.linear_prediction import explain_growth, predict_case
 
 SPACING_S = 0.5
-"""Time (s) from a car's centre of mass to the next one's."""
+"""Time (s) between the centres of mass of two successive cars."""
 
 CURVATURE_CHANGES = (5.0, 6.0, 7.0, 8.0, 20.0, 21.0, 22.0, 23.0)
-"""When (s) the lead of the base case reaches a change of curvature."""
+"""Times (s) at which the lead of the base case reaches a change of curvature."""
 
 CLAIMS = Claims()
 
@@ -35,10 +35,11 @@ CLAIMS = Claims()
 )
 def road(_: Findings) -> Answer:
     return Answer(
-        ours="chosen to fit: 3.6 m to the right from 5 s on and back from 20 s on, arcs of 500 m "
-        "radius and straights in turn, a second each; the last car is through at 9.5 s and 24.5 s",
+        ours="chosen accordingly: 3.6 m to the right from 5 s on and back from 20 s on, on arcs of "
+        "500 m radius and straights of one second each; the last car completes the lane changes at "
+        "9.5 s and 24.5 s",
         holds=None,
-        reason="radius, lane and gaps are not in the paper; what depends on them is said",
+        reason="the paper does not specify radius, lane width and gaps",
     )
 
 
@@ -53,31 +54,32 @@ def base_below_9_cm(findings: Findings) -> Answer:
 
 @CLAIMS.claim(
     where="V-C.1",
-    paper="It is observed where the curved section begins and ends",
+    paper="The largest error occurs where the curved section begins or ends",
     needs=(BASE,),
 )
 def base_where(findings: Findings) -> Answer:
-    def at_a_change(run: Trial) -> bool:
+    def is_at_a_change(run: Trial) -> bool:
         return max(map(abs, _lags(run))) < 0.2
 
-    after = _lags(findings.trials[BASE])
+    lags = _lags(findings.trials[BASE])
     return Answer(
-        **by_runs(findings, at_a_change, BASE),
-        ours="the largest errors come "
-        + ", ".join(f"{lag:+.2f}" for lag in after)
-        + " s after a car passes the end or the begin of an arc",
-        reason="within 0.2 s of one. Trajectories look 0.8 s ahead, and bend before the road does",
-        numbers={"peak_after_change_of_curvature_s": after},
+        **by_runs(findings, is_at_a_change, BASE),
+        ours="the largest errors occur "
+        + ", ".join(f"{lag:+.2f}" for lag in lags)
+        + " s after a car passes the beginning or end of an arc",
+        reason="within 0.2 s counts. With 0.8 s of preview a trajectory curves before the road "
+        "does",
+        numbers={"peak_after_change_of_curvature_s": lags},
     )
 
 
 def _lags(trial: Trial) -> list[float]:
     """Time (s) from the nearest change of the road's curvature to each car's largest error."""
-    after = []
+    lags = []
     for place, drive in enumerate(trial.followers, start=1):
         peak = float(drive.at[int(np.argmax(np.abs(drive.lateral_error)))]) - place * SPACING_S
-        after.append(min((peak - at for at in CURVATURE_CHANGES), key=abs))
-    return after
+        lags.append(min((peak - at for at in CURVATURE_CHANGES), key=abs))
+    return lags
 
 
 @CLAIMS.claim(
@@ -90,8 +92,8 @@ def base_decreasing(findings: Findings) -> Answer:
 
 
 @CLAIMS.claim(
-    where="V-C.1; IV-B (none will be off-track)",
-    paper="This affirms lateral string stability: no car is further off than the one ahead",
+    where="V-C.1; IV-B (no car will be off-track)",
+    paper="Lateral string stability: no car is farther off the track than the car ahead",
     needs=(BASE, LONG_WITH),
 )
 def base_true(findings: Findings) -> Answer:
@@ -102,10 +104,9 @@ def base_true(findings: Findings) -> Answer:
     _, expected = predict_case(findings, BASE)
     return Answer(
         **by_runs(findings, stays_on_track, BASE),
-        ours=f"against the lead's driven path {in_cm(trial.cross_track)}; of eight cars "
-        f"{in_cm(long.cross_track)}",
-        reason="every car adds its own error to half of the one before; they grow, and level off "
-        f"(linear theory: {in_cm(expected)}). An error against the own trajectory does not show it",
+        ours=f"true errors {in_cm(trial.cross_track)}; of eight cars {in_cm(long.cross_track)}",
+        reason="every car adds its own error to half of its predecessor's, so true errors grow and "
+        f"level off (linear theory: {in_cm(expected)}). Tracking errors do not show this",
         numbers=numbers_of(trial) | {"eight_cars_m_max": long.cross_track},
     )
 
@@ -123,9 +124,9 @@ def amplified_without_lead_data(findings: Findings) -> Answer:
     _, expected = predict_case(findings, NO_LEAD_DATA)
     return Answer(
         **by_runs(findings, grows, NO_LEAD_DATA),
-        ours=f"true errors {in_cm(trial.cross_track)}, of eight cars {in_cm(long.cross_track)}; "
-        f"against the own trajectory only {in_cm(trial.tracking)}",
-        reason=f"as linear theory says: {in_cm(expected)}",
+        ours=f"true errors {in_cm(trial.cross_track)}; of eight cars {in_cm(long.cross_track)}. "
+        f"Tracking errors are only {in_cm(trial.tracking)}",
+        reason=f"as predicted by linear theory: {in_cm(expected)}",
         numbers=numbers_of(trial) | {"eight_cars_m_max": long.cross_track},
     )
 
@@ -145,9 +146,9 @@ def reduced_by_lead_data(findings: Findings) -> Answer:
     return Answer(
         **by_runs(findings, is_less, LONG_WITH, LONG_WITHOUT),
         ours=f"the eighth car is {cm(with_data.cross_track[-1])} off the lead's path with the "
-        f"lead's data and {cm(without.cross_track[-1])} without; it adds {cm(growth[0])} to the "
-        f"one before, without them {cm(growth[1])}",
-        reason="errors stay bounded with the lead's data; along the first cars they still grow",
+        f"lead's data and {cm(without.cross_track[-1])} without; it adds {cm(growth[0])} to its "
+        f"predecessor's error, without the data {cm(growth[1])}",
+        reason="with the lead's data errors stay bounded, although they grow along the first cars",
         numbers={"with_m_max": with_data.cross_track, "without_m_max": without.cross_track},
     )
 
@@ -157,7 +158,7 @@ def numbers_of(trial: Trial) -> dict[str, tuple[float, ...]]:
 
 
 def below(limit: float, key: RunKey, findings: Findings) -> Answer:
-    """Answer whether all errors against the own trajectory stay under `limit` (m)."""
+    """Answer whether all tracking errors stay under `limit` (m)."""
     trial = findings.trials[key]
 
     def stays_below(run: Trial) -> bool:
@@ -172,29 +173,28 @@ def below(limit: float, key: RunKey, findings: Findings) -> Answer:
 
 
 def _radii(limit: float, findings: Findings) -> str:
-    """Radii on which the errors stay under `limit` (m), if the radii were run."""
-    tried = [radius for radius in RADII if findings.has(at_radius(radius))]
-    if not tried:
+    """Describe the radii on which errors stay under `limit` (m), if these cases were run."""
+    radii = [radius for radius in RADII if findings.has(at_radius(radius))]
+    if not radii:
         return ""
-    exact = [r for r in tried if max(findings.trials[at_radius(r)].tracking) < limit]
-    noisy = [r for r in tried if all(max(t.tracking) < limit for t in findings.noisy(at_radius(r)))]
+    exact = [r for r in radii if max(findings.trials[at_radius(r)].tracking) < limit]
+    noisy = [r for r in radii if all(max(t.tracking) < limit for t in findings.noisy(at_radius(r)))]
     return (
-        f"depends on the road: of the radii tried it holds on {_radius_text(exact)}, with noise on "
-        f"{_radius_text(noisy)}"
+        f"depends on the road: holds on {_radius_text(exact)}, with noise on {_radius_text(noisy)}"
     )
 
 
 def _radius_text(radii: Sequence[float]) -> str:
     if not radii:
-        return "none"
+        return "none of the simulated radii"
     above = [radius for radius in RADII if radius >= radii[0]]
     if list(radii) == above:
-        return f"those from {radii[0]:g} m on"
-    return ", ".join(f"{radius:g}" for radius in radii) + " m"
+        return f"radii of {radii[0]:g} m and more"
+    return "radii of " + ", ".join(f"{radius:g}" for radius in radii) + " m"
 
 
 def decreasing(key: RunKey, findings: Findings) -> Answer:
-    """Answer whether no follower's largest error exceeds that of the one ahead."""
+    """Answer whether the largest tracking errors decrease along the convoy."""
 
     def decreases(run: Trial) -> bool:
         return non_increasing(run.tracking)
@@ -204,7 +204,7 @@ def decreasing(key: RunKey, findings: Findings) -> Answer:
     if not outcome["holds"] or (phases is not None and phases.holding < phases.runs):
         reason = explain_growth(key, findings)
     elif seeds is not None and seeds.holding < seeds.runs:
-        reason = "with a receiver's noise the largest value is a matter of chance"
+        reason = "with receiver noise the largest error depends on chance"
     else:
         reason = ""
     heading = max(float(np.abs(drive.heading_error).max()) for drive in trial.followers)
@@ -218,10 +218,10 @@ def decreasing(key: RunKey, findings: Findings) -> Answer:
 
 
 def _growth(trials: Sequence[Trial]) -> str:
-    """Growth of the largest error from one follower to the next, or nothing if no run has any."""
+    """Describe the growth of the largest error between successive followers, if there is any."""
     steps = [1000.0 * max(b - a for a, b in pairwise(trial.tracking)) for trial in trials]
     if max(steps) < 1000.0 * TOLERANCE_M:
         return ""
     if len(steps) == 1:
         return f", up by {steps[0]:.1f} mm"
-    return f", at most {min(steps):+.1f} to {max(steps):+.1f} mm from one to the next"
+    return f", largest step between followers {min(steps):+.1f} to {max(steps):+.1f} mm"

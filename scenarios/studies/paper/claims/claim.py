@@ -1,4 +1,4 @@
-"""Claims of the paper: statement, answer from the findings, and judgement."""
+"""Claims of the paper: statement, answer from the findings, and verdict."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -14,12 +14,11 @@ JUDGEMENTS: tuple[Judgement, ...] = ("holds", "undecided", "does not hold", "not
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
-    """The result here, and whether the claim holds; None if this cannot be checked.
+    """The reproduced result, and whether the claim holds in the exact run (None: not checkable).
 
-    `holds` is of the exact run. `reason` explains why it does not hold, cannot be checked, or holds
-    only under conditions. `phases` counts the exact runs in which it holds, with the road moved a
-    little from one to the next, `noise` the runs with a receiver's noise. `numbers` are for
-    machines, units in the keys.
+    `reason` explains why the claim does not hold, cannot be checked, or holds under conditions.
+    `phases` counts the exact runs in which it holds, on shifted roads; `noise` counts the noisy
+    runs. `numbers` go into report.json, with units in the keys.
     """
 
     ours: str
@@ -34,7 +33,7 @@ Answering = Callable[[Findings], Answer]
 
 
 class ByRuns(TypedDict):
-    """The fields of an answer that are counted over runs."""
+    """Fields of an answer that are evaluated over runs."""
 
     holds: bool
     phases: Tally | None
@@ -42,7 +41,7 @@ class ByRuns(TypedDict):
 
 
 def by_runs(findings: Findings, holds: Callable[..., bool], *keys: RunKey) -> ByRuns:
-    """Evaluate `holds` on the runs of `keys`: exact, moved and noisy."""
+    """Evaluate `holds` on the exact, shifted and noisy runs of `keys`."""
     return {
         "holds": holds(*(findings.trials[key] for key in keys)),
         "phases": findings.phases(holds, *keys),
@@ -52,9 +51,9 @@ def by_runs(findings: Findings, holds: Callable[..., bool], *keys: RunKey) -> By
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Claim:
-    """A statement of the paper and the function that answers it, once all its `needs` exist.
+    """A statement of the paper, the results it needs, and the function that answers it.
 
-    A `driven` claim is answered for each trajectory, any other is calculated once.
+    A `simulated` claim is answered for each trajectory; other claims are calculated once.
     """
 
     name: str
@@ -66,7 +65,7 @@ class Claim:
 
 
 class Claims(list[Claim]):
-    """The claims of one part of the paper, in the order in which they are registered."""
+    """The claims of one part of the paper, in order of registration."""
 
     def claim(
         self, *, where: str, paper: str, needs: tuple[Need, ...] = (), simulated: bool = True
@@ -86,7 +85,7 @@ class Claims(list[Claim]):
     def calculated(
         self, *, where: str, paper: str, need: Need = Part.GAINS
     ) -> Callable[[Answering], Answering]:
-        """Register a claim that is calculated, not driven."""
+        """Register a claim that is calculated, not simulated."""
         return self.claim(where=where, paper=paper, needs=(need,), simulated=False)
 
 
@@ -98,19 +97,18 @@ class ClaimVerdict:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JudgedClaim:
-    """A claim as judged along each trajectory: one row of the report."""
+    """A claim and its verdict for each trajectory: one row of the report."""
 
     claim: Claim
     verdicts: Mapping[Trajectory, ClaimVerdict]
 
     @property
     def differs(self) -> bool:
-        """Whether the judgement depends on the trajectory."""
         return len({verdict.judgement for verdict in self.verdicts.values()}) > 1
 
 
 def judge(claims: Iterable[Claim], findings: Mapping[Trajectory, Findings]) -> list[JudgedClaim]:
-    """Judge the claims whose needs all exist, along each trajectory."""
+    """Judge the claims whose needed results all exist, for each trajectory."""
     return [
         JudgedClaim(claim=claim, verdicts=_verdicts(claim, findings))
         for claim in claims
@@ -131,12 +129,12 @@ def _verdicts(
 
 
 def verdict_of(answer: Answer) -> ClaimVerdict:
-    """Judge by one rule: a claim that holds in all exact runs holds, in only some is undecided."""
-    holding = answer.phases
+    """Judge one answer: a claim that holds in only some of its exact runs is undecided."""
+    phases = answer.phases
     judgement: Judgement
     if answer.holds is None:
         judgement = "not checkable"
-    elif holding is not None and 0 < holding.holding < holding.runs:
+    elif phases is not None and 0 < phases.holding < phases.runs:
         judgement = "undecided"
     else:
         judgement = "holds" if answer.holds else "does not hold"
@@ -144,9 +142,9 @@ def verdict_of(answer: Answer) -> ClaimVerdict:
 
 
 def groups(claims: Iterable[JudgedClaim], trajectory: Trajectory) -> dict[str, list[JudgedClaim]]:
-    """Group the claims that do not hold or are undecided, and those that noise changes."""
+    """Group claims that do not hold or are undecided, and claims that noise affects."""
     grouped: dict[str, list[JudgedClaim]] = {
-        group: [] for group in ("does not hold", "undecided", "noise spoils", "noise helps")
+        group: [] for group in ("does not hold", "undecided", "fails in noise", "holds in noise")
     }
     for claim in claims:
         outcome = claim.verdicts[trajectory]
@@ -156,7 +154,7 @@ def groups(claims: Iterable[JudgedClaim], trajectory: Trajectory) -> dict[str, l
         if noise is None:
             continue
         if outcome.judgement == "holds" and noise.holding < noise.runs:
-            grouped["noise spoils"].append(claim)
+            grouped["fails in noise"].append(claim)
         if outcome.judgement == "does not hold" and noise.holding > 0:
-            grouped["noise helps"].append(claim)
+            grouped["holds in noise"].append(claim)
     return grouped

@@ -1,4 +1,4 @@
-"""Claims of Section V-D, the field experiment, and of the propagation in the emulated convoy."""
+"""Claims of Section V-D, the field experiment, and on propagation in the emulated convoy."""
 
 from dataclasses import dataclass
 
@@ -16,17 +16,17 @@ from vehicles.theory.propagation import propagation, trace_propagation
 from vehicles.theory.string_stability import head_to_tail
 
 LANE_MARGIN = 0.5 * (LANE - LINCOLN_MKZ.width)
-"""Room (m) on each side of a car in its lane."""
+"""Distance (m) from each side of a car to the edge of its lane."""
 
 SETTLING_TIME = 10.0
-"""Time (s) after which the initial errors have decayed: the slowest root takes 0.4 s at 25 m/s."""
+"""Time (s) in which initial errors decay; the slowest time constant is 0.4 s at 25 m/s."""
 
 
 @dataclass(frozen=True)
 class SettledErrors:
-    """Errors (m) of the followers from INITIAL_ERRORS_GONE on: largest, and root mean square.
+    """Largest and root-mean-square errors (m) of the followers from SETTLING_TIME on.
 
-    With noise the largest values are partly chance, so the means decide.
+    With noise the largest values depend on chance, so claims are judged by the root mean square.
     """
 
     tracking: tuple[float, ...]
@@ -37,19 +37,20 @@ class SettledErrors:
 
 PL3_REASONS: dict[Trajectory, str] = {
     "fitted": "PL3 follows PL2 back to the lead's path in the first seconds, but its largest error "
-    "stays below PL2's: nothing appears to grow here",
-    "paper": "PL2's path and the lead's lie up to 40 cm apart in the first seconds, through which "
-    "eq. (5) lays circles that are too small",
+    "stays below PL2's, so no growth appears",
+    "paper": "the paths of PL2 and the lead are up to 40 cm apart in the first seconds, and eq. "
+    "(5) fits circles that are too small to both",
 }
+"""Explanations of the errors of PL3 after the initial error of PL2."""
 
 LOW_FREQUENCY = 2.5
-"""Frequencies up to this (rad/s) are the low ones of Section IV-B."""
+"""Upper end (rad/s) of the low frequencies of Section IV-B."""
 
 CLAIMS = Claims()
 
 
 @CLAIMS.claim(
-    where="IV-B, on the real convoy",
+    where="IV-B, in the emulated convoy",
     paper="Errors amplify at low frequencies with the predecessor's data only",
     needs=(Part.PROPAGATION,),
 )
@@ -67,16 +68,16 @@ def propagation_measured(findings: Findings) -> Answer:
     window = settings.ahead(BASE_SPEED) + settings.behind(BASE_SPEED)
     over = float(frequencies[mean > 1.0].max(initial=0.0))
     return Answer(
-        ours=f"in the convoy a swing of the lead grows by up to {100 * (mean[best] - 1):.1f} % "
-        f"from car to car (at {frequencies[best]:g} rad/s), at all frequencies tried up to "
-        f"{over:g} rad/s, and fades above; |G| says {100 * (paper[best] - 1):.0f} %",
+        ours=f"an oscillation of the lead grows by up to {100 * (mean[best] - 1):.1f} % from car "
+        f"to car (at {frequencies[best]:g} rad/s). It grows at all simulated frequencies up to "
+        f"{over:g} rad/s and decays above; |G| predicts {100 * (paper[best] - 1):.0f} %",
         holds=all(low),
         phases=Tally(sum(low), len(low), "frequencies"),
-        reason="G steers by the difference of both cars' states at one instant. In the convoy a "
-        "car follows the path that the other left, with feedforward (F), and fits it over "
-        f"{window:.0f} m, which smooths away what is shorter: at {frequencies[high]:g} rad/s the "
-        f"ratio is {mean[high]:.2f}, with a preview of {SHORT_PREVIEW_S:g} instead of 0.8 s "
-        f"{closer[short_high]:.2f}, and |F| {trace[high]:.2f}",
+        reason="in G a car steers by the difference of both cars' states at the same instant. In "
+        "the convoy a car follows its predecessor's path with feedforward (F). It fits the path "
+        f"over {window:.0f} m, which smooths shorter wavelengths. At {frequencies[high]:g} rad/s "
+        f"the ratio is {mean[high]:.2f}; with a preview of {SHORT_PREVIEW_S:g} s instead of 0.8 s "
+        f"it is {closer[short_high]:.2f}, and |F| is {trace[high]:.2f}",
         numbers={
             "frequency_radps": frequencies.tolist(),
             "measured_ratio": ratios.tolist(),
@@ -90,14 +91,14 @@ def propagation_measured(findings: Findings) -> Answer:
 
 @CLAIMS.claim(
     where="V-D, reference path and errors",
-    paper="The figures of the path and of the lateral errors",
+    paper="Plots of the path and of the lateral errors",
     needs=(Part.FIELD,),
 )
 def field_course(_: Findings) -> Answer:
     return Answer(
-        ours="an oval with bends of 200 m and a double lane change; errors of some centimetres",
+        ours="an oval with curves of 200 m and a double lane change; errors of a few centimetres",
         holds=None,
-        reason="neither the course, nor the initial errors, nor any number is in the text",
+        reason="the text states neither the course, nor the initial errors, nor any number",
     )
 
 
@@ -110,8 +111,8 @@ def field_amplified(findings: Findings) -> Answer:
     errors = settled_errors(findings.trials[FIELD_WITHOUT])
     return Answer(
         **by_runs(findings, _cross_track_grows, FIELD_WITHOUT),
-        ours="once the initial errors are gone, off the lead's driven path: "
-        f"{_rms_and_max(errors.cross_track, errors.cross_track_rms)}; against the own trajectory: "
+        ours="after the initial errors have decayed, true errors: "
+        f"{_rms_and_max(errors.cross_track, errors.cross_track_rms)}; tracking errors: "
         f"{_rms_and_max(errors.tracking, errors.tracking_rms)}",
         numbers=numbers_of(errors),
     )
@@ -127,17 +128,17 @@ def field_not_amplified(findings: Findings) -> Answer:
     growth, other = (head_to_tail(e.cross_track_rms) for e in (errors, others))
     return Answer(
         **by_runs(findings, _tracking_does_not_grow, FIELD_WITH),
-        ours=f"against the own trajectory: {_rms_and_max(errors.tracking, errors.tracking_rms)}",
-        reason="off the lead's driven path they grow all the same, "
-        f"{_rms_and_max(errors.cross_track, errors.cross_track_rms)}: {growth:.2f}-fold "
-        f"in the mean, without the lead's data {other:.2f}-fold",
+        ours=f"tracking errors: {_rms_and_max(errors.tracking, errors.tracking_rms)}",
+        reason="true errors still grow, "
+        f"{_rms_and_max(errors.cross_track, errors.cross_track_rms)}: by a factor of {growth:.2f} "
+        f"(rms), without the lead's data {other:.2f}",
         numbers=numbers_of(errors),
     )
 
 
 @CLAIMS.claim(
     where="V-D.2, with lead data",
-    paper="Where they appear to, it is for the second car's initial error",
+    paper="Where they appear to amplify, the initial error of the second car is the cause",
     needs=(Part.FIELD,),
 )
 def field_initial_error(findings: Findings) -> Answer:
@@ -145,7 +146,7 @@ def field_initial_error(findings: Findings) -> Answer:
     tracking = trial.tracking
     return Answer(
         **by_runs(findings, _largest_tracking_grows, FIELD_WITH),
-        ours=f"with PL2 starting 40 cm to the left: {in_cm(tracking)}, later "
+        ours=f"with PL2 starting 40 cm to the left, tracking errors of {in_cm(tracking)}; later "
         f"{in_cm(settled_errors(trial).tracking)}",
         reason=PL3_REASONS[findings.trajectory],
         numbers={"tracking_error_m_max": tracking},
@@ -161,7 +162,7 @@ def field_on_the_road(findings: Findings) -> Answer:
     true = findings.trials[FIELD_WITH].cross_track
     return Answer(
         **by_runs(findings, _is_on_the_road, FIELD_WITH),
-        ours=f"from their start on they come {in_cm(true)} off the lead's path; a lane has "
+        ours=f"true errors of at most {in_cm(true)}, including the start; a lane has "
         f"{cm(LANE_MARGIN)} on each side of a car",
         numbers={"cross_track_error_m_max": true},
     )

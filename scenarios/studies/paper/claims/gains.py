@@ -1,4 +1,4 @@
-"""Claims of Sections V-A and V-B: the stabilising sets of gains, and the roots over loadings."""
+"""Claims of Sections V-A and V-B: stabilising sets of gains, and roots over loadings."""
 
 import numpy as np
 
@@ -48,7 +48,7 @@ def stabilising_set(_: Findings) -> Answer:
     return Answer(
         ours=f"bounded: k_e up to {lateral[1]:.2f} rad/m, k_θ from {heading[0]:.2f} to "
         f"{heading[1]:.2f}, k_ω from {yaw_rate[0]:.2f} to {yaw_rate[1]:.2f} s; {convex} "
-        "stabilising choices were found whose mean does not stabilise",
+        "stabilising points were found whose midpoint does not stabilise",
         holds=pair is not None,
         numbers={
             "lateral_rad_per_m_max": lateral[1],
@@ -60,7 +60,7 @@ def stabilising_set(_: Findings) -> Answer:
 
 @CLAIMS.calculated(
     where="V-A",
-    paper="(0.06, 0.96, 0.08) lies inside the sets of 10, 20, … 60, 67 mph",
+    paper="(0.06, 0.96, 0.08) lies inside the sets at 10, 20, … 60, 67 mph",
 )
 def inside_the_intersection(_: Findings) -> Answer:
     slowest = {speed: float(abscissa(LINCOLN_MKZ, NOMINAL_GAINS, [speed])[0]) for speed in SPEEDS}
@@ -75,14 +75,14 @@ def inside_the_intersection(_: Findings) -> Answer:
 
 @CLAIMS.calculated(
     where="V-A",
-    paper="A ball around the gains fits into the set",
+    paper="The set contains a ball around the gains",
 )
 def ball(_: Findings) -> Answer:
     plain = stability_ball(LINCOLN_MKZ, BASE_SPEED, NOMINAL_GAINS)
     relative = common_ball(CARS, SPEEDS, NOMINAL_GAINS, NOMINAL_GAINS)
     return Answer(
-        ours=f"radius {plain.radius:.2f} at 30 m/s, limited by k_e = 0; over all speeds and "
-        f"loadings all gains together may change by {100 * relative.radius:.0f} %",
+        ours=f"radius {plain.radius:.2f} at 30 m/s, limited by k_e = 0; at all speeds and "
+        f"loadings all gains may change together by {100 * relative.radius:.0f} %",
         holds=plain.radius > 0.0 and relative.radius > 0.0,
         numbers={"ball_radius": plain.radius, "relative_ball_ratio": relative.radius},
     )
@@ -90,7 +90,7 @@ def ball(_: Findings) -> Answer:
 
 @CLAIMS.calculated(
     where="V-A",
-    paper="The ball implies Proposition 1's first condition: A stays bounded, its eigenvalues left",
+    paper="The ball implies Proposition 1's first condition: bounded A, eigenvalues on the left",
 )
 def first_condition(_: Findings) -> Answer:
     speeds = np.geomspace(PAPER_SPEEDS[0], BASE_SPEED, 50).tolist()
@@ -102,8 +102,8 @@ def first_condition(_: Findings) -> Answer:
         ours=f"‖A‖ is at most {max(norms):.0f} from {speeds[0]:.1f} to {speeds[-1]:.0f} m/s, and "
         f"σ = {decay:.3f} 1/s holds at every speed between",
         holds=np.isfinite(max(norms)) and decay > 0.0,
-        reason="true, but not because of the ball: seven speeds say nothing of those between. It "
-        "is proven here for all of them",
+        reason="true, but not implied by the ball: seven speeds do not cover those between. Here "
+        "it is proven for the whole range",
         numbers={"norm_max": max(norms), "decay_per_s": decay},
     )
 
@@ -113,17 +113,17 @@ def first_condition(_: Findings) -> Answer:
     paper="I_update = I + m_p n_f a² + m_p n_r b² + m_l (n_f + n_r)(b + c)²",
 )
 def inertia(_: Findings) -> Answer:
-    off, shift = [], []
+    excess, shift = [], []
     for loading in every_loading():
         fixed, moved = (load(LINCOLN_MKZ, loading) for load in (loaded, loaded_with_moved_centre))
-        off.append(fixed.yaw_inertia / moved.yaw_inertia - 1.0)
+        excess.append(fixed.yaw_inertia / moved.yaw_inertia - 1.0)
         shift.append(moved.front_axle_distance - fixed.front_axle_distance)
     return Answer(
-        ours=f"by Steiner's theorem about the centre of mass that the load moves back by up to "
-        f"{100 * max(shift):.0f} cm it is up to {100 * max(off):.1f} % too large",
-        holds=max(off) < 0.05,
-        reason="passengers are put on the axles, and the centre of mass stays where it was",
-        numbers={"too_large_ratio_max": max(off), "centre_moves_m_max": max(shift)},
+        ours=f"up to {100 * max(excess):.1f} % larger than by Steiner's theorem about the true "
+        f"centre of mass, which the load moves back by up to {100 * max(shift):.0f} cm",
+        holds=max(excess) < 0.05,
+        reason="the paper places passengers on the axles and keeps the centre of mass",
+        numbers={"too_large_ratio_max": max(excess), "centre_moves_m_max": max(shift)},
     )
 
 
@@ -140,8 +140,8 @@ def not_affine(_: Findings) -> Answer:
     )
     relative = np.abs((light - 2.0 * middle + heavy) / middle)
     return Answer(
-        ours="from none to two passengers in the rear, equal steps of mass, a coefficient bends by "
-        f"up to {100 * float(relative.max()):.1f} % of itself",
+        ours="with 0, 1 and 2 rear passengers, the second difference of a coefficient is up to "
+        f"{100 * float(relative.max()):.1f} % of its value",
         holds=float(relative.max()) > 1e-6,
         numbers={"second_difference_ratio_max": float(relative.max())},
     )
@@ -162,10 +162,10 @@ def all_loadings(_: Findings) -> Answer:
     everywhere = bool(stabilises_all(CARS, SPEEDS, np.array(NOMINAL_GAINS)))
     return Answer(
         ours=f"slowest root from {max(at_speed):.2f} to {min(at_speed):.2f} 1/s over all eight "
-        "loadings; stable at the other speeds, too",
+        "loadings; also stable at the other speeds",
         holds=max(at_speed) < 0.0 and everywhere,
-        reason="the paper leaves the centre of mass where it was; with the load it moves back, and "
-        f"the slowest root is then from {max(moved):.2f} to {min(moved):.2f} 1/s",
+        reason="the paper keeps the centre of mass. The load moves it back, and the slowest root "
+        f"is then from {max(moved):.2f} to {min(moved):.2f} 1/s",
         numbers={
             "abscissa_per_s_max": max(at_speed),
             "abscissa_per_s_min": min(at_speed),
@@ -181,8 +181,9 @@ def all_loadings(_: Findings) -> Answer:
 def open_loop_roots(_: Findings) -> Answer:
     roots = np.roots(handling_polynomial(LINCOLN_MKZ, BASE_SPEED))
     return Answer(
-        ours="Δ_o(s) = s² R(s) has a double root at the origin, whatever the load; the others lie "
-        f"at {roots[0].real:.1f} ± {abs(roots[0].imag):.1f}j 1/s",
+        ours="Δ_o(s) = s² R(s) has a double root at the origin for every load; the others are "
+        f"{roots[0].real:.1f} ± {abs(roots[0].imag):.1f}j 1/s",
         holds=False,
-        reason="the figure must show the roots of the closed loop, Δ(s, K), as the row above does",
+        reason="the figure can only show the roots of the closed loop, Δ(s, K), as in the row "
+        "above",
     )

@@ -1,4 +1,4 @@
-"""Claims of Sections II, III-B and III-D: the car, the signs of errors, the feedforward."""
+"""Claims of Sections II, III-B and III-D: car, signs of errors, feedforward."""
 
 from dataclasses import replace
 
@@ -42,13 +42,13 @@ def parameters(_: Findings) -> Answer:
 
 @CLAIMS.calculated(
     where="II, eq. (4)",
-    paper="ζ = 0.4056, ω_n = 21.4813 rad/s compare with ζ = 0.7, ω_n ≈ 19 rad/s of others",
+    paper="ζ = 0.4056, ω_n = 21.4813 rad/s are similar to others' ζ = 0.7, ω_n ≈ 19 rad/s",
 )
 def steering_parameters(_: Findings) -> Answer:
     other = replace(LINCOLN_MKZ, steering_damping=0.7, steering_frequency=19.0)
     cars = [loaded(other, loading) for loading in all_loadings()]
     stable = bool(stabilises_all(cars, PAPER_SPEEDS, np.array(NOMINAL_GAINS)))
-    own, its = (
+    own, others = (
         (
             float(abscissa(car, NOMINAL_GAINS, [BASE_SPEED])[0]),
             peak(propagation(car, NOMINAL_GAINS, BASE_SPEED)),
@@ -57,13 +57,14 @@ def steering_parameters(_: Findings) -> Answer:
         for car in (LINCOLN_MKZ, other)
     )
     return Answer(
-        ours="with ζ = 0.7 and ω_n = 19 rad/s the gains stabilise all speeds and loadings, too; "
-        f"slowest root {its[0]:.2f} instead of {own[0]:.2f} 1/s, all gains may change by "
-        f"{100 * its[2]:.0f} instead of {100 * own[2]:.0f} %, ‖G‖∞ is {its[1].magnitude:.2f} at "
-        f"{its[1].frequency:.0f} rad/s instead of {own[1].magnitude:.2f} at {own[1].frequency:.0f}",
+        ours="with ζ = 0.7 and ω_n = 19 rad/s the gains also stabilise all speeds and loadings. "
+        f"The slowest root is {others[0]:.2f} instead of {own[0]:.2f} 1/s; all gains may change by "
+        f"{100 * others[2]:.0f} instead of {100 * own[2]:.0f} %; ‖G‖∞ is "
+        f"{others[1].magnitude:.2f} at {others[1].frequency:.0f} rad/s instead of "
+        f"{own[1].magnitude:.2f} at {own[1].frequency:.0f} rad/s",
         holds=stable,
-        reason="alike in stability; the paper's weaker damping (ζ = 0.41) has a resonance",
-        numbers={"norm_ratio": own[1].magnitude, "norm_other_steering_ratio": its[1].magnitude},
+        reason="similar stability; the paper's weaker damping (ζ = 0.41) causes a resonance",
+        numbers={"norm_ratio": own[1].magnitude, "norm_other_steering_ratio": others[1].magnitude},
     )
 
 
@@ -77,22 +78,22 @@ def feedforward(_: Findings) -> Answer:
     wheels, heading = _steady_turn(car, BASE_SPEED, radius)
     heavy = loaded(car, Loading(front_passengers=1, rear_passengers=3))
     needed = _steady_turn(heavy, BASE_SPEED, radius)[0]
-    aside = -NOMINAL_GAINS.heading * heading / NOMINAL_GAINS.lateral
-    off = requested / wheels - 1.0
+    offset = -NOMINAL_GAINS.heading * heading / NOMINAL_GAINS.lateral
+    difference = requested / wheels - 1.0
     return Answer(
-        ours=f"eq. (3) at rest gives the same angle, {1000 * wheels:.3f} mrad on {radius:.0f} m at "
-        f"{BASE_SPEED:.0f} m/s, to {abs(off):.0e}; the car then stands at {1000 * heading:+.2f} "
-        "mrad to its path",
-        holds=abs(off) < 1e-9,
-        reason="θ̃ is not 0 there: with the feedback added the car settles k_θ θ̃ / k_e aside, "
-        f"{cm(aside)}. A car with five aboard needs {1000 * needed:.3f} mrad, which a controller "
-        "that does not know cannot give",
+        ours=f"eq. (3) in steady state gives the same angle, {1000 * wheels:.3f} mrad on a radius "
+        f"of {radius:.0f} m at {BASE_SPEED:.0f} m/s, to {abs(difference):.0e}; the heading error "
+        f"is then {1000 * heading:+.2f} mrad",
+        holds=abs(difference) < 1e-9,
+        reason="θ̃ is not zero: with feedback the car settles at an offset of −k_θ θ̃ / k_e = "
+        f"{cm(offset)}. A car with five people needs {1000 * needed:.3f} mrad, which a controller "
+        "without knowledge of the load cannot provide",
         numbers={"steering_rad": wheels, "heading_error_rad": heading, "loaded_rad": needed},
     )
 
 
 def _steady_turn(car: VehicleParameters, speed: float, radius: float) -> tuple[float, float]:
-    """Solve eq. (3) as printed for δ_f and θ̃ (rad) with nothing changing, on a circle (m)."""
+    """Solve eq. (3) as printed for steady δ_f and θ̃ (rad) on a circle of `radius` (m)."""
     front, rear = car.front_cornering_stiffness, car.rear_cornering_stiffness
     a, b = car.front_axle_distance, car.rear_axle_distance
     turning = a * front - b * rear
@@ -110,9 +111,9 @@ def _steady_turn(car: VehicleParameters, speed: float, radius: float) -> tuple[f
 )
 def preview(_: Findings) -> Answer:
     return Answer(
-        ours="0.8 s are 24 m at the paper's 30 m/s; 30 m take 37.5 m/s (135 km/h)",
+        ours="0.8 s are 24 m at the paper's 30 m/s; 30 m require 37.5 m/s (135 km/h)",
         holds=False,
-        reason="rounded generously; harmless, and 24 m is used here",
+        reason="rounded, without consequence; 24 m is used here",
         numbers={"preview_m": 24.0},
     )
 
@@ -124,8 +125,8 @@ def preview(_: Findings) -> Answer:
 )
 def signs(_: Findings) -> Answer:
     return Answer(
-        ours="e_lat = R − distance is positive left of the path in left turns only; y = m x + c "
-        "has no m for a road to the north",
+        ours="e_lat = R − distance is positive to the left of the path in left turns only; "
+        "y = m x + c does not exist for a road to the north",
         holds=False,
-        reason="here curvature has a sign and errors are taken along the arc",
+        reason="here curvature is signed and errors refer to the arc",
     )

@@ -1,4 +1,4 @@
-"""Claims of Sections V-C.2 and V-C.3: other speeds and loads, an uneven convoy, varying speed."""
+"""Claims of Sections V-C.2 and V-C.3: other speeds and loads, mixed convoy, varying speed."""
 
 from dataclasses import replace
 from functools import partial
@@ -50,9 +50,9 @@ def uneven(findings: Findings) -> Answer:
     growth = [head_to_tail(trial.cross_track) for trial in (even, mixed)]
     return Answer(
         **by_runs(findings, _grows_no_more, BASE, D),
-        ours=f"from the first to the last follower true errors grow {growth[1]:.2f}-fold, in the "
-        f"even convoy of the base case {growth[0]:.2f}-fold",
-        reason="it does no harm; whether errors decrease is the row before",
+        ours="from the first to the last follower true errors grow by a factor of "
+        f"{growth[1]:.2f}; in the uniform convoy of the base case, {growth[0]:.2f}",
+        reason="no harm; the row above judges whether errors decrease",
         numbers={"growth_even_ratio": growth[0], "growth_uneven_ratio": growth[1]},
     )
 
@@ -72,10 +72,10 @@ def faster(findings: Findings) -> Answer:
     )
     return Answer(
         **by_runs(findings, _is_larger, A, C),
-        ours=f"A {in_cm(slow)}; C {in_cm(fast)}. On roads that take the same time (bends of 56 and "
-        f"222 m): {in_cm(slow_times)}; {in_cm(fast_times)}",
+        ours=f"A {in_cm(slow)}; C {in_cm(fast)}. On roads that take the same time (radii of 56 and "
+        f"222 m): A {in_cm(slow_times)}; C {in_cm(fast_times)}",
         reason=_speed_reason(findings.trajectory)
-        + f". With the slip compensated: {in_cm(slow_known)}; {in_cm(fast_known)}",
+        + f". With slip compensation: A {in_cm(slow_known)}; C {in_cm(fast_known)}",
         numbers={
             "a_tracking_error_m_max": slow,
             "c_tracking_error_m_max": fast,
@@ -94,9 +94,10 @@ def mass(findings: Findings) -> Answer:
     heavy, light = findings.trials[A], findings.trials[B]
     change = _largest_difference(heavy, light)
     return Answer(
-        **by_runs(findings, _are_alike, A, B),
-        ours=f"A {in_cm(heavy.tracking)}; B {in_cm(light.tracking)}: {1000 * change:.1f} mm",
-        reason="at 10 m/s. At 30 m/s load matters more, because the feedforward does not know it",
+        **by_runs(findings, _are_similar, A, B),
+        ours=f"A {in_cm(heavy.tracking)}; B {in_cm(light.tracking)}; difference at most "
+        f"{1000 * change:.1f} mm",
+        reason="at 10 m/s. At 30 m/s the load, unknown to the feedforward, has a larger effect",
         numbers={"difference_m_max": change},
     )
 
@@ -113,7 +114,7 @@ def small(findings: Findings) -> Answer:
     worst = max(max(findings.trials[key].cross_track) for key in SIMULATIONS)
     return Answer(
         **by_runs(findings, is_small, *SIMULATIONS),
-        ours=f"at most {cm(worst)} beside the lead's path, {100 * worst / LANE:.1f} % of a lane",
+        ours=f"true errors of at most {cm(worst)}, {100 * worst / LANE:.1f} % of a lane",
         numbers={"cross_track_error_m_max": worst},
     )
 
@@ -137,8 +138,8 @@ def slightly_more(findings: Findings) -> Answer:
     return Answer(
         ours=f"{cm(varying)} at most, {cm(constant)} at a constant 30 m/s",
         holds=None,
-        reason="hangs on the profile, a figure without numbers: on the same bends less speed asks "
-        "for less lateral acceleration, more for more",
+        reason="depends on the speed profile, which the paper only plots: on the same curves, a "
+        "lower speed needs less lateral acceleration and a higher speed more",
         numbers={"varying_m_max": varying, "constant_m_max": constant},
     )
 
@@ -155,45 +156,46 @@ def variable_speed_decreasing(findings: Findings) -> Answer:
         at = int(np.abs(drive.lateral_error).argmax())
         speeds.append(f"{drive.speed[at]:.0f}")
     blend = in_cm(findings.trials[VARIABLE_SPEED.with_variant("blend")].tracking)
-    why = (
-        "all have the same speed at the same time, so each car takes a bend faster than the one "
-        f"ahead did: the largest errors come at {', '.join(speeds)} m/s. Besides, the composite, "
-        f"as in the base case: with one trajectory for each source {blend} in the first lane change"
+    reason = (
+        "all cars have the same speed at the same time, so each enters a curve faster than its "
+        f"predecessor did: the largest errors occur at {', '.join(speeds)} m/s. The composite also "
+        f"has an effect, as in the base case: {blend} in the first lane change with one trajectory "
+        "for each source"
     )
-    return replace(answer, reason=why) if answer.reason else answer
+    return replace(answer, reason=reason) if answer.reason else answer
 
 
 def _speed_reason(trajectory: Trajectory) -> str:
     if trajectory == "paper":
         return (
-            "a bend of 500 m passes for a line on the preview at 10 and at 20 m/s, and the longer "
-            "the preview, the further that line is from the bend"
+            "at 10 and 20 m/s the recipe fits a line to a curve of 500 m, and the deviation of the "
+            "line grows with the length of the preview"
         )
     at_10 = _steady_offset(10.0, Loading(front_passengers=1, rear_passengers=2))
     at_20 = _steady_offset(20.0, Loading(front_passengers=1))
     return (
-        "a car in a bend stands at its slip angle to the path, and the law steers against that: "
-        f"on 500 m it settles {cm(at_10)} beside the path at 10 m/s, {cm(at_20)} at 20 m/s"
+        "in a curve a car has a slip angle, against which the law steers: on a radius of 500 m it "
+        f"settles at an offset of {cm(at_10)} at 10 m/s and {cm(at_20)} at 20 m/s"
     )
 
 
 def _steady_offset(speed: float, loading: Loading) -> float:
-    """Steady offset (m) on a curve of a car whose controller does not know its load."""
+    """Steady offset (m) in a curve of a car whose controller does not know the load."""
     car = loaded(LINCOLN_MKZ, loading)
     return steady_cornering(car, NOMINAL_GAINS, speed, 1.0 / RADIUS, LINCOLN_MKZ)[0]
 
 
-def _is_larger(one: Trial, other: Trial) -> bool:
-    return max(other.tracking) > max(one.tracking)
+def _is_larger(slow: Trial, fast: Trial) -> bool:
+    return max(fast.tracking) > max(slow.tracking)
 
 
-def _are_alike(one: Trial, other: Trial) -> bool:
-    return _largest_difference(one, other) < max(2.0 * TOLERANCE_M, 0.1 * max(one.tracking))
+def _are_similar(heavy: Trial, light: Trial) -> bool:
+    return _largest_difference(heavy, light) < max(2.0 * TOLERANCE_M, 0.1 * max(heavy.tracking))
 
 
-def _largest_difference(one: Trial, other: Trial) -> float:
+def _largest_difference(heavy: Trial, light: Trial) -> float:
     """Largest difference (m) between two runs in the largest error of a follower."""
-    return max(abs(a - b) for a, b in zip(one.tracking, other.tracking, strict=True))
+    return max(abs(a - b) for a, b in zip(heavy.tracking, light.tracking, strict=True))
 
 
 def _grows_no_more(even: Trial, uneven: Trial) -> bool:

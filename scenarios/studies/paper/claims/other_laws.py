@@ -1,4 +1,4 @@
-"""Beyond the paper: other laws along the same composite trajectories, in the base case."""
+"""Additional claims: other steering laws on the same composite trajectories, base case."""
 
 from functools import partial
 
@@ -18,14 +18,14 @@ CLAIMS = Claims()
 
 
 def compare_with(law: Variant, findings: Findings) -> Answer:
-    """Answer whether the paper's law stays at least as close to the trajectory as `law`."""
+    """Answer whether the paper's law has no larger tracking errors than `law`."""
     own, other = findings.trials[BASE], findings.trials[BASE.with_variant(law)]
     word = "decrease" if non_increasing(other.tracking) else "do not decrease"
     return Answer(
         **by_runs(findings, _is_at_least_as_close, BASE, BASE.with_variant(law)),
-        ours=f"{law.replace('_', ' ')}: off the own trajectory {in_cm(other.tracking)}, which "
-        f"{word}; off the lead's path {in_cm(other.cross_track)}. The paper's law: "
-        f"{in_cm(own.tracking)}; {in_cm(own.cross_track)}",
+        ours=f"{law.replace('_', ' ')}: tracking errors {in_cm(other.tracking)}, which {word}; "
+        f"true errors {in_cm(other.cross_track)}. The paper's law: tracking errors "
+        f"{in_cm(own.tracking)}; true errors {in_cm(own.cross_track)}",
         numbers=numbers_of(other),
     )
 
@@ -38,8 +38,8 @@ for _law in OTHER_LAWS:
     CLAIMS.append(
         Claim(
             name=f"against_{_law}",
-            where="beside the paper",
-            paper=f"The law strays no further off the same trajectory than {NAMES[_law]}",
+            where="not in the paper",
+            paper=f"The paper's law has no larger tracking errors than {NAMES[_law]}",
             needs=(BASE, BASE.with_variant(_law)),
             answer=partial(compare_with, _law),
         )

@@ -1,4 +1,4 @@
-"""String stability of the simulated convoys by other measures: Definition 1, L2, true errors."""
+"""String stability of the simulated convoys by Definition 1, in L2, and of true errors."""
 
 import numpy as np
 
@@ -13,14 +13,14 @@ OTHERS = (A, B, C, D, VARIABLE_SPEED)
 """The simulations other than the base case."""
 
 SPACING = 0.5
-"""Distance (m) of the places at which cars are compared along the lead's path."""
+"""Distance (m) between the points of the lead's path at which cars are compared."""
 
 CLAIMS = Claims()
 
 
 @CLAIMS.claim(
     where="IV-B, Definition 1, with heading",
-    paper="‖(e_lat, θ̃)‖∞ of a follower does not exceed that of the one ahead",
+    paper="‖(e_lat, θ̃)‖∞ of a follower does not exceed that of its predecessor",
     needs=SIMULATIONS,
 )
 def definition_1(findings: Findings) -> Answer:
@@ -34,16 +34,17 @@ def definition_1(findings: Findings) -> Answer:
         + ", ".join(f"{norm:.4f}" for norm in norms)
         + ", the larger of |e_lat| in m and |θ̃| in rad (|θ̃| alone "
         + ", ".join(f"{angle:.4f}" for angle in heading)
-        + "); of the six simulations not in "
-        + (", ".join(others) or "none"),
-        reason="the norm adds metres to radians: in these units the heading never decides it",
+        + "). Of the six simulations, it does not hold in "
+        + (", ".join(others) or "any"),
+        reason="the norm combines metres and radians: in these units the heading is never decisive",
         numbers={"norm_max": norms, "heading_error_rad_max": heading},
     )
 
 
 @CLAIMS.claim(
-    where="V-C.2, V-C.3; IV-B (none will be off-track)",
-    paper="In A to D and at variable speed, too, no car is further off than the one ahead",
+    where="V-C.2, V-C.3; IV-B (no car will be off-track)",
+    paper="Also in A to D and at variable speed, no car is farther off the track than the car "
+    "ahead",
     needs=OTHERS,
 )
 def others_true(findings: Findings) -> Answer:
@@ -53,15 +54,15 @@ def others_true(findings: Findings) -> Answer:
     trials = {key: findings.trials[key] for key in OTHERS}
     return Answer(
         **by_runs(findings, stays_on_track, *OTHERS),
-        ours="against the lead's driven path "
+        ours="true errors: "
         + "; ".join(f"{key.label} {in_cm(trial.cross_track)}" for key, trial in trials.items()),
-        reason="as in the base case: every car adds its own error to half of the one before",
+        reason="as in the base case, every car adds its own error to half of its predecessor's",
         numbers={str(key): trial.cross_track for key, trial in trials.items()},
     )
 
 
 @CLAIMS.claim(
-    where="IV-B, in L2 (the norm whose gain ‖G‖∞ is), at equal arc length",
+    where="IV-B, in L2 (whose induced norm is ‖G‖∞), at equal arc length",
     paper="With the predecessor's data only, errors amplify from car to car",
     needs=(NO_LEAD_DATA,),
 )
@@ -73,7 +74,7 @@ def amplified_in_l2(findings: Findings) -> Answer:
     return Answer(
         **by_runs(findings, grows, NO_LEAD_DATA),
         ours=_in_l2(trial),
-        reason="all cars over the same stretch of the lead's path",
+        reason="all cars over the same section of the lead's path",
         numbers=_numbers(trial),
     )
 
@@ -91,14 +92,14 @@ def not_amplified_in_l2(findings: Findings) -> Answer:
     return Answer(
         **by_runs(findings, keeps, BASE),
         ours=_in_l2(trial),
-        reason="judged off the lead's driven path, over the same stretch of it for all cars. "
-        f"Growth by less than {1000 * TOLERANCE_M:.0f} mm rms counts as none",
+        reason="judged by true errors, for all cars over the same section of the lead's path. "
+        f"Growth by less than {1000 * TOLERANCE_M:.0f} mm rms is ignored",
         numbers=_numbers(trial),
     )
 
 
 def definition_1_norms(trial: Trial) -> tuple[float, ...]:
-    """‖(e_lat, θ̃)‖∞ of each follower over its run: the larger of the two, in m and rad."""
+    """‖(e_lat, θ̃)‖∞ of each follower over its run: the larger maximum, in m and rad."""
     return tuple(
         float(np.maximum(np.abs(drive.lateral_error), np.abs(drive.heading_error)).max())
         for drive in trial.followers
@@ -106,15 +107,14 @@ def definition_1_norms(trial: Trial) -> tuple[float, ...]:
 
 
 def holds_definition_1(trial: Trial) -> bool:
-    """Whether no follower's norm exceeds that of the one ahead, by more than SAME."""
+    """Whether no follower's norm exceeds that of the car ahead by more than TOLERANCE_M."""
     return is_string_stable(definition_1_norms(trial), TOLERANCE_M)
 
 
 def l2_norms(trial: Trial, measure: str = "cross_track") -> tuple[float, ...]:
-    """√∫d² ds (m^1.5) of each follower, over the stretch of the lead's path that all have driven.
+    """√∫d² ds (m^1.5) of each follower, over the section of the lead's path that all have driven.
 
-    `measure` is an array of a `Drive`: `cross_track`, or `lateral_error` against the own
-    trajectory.
+    `measure` names an array of a `Drive`: `cross_track` or `lateral_error` (tracking).
     """
     places = _stretch(trial)
     norms = []
@@ -126,7 +126,7 @@ def l2_norms(trial: Trial, measure: str = "cross_track") -> tuple[float, ...]:
 
 
 def length(trial: Trial) -> float:
-    """Length (m) of the stretch that all followers have driven."""
+    """Length (m) of the section that all followers have driven."""
     return SPACING * len(_stretch(trial))
 
 
@@ -140,9 +140,9 @@ def _in_l2(trial: Trial) -> str:
     own, true = (l2_norms(trial, measure) for measure in ("lateral_error", "cross_track"))
     root = length(trial) ** 0.5
     return (
-        f"over {length(trial):.0f} m, rms off the lead's path "
+        f"over {length(trial):.0f} m, rms of true errors "
         + ", ".join(cm(norm / root) for norm in true)
-        + f" (head to tail {head_to_tail(true):.2f}), off the own trajectory "
+        + f" (head to tail {head_to_tail(true):.2f}), of tracking errors "
         + ", ".join(cm(norm / root) for norm in own)
         + f" (head to tail {head_to_tail(own):.2f})"
     )

@@ -1,4 +1,4 @@
-"""Claims of Sections III-F and IV: the characteristic polynomial, Proposition 1, G(jω)."""
+"""Claims of Sections III-F and IV: characteristic polynomial, Proposition 1, G(jω)."""
 
 import numpy as np
 
@@ -33,10 +33,10 @@ def polynomial(_: Findings) -> Answer:
             gaps = np.abs(roots[:, None] - states[None, :]).min(axis=0) / np.abs(states)
             worst = max(worst, float(gaps.max()))
     return Answer(
-        ours="their roots are the eigenvalues of eqs. (3), (4) with the feedback, to a relative "
-        f"{worst:.0e}, over all speeds and loadings",
+        ours="at all speeds and loadings their roots are the eigenvalues of eqs. (3), (4) with "
+        f"feedback, to a relative {worst:.0e}",
         holds=worst < 1e-6,
-        reason="the polynomial of the equation before them is ω_n² times as large",
+        reason="the polynomial of the preceding equation differs by a factor of ω_n²",
         numbers={"roots_against_eigenvalues_ratio_max": worst},
     )
 
@@ -54,9 +54,10 @@ def state_equation(_: Findings) -> Answer:
     wrong = float(np.linalg.eigvals(printed).real.max())
     slow = float(np.linalg.eigvals(right).real.max())
     return Answer(
-        ours=f"as printed the slowest root at 30 m/s is {wrong:+.2g} 1/s, by eq. (3) {slow:+.2f}",
+        ours=f"the slowest root at 30 m/s is {wrong:+.2g} 1/s as printed, {slow:+.2f} 1/s by "
+        "eq. (3)",
         holds=False,
-        reason="M⁻¹ is missing before L, C_0, B and F, and for a changing speed the term v̇ θ̃",
+        reason="M⁻¹ is missing before L, C_0, B and F, and the term v̇ θ̃ for varying speed",
         numbers={"abscissa_as_printed_per_s": wrong, "abscissa_per_s": slow},
     )
 
@@ -69,26 +70,27 @@ def proposition_1_square_integrable(_: Findings) -> Answer:
     slowest = PAPER_SPEEDS[0]
     bound = integral_bound(LINCOLN_MKZ, NOMINAL_GAINS, slowest, BASE_SPEED)
     braking, change = 6.0, BASE_SPEED - slowest
-    seen = error_growth(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED, slowest, braking)
+    remaining = error_growth(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED, slowest, braking)
     return Answer(
-        ours=f"with c = {bound.decay:.3f} 1/s and k = {bound.sensitivity:.3f} s/m an error's "
-        "energy V keeps to V(t) ≤ V(0) exp(k ∫|v̇| − c t) at every speed between; and "
-        f"∫|v̇| ≤ √(t ∫v̇²) loses to c t. Braking from {BASE_SPEED:.0f} to {slowest:.1f} m/s at "
-        f"{braking:.0f} m/s² may raise V {bound.energy_ratio(change / braking, change):.0f}-fold "
-        f"by this bound; in truth {seen:.0e} of even the worst initial error is left",
+        ours=f"with c = {bound.decay:.3f} 1/s and k = {bound.sensitivity:.3f} s/m the energy V of "
+        "an error satisfies V(t) ≤ V(0) exp(k ∫|v̇| − c t) at every speed between, and "
+        f"∫|v̇| ≤ √(t ∫v̇²) grows more slowly than c t. When braking from {BASE_SPEED:.0f} to "
+        f"{slowest:.1f} m/s at {braking:.0f} m/s², the bound permits V to grow by a factor of "
+        f"{bound.energy_ratio(change / braking, change):.0f}; in fact {remaining:.0e} of the worst "
+        "initial error remains",
         holds=bound.decay > 0.0,
-        reason="the paper's proof asks for the same; it leaves out the term v̇ θ̃, included here",
+        reason="the paper's proof requires the same; it omits the term v̇ θ̃, included here",
         numbers={
             "decay_per_s": bound.decay,
             "sensitivity_s_per_m": bound.sensitivity,
-            "error_left_after_braking_ratio": seen,
+            "error_left_after_braking_ratio": remaining,
         },
     )
 
 
 @CLAIMS.calculated(
     where="IV-A, Proposition 1, cases (i) and (ii)",
-    paper="There is a μ* for the mean of |v̇|, and of v̇², too",
+    paper="There is a bound μ* for the mean of |v̇|, and also of v̇²",
 )
 def proposition_1_in_the_mean(_: Findings) -> Answer:
     slowest = PAPER_SPEEDS[0]
@@ -99,11 +101,11 @@ def proposition_1_in_the_mean(_: Findings) -> Answer:
         for term in (True, False)
     )
     return Answer(
-        ours=f"μ* = c/k = {mean:.2f} m/s² serves for both, by the bound of the row before "
-        f"({without:.2f} m/s² without the term v̇ θ̃); the α_0 costs a factor, not stability",
+        ours=f"μ* = c/k = {mean:.2f} m/s² is valid for both, by the bound of the row above "
+        f"({without:.2f} m/s² without the term v̇ θ̃); α_0 affects a factor, not stability",
         holds=mean > 0.0 and without > 0.0,
-        reason="the paper has no number. This one is sufficient, and careful: a constant bound on "
-        "|v̇|, case (iii), may be far larger: next row",
+        reason="the paper states no number. This one is sufficient but conservative: a constant "
+        "bound on |v̇|, case (iii), may be much larger (next row)",
         numbers={"mean_acceleration_mps2": mean, "without_speed_term_mps2": without},
     )
 
@@ -121,10 +123,10 @@ def proposition_1(_: Findings) -> Answer:
     }
     table = ", ".join(f"{bound:.0f} at {speed:.1f} m/s" for speed, bound in bounds.items())
     return Answer(
-        ours=f"σ = {decay:.3f} 1/s from {slowest:.1f} to {fastest:.0f} m/s, proven for all speeds "
-        f"between; a number for μ*: stable for |v̇| below {table} (m/s²)",
+        ours=f"σ = {decay:.3f} 1/s, proven for all speeds from {slowest:.1f} to {fastest:.0f} m/s; "
+        f"μ*: stable for |v̇| below {table} (m/s²)",
         holds=decay > 0.0 and min(bounds.values()) > 0.0,
-        reason="the paper has no number; this one includes the term v̇ θ̃ that it leaves out",
+        reason="the paper states no number; this one includes the term v̇ θ̃, which the paper omits",
         numbers={"decay_per_s": decay}
         | {f"certified_mps2_at_{speed:.1f}_mps": bound for speed, bound in bounds.items()},
     )
@@ -141,20 +143,20 @@ def norm_of_g(_: Findings) -> Answer:
     first, second = peak(plain), peak(lagging)
     growth = low_frequency_growth(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED)
     simulated = simulated_propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED, SIMULATED_FREQUENCIES)
-    wrong = float(np.abs(simulated / lagging.at(SIMULATED_FREQUENCIES) - 1.0).max())
+    error = float(np.abs(simulated / lagging.at(SIMULATED_FREQUENCIES) - 1.0).max())
     return Answer(
         ours=f"‖G‖∞ = {first.magnitude:.3f} at {first.frequency:.2f} rad/s, above 1 for all "
         f"frequencies up to {amplified_band(plain)[0][1]:.2f} rad/s; with steering actuation "
         f"{second.magnitude:.3f} at {second.frequency:.1f} rad/s; |G| = 1 + {growth:.4f} s² ω² + … "
-        f"A simulated chain gives the same G at ten frequencies to {100 * wrong:.3f} %",
-        holds=first.magnitude > 1.0 and second.magnitude > 1.0 and growth > 0.0 and wrong < 0.02,
+        f"A simulated chain gives the same G at ten frequencies to {100 * error:.3f} %",
+        holds=first.magnitude > 1.0 and second.magnitude > 1.0 and growth > 0.0 and error < 0.02,
         numbers={
             "norm_instantaneous_ratio": first.magnitude,
             "norm_instantaneous_at_radps": first.frequency,
             "norm_ratio": second.magnitude,
             "norm_at_radps": second.frequency,
             "low_frequency_growth_s2": growth,
-            "simulated_chain_error_ratio_max": wrong,
+            "simulated_chain_error_ratio_max": error,
         },
     )
 
@@ -170,10 +172,11 @@ def equivalence(_: Findings) -> Answer:
     values = largest_singular_value(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED, frequencies)
     largest = float(values.max())
     return Answer(
-        ours=f"sup σ_max is {largest:.2f} on the axis, ‖G‖∞ {peak(plain).magnitude:.2f}: the "
-        "matrix has rank one and |G| is only its non-zero eigenvalue",
+        ours=f"sup σ_max is {largest:.2f} on the imaginary axis, ‖G‖∞ is "
+        f"{peak(plain).magnitude:.2f}: the matrix has rank one, and |G| is only its non-zero "
+        "eigenvalue",
         holds=False,
-        reason="|G| ≤ 1 is necessary, not equivalent (and σ_max adds metres to radians); the "
-        "argument needs no more than that. N(0) also lacks the factor C_f, without consequence",
+        reason="|G| ≤ 1 is necessary, not equivalent (and σ_max combines metres and radians); "
+        "necessity suffices for the argument. N(0) also lacks the factor C_f, without consequence",
         numbers={"sigma_max": largest},
     )

@@ -2,6 +2,6 @@
 
 report            report.md
 machine_readable  report.json
-tables            its tables
-experiment_plots  its plots
+tables            tables of report.md
+experiment_plots  plots
 """

@@ -1,4 +1,4 @@
-"""report.json: the results of `convoy reproduce` for machines."""
+"""report.json, the machine-readable results of `convoy reproduce`."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -35,15 +35,15 @@ def machine_readable(
     claims: Sequence[JudgedClaim],
     pictures: Mapping[str, Sequence[str]],
 ) -> dict[str, Any]:
-    """Claims, figures of the runs, pictures and logs as JSON."""
+    """Claims, figures of the runs, plots and logs as JSON."""
     gains_pictures = next(iter(findings.values())).gains_pictures or ()
     drawn = [file for files in pictures.values() for file in files]
     return {
         "schema": SCHEMA,
         "cases": list(cases),
-        "claims": [_row(one) for one in claims],
-        "runs": {kind: _runs_of(one) for kind, one in findings.items()},
-        "propagation": {kind: _propagation(one) for kind, one in findings.items()},
+        "claims": [_row(claim) for claim in claims],
+        "runs": {kind: _runs_of(results) for kind, results in findings.items()},
+        "propagation": {kind: _propagation(results) for kind, results in findings.items()},
         "pictures": [*drawn, *(f"gains/{name}" for name in gains_pictures)],
         "logs": logs(findings, cases),
     }

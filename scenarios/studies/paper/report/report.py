@@ -1,4 +1,4 @@
-"""Writes report.md, report.json and the pictures of `convoy reproduce`."""
+"""Writes report.md, report.json and the plots of `convoy reproduce`."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -53,35 +53,35 @@ CLAIMS = (
     *field_experiment.CLAIMS,
     *other_laws.CLAIMS,
 )
-"""All claims in the order of the paper, those beyond it last."""
+"""All claims in the order of the paper, followed by additional ones."""
 
 CAPTIONS = {
-    "road": "The road of the main cases, which the paper does not give.",
-    "errors_base": "Lateral errors against the own trajectory, base case.",
-    "errors_a_to_d": "Scenarios A to D.",
-    "errors_variable_speed": "Lateral errors while the speed changes in both lane changes.",
-    "maxima": "Largest errors, exact (bars), with the road moved by less than lies between "
-    "samples (dashes) and with a receiver's noise (dots; where it is shorter, of the first lane "
-    "change).",
-    "lead_data": "With the predecessor's data only, true errors grow from car to car, while "
-    "those against the own trajectory hardly show it; with the lead's data they level off.",
-    "radius": "Errors against the radius of the bends, first lane change.",
-    "propagation": "The paper's G(jω) in closed form and simulated, and what a swing of the "
-    "lead becomes in the convoy. G takes the difference of both cars' states at one instant, "
-    "heading included and without feedforward. In the convoy a car steers along the path that the "
-    "other left: F(jω), which the measured ratios follow at low frequency. Above, the fit over "
-    "some 35 m smooths the path away (a swing of 7 rad/s is 27 m long), less so with less preview.",
-    "field": "Field experiment: PL1 drives alone, PL2 behind its record, PL3 behind both.",
-    "paper_recipe": "What the paper's recipe needs. Left: radius of the bends; hollow marks "
-    "are the worst of the noisy runs. Right: the base case, exact, with noise (worst seed), "
-    "and with the longest straight prefix of Section III-A split off.",
+    "road": "The road of the main cases, which the paper does not specify.",
+    "errors_base": "Tracking errors in the base case.",
+    "errors_a_to_d": "Tracking errors in scenarios A to D.",
+    "errors_variable_speed": "Tracking errors while the speed changes in both lane changes.",
+    "maxima": "Largest errors: exact (bars), on shifted roads (dashes), and with receiver noise "
+    "(dots). Noisy runs of some cases cover the first lane change only.",
+    "lead_data": "With the predecessor's data only, true errors grow from car to car, which "
+    "tracking errors hardly show. With the lead's data, true errors level off.",
+    "radius": "Largest errors over the radius of the curves, first lane change.",
+    "propagation": "The paper's G(jω), in closed form and simulated, and measured ratios of the "
+    "convoy. In G a car steers by the difference of both cars' states at the same instant, with "
+    "heading and without feedforward. In the convoy a car steers along its predecessor's path, as "
+    "in F(jω), which the measured ratios follow at low frequencies. At high frequencies the fit "
+    "over about 35 m smooths the path (at 7 rad/s a wavelength is 27 m); a shorter preview smooths "
+    "less.",
+    "field": "Field experiment: PL1 drives alone, PL2 follows the record of PL1, PL3 follows both.",
+    "paper_recipe": "Conditions of the paper's recipe. Left: radius of the curves; hollow marks "
+    "are the worst noisy runs. Right: the base case, exact, with noise (worst seed), and with the "
+    "longest straight prefix of Section III-A fitted separately.",
 }
 
 
 def write_report(
     findings: AllFindings, cases: Sequence[str], out: Path, picture_format: str = "png"
 ) -> list[JudgedClaim]:
-    """Judge the findings on `cases`, write report and plots into `out`; returns the claims."""
+    """Judge the claims on `cases` and write report and plots into `out`; returns the claims."""
     claims = judge(CLAIMS, findings)
     pictures = _draw(findings, out, picture_format)
     text = "\n".join(_markdown(findings, cases, claims, pictures)) + "\n"
@@ -92,7 +92,7 @@ def write_report(
 
 
 def all_pictures(picture_format: str = "png") -> list[str]:
-    """Names of the files of all plots."""
+    """File names of all plots."""
     names = [*BOTH, *(_file(name, kind) for name in PICTURES for kind in TRAJECTORIES)]
     return [f"{name}.{picture_format}" for name in names]
 
@@ -127,26 +127,26 @@ def _markdown(
 ) -> Iterator[str]:
     yield "# The paper's claims, tested"
     yield ""
-    yield f"Cases: {', '.join(cases)}. {len(claims)} claims, judged along two trajectories."
+    yield f"Cases: {', '.join(cases)}. {len(claims)} claims, judged with two trajectories."
     yield ""
     for kind in findings:
         yield f"- {_counts(claims, kind)}"
     yield ""
     yield from _differing(claims)
     yield from _recipe(findings)
-    calculated = [one for one in claims if not one.claim.simulated]
-    simulated = [one for one in claims if one.claim.simulated]
-    yield from _in_short(calculated, "fitted", "calculated, the same for both")
+    calculated = [row for row in claims if not row.claim.simulated]
+    simulated = [row for row in claims if row.claim.simulated]
+    yield from _summary(calculated, "fitted", "calculated, the same for both")
     for kind in findings:
-        yield from _in_short(simulated, kind, TRAJECTORY_NAMES[kind])
+        yield from _summary(simulated, kind, TRAJECTORY_NAMES[kind])
     yield from _method()
     yield from _claims(claims)
     for name, files in pictures.items():
         yield from ("", f"### {CAPTIONS[name]}")
         for file in files:
             yield from ("", f"![{file}]({file})")
-    for one in findings.values():
-        yield from tables(one)
+    for results in findings.values():
+        yield from tables(results)
     yield from _gains(findings)
     yield from _logs(findings, cases)
 
@@ -163,14 +163,12 @@ def _counts(claims: Sequence[JudgedClaim], kind: Trajectory) -> str:
 def _differing(claims: Sequence[JudgedClaim]) -> Iterator[str]:
     """List the claims whose verdict depends on the trajectory."""
     differing = [claim for claim in claims if claim.differs]
-    yield "## Where the trajectory decides"
+    yield "## Claims that depend on the trajectory"
     yield ""
     if not differing:
-        yield "Nowhere among these claims."
+        yield "None."
     else:
-        yield (
-            "| paper | says | " + " | ".join(TRAJECTORY_NAMES[kind] for kind in TRAJECTORIES) + " |"
-        )
+        yield _line("section", "claim", *(TRAJECTORY_NAMES[kind] for kind in TRAJECTORIES))
         yield "|---|---|---|---|"
     for claim in differing:
         verdicts = (claim.verdicts[kind].judgement for kind in TRAJECTORIES)
@@ -186,15 +184,16 @@ def _recipe(findings: AllFindings) -> Iterator[str]:
     tracking = {key: paper.trials[key].tracking for key in (A, C, BASE, prefix)}
     noisy = max(paper.noisy(BASE), key=lambda run: max(run.tracking)).tracking
     yield from (
-        "## What the paper's trajectory needs",
+        "## Conditions of the paper's trajectory",
         "",
-        f"With exact samples and own state, on the report's road (500 m), the paper's recipe gives "
-        f"what the paper says: A {in_cm(tracking[A])}, C {in_cm(tracking[C])}, base case "
-        f"{in_cm(tracking[BASE])}. It needs all of that. With 2 cm of noise the base case comes to "
-        f"{in_cm(noisy)}; on bends of 300 m, exact, to "
-        f"{in_cm(paper.trials[at_radius(300.0)].tracking)}, of 200 m to "
-        f"{in_cm(paper.trials[at_radius(200.0)].tracking)}; and with the longest straight prefix "
-        f"of Section III-A split off to {in_cm(tracking[prefix])}: see paper_recipe below.",
+        "With exact samples, a known own state and curves of 500 m, the paper's recipe agrees with "
+        f"the paper. Largest tracking errors: A {in_cm(tracking[A])}, C {in_cm(tracking[C])}, base "
+        f"case {in_cm(tracking[BASE])}. Each condition is necessary. The base case has "
+        f"{in_cm(noisy)} with 2 cm of noise (worst seed), "
+        f"{in_cm(paper.trials[at_radius(300.0)].tracking)} on exact curves of 300 m, "
+        f"{in_cm(paper.trials[at_radius(200.0)].tracking)} on curves of 200 m, and "
+        f"{in_cm(tracking[prefix])} with the longest straight prefix of Section III-A fitted "
+        "separately (plot paper_recipe).",
         "",
     )
 
@@ -202,14 +201,14 @@ def _recipe(findings: AllFindings) -> Iterator[str]:
 GROUPS = {
     "does not hold": "Do not hold",
     "undecided": "Undecided: hold in some of the exact runs only",
-    "noise spoils": "Hold with exact measurements, but with noise not in every run",
-    "noise helps": "Do not hold with exact measurements, but in some runs with noise",
+    "fails in noise": "Hold with exact measurements, but not in every noisy run",
+    "holds in noise": "Do not hold with exact measurements, but in some noisy runs",
 }
 
 
-def _in_short(claims: Sequence[JudgedClaim], kind: Trajectory, title: str) -> Iterator[str]:
-    """List the claims that do not simply hold, by group."""
-    yield from (f"## In short: {title}", "")
+def _summary(claims: Sequence[JudgedClaim], kind: Trajectory, title: str) -> Iterator[str]:
+    """List the claims that do not hold in all runs, by group."""
+    yield from (f"## Summary: {title}", "")
     for group, members in groups(claims, kind).items():
         if members:
             yield f"{GROUPS[group]}:"
@@ -229,35 +228,35 @@ def _runs(answer: Answer) -> str:
 
 def _method() -> Iterator[str]:
     yield from (
-        "## How it was done",
+        "## Method",
         "",
-        "- Four cars, 15 m from centre to centre (half a second at 30 m/s), with the paper's car, "
-        "law and gains; loads unknown to the controllers; poses at 20 Hz over links of 20 ms; "
-        "decisions at 50 Hz.",
-        "- The paper does not give its road. Here a car moves 3.6 m to the right from 5 s on and "
-        "back from 20 s on, on arcs of 500 m and straights in turn, a second each: what the paper "
-        "says of curvature (at most one change a second, hundreds of metres) and of time (done "
-        "before 10 s and 25 s). At 10 and 20 m/s the same road is driven, and beside it one that "
-        "takes the same times. What depends on the radius is said.",
-        "- Everything is driven twice: along the product's fitted trajectory, and along the "
-        "paper's own, by the letter of Section III-B (all samples of both sources ahead within the "
-        "preview; a line where none is 10 cm from it, else the circle of eq. (5)), with the "
-        "heading of that line or circle. What is calculated, not driven, is judged once.",
-        "- Main runs are exact, as the paper's presumably are: measurements without noise, and "
-        "cars that know their own state. Noise: 2 cm, 0.1°, 0.03 m/s, 0.1°/s, own state estimated "
-        "from that, over several seeds; A to D and variable speed up to the end of the first lane "
-        "change, the field experiment's repetitions up to the end of the first bend.",
-        "- What a fit makes of a bend depends on where the samples fall on it. Exact runs are "
-        "repeated with the road moved by a quarter, half and three quarters of 0.1 s, after which "
-        "the pattern of poses and decisions repeats; A to C, runs without the lead's data and runs "
-        "by other laws through the first lane change, of which the second is the mirror image. One "
-        "rule for all: a claim on runs holds if it does in all its exact runs (these four phases, "
-        "or the radii or frequencies tried), does not if in none, and is undecided in between. "
-        "What noise changes is said beside it and decides nothing.",
-        "- The paper measures errors against the trajectory that a car itself has fitted. That is "
-        "given first, largest values of the followers front to back; true errors are distances "
-        "from the lead's driven path. Values that differ by less than "
-        f"{1000 * TOLERANCE_M:.0f} mm count as equal.",
+        "- Errors. The *tracking error* is a car's distance from the trajectory it has fitted; "
+        "this is the error in the paper. The *true error* is the distance from the path that the "
+        "lead has driven. Lists contain the largest error of each follower, front to back. "
+        f"Differences below {1000 * TOLERANCE_M:.0f} mm are ignored.",
+        "- Convoy. Four of the paper's cars, 15 m from centre to centre (0.5 s at 30 m/s), with "
+        "the paper's law and gains. Controllers do not know the load. Poses are sent at 20 Hz "
+        "over links with 20 ms latency; control runs at 50 Hz.",
+        "- Road. The paper does not specify its road. Here each car moves 3.6 m to the right from "
+        "5 s on and back from 20 s on, on arcs of 500 m radius and straights of one second each. "
+        "This agrees with the paper: at most one change of curvature per second, radii of hundreds "
+        "of metres, lane changes complete before 10 s and 25 s. At 10 and 20 m/s the convoy drives "
+        "the same road, and another road that takes the same times.",
+        "- Trajectories. Every run is simulated twice: with the default fitted trajectory, and "
+        "with the paper's recipe taken literally from Section III-B. The recipe uses all samples "
+        "of both sources within the preview. It fits a line if no sample is 10 cm from it, else "
+        "the circle of eq. (5), and takes its heading. Calculated claims are judged once.",
+        "- Exact and noisy runs. Main runs have exact measurements and cars that know their own "
+        "state, presumably as in the paper. Noisy runs use several seeds of 2 cm, 0.1°, 0.03 m/s "
+        "and 0.1°/s, and estimate the own state. They end after the first lane change in A to D "
+        "and at variable speed, and after the first curve in the field experiment.",
+        "- Shifted roads. A fit depends on where samples lie in a curve. Exact runs are therefore "
+        "repeated with the road shifted by a quarter, half and three quarters of 0.1 s, the common "
+        "period of poses and control. In A to C, without the lead's data and with other laws, "
+        "these runs end after the first lane change, which the second one mirrors.",
+        "- Verdicts. A claim about runs holds if it holds in all its exact runs: the four phases "
+        "of the road, or the simulated radii or frequencies. It does not hold if it holds in none "
+        "of them, and is undecided otherwise. Counts of noisy runs are given for information.",
         "",
     )
 
@@ -270,12 +269,12 @@ def _claims(claims: Sequence[JudgedClaim]) -> Iterator[str]:
     names = [TRAJECTORY_NAMES[kind] for kind in TRAJECTORIES]
     yield "## Claims"
     yield ""
-    yield _line("paper", "says", *(c for n in names for c in (n, "verdict")), "why, or how far")
+    yield _line("section", "claim", *(c for n in names for c in (n, "verdict")), "explanation")
     yield "|---|---|---|---|---|---|---|"
     for row in claims:
         first, second = (row.verdicts[kind] for kind in TRAJECTORIES)
         same = second.answer.ours == first.answer.ours
-        again = "the same" if row.claim.simulated else "(calculated)"
+        again = "same result" if row.claim.simulated else "(calculated)"
         yield _line(
             row.claim.where,
             row.claim.paper,
@@ -286,11 +285,10 @@ def _claims(claims: Sequence[JudgedClaim]) -> Iterator[str]:
             _reasons(first, second),
         )
     yield ""
-    yield "## Pictures"
+    yield "## Plots"
 
 
 def _verdict_cell(verdict: ClaimVerdict) -> str:
-    """The judgement, and the count of runs in which the claim holds."""
     bold = verdict.judgement in {"undecided", "does not hold"}
     text = f"**{verdict.judgement}**" if bold else str(verdict.judgement)
     runs = _runs(verdict.answer)
@@ -301,11 +299,10 @@ def _reasons(first: ClaimVerdict, second: ClaimVerdict) -> str:
     reason, other = first.answer.reason, second.answer.reason
     if reason == other:
         return reason
-    both = (
-        (TRAJECTORY_NAMES[kind], why)
-        for kind, why in zip(TRAJECTORIES, (reason, other), strict=True)
+    reasons = zip(TRAJECTORIES, (reason, other), strict=True)
+    return ". ".join(
+        f"{TRAJECTORY_NAMES[kind].capitalize()}: {text}" for kind, text in reasons if text
     )
-    return ". ".join(f"{name.capitalize()}: {why}" for name, why in both if why)
 
 
 def _gains(findings: AllFindings) -> Iterator[str]:
@@ -319,5 +316,5 @@ def _gains(findings: AllFindings) -> Iterator[str]:
 def _logs(findings: AllFindings, cases: Sequence[str]) -> Iterator[str]:
     paths = logs(findings, cases)
     if paths:
-        yield from ("", "## Logs", "", "`convoy review LOG` shows them:", "")
+        yield from ("", "## Logs", "", "Open a log with `convoy review LOG`.", "")
         yield from (f"- {log}" for log in paths)

@@ -20,29 +20,28 @@ EXPECTED = (BASE, NO_LEAD_DATA, A, B, C)
 """Cases of equal cars at constant speed."""
 
 CHANGED = {
-    BASE.with_variant("as_is"): "nothing: the base case",
+    BASE.with_variant("as_is"): "none (base case)",
     BASE.with_variant("blend"): "one trajectory for each source, commands blended",
     BASE.with_variant("lead_only"): "lead's data only (α = 0)",
-    BASE.with_variant("slip_compensated"): "slip compensated in bends (the product's default law)",
-    BASE.with_variant("knows_loading"): "controller knows its load",
-    BASE.with_variant("slip_compensated_knows_loading"): "both",
-    BASE.with_variant("own_state_estimated"): "own state estimated from the car's own measurements",
-    BASE.with_variant(
-        "paper_prefix"
-    ): "the paper's trajectory with the longest straight prefix first",
+    BASE.with_variant("slip_compensated"): "slip compensated in curves (the default law)",
+    BASE.with_variant("knows_loading"): "controller knows the load",
+    BASE.with_variant("slip_compensated_knows_loading"): "slip compensated, load known",
+    BASE.with_variant("own_state_estimated"): "own state estimated from exact measurements",
+    BASE.with_variant("paper_prefix"): "the paper's recipe, longest straight prefix first",
     BASE.with_variant("stanley"): "Stanley's law (both lane changes)",
     BASE.with_variant("pure_pursuit"): "pure pursuit (both lane changes)",
-    BASE.with_variant("gap_20_m"): "gaps of 20 m: the predecessor, too, is beyond the preview",
+    BASE.with_variant("gap_20_m"): "gap of 20 m, so the predecessor is beyond the preview",
 }
+"""Variants of the base case, by what is changed."""
 
 
 def tables(findings: Findings) -> Iterator[str]:
-    """Lines of all tables for which there are results."""
+    """Lines of all tables for which results exist."""
     name = TRAJECTORY_NAMES[findings.trajectory]
     rows = [(text, findings.trials[key]) for key, text in CHANGED.items() if findings.has(key)]
     if rows:
-        title = f"What the base case depends on ({name}; first lane change)"
-        yield from _table(title, "changed", rows)
+        title = f"Variants of the base case ({name}; first lane change)"
+        yield from _table(title, "change", rows)
     if any(map(findings.has, EXPECTED)):
         yield from _expected(findings)
     if findings.has(at_radius(RADII[0])):
@@ -59,7 +58,7 @@ def _radii(findings: Findings) -> Iterator[str]:
         )
     ]
     name = TRAJECTORY_NAMES[findings.trajectory]
-    title = f"Radius of the bends, with and without the lead's data ({name})"
+    title = f"Radius of the curves, with and without the lead's data ({name})"
     yield from _table(title, "radius", rows)
     decreasing = sum(non_increasing(trial.tracking) for _, trial in rows[::2])
     better = sum(
@@ -68,8 +67,9 @@ def _radii(findings: Findings) -> Iterator[str]:
     )
     yield ""
     yield (
-        f"With the lead's data largest errors against the own trajectory decrease on {decreasing} "
-        f"of {len(RADII)} roads; the last car is nearer to the lead's path on {better}."
+        f"With the lead's data, the largest tracking errors decrease along the convoy on "
+        f"{decreasing} of {len(RADII)} roads. The true error of the last car is smaller than "
+        f"without them on {better}."
     )
 
 
@@ -80,7 +80,7 @@ def _road(radius: float) -> str:
 
 def _table(title: str, heading: str, rows: Sequence[tuple[str, Trial]]) -> Iterator[str]:
     yield from ("", f"## {title}", "")
-    yield f"| {heading} | off the own trajectory | decreasing | off the lead's path |"
+    yield f"| {heading} | tracking errors | decreasing | true errors |"
     yield "|---|---|---|---|"
     for text, trial in rows:
         word = "yes" if non_increasing(trial.tracking) else "no"
@@ -90,11 +90,12 @@ def _table(title: str, heading: str, rows: Sequence[tuple[str, Trial]]) -> Itera
 def _expected(findings: Findings) -> Iterator[str]:
     yield from (
         "",
-        f"## Against linear theory ({TRAJECTORY_NAMES[findings.trajectory]})",
+        f"## Comparison with linear theory ({TRAJECTORY_NAMES[findings.trajectory]})",
         "",
-        "The lead's driven path put through F(jω), car by car: without sampling, fit and links.",
+        "Linear theory applies F(jω) to the path of the lead, car by car. It neglects sampling, "
+        "fit and links.",
         "",
-        "| case | own trajectory: theory | simulated | lead's path: theory | simulated |",
+        "| case | tracking: theory | simulated | true error: theory | simulated |",
         "|---|---|---|---|---|",
     )
     for key in EXPECTED:

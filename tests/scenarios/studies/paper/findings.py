@@ -1,4 +1,4 @@
-"""Findings of a reproduction, made up."""
+"""Made-up findings of a reproduction."""
 
 from dataclasses import replace
 
@@ -33,26 +33,26 @@ from vehicles.preview.curve_fit import Trajectory
 
 
 def trial_of(tracking: tuple[float, ...], true: tuple[float, ...] | None = None) -> Trial:
-    """A run of 35 s whose followers have these largest errors (m), 12 s after the start."""
+    """Make a run of 35 s whose followers have these largest errors (m), 12 s after the start."""
     at = np.arange(0.0, 35.0, 0.1)
     bump = np.exp(-((at - 12.0) ** 2))
     peak = bump / bump.max()
     nothing = np.zeros(len(at))
     lead = Drive("v1", at, 30.0 * at, -peak, nothing + 30.0, nothing, nothing, at, nothing)
     followers = [
-        replace(lead, name=f"v{k}", lateral_error=-own * peak, cross_track=beside * peak)
-        for k, (own, beside) in enumerate(zip(tracking, true or tracking, strict=True), start=2)
+        replace(lead, name=f"v{k}", lateral_error=-error * peak, cross_track=true_error * peak)
+        for k, (error, true_error) in enumerate(zip(tracking, true or tracking, strict=True), 2)
     ]
     return Trial((lead, *followers))
 
 
 def along_both_trajectories(findings: Findings) -> dict[Trajectory, Findings]:
-    """Give the same findings along both trajectories."""
+    """Return the same findings for both trajectories."""
     return {"fitted": findings, "paper": replace(findings, trajectory="paper")}
 
 
 def findings_with_all_claims_true() -> Findings:
-    """Findings in which every claim of the simulations and the field experiment holds."""
+    """Make findings in which every claim about simulations and the field experiment holds."""
     falling = trial_of((0.08, 0.06, 0.05))
     same = (
         BASE,

@@ -1,4 +1,4 @@
-"""Judgements on made-up findings: claims that hold, claims that fail, the effect of noise."""
+"""Verdicts on made-up findings: claims that hold, claims that fail, effect of noise."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -57,8 +57,8 @@ ALL = (*DRIVEN, *CALCULATED)
 
 def judgements(findings: Findings, claims: Sequence[Claim] = DRIVEN) -> dict[str, str]:
     return {
-        one.claim.name: one.verdicts["fitted"].judgement
-        for one in judge(claims, {"fitted": findings})
+        row.claim.name: row.verdicts["fitted"].judgement
+        for row in judge(claims, {"fitted": findings})
     }
 
 
@@ -66,7 +66,7 @@ def test_names_of_claims_differ() -> None:
     assert len({claim.name for claim in ALL}) == len(ALL)
 
 
-def test_only_what_was_run_is_judged() -> None:
+def test_claims_without_results_are_not_judged() -> None:
     assert judgements(Findings()) == {}
     assert "mass" not in judgements(Findings(trials={A: trial_of((0.03, 0.03, 0.03))}))
     assert "a_decreasing" in judgements(Findings(trials={A: trial_of((0.03, 0.03, 0.03))}))
@@ -78,12 +78,12 @@ def test_only_what_was_run_is_judged() -> None:
 def test_an_answer_becomes_a_judgement(holds: bool | None, judgement: str) -> None:
     answer = Answer(ours="we", holds=holds, reason="why")
     claim = Claim(name="x", where="V", paper="says", answer=lambda _: answer)
-    (one,) = judge([claim], along_both_trajectories(Findings()))
-    assert one.claim == claim
-    assert set(one.verdicts) == {"fitted", "paper"}
-    assert all(row.judgement == judgement for row in one.verdicts.values())
-    assert all(row.answer == answer for row in one.verdicts.values())
-    assert not one.differs
+    (row,) = judge([claim], along_both_trajectories(Findings()))
+    assert row.claim == claim
+    assert set(row.verdicts) == {"fitted", "paper"}
+    assert all(verdict.judgement == judgement for verdict in row.verdicts.values())
+    assert all(verdict.answer == answer for verdict in row.verdicts.values())
+    assert not row.differs
 
 
 def test_a_claim_is_registered_under_the_name_of_its_function_in_order() -> None:
@@ -108,7 +108,7 @@ def test_a_claim_is_registered_under_the_name_of_its_function_in_order() -> None
     [
         ((0.05, 0.04, 0.03), True),
         ((0.05, 0.05, 0.05), True),
-        ((0.05, 0.0509, 0.05), True),  # less than a millimetre is no growth
+        ((0.05, 0.0509, 0.05), True),  # growth below a millimetre is ignored
         ((0.05, 0.0511, 0.03), False),
         ((0.03, 0.04, 0.05), False),
         ((0.05,), True),
@@ -118,7 +118,7 @@ def test_non_increasing(maxima: tuple[float, ...], expected: bool) -> None:
     assert non_increasing(maxima) is expected
 
 
-def test_a_limit_holds_or_not_and_noise_is_counted() -> None:
+def test_a_limit_is_judged_by_the_exact_run_and_noisy_runs_are_counted() -> None:
     findings = Findings(
         trials={
             VARIABLE_SPEED: trial_of((0.02, 0.108, 0.05)),
@@ -129,40 +129,40 @@ def test_a_limit_holds_or_not_and_noise_is_counted() -> None:
     answer = below(0.11, VARIABLE_SPEED, findings)
     assert answer.holds
     assert answer.noise == Tally(1, 2, "seeds")
-    assert "10.8 cm (2.0, 10.8, 5.0 cm)" in answer.ours
+    assert "2.0, 10.8, 5.0 cm" in answer.ours
     assert not below(0.10, VARIABLE_SPEED, findings).holds
 
 
-def test_errors_that_grow_fail_with_a_reason_and_others_need_none() -> None:
+def test_growing_errors_fail_with_a_reason() -> None:
     grows = Findings(
         trials={key: trial_of((0.04, 0.05, 0.06)) for key in (D, D.with_variant("blend"))}
     )
     answer = decreasing(D, grows)
     assert answer.holds is False
-    assert "one trajectory for each source" in answer.reason
+    assert "blend" in answer.reason
     falls = decreasing(D, Findings(trials={D: trial_of((0.06, 0.05, 0.04))}))
     assert falls.holds
     assert not falls.reason
 
 
-def test_what_holds_but_for_noise_says_so() -> None:
+def test_a_claim_that_fails_in_noise_only_has_a_reason() -> None:
     findings = Findings(
         trials={A: trial_of((0.04, 0.03, 0.02)), A.noisy(1): trial_of((0.04, 0.03, 0.05))}
     )
     answer = decreasing(A, findings)
     assert answer.holds
     assert answer.noise == Tally(0, 1, "seeds")
-    assert "chance" in answer.reason
-    (one,) = judge([c for c in ALL if c.name == "a_decreasing"], {"fitted": findings})
-    found = groups([one], "fitted")
-    assert {group for group, claims in found.items() if claims} == {"noise spoils"}
+    assert "noise" in answer.reason
+    (row,) = judge([c for c in ALL if c.name == "a_decreasing"], {"fitted": findings})
+    grouped = groups([row], "fitted")
+    assert {group for group, claims in grouped.items() if claims} == {"fails in noise"}
 
 
 @pytest.mark.parametrize(
     ("last", "judgement", "holding"),
     [(0.02, "holds", 3), (0.0325, "undecided", 1), (0.05, "does not hold", 0)],
 )
-def test_what_hangs_on_where_the_samples_fall_is_undecided(
+def test_a_claim_that_holds_on_some_shifted_roads_only_is_undecided(
     last: float, judgement: str, holding: int
 ) -> None:
     findings = Findings(
@@ -173,23 +173,22 @@ def test_what_hangs_on_where_the_samples_fall_is_undecided(
             B.moved(0.75): trial_of((0.04, 0.03, last - 0.001)),
         }
     )
-    (one,) = judge([c for c in ALL if c.name == "b_decreasing"], {"fitted": findings})
-    row = one.verdicts["fitted"]
-    assert row.judgement == judgement
-    assert row.answer.phases == Tally(holding, 3)
-    assert [one] == (groups([one], "fitted").get(judgement) or [one])
+    (row,) = judge([c for c in ALL if c.name == "b_decreasing"], {"fitted": findings})
+    verdict = row.verdicts["fitted"]
+    assert verdict.judgement == judgement
+    assert verdict.answer.phases == Tally(holding, 3)
+    assert [row] == (groups([row], "fitted").get(judgement) or [row])
     if judgement == "undecided":
-        assert "at most -0.5 to +2.5 mm from one to the next" in row.answer.ours
-        assert "two effects" in row.answer.reason
+        assert "-0.5 to +2.5 mm" in verdict.answer.ours
+        assert verdict.answer.reason
 
 
-def test_where_the_simulations_bear_the_paper_out_all_those_claims_hold() -> None:
-    found = judgements(findings_with_all_claims_true())
-    assert set(found) == {claim.name for claim in DRIVEN}
+def test_all_claims_hold_on_findings_that_agree_with_the_paper() -> None:
+    verdicts = judgements(findings_with_all_claims_true())
+    assert set(verdicts) == {claim.name for claim in DRIVEN}
     simulated = {claim.name for claim in SIMULATED}
-    failed = {name for name in simulated if found[name] != "holds"}
-    # The peaks were made up at 12 s, where the road is straight; course, road and the profile of
-    # the speed are not known.
+    failed = {name for name in simulated if verdicts[name] != "holds"}
+    # The made-up peaks are at 12 s, on a straight. Course, road and speed profile are unknown.
     assert failed == {"base_where", "road", "field_course", "field_initial_error", "slightly_more"}
 
 
@@ -224,7 +223,7 @@ def test_each_claim_fails_where_it_should(key: RunKey, trial: Trial, falls: set[
     assert all(after[name] == "does not hold" for name in falls)
 
 
-def test_a_bend_too_tight_for_the_recipe_leaves_it_undecided() -> None:
+def test_the_recipe_is_undecided_if_it_fails_on_one_radius() -> None:
     findings = findings_with_all_claims_true()
     assert judgements(findings)["recipe_suffices"] == "holds"
     findings.trials[at_radius(250.0)] = trial_of((0.08, 0.10, 0.05))
@@ -238,12 +237,12 @@ def test_the_field_claims_fail_where_they_should() -> None:
     findings = findings_with_all_claims_true()
     findings.trials[FIELD_WITH] = trial_of((0.05, 0.9))
     findings.trials[FIELD_WITHOUT] = trial_of((0.05, 0.05))
-    found = judgements(findings)
-    assert found["field_amplified"] == "does not hold"
-    assert found["field_not_amplified"] == "does not hold"
-    assert found["field_on_the_road"] == "does not hold"
+    verdicts = judgements(findings)
+    assert verdicts["field_amplified"] == "does not hold"
+    assert verdicts["field_not_amplified"] == "does not hold"
+    assert verdicts["field_on_the_road"] == "does not hold"
     findings.sine_responses = [
-        replace(one, amplitudes=(1.0, 0.9)) for one in findings.sine_responses
+        replace(response, amplitudes=(1.0, 0.9)) for response in findings.sine_responses
     ]
     assert judgements(findings)["propagation_measured"] == "does not hold"
 
@@ -255,11 +254,11 @@ def test_initial_errors_do_not_count_once_settled() -> None:
     assert settled_errors(trial).cross_track == pytest.approx((0.05, 0.06), rel=1e-3)
 
 
-def test_what_theory_says_of_the_paper() -> None:
+def test_five_calculated_claims_do_not_hold() -> None:
     findings = findings_with_all_claims_true()
-    found = judgements(findings, CALCULATED)
-    assert set(found) == {claim.name for claim in CALCULATED}
-    assert {name for name, judgement in found.items() if judgement == "does not hold"} == {
+    verdicts = judgements(findings, CALCULATED)
+    assert set(verdicts) == {claim.name for claim in CALCULATED}
+    assert {name for name, judgement in verdicts.items() if judgement == "does not hold"} == {
         "preview",
         "signs",
         "state_equation",
@@ -272,8 +271,7 @@ def test_centimetres_as_text() -> None:
     assert in_cm((0.0404, 0.1)) == "4.0, 10.0 cm"
 
 
-def test_a_row_of_runs_is_judged_by_all_of_them_and_not_by_noise() -> None:
-    """One rule: all phases, none, or undecided; the exact run alone decides nothing else."""
+def test_a_verdict_depends_on_all_exact_runs_and_not_on_noise() -> None:
     for holding, expected in ((4, "holds"), (0, "does not hold"), (1, "undecided")):
         answer = Answer(
             ours="", holds=holding > 2, phases=Tally(holding, 4), noise=Tally(0, 3, "seeds")
@@ -283,7 +281,7 @@ def test_a_row_of_runs_is_judged_by_all_of_them_and_not_by_noise() -> None:
 
 
 def test_every_claim_on_simulations_counts_the_phases_of_its_runs() -> None:
-    """Which the rule needs; exempt is what is no run of a road, or one log alone."""
+    """Exempt are claims that are not about runs on a road."""
     findings = findings_with_all_claims_true()
     keys = {key for case in RUNS_OF_CASE.values() for key in case if key.seed is None}
     for key in keys:
@@ -297,7 +295,7 @@ def test_every_claim_on_simulations_counts_the_phases_of_its_runs() -> None:
             assert tally.runs == 4, claim.name
 
 
-def test_a_claim_may_hold_along_one_trajectory_only() -> None:
+def test_a_claim_may_hold_with_one_trajectory_only() -> None:
     fitted, paper = along_both_trajectories(findings_with_all_claims_true()).values()
     paper = replace(paper, trials={**paper.trials, BASE: trial_of((0.08, 0.091, 0.05))})
     found = judge(DRIVEN, {"fitted": fitted, "paper": paper})
@@ -311,7 +309,7 @@ def test_a_claim_may_hold_along_one_trajectory_only() -> None:
     assert [one["changes_in_window_max"] for one in numbers] == [2, 1]
 
 
-def test_l2_is_taken_over_the_stretch_that_all_have_driven() -> None:
+def test_l2_covers_the_section_that_all_have_driven() -> None:
     trial = trial_of((0.1, 0.1))
     first, second = trial.followers
     place = np.arange(0.0, 400.0, 1.0)

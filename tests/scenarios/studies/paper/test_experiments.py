@@ -1,4 +1,4 @@
-"""The paper's cases as scenarios, and the runs whose drives stay in memory."""
+"""The paper's cases as scenarios, and their runs."""
 
 from math import cos, pi, sin, sqrt
 from pathlib import Path
@@ -39,10 +39,10 @@ from vehicles.theory.propagation import Transfer
 EXPERIMENTS = {key: run for case in RUNS_OF_CASE.values() for key, run in case.items()}
 
 
-def test_every_experiment_can_be_driven() -> None:
+def test_every_experiment_is_a_valid_scenario() -> None:
     for key, run in EXPERIMENTS.items():
         if key.seed not in {None, 2}:
-            continue  # differs from another by its seed only
+            continue  # differs from another run in the seed only
         scenario = load_scenario(run.scenario, run.overrides, run.seed)
         exact = key.seed is None and key.variant != "own_state_estimated"
         for name in scenario.vehicle_names:
@@ -100,7 +100,7 @@ def test_a_lane_change_is_a_lane_wide(radius: float) -> None:
 
 
 @pytest.mark.parametrize("speed", [10.0, 20.0])
-def test_a_road_of_the_same_times_asks_for_the_same_lateral_acceleration(speed: float) -> None:
+def test_a_road_of_the_same_times_has_the_same_lateral_acceleration(speed: float) -> None:
     scenario = load_scenario("paper_c", [*at_the_same_times(speed), f"speed.set_mps={speed}"])
     path, start = scenario.route.path, scenario.route.start
     bend = path.at(start + 5.5 * speed).curvature
@@ -110,8 +110,7 @@ def test_a_road_of_the_same_times_asks_for_the_same_lateral_acceleration(speed: 
 
 
 @pytest.mark.parametrize("case", ROADS)
-def test_a_road_that_is_not_moved_is_the_case_s_own(case: RunKey) -> None:
-    """And a moved one is the same, but later by the distance of a part of 0.1 s."""
+def test_a_shifted_road_is_the_case_s_road_moved_ahead(case: RunKey) -> None:
     speed, begins = ROADS[case]
     own, again, moved = (
         load_scenario(f"paper_{case}", overrides).route
@@ -129,12 +128,12 @@ def test_a_road_that_is_not_moved_is_the_case_s_own(case: RunKey) -> None:
         assert later == pytest.approx(here, abs=1e-12)
 
 
-def test_a_rehearsal_gives_the_figures_of_the_logged_run(tmp_path: Path) -> None:
+def test_an_unlogged_run_gives_the_figures_of_the_logged_run(tmp_path: Path) -> None:
     scenario = load_scenario("lane_change", ["duration_s=7.0", "convoy.vehicles=2"])
     logged, kept = record_trial(scenario, tmp_path), drive_trial(scenario)
     assert kept.tracking == logged.tracking
     assert kept.cross_track == logged.cross_track
-    assert kept.tracking[0] > 0.01  # so there is something to compare
+    assert kept.tracking[0] > 0.01
 
 
 def test_the_field_runs_are_a_convoy_one_car_at_a_time(tmp_path: Path) -> None:
@@ -190,17 +189,17 @@ def a_drive(name: str, east: np.ndarray, north: np.ndarray, speed: float) -> Dri
     )
 
 
-def test_amplitudes_of_sines_are_found_beside_a_drift() -> None:
+def test_amplitudes_are_fitted_in_spite_of_a_drift() -> None:
     east, frequency, speed = np.arange(0.0, 900.0, 0.6), 2.0, 30.0
     swing = frequency * east / speed
     drives = (
         a_drive("v1", east, 0.5 * np.sin(swing) + 0.2, speed),
         a_drive("v2", east, 0.6 * np.sin(swing - 0.3) + 0.001 * east, speed),
     )
-    found = amplitudes(Trial(drives), frequency)
-    assert abs(found[0]) == pytest.approx(0.5)
-    assert abs(found[1]) == pytest.approx(0.6)
-    assert np.angle(found[1] / found[0]) == pytest.approx(-0.3)
+    first, second = amplitudes(Trial(drives), frequency)
+    assert abs(first) == pytest.approx(0.5)
+    assert abs(second) == pytest.approx(0.6)
+    assert np.angle(second / first) == pytest.approx(-0.3)
 
 
 def test_the_lead_drives_the_sine_for_all_the_periods() -> None:
@@ -216,14 +215,14 @@ def test_the_lead_drives_the_sine_for_all_the_periods() -> None:
     assert heights.min() == pytest.approx(-1.5 / frequency**2, rel=0.03)
 
 
-def test_linear_theory_of_a_chain_that_answers_with_one_tenth_too_much() -> None:
+def test_linear_theory_of_a_chain_with_a_gain_of_1_1() -> None:
     east = np.linspace(0.0, 1000.0, 2001)
     lead = a_drive("v1", east, -3.0 * np.exp(-(((east - 500.0) / 80.0) ** 2)), 30.0)
-    more = Transfer(np.array([1.1]), np.array([1.0]))
-    tracking, true = predict_errors(lead, more, 1.0, 3)
+    gain = Transfer(np.array([1.1]), np.array([1.0]))
+    tracking, true = predict_errors(lead, gain, 1.0, 3)
     assert tracking == pytest.approx((0.3, 0.33, 0.363), rel=1e-3)
     assert true == pytest.approx((0.3, 0.63, 0.993), rel=1e-3)
-    tracking, true = predict_errors(lead, more, 0.5, 3)
+    tracking, true = predict_errors(lead, gain, 0.5, 3)
     assert tracking == pytest.approx((0.3, 0.315, 0.32325), rel=1e-3)
     assert true == pytest.approx((0.3, 0.465, 0.55575), rel=1e-3)
 
@@ -268,24 +267,21 @@ def test_the_samples_of_a_logged_run_are_counted(tmp_path: Path) -> None:
 def test_the_base_case_is_logged_and_its_variants_are_not() -> None:
     assert EXPERIMENTS[BASE] == Experiment(logged=True)
     assert not EXPERIMENTS[BASE.with_variant("blend")].logged
-    assert sqrt(len(EXPERIMENTS)) < 13.0  # each is driven twice: under two minutes in all
+    assert sqrt(len(EXPERIMENTS)) < 13.0  # two runs each, under two minutes in total
 
 
 @pytest.mark.parametrize("kind", ["fitted", "paper"])
-def test_a_run_is_driven_along_its_trajectory(kind: Trajectory) -> None:
+def test_a_run_uses_its_trajectory(kind: Trajectory) -> None:
     for key in (BASE, BASE.with_variant("blend"), BASE.with_variant("paper_prefix")):
         run = EXPERIMENTS[key].with_trajectory(kind)
         scenario = load_scenario(run.scenario, run.overrides, run.seed)
-        asked = "paper_prefix" if key.variant == "paper_prefix" else kind
+        expected = "paper_prefix" if key.variant == "paper_prefix" else kind
         for name in scenario.vehicle_names:
-            assert scenario.vehicle(name).steering.trajectory == asked
+            assert scenario.vehicle(name).steering.trajectory == expected
 
 
 def test_the_paper_s_trajectory_gives_the_paper_s_numbers() -> None:
-    """At 500 m with exact own state some 4 cm in A, 10 in C, 6 to 7 in the base case (under 9).
-
-    And it does not stay so on 250 m, or with noise.
-    """
+    """At 500 m with an exact own state, and neither on 250 m nor with noise."""
     largest = {}
     for key in (A, C, BASE, at_radius(250.0), BASE.noisy(1)):
         run = EXPERIMENTS[key].with_trajectory("paper")

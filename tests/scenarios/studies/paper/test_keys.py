@@ -1,4 +1,4 @@
-"""The text of keys: folder names, keys in report.json, progress lines."""
+"""Text of keys: folder names, keys in report.json, progress lines."""
 
 import pytest
 
@@ -50,7 +50,7 @@ def test_no_two_runs_share_a_text() -> None:
     assert len({str(key) for key in keys}) == len(keys)
 
 
-def test_a_repetition_knows_its_exact_run() -> None:
+def test_the_exact_run_of_a_repetition() -> None:
     key = at_radius(400.0).with_variant("slip_compensated")
     assert key.noisy(2).exact == key.moved(0.5).exact == key.exact == key
     assert key.noisy(2) != key

@@ -1,4 +1,4 @@
-"""The whole of `convoy reproduce` on parts of it: runs, judges, draws, writes."""
+"""`convoy reproduce` on small cases and on made-up findings."""
 
 import json
 import re
@@ -68,7 +68,7 @@ def no_progress(_: str) -> None:
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The report on made-up findings, with something for every run of every case."""
+    """Write the report on made-up findings for every run of every case."""
     out = tmp_path_factory.mktemp("whole")
     findings = findings_with_all_claims_true()
     for case in RUNS_OF_CASE.values():
@@ -103,7 +103,7 @@ def test_every_row_of_a_table_has_all_its_columns(whole: Path) -> None:
         assert len(widths) == 1, table.splitlines()[0]
 
 
-def test_the_machine_readable_report_says_the_same(whole: Path) -> None:
+def test_report_json_agrees_with_report_md(whole: Path) -> None:
     report = json.loads((whole / "report.json").read_text(encoding="utf-8"))
     assert [claim["name"] for claim in report["claims"]] == [c.name for c in CLAIMS]
     assert [claim["name"] for claim in report["claims"]] == NAMES.split()
@@ -112,8 +112,8 @@ def test_the_machine_readable_report_says_the_same(whole: Path) -> None:
         rows = {claim["name"]: claim["trajectories"][kind] for claim in report["claims"]}
         counts = [sum(row["verdict"] == j for row in rows.values()) for j in JUDGEMENTS]
         assert sum(counts) == len(CLAIMS)
-        said = f"{counts[0]} hold, {counts[1]} are undecided, {counts[2]} do not hold, {counts[3]}"
-        assert f"{said} cannot be checked" in text
+        line = f"{counts[0]} hold, {counts[1]} are undecided, {counts[2]} do not hold, {counts[3]}"
+        assert line in text
         runs = report["runs"][kind]
         assert set(runs) == {"field/with", "field/without"} | {
             str(key) for case in RUNS_OF_CASE.values() for key in case
@@ -128,19 +128,19 @@ def test_a_small_reproduction_from_end_to_end(
 ) -> None:
     tiny = {BASE: Experiment(overrides=("duration_s=26.0", "convoy.vehicles=2"), logged=True)}
     monkeypatch.setitem(RUNS_OF_CASE, "base", tiny)
-    said: list[str] = []
-    assert reproduce(["base"], tmp_path / "paper", said.append, workers=0) == 0
+    progress: list[str] = []
+    assert reproduce(["base"], tmp_path / "paper", progress.append, workers=0) == 0
     for kind in ("fitted", "paper"):
         assert (tmp_path / "paper" / kind / "base" / LOG_NAME).exists()
     report = json.loads((tmp_path / "paper" / "report.json").read_text(encoding="utf-8"))
-    found = {claim["name"]: claim["trajectories"] for claim in report["claims"]}
-    assert {row["verdict"] for row in found["base_below_9_cm"].values()} == {"holds"}
+    claims = {claim["name"]: claim["trajectories"] for claim in report["claims"]}
+    assert {row["verdict"] for row in claims["base_below_9_cm"].values()} == {"holds"}
     errors = [report["runs"][kind]["base"]["tracking_error_m_max"] for kind in ("fitted", "paper")]
     assert errors[0] < errors[1]
-    assert "base_true" not in found  # it needs runs that were not done
+    assert "base_true" not in claims  # it needs runs of other cases
     assert report["logs"] == ["fitted/base/run.mcap", "paper/base/run.mcap"]
-    assert any("2 of 2 runs" in line for line in said)
-    assert "report.md" in said[-1]
+    assert any("2 of 2 runs" in line for line in progress)
+    assert "report.md" in progress[-1]
 
 
 def test_a_report_is_never_overwritten(tmp_path: Path) -> None:
@@ -150,7 +150,7 @@ def test_a_report_is_never_overwritten(tmp_path: Path) -> None:
     assert (tmp_path / "report.md").read_text() == "mine"
 
 
-def test_an_unknown_case_is_refused_with_a_guess(tmp_path: Path) -> None:
+def test_an_unknown_case_is_refused_with_a_hint(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match=r"no such case, did you mean radius\?, allowed base"):
         reproduce(["radios"], tmp_path / "new", no_progress)
     assert not (tmp_path / "new").exists()
@@ -161,7 +161,7 @@ def test_cases_come_in_the_order_of_the_paper_and_none_means_all() -> None:
     assert chosen_cases([]) == list(RUNS_OF_CASE)
 
 
-def test_every_run_is_done_once_and_the_long_ones_first(tmp_path: Path) -> None:
+def test_every_run_is_one_job_and_long_jobs_come_first(tmp_path: Path) -> None:
     jobs = list(jobs_of(chosen_cases([]), tmp_path))
     runs = {key: run for case in RUNS_OF_CASE.values() for key, run in case.items()}
     alone = {key for key, run in runs.items() if run.names_trajectory}
@@ -175,13 +175,13 @@ def test_every_run_is_done_once_and_the_long_ones_first(tmp_path: Path) -> None:
     )
 
 
-def test_a_job_that_fails_ends_it_all(tmp_path: Path) -> None:
+def test_a_failed_job_ends_the_reproduction(tmp_path: Path) -> None:
     work = partial(run_experiment, Experiment(scenario="no_such"), tmp_path)
     with engine_here() as engine, pytest.raises(ScenarioError, match="no such file"):
         engine.results([Job(key="bad", work=work)])
 
 
-def test_results_are_put_where_they_belong() -> None:
+def test_results_are_stored_by_key() -> None:
     source, findings = findings_with_all_claims_true(), Findings()
     field = FieldRuns(source.trials[FIELD_WITH], source.trials[FIELD_WITHOUT], ("run_1_v1",))
     store_result(findings, BASE, Run(source.trials[BASE], source.samples[BASE]))
@@ -192,7 +192,7 @@ def test_results_are_put_where_they_belong() -> None:
     assert all(map(findings.has, (BASE, *Part)))
     assert findings.samples == {BASE: source.samples[BASE]}
     assert findings.field_logs == ("run_1_v1",)
-    with pytest.raises(TypeError, match="base: not a result of this part: FieldRuns"):
+    with pytest.raises(TypeError, match=r"base: .*FieldRuns"):
         store_result(findings, BASE, field)
 
 
