@@ -1,9 +1,9 @@
-"""What a verdict costs: `python -m tests.bench.bench_links`.
+"""Time of a verdict: `python -m tests.bench.bench_links`.
 
-Prints microseconds for each message and verdict of a link, its context included, for every law in
-the order of the stream; beside it the multiple of the plain chain (rate, loss, latency, jitter) and
-of an addition in a plain loop, both measured in the same run. Times are of the processor, so that
-busy neighbours matter less. Below are verdicts alone: each of a far number, nothing known before.
+Prints microseconds per verdict of a link for each law, in the order of the stream, including its
+context. Further columns are multiples of the plain chain (rate, loss, latency, jitter) and of an
+addition in a plain loop, both measured in the same run. Times are processor times. The second table
+has single verdicts on distant numbers, without cached state.
 """
 
 import sys
@@ -67,7 +67,7 @@ LAWS: dict[str, tuple[dict[str, object], float]] = {
     ),
     "collisions": ({"collisions": {"loss_ratio": 0.1}}, COSTLIEST_US),
     "collisions, kept": ({"collisions": {"loss_ratio": 0.1, "keep_ratio": 0.8}}, COSTLIEST_US),
-    "all at once": (
+    "all combined": (
         {
             **PLAIN,
             "rate_hz": 15.0,
@@ -81,12 +81,12 @@ ALONE_LAWS = ("Gilbert–Elliott", "four states", "collisions", "collisions, kep
 
 
 def best_us(work: Callable[[], object], calls: int) -> float:
-    """Best of several rounds of the mean time of one of so many calls (µs)."""
+    """Mean time (µs) of one of `calls` calls, best of several rounds."""
     return min(timeit.repeat(work, timer=process_time, number=1, repeat=ROUNDS)) / calls * 1e6
 
 
 def addition_us() -> float:
-    """Time that an addition in a plain loop takes just now (µs)."""
+    """Current time (µs) of an addition in a plain loop."""
 
     def additions() -> None:
         total = 0.0
@@ -96,39 +96,38 @@ def addition_us() -> float:
     return best_us(additions, ADDITIONS)
 
 
-def link(asked: dict[str, object]) -> Link:
-    """The link that is asked for, from a sender at 20 Hz."""
-    return Link(link_effects(LinkTable.model_validate(asked), 20.0), 1, "v1", "v2")
+def link(table: dict[str, object]) -> Link:
+    """The configured link, from a sender at 20 Hz."""
+    return Link(link_effects(LinkTable.model_validate(table), 20.0), 1, "v1", "v2")
 
 
-def stream_us(asked: dict[str, object]) -> float:
-    """Time for each message of a stream (µs)."""
-    one, here, there = link(asked), Position(1.0, 2.0, 3.0), Position(4.0, 5.0, 6.0)
+def stream_us(table: dict[str, object]) -> float:
+    """Time (µs) per message of a stream."""
+    tested, here, there = link(table), Position(1.0, 2.0, 3.0), Position(4.0, 5.0, 6.0)
 
     def judge_all() -> None:
         for seq in range(MESSAGES):
-            one.judge(TransmissionContext(seq, seq * PERIOD_NS, 100, here, there))
+            tested.judge(TransmissionContext(seq, seq * PERIOD_NS, 100, here, there))
 
     return best_us(judge_all, MESSAGES)
 
 
-def alone_us(asked: dict[str, object]) -> float:
-    """Time for the verdict on a message of which nothing is known (µs)."""
-    one = link(asked)
+def alone_us(table: dict[str, object]) -> float:
+    """Time (µs) of a verdict without cached state."""
+    tested = link(table)
 
     def judge_some() -> None:
         for k in range(ALONE, 0, -1):
-            one.judge(TransmissionContext(100_000 * k, 0))
+            tested.judge(TransmissionContext(100_000 * k, 0))
 
     return best_us(judge_some, ALONE)
 
 
 def main() -> int:
-    """Print the tables."""
     addition, plain = addition_us(), stream_us({**PLAIN, "rate_hz": 15.0})
     print(f"{'in the stream':28s}{'µs':>8s}{'× plain':>10s}{'additions':>12s}{'limit':>8s}")
     rows = {"plain: all four": plain}
-    rows |= {name: stream_us(asked) for name, (asked, _) in LAWS.items()}
+    rows |= {name: stream_us(table) for name, (table, _) in LAWS.items()}
     for name, spent in rows.items():
         limit = LAWS[name][1] if name in LAWS else PLAIN_US
         verdict = "ok" if spent <= limit else "OVER"
@@ -136,7 +135,7 @@ def main() -> int:
             f"{name:28s}{spent:8.2f}{spent / plain:10.2f}{spent / addition:12.0f}"
             f"{limit:8.0f}  {verdict}"
         )
-    print(f"\n{'alone':28s}{'µs':>8s}{'× plain':>10s}{'additions':>12s}")
+    print(f"\n{'single':28s}{'µs':>8s}{'× plain':>10s}{'additions':>12s}")
     for name in ALONE_LAWS:
         spent = alone_us(LAWS[name][0])
         print(f"{name:28s}{spent:8.1f}{spent / plain:10.1f}{spent / addition:12.0f}")

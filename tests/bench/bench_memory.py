@@ -1,9 +1,8 @@
-"""What a recorder holds of a long run: `python -m tests.bench.bench_memory [--minutes 10]`.
+"""Memory of a recorder in a long run: `python -m tests.bench.bench_memory [--minutes 10]`.
 
-Feeds log, figures, events and live table with what four vehicles send, as fast as it goes, and
-prints the resident memory of the process after each of some minutes. The growth per minute is taken
-from the first minute on, when what comes only once is over, and stands beside the bytes that came
-in that time. `--vehicles` and `--minutes 60` show larger convoys and an hour.
+Feeds log, figures, events and live table with messages of four vehicles at full speed, and prints
+the resident memory after some minutes of the run. The growth per minute excludes the first minute,
+and is printed with the bytes received per minute. Use `--vehicles` and `--minutes 60` for more.
 """
 
 import argparse
@@ -26,25 +25,25 @@ from transport.codec import encode
 from transport.topics import TOPIC_OF, key
 
 FLUSHED = 4
-"""Tenths of a second between two flushes of the log, as in a run on the wall clock."""
+"""Tenths of a second between flushes of the log, as on the wall clock."""
 GROWTH_MB = 0.8
-"""Limit of what a minute may add, 0.4 of it the mcap package's index of chunks."""
+"""Limit of the growth per minute; 0.4 MB is the chunk index of the mcap package."""
 
 
 def straight(vehicles: int, minutes: int) -> Scenario:
-    """A straight road that is long enough, for a convoy."""
+    """A scenario on a straight road that is long enough."""
     text = STRAIGHT.replace("20.0", f"{60.0 * minutes}").replace("1000.0", f"{1500.0 * minutes}")
     return scenario_from_text(f"{text}\n[convoy]\nvehicles = {vehicles}\n", label="bench")
 
 
 def memory_mb() -> float:
-    """Resident memory of this process."""
+    """Resident memory (MB) of this process."""
     gc.collect()
     return float(psutil.Process().memory_info().rss) * 1e-6
 
 
 def record(folder: Path, vehicles: int, minutes: int) -> Iterator[Row]:
-    """Rows: what the recorder holds after each minute that is worth a row, and at the end."""
+    """Rows of the recorder's memory after some minutes, and at the end."""
     scenario = straight(vehicles, minutes)
     metrics = Metrics.of(scenario)
     progress = Progress(metrics, scenario.duration_s)
@@ -57,7 +56,7 @@ def record(folder: Path, vehicles: int, minutes: int) -> Iterator[Row]:
         observers=(progress,),
     )
     run.start(START, START)
-    received, began = 0, time.process_time()
+    received, started = 0, time.process_time()
     for minute in range(1, minutes + 1):
         for tenth in range(600 * (minute - 1), 600 * minute):
             for message in sent_in(tenth, vehicles):
@@ -74,20 +73,19 @@ def record(folder: Path, vehicles: int, minutes: int) -> Iterator[Row]:
     assert not run.recorder.rejected, run.recorder.rejected
     if minutes > 1:
         grown = (memory_mb() - first) / (minutes - 1)
-        came = (received - received_first) * 1e-6 / (minutes - 1)
-        what = f"growth, MB a minute (of {came:.1f} MB that came)"
-        yield Row(what, f"{grown:.2f}", f"{GROWTH_MB}", grown < GROWTH_MB)
+        arrived = (received - received_first) * 1e-6 / (minutes - 1)
+        label = f"growth, MB a minute ({arrived:.1f} MB received)"
+        yield Row(label, f"{grown:.2f}", f"{GROWTH_MB}", grown < GROWTH_MB)
     run.end(at(60.0 * minutes), "")
     run.close(at(60.0 * minutes))
-    yield Row("memory once the log is complete, MB", f"{memory_mb():.1f}")
-    seconds = (time.process_time() - began) / minutes
-    yield Row("processor, s a minute, making the messages included", f"{seconds:.2f}")
+    yield Row("memory after completion of the log, MB", f"{memory_mb():.1f}")
+    seconds = (time.process_time() - started) / minutes
+    yield Row("processor, s a minute, including message creation", f"{seconds:.2f}")
     yield Row("log, MB", f"{(folder / 'run.mcap').stat().st_size * 1e-6:.0f}")
 
 
 def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description="What a recorder holds of a long run.")
+    parser = argparse.ArgumentParser(description="Memory of a recorder in a long run.")
     parser.add_argument("--vehicles", type=int, default=4)
     parser.add_argument("--minutes", type=int, default=10)
     given = parser.parse_args()

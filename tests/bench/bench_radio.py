@@ -1,8 +1,8 @@
-"""What a verdict of a radio costs: `python -m tests.bench.bench_radio`.
+"""Time of a verdict of a radio: `python -m tests.bench.bench_radio`.
 
-Prints microseconds of the processor for each message and verdict, in the order of the stream at
-20 Hz and 30 m/s: for presets between the first and the fourth vehicle of a double lane change, and
-for vehicles in the way by how many there are.
+Prints processor microseconds per verdict, in the order of the stream at 20 Hz and 30 m/s: for
+presets between the first and the fourth vehicle of a double lane change, and for several numbers of
+vehicles in between.
 """
 
 from functools import partial
@@ -22,40 +22,39 @@ COUNTS = (0, 5, 11, 29)
 
 
 def contexts(scenario: Scenario, last: int) -> list[TransmissionContext]:
-    """Messages of the first vehicle to the last, both on the path exactly."""
+    """Messages from the first vehicle to the last, both exactly on the path."""
     route = scenario.route
 
     def place(vehicle: int, driven: float) -> Position:
         point = route.path.at(route.start_station(vehicle) + driven)
         return Position(point.east, point.north, driven)
 
-    ways = [STEP_M * seq for seq in range(MESSAGES)]
+    distances = [STEP_M * seq for seq in range(MESSAGES)]
     return [
-        TransmissionContext(seq, seq, 130, place(0, way), place(last, way))
-        for seq, way in enumerate(ways)
+        TransmissionContext(seq, seq, 130, place(0, distance), place(last, distance))
+        for seq, distance in enumerate(distances)
     ]
 
 
 def microseconds(preset: str, between: int) -> float:
-    """Least time of a few rounds, each with a link that remembers nothing yet."""
+    """Time (µs) per verdict, best of several rounds, each with a new link."""
     last = between + 1
     changes = [f"links.preset={preset}", f"convoy.vehicles={last + 1}"]
     scenario = load_scenario("lane_change", changes)
     names, messages = scenario.vehicle_names, contexts(scenario, last)
-    asked = scenario.links[names[0], names[last]]
+    table = scenario.links[names[0], names[last]]
     times = []
     for _ in range(ROUNDS):
-        around = partial(vehicles_between, scenario.route, 0, last)
-        link = Link(link_effects(asked, 20.0, between=around), 1, names[0], names[last])
-        began = process_time()
+        between_vehicles = partial(vehicles_between, scenario.route, 0, last)
+        link = Link(link_effects(table, 20.0, between=between_vehicles), 1, names[0], names[last])
+        started = process_time()
         for message in messages:
             link.judge(message)
-        times.append(process_time() - began)
+        times.append(process_time() - started)
     return 1e6 * min(times) / MESSAGES
 
 
 def main() -> None:
-    """Print the table."""
     for preset in PRESETS:
         print(f"{preset:18} {microseconds(preset, 2):6.2f} µs")
     for between in COUNTS:

@@ -1,9 +1,8 @@
-"""How soon the log of a killed recorder can be used: `python -m tests.bench.bench_repair`.
+"""Time to repair the log of a killed recorder: `python -m tests.bench.bench_repair`.
 
-Drives four vehicles in virtual time for long enough that the log has 30 MB, writes it again in the
-small chunks of a run on the wall clock, cuts it, and times what follows a kill: the repair, opening
-it, and the figures from its messages. Beside it, what a plain Python loop takes just now. Making
-the log takes most of a minute.
+Simulates four vehicles until the log has 30 MB, rewrites it in the small chunks of a run on the
+wall clock, and truncates it. Then times the repair, opening the log, and computing its figures,
+compared to a plain Python loop. Creating the log takes most of a minute.
 """
 
 import tempfile
@@ -40,7 +39,7 @@ segments = [{LAP * 15}]
 
 
 def broken_log(folder: Path) -> Path:
-    """Write the log of a long drive as a recorder would, up to where it was killed."""
+    """Write the log of a long drive as a recorder that is killed."""
     run_virtual(scenario_from_text(SCENARIO, label="bench"), folder, Stop())
     whole, broken = LogReader(folder / LOG_NAME), folder / "broken.mcap"
     flushing = Timer(400 * MILLISECOND)
@@ -57,24 +56,23 @@ def broken_log(folder: Path) -> Path:
 
 
 def ready(log: Path) -> Iterator[Row]:
-    """Rows about what follows a kill."""
+    """Rows of the steps after a kill."""
     loop = timed(plain_loop)
     yield Row("log, MB", f"{log.stat().st_size * 1e-6:.0f}")
-    mended = timed(partial(repair, log))
+    repaired = timed(partial(repair, log))
     opened = timed(partial(LogReader, log))
-    seconds = mended.wall_s + opened.wall_s
-    yield Row("repaired, s", f"{mended.wall_s:.2f}")
+    seconds = repaired.wall_s + opened.wall_s
+    yield Row("repaired, s", f"{repaired.wall_s:.2f}")
     yield Row("repaired and opened, s", f"{seconds:.2f}", f"{READY_S}", seconds < READY_S)
     yield Row(
         f"  in loops of {LOOP // 1_000_000} million additions",
-        f"{seconds / loop.wall_s:.1f} (one takes {loop.wall_s:.2f} s)",
+        f"{seconds / loop.wall_s:.1f} (a loop takes {loop.wall_s:.2f} s)",
     )
     summed = timed(partial(summary_of, log))
     yield Row("figures from its messages, s", f"{summed.wall_s:.2f}")
 
 
 def main() -> None:
-    """Print the table."""
     with tempfile.TemporaryDirectory() as name:
         print_rows("the log of a killed recorder", list(ready(broken_log(Path(name)))))
 

@@ -1,11 +1,13 @@
-"""What a run costs and how punctual it is: `python -m tests.bench.bench_run [--seconds 35]`.
+"""Cost and punctuality of a run: `python -m tests.bench.bench_run [--seconds 35]`.
 
-Prints a row for each figure with its limit: memory and processor of each vehicle process at 50 Hz
-and 20 Hz, how soon ten are ready, forked and spawned, and with how much memory of their own, late
-ticks of ten vehicles in real time, the time that `lane_change` takes in virtual
-time (also as a multiple of a plain Python loop timed beside it), and how many true poses of the
-wall-clock run equal those of the virtual run to the bit. Whatever else the machine does is said
-with it: on a busy one only the equality, the memory and the multiple mean much.
+Prints figures with their limits:
+- memory and processor time of each vehicle process at 50 Hz and 20 Hz
+- start-up time and memory of ten vehicles, forked and spawned, and their late ticks
+- duration of `lane_change` in virtual time, also as a multiple of a plain Python loop
+- number of true poses equal on both clocks
+
+The load by other programs is printed, too: on a busy machine only equality, memory and multiple are
+meaningful.
 """
 
 import argparse
@@ -30,20 +32,20 @@ from tests.system.processes import Process, run_to_the_end, start
 
 MEMORY_MB, CPU_RATIO, LATE_RATIO, VIRTUAL_S = 80.0, 0.06, 0.01, 1.5
 READY_S = ((10, 1.5), (40, 2.5))
-"""Limits of the time from the command to all present, if they are forked, of so many at most."""
+"""Limits of the start-up time of forked vehicles, by their largest number."""
 OWN_MB = {"fork": 15.0, "spawn": 80.0}
-"""Memory of a vehicle, by how it came to be; shared pages are counted in part."""
+"""Limit of the proportional memory (PSS) of a vehicle, by start method."""
 SETTLED_S = 1.0
-"""After the start, when what comes only once is over."""
+"""Time after the start until one-time work is over."""
 ROUNDS = 5
 LOOP = 10_000_000
 
 
 @dataclass(frozen=True)
 class Row:
-    """One figure; `good` is None where nothing is asked of it."""
+    """One figure; `good` is None if it has no limit."""
 
-    what: str
+    label: str
     measured: str
     limit: str = ""
     good: bool | None = None
@@ -51,9 +53,9 @@ class Row:
 
 @dataclass(frozen=True)
 class Usage:
-    """What the processes of a run used, by name, as shares of one core and bytes.
+    """Use of the processes of a run, by name: shares of one core, and bytes.
 
-    `memory` is resident, of `own` memory shared pages are counted in part.
+    `memory` is resident (RSS), `own` memory is proportional (PSS).
     """
 
     cpu: dict[str, float]
@@ -63,12 +65,12 @@ class Usage:
 
 
 def watch(convoy: Process, seconds: float) -> Usage:
-    """Watch the processes of a run for some seconds."""
+    """Measure the processes of a run for `seconds`."""
     parts = convoy.parts()
     before = {name: used_s(part) for name, part in parts.items()}
-    busy_before, began = busy_s(), time.monotonic()
+    busy_before, started = busy_s(), time.monotonic()
     time.sleep(seconds)
-    busy, span = busy_s() - busy_before, time.monotonic() - began
+    busy, span = busy_s() - busy_before, time.monotonic() - started
     cpu = {name: (used_s(part) - before[name]) / span for name, part in parts.items()}
     memory = {name: part.memory_info().rss for name, part in parts.items()}
     own = {name: part.memory_full_info().pss for name, part in parts.items()}
@@ -76,19 +78,19 @@ def watch(convoy: Process, seconds: float) -> Usage:
 
 
 def used_s(process: psutil.Process) -> float:
-    """Processor time of one process so far (s)."""
+    """Processor time (s) of a process so far."""
     times = process.cpu_times()
     return times.user + times.system
 
 
 def busy_s() -> float:
-    """Processor time of everything on this machine so far (s)."""
+    """Processor time (s) of this machine so far."""
     times = psutil.cpu_times()
     return sum(times) - times.idle - getattr(times, "iowait", 0.0)
 
 
 def drive(folder: Path, name: str, vehicles: int, seconds: float) -> tuple[Run, Usage]:
-    """Drive `lane_change` on the wall clock and watch its processes."""
+    """Run `lane_change` on the wall clock, and measure its processes."""
     settings = (f"--set=convoy.vehicles={vehicles}", f"--set=duration_s={seconds}")
     with start("run", "lane_change", *settings, "--out", name, folder=folder) as convoy:
         convoy.await_start()
@@ -99,13 +101,19 @@ def drive(folder: Path, name: str, vehicles: int, seconds: float) -> tuple[Run, 
     return Run(folder / name), usage
 
 
-def readiness(folder: Path, vehicles: int, how: str) -> Iterator[Row]:
-    """Rows about the start of a convoy whose processes come to be by `how`."""
-    asked = (f"--set=convoy.vehicles={vehicles}", "--set=duration_s=5", f"--start={how}")
-    began = time.monotonic()
-    with start("run", "lane_change", *asked, "--out", f"ready-{how}", folder=folder) as convoy:
+def readiness(folder: Path, vehicles: int, method: str) -> Iterator[Row]:
+    """Rows of the start-up of a convoy."""
+    settings = (
+        f"--set=convoy.vehicles={vehicles}",
+        "--set=duration_s=5",
+        f"--start={method}",
+    )
+    started = time.monotonic()
+    with start(
+        "run", "lane_change", *settings, "--out", f"ready-{method}", folder=folder
+    ) as convoy:
         convoy.await_start()
-        took = time.monotonic() - began
+        took = time.monotonic() - started
         time.sleep(SETTLED_S)
         own = [
             part.memory_full_info().pss
@@ -114,26 +122,32 @@ def readiness(folder: Path, vehicles: int, how: str) -> Iterator[Row]:
         ]
         convoy.popen.terminate()
         convoy.wait()
-    within = (limit for most, limit in READY_S if vehicles <= most and how == "fork")
+    within = (limit for largest, limit in READY_S if vehicles <= largest and method == "fork")
     limit = next(within, None)
     yield Row(
-        f"{how}: command to all present, s",
+        f"{method}: command to all present, s",
         f"{took:.1f}",
         "" if limit is None else f"{limit}",
         None if limit is None else took < limit,
     )
-    most = max(own) * 1e-6
+    largest = max(own) * 1e-6
     yield Row(
-        f"{how}: memory of its own, MB", f"{most:.1f} at most", f"{OWN_MB[how]}", most < OWN_MB[how]
+        f"{method}: proportional memory, MB",
+        f"{largest:.1f} at most",
+        f"{OWN_MB[method]}",
+        largest < OWN_MB[method],
     )
 
 
 def costs(run: Run, usage: Usage) -> Iterator[Row]:
-    """Rows about the processes of a run."""
+    """Rows of the processes of a run."""
     vehicles = [name for name in usage.cpu if name in run.truths]
-    most = max(run.vehicle(name)["memory_bytes_max"] for name in vehicles) * 1e-6
+    largest = max(run.vehicle(name)["memory_bytes_max"] for name in vehicles) * 1e-6
     yield Row(
-        "memory of a vehicle, MB", f"{most:.0f} at most", f"{MEMORY_MB:.0f}", most < MEMORY_MB
+        "memory of a vehicle, MB",
+        f"{largest:.0f} at most",
+        f"{MEMORY_MB:.0f}",
+        largest < MEMORY_MB,
     )
     for name in vehicles:
         share = usage.cpu[name]
@@ -149,27 +163,27 @@ def costs(run: Run, usage: Usage) -> Iterator[Row]:
 
 
 def equality(run: Run, virtual: Run) -> Iterator[Row]:
-    """Rows about how a run agrees with its virtual twin."""
-    found = agreement(run, virtual)
+    """Rows of the agreement of a run with its virtual run."""
+    agreed = agreement(run, virtual)
     late = run.late_messages_at
     yield Row("late ticks, late messages", f"{run.late_ticks}, {len(late)}")
-    explained = found.differ_at is None or (bool(late) and late[0] < found.differ_at)
+    explained = agreed.differ_at is None or (bool(late) and late[0] < agreed.differ_at)
     yield Row(
         "true poses equal to the bit",
-        f"{found.equal} of {found.compared}",
-        "all, or until something is late",
+        f"{agreed.equal} of {agreed.compared}",
+        "all, or until a late message",
         explained,
     )
     yield Row(
-        "true paths apart, cm",
-        f"{found.distance_m_max * 100:.4f}",
+        "distance of true paths, cm",
+        f"{agreed.distance_m_max * 100:.4f}",
         "2",
-        found.distance_m_max <= 0.02,
+        agreed.distance_m_max <= 0.02,
     )
 
 
 def punctuality(run: Run, usage: Usage) -> Iterator[Row]:
-    """Rows about the ticks of a run of many vehicles."""
+    """Rows of the ticks of a run of many vehicles."""
     ticks = sum(run.vehicle(name)["ticks"] for name in run.truths)
     share = run.late_ticks / ticks
     count = len(run.truths)
@@ -186,7 +200,7 @@ def punctuality(run: Run, usage: Usage) -> Iterator[Row]:
 
 
 def virtual_time(folder: Path) -> Iterator[Row]:
-    """Rows about `lane_change` in virtual time, without the start of a process."""
+    """Rows of `lane_change` in virtual time, without the start of a process."""
     scenario = load_scenario("lane_change")
     loops = [timed(plain_loop) for _ in range(ROUNDS)]
     runs = [
@@ -202,27 +216,25 @@ def virtual_time(folder: Path) -> Iterator[Row]:
     yield Row("  of the processor, s", f"{min(run.processor_s for run in runs):.2f}")
     yield Row(
         f"  in loops of {LOOP // 1_000_000} million additions",
-        f"{best / loop:.1f} (one takes {loop:.2f} s)",
+        f"{best / loop:.1f} (a loop takes {loop:.2f} s)",
     )
 
 
 @dataclass(frozen=True)
 class Time:
-    """How long something took."""
-
     wall_s: float
     processor_s: float
 
 
 def timed(work: Callable[[], object]) -> Time:
-    """Do something and say how long it took."""
+    """Measure the time of a call."""
     wall, processor = time.perf_counter(), time.process_time()
     work()
     return Time(time.perf_counter() - wall, time.process_time() - processor)
 
 
 def plain_loop() -> float:
-    """Do a fixed amount of plain Python, which says how fast the machine is just now."""
+    """Run a fixed amount of plain Python, as a measure of the machine's current speed."""
     total = 0.0
     for k in range(LOOP):
         total += k * 0.5
@@ -230,35 +242,34 @@ def plain_loop() -> float:
 
 
 def print_rows(title: str, rows: list[Row]) -> None:
-    """Print one table."""
     table = Table(title=title, box=SIMPLE_HEAD, title_justify="left")
     for heading in ("", "measured", "limit", ""):
         table.add_column(heading)
     for row in rows:
         verdict = "" if row.good is None else "ok" if row.good else "OVER"
-        table.add_row(row.what, row.measured, row.limit, verdict)
+        table.add_row(row.label, row.measured, row.limit, verdict)
     Console(width=100).print(table)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="What a run costs and how punctual it is.")
+    parser = argparse.ArgumentParser(description="Cost and punctuality of a run.")
     parser.add_argument("--seconds", type=float, default=35.0, help="how long the runs drive")
     parser.add_argument("--vehicles", type=int, default=10, help="in the larger run")
     given = parser.parse_args()
-    load = ", ".join(f"{one:.1f}" for one in os.getloadavg())
+    load = ", ".join(f"{value:.1f}" for value in os.getloadavg())
     print(f"{os.cpu_count()} cores; load over 1, 5, 15 minutes before: {load}")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         print_rows("virtual time", list(virtual_time(folder)))
-        rows = [row for how in OWN_MB for row in readiness(folder, given.vehicles, how)]
+        rows = [row for method in OWN_MB for row in readiness(folder, given.vehicles, method)]
         print_rows(f"start of {given.vehicles} vehicles", rows)
         run, usage = drive(folder, "four", 4, given.seconds)
         run_to_the_end(
             *("run", "lane_change", f"--set=duration_s={given.seconds}", "--clock=virtual"),
-            *("--quiet", "--out", "twin"),
+            *("--quiet", "--out", "virtual"),
             folder=folder,
         )
-        rows = [*costs(run, usage), *equality(run, Run(folder / "twin"))]
+        rows = [*costs(run, usage), *equality(run, Run(folder / "virtual"))]
         print_rows(f"four vehicles, others used {usage.others_cpu * 100:.0f} % of a core", rows)
         run, usage = drive(folder, "many", given.vehicles, given.seconds)
         title = f"{given.vehicles} vehicles, others used {usage.others_cpu * 100:.0f} % of a core"

@@ -1,10 +1,9 @@
-"""How many vehicles two cores carry: `python -m tests.bench.bench_scale [--against COMMIT]`.
+"""Number of vehicles for two cores: `python -m tests.bench.bench_scale [--against COMMIT]`.
 
-Drives `lane_change` on the wall clock with 10, 20 and 40 vehicles and prints the share of late
-ticks, what was lost, and what vehicles, recorder and router take of a core; before that, from the
-command to all present, and the memory of a vehicle, shared pages counted in part. With `--against`
-that commit drives 10 and 20 in the same hour: what counts is how many vehicles each carries at the
-same share of late ticks. Meant for a machine that has nothing else to do; what others used is said.
+Runs `lane_change` on the wall clock with 10, 20 and 40 vehicles. Prints start-up time, proportional
+memory (PSS) of a vehicle, late ticks, losses, and processor shares of all processes.
+`--against` runs 10 and 20 vehicles of another commit, too: compare the number of vehicles at the
+same share of late ticks. Use an idle machine; the load by other programs is printed.
 """
 
 import argparse
@@ -33,12 +32,12 @@ from tests.system.processes import start
 LATE_RATIO = {10: None, 20: 0.001, 40: 0.01}
 """Limits of the share of late ticks."""
 OTHERS = (10, 20)
-"""With so many vehicles the other commit drives."""
+"""Numbers of vehicles of the other commit."""
 
 
 @contextmanager
 def imported_from(folder: Path) -> Iterator[None]:
-    """Let the programs started meanwhile be those of a checkout."""
+    """Start programs from a checkout within the context."""
     before = os.environ.get("PYTHONPATH")
     os.environ["PYTHONPATH"] = str(folder)
     try:
@@ -51,19 +50,20 @@ def imported_from(folder: Path) -> Iterator[None]:
 
 
 def drive(folder: Path, vehicles: int, seconds: float, *, rerun: str) -> tuple[Run, Usage, bool]:
-    """Drive so many vehicles; returns their run, what its processes used, whether it failed."""
-    asked = (f"--set=convoy.vehicles={vehicles}", f"--set=duration_s={seconds}")
+    """Run some vehicles; return the run, the use of its processes, and whether it failed."""
+    settings = (f"--set=convoy.vehicles={vehicles}", f"--set=duration_s={seconds}")
     out = f"run{time.monotonic_ns()}"
-    with start("run", "lane_change", *asked, "--rerun", rerun, "--out", out, folder=folder) as one:
-        one.await_start()
+    with start(
+        "run", "lane_change", *settings, "--rerun", rerun, "--out", out, folder=folder
+    ) as convoy:
+        convoy.await_start()
         time.sleep(SETTLED_S)
-        usage = watch(one, seconds - 2.0 * SETTLED_S)
-        failed = one.wait() != 0
+        usage = watch(convoy, seconds - 2.0 * SETTLED_S)
+        failed = convoy.wait() != 0
     return Run(folder / out), usage, failed
 
 
 def rows(run: Run, usage: Usage, *, failed: bool, limit: float | None) -> Iterator[Row]:
-    """Rows about one run."""
     vehicles = run.summary["vehicles"]
     ticks = sum(row["ticks"] for row in vehicles)
     late = sum(row["late_ticks"] for row in vehicles)
@@ -88,8 +88,13 @@ def rows(run: Run, usage: Usage, *, failed: bool, limit: float | None) -> Iterat
         mean = sum(usage.cpu[name] for name in names) / len(names)
         yield Row("processor, a vehicle, % of a core", f"{100 * mean:.2f}")
         own = max(usage.own[name] for name in names) / 1e6
-        most = OWN_MB["fork"]
-        yield Row("memory of its own at the end, MB", f"{own:.1f} at most", f"{most}", own < most)
+        limit_mb = OWN_MB["fork"]
+        yield Row(
+            "proportional memory at the end, MB",
+            f"{own:.1f} at most",
+            f"{limit_mb}",
+            own < limit_mb,
+        )
     for name in ("recorder", "router"):
         if name in usage.cpu:
             memory = usage.memory[name] / 1e6
@@ -98,8 +103,7 @@ def rows(run: Run, usage: Usage, *, failed: bool, limit: float | None) -> Iterat
 
 
 def main() -> None:
-    """Measure and print a table for each convoy."""
-    parser = argparse.ArgumentParser(description="How many vehicles two cores carry.")
+    parser = argparse.ArgumentParser(description="Number of vehicles for two cores.")
     parser.add_argument("--against", metavar="COMMIT", help="drive this commit's convoys as well")
     parser.add_argument("--seconds", type=float, default=35.0, help="how long they drive")
     parser.add_argument("--vehicles", type=int, nargs="*", default=list(LATE_RATIO))
@@ -113,15 +117,15 @@ def main() -> None:
             folder.mkdir()
             ready = readiness(folder, vehicles, "fork")
             run, usage, failed = drive(folder, vehicles, given.seconds, rerun=given.rerun)
-            found = rows(run, usage, failed=failed, limit=LATE_RATIO.get(vehicles))
-            print_rows(f"{vehicles} vehicles, {given.seconds:g} s", [*ready, *found])
+            table_rows = rows(run, usage, failed=failed, limit=LATE_RATIO.get(vehicles))
+            print_rows(f"{vehicles} vehicles, {given.seconds:g} s", [*ready, *table_rows])
         if given.against:
             folder = Path(name)
             with checked_out(given.against) as other, imported_from(other):
                 for vehicles in OTHERS:
                     run, usage, failed = drive(folder, vehicles, given.seconds, rerun="off")
-                    found = rows(run, usage, failed=failed, limit=None)
-                    print_rows(f"{given.against}: {vehicles} vehicles", list(found))
+                    table_rows = rows(run, usage, failed=failed, limit=None)
+                    print_rows(f"{given.against}: {vehicles} vehicles", list(table_rows))
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
-"""How far fits are off on shapes of known truth: `python -m tests.bench.bench_shapes [DRAWS]`.
+"""Errors of fits on shapes of known truth: `python -m tests.bench.bench_shapes [DRAWS]`.
 
-Prints the root mean square error beside the car and at the end of the preview, and its ratio to
-that of the least-squares fit that knows the shape, which no unbiased fit can beat.
+Prints the root mean square error at the car and at the end of the preview, and its ratio to that of
+least squares with the known shape, a lower bound for unbiased fits.
 """
 
 import sys
@@ -12,7 +12,6 @@ DRAWS = 300
 
 
 def main(arguments: list[str]) -> int:
-    """Print the table."""
     draws = int(arguments[0]) if arguments else DRAWS
     print(f"{f'{draws} draws of each':16s}{'at the car, mm':>24s}{'at the end, mm':>26s}")
     print(f"{'':16s}" + 2 * f"{'fit':>10s}{'bound':>8s}{'ratio':>8s}")

@@ -1,10 +1,9 @@
-"""How long a composite fit takes: `python -m tests.bench.bench_trajectory`.
+"""Time of a composite fit: `python -m tests.bench.bench_trajectory`.
 
-Prints microseconds per fit for each shape and number of samples, and of fit and steering law
-together: a decision on new poses. Beside them a yardstick measured in the same run, by which
-machines can be compared: numpy's own least-squares solver on the paper's three equations for one
-circle, without any choice of shape. Times are of the processor, so that busy neighbours matter
-less; the budget is 100 µs for the median of a decision at 40 samples.
+Prints microseconds per fit for each shape and number of samples, and of a decision on new poses
+(fit and steering law). The yardstick for comparing machines is numpy's least-squares solver on the
+paper's three equations for one circle, without selection of a shape. Times are processor times; the
+budget is 100 µs for the median of a decision at 40 samples.
 """
 
 import sys
@@ -42,7 +41,7 @@ ROUNDS, DRAWS = 7, 50
 
 
 def microseconds(work: Callable[[int], object], calls: int = 500) -> tuple[float, float]:
-    """Best and median over several rounds of the mean time of one call, which gets its number."""
+    """Mean time (µs) of a call, best and median of several rounds; `work` takes its number."""
 
     def round_of_calls() -> None:
         for k in range(calls):
@@ -60,9 +59,9 @@ def samples(pieces: list[tuple[float, float]], count: int, seed: int) -> tuple[W
     return with_noise(lead, random), with_noise(predecessor, random)
 
 
-def circle(seen: tuple[Window, Window], _: int) -> object:
-    """The paper's circle alone, by a general solver."""
-    lead, predecessor = seen
+def circle(windows: tuple[Window, Window], _: int) -> object:
+    """The paper's circle by a general solver."""
+    lead, predecessor = windows
     east = np.concatenate((lead.east, predecessor.east))
     north = np.concatenate((lead.north, predecessor.north))
     design = np.stack((east, north, np.ones(len(east))), axis=1)
@@ -78,7 +77,7 @@ def trace_of(count: int) -> Trace:
 
 
 def row(name: str, *works: Callable[[int], object]) -> None:
-    """Measure and print one line of the table."""
+    """Measure and print a row."""
     print(f"{name:26s}", end="")
     for work in works:
         best, median = microseconds(work)
@@ -87,28 +86,27 @@ def row(name: str, *works: Callable[[int], object]) -> None:
 
 
 def fits_of(pieces: list[tuple[float, float]], count: int) -> Callable[[int], Fit | None]:
-    """Work that fits one of `DRAWS` draws of the noise after the other."""
+    """A function that fits the draws of noise in turn."""
     draws, settings = [samples(pieces, count, seed) for seed in range(DRAWS)], FitSettings()
     return lambda k: fit_composite(*draws[k % DRAWS], alpha=0.5, settings=settings)
 
 
 def decisions_of(pieces: list[tuple[float, float]], count: int) -> Callable[[int], object]:
-    """Work that fits as well, and steers along the fit from a little beside the course."""
+    """A function that fits, and steers along the fit with a small offset."""
     fit, law = fits_of(pieces, count), SlipCompensated(LINCOLN_MKZ)
     place = course(pieces).at(EGO)
     yaw_rate = SPEED * place.curvature
     pose = Pose(place.east + 0.02, place.north - 0.01, place.yaw + 1e-3, SPEED, yaw_rate)
 
     def work(k: int) -> object:
-        found = fit(k)
-        assert found is not None
-        return law.steer(track(found.spline, pose), SPEED)
+        fit_result = fit(k)
+        assert fit_result is not None
+        return law.steer(track(fit_result.spline, pose), SPEED)
 
     return work
 
 
 def main() -> int:
-    """Print the table."""
     print("code:", "interpreted" if arc_spline.__file__.endswith(".py") else "compiled")
     print(f"{'µs':26s}{'fit: best':>12s}{'median':>12s}{'with law':>12s}{'median':>12s}")
     for count in (16, 40, 80):

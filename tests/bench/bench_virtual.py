@@ -1,13 +1,11 @@
-"""How many virtual runs a core makes: `python -m tests.bench.bench_virtual [--against COMMIT]`.
+"""Virtual runs per minute and core: `python -m tests.bench.bench_virtual [--against COMMIT]`.
 
-Prints, of `lane_change`, the runs a minute on one core without a log and with one, what a vehicle
-costs in a convoy of four and in one of twenty, and what it takes to set a run up and to sum it up.
-With `--against` all of it is measured of that commit as well, which is checked out into a folder
-of its own: by turns with this tree, each in a process of its own, so that a busy machine slows both
-alike. What counts then is the ratio; where the commit cannot run without a log, its run with one
-stands there. Times are of the processor, medians over the rounds; of the whole command `convoy run
---clock virtual` it is the elapsed time, which a user waits for. The yardstick is a plain Python
-loop timed beside them.
+Prints for `lane_change` the runs per minute on one core without and with a log, the cost of a
+vehicle in convoys of four and of twenty, and the time of set-up and summary. `--against` measures
+another commit in turn, in a folder and a process of its own, so that other load affects both alike;
+then the ratio counts. A commit that cannot run without a log is measured with one. Times are
+processor times, medians over the rounds; for the whole command `convoy run --clock virtual` it is
+the elapsed time. The yardstick is a plain Python loop.
 """
 
 import argparse
@@ -31,19 +29,19 @@ from tests.bench.bench_run import LOOP, plain_loop, timed
 
 HERE = Path(__file__).parents[2]
 FOUR, LOGGED, COMMAND, MANY, SET_UP = "four", "logged", "command", "many", "set-up"
-"""What is measured: without a log, with one, the whole command, a longer convoy without a log, and
-hardly any run."""
+"""Cases: without a log, with one, the whole command, a longer convoy without a log, and a minimal
+run."""
 MANY_VEHICLES = 20
-WITHOUT, WITH, PER_VEHICLE, SET_UP_MS = 2.0, 1.3, 1.2, 40.0
-"""Limits for the compiled code: ratios of runs a minute, of costs per vehicle, and milliseconds."""
-ELAPSED = 1.0 / 1.15
-"""Limit for any: ratio of runs a minute that a user waits for."""
+UNLOGGED_RATIO_MIN, LOGGED_RATIO_MIN, VEHICLE_COST_MAX, SET_UP_MS = 2.0, 1.3, 1.2, 40.0
+"""Limits of compiled code: ratios of runs per minute, of costs per vehicle, and milliseconds."""
+ELAPSED_RATIO_MIN = 1.0 / 1.15
+"""Limit of any code: ratio of whole commands per minute."""
 
 
 def serve() -> None:
-    """Time the cases named on standard input, one a line, by the tree that is imported.
+    """Time the case of each line of standard input with the imported tree.
 
-    Runs in a process of its own by its source text, also of commits that do not have this file.
+    Runs in a new process from its source text, also with commits without this file.
     """
     import json  # noqa: PLC0415
     import subprocess  # noqa: PLC0415
@@ -59,17 +57,15 @@ def serve() -> None:
     from scenarios.results.summary import to_json  # noqa: PLC0415
     from scenarios.runs.stop import Stop  # noqa: PLC0415
 
-    def found(name: str, *modules: str) -> Any:
-        """Find what is called so in one of the modules, wherever it stood in this commit."""
+    def find(name: str, *modules: str) -> Any:
+        """The object of this name in the first module that has it."""
         for module in modules:
             with suppress(ImportError, AttributeError):
                 return getattr(import_module(module), name)
         return None
 
-    run_virtual = found(
-        "run_virtual", "scenarios.runs.virtual.logged_run", "scenarios.runs.virtual"
-    )
-    run_unlogged = found(
+    run_virtual = find("run_virtual", "scenarios.runs.virtual.logged_run", "scenarios.runs.virtual")
+    run_unlogged = find(
         "run_unlogged", "scenarios.runs.virtual.unlogged_run", "scenarios.runs.unlogged"
     )
     text = load_scenario("lane_change").text
@@ -81,7 +77,7 @@ def serve() -> None:
             if case == "command":
                 command = [sys.executable, "-m", "scenarios.cli", "run", "lane_change"]
                 flags = ["--clock=virtual", f"--seed={seed}", f"--out={run}"]
-                settings = [f"--set={one}" for one in overrides]
+                settings = [f"--set={override}" for override in overrides]
                 done = subprocess.run(
                     [*command, *flags, *settings], check=False, capture_output=True
                 )
@@ -98,16 +94,15 @@ def serve() -> None:
 
 
 def code(folder: Path) -> str:
-    """How the code in a folder runs: `compiled` in place by setup.py, or `interpreted`."""
+    """Whether the code in a folder is `compiled` in place or `interpreted`."""
     found = any((folder / "vehicles" / "geometry").glob("arc_spline.*.so"))
     return "compiled" if found else "interpreted"
 
 
-class Served:
-    """A process that does in one checkout what `serve` does: it answers each line with a line."""
+class LineServer:
+    """A process that runs `serve` with the modules of a checkout: one response line per request."""
 
     def __init__(self, folder: Path, serve: Callable[[], None]) -> None:
-        """`serve` is run by its source text, with the modules of `folder`."""
         environment = os.environ | {"PYTHONPATH": str(folder), "OPENBLAS_NUM_THREADS": "1"}
         self._process = subprocess.Popen(
             [sys.executable, "-c", f"{inspect.getsource(serve)}\n{serve.__name__}()"],
@@ -124,27 +119,27 @@ class Served:
     def __exit__(self, *_: object) -> None:
         self._process.communicate()
 
-    def ask(self, *question: object) -> list[Any]:
-        """Its answer to a question; ends the bench if it has none."""
-        to_it, of_it = self._process.stdin, self._process.stdout
-        assert to_it is not None
-        assert of_it is not None
-        print(json.dumps(question), file=to_it, flush=True)
-        answer = of_it.readline()
-        if not answer:
+    def request(self, *values: object) -> list[Any]:
+        """Response to a request; exit the bench if there is none."""
+        requests, responses = self._process.stdin, self._process.stdout
+        assert requests is not None
+        assert responses is not None
+        print(json.dumps(values), file=requests, flush=True)
+        response = responses.readline()
+        if not response:
             raise SystemExit(f"a run ended with exit code {self._process.wait()}")
-        return list(json.loads(answer))
+        return list(json.loads(response))
 
 
-class Tree(Served):
+class Tree(LineServer):
     """A process that times runs of one checkout."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(folder, serve)
 
     def time_s(self, case: str, seed: int, overrides: Sequence[str]) -> float:
-        """Time (s) of one run, its set-up included; ends the bench if it fails."""
-        spent, reason = self.ask(case, seed, list(overrides))
+        """Time (s) of a run with its set-up; exit the bench if it fails."""
+        spent, reason = self.request(case, seed, list(overrides))
         if reason:
             raise SystemExit(f"{case}: the run failed: {reason}")
         return float(spent)
@@ -152,7 +147,7 @@ class Tree(Served):
 
 @contextmanager
 def checked_out(commit: str) -> Iterator[Path]:
-    """Give a temporary folder with the tree of a commit, which is removed afterwards."""
+    """A temporary folder with the tree of a commit."""
     git = ("git", "-C", str(HERE), "worktree")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "tree"
@@ -171,7 +166,7 @@ def checked_out(commit: str) -> Iterator[Path]:
 
 
 def cases(seconds: float) -> dict[str, list[str]]:
-    """What is laid over `lane_change` in each case."""
+    """Overrides of `lane_change` in each case."""
     drive = [f"duration_s={seconds}"]
     return {
         FOUR: drive,
@@ -186,66 +181,72 @@ def measured(
     trees: Mapping[str, Tree], seconds: float, rounds: int
 ) -> tuple[dict[str, dict[str, float]], float]:
     """Median time (s) of each case by tree, and of the yardstick."""
-    found: dict[str, dict[str, list[float]]] = {case: {} for case in cases(seconds)}
+    samples: dict[str, dict[str, list[float]]] = {case: {} for case in cases(seconds)}
     loops = []
-    for tree in trees.values():  # what a process does only once does not count
+    for tree in trees.values():  # excludes one-time work of a process
         tree.time_s(LOGGED, 1, ["duration_s=1.0"])
         tree.time_s(FOUR, 1, ["duration_s=1.0"])
     for seed in range(1, rounds + 1):
         loops.append(timed(plain_loop).processor_s)
         for case, overrides in cases(seconds).items():
             for name, tree in trees.items():
-                found[case].setdefault(name, []).append(tree.time_s(case, seed, overrides))
-    times = {case: {name: median(one) for name, one in by.items()} for case, by in found.items()}
+                samples[case].setdefault(name, []).append(tree.time_s(case, seed, overrides))
+    times = {
+        case: {name: median(values) for name, values in by.items()} for case, by in samples.items()
+    }
     return times, median(loops)
 
 
 def rows(times: Mapping[str, Mapping[str, float]], *, fast: bool) -> Iterator[tuple[str, ...]]:
-    """Rows of the table: figure, this tree, the other one, ratio, limit, verdict.
+    """Rows: figure, this tree, other tree, ratio, limit, verdict.
 
-    If this tree is not `fast`, limits of the compiled code are not judged.
+    Limits of compiled code are judged only if this tree is compiled (`fast`).
     """
     (here, *others) = times[FOUR]
 
     def row(
         what: str, value: Mapping[str, float], limit: float, *, ratio: bool = False, up: bool = True
     ) -> tuple[str, ...]:
-        held = value[here] / value[others[0]] if others else None
-        judged = held if ratio else value[here]
+        comparison = value[here] / value[others[0]] if others else None
+        judged = comparison if ratio else value[here]
         verdict = "" if judged is None else "ok" if (judged >= limit) == up else "MISSED"
-        asked = f"{'ratio ' if ratio else ''}{'≥' if up else '≤'} {limit:.3g}"
-        if not fast and limit != ELAPSED:
-            asked, verdict = f"compiled {asked}", ""
+        limit_text = f"{'ratio ' if ratio else ''}{'≥' if up else '≤'} {limit:.3g}"
+        if not fast and limit != ELAPSED_RATIO_MIN:
+            limit_text, verdict = f"compiled {limit_text}", ""
         other = f"{value[others[0]]:.2f}" if others else "-"
         return (
             what,
             f"{value[here]:.2f}",
             other,
-            "-" if held is None else f"{held:.2f}",
-            asked,
+            "-" if comparison is None else f"{comparison:.2f}",
+            limit_text,
             verdict,
         )
 
-    minute = {case: {tree: 60.0 / one for tree, one in by.items()} for case, by in times.items()}
+    minute = {case: {tree: 60.0 / t for tree, t in by.items()} for case, by in times.items()}
     share = {
         name: times[MANY][name] / MANY_VEHICLES / (times[FOUR][name] / 4) for name in minute[FOUR]
     }
-    yield row("runs a minute per core, without a log", minute[FOUR], WITHOUT, ratio=True)
-    yield row("runs a minute per core, with a log", minute[LOGGED], WITH, ratio=True)
-    yield row("whole commands a minute, elapsed", minute[COMMAND], ELAPSED, ratio=True)
-    yield row(f"a vehicle of {MANY_VEHICLES} costs one of four times", share, PER_VEHICLE, up=False)
-    set_up = {name: 1000.0 * one for name, one in times[SET_UP].items()}
+    yield row("runs a minute per core, without a log", minute[FOUR], UNLOGGED_RATIO_MIN, ratio=True)
+    yield row("runs a minute per core, with a log", minute[LOGGED], LOGGED_RATIO_MIN, ratio=True)
+    yield row("whole commands a minute, elapsed", minute[COMMAND], ELAPSED_RATIO_MIN, ratio=True)
+    yield row(
+        f"cost of a vehicle, {MANY_VEHICLES} relative to 4 vehicles",
+        share,
+        VEHICLE_COST_MAX,
+        up=False,
+    )
+    set_up = {name: 1000.0 * time_s for name, time_s in times[SET_UP].items()}
     yield row("set-up and summary, ms", set_up, SET_UP_MS, up=False)
 
 
 def main() -> None:
-    """Measure and print the table."""
-    parser = argparse.ArgumentParser(description="How many virtual runs a core makes.")
+    parser = argparse.ArgumentParser(description="Virtual runs per minute and core.")
     parser.add_argument("--against", metavar="COMMIT", help="measure this commit as well")
     parser.add_argument("--seconds", type=float, default=35.0, help="how long a run drives")
     parser.add_argument("--rounds", type=int, default=3)
     given = parser.parse_args()
-    load = ", ".join(f"{one:.1f}" for one in os.getloadavg())
+    load = ", ".join(f"{value:.1f}" for value in os.getloadavg())
     print(f"{os.cpu_count()} cores; load over 1, 5, 15 minutes before: {load}")
     with ExitStack() as stack:
         folders = {"this tree": HERE}
@@ -255,10 +256,10 @@ def main() -> None:
         times, loop = measured(trees, given.seconds, given.rounds)
         print("code:", ", ".join(f"{name} {code(folder)}" for name, folder in folders.items()))
     table = Table(box=SIMPLE_HEAD)
-    for heading in ("", "this tree", given.against or "-", "ratio", "asked", ""):
+    for heading in ("", "this tree", given.against or "-", "ratio", "limit", ""):
         table.add_column(heading)
-    for one in rows(times, fast=code(HERE) == "compiled"):
-        table.add_row(*one)
+    for row in rows(times, fast=code(HERE) == "compiled"):
+        table.add_row(*row)
     Console(width=110).print(table)
     print(
         f"yardstick: {LOOP // 1_000_000} million additions take {loop:.2f} s, a run of four "

@@ -1,7 +1,7 @@
-"""Every command reads the logs that earlier versions wrote: one for each generation of the schema.
+"""All commands read the logs of earlier versions, one for each generation of the schema.
 
-`logs/` has a folder for each generation, with `run.mcap` and `summary.json` as `convoy run` wrote
-them. For a new generation add a folder; nothing here changes.
+`logs/` has a folder for each generation, with `run.mcap` and `summary.json` of `convoy run`. For a
+new generation, add a folder.
 """
 
 import json
@@ -42,7 +42,7 @@ KINDS = {kind.__name__: kind for kind in PROTOBUF}
 
 @pytest.fixture(params=LOGS, ids=lambda folder: folder.name)
 def folder(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
-    """A copy, since a review writes its layout beside the log."""
+    """A copy, since a review writes its layout next to the log."""
     return Path(copytree(request.param, tmp_path / "golden"))
 
 
@@ -74,7 +74,7 @@ def _topics(reader: LogReader) -> set[str]:
     return {topic for _, topic in reader.counts}
 
 
-def test_the_first_generation_has_every_topic_of_its_time() -> None:
+def test_the_first_generation_has_all_its_topics() -> None:
     assert _topics(LogReader(LOGS[0] / "run.mcap")) == {
         *("gps", "truth", "trajectory", "tracking", "command", "verdict", "health", "log"),
         *("change", "start", "end"),
@@ -94,9 +94,9 @@ def test_the_first_generation_has_messages_dropped_and_refused() -> None:
 
 
 def test_the_summary_is_read(folder: Path) -> None:
-    beside = with_outcome_line(from_json((folder / "summary.json").read_text(encoding="utf-8")))
-    assert summary_of(folder / "run.mcap") == beside
-    assert json.loads(convoy("report", folder, "--json")) == json.loads(to_json(beside))
+    stored = with_outcome_line(from_json((folder / "summary.json").read_text(encoding="utf-8")))
+    assert summary_of(folder / "run.mcap") == stored
+    assert json.loads(convoy("report", folder, "--json")) == json.loads(to_json(stored))
     assert "v3" in convoy("report", folder)
 
 
@@ -109,7 +109,7 @@ def test_a_summary_of_another_version_is_read(folder: Path) -> None:
         del row["cross_track_error_m_max"], row["distance_m"]
     del values["holes"]
     read = from_json(json.dumps(values))
-    assert [one.name for one in read.vehicles] == ["v1", "v2", "v3"]
+    assert [row.name for row in read.vehicles] == ["v1", "v2", "v3"]
     assert read.vehicles[1].cross_track_error_m_max is None
     assert math.isnan(read.vehicles[1].distance_m)
     assert read.holes == ()
@@ -118,7 +118,7 @@ def test_a_summary_of_another_version_is_read(folder: Path) -> None:
 def test_figures_are_computed_from_a_log_that_breaks_off(folder: Path, tmp_path: Path) -> None:
     broken = tmp_path / "run.mcap"
     broken.write_bytes((folder / "run.mcap").read_bytes()[:-20])
-    assert repair(broken)  # then the summary inside is no longer trusted
+    assert repair(broken)  # the summary in a repaired log is ignored
     ours, whole = summary_of(broken), summary_of(folder / "run.mcap")
     assert ours.reason.startswith("the log breaks off")
     for row, recorded in zip(ours.vehicles, whole.vehicles, strict=True):
@@ -126,14 +126,14 @@ def test_figures_are_computed_from_a_log_that_breaks_off(folder: Path, tmp_path:
         assert row.cross_track_error_m_max == recorded.cross_track_error_m_max
 
 
-def test_a_review_draws_it(folder: Path, tmp_path: Path) -> None:
+def test_a_review_draws_the_log(folder: Path, tmp_path: Path) -> None:
     convoy("review", folder, "--rerun", f"save={tmp_path / 'run.rrd'}")
     assert (tmp_path / "run.rrd").stat().st_size > 0
 
 
-def test_it_is_explained(folder: Path) -> None:
-    found = json.loads(convoy("explain", folder, "--vehicle", "v3", "--at", "3", "--json"))
-    assert {one["sender"] for one in found["sources"]} == {"v1", "v2"}
+def test_explain_reads_the_log(folder: Path) -> None:
+    answer = json.loads(convoy("explain", folder, "--vehicle", "v3", "--at", "3", "--json"))
+    assert {source["sender"] for source in answer["sources"]} == {"v1", "v2"}
 
 
 def test_laws_are_fitted_to_its_links(folder: Path) -> None:
@@ -147,7 +147,7 @@ def truth(log: Path) -> list[tuple[int, str, Message]]:
 
 @pytest.fixture
 def again(folder: Path, tmp_path: Path) -> Path:
-    """The log of the recorded session, repeated by this version."""
+    """Log of the repeated session."""
     session = tmp_path / "session.toml"
     convoy("scenario-from", folder, "-o", session)
     done = CliRunner().invoke(
@@ -162,10 +162,10 @@ def test_the_session_is_repeated(folder: Path, again: Path) -> None:
     assert len(truth(again)) == len(truth(folder / "run.mcap"))
 
 
-def test_losses_are_blamed_where_the_run_can_be_repeated(
+def test_losses_are_ranked_if_the_run_can_be_repeated(
     folder: Path, again: Path, tmp_path: Path
 ) -> None:
-    """A version in which vehicles drive otherwise reads the log and refuses to blame its losses."""
+    """A version with other vehicle behaviour reads the log, and refuses to rank its losses."""
     options = ["--workers", "0", "--runs", "10", "--out", str(tmp_path)]
     done = CliRunner().invoke(cli, ["blame", str(folder), *options])
     repeated = truth(again) == truth(folder / "run.mcap")
@@ -174,7 +174,7 @@ def test_losses_are_blamed_where_the_run_can_be_repeated(
 
 
 def drive(folder: Path, out: Path, text: str) -> None:
-    """Drive two seconds of a scenario that reads the log."""
+    """Run two seconds of a scenario that reads the log."""
     file = out / "reader.toml"
     text = text.replace("LOG", str(folder / "run.mcap"))
     file.write_text(f"name = 'reader'\nduration_s = 2.0\n{text}", encoding="utf-8")
@@ -194,7 +194,7 @@ PATH = "[convoy]\nvehicles = 3\n[path]\nkind = 'trace'\nfile = 'LOG'\n"
     ],
     ids=["path", "replayed follower", "losses"],
 )
-def test_it_is_a_drive_and_a_link(folder: Path, tmp_path: Path, text: str) -> None:
+def test_the_log_serves_as_path_drive_and_losses(folder: Path, tmp_path: Path, text: str) -> None:
     drive(folder, tmp_path, text)
 
 
@@ -205,39 +205,39 @@ def test_a_vehicle_is_replayed(folder: Path) -> None:
 
 
 def _schemas(folder: Path) -> dict[str, DescriptorProto]:
-    """Our messages as the log describes them."""
+    """Descriptions of messages in the log."""
     with (folder / "run.mcap").open("rb") as file:
         summary = make_reader(file).get_summary()
     assert summary is not None
     files = [FileDescriptorSet.FromString(schema.data) for schema in summary.schemas.values()]
     return {
         message.name: message
-        for one in files
-        for file in one.file
+        for file_set in files
+        for file in file_set.file
         if file.package == "convoy"
         for message in file.message_type
     }
 
 
 def _described(kind: type[Message]) -> DescriptorProto:
-    described = DescriptorProto()
-    PROTOBUF[kind].DESCRIPTOR.CopyToProto(described)
-    return described
+    description = DescriptorProto()
+    PROTOBUF[kind].DESCRIPTOR.CopyToProto(description)
+    return description
 
 
 @pytest.mark.parametrize("name", KINDS)
-def test_the_schema_grows_as_its_rule_demands(folder: Path, name: str) -> None:
+def test_the_schema_is_compatible_with_the_log(folder: Path, name: str) -> None:
     """Numbers and types stay, removed numbers are reserved, added fields have a default."""
-    then = {one.number: one for one in _schemas(folder)[name].field}
-    described = _described(KINDS[name])
-    now = {one.number: one for one in described.field}
-    reserved = {n for one in described.reserved_range for n in range(one.start, one.end)}
-    for number, field in then.items():
-        assert number in now or number in reserved, field.name
-        if number in now:
-            assert _form(now[number]) == _form(field)
-    added = {now[number].name for number in now.keys() - then.keys()}
-    defaults = {one.name for one in fields(KINDS[name]) if one.default is not MISSING}
+    old_fields = {field.number: field for field in _schemas(folder)[name].field}
+    description = _described(KINDS[name])
+    new_fields = {field.number: field for field in description.field}
+    reserved = {n for part in description.reserved_range for n in range(part.start, part.end)}
+    for number, field in old_fields.items():
+        assert number in new_fields or number in reserved, field.name
+        if number in new_fields:
+            assert _form(new_fields[number]) == _form(field)
+    added = {new_fields[number].name for number in new_fields.keys() - old_fields.keys()}
+    defaults = {field.name for field in fields(KINDS[name]) if field.default is not MISSING}
     assert added <= defaults
 
 

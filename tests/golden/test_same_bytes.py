@@ -1,4 +1,4 @@
-"""A virtual run is the same to the byte, also for a processor that knows fewer instructions."""
+"""Virtual runs write the same bytes, also on a processor with fewer instructions."""
 
 import os
 import subprocess
@@ -10,7 +10,7 @@ import numpy as np
 DURATION_S = 4.0
 SHIPPED = ("lane_change", "lossy_lane_change", "church_lot", "highway")
 OTHER_COMPUTER = {
-    # NumPy picks its loops by what the processor can do; here it must do with the least.
+    # NumPy selects loops by features of the processor: disable all optional ones.
     "NPY_DISABLE_CPU_FEATURES": " ".join(
         np.show_config(mode="dicts")["SIMD Extensions"].get("found", ())
     ),
@@ -33,7 +33,7 @@ for name in {SHIPPED}:
 
 
 def drive(folder: Path, **environment: str) -> None:
-    """Run the beginnings of all scenarios in virtual time in a process of its own."""
+    """Run the first seconds of all scenarios in virtual time in a new process."""
     folder.mkdir()
     done = subprocess.run(
         [sys.executable, "-c", DRIVE],
