@@ -107,9 +107,9 @@ def _lowest_rates(at: "SampledAt") -> str:
 GAINS_COLUMNS: "Sequence[Column[tuple[AtSpeed, PropagationAt, SampledAt]]]" = (
     Column("speed\nm/s", lambda row: row[0].speed_mps, ".1f", wraps=True),
     Column("slowest pole\n1/s", lambda row: row[0].abscissa_per_s, ".2f", wraps=True),
-    Column("to the\nboundary", lambda row: row[0].ball_radius, ".3f", wraps=True),
+    Column("gain ball\nradius", lambda row: row[0].ball_radius, ".3f", wraps=True),
     Column("predecessor only\npeak |G|, rad/s", lambda row: _peak(row[1]), wraps=True),
-    Column("lowest rate, Hz\nIMU, none, control", lambda row: _lowest_rates(row[2]), wraps=True),
+    Column("lowest rate, Hz\nIMU, no IMU, control", lambda row: _lowest_rates(row[2]), wraps=True),
 )
 
 

@@ -27,13 +27,13 @@ from vehicles.theory.gain_sets import abscissa
 from vehicles.theory.propagation import chain_offsets, propagation, trace_propagation
 
 DRY_ASPHALT = 9.81
-"""What tyres can do on dry asphalt, about 1 g (m/s²)."""
+"""Acceleration limit on dry asphalt, about 1 g (m/s²)."""
 
 SINE_FREQUENCY = 0.4 * np.pi
-"""Frequency (rad/s) of the lead's sine in the picture: 0.2 Hz, as in a lane change of 5 s."""
+"""Frequency (rad/s) of the lead's sine: 0.2 Hz, as in a lane change of 5 s."""
 
 SLOW_ROOTS = 10.0
-"""Imaginary part (rad/s) below which a root belongs to the path, not the steering."""
+"""Imaginary part (rad/s) below which a root belongs to the path, not to the steering."""
 
 
 def abscissa_over_speed(subject: Subject, report: GainsReport) -> Figure:

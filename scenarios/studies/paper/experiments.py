@@ -95,7 +95,7 @@ FIELD_SEEDS = 2
 """Repetitions of the field experiment with noise."""
 
 FIELD_DURATION = "duration_s=45.0"
-"""Repetitions end after the lane change and the first bend; exact runs end after one lap."""
+"""Repetitions end after the lane change and the first curve; exact runs end after one lap."""
 
 FIELD_SPEED = 25.0
 """Speed (m/s) of the field experiment."""

@@ -298,15 +298,15 @@ def test_every_claim_on_simulations_counts_the_phases_of_its_runs() -> None:
 def test_a_claim_may_hold_with_one_trajectory_only() -> None:
     fitted, paper = along_both_trajectories(findings_with_all_claims_true()).values()
     paper = replace(paper, trials={**paper.trials, BASE: trial_of((0.08, 0.091, 0.05))})
-    found = judge(DRIVEN, {"fitted": fitted, "paper": paper})
-    assert {one.claim.name for one in found if one.differs} >= {
+    rows = judge(DRIVEN, {"fitted": fitted, "paper": paper})
+    assert {row.claim.name for row in rows if row.differs} >= {
         "base_below_9_cm",
         "base_decreasing",
     }
-    (window,) = [one for one in found if one.claim.name == "one_change"]
+    (window,) = [row for row in rows if row.claim.name == "one_change"]
     numbers = [window.verdicts[kind].answer.numbers for kind in ("fitted", "paper")]
-    assert [one["window_s"] for one in numbers] == pytest.approx([1.15, 0.8])
-    assert [one["changes_in_window_max"] for one in numbers] == [2, 1]
+    assert [entry["window_s"] for entry in numbers] == pytest.approx([1.15, 0.8])
+    assert [entry["changes_in_window_max"] for entry in numbers] == [2, 1]
 
 
 def test_l2_covers_the_section_that_all_have_driven() -> None:

@@ -103,10 +103,10 @@ def test_a_lane_change_is_a_lane_wide(radius: float) -> None:
 def test_a_road_of_the_same_times_has_the_same_lateral_acceleration(speed: float) -> None:
     scenario = load_scenario("paper_c", [*at_the_same_times(speed), f"speed.set_mps={speed}"])
     path, start = scenario.route.path, scenario.route.start
-    bend = path.at(start + 5.5 * speed).curvature
-    assert speed**2 * bend == pytest.approx(-1.8, rel=1e-4)
+    curvature = path.at(start + 5.5 * speed).curvature
+    assert speed**2 * curvature == pytest.approx(-1.8, rel=1e-4)
     assert path.at(start + 4.9 * speed).curvature == 0.0
-    assert path.at(start + 20.5 * speed).curvature == pytest.approx(-bend, rel=1e-4)
+    assert path.at(start + 20.5 * speed).curvature == pytest.approx(-curvature, rel=1e-4)
 
 
 @pytest.mark.parametrize("case", ROADS)
@@ -251,7 +251,7 @@ def test_samples_are_counted_ahead_of_the_car_and_by_source() -> None:
         ),
     )
     assert (counter.figures.lead, counter.figures.predecessor) == (2, 2)
-    # The two closest samples lie at (5.1, 200.1) and (5.0, 199.0).
+    # The two closest samples are at (5.1, 200.1) and (5.0, 199.0).
     assert counter.figures.rule_error == pytest.approx(np.arctan2(0.1, 1.1))
 
 
