@@ -17,7 +17,7 @@ from scenarios.studies.engine.engine import study_engine
 from scenarios.studies.engine.job import Job, Work
 from scenarios.studies.engine.results import refuse_existing
 from scenarios.studies.engine.workers import open_workers
-from scenarios.studies.paper.claims.claim import JUDGEMENTS
+from scenarios.studies.paper.claims.claim import counts_text
 from scenarios.studies.paper.experiments import EXACT, RUNS_OF_CASE, Experiment
 from scenarios.studies.paper.field_runs import FieldRuns, field_runs
 from scenarios.studies.paper.findings import Findings
@@ -86,9 +86,7 @@ def reproduce(
                 store_result(findings_of_kind, key, results[key])
     claims = write_report(findings, chosen, out, picture_format)
     for trajectory in TRAJECTORIES:
-        judgements = [claim.verdicts[trajectory].judgement for claim in claims]
-        counts = ", ".join(f"{j}: {judgements.count(j)}" for j in JUDGEMENTS)
-        progress(f"{len(claims)} claims, {TRAJECTORY_NAMES[trajectory]} ({counts})")
+        progress(f"claims with {TRAJECTORY_NAMES[trajectory]}: {counts_text(claims, trajectory)}")
     progress(f"report: {out / REPORT}")
     return 0
 

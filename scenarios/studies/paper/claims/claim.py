@@ -1,6 +1,6 @@
 """Claims of the paper: statement, answer from the findings, and verdict."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypedDict
 
@@ -139,6 +139,15 @@ def verdict_of(answer: Answer) -> ClaimVerdict:
     else:
         judgement = "holds" if answer.holds else "does not hold"
     return ClaimVerdict(answer=answer, judgement=judgement)
+
+
+def counts_text(claims: Sequence[JudgedClaim], trajectory: Trajectory) -> str:
+    """Format the number of claims with each judgement."""
+    judgements = [claim.verdicts[trajectory].judgement for claim in claims]
+    hold, undecided, fail, unknown = (judgements.count(judgement) for judgement in JUDGEMENTS)
+    return (
+        f"{hold} hold, {undecided} are undecided, {fail} do not hold, {unknown} cannot be checked"
+    )
 
 
 def groups(claims: Iterable[JudgedClaim], trajectory: Trajectory) -> dict[str, list[JudgedClaim]]:

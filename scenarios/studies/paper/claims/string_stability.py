@@ -85,12 +85,12 @@ def amplified_in_l2(findings: Findings) -> Answer:
     needs=(BASE,),
 )
 def not_amplified_in_l2(findings: Findings) -> Answer:
-    def keeps(run: Trial) -> bool:
+    def does_not_amplify(run: Trial) -> bool:
         return is_string_stable(l2_norms(run), TOLERANCE_M * length(run) ** 0.5)
 
     trial = findings.trials[BASE]
     return Answer(
-        **by_runs(findings, keeps, BASE),
+        **by_runs(findings, does_not_amplify, BASE),
         ours=_in_l2(trial),
         reason="judged by true errors, for all cars over the same section of the lead's path. "
         f"Growth by less than {1000 * TOLERANCE_M:.0f} mm rms is ignored",
@@ -116,7 +116,7 @@ def l2_norms(trial: Trial, measure: str = "cross_track") -> tuple[float, ...]:
 
     `measure` names an array of a `Drive`: `cross_track` or `lateral_error` (tracking).
     """
-    places = _stretch(trial)
+    places = _section(trial)
     norms = []
     for drive in trial.followers:
         values = getattr(drive, measure)[: len(drive.station)]
@@ -127,10 +127,10 @@ def l2_norms(trial: Trial, measure: str = "cross_track") -> tuple[float, ...]:
 
 def length(trial: Trial) -> float:
     """Length (m) of the section that all followers have driven."""
-    return SPACING * len(_stretch(trial))
+    return SPACING * len(_section(trial))
 
 
-def _stretch(trial: Trial) -> Array:
+def _section(trial: Trial) -> Array:
     begin = max(float(drive.station[0]) for drive in trial.followers)
     end = min(float(drive.station[-1]) for drive in trial.followers)
     return np.arange(begin, end, SPACING, dtype=np.float64)

@@ -115,7 +115,7 @@ def circle(_: Findings) -> Answer:
     if solved is None:
         raise ValueError("an arc of 500 m determines its circle")
     difference = max(abs(a - b) for a, b in zip(solved, direct, strict=True)) / solved[2]
-    bias = {radius: _mean_bend(radius) for radius in (300.0, 500.0, 1500.0)}
+    bias = {radius: _mean_curvature(radius) for radius in (300.0, 500.0, 1500.0)}
     return Answer(
         ours="solved relative to the samples and as printed, the results agree to "
         f"{difference:.0e} of R. With 2 cm of noise on the preview at 30 m/s the circle is too "
@@ -144,7 +144,7 @@ def _plain_equations(x: Array, y: Array, weight: Array) -> tuple[float, float, f
     return float(centre_x), float(centre_y), float(radius)
 
 
-def _mean_bend(radius: float) -> float:
+def _mean_curvature(radius: float) -> float:
     """Mean curvature of circles of eq. (5) fitted to noisy samples, over the true curvature."""
     random, (x, y) = np.random.default_rng(5), _arc(radius)
     curvatures = []

@@ -20,10 +20,10 @@ from scenarios.studies.paper.claims import (
     trajectory,
 )
 from scenarios.studies.paper.claims.claim import (
-    JUDGEMENTS,
     Answer,
     ClaimVerdict,
     JudgedClaim,
+    counts_text,
     groups,
     judge,
 )
@@ -127,10 +127,10 @@ def _markdown(
 ) -> Iterator[str]:
     yield "# The paper's claims, tested"
     yield ""
-    yield f"Cases: {', '.join(cases)}. {len(claims)} claims, judged with two trajectories."
+    yield f"Cases: {', '.join(cases)}. Claims judged with each of two trajectories: {len(claims)}."
     yield ""
     for kind in findings:
-        yield f"- {_counts(claims, kind)}"
+        yield f"- {TRAJECTORY_NAMES[kind]}: {counts_text(claims, kind)}"
     yield ""
     yield from _differing(claims)
     yield from _recipe(findings)
@@ -149,15 +149,6 @@ def _markdown(
         yield from tables(results)
     yield from _gains(findings)
     yield from _logs(findings, cases)
-
-
-def _counts(claims: Sequence[JudgedClaim], kind: Trajectory) -> str:
-    judgements = [claim.verdicts[kind].judgement for claim in claims]
-    hold, open_, fail, rest = (judgements.count(j) for j in JUDGEMENTS)
-    return (
-        f"{TRAJECTORY_NAMES[kind]}: {hold} hold, {open_} are undecided, {fail} do not hold, {rest} "
-        "cannot be checked"
-    )
 
 
 def _differing(claims: Sequence[JudgedClaim]) -> Iterator[str]:
@@ -201,23 +192,23 @@ def _recipe(findings: AllFindings) -> Iterator[str]:
 GROUPS = {
     "does not hold": "Do not hold",
     "undecided": "Undecided: hold in some of the exact runs only",
-    "fails in noise": "Hold with exact measurements, but not in every noisy run",
-    "holds in noise": "Do not hold with exact measurements, but in some noisy runs",
+    "fails in noise": "Hold in exact runs, but not in every noisy run",
+    "holds in noise": "Do not hold in exact runs, but in some noisy runs",
 }
 
 
 def _summary(claims: Sequence[JudgedClaim], kind: Trajectory, title: str) -> Iterator[str]:
     """List the claims that do not hold in all runs, by group."""
-    yield from (f"## Summary: {title}", "")
-    for group, members in groups(claims, kind).items():
-        if members:
-            yield f"{GROUPS[group]}:"
-            yield ""
-            for claim in members:
-                answer = claim.verdicts[kind].answer
-                runs = "" if group == "does not hold" else f": {_runs(answer)}"
-                yield f"- {claim.claim.paper} ({claim.claim.where}){runs}"
-            yield ""
+    grouped = {group: members for group, members in groups(claims, kind).items() if members}
+    if grouped:
+        yield from (f"## Summary: {title}", "")
+    for group, members in grouped.items():
+        yield from (f"{GROUPS[group]}:", "")
+        for claim in members:
+            answer = claim.verdicts[kind].answer
+            runs = "" if group == "does not hold" else f": {_runs(answer)}"
+            yield f"- {claim.claim.paper} ({claim.claim.where}){runs}"
+        yield ""
 
 
 def _runs(answer: Answer) -> str:

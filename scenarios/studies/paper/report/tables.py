@@ -53,8 +53,8 @@ def _radii(findings: Findings) -> Iterator[str]:
         (f"{r:g} m, {word} ({_road(r)})", findings.trials[key])
         for r in RADII
         for key, word in (
-            (at_radius(r), "with"),
-            (at_radius(r).with_variant("no_lead_data"), "without"),
+            (at_radius(r), "with lead data"),
+            (at_radius(r).with_variant("no_lead_data"), "without lead data"),
         )
     ]
     name = TRAJECTORY_NAMES[findings.trajectory]

@@ -50,12 +50,12 @@ SIMULATED = (
     *other_laws.CLAIMS,
     *field_experiment.CLAIMS,
 )
-DRIVEN = (*trajectory.CLAIMS, *SIMULATED)
+CLAIMS_ABOUT_RUNS = (*trajectory.CLAIMS, *SIMULATED)
 CALCULATED = (*model.CLAIMS, *theory.CLAIMS, *gains.CLAIMS)
-ALL = (*DRIVEN, *CALCULATED)
+ALL = (*CLAIMS_ABOUT_RUNS, *CALCULATED)
 
 
-def judgements(findings: Findings, claims: Sequence[Claim] = DRIVEN) -> dict[str, str]:
+def judgements(findings: Findings, claims: Sequence[Claim] = CLAIMS_ABOUT_RUNS) -> dict[str, str]:
     return {
         row.claim.name: row.verdicts["fitted"].judgement
         for row in judge(claims, {"fitted": findings})
@@ -185,7 +185,7 @@ def test_a_claim_that_holds_on_some_shifted_roads_only_is_undecided(
 
 def test_all_claims_hold_on_findings_that_agree_with_the_paper() -> None:
     verdicts = judgements(findings_with_all_claims_true())
-    assert set(verdicts) == {claim.name for claim in DRIVEN}
+    assert set(verdicts) == {claim.name for claim in CLAIMS_ABOUT_RUNS}
     simulated = {claim.name for claim in SIMULATED}
     failed = {name for name in simulated if verdicts[name] != "holds"}
     # The made-up peaks are at 12 s, on a straight. Course, road and speed profile are unknown.
@@ -298,7 +298,7 @@ def test_every_claim_on_simulations_counts_the_phases_of_its_runs() -> None:
 def test_a_claim_may_hold_with_one_trajectory_only() -> None:
     fitted, paper = along_both_trajectories(findings_with_all_claims_true()).values()
     paper = replace(paper, trials={**paper.trials, BASE: trial_of((0.08, 0.091, 0.05))})
-    rows = judge(DRIVEN, {"fitted": fitted, "paper": paper})
+    rows = judge(CLAIMS_ABOUT_RUNS, {"fitted": fitted, "paper": paper})
     assert {row.claim.name for row in rows if row.differs} >= {
         "base_below_9_cm",
         "base_decreasing",
