@@ -59,8 +59,8 @@ def test_ticks_are_the_union_in_order_without_gap(each: list[float], duration: i
 
 def test_instants_without_a_rate_are_ticks_too() -> None:
     """Instants of several lists, each once, with the span to the next one."""
-    besides = [[START + 3 * MS, START + 20 * MS, START + 31 * MS], [START + 3 * MS]]
-    found = list(ticks(START, START + 40 * MS, 50.0, more=besides))
+    more = [[START + 3 * MS, START + 20 * MS, START + 31 * MS], [START + 3 * MS]]
+    found = list(ticks(START, START + 40 * MS, 50.0, more=more))
     assert [(one.at - START) / MS for one in found] == [0, 3, 20, 31]
     assert [one.span_s for one in found] == pytest.approx([0.003, 0.017, 0.011, 0.009])
 

@@ -31,7 +31,7 @@ def test_a_topic_without_a_rate_is_whole_and_of_rate_0_there_is_none() -> None:
 def test_each_vehicle_and_topic_is_thinned_by_itself() -> None:
     thinning = Thinning({"truth": 1.0, "command": 1.0})
     requested = [("truth", "v1"), ("truth", "v2"), ("command", "v1"), ("truth", "v1")]
-    assert [thinning.keeps(*one, 0) for one in requested] == [True, True, True, False]
+    assert [thinning.keeps(*arguments, 0) for arguments in requested] == [True, True, True, False]
 
 
 @given(instants=INSTANTS, rate_hz=st.sampled_from([0.5, 1.0, 3.0, 10.0, 50.0]))
@@ -42,5 +42,5 @@ def test_the_first_of_each_period_is_kept_and_what_was_kept_is_kept_again(
     period = round(SECOND / rate_hz)
     assert found[0] == instants[0]
     assert {at // period for at in found} == {at // period for at in instants}
-    assert all(one // period < other // period for one, other in pairwise(found))
+    assert all(before // period < after // period for before, after in pairwise(found))
     assert kept({"truth": rate_hz}, found) == found

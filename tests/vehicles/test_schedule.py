@@ -27,9 +27,9 @@ def test_a_cadence_indexes_its_instants_and_no_others(rate_hz: float, k: int) ->
     at = instant(START, k, rate_hz)
     assert cadence.index(at) == k
     assert cadence.due(at)
-    for beside in (at - 1, at + 1):
-        assert cadence.index(beside) is None
-        assert not cadence.due(beside)
+    for neighbour in (at - 1, at + 1):
+        assert cadence.index(neighbour) is None
+        assert not cadence.due(neighbour)
 
 
 def test_nothing_is_due_before_the_start() -> None:

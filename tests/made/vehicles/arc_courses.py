@@ -27,7 +27,7 @@ def course(pieces: Sequence[tuple[float, float]], start: Start = ORIGIN) -> ArcS
     return ArcSpline(placed)
 
 
-def beside(path: ArcSpline, station: float, left: float = 0.0) -> tuple[float, float]:
+def point_at(path: ArcSpline, station: float, left: float = 0.0) -> tuple[float, float]:
     """The point `left` (m) of a station of the path."""
     place = path.at(station)
     return place.east - left * math.sin(place.yaw), place.north + left * math.cos(place.yaw)
@@ -37,7 +37,7 @@ def window(
     path: ArcSpline, stations: Sequence[float] | Floats, ego: float, left: float = 0.0
 ) -> Window:
     """Samples at stations of a path, for a car at station `ego`."""
-    points = [beside(path, float(station), left) for station in stations]
+    points = [point_at(path, float(station), left) for station in stations]
     return Window(
         np.array([east for east, _ in points]),
         np.array([north for _, north in points]),
@@ -54,7 +54,7 @@ def with_noise(samples: Window, random: np.random.Generator, noise: float = 0.02
     )
 
 
-def misses(fit: Fit, path: ArcSpline, station: float) -> tuple[float, float, float]:
+def fit_errors(fit: Fit, path: ArcSpline, station: float) -> tuple[float, float, float]:
     """Errors of offset (m), heading (rad) and curvature (1/m) of a fit at a station."""
     true = path.at(station)
     foot = fit.spline.project(true.east, true.north)

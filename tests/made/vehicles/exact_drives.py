@@ -75,10 +75,10 @@ def drive(
 def on(path: SampledPath, station: float, speed: float, left: float = 0.0) -> Body:
     """A car on `path`, or `left` (m) of it."""
     point = path.at(station)
-    return Body(*beside(point, left), yaw=point.yaw, speed=speed)
+    return Body(*point_at(point, left), yaw=point.yaw, speed=speed)
 
 
-def beside(point: PathPoint, left: float) -> tuple[float, float]:
+def point_at(point: PathPoint, left: float) -> tuple[float, float]:
     return point.east - left * math.sin(point.yaw), point.north + left * math.cos(point.yaw)
 
 

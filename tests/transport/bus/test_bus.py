@@ -95,12 +95,12 @@ def test_urgent_messages_arrive_too(join: Join) -> None:
 
 
 def test_two_subscriptions_are_both_served(join: Join) -> None:
-    sender, receiver, one, other = join(), join(), ReceivedMessages(), ReceivedMessages()
-    receiver.subscribe("convoy/*/log", one)
+    sender, receiver, first, other = join(), join(), ReceivedMessages(), ReceivedMessages()
+    receiver.subscribe("convoy/*/log", first)
     receiver.subscribe("convoy/lead/log", other)
-    connect(sender, one)
+    connect(sender, first)
     sender.publish("convoy/lead/log", b"1")
-    assert until(lambda: len(one) == len(other) == 1)
+    assert until(lambda: len(first) == len(other) == 1)
 
 
 def test_a_late_watcher_gets_the_members_alive(join: Join) -> None:
@@ -129,33 +129,33 @@ def test_joining_and_leaving_are_reported_once_each(join: Join) -> None:
 
 
 def test_two_members_of_one_name_are_distinguished(join: Join) -> None:
-    one, other, watcher = join(), join(), join()
+    first, other, watcher = join(), join(), join()
     changes: list[tuple[str, bool]] = []
-    one.announce("vehicle", "lead", "print")
+    first.announce("vehicle", "lead", "print")
     other.announce("recorder", "lead", "other")
     watcher.watch(lambda member, alive: changes.append((member.session, alive)))
     assert until(lambda: len(changes) == 2)
-    one.close()
-    assert until(lambda: changes[2:] == [(one.zid, False)])
+    first.close()
+    assert until(lambda: changes[2:] == [(first.zid, False)])
     assert join().members() == {Member("recorder", "lead", "other", other.zid)}
 
 
 def test_a_question_is_answered_as_long_as_someone_does(join: Join) -> None:
-    one, other = join(), join()
+    first, other = join(), join()
     answer = b"1"
     assert other.query("convoy/@clock/v1", 0.2) is None
-    one.answer("convoy/@clock/v1", lambda _: answer)
+    first.answer("convoy/@clock/v1", lambda _: answer)
     assert until(lambda: other.query("convoy/@clock/v1", 0.5) == b"1")
     answer = b"2"
     assert other.query("convoy/@clock/v1", 0.5) == b"2"
     assert other.query("convoy/@clock/v2", 0.2) is None
-    one.close()
+    first.close()
     assert until(lambda: other.query("convoy/@clock/v1", 0.2) is None)
 
 
 def test_an_answer_belongs_to_its_query(join: Join) -> None:
-    one, other = join(), join()
-    one.answer("convoy/@control/v1", lambda question: question[::-1])
+    first, other = join(), join()
+    first.answer("convoy/@control/v1", lambda question: question[::-1])
     assert until(lambda: other.query("convoy/@control/v1", 0.5, b"ab") == b"ba")
     for question in (bytes(range(256)), b"x" * 100_000, b""):
         assert other.query("convoy/@control/v1", 2.0, question) == question[::-1]
@@ -165,8 +165,8 @@ def test_a_question_that_cannot_be_answered_is_not_the_last_one() -> None:
     with ExitStack() as stack:
         router = stack.enter_context(open_router(("tcp/127.0.0.1:0",)))
         options = ZenohOptions(connect=router.endpoints)
-        one, other = (stack.enter_context(open_bus(options)) for _ in range(2))
-        one.answer("convoy/@control/v1", lambda question: str(1 // len(question)).encode())
+        first, other = (stack.enter_context(open_bus(options)) for _ in range(2))
+        first.answer("convoy/@control/v1", lambda question: str(1 // len(question)).encode())
         assert until(lambda: other.query("convoy/@control/v1", 0.5, b"?") == b"1")
         assert other.query("convoy/@control/v1", 0.5) is None
         assert other.query("convoy/@control/v1", 0.5, b"?") == b"1"

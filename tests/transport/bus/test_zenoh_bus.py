@@ -37,8 +37,8 @@ from transport.bus.zenoh_options import (
 
 @pytest.fixture
 def router() -> Iterator[Router]:
-    with open_router(("tcp/127.0.0.1:0",)) as one:
-        yield one
+    with open_router(("tcp/127.0.0.1:0",)) as opened:
+        yield opened
 
 
 def join(router: Router, run: str = "") -> ZenohBus:
@@ -358,28 +358,28 @@ def test_loss_of_the_router_is_no_failure_of_members() -> None:
 def test_two_peers_need_no_router() -> None:
     endpoint, received = free_endpoint(), ReceivedMessages()
     with (
-        open_bus(ZenohOptions(mode="peer", listen=(endpoint,))) as one,
+        open_bus(ZenohOptions(mode="peer", listen=(endpoint,))) as first,
         open_bus(ZenohOptions(mode="peer", connect=(endpoint,))) as other,
     ):
-        one.subscribe("convoy/*/log", received)
+        first.subscribe("convoy/*/log", received)
         connect(other, received)
         other.publish("convoy/a/log", b"direct")
         assert until(lambda: received == [("convoy/a/log", b"direct")])
 
 
 def test_each_session_has_its_own_name(router: Router) -> None:
-    with join(router) as one, join(router) as other:
-        assert len({one.zid, other.zid, router.zid}) == 3
+    with join(router) as first, join(router) as other:
+        assert len({first.zid, other.zid, router.zid}) == 3
 
 
 def test_a_router_joins_another_one(router: Router) -> None:
     with open_router(("tcp/127.0.0.1:0",), connect=router.endpoints) as second:
         received: list[bytes] = []
-        with join(router) as one, join(second) as other:
+        with join(router) as first, join(second) as other:
             other.subscribe("convoy/**", lambda _, data: received.append(data))
             deadline = time.monotonic() + 20.0
             while not received and time.monotonic() < deadline:
-                one.publish("convoy/v1/gps", b"pose")
+                first.publish("convoy/v1/gps", b"pose")
                 time.sleep(0.05)
         assert received
 
@@ -396,7 +396,7 @@ def test_a_session_has_one_thread_for_its_tasks_by_default(
     with process(router, "bus.publish('convoy/a/log', b'x')", "time.sleep(60)") as child:
 
         def tasks() -> set[str]:
-            names = [one.read_text() for one in Path(f"/proc/{child.pid}/task").glob("*/comm")]
+            names = [path.read_text() for path in Path(f"/proc/{child.pid}/task").glob("*/comm")]
             return {name.split("-")[0] for name in names} & {"app", "rx", "tx"}
 
         assert until(lambda: tasks() == threads), tasks()

@@ -77,15 +77,15 @@ def run(
     verdicts: list[LinkVerdict] = []
     for now in range(start_at, start_at + ticks * TICK, TICK):
         while pending and pending[0][0] <= now:
-            one = pending.pop(0)[1]
-            inbox.on_bytes(key(one.vehicle, TOPICS["gps"]), encode(one))
+            message = pending.pop(0)[1]
+            inbox.on_bytes(key(message.vehicle, TOPICS["gps"]), encode(message))
         received += [(now, pose) for pose in taken(inbox, now)]
         verdicts += inbox.verdicts()
     return received, verdicts
 
 
 def at_once(poses: Iterable[GpsPose]) -> list[tuple[int, GpsPose]]:
-    return [(one.sent_at_ns, one) for one in poses]
+    return [(pose.sent_at_ns, pose) for pose in poses]
 
 
 # ---- Independence of the bus
@@ -102,12 +102,12 @@ def test_another_order_and_time_of_arrival_changes_nothing(
 ) -> None:
     content = {**EVERYTHING, "frame_check": frame_check, "filter_duplicates": False}
     poses = sent(100)
-    one, other = (make_inbox(content, seed, jitter_ms=80.0, loss_ratio=0.1) for _ in range(2))
-    plain = run(one, at_once(poses))
+    first, second = (make_inbox(content, seed, jitter_ms=80.0, loss_ratio=0.1) for _ in range(2))
+    plain = run(first, at_once(poses))
     random.shuffle(poses)
-    delayed = run(other, [(p.sent_at_ns + random.randrange(20 * MS), p) for p in poses])
+    delayed = run(second, [(p.sent_at_ns + random.randrange(20 * MS), p) for p in poses])
     assert delayed == plain
-    assert one.rejected == other.rejected
+    assert first.rejected == second.rejected
     assert {"frozen+ghost", "replayed+drift+ghost", "drift+offset"} <= {
         verdict.content.removeprefix("corrupted+") for verdict in plain[1]
     }
@@ -121,9 +121,9 @@ def test_the_day_of_the_run_changes_nothing(frame_check: bool) -> None:
     for later in (0, 86_400 * SECOND, 123_456_789_012_345_678):
         poses = [
             replace(
-                one, measured_at_ns=one.measured_at_ns + later, sent_at_ns=one.sent_at_ns + later
+                pose, measured_at_ns=pose.measured_at_ns + later, sent_at_ns=pose.sent_at_ns + later
             )
-            for one in sent(100)
+            for pose in sent(100)
         ]
         inbox = make_inbox(content, start_at=START + later)
         received, verdicts = run(inbox, at_once(poses), start_at=START + later)
@@ -277,16 +277,16 @@ def test_no_flipped_bits_do_harm(
         bit_errors=BitErrors(ratio, frame_check=False),
         false=stage.false,
     )
-    one = sent(90)[-1]
-    hit.history.add(one)
-    judged = Verdict("delivered", "", one.sent_at_ns + 20 * MS)
-    pose = stage.gate.check(one, one.sent_at_ns)
+    message = sent(90)[-1]
+    hit.history.add(message)
+    judged = Verdict("delivered", "", message.sent_at_ns + 20 * MS)
+    pose = stage.gate.check(message, message.sent_at_ns)
     arrival = Transmission(
-        pose, TransmissionContext(one.seq, one.sent_at_ns, SIZE), judged, False, pose
+        pose, TransmissionContext(message.seq, message.sent_at_ns, SIZE), judged, False, pose
     )
     further = hit.apply(arrival)
     if arrival.verdict.outcome == "delivered":
-        stage.gate.check(arrival.pose.message, one.sent_at_ns)
+        stage.gate.check(arrival.pose.message, message.sent_at_ns)
         assert "corrupted" in arrival.content
     else:
         assert arrival.verdict == Verdict("dropped", "corrupted", judged.visible_at)
@@ -305,9 +305,9 @@ def test_verdicts_name_the_false_content_of_their_interval() -> None:
     assert [(v.pose_seq, v.sent_at_ns) for v in verdicts] == [(p.seq, p.sent_at_ns) for p in poses]
     for _, pose in received:
         true = poses[pose.seq]
-        aside = PLANE.to_plane(pose.latitude_deg, pose.longitude_deg, pose.altitude_m)[0]
+        east = PLANE.to_plane(pose.latitude_deg, pose.longitude_deg, pose.altitude_m)[0]
         # Left of a car that drives north is west.
-        assert aside == pytest.approx(-1.5 if 20 <= pose.seq < 40 else 0.0, abs=1e-3)
+        assert east == pytest.approx(-1.5 if 20 <= pose.seq < 40 else 0.0, abs=1e-3)
         assert (pose.seq, pose.sent_at_ns, pose.speed_mps) == (
             true.seq, true.sent_at_ns, true.speed_mps,
         )  # fmt: skip

@@ -53,8 +53,8 @@ def pose(seq: int, vehicle: str = "lead") -> GpsPose:
     )
 
 
-def sent(one: GpsPose, at: int) -> GpsPose:
-    return replace(one, measured_at_ns=at, sent_at_ns=at)
+def sent(message: GpsPose, at: int) -> GpsPose:
+    return replace(message, measured_at_ns=at, sent_at_ns=at)
 
 
 def make_inbox(links: Mapping[str, LinkTable] | None = None, seed: int = 1) -> Inbox:
@@ -64,8 +64,8 @@ def make_inbox(links: Mapping[str, LinkTable] | None = None, seed: int = 1) -> I
 
 
 def send(inbox: Inbox, *poses: GpsPose) -> None:
-    for one in poses:
-        inbox.on_bytes(key(one.vehicle, GPS), encode(one))
+    for message in poses:
+        inbox.on_bytes(key(message.vehicle, GPS), encode(message))
 
 
 def test_a_message_is_received_at_the_first_tick_from_its_visible_instant() -> None:
@@ -169,9 +169,9 @@ def test_the_time_of_arrival_changes_nothing_while_it_is_in_time(random: Random,
     # Immediate delivery, as on the memory bus, equals any order and any delay below the minimum
     # latency, as on a network.
     poses = [pose(k, sender) for sender in RULES for k in range(39)]
-    at_once = run([(one.measured_at_ns, one) for one in poses], seed)
+    at_once = run([(m.measured_at_ns, m) for m in poses], seed)
     random.shuffle(poses)
-    delayed = run([(one.measured_at_ns + random.randrange(20 * MS), one) for one in poses], seed)
+    delayed = run([(m.measured_at_ns + random.randrange(20 * MS), m) for m in poses], seed)
     assert delayed == at_once
     assert {v.outcome for v in at_once[1]} == {"delivered", "dropped"}
 
@@ -370,14 +370,14 @@ def test_the_keys_to_listen_to() -> None:
 
 
 def feed(box: Inbox, *poses: GpsPose) -> None:
-    for one in poses:
-        box.on_bytes(key(one.vehicle, GPS), encode(one))
+    for message in poses:
+        box.on_bytes(key(message.vehicle, GPS), encode(message))
 
 
 def test_messages_sent_while_not_receiving_are_discarded() -> None:
     box = make_inbox()
     feed(box, pose(0), pose(1))
-    assert [one.seq for one in taken(box, START + 100 * MS)] == [0, 1]
+    assert [message.seq for message in taken(box, START + 100 * MS)] == [0, 1]
     feed(box, pose(2), pose(3))
     box.discard(START + 150 * MS, UNKNOWN_POSITION)  # the fourth was sent at this instant
     feed(box, pose(4), pose(6))  # this tick is late: one message was sent after it
@@ -385,9 +385,9 @@ def test_messages_sent_while_not_receiving_are_discarded() -> None:
     links = inbox_of("follower_2", {"lead": LinkTable(latency_ms=20.0)}, start_at=START).links
     box.restart(links.values(), START + 260 * MS)
     feed(box, pose(5), pose(7))  # the first was sent before
-    assert [one.seq for one in taken(box, START + 400 * MS)] == [6, 7]
+    assert [message.seq for message in taken(box, START + 400 * MS)] == [6, 7]
     assert box.delivered == 4
-    assert [one.seq for one in box.verdicts()] == [0, 1, 2, 3]
+    assert [message.seq for message in box.verdicts()] == [0, 1, 2, 3]
     assert not box.rejected
     assert box.late == 0
 
@@ -398,7 +398,7 @@ def test_messages_during_a_stall_are_received_afterwards_and_not_late() -> None:
     for seq in range(5):
         feed(box, pose(seq))
         box.skip(START + seq * 50 * MS, UNKNOWN_POSITION)
-    assert [one.seq for one in taken(box, START + 300 * MS)] == [0, 1, 2, 3, 4]
+    assert [message.seq for message in taken(box, START + 300 * MS)] == [0, 1, 2, 3, 4]
     assert box.late == 0
 
 
@@ -413,7 +413,7 @@ def test_an_inbox_goes_on_from_the_counts_of_another() -> None:
     assert other.rejections() == []
     feed(other, pose(2))
     taken(other, START + 200 * MS)
-    assert [one.seq for one in other.verdicts()] == [2]
+    assert [message.seq for message in other.verdicts()] == [2]
     assert other.delivered == 1
 
 

@@ -33,8 +33,8 @@ def judge(
     receiver: str = "follower_1",
     source_rate_hz: float = RATE_HZ,
 ) -> Verdict:
-    one = link(requested, sender, receiver, seed=seed, rate_hz=source_rate_hz)
-    return one.judge(TransmissionContext(seq, seq * PERIOD))
+    tested = link(requested, sender, receiver, seed=seed, rate_hz=source_rate_hz)
+    return tested.judge(TransmissionContext(seq, seq * PERIOD))
 
 
 def keyed_uniform(seed: int, sender: str, receiver: str, seq: int, purpose: str) -> float:
@@ -170,9 +170,7 @@ def test_jitter_does_not_move_losses() -> None:
 def test_losses_do_not_pick_by_jitter() -> None:
     rule = LinkTable(latency_ms=0.0, jitter_ms=100.0, loss_ratio=0.5)
     judged = [judge(rule, seq) for seq in range(4000)]
-    delays = [
-        (one.visible_at - seq * PERIOD) / MS for seq, one in enumerate(judged) if not one.reason
-    ]
+    delays = [(v.visible_at - seq * PERIOD) / MS for seq, v in enumerate(judged) if not v.reason]
     assert abs(fmean(delays) - 50.0) < 4.0 * 100.0 / sqrt(12 * len(delays))
 
 
@@ -197,8 +195,8 @@ def test_a_dropped_message_keeps_the_instant_it_would_have_had() -> None:
 )
 def test_rate_lets_evenly_spread_messages_through(rate_hz: float, through: list[int]) -> None:
     judged = [judge(LinkTable(rate_hz=rate_hz), seq) for seq in range(9)]
-    assert [seq for seq, one in enumerate(judged) if one.outcome == "delivered"] == through
-    assert {one.reason for one in judged if one.outcome == "dropped"} <= {"rate"}
+    assert [seq for seq, verdict in enumerate(judged) if verdict.outcome == "delivered"] == through
+    assert {verdict.reason for verdict in judged if verdict.outcome == "dropped"} <= {"rate"}
 
 
 @given(top=st.integers(1, 100), bottom=st.integers(1, 100), n=st.integers(1, 3000))
@@ -251,13 +249,13 @@ def test_the_last_visible_sending_follows_changes_of_the_minimum_latency(
 ) -> None:
     starts = sorted({at for at, _ in later})
     course = [ChangedEffects(at, (Latency(dict(later)[at]),)) for at in starts]
-    one = Link((Latency(floor),), 1, "lead", "follower_1", changes=course)
+    tested = Link((Latency(floor),), 1, "lead", "follower_1", changes=course)
 
     def least(sent_at: int) -> int:
         floors = [change.floor for change in course if change.from_at <= sent_at]
         return floors[-1] if floors else floor
 
     visible = [at for at in range(-100, 100) if at + least(at) <= now]
-    assert one.latest_sent_at(now) == max(visible)
+    assert tested.latest_sent_at(now) == max(visible)
     for sent_at in range(-5, 60):
-        assert one.judge(TransmissionContext(0, sent_at)).visible_at == sent_at + least(sent_at)
+        assert tested.judge(TransmissionContext(0, sent_at)).visible_at == sent_at + least(sent_at)

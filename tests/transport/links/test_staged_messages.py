@@ -65,8 +65,8 @@ def make_inbox(rule: str, seed: int = 1) -> Inbox:
     return inbox_of("follower_1", requested, seed=seed, start_at=START, rate_hz=RATE_HZ)
 
 
-def send(inbox: Inbox, one: GpsPose) -> None:
-    inbox.on_bytes(key("lead", TOPICS["gps"]), encode(one))
+def send(inbox: Inbox, message: GpsPose) -> None:
+    inbox.on_bytes(key("lead", TOPICS["gps"]), encode(message))
 
 
 def run(
@@ -91,9 +91,9 @@ def test_the_time_of_arrival_changes_nothing_while_it_is_in_time(
     rule: str, random: Random, seed: int
 ) -> None:
     poses = [pose(k) for k in range(80)]
-    received, verdicts, inbox = run(rule, seed, [(one.sent_at_ns, one) for one in poses])
+    received, verdicts, inbox = run(rule, seed, [(m.sent_at_ns, m) for m in poses])
     random.shuffle(poses)
-    delayed = [(one.sent_at_ns + random.randrange(FLOOR), one) for one in poses]
+    delayed = [(m.sent_at_ns + random.randrange(FLOOR), m) for m in poses]
     assert run(rule, seed, delayed)[:2] == (received, verdicts)
     assert inbox.late == 0
     assert {v.outcome for v in verdicts} == {"delivered", "dropped"}
@@ -104,9 +104,9 @@ def test_the_time_of_arrival_changes_nothing_while_it_is_in_time(
 @given(seed=st.integers(0, 10_000))
 def test_each_difference_is_explained_by_a_late_message(rule: str, seed: int) -> None:
     random, poses = Random(seed), [pose(k) for k in range(80)]
-    in_time = run(rule, 1, [(one.sent_at_ns, one) for one in poses])
+    in_time = run(rule, 1, [(m.sent_at_ns, m) for m in poses])
     wires = [random.choice((0, 0, 0, FLOOR + 60 * MS, 300 * MS)) for _ in poses]
-    tardy = [(one.sent_at_ns + wire, one) for one, wire in zip(poses, wires, strict=True)]
+    tardy = [(m.sent_at_ns + wire, m) for m, wire in zip(poses, wires, strict=True)]
     received, verdicts, inbox = run(rule, 1, tardy)
     usual = {v.pose_seq: (v.outcome, v.visible_at_ns) for v in in_time[1]}
     differ = [
@@ -118,7 +118,7 @@ def test_each_difference_is_explained_by_a_late_message(rule: str, seed: int) ->
     assert {wires[seq] > 0 for seq in late} == {True}
     assert inbox.late == len(late) > 0
     assert all(seq >= min(late) - QUEUE_REACH for seq in differ)
-    assert len({one.seq for one in received}) == len(received)
+    assert len({message.seq for message in received}) == len(received)
 
 
 QUEUE_REACH = 3
@@ -128,9 +128,9 @@ QUEUE_REACH = 3
 @pytest.mark.parametrize("rule", RULES)
 def test_verdicts_are_those_of_the_stream_of_what_was_sent(rule: str) -> None:
     poses = [pose(k) for k in range(80)]
-    received, verdicts, _ = run(rule, 5, [(one.sent_at_ns, one) for one in poses])
+    received, verdicts, _ = run(rule, 5, [(m.sent_at_ns, m) for m in poses])
     link = link_of(LinkTable.model_validate(RULES[rule]), seed=5, rate_hz=RATE_HZ)
-    stream = [TransmissionContext(one.seq, one.sent_at_ns, len(encode(one))) for one in poses]
+    stream = [TransmissionContext(m.seq, m.sent_at_ns, len(encode(m))) for m in poses]
     judged = judge_stream(link, stream)
     for v in verdicts:
         wanted = judged[v.pose_seq]
@@ -141,14 +141,14 @@ def test_verdicts_are_those_of_the_stream_of_what_was_sent(rule: str) -> None:
         assert v.visible_at_ns <= v.received_at_ns < v.visible_at_ns + 20 * MS
     assert len(verdicts) > 50
     if "delay" in RULES[rule]:
-        assert [one.seq for one in received] == sorted(one.seq for one in received)
+        assert [message.seq for message in received] == sorted(message.seq for message in received)
 
 
 def test_missing_messages_do_not_delay_others() -> None:
     poses = [pose(k) for k in range(0, 80, 2)]
-    received, verdicts, inbox = run("in order", 1, [(one.sent_at_ns, one) for one in poses])
+    received, verdicts, inbox = run("in order", 1, [(m.sent_at_ns, m) for m in poses])
     assert len(verdicts) > 30
-    assert [one.seq for one in received] == sorted(one.seq for one in received)
+    assert [message.seq for message in received] == sorted(message.seq for message in received)
     assert inbox.late == 0
 
 

@@ -89,15 +89,15 @@ def test_frequent_messages_take_no_memory() -> None:
     of_kind = standard_messages()
     process = psutil.Process()
     for message in (gps("v1", 0), truth("v1", 0, 1.0, 2.0)):
-        for twin in of_kind[type(message)]:
-            if twin.name == "box":  # logged once
+        for standard in of_kind[type(message)]:
+            if standard.name == "box":  # logged once
                 continue
             for _ in range(1000):
-                twin.make(message)
+                standard.make(message)
             before = process.memory_info().rss
             for _ in range(150_000):
-                twin.make(message)
-            assert process.memory_info().rss - before < 500_000, twin.name
+                standard.make(message)
+            assert process.memory_info().rss - before < 500_000, standard.name
 
 
 def test_preview_poses_lie_on_the_arc(tmp_path: Path) -> None:

@@ -51,9 +51,9 @@ def test_counts_per_channel(tmp_path: Path) -> None:
     assert LogReader(tmp_path / "run.mcap").counts == counts
     channels = Counter(channel.topic for _, channel, _ in rows(tmp_path / "run.mcap"))
     assert channels["/convoy/v2/truth"] == TICKS
-    for twin in ("location", "pose", "transform", "preview"):
-        assert channels[f"/convoy/v2/{twin}"] == {"location": 12, "preview": 6}.get(
-            twin, TICKS // 4
+    for suffix in ("location", "pose", "transform", "preview"):
+        assert channels[f"/convoy/v2/{suffix}"] == {"location": 12, "preview": 6}.get(
+            suffix, TICKS // 4
         )
     assert "/convoy/v1/preview" not in channels
 

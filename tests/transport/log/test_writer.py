@@ -41,9 +41,9 @@ def test_same_writes_give_the_same_bytes(tmp_path: Path) -> None:
     write(tmp_path / "one.mcap")
     write(tmp_path / "two.mcap")
     write(tmp_path / "other.mcap", TICKS + 1)
-    one = (tmp_path / "one.mcap").read_bytes()
-    assert one == (tmp_path / "two.mcap").read_bytes()
-    assert one != (tmp_path / "other.mcap").read_bytes()
+    first = (tmp_path / "one.mcap").read_bytes()
+    assert first == (tmp_path / "two.mcap").read_bytes()
+    assert first != (tmp_path / "other.mcap").read_bytes()
 
 
 def test_log_times_never_go_back(tmp_path: Path) -> None:
@@ -135,7 +135,7 @@ def test_a_chunk_holds_one_second_at_most(tmp_path: Path) -> None:
         summary = make_reader(file).get_summary()
     assert summary is not None
     chunks = summary.chunk_indexes
-    assert all(one.message_end_time - one.message_start_time < SECOND for one in chunks)
+    assert all(chunk.message_end_time - chunk.message_start_time < SECOND for chunk in chunks)
     assert len(chunks) == math.ceil(ticks * drive.TICK / SECOND)
     content = bytearray(path.read_bytes())
     content[chunks[2].chunk_start_offset + 500] ^= 1

@@ -239,8 +239,8 @@ def test_a_recorder_that_is_seconds_behind_shows_the_same(tmp_path: Path) -> Non
 def test_the_vehicle_furthest_off_is_marked(tmp_path: Path) -> None:
     def messages() -> Iterator[tuple[int, Message]]:
         for seq in range(150):
-            aside = 0.5 if 50 <= seq < 100 else 0.05
-            for name, behind, left in (("v1", 0.0, 0.0), ("v2", 15.0, 0.0), ("v3", 30.0, aside)):
+            offset = 0.5 if 50 <= seq < 100 else 0.05
+            for name, behind, left in (("v1", 0.0, 0.0), ("v2", 15.0, 0.0), ("v3", 30.0, offset)):
                 pose = made.truth(name, seq, 0.6 * seq - behind, left)
                 yield pose.true_at_ns, pose
 

@@ -127,7 +127,7 @@ def test_slip_compensation_keeps_to_the_path_where_its_curvature_jumps(
 
 
 def test_slip_compensation_uses_the_path_as_followed_in_slow_cars() -> None:
-    """In fast cars the errors of the trajectory behind the car cancel those beside it."""
+    """In fast cars the errors of the trajectory behind the car cancel those next to it."""
     bend, straight = course([(0.05, 40.0), (0.0, 40.0)]), course([(0.0, 80.0)])
     law, behind = SlipCompensated(CAR), PathBehind()
     for station in range(41):

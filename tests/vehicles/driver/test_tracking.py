@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.made.vehicles.arc_courses import beside, course
+from tests.made.vehicles.arc_courses import course, point_at
 from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.tracking import SPACING, PathBehind, TrackingErrors, track
 
@@ -23,20 +23,20 @@ def pose(
 def test_left_is_positive_on_every_road_in_every_heading(heading: str, road: str) -> None:
     path = course([(ROADS[road], 40.0)], (100.0, 200.0, HEADINGS[heading]))
     place = path.at(15.0)
-    errors = track(path, pose(*beside(path, 15.0, 0.7), place.yaw + 0.1, yaw_rate=0.05))
+    errors = track(path, pose(*point_at(path, 15.0, 0.7), place.yaw + 0.1, yaw_rate=0.05))
     assert errors.lateral == pytest.approx(0.7)
     assert errors.heading == pytest.approx(0.1)
     assert errors.yaw_rate == pytest.approx(0.05 - 10.0 * ROADS[road])
     assert errors.curvature == ROADS[road]
-    errors = track(path, pose(*beside(path, 15.0, -0.7), place.yaw - 0.1))
+    errors = track(path, pose(*point_at(path, 15.0, -0.7), place.yaw - 0.1))
     assert (errors.lateral, errors.heading) == pytest.approx((-0.7, -0.1))
 
 
 def test_the_paper_s_formula_holds_on_left_turns_and_is_signed_on_right_ones() -> None:
     for side in (1.0, -1.0):
         path = course([(side / 25.0, 30.0)], (3.0, -4.0, 0.4))
-        centre = beside(path, 0.0, side * 25.0)
-        ego = beside(path, 12.0, 1.3)
+        centre = point_at(path, 0.0, side * 25.0)
+        ego = point_at(path, 12.0, 1.3)
         distance = math.hypot(ego[0] - centre[0], ego[1] - centre[1])
         errors = track(path, pose(*ego, 0.0))
         assert errors.lateral == pytest.approx(side * (25.0 - distance))
@@ -68,7 +68,7 @@ def test_curvature_is_known_ahead_and_behind() -> None:
 def test_the_path_is_extrapolated_beyond_both_ends() -> None:
     path = course([(0.0, 10.0), (1 / 20, 10.0)])
     assert track(path, pose(-5.0, 0.3, 0.0)).lateral == pytest.approx(0.3)
-    errors = track(path, pose(*beside(path, 26.0, 0.3), 0.8))
+    errors = track(path, pose(*point_at(path, 26.0, 0.3), 0.8))
     assert (errors.lateral, errors.heading) == pytest.approx((0.3, 0.0))
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.made.vehicles.arc_courses import beside, course
+from tests.made.vehicles.arc_courses import course, point_at
 from vehicles.geometry.arc_spline import ArcSpline, Piece, along_arc, near_arc
 
 YAWS = st.floats(-math.pi, math.pi)
@@ -40,7 +40,7 @@ def test_projection_inverts_the_offset_of_a_point(
     yaw: float, curvature: float, station: float, left: float, east: float
 ) -> None:
     path = course([(curvature, 10.0)], (east, -3.0, yaw))
-    foot = path.project(*beside(path, station, left))
+    foot = path.project(*point_at(path, station, left))
     assert foot.station == pytest.approx(station, abs=1e-8)
     assert foot.lateral == pytest.approx(left, abs=1e-9)
     assert math.remainder(foot.yaw - path.at(station).yaw, math.tau) == pytest.approx(0, abs=1e-9)
@@ -74,7 +74,7 @@ def test_several_pieces_project_like_one_path(
 ) -> None:
     path = course([(curvature * (k % 2), length) for k, length in enumerate(lengths)], (1, 2, yaw))
     station = share * path.length
-    foot = path.project(*beside(path, station, left))
+    foot = path.project(*point_at(path, station, left))
     assert foot.station == pytest.approx(station, abs=1e-6)
     assert foot.lateral == pytest.approx(left, abs=1e-8)
 
@@ -130,7 +130,7 @@ def test_projection_on_a_clothoid_inverts_the_offset_of_a_point(
     piece: Piece, station: float, left: float
 ) -> None:
     path = ArcSpline((piece,))
-    foot = path.project(*beside(path, station, left))
+    foot = path.project(*point_at(path, station, left))
     assert foot.lateral == pytest.approx(left, abs=1e-6)
     assert foot.station == pytest.approx(station, abs=1e-3)
     assert foot.curvature == pytest.approx(path.curvature_at(station), abs=1e-5)

@@ -27,7 +27,7 @@ SELF_MEETING = {
         *[Segment(1.5 * math.pi * 20, 1 / 20), Segment(40.0, 0.0)],
     ],
     "three laps of a circle": [Segment(6 * math.pi * 20, 1 / 20)],
-    "out, a bulb turn, and back 3.5 m beside": [
+    "out, a bulb turn, and back 3.5 m apart": [
         Segment(60.0, 0.0),
         Segment(RADIUS * AWAY, -1 / RADIUS),
         Segment(RADIUS * (math.pi + 2 * AWAY), 1 / RADIUS),
@@ -40,14 +40,14 @@ SELF_MEETING = {
 def driven(
     path: SampledPath,
     stations: Iterable[float],
-    aside: Callable[[float], float] = lambda _: 0.0,
+    offset: Callable[[float], float] = lambda _: 0.0,
     vehicle: str = "v1",
 ) -> list[TruePose]:
-    """Poses at `stations` of `path`, offset to the left by `aside(station)` (m)."""
+    """Poses at `stations` of `path`, offset to the left by `offset(station)` (m)."""
     poses = []
     for seq, station in enumerate(stations):
         point = path.at(station)
-        left = aside(station)
+        left = offset(station)
         east = point.east - left * math.sin(point.yaw)
         north = point.north + left * math.cos(point.yaw)
         poses.append(truth(vehicle, seq, east, north, yaw=point.yaw))
@@ -71,20 +71,20 @@ def cross_track(
     return added(error, (replace(pose, vehicle="v2") for pose in own))
 
 
-def feet(path: SampledPath, stations: Sequence[float], aside: float) -> list[CrossTrack]:
+def feet(path: SampledPath, stations: Sequence[float], offset: float) -> list[CrossTrack]:
     lead = driven(path, every(STEP, 0.0, path.length))
-    return cross_track(driven(path, stations, lambda _: aside), lead)
+    return cross_track(driven(path, stations, lambda _: offset), lead)
 
 
 @pytest.mark.parametrize("yaw", HEADINGS)
-@pytest.mark.parametrize("aside", [0.7, 0.0, -0.7])
-def test_left_of_a_straight_is_positive(yaw: float, aside: float) -> None:
+@pytest.mark.parametrize("offset", [0.7, 0.0, -0.7])
+def test_left_of_a_straight_is_positive(yaw: float, offset: float) -> None:
     path = path_from_segments([Segment(200.0, 0.0)], 30.0, -40.0, yaw)
     stations = every(STEP, -45.0, 190.0)
-    result = feet(path, stations, aside)
+    result = feet(path, stations, offset)
     assert [foot.at_ns for foot in result] == [at(seq / 50) for seq in range(len(stations))]
     for foot, station in zip(result, stations, strict=True):
-        assert foot.lateral == pytest.approx(aside, abs=1e-9)
+        assert foot.lateral == pytest.approx(offset, abs=1e-9)
         assert foot.station == pytest.approx(station, abs=1e-9)
 
 
@@ -101,13 +101,13 @@ def test_a_concentric_circle_has_the_difference_of_radii(turn: int, inwards: flo
 
 
 @pytest.mark.parametrize("name", SELF_MEETING)
-@pytest.mark.parametrize("aside", [1.2, 0.0, -1.2])
-def test_on_a_path_that_meets_itself_the_foot_stays_on_its_branch(name: str, aside: float) -> None:
+@pytest.mark.parametrize("offset", [1.2, 0.0, -1.2])
+def test_on_a_path_that_meets_itself_the_foot_stays_on_its_branch(name: str, offset: float) -> None:
     path = path_from_segments(SELF_MEETING[name])
     stations = every(0.3, -30.0, path.length - 2.0)
-    result = feet(path, stations, aside)
+    result = feet(path, stations, offset)
     for foot, station in zip(result, stations, strict=True):
-        assert foot.lateral == pytest.approx(aside, abs=0.01)
+        assert foot.lateral == pytest.approx(offset, abs=0.01)
         assert foot.station == pytest.approx(station, abs=0.05)
 
 
@@ -335,14 +335,14 @@ def projected(own: Sequence[TruePose], lead: Sequence[TruePose], yaw: float) -> 
 
 @given(
     course=st.sampled_from(sorted(COURSES)),
-    aside=st.sampled_from([1.2, 0.4, 0.0, -0.7]),
+    offset=st.sampled_from([1.2, 0.4, 0.0, -0.7]),
     askew=st.sampled_from([None, 0.0, 0.5, -2.0]),
     stops=st.tuples(st.integers(5, 100), st.integers(5, 100), st.integers(0, 60)),
     seed=st.integers(0, 2**32),
 )
 @examples(15, 40)
 def test_the_order_of_vehicles_does_not_change_the_foot_points(
-    course: str, aside: float, askew: float | None, stops: tuple[int, int, int], seed: int
+    course: str, offset: float, askew: float | None, stops: tuple[int, int, int], seed: int
 ) -> None:
     path = path_from_segments(COURSES[course], 40.0, -7.0, 0.4)
     lead_stop, own_stop, ticks = stops
@@ -353,7 +353,7 @@ def test_the_order_of_vehicles_does_not_change_the_foot_points(
     own = {
         "v2": driven(
             path, with_stop(every(0.55, -15.0, path.length - 2.0), own_stop, ticks),
-            lambda _: aside, "v2",
+            lambda _: offset, "v2",
         ),
         "v3": driven(path, every(0.6, -30.0, path.length - 17.0), swerving, "v3"),
     }  # fmt: skip

@@ -84,7 +84,7 @@ def test_between_a_cluster_and_sparse_points_nothing_is_extrapolated(steps: list
     at = np.arange(0.0, t[-1], 0.25)
     sharpest = 0.0
     for seed in range(20):
-        aside = np.random.default_rng(seed).normal(0.0, 0.015, t.size)
-        bend = np.diff(local_cubic(t, aside[None], at, 8.0)[0], n=2) / 0.25**2
+        lateral = np.random.default_rng(seed).normal(0.0, 0.015, t.size)
+        bend = np.diff(local_cubic(t, lateral[None], at, 8.0)[0], n=2) / 0.25**2
         sharpest = max(sharpest, float(np.max(np.abs(bend))))
     assert sharpest < 1.0 / 60.0  # 1/m

@@ -14,7 +14,7 @@ from vehicles.geometry.sampled_path import SAMPLING, SampledPath, Segment, path_
 FIGURE_OF_EIGHT = [Segment(2 * math.pi * 15, 1 / 15), Segment(2 * math.pi * 15, -1 / 15)]
 
 
-def beside(point: PathPoint, lateral: float) -> tuple[float, float]:
+def point_at(point: PathPoint, lateral: float) -> tuple[float, float]:
     return (
         point.east - lateral * math.sin(point.yaw),
         point.north + lateral * math.cos(point.yaw),
@@ -76,7 +76,7 @@ def test_left_is_positive_in_all_four_headings() -> None:
             point = path.at(11.1)
             assert point.yaw == pytest.approx(yaw + 11.1 * curvature)
             for lateral in (1.5, -1.5):
-                foot = path.project(*beside(point, lateral), 10.0)
+                foot = path.project(*point_at(point, lateral), 10.0)
                 assert foot.lateral == pytest.approx(lateral, abs=1e-9)
                 assert foot.station == pytest.approx(11.1, abs=1e-6)
                 assert foot.curvature == curvature
@@ -93,7 +93,7 @@ def test_projection_inverts_the_offset_of_a_point(
     path = path_from_segments(segments)
     station = share * path.length
     point = path.at(station)
-    foot = path.project(*beside(point, lateral), station + off)
+    foot = path.project(*point_at(point, lateral), station + off)
     assert foot.station == pytest.approx(station, abs=1e-4)
     assert foot.lateral == pytest.approx(lateral, abs=1e-6)
     assert foot.yaw == pytest.approx(point.yaw, abs=1e-5)
@@ -102,7 +102,7 @@ def test_projection_inverts_the_offset_of_a_point(
 @pytest.mark.parametrize("lateral", [-20.0, -5.0, 5.0, 6.0])
 def test_projection_on_a_tight_bend_is_exact_at_any_distance(lateral: float) -> None:
     path = path_from_segments([Segment(40.0, 1 / 8)])
-    foot = path.project(*beside(path.at(20.1), lateral), 18.0)
+    foot = path.project(*point_at(path.at(20.1), lateral), 18.0)
     assert foot.station == pytest.approx(20.1, abs=1e-7)
     assert foot.lateral == pytest.approx(lateral, abs=1e-7)
 
@@ -117,7 +117,7 @@ def test_beyond_its_ends_a_path_continues_straight() -> None:
     assert math.hypot(end.east - last.east, end.north - last.north) == pytest.approx(3.0)
     assert (end.yaw, end.curvature) == (last.yaw, 0.0)
     for station, near in ((-4.0, 0.0), (13.0, 10.0), (30.0, 28.0), (-30.0, -31.0)):
-        foot = path.project(*beside(path.at(station), 0.7), near)
+        foot = path.project(*point_at(path.at(station), 0.7), near)
         assert foot.station == pytest.approx(station, abs=1e-9)
         assert foot.lateral == pytest.approx(0.7, abs=1e-9)
 
@@ -126,7 +126,7 @@ def test_a_figure_of_eight_is_followed_in_order_through_its_crossing() -> None:
     path = path_from_segments(FIGURE_OF_EIGHT * 2)
     near, last = 0.0, -1.0
     for k in range(1, round(path.length / 0.4)):
-        foot = path.project(*beside(path.at(0.4 * k), 0.3 * math.sin(k)), near)
+        foot = path.project(*point_at(path.at(0.4 * k), 0.3 * math.sin(k)), near)
         assert foot.station == pytest.approx(0.4 * k, abs=1e-3)
         assert foot.station > last
         near = last = foot.station
@@ -135,7 +135,7 @@ def test_a_figure_of_eight_is_followed_in_order_through_its_crossing() -> None:
 def test_laps_are_distinguished_by_the_last_station() -> None:
     lap = 2 * math.pi * 15
     path = path_from_segments([Segment(3 * lap, 1 / 15)])
-    place = beside(path.at(20.0), 0.5)
+    place = point_at(path.at(20.0), 0.5)
     for k in range(3):
         foot = path.project(*place, 19.0 + k * lap)
         assert foot.station == pytest.approx(20.0 + k * lap, abs=1e-6)
@@ -152,7 +152,7 @@ def test_projection_stays_within_its_window() -> None:
 def test_a_point_beyond_the_centre_of_a_bend_has_a_finite_projection() -> None:
     path = path_from_segments([Segment(40.0, 1 / 8)])
     for lateral in (7.9, 8.0, 8.1, 20.0, -500.0):
-        foot = path.project(*beside(path.at(20.0), lateral), 20.0)
+        foot = path.project(*point_at(path.at(20.0), lateral), 20.0)
         assert math.isfinite(foot.lateral)
         assert 15.0 <= foot.station <= 25.0
 

@@ -17,12 +17,12 @@ def interior(smoothed: SmoothedPath, margin: float) -> NDArray[np.bool_]:
 
 def drift(path: SampledPath) -> tuple[float, float]:
     """Errors of yaw (rad) and position (m) after integrating the curvature."""
-    ways = np.diff(path.station)
-    turned = np.cumsum(0.5 * (path.curvature[1:] + path.curvature[:-1]) * ways)
+    lengths = np.diff(path.station)
+    turned = np.cumsum(0.5 * (path.curvature[1:] + path.curvature[:-1]) * lengths)
     yaw = path.yaw[0] + np.concatenate(([0.0], turned))
     middle = 0.5 * (yaw[1:] + yaw[:-1])
-    east = path.east[0] + np.cumsum(ways * np.cos(middle))
-    north = path.north[0] + np.cumsum(ways * np.sin(middle))
+    east = path.east[0] + np.cumsum(lengths * np.cos(middle))
+    north = path.north[0] + np.cumsum(lengths * np.sin(middle))
     apart = np.hypot(east - path.east[1:], north - path.north[1:])
     return float(np.max(np.abs(yaw - path.yaw))), float(np.max(apart))
 

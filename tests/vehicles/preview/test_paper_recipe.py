@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
-from tests.made.vehicles.arc_courses import beside, course, misses, window, with_noise
+from tests.made.vehicles.arc_courses import course, fit_errors, point_at, window, with_noise
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.paper_recipe import circle_of_least_squares, recipe_curve
 from vehicles.preview.samples import Window
@@ -61,7 +61,7 @@ def test_exact_arcs_ahead_are_recovered_and_extrapolated_to_the_car(
     path = course([(side / radius, 30.0)], start)
     lead = window(path, np.linspace(4.0, 30.0, 18), 3.0)
     predecessor = window(path, np.linspace(3.4, 18.0, 11), 3.0)
-    offset, heading, bend = misses(fit(lead, predecessor), path, 3.0)
+    offset, heading, bend = fit_errors(fit(lead, predecessor), path, 3.0)
     # Far from the origin positions are rounded to 1e-9 m.
     assert abs(offset) < 1e-5
     assert abs(heading) < 1e-6
@@ -72,7 +72,7 @@ def test_an_arc_of_more_than_half_a_turn_keeps_its_direction() -> None:
     for side in (-1.0, 1.0):
         path = course([(side / 8.0, 36.0)], (3.0, -4.0, 2.0))  # 258 degrees
         fitted = fit(window(path, np.linspace(0.5, 36.0, 25), 0.0), None)
-        assert max(map(abs, misses(fitted, path, 0.0))) < 1e-9
+        assert max(map(abs, fit_errors(fitted, path, 0.0))) < 1e-9
 
 
 @pytest.mark.parametrize(("radius", "straight"), [(725.0, True), (715.0, False)])
@@ -88,7 +88,7 @@ def test_lines_have_a_heading_in_every_direction_and_side_by_side(yaw: float) ->
     path = course([(0.0, 30.0)], (1000.0, 2000.0, yaw))
     stations = np.linspace(0.5, 24.0, 17)
     fitted = fit(window(path, stations, 0.0), window(path, stations, 0.0, left=0.06))
-    offset, heading, bend = misses(fitted, path, 0.0)
+    offset, heading, bend = fit_errors(fitted, path, 0.0)
     assert offset == pytest.approx(-0.03, abs=1e-4)
     assert (heading, bend) == pytest.approx((0.0, 0.0), abs=2e-3)
 
@@ -97,7 +97,7 @@ def test_alpha_weights_the_predecessor() -> None:
     path, stations = course([(0.0, 20.0)]), np.linspace(1.0, 20.0, 15)
     lead, displaced = window(path, stations, 0.0), window(path, stations, 0.0, left=0.09)
     for alpha in (0.0, 0.25, 0.5, 1.0):
-        offset, _, _ = misses(fit(lead, displaced, alpha), path, 10.0)
+        offset, _, _ = fit_errors(fit(lead, displaced, alpha), path, 10.0)
         assert offset == pytest.approx(-0.09 * alpha, abs=1e-6)
 
 
@@ -208,4 +208,4 @@ def test_beside_is_left() -> None:
     """A point built to the left has a positive lateral error."""
     path = course([(-1 / 50, 30.0)], (7.0, 8.0, 2.5))
     fitted = fit(window(path, np.linspace(1.0, 24.0, 17), 0.0), None)
-    assert fitted.spline.project(*beside(path, 3.0, 0.4)).lateral == pytest.approx(0.4, abs=1e-6)
+    assert fitted.spline.project(*point_at(path, 3.0, 0.4)).lateral == pytest.approx(0.4, abs=1e-6)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from tests.made.vehicles.arc_courses import course, misses, window, with_noise
+from tests.made.vehicles.arc_courses import course, fit_errors, window, with_noise
 from tests.made.vehicles.true_shapes import JUMPING, SMOOTH, drawn
 from vehicles.geometry.arc_spline import ArcSpline, Piece
 from vehicles.preview.curve_fit import FitSettings
@@ -38,7 +38,7 @@ def test_exact_clothoids_are_recovered(bend: float, rate: float, side: float, ya
     fitted = fit(path, np.linspace(0.0, length, 40).tolist(), ego)
     # The fit is first order in the rate.
     off = 2e-5 + 0.005 * rate * length**3 / 24.0
-    offset, heading, curvature = misses(fitted, path, ego)
+    offset, heading, curvature = fit_errors(fitted, path, ego)
     assert abs(offset) < off
     assert abs(heading) < off
     assert abs(curvature) < 0.03 * rate * length + 1e-6
@@ -62,7 +62,7 @@ def test_exact_joins_of_two_arcs_are_recovered(
     path = course([(before, join * length), (after, (1.0 - join) * length)], (5.0, 7.0, yaw))
     fitted = fit(path, np.linspace(0.0, length, 40).tolist(), 0.2 * length)
     # A curvature within the noise is not fitted, hence millimetres.
-    assert max(map(abs, misses(fitted, path, 0.2 * length)[:2])) < 5e-3
+    assert max(map(abs, fit_errors(fitted, path, 0.2 * length)[:2])) < 5e-3
     end = path.at(length)
     assert abs(fitted.spline.project(end.east, end.north).lateral) < 0.02
 
@@ -76,7 +76,7 @@ def test_a_hairpin_is_no_clothoid() -> None:
         for piece in fitted.spline.pieces:
             assert abs(piece.rate) <= RATE_MOST
             assert max(map(abs, (piece.curvature_at(0.0), piece.curvature_at(99.0)))) < 1.0
-        assert abs(misses(fitted, path, ego)[0]) < 0.3
+        assert abs(fit_errors(fitted, path, ego)[0]) < 0.3
 
 
 def test_curvature_is_not_extrapolated_beyond_the_samples() -> None:

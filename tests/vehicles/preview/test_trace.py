@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made.transport.received_poses import received
-from tests.made.vehicles.arc_courses import beside, course
+from tests.made.vehicles.arc_courses import course, point_at
 from tests.made.vehicles.laps import TICK, Place, bulb, eight, lap
 from vehicles.preview.samples import TraceSettings
 from vehicles.preview.trace import Trace
@@ -71,7 +71,9 @@ def test_the_spacing_is_the_arc_length_to_the_newest_pose() -> None:
         place = path.at(0.5 * k)
         send(trace, k, (place.east, place.north, place.yaw))
     for station in (3.0, 10.0, 18.0, 25.0, 31.0, 40.0):
-        assert trace.spacing(*beside(path, station, 0.5)) == pytest.approx(50.0 - station, abs=0.01)
+        assert trace.spacing(*point_at(path, station, 0.5)) == pytest.approx(
+            50.0 - station, abs=0.01
+        )
     assert trace.newest is not None
     assert trace.newest.measured_at == 101 * TICK
 
@@ -86,7 +88,7 @@ def test_late_messages_are_inserted_in_order(order: list[int]) -> None:
     for trace, ranks in ((shuffled, [0, *late]), (ordered, list(range(40)))):
         for k in ranks:
             send(trace, k, (places[k].east, places[k].north, places[k].yaw))
-    ego = beside(path, 5.0)
+    ego = point_at(path, 5.0)
     for one, other in zip(
         shuffled.window(*ego, 3.0, 20.0), ordered.window(*ego, 3.0, 20.0), strict=True
     ):
@@ -101,7 +103,7 @@ def test_a_late_message_behind_the_ego_does_not_move_the_ego() -> None:
         place = path.at(float(k))
         if k != 10:
             send(trace, k, (place.east, place.north, place.yaw), 20.0)
-    ego = beside(path, 20.0)
+    ego = point_at(path, 20.0)
     before = trace.window(*ego, 8.0, 8.0)
     missing = path.at(10.0)
     send(trace, 10, (missing.east, missing.north, missing.yaw), 20.0)

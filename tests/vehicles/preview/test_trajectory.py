@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
 from tests.made.examples import examples
-from tests.made.vehicles.arc_courses import beside, course, misses, window, with_noise
+from tests.made.vehicles.arc_courses import course, fit_errors, point_at, window, with_noise
 from vehicles.geometry.arc_spline import ArcSpline
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.samples import Window
@@ -42,7 +42,7 @@ def two_sources(path: ArcSpline, length: float, ego: float) -> tuple[Window, Win
 
 def assert_exact(path: ArcSpline, length: float, ego: float, tightest: float) -> None:
     fitted = fit(*two_sources(path, length, ego))
-    offset, heading, bend = misses(fitted, path, ego)
+    offset, heading, bend = fit_errors(fitted, path, ego)
     assert abs(offset) < 1e-3
     assert abs(heading) < 1e-4
     assert abs(bend) <= 0.01 * abs(tightest) + 1e-9
@@ -85,7 +85,7 @@ def test_exact_joins_of_line_and_arc_are_recovered() -> None:
         bends = (0.0, side / radius) if random.random() < 0.5 else (side / radius, 0.0)
         path = course([(bends[0], join * length), (bends[1], (1.0 - join) * length)])
         fitted = fit(*two_sources(path, length, behind * length))
-        offset, heading, bend = misses(fitted, path, behind * length)
+        offset, heading, bend = fit_errors(fitted, path, behind * length)
         errors.append((abs(offset), abs(heading), abs(bend) * radius, fitted.residual_max))
     bounds = np.array(errors) <= (1e-3, 1e-4, 0.01, 4e-3)
     assert np.mean(bounds.all(axis=1)) >= 0.98
@@ -97,7 +97,7 @@ def test_a_wide_arc_is_not_mistaken_for_a_line() -> None:
     path = course([(1 / 300, 15.0)])
     seen = window(path, np.linspace(0.0, 15.0, 20), 4.0)
     assert max(abs(path.at(s).north - s * path.at(15.0).north / 15.0) for s in range(15)) < 0.1
-    _, _, bend = misses(fit(seen, None), path, 4.0)
+    _, _, bend = fit_errors(fit(seen, None), path, 4.0)
     assert abs(bend) < 1e-6
 
 
@@ -188,7 +188,7 @@ def test_spread_under_noise_is_that_of_least_squares(pieces: list[tuple[float, f
     both = Window(*(np.concatenate(pair) for pair in zip(lead, predecessor, strict=True)))
     random = np.random.default_rng(5)
     fitted = [
-        misses(fit(with_noise(lead, random), with_noise(predecessor, random)), path, ego)
+        fit_errors(fit(with_noise(lead, random), with_noise(predecessor, random)), path, ego)
         for _ in range(400)
     ]
     spread = np.std(fitted, axis=0)
@@ -209,7 +209,7 @@ def test_a_noisy_arc_minimises_the_distances() -> None:
         east, north, radius = circle
         return np.asarray(np.hypot(seen.east - east, seen.north - north) - radius)
 
-    east, north = beside(path, 5.0, 25.0)
+    east, north = point_at(path, 5.0, 25.0)
     radius = least_squares(away, [east, north, 25.0]).x[2]
     best_alone = replace(SETTINGS, ignored=0.999)
     fitted = fit_composite(seen, None, alpha=0.5, settings=best_alone)
@@ -221,7 +221,7 @@ def test_a_noisy_arc_minimises_the_distances() -> None:
 def test_alpha_is_the_weight_of_the_predecessor(alpha: float) -> None:
     path, stations = course([(0.0, 20.0)], (10.0, 20.0, 1.0)), np.linspace(0.0, 20.0, 15)
     fitted = fit(window(path, stations, 4.0), window(path, stations, 4.0, left=0.08), alpha)
-    offset, heading, _ = misses(fitted, path, 4.0)
+    offset, heading, _ = fit_errors(fitted, path, 4.0)
     # Distances are taken along one normal for all samples, which is exact to second order.
     assert offset == pytest.approx(-0.08 * alpha, abs=1e-4)
     assert heading == pytest.approx(0.0, abs=1e-4)
@@ -233,7 +233,7 @@ def test_a_source_alone_gets_all_the_weight() -> None:
     path, stations = course([(0.02, 20.0)]), np.linspace(0.0, 20.0, 15)
     seen, nothing = window(path, stations, 4.0), window(path, [], 4.0)
     for lead, predecessor, alpha in ((seen, None, 1.0), (None, seen, 0.0), (nothing, seen, 0.0)):
-        assert max(map(abs, misses(fit(lead, predecessor, alpha), path, 4.0))) < 1e-9
+        assert max(map(abs, fit_errors(fit(lead, predecessor, alpha), path, 4.0))) < 1e-9
 
 
 def test_samples_side_by_side_do_not_turn_the_path() -> None:
@@ -241,7 +241,7 @@ def test_samples_side_by_side_do_not_turn_the_path() -> None:
     path = course([(1 / 300, 30.0)])
     stations = np.linspace(0.0, 30.0, 20)
     fitted = fit(window(path, stations, 7.0), window(path, stations + 0.01, 7.0, left=0.1))
-    offset, heading, bend = misses(fitted, path, 7.0)
+    offset, heading, bend = fit_errors(fitted, path, 7.0)
     assert offset == pytest.approx(-0.05, abs=2e-3)
     assert abs(heading) < 1e-3
     assert abs(bend) < 1e-4
@@ -256,7 +256,7 @@ def test_a_jumped_sample_is_left_out(which: int, jump: float) -> None:
     fitted = fit(lead, predecessor)
     assert fitted.outliers == 1
     assert len(fitted.station) == 37
-    assert max(map(abs, misses(fitted, path, 7.0)[:2])) < 1e-4
+    assert max(map(abs, fit_errors(fitted, path, 7.0)[:2])) < 1e-4
 
 
 def test_samples_too_few_or_degenerate_support_no_trajectory() -> None:
@@ -316,13 +316,13 @@ def test_fusion_modes() -> None:
     lead, predecessor = window(path, stations, 4.0), window(path, stations, 4.0, left=0.2)
     ((share, only),) = fuse("composite", lead, predecessor, alpha=0.75, settings=SETTINGS)
     assert share == 1.0
-    assert misses(only, path, 4.0)[0] == pytest.approx(-0.15, abs=1e-4)
+    assert fit_errors(only, path, 4.0)[0] == pytest.approx(-0.15, abs=1e-4)
     ((share, only),) = fuse("predecessor", lead, predecessor, alpha=0.75, settings=SETTINGS)
-    assert misses(only, path, 4.0)[0] == pytest.approx(-0.2)
+    assert fit_errors(only, path, 4.0)[0] == pytest.approx(-0.2)
     one, other = fuse("blend", lead, predecessor, alpha=0.75, settings=SETTINGS)
     assert (one[0], other[0]) == (0.25, 0.75)
-    assert misses(one[1], path, 4.0)[0] == pytest.approx(0.0, abs=1e-9)
-    assert misses(other[1], path, 4.0)[0] == pytest.approx(-0.2)
+    assert fit_errors(one[1], path, 4.0)[0] == pytest.approx(0.0, abs=1e-9)
+    assert fit_errors(other[1], path, 4.0)[0] == pytest.approx(-0.2)
     for fusion in ("composite", "blend"):
         ((share, only),) = fuse(fusion, lead, None, alpha=0.75, settings=SETTINGS)
         assert share == 1.0

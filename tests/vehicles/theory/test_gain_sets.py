@@ -145,8 +145,8 @@ def test_extremes_follow_tips_that_no_grid_finds() -> None:
         curve = boundary_curve(CAR, 30.0, yaw_rate, frequencies)
         gains = np.column_stack([curve, np.full(len(curve), yaw_rate)])
         gains = gains[np.isfinite(curve).all(axis=1) & (curve[:, 0] > 0.0)]
-        beside = gains[:, None, :] + np.array([[0.0, 1e-3, 0.0], [0.0, -1e-3, 0.0]])
-        surface.append(gains[is_stabilising(CAR, 30.0, beside).any(axis=1)])
+        neighbours = gains[:, None, :] + np.array([[0.0, 1e-3, 0.0], [0.0, -1e-3, 0.0]])
+        surface.append(gains[is_stabilising(CAR, 30.0, neighbours).any(axis=1)])
     for (least, most), points in zip(reached, np.concatenate(surface).T, strict=True):
         room = 0.02 * (most - least)
         assert points.min() > least - room

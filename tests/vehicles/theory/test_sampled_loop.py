@@ -69,7 +69,7 @@ def test_stationary_gains_are_those_of_the_filter(
 ) -> None:
     """The stationary Kalman gains, against the settled filter of a vehicle."""
     gains = stationary_gains(replace(LOOP, gnss_hz=gnss_hz, gnss=noise), speed)
-    for column, (aside, turned) in enumerate(((0.01, 0.0), (0.0, 0.001))):
+    for column, (offset, turned) in enumerate(((0.01, 0.0), (0.0, 0.001))):
         estimator = PoseEstimator(CAR, noise, UNBIASED)
         last = round(100 * gnss_hz)
         for k, at in enumerate(
@@ -81,12 +81,12 @@ def test_stationary_gains_are_those_of_the_filter(
             if seq is None:
                 continue
             shift = seq == last
-            place, yaw = (aside, turned) if shift else (0.0, 0.0)
+            place, yaw = (offset, turned) if shift else (0.0, 0.0)
             estimator.correct(Fix(seq, at, speed * at / SECOND, place, yaw, speed, 0.0))
             if shift:
                 break
         pose = estimator.at(at)
-        given = (aside, turned)[column]
+        given = (offset, turned)[column]
         assert [pose.north / given, pose.yaw / given] == pytest.approx(
             gains[:, column].tolist(), rel=0.01
         )

@@ -121,10 +121,10 @@ def test_a_ghost_drives_beside_the_sender_half_an_interval_later() -> None:
     pose = gps("v1", 7, heading_deg=90.0, speed_mps=20.0)
     law = ghost(ALWAYS, Shift(ahead=-3.0, left=0.5), 25_000_000)
     assert law.falsify(pose, PLANE, nothing) == pose
-    beside = law.extra_message(pose, PLANE)
-    assert differing(pose, beside) <= ELSEWHERE | {"measured_at_ns", "sent_at_ns"}
-    assert beside.measured_at_ns - pose.measured_at_ns == 25_000_000
-    place = PLANE.to_plane(beside.latitude_deg, beside.longitude_deg, beside.altitude_m)
+    ghost_pose = law.extra_message(pose, PLANE)
+    assert differing(pose, ghost_pose) <= ELSEWHERE | {"measured_at_ns", "sent_at_ns"}
+    assert ghost_pose.measured_at_ns - pose.measured_at_ns == 25_000_000
+    place = PLANE.to_plane(ghost_pose.latitude_deg, ghost_pose.longitude_deg, ghost_pose.altitude_m)
     assert place == pytest.approx((-3.0 + 0.5, 0.5), abs=1e-6)  # half a metre in 25 ms
 
 

@@ -29,7 +29,7 @@ def through(
     law: StageLaw, sent: list[StagedMessage], until: int = NEVER
 ) -> dict[int, StagedMessage]:
     found = law.stage().carry(sent, until)
-    return {one.context.seq: one for one in found}
+    return {staged.context.seq: staged for staged in found}
 
 
 def messages(instants: list[int], sizes: list[int] | int = 100) -> list[StagedMessage]:
@@ -39,7 +39,7 @@ def messages(instants: list[int], sizes: list[int] | int = 100) -> list[StagedMe
         TransmissionContext(seq, at, size)
         for seq, (at, size) in enumerate(zip(instants, sizes, strict=True))
     ]
-    return [StagedMessage(one, one.sent_at) for one in contexts]
+    return [StagedMessage(context, context.sent_at) for context in contexts]
 
 
 # ---- Closed forms
@@ -49,8 +49,8 @@ def test_below_its_rate_no_message_waits() -> None:
     # 100 bytes at 4000 bytes/s take 25 ms; one message arrives every 50 ms.
     found = through(queue_of(4000.0, 3), messages([50 * MS * k for k in range(1000)]))
     assert len(found) == 1000
-    for seq, one in found.items():
-        assert (one.reason, one.visible_at) == ("", (50 * seq + 25) * MS)
+    for seq, staged in found.items():
+        assert (staged.reason, staged.visible_at) == ("", (50 * seq + 25) * MS)
 
 
 @pytest.mark.parametrize("drop", ["newest", "oldest"])
@@ -60,12 +60,12 @@ def test_above_its_rate_a_queue_fills_and_drops(depth: int, drop: str) -> None:
     # queue, `depth` times 40 ms.
     law, count = queue_of(2500.0, depth, drop), 20_000  # type: ignore[arg-type]  # of the two
     found = through(law, messages([25 * MS * k for k in range(count)]))
-    lost = sum(one.reason == "queue" for one in found.values())
+    lost = sum(staged.reason == "queue" for staged in found.values())
     assert abs(lost / count - 0.375) < (depth + 2) / count
     delays = [
-        one.visible_at - one.context.sent_at
-        for one in list(found.values())[500:-100]
-        if not one.reason
+        staged.visible_at - staged.context.sent_at
+        for staged in list(found.values())[500:-100]
+        if not staged.reason
     ]
     if drop == "newest":  # joins behind depth - 1 messages and the one being sent
         assert depth * 40 * MS <= min(delays)
@@ -93,7 +93,7 @@ def test_random_arrivals_wait_as_pollaczek_and_khinchine_have_it(
     parts = [waits[k : k + 1000] for k in range(0, len(waits), 1000)]
     means = [sum(part) / len(part) for part in parts]
     mean = sum(means) / len(means)
-    deviation = sqrt(sum((one - mean) ** 2 for one in means) / (len(means) - 1))
+    deviation = sqrt(sum((value - mean) ** 2 for value in means) / (len(means) - 1))
     wanted = load / (2.0 * (1.0 - load))
     assert abs(mean - wanted) < 3.0 * deviation / sqrt(len(means))
 
@@ -141,9 +141,9 @@ def test_it_is_the_queue_of_another_simulation(
     instants = list(accumulate(gaps))
     law = queue_of(1e9, depth, drop)  # type: ignore[arg-type]  # a byte takes a nanosecond
     found = through(law, messages(instants, sizes))
-    assert {seq: (one.reason, one.visible_at) for seq, one in found.items()} == brute_force(
-        instants, sizes, law
-    )
+    assert {
+        seq: (staged.reason, staged.visible_at) for seq, staged in found.items()
+    } == brute_force(instants, sizes, law)
 
 
 @given(
@@ -164,10 +164,10 @@ def test_the_instants_of_deciding_change_nothing(
     while len(found) < len(sent):
         until += steps[k % len(steps)]
         k += 1
-        arrived = [one for one in sent if before < one.context.sent_at <= until]
+        arrived = [staged for staged in sent if before < staged.context.sent_at <= until]
         decided = ordered.carry(queue.carry(arrived, until), until)
         # Messages visible by the previous instant were decided then.
-        assert all(one.visible_at > before for one in decided)
+        assert all(staged.visible_at > before for staged in decided)
         found += decided
         before = until
     assert found == at_once
@@ -179,7 +179,7 @@ def test_the_instants_of_deciding_change_nothing(
 def test_a_message_lost_on_its_way_has_taken_its_turn_but_not_one_that_was_never_sent() -> None:
     contexts = [TransmissionContext(seq, 0, 10) for seq in range(4)]
     reasons = ("", "loss", "transmitter_off", "")
-    sent = [StagedMessage(one, 0, why) for one, why in zip(contexts, reasons, strict=True)]  # type: ignore[arg-type]
+    sent = [StagedMessage(context, 0, why) for context, why in zip(contexts, reasons, strict=True)]  # type: ignore[arg-type]
     found = through(queue_of(1e9, 10), sent)
     assert [found[seq].visible_at for seq in range(4)] == [10, 20, 0, 30]
     assert [found[seq].reason for seq in range(4)] == list(reasons)
@@ -187,7 +187,7 @@ def test_a_message_lost_on_its_way_has_taken_its_turn_but_not_one_that_was_never
 
 def test_a_lost_message_keeps_its_reason_when_dropped() -> None:
     contexts = [TransmissionContext(seq, 0, 10) for seq in range(3)]
-    sent = [StagedMessage(one, 7, "loss" if one.seq == 1 else "") for one in contexts]
+    sent = [StagedMessage(context, 7, "loss" if context.seq == 1 else "") for context in contexts]
     found = through(queue_of(1e9, 1, "oldest"), sent)
     assert [found[seq].reason for seq in range(3)] == ["", "loss", ""]
 
@@ -202,7 +202,7 @@ def test_in_order_is_the_largest_so_far_of_those_that_are_delivered(
     ]
     found = through(InOrder(), sent)
     for seq in range(len(rows)):
-        before = [one.visible_at for one in sent[:seq] if not one.reason]
+        before = [staged.visible_at for staged in sent[:seq] if not staged.reason]
         assert found[seq].visible_at == max([sent[seq].visible_at, *before])
         assert found[seq].reason == sent[seq].reason
 
@@ -212,8 +212,8 @@ def test_a_link_in_order_delays_and_one_that_is_free_lets_overtake() -> None:
     law = {"kind": "uniform", "delay_ms_max": 100.0}
     free = LinkTable.model_validate({"delay": law})
     tied = LinkTable.model_validate({"delay": law | {"order": "in_order"}})
-    overtaking = [one.visible_at for one in judge_stream(link(free), stream)]
-    ordered = [one.visible_at for one in judge_stream(link(tied), stream)]
+    overtaking = [verdict.visible_at for verdict in judge_stream(link(free), stream)]
+    ordered = [verdict.visible_at for verdict in judge_stream(link(tied), stream)]
     assert overtaking != sorted(overtaking)
     assert ordered == list(accumulate(overtaking, max))
 
@@ -223,11 +223,11 @@ def test_delays_of_queue_and_floor_add_up() -> None:
     stream = [TransmissionContext(seq, seq * 50 * MS, 130) for seq in range(6)]  # 100 ms each
     judged = judge_stream(link(requested), stream)
     sent = {0: 100, 1: 200, 2: 300, 3: 400, 4: 500}  # when 5 arrives, 2 is being sent, 3 and 4 wait
-    for seq, one in enumerate(judged):
+    for seq, verdict in enumerate(judged):
         if seq in sent:
-            assert (one.outcome, one.visible_at) == ("delivered", (sent[seq] + 20) * MS)
+            assert (verdict.outcome, verdict.visible_at) == ("delivered", (sent[seq] + 20) * MS)
         else:
-            assert (one.reason, one.visible_at) == ("queue", (50 * seq + 20) * MS)
+            assert (verdict.reason, verdict.visible_at) == ("queue", (50 * seq + 20) * MS)
 
 
 def test_a_description_has_the_numbers_of_the_queue() -> None:

@@ -48,7 +48,7 @@ def first_refused(all_of: list[Judged]) -> float:
 
 
 def reasons(all_of: list[Judged]) -> set[str]:
-    return {str(one.reason) for one in all_of} - {""}
+    return {str(verdict.reason) for verdict in all_of} - {""}
 
 
 # ---- Honest sources
@@ -64,8 +64,8 @@ def test_squared_innovations_of_an_honest_drive_are_chi_squared(
     )
     pairs = zip(fixes[0::2], fixes[1::2], strict=False)  # pairs without a common pose
     squares = [
-        innovation(received_fix(one), received_fix(other), GnssNoise()).square
-        for one, other in pairs
+        innovation(received_fix(before), received_fix(after), GnssNoise()).square
+        for before, after in pairs
     ]
     assert len(squares) == 1000
     assert stats.kstest(squares, stats.chi2(2).cdf).pvalue > 0.01
@@ -93,9 +93,9 @@ def test_no_possible_motion_exceeds_three_deviations(
     after = Fix(
         1, START + nanoseconds(span), east.real, east.imag, yaw, abs(velocity), 0.0, accuracy=0.0
     )
-    one = innovation(received_fix(before), received_fix(after), GnssNoise(0.0, 0.0, 0.0, 0.0))
-    assert math.hypot(one.east, one.north) <= CORNERING * span * span / 4.0 + 1e-6
-    assert one.deviations() <= 3.0 + 1e-6
+    change = innovation(received_fix(before), received_fix(after), GnssNoise(0.0, 0.0, 0.0, 0.0))
+    assert math.hypot(change.east, change.north) <= CORNERING * span * span / 4.0 + 1e-6
+    assert change.deviations() <= 3.0 + 1e-6
 
 
 def test_the_extreme_motion_reaches_three_deviations() -> None:
@@ -104,8 +104,8 @@ def test_the_extreme_motion_reaches_three_deviations() -> None:
     distance = 10.0 * span + CORNERING * span * span / 4.0
     before = Fix(0, START, 0.0, 0.0, 0.0, 10.0, 0.0)
     after = Fix(1, START + nanoseconds(span), distance, 0.0, 0.0, 10.0, 0.0)
-    one = innovation(received_fix(before), received_fix(after), GnssNoise())
-    assert 2.9 < one.deviations() < 3.0
+    change = innovation(received_fix(before), received_fix(after), GnssNoise())
+    assert 2.9 < change.deviations() < 3.0
 
 
 @given(
@@ -138,7 +138,7 @@ def test_no_honest_source_is_distrusted(
     all_of = judged(thinned(fixes, share, seed), InnovationGate(noise))
     assert not refused(all_of)
     assert not reasons(all_of)
-    assert all(one.deviation == one.pose.accuracy for one in all_of)
+    assert all(verdict.deviation == verdict.pose.accuracy for verdict in all_of)
 
 
 def test_thirty_thousand_honest_poses_pass() -> None:
@@ -187,7 +187,7 @@ def test_true_late_poses_are_trusted_and_change_nothing(seed: int, late: int) ->
     judged(fixes[:50], gate)
     false = replace(fixes[48], east=fixes[48].east + 5.0)
     assert gate.judge(received_fix(false, received_at=fixes[49].measured_at)) in REFUSED
-    assert all(not one.refused for one in judged(fixes[50:], gate))
+    assert all(not verdict.refused for verdict in judged(fixes[50:], gate))
 
 
 # ---- Detection of false content, and recovery
@@ -216,13 +216,13 @@ def test_false_content_is_detected_named_and_over(
     all_of = judged(falsify(fixes, false))
     assert 0.0 <= first_refused(all_of) <= detected + 1e-9
     assert name in reasons(all_of)
-    assert all(not one.refused for one in all_of if one.seconds >= END + trusted)
+    assert all(not verdict.refused for verdict in all_of if verdict.seconds >= END + trusted)
 
 
 def test_all_poses_of_a_frozen_source_are_refused_and_none_after() -> None:
     fixes = measured_fixes(random_motion(5, lateral=5.0, braking=4.0), seconds=12.0)
     all_of = judged(falsify(fixes, frozen(SPELL)))
-    assert {one.pose.message.seq for one in refused(all_of)} == set(range(80, 140))
+    assert {verdict.pose.message.seq for verdict in refused(all_of)} == set(range(80, 140))
     assert reasons(all_of) == {"frozen"}
 
 
@@ -232,17 +232,17 @@ def test_a_frozen_source_is_detected_at_walking_pace(rate_hz: float, within: flo
     all_of = judged(falsify(fixes, frozen(SPELL)))
     assert first_refused(all_of) <= within
     assert "frozen" in reasons(all_of)
-    assert all(not one.refused for one in all_of if one.seconds >= END)
+    assert all(not verdict.refused for verdict in all_of if verdict.seconds >= END)
 
 
 @pytest.mark.parametrize("share", [1.0, 0.4])
 def test_of_two_tracks_the_first_one_stays_trusted(share: float) -> None:
     fixes = measured_fixes(random_motion(7, lateral=5.0, braking=4.0), seconds=12.0)
-    beside = ghost(SPELL, Shift(left=4.0), HALF_PERIOD)
-    received = thinned(falsify(fixes, beside), share, 1)
+    ghosts = ghost(SPELL, Shift(left=4.0), HALF_PERIOD)
+    received = thinned(falsify(fixes, ghosts), share, 1)
     true_at = {fix.measured_at for fix in fixes}
-    for one in judged(received):
-        assert one.refused != (one.pose.measured_at in true_at)
+    for verdict in judged(received):
+        assert verdict.refused != (verdict.pose.measured_at in true_at)
 
 
 def test_a_new_position_is_trusted_after_it_was_consistent_for_the_configured_time() -> None:
@@ -251,7 +251,7 @@ def test_a_new_position_is_trusted_after_it_was_consistent_for_the_configured_ti
     moved = falsify(fixes, offset(ever, Shift(east=60.0, north=80.0)))
     for settle in (0.3, 1.0, 2.0):
         all_of = judged(moved, InnovationGate(settle=settle))
-        spell = [one.seconds for one in refused(all_of)]
+        spell = [verdict.seconds for verdict in refused(all_of)]
         assert spell[0] == BEGIN
         assert spell[-1] == pytest.approx(BEGIN + settle - 0.05)
 
@@ -271,7 +271,7 @@ def test_no_source_is_excluded_forever(seed: int, size: float, share: float) -> 
     received = [
         disturbed(fix) if fix.seq < 80 and random.random() < share else fix for fix in fixes
     ]
-    assert all(not one.refused for one in judged(received) if one.seconds >= 5.2)
+    assert all(not verdict.refused for verdict in judged(received) if verdict.seconds >= 5.2)
 
 
 @pytest.mark.parametrize("truth", [1.0, 0.05])
@@ -296,9 +296,9 @@ def test_a_receiver_that_loses_its_fix_is_trusted_or_jumps(truth: float) -> None
         )
         assert reasons(all_of) <= (set() if truth == 1.0 else {"jumping"})
         assert all(
-            not one.refused
-            for one in all_of
-            if not (BEGIN <= one.seconds < BEGIN + 1.0 or END <= one.seconds < END + 1.0)
+            not verdict.refused
+            for verdict in all_of
+            if not (BEGIN <= verdict.seconds < BEGIN + 1.0 or END <= verdict.seconds < END + 1.0)
         )
 
 
@@ -310,11 +310,11 @@ def test_a_source_that_scatters_more_than_stated_is_over_confident(
         noise = GnssNoise(position=0.3)
         fixes = measured_fixes(constant_motion(20.0, 0.005), seconds=15.0, noise=noise, seed=seed)
         all_of = judged([replace(fix, accuracy=0.3 / factor) for fix in fixes])
-        found = [one for one in all_of if one.reason == "over-confident"]
+        found = [verdict for verdict in all_of if verdict.reason == "over-confident"]
         assert found[0].seconds < within
-        later = [one for one in all_of if one.seconds > within]
-        assert sum(not one.refused for one in later) > 0.98 * len(later)
-        assert np.median([one.deviation for one in later]) == pytest.approx(0.3, rel=0.3)
+        later = [verdict for verdict in all_of if verdict.seconds > within]
+        assert sum(not verdict.refused for verdict in later) > 0.98 * len(later)
+        assert np.median([verdict.deviation for verdict in later]) == pytest.approx(0.3, rel=0.3)
 
 
 def test_over_confidence_ends_when_the_accuracy_is_true_again() -> None:
@@ -323,7 +323,7 @@ def test_over_confidence_ends_when_the_accuracy_is_true_again() -> None:
     fixes = [replace(fix, accuracy=0.02) for fix in noisy] + quiet[len(noisy) :]
     all_of = judged(fixes)
     assert "over-confident" in reasons(all_of)
-    assert not reasons([one for one in all_of if one.seconds > 8.5])
+    assert not reasons([verdict for verdict in all_of if verdict.seconds > 8.5])
 
 
 @pytest.mark.parametrize(
@@ -373,7 +373,7 @@ def test_three_consecutive_headings_beyond_their_gate_are_refused_and_two_are_no
     turned = [replace(fix, yaw=off) for fix in still]
     assert not refused(judged(still[:2] + turned[2:4] + still[4:]))
     assert [
-        one.pose.message.seq for one in refused(judged(still[:2] + turned[2:5] + still[5:]))
+        verdict.pose.message.seq for verdict in refused(judged(still[:2] + turned[2:5] + still[5:]))
     ] == [4]
 
 

@@ -47,7 +47,7 @@ def fix_beside(path: SampledPath, seq: int, offset: float, spacing: float = 1.0)
 
 
 def window_of(fixes: Sequence[Fix]) -> Window:
-    east, north = [one.east for one in fixes], [one.north for one in fixes]
+    east, north = [fix.east for fix in fixes], [fix.north for fix in fixes]
     station = [float(k) for k in range(len(fixes))]
     return Window(*(np.array(values, dtype=np.float64) for values in (east, north, station)))
 
@@ -56,7 +56,7 @@ def moved_back(fixes: Sequence[Fix], offsets: Sequence[float], share: float = 1.
     intended = IntendedPath()
     for fix, offset in zip(fixes, offsets, strict=True):
         intended.add(received_fix(fix), offset)
-    return intended.corrected(window_of(fixes), [one.measured_at for one in fixes], share)
+    return intended.corrected(window_of(fixes), [fix.measured_at for fix in fixes], share)
 
 
 def fit_of(window: Window, *, of_lead: bool = True) -> Fit:
@@ -148,7 +148,7 @@ def test_errors_do_not_grow_along_the_convoy(seed: int) -> None:
             fit = fit_of(moved(window, driven - window.station.item(0)))
             intended.add(received_fix(fix), path_offset(fit, fix))
             fixes.append(fix)
-        window = intended.corrected(window_of(fixes), [one.measured_at for one in fixes], 1.0)
+        window = intended.corrected(window_of(fixes), [fix.measured_at for fix in fixes], 1.0)
         feet = [
             path.project(e, n, 30.0, 60.0).lateral
             for e, n in zip(window.east, window.north, strict=True)
@@ -186,7 +186,7 @@ def test_offsets_are_interpolated_and_held_at_the_ends() -> None:
     intended.add(received_fix(fix_beside(path, 4, 0.0)), 0.2)
     intended.add(received_fix(fix_beside(path, 8, 0.0)), -0.2)
     fixes = [fix_beside(path, k, 0.0) for k in (0, 4, 5, 6, 8, 12)]
-    instants = [-1, *(one.measured_at for one in fixes[1:])]  # a bridge has no instant
+    instants = [-1, *(fix.measured_at for fix in fixes[1:])]  # a bridge has no instant
     window = intended.corrected(window_of(fixes), instants, 1.0)
     assert window.north + 50.0 == pytest.approx([-0.2, -0.2, -0.1, 0.0, 0.2, 0.2])
 
@@ -198,7 +198,7 @@ def test_the_order_of_arrival_does_not_matter(order: list[int]) -> None:
     intended = IntendedPath()
     for k in (*order, *order):  # each twice
         intended.add(received_fix(fixes[k]), offsets[k])
-    instants = [one.measured_at for one in fixes]
+    instants = [fix.measured_at for fix in fixes]
     window, expected = (
         intended.corrected(window_of(fixes), instants, 1.0),
         moved_back(fixes, offsets),
@@ -216,21 +216,21 @@ def test_a_standing_car_adds_no_offsets() -> None:
         stands = fix_beside(path, 2, 0.0)
         stands.measured_at = seq * PERIOD
         intended.add(received_fix(stands), 0.1 + 0.01 * math.sin(seq))
-    window = intended.corrected(window_of(driven), [one.measured_at for one in driven], 1.0)
+    window = intended.corrected(window_of(driven), [fix.measured_at for fix in driven], 1.0)
     assert window.north + 50.0 == pytest.approx([-0.1] * 3)
 
 
 def test_a_trace_knows_the_instants_of_a_window() -> None:
     path, trace = road("left", 1.0), Trace()
     fixes = [fix_beside(path, k, 0.0) for k in range(50)]
-    for one in fixes:
-        trace.add(received(one.measured_at, one.east, one.north, one.yaw, one.speed))
+    for fix in fixes:
+        trace.add(received(fix.measured_at, fix.east, fix.north, fix.yaw, fix.speed))
     for here in (3.2, 11.7, 25.0):
         place = path.at(here)
         window = trace.window(place.east, place.north, 5.0, 9.0)
         chosen = [fixes[at // PERIOD] for at in trace.instants(window)]
-        assert [one.east for one in chosen] == window.east.tolist()
-        assert [one.north for one in chosen] == window.north.tolist()
+        assert [fix.east for fix in chosen] == window.east.tolist()
+        assert [fix.north for fix in chosen] == window.north.tolist()
 
 
 def test_the_share_changes_without_a_step() -> None:

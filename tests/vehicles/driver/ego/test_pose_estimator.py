@@ -119,12 +119,12 @@ def test_with_exact_sensors_the_state_is_exact_in_steady_cornering(
     speed: float, radius: float
 ) -> None:
     steering = turning(speed, radius)
-    for one in run(settled(speed, steering), steered(steering), EXACT, 8.0):
-        along, across, heading = one.error
+    for estimate in run(settled(speed, steering), steered(steering), EXACT, 8.0):
+        along, across, heading = estimate.error
         assert math.hypot(along, across) < 1e-6
         assert abs(heading) < 1e-6
-        assert one.pose.speed == pytest.approx(one.body.speed, abs=1e-12)
-        assert one.pose.yaw_rate == pytest.approx(one.body.yaw_rate, abs=1e-12)
+        assert estimate.pose.speed == pytest.approx(estimate.body.speed, abs=1e-12)
+        assert estimate.pose.yaw_rate == pytest.approx(estimate.body.yaw_rate, abs=1e-12)
 
 
 def swerve(seconds: float) -> Actuation:
@@ -135,16 +135,18 @@ def swerve(seconds: float) -> Actuation:
 
 def test_with_exact_sensors_a_swerve_leaves_less_than_a_millimetre() -> None:
     """A filter that assumes steady slip is off by 15 mm."""
-    errors = [one.error for one in run(Body(0.0, 0.0, 0.0, 30.0), swerve, EXACT, 6.0)]
+    errors = [estimate.error for estimate in run(Body(0.0, 0.0, 0.0, 30.0), swerve, EXACT, 6.0)]
     assert np.max(np.abs(np.array(errors)[:, :2])) < 0.0005
     # An unknown load has an effect between two fixes.
-    errors = [one.error for one in run(Body(0.0, 0.0, 0.0, 30.0), swerve, EXACT, 6.0, FULL)]
+    errors = [
+        estimate.error for estimate in run(Body(0.0, 0.0, 0.0, 30.0), swerve, EXACT, 6.0, FULL)
+    ]
     assert 0.0005 < np.max(np.abs(np.array(errors)[:, :2])) < 0.004
 
 
 def test_braking_leaves_no_lag() -> None:
     braking = run(Body(0.0, 0.0, 0.0, 30.0), steered(0.0, -3.0), EXACT, 9.0)
-    assert max(math.hypot(*one.error[:2]) for one in braking) < 0.001
+    assert max(math.hypot(*estimate.error[:2]) for estimate in braking) < 0.001
 
 
 @pytest.mark.parametrize("car", [CAR, FULL], ids=["empty", "load not known"])
@@ -154,7 +156,7 @@ def test_a_swerve_is_estimated_to_a_centimetre(car: VehicleParameters) -> None:
     for seed in range(8):
         body = Body(0.0, 0.0, 0.0, 30.0)
         drive = run(body, lambda t: swerve(t - 4.0), Sensors(seed=seed), 10.0, car)
-        squares += [one.error[1] ** 2 for one in drive if one.body.distance > 120.0]
+        squares += [estimate.error[1] ** 2 for estimate in drive if estimate.body.distance > 120.0]
     assert math.sqrt(np.mean(squares)) < 0.0105
 
 
@@ -164,7 +166,7 @@ def test_mean_errors_in_noisy_steady_cornering_are_small() -> None:
     ):  # fmt: skip
         steering = turning(speed, radius, car)
         drive = run(settled(speed, steering, car), steered(steering), Sensors(), 40.0, car)
-        errors = [one.error[:2] for one in drive][500:]
+        errors = [estimate.error[:2] for estimate in drive][500:]
         assert np.max(np.abs(np.mean(errors, axis=0))) < bound
 
 
@@ -173,11 +175,11 @@ def mean_squares(drives: list[list[Estimate]]) -> tuple[list[float], list[float]
     errors, innovations = [], []
     noise = (GnssNoise().position, GnssNoise().position, GnssNoise().heading)
     for drive in drives:
-        errors += [np.array(one.error) / one.deviations for one in drive[400::105]]
+        errors += [np.array(estimate.error) / estimate.deviations for estimate in drive[400::105]]
         innovations += [
-            np.array(one.innovation) / np.hypot(one.before, noise)
-            for one in drive[400:]
-            if one.innovation is not None
+            np.array(estimate.innovation) / np.hypot(estimate.before, noise)
+            for estimate in drive[400:]
+            if estimate.innovation is not None
         ]
     return (
         np.mean(np.square(errors), axis=0).tolist(),
@@ -226,8 +228,12 @@ def test_in_curves_errors_do_not_exceed_the_covariance_of_the_filter(
 def test_gains_follow_from_the_noise() -> None:
     """A worse receiver has less weight: errors grow less than its noise."""
     coarse = Sensors(GnssNoise(position=0.5, heading=0.02))
-    fine = [one.error[1] for one in run(Body(0, 0, 0, 20), steered(0.0), Sensors(), 60.0)][2000:]
-    rough = [one.error[1] for one in run(Body(0, 0, 0, 20), steered(0.0), coarse, 60.0)][2000:]
+    fine = [
+        estimate.error[1] for estimate in run(Body(0, 0, 0, 20), steered(0.0), Sensors(), 60.0)
+    ][2000:]
+    rough = [estimate.error[1] for estimate in run(Body(0, 0, 0, 20), steered(0.0), coarse, 60.0)][
+        2000:
+    ]
     assert np.std(fine) < 0.008
     assert np.std(rough) < 0.15
 

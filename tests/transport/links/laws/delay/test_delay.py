@@ -68,7 +68,7 @@ def hermite_weights(law: RandomDelay) -> np.ndarray:
     With normal numbers of correlation r, two delays have covariance Σ weight[n] r^n (Mehler).
     """
     z = np.linspace(-8.0, 8.0, 16_001)
-    values = np.array([law.at(one) for one in z]) * stats.norm.pdf(z) * (z[1] - z[0])
+    values = np.array([law.at(value) for value in z]) * stats.norm.pdf(z) * (z[1] - z[0])
     before, here, weights = np.zeros_like(z), np.ones_like(z), []
     for n in range(200):
         before, here = here, (z * here - sqrt(n) * before) / sqrt(n + 1)
@@ -110,9 +110,9 @@ def test_moments_and_correlation_are_the_law_s(campaign: int) -> None:
         for tied in (0.0, 0.6, 0.9)
         for seed in seeds
     }
-    each = [abs(one) for row in found.values() for one in row]
+    each = [abs(value) for row in found.values() for value in row]
     assert max(each) < 5.0, found
-    assert sum(one > 3.0 for one in each) <= max(0.01 * len(each), 1.0), found
+    assert sum(value > 3.0 for value in each) <= max(0.01 * len(each), 1.0), found
 
 
 @pytest.mark.parametrize("name", SCIPY)
@@ -140,7 +140,7 @@ def test_recorded_delays_come_as_often_as_they_were_recorded(campaign: int) -> N
 def test_quantiles_are_scipy_s_and_grow(name: str) -> None:
     law = LAWS[name]
     z = np.linspace(-6.0, 6.0, 1201)  # scipy's truncnorm is less accurate beyond
-    found = np.array([law.at(one) for one in z])
+    found = np.array([law.at(value) for value in z])
     assert np.all(np.diff(found) >= 0.0)
     assert np.all(found >= 0.0)
     if name in SCIPY:
@@ -152,7 +152,7 @@ def test_quantiles_are_scipy_s_and_grow(name: str) -> None:
 def test_the_table_of_gamma_quantiles_is_exact_enough(shape: float) -> None:
     z = np.linspace(-8.2, 8.2, 801)
     table = log_quantiles(shape)
-    found = np.array([log_quantile(table, one) for one in z])
+    found = np.array([log_quantile(table, value) for value in z])
     law = stats.gamma(shape)
     wanted = np.where(z < 0.0, law.ppf(stats.norm.cdf(z)), law.isf(stats.norm.sf(z)))
     seen = wanted > 1e-290  # scipy returns 0 below

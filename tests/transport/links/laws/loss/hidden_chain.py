@@ -44,8 +44,8 @@ class HiddenChain:
     def shares(self) -> Vector:
         """Stationary distribution: the left eigenvector of eigenvalue 1."""
         values, vectors = np.linalg.eig(self.steps.T)
-        one = np.real(vectors[:, np.argmin(np.abs(values - 1.0))])
-        return np.asarray(one / one.sum())
+        vector = np.real(vectors[:, np.argmin(np.abs(values - 1.0))])
+        return np.asarray(vector / vector.sum())
 
     @cached_property
     def history(self) -> int:
@@ -97,10 +97,10 @@ class HiddenChain:
             yield self._lag_of(lost, lag)
         before = 0.0
         for least in range(1, LAGS + 1):
-            one = self._bursts_of(lost, least)
-            if one.expected * len(lost) >= FEWEST and not np.isclose(one.expected, before):
-                yield one
-            before = one.expected
+            bursts = self._bursts_of(lost, least)
+            if bursts.expected * len(lost) >= FEWEST and not np.isclose(bursts.expected, before):
+                yield bursts
+            before = bursts.expected
 
     def _loss_of(self, lost: NDArray[np.bool_]) -> Mean:
         off = self.loss - self.mean

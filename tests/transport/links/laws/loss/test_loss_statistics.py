@@ -62,8 +62,8 @@ def test_samples_agree_with_the_closed_forms(campaign: int) -> None:
     errors: dict[str, float] = {}
     for name, (law, closed) in LAWS.items():
         for seed in SEEDS:
-            for one in closed.compared(lost(law, seed, campaign)):
-                errors[f"{name}, seed {seed}: {one.what}"] = one.errors
+            for comparison in closed.compared(lost(law, seed, campaign)):
+                errors[f"{name}, seed {seed}: {comparison.what}"] = comparison.errors
     far = {what: error for what, error in errors.items() if abs(error) > 3.0}
     assert len(errors) > 700
     assert len(far) <= 0.01 * len(errors), far
@@ -78,10 +78,10 @@ def test_resources_that_are_kept_collide_for_longer(keep: float, campaign: int) 
     """Bursts are too few and too long to be counted by length."""
     law, closed = colliding(0.1, keep, 5, 15)
     errors = [
-        one.errors
+        comparison.errors
         for seed in SEEDS
-        for one in closed.compared(lost(law, seed, campaign))
-        if not one.what.startswith("bursts")
+        for comparison in closed.compared(lost(law, seed, campaign))
+        if not comparison.what.startswith("bursts")
     ]
     assert max(map(abs, errors)) < 4.0
 
@@ -105,7 +105,7 @@ def test_losses_agree_with_their_law(name: str) -> None:
     ],
 )
 def test_a_law_that_is_a_little_different_is_found_out(law: Effect, wrong: HiddenChain) -> None:
-    errors = [abs(one.errors) for one in wrong.compared(lost(law, 1, 60_000))]
+    errors = [abs(comparison.errors) for comparison in wrong.compared(lost(law, 1, 60_000))]
     assert max(errors) > 4.0
 
 

@@ -109,23 +109,25 @@ ON, OFF = 4 * SECOND, SECOND
 def jumps(effect: RandomOutage, seed: int, cells: int) -> list[tuple[int, bool]]:
     """Events of the first cells in order: instant and state after it."""
     draw = keyed_draw(seed, "a", "b")
-    return sorted(one for cell in range(cells) for one in effect._events(draw, cell))
+    return sorted(event for cell in range(cells) for event in effect._events(draw, cell))
 
 
 @pytest.mark.parametrize(("on", "off"), [(ON, OFF), (SECOND // 10, 3 * SECOND)])
 @pytest.mark.campaign(6_000, 100_000)
 def test_on_and_off_last_exponential_times(on: int, off: int, campaign: int) -> None:
     effect = random_outage(on, off, START)
-    states = [next(group) for _, group in groupby(jumps(effect, 1, campaign), lambda one: one[1])]
+    states = [
+        next(group) for _, group in groupby(jumps(effect, 1, campaign), lambda event: event[1])
+    ]
     changes = np.array([at for at, _ in states], dtype=float)
     times = np.diff(changes)
     for state, mean in ((False, on), (True, off)):
-        own = times[[one is state for _, one in states[:-1]]]
+        own = times[[event is state for _, event in states[:-1]]]
         distance = stats.kstest(own, stats.expon(scale=mean).cdf).statistic
         assert distance * sqrt(own.size) < KS_LIMIT
         assert abs(own.mean() / mean - 1.0) < 4.0 / sqrt(own.size)
     # Successive durations are independent.
-    scaled = times / np.where([one for _, one in states[:-1]], off, on) - 1.0
+    scaled = times / np.where([event for _, event in states[:-1]], off, on) - 1.0
     assert abs(np.mean(scaled[1:] * scaled[:-1])) < 4.0 / sqrt(times.size)
 
 
@@ -176,10 +178,10 @@ def test_links_and_outages_of_one_link_have_their_own_times() -> None:
     effect, other = (random_outage(ON, OFF, START, k) for k in (0, 1))
     draw, elsewhere = keyed_draw(1, "a", "b"), keyed_draw(1, "a", "c")
     instants = range(0, 400 * SECOND, SECOND // 2)
-    here = [effect.is_off(draw, one) for one in instants]
-    assert here != [other.is_off(draw, one) for one in instants]
-    assert here != [effect.is_off(elsewhere, one) for one in instants]
-    assert here == [effect.is_off(draw, one) for one in instants]
+    here = [effect.is_off(draw, at) for at in instants]
+    assert here != [other.is_off(draw, at) for at in instants]
+    assert here != [effect.is_off(elsewhere, at) for at in instants]
+    assert here == [effect.is_off(draw, at) for at in instants]
     assert len(effect._cells) <= CACHED_CELLS
 
 

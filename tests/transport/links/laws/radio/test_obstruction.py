@@ -37,9 +37,9 @@ def test_around_a_bend_those_count_that_are_near_the_chord(
     radius: float, count: int, gap: float, reach: float
 ) -> None:
     """The distance from the chord is r (cos φ − cos φ_end), with the angle φ from its middle."""
-    way = gap * (count + 1)
-    assume(way < pi * radius)
-    half = 0.5 * way / radius
+    length = gap * (count + 1)
+    assume(length < pi * radius)
+    half = 0.5 * length / radius
     off = [
         radius * (cos(half * (2.0 * place / (count + 1) - 1.0)) - cos(half))
         for place in range(1, count + 1)
@@ -47,7 +47,7 @@ def test_around_a_bend_those_count_that_are_near_the_chord(
     sag = ROAD_STEP**2 / (8.0 * radius)  # deviation of the road's polyline from the bend
     assume(all(abs(one - reach) > 1.1 * sag for one in off))
     between = VehiclesBetween(count, circle(radius), 0.0, 0.0, reach)
-    context = TransmissionContext(0, 0, 0, on_circle(radius, 5.0 + way), on_circle(radius, 5.0))
+    context = TransmissionContext(0, 0, 0, on_circle(radius, 5.0 + length), on_circle(radius, 5.0))
     assert between.count_obstructing(context, ALL) == sum(one < reach for one in off)
 
 
@@ -104,14 +104,14 @@ def straight(count: int) -> VehiclesBetween:
     return VehiclesBetween(count, Road(10.0, (0.0, 10.0), (0.0, 0.0)), 0.0, 0.0)
 
 
-def apart(way: float) -> TransmissionContext:
-    return TransmissionContext(0, 0, 0, Position(way, 0.0, way), Position(0.0, 0.0, 0.0))
+def apart(distance: float) -> TransmissionContext:
+    return TransmissionContext(0, 0, 0, Position(distance, 0.0, distance), Position(0.0, 0.0, 0.0))
 
 
 def test_each_costs_by_the_law_of_etsi_and_all_together_by_that_of_3gpp() -> None:
-    def lost(law: Obstruction, way: float, count: int = 4) -> float:
+    def lost(law: Obstruction, distance: float, count: int = 4) -> float:
         field = ShadowField(25.0)
-        lost, is_obstructed = law.loss(straight(count), field, DRAW, apart(way), way)
+        lost, is_obstructed = law.loss(straight(count), field, DRAW, apart(distance), distance)
         assert is_obstructed
         return lost
 
@@ -123,10 +123,10 @@ def test_each_costs_by_the_law_of_etsi_and_all_together_by_that_of_3gpp() -> Non
     assert lost(SingleLoss(mean_db=-9.0, deviation_db=0.0), 75.0) == 0.0
 
 
-@pytest.mark.parametrize("aside", [1.4, 1.6])
-def test_a_circle_cuts_the_line_up_to_its_radius(aside: float) -> None:
-    road = Road(10.0, (0.0, 10.0), (aside, aside))
+@pytest.mark.parametrize("offset", [1.4, 1.6])
+def test_a_circle_cuts_the_line_up_to_its_radius(offset: float) -> None:
+    road = Road(10.0, (0.0, 10.0), (offset, offset))
     between = VehiclesBetween(3, road, 0.0, 0.0)
-    assert between.count_obstructing(apart(60.0), ALL) == (3 if aside < 1.5 else 0)
+    assert between.count_obstructing(apart(60.0), ALL) == (3 if offset < 1.5 else 0)
     with_nobody = VehiclesBetween(0, road, 0.0, 0.0)
     assert with_nobody.count_obstructing(apart(60.0), ALL) == 0

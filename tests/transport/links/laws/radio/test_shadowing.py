@@ -53,14 +53,14 @@ def test_variance_and_autocorrelation_follow_exactly_from_the_weights() -> None:
 def test_what_is_drawn_has_the_law(seed: int, campaign: int) -> None:
     """Values two decorrelation distances apart are nearly independent."""
     draw, field = keyed_draw(seed, "v1", "v2"), ShadowField(DECORRELATION)
-    way = 2.0 * DECORRELATION
-    values = [field.at(draw, way * step + 0.3) for step in range(campaign)]
+    stride = 2.0 * DECORRELATION
+    values = [field.at(draw, stride * step + 0.3) for step in range(campaign)]
     error = sqrt(1.0 / campaign) * sqrt((1.0 + exp(-2.0)) / (1.0 - exp(-2.0)))
     assert abs(fmean(values)) < 4.0 * error
     assert abs(fmean(value * value for value in values) - 1.0) < 4.0 * sqrt(2.0) * error
     for apart in (0.25, 1.0, 2.0):
         ahead = [
-            field.at(draw, way * step + 0.3 + apart * DECORRELATION) for step in range(campaign)
+            field.at(draw, stride * step + 0.3 + apart * DECORRELATION) for step in range(campaign)
         ]
         found = fmean(one * other for one, other in zip(values, ahead, strict=True))
         assert abs(found - exp(-apart)) < LINE_ERROR * exp(-apart) + 4.0 * sqrt(2.0) * error
