@@ -41,7 +41,7 @@ def test_plot_and_json_hold_the_simulated_errors(tmp_path: Path) -> None:
     progress: list[str] = []
     costs = channel_figure(SMALL, tmp_path / "out", progress.append, workers=0)
     assert progress[-1].endswith("4 of 4 runs")
-    assert (tmp_path / "out" / PICTURE).read_bytes().startswith(PNG)
+    assert (tmp_path / "out" / f"{PICTURE}.png").read_bytes().startswith(PNG)
     report = json.loads((tmp_path / "out" / JSON_FILE).read_text())
     assert [row["true_error_m_max"] for row in report["channels"]] == [
         list(cost.errors_m) for cost in costs
@@ -68,13 +68,13 @@ def test_an_interrupted_study_resumes(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.setattr(cost_drives, "error_m", error_m)
     with pytest.raises(KeyboardInterrupt):
         channel_figure(SMALL, tmp_path, no_progress, workers=0)
-    assert not (tmp_path / PICTURE).exists()
+    assert not (tmp_path / f"{PICTURE}.png").exists()
     costs = channel_figure(SMALL, tmp_path, no_progress, workers=0)
     assert len(seeds) == 6, "two of four runs were in progress when it was interrupted"
     assert [cost.errors_m for cost in costs] == [
         (cost.channel.loss_ratio + cost.channel.latency_ms / 7.0,) for cost in costs
     ]
-    assert {file.name for file in tmp_path.iterdir()} == {PICTURE, JSON_FILE}
+    assert {file.name for file in tmp_path.iterdir()} == {f"{PICTURE}.png", JSON_FILE}
 
 
 def test_channels_over_bursts_differ_only_in_their_mean_burst() -> None:
@@ -108,4 +108,4 @@ def test_quick_simulates_few_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     result = CliRunner().invoke(cli, arguments)
     assert result.exit_code == 0, result.output
     assert "error m" in result.stdout
-    assert f"written: {tmp_path / 'quick' / PICTURE}" in result.stdout.replace("\n", "")
+    assert f"written: {tmp_path / 'quick' / PICTURE}.png" in result.stdout.replace("\n", "")
