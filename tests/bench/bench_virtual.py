@@ -205,7 +205,12 @@ def rows(times: Mapping[str, Mapping[str, float]], *, fast: bool) -> Iterator[tu
     (here, *others) = times[FOUR]
 
     def row(
-        what: str, value: Mapping[str, float], limit: float, *, ratio: bool = False, up: bool = True
+        label: str,
+        value: Mapping[str, float],
+        limit: float,
+        *,
+        ratio: bool = False,
+        up: bool = True,
     ) -> tuple[str, ...]:
         comparison = value[here] / value[others[0]] if others else None
         judged = comparison if ratio else value[here]
@@ -215,7 +220,7 @@ def rows(times: Mapping[str, Mapping[str, float]], *, fast: bool) -> Iterator[tu
             limit_text, verdict = f"compiled {limit_text}", ""
         other = f"{value[others[0]]:.2f}" if others else "-"
         return (
-            what,
+            label,
             f"{value[here]:.2f}",
             other,
             "-" if comparison is None else f"{comparison:.2f}",

@@ -22,7 +22,7 @@ FEWEST = 30.0
 class Mean:
     """Mean of a sample, its value in closed form and its standard deviation."""
 
-    what: str
+    label: str
     found: float
     expected: float
     deviation: float

@@ -63,8 +63,8 @@ def test_samples_agree_with_the_closed_forms(campaign: int) -> None:
     for name, (law, closed) in LAWS.items():
         for seed in SEEDS:
             for comparison in closed.compared(lost(law, seed, campaign)):
-                errors[f"{name}, seed {seed}: {comparison.what}"] = comparison.errors
-    far = {what: error for what, error in errors.items() if abs(error) > 3.0}
+                errors[f"{name}, seed {seed}: {comparison.label}"] = comparison.errors
+    far = {label: error for label, error in errors.items() if abs(error) > 3.0}
     assert len(errors) > 700
     assert len(far) <= 0.01 * len(errors), far
     assert max(map(abs, errors.values())) < 5.0, far
@@ -81,7 +81,7 @@ def test_resources_that_are_kept_collide_for_longer(keep: float, campaign: int) 
         comparison.errors
         for seed in SEEDS
         for comparison in closed.compared(lost(law, seed, campaign))
-        if not comparison.what.startswith("bursts")
+        if not comparison.label.startswith("bursts")
     ]
     assert max(map(abs, errors)) < 4.0
 
