@@ -197,9 +197,13 @@ def _bound(axes: Axes, blame: BlameResult) -> None:
 def _bars(axes: Axes, blame: BlameResult) -> None:
     rows = list(reversed(blame.rows[:MOST_BARS]))
     axes.barh(range(len(rows)), [max(row.reduction_m, 0.0) for row in rows], color=BLUE)
-    names = []
-    for first, *others in (row.group for row in rows):
-        names.append(_shortened(first.line + (f", {len(others)} more" if others else ""), 30))
-    axes.set_yticks(range(len(rows)), names, fontsize=SMALL_PT)
+    axes.set_yticks(range(len(rows)), [_bar_label(row) for row in rows], fontsize=SMALL_PT)
     axes.grid(visible=False, axis="y")
     axes.set(xlabel="gain if restored, m")
+
+
+def _bar_label(row: Attribution) -> str:
+    span = "{:.2f}-{:.2f} s".format(*row.span_s)
+    if len(row.group) == 1:
+        return _shortened(f"{row.group[0].line}, {span}", 32)
+    return f"{len(row.group)} bursts, {span}"

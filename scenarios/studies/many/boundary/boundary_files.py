@@ -58,7 +58,7 @@ def drawn(query: BoundaryQuery, result: BoundaryResult) -> Figure:
     above = [100.0 * (one.high - one.share) for one in points]
     axes.errorbar(values, shares, yerr=[below, above], fmt="o-", color=BLUE, markersize=3.5,
                   elinewidth=0.9, capsize=2.0, linewidth=1.0,
-                  label=f"share of {query.seeds} seeds, 95 % interval")  # fmt: skip
+                  label="share of the runs, 95 % interval")  # fmt: skip
     margin = 0.03 * (query.high - query.low)
     ends = (label.factor * (query.low - margin), label.factor * (query.high + margin))
     axes.set(ylim=(-3.0, 103.0), xlim=ends, xlabel=label.text)
