@@ -1,4 +1,4 @@
-"""Lane changes with receivers from 1 to 20 Hz at 10 to 36 m/s, against what `convoy check` says.
+"""Lane changes with receivers from 1 to 20 Hz at 10 to 36 m/s, with warnings of `convoy check`.
 
 `python -m tests.scenarios.runs.virtual.cars.test_slow_receivers` prints all cases as a table.
 """

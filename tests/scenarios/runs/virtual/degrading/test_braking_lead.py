@@ -32,8 +32,8 @@ loss_ratio = {loss}
 
 
 def test_physics_allows_this_convoy_to_be_safe_whatever_is_lost() -> None:
-    # Without any message both brake as hard as they can, the lead at once, the next car when
-    # what it knew at the start no longer tells it that it need not: it has this long to notice.
+    # Both cars brake with full force, the lead immediately. Without messages the next car may react
+    # later by this time.
     emergency = DegradationSettings().emergency
     gap = 8.0 + 0.5 * FAST - LENGTH
     lead_stands_after = FAST**2 / (2.0 * emergency.deceleration)
