@@ -11,15 +11,18 @@ from scenarios.results.log_queries.explain import (
     Explanation,
     KnownSource,
     MissingMessage,
+    cause_of,
+    counts_of,
+    fate_of,
 )
 
 COLUMNS: Sequence[Column[KnownSource]] = (
     Column("source", lambda source: source.sender, left=True),
     Column("newest\nmessage", lambda source: source.number),
     Column("measured\nat, s", lambda source: source.measured_at_s, ".2f"),
-    Column("known\nat, s", lambda source: source.received_at_s, ".2f"),
+    Column("available\nat, s", lambda source: source.received_at_s, ".2f"),
     Column("age\ns", lambda source: source.age_s, ".3f"),
-    Column("path\nleft, m", lambda source: source.path_left_m, ".1f"),
+    Column("known path\nahead, m", lambda source: source.path_left_m, ".1f"),
     Column("received in the\nlast second, %", lambda source: source.received_ratio, ".0f", 100.0),
 )
 
@@ -31,14 +34,19 @@ def print_explanation(explanation: Explanation, console: Console) -> None:
     print_whole(table_of(COLUMNS, explanation.sources), console)
     for source in explanation.sources:
         for message in source.missing[:SHOWN]:
-            console.print(_missing(source.sender, message), highlight=False, markup=False)
+            console.print(
+                _missing(source.sender, message), highlight=False, markup=False, soft_wrap=True
+            )
         if len(source.missing) > SHOWN:
-            console.print(f"{source.sender}: {len(source.missing) - SHOWN} more messages missing")
+            rest = source.missing[SHOWN:]
+            line = f"{source.sender}: {len(rest)} more messages: {counts_of(rest)}"
+            console.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
 def _missing(sender: str, message: MissingMessage) -> str:
     name = f"{sender} message {message.number}, sent at {message.sent_at_s:.2f} s"
     if message.fate == IN_TRANSIT:
         return f"{name}: in transit, due at {message.due_at_s:.2f} s"
-    due = f", was due at {message.due_at_s:.2f} s" if message.due_at_s is not None else ""
-    return f"{name}: {message.fate}{f' by {message.cause}' if message.cause else ''}{due}"
+    cause = f" ({cause_of(message)})" if message.cause else ""
+    due = "" if message.due_at_s is None else f", would have arrived at {message.due_at_s:.2f} s"
+    return f"{name}: {fate_of(message)}{cause}{due}"

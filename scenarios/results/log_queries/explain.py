@@ -1,6 +1,7 @@
 """Knowledge of a vehicle at an instant of a recorded run, and why messages were missing."""
 
 from bisect import bisect_right
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from math import hypot, isfinite
@@ -12,6 +13,7 @@ from scenarios.definition.topology import senders_to
 from scenarios.results.log_summary import scenario_in
 from transport.log.reader import LogReader
 from transport.log.records import LogError
+from transport.reasons import counts_as_loss
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import GpsPose, LinkVerdict, RunStart, Tracking, TruePose
 from vehicles.schedule import SECOND
@@ -69,15 +71,25 @@ class Explanation:
 
     @property
     def sentence(self) -> str:
-        along = {
+        """What the vehicle did, the known path per source, and the later messages per source."""
+        sources = f"the path of {joined_words([source.sender for source in self._used])}"
+        action = {
             "path": "drove its own path",
             "straight": "drove straight, as it had received nothing",
             "coast": "extrapolated its last trajectory",
-        }.get(self.mode, f"steered along {joined_words([source.sender for source in self._used])}")
-        known = "; ".join(_of_source(source, self.decided_at_s) for source in self.sources)
-        return f"At {self.decided_at_s:.2f} s {self.vehicle} {along}" + (
-            f": {known}." if known else "."
-        )
+            "stop": f"braked for lack of data, along {sources}",
+        }.get(self.mode, f"followed {sources}")
+        if self.mode == "composite" and len(self.sources) > 1:
+            action = f"followed {sources.replace('path', 'composite trajectory', 1)}"
+        parts = [f"At {self.decided_at_s:.2f} s {self.vehicle} {action}."]
+        if self.sources:
+            parts.append(f"Known path ahead: {', '.join(map(_known_path, self.sources))}.")
+        parts += [
+            f"Later messages of {source.sender}: {counts_of(source.missing)}."
+            for source in self.sources
+            if source.missing
+        ]
+        return " ".join(parts)
 
     @property
     def _used(self) -> Sequence[KnownSource]:
@@ -85,27 +97,35 @@ class Explanation:
         return {"lead": lead, "predecessor": predecessor}.get(self.mode, self.sources)
 
 
-def _of_source(source: KnownSource, now_s: float) -> str:
+def _known_path(source: KnownSource) -> str:
     if source.age_s is None:
-        text = f"it had received nothing from {source.sender}"
-    else:
-        text = (
-            f"it knew {source.path_left_m or 0.0:.1f} m of the path of {source.sender} ahead, from "
-            f"a pose {source.age_s:.2f} s old"
-        )
-    due = [
-        message
-        for message in source.missing
-        if message.due_at_s is not None and message.due_at_s <= now_s
-    ]
-    lost = [message for message in due if message.fate != IN_TRANSIT]
-    coming = len(source.missing) - len(due)
-    causes = list(dict.fromkeys(message.cause for message in lost))
-    if lost:
-        text += f"; later ones: {len(lost)} dropped by {joined_words(causes)}"
-    if coming:
-        text += f"{',' if lost else '; later ones:'} {coming} in transit"
-    return text
+        return f"{source.sender} none (nothing received)"
+    return f"{source.sender} {source.path_left_m or 0.0:.1f} m (pose {source.age_s:.2f} s old)"
+
+
+def fate_of(message: MissingMessage) -> str:
+    """Fate of a message in words, without the cause."""
+    if message.fate in {IN_TRANSIT, NOT_JUDGED}:
+        return message.fate
+    return "lost" if counts_as_loss(message.fate) else "skipped"
+
+
+def cause_of(message: MissingMessage) -> str:
+    """Cause of a drop in words; empty for other fates."""
+    return "link cut" if message.cause == "cut" else message.cause
+
+
+def counts_of(messages: Sequence[MissingMessage]) -> str:
+    """Count messages by fate; dropped ones with their causes."""
+    causes: dict[str, dict[str, None]] = {}
+    for message in messages:
+        causes.setdefault(fate_of(message), {})[cause_of(message)] = None
+    counts = Counter(map(fate_of, messages))
+    parts = []
+    for fate, count in counts.items():
+        reasons = joined_words([cause for cause in causes[fate] if cause])
+        parts.append(f"{count} {fate}{f' ({reasons})' if reasons else ''}")
+    return ", ".join(parts)
 
 
 def joined_words(words: Sequence[str]) -> str:

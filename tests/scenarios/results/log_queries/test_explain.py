@@ -1,6 +1,7 @@
 """`convoy explain` against a plain reading of the log."""
 
 import json
+import re
 from collections.abc import Iterator
 from itertools import pairwise
 from math import hypot
@@ -21,7 +22,9 @@ from scenarios.results.log_queries.explain import (
     IN_TRANSIT,
     NOT_JUDGED,
     Explanation,
+    MissingMessage,
     RecordedKnowledge,
+    counts_of,
     remaining_path_length,
 )
 from scenarios.runs.stop import Stop
@@ -173,9 +176,34 @@ def test_the_command_prints_the_sentence_and_its_twin_for_machines(log: Path) ->
     assert printed.exit_code == 0
     found = RecordedKnowledge.of(log, "v4").at(7.5)
     assert found.sentence in printed.output
+    for source in found.sources:
+        in_transit = sum(message.fate == IN_TRANSIT for message in source.missing)
+        assert (f"{in_transit} in transit" in found.sentence) == bool(in_transit)
     table = json.loads(CliRunner().invoke(explain_command, [*arguments, "--json"]).output)
     assert table["sentence"] == found.sentence
     assert [one["sender"] for one in table["sources"]] == ["v1", "v3"]
+
+
+def missing(fate: str, cause: str = "") -> MissingMessage:
+    return MissingMessage(number=7, sent_at_s=1.0, fate=fate, cause=cause, due_at_s=1.2)
+
+
+def test_later_messages_are_counted_by_their_fate() -> None:
+    """A dropped message is lost from the start, and not in transit until it was due."""
+    loss = missing("loss", "links.loss_ratio = 0.4")
+    assert counts_of([loss, missing(IN_TRANSIT)]) == "1 lost (links.loss_ratio = 0.4), 1 in transit"
+    cut, skipped = missing("cut", "cut"), missing("rate", "links.rate_hz = 5")
+    assert counts_of([cut, cut, missing(NOT_JUDGED)]) == "2 lost (link cut), 1 not judged"
+    assert counts_of([skipped]) == "1 skipped (links.rate_hz = 5)"
+
+
+def test_messages_beyond_the_list_are_counted_by_their_fate(tmp_path: Path) -> None:
+    cut = "change=[{kind='cut', at_s=1, for_s=2}]"
+    run_virtual(load_scenario("lane_change", ["duration_s=3.0", cut]), tmp_path, Stop())
+    arguments = [str(tmp_path), "--vehicle", "v2", "--at", "2"]
+    lines = CliRunner().invoke(explain_command, arguments).output.splitlines()
+    assert re.fullmatch(r"v1: \d+ more messages: \d+ lost \(link cut\)", lines[-1])
+    assert "lost (link cut), would have arrived at " in lines[-2]
 
 
 @pytest.mark.parametrize(
