@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -41,7 +41,7 @@ NAMES: dict[EventKind, tuple[str, str]] = {
     "lane_departure": ("lane departure", "lane departures"),
     "path_lost": ("path lost", "paths lost"),
     "slide": ("slide", "slides"),
-    "stop": ("stop", "stops"),
+    "stop": ("emergency stop", "emergency stops"),
     "distrust": ("distrust", "distrusts"),
 }
 """Kinds of events, one and several."""
@@ -49,12 +49,12 @@ FIGURES: dict[str, Callable[[float], str]] = {
     "closing_speed_mps": "closing at {:.1f} m/s".format,
     "gap_m_min": "gap {:.2f} m".format,
     "time_to_collision_s_min": "{:.1f} s from a collision".format,
-    "excess_m_max": "at most {:.2f} m beyond the edge".format,
+    "excess_m_max": "up to {:.2f} m outside the lane".format,
     "friction_ratio_max": "{:.2f} of the friction".format,
     "slip_rad_max": "slip up to {:.2f} rad".format,
     "known_m": road_known,
-    "predicted_blind_m": "{:.1f} m beyond it".format,
-    "duration_s": "for {:.1f} s".format,
+    "predicted_blind_m": "predicted blind distance {:.1f} m".format,
+    "duration_s": "lasted {:.1f} s".format,
 }
 """Figures of events in words."""
 
@@ -65,7 +65,7 @@ def _pair(largest: float | None, rms: float | None) -> tuple[float, float] | Non
 
 def _figures_of(event: RunEvent) -> str:
     known = ((name, value) for name, value in event.figures.items() if name in FIGURES)
-    return ", ".join(FIGURES[name](value) for name, value in known)
+    return "; ".join(FIGURES[name](value) for name, value in known)
 
 
 def _link_name(row: LinkSummary) -> str:
@@ -73,10 +73,17 @@ def _link_name(row: LinkSummary) -> str:
 
 
 def _dropped(row: LinkSummary) -> str:
-    """Counts of dropped messages by cause, of copies, overtaken and false ones."""
-    counts = {**row.dropped, "copies": row.copies, "overtaken": row.reordered}
-    counts |= {f"false: {kind}": count for kind, count in row.false.items()}
-    return ", ".join(f"{count} {word}" for word, count in counts.items() if count) or "0"
+    return _counts(row.dropped) or "0"
+
+
+def _altered(row: LinkSummary) -> str:
+    """Count delivered messages that the channel copied or altered."""
+    false = {f"false: {kind}": count for kind, count in row.false.items()}
+    return _counts({"copies": row.copies, **false}) or "0"
+
+
+def _counts(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {word}" for word, count in counts.items() if count)
 
 
 def _fresh_column(age_ms: str) -> Column[LinkSummary]:
@@ -107,11 +114,18 @@ MODES_COLUMN: Column[VehicleSummary] = Column(
 )
 DETAIL_COLUMNS: Sequence[Column[VehicleSummary]] = (
     Column("vehicle", lambda row: row.name, left=True),
-    Column("largest\nerror at, s", lambda row: row.cross_track_error_max_at_s, ".2f"),
-    Column("smallest\ngap at, s", lambda row: row.true_gap_min_at_s, ".2f"),
-    Column("error of\nestimate, cm", lambda row: row.self_estimate_error_m_max, ".1f", 100.0),
-    Column("sideways\nm/s²", lambda row: row.lateral_acceleration_mps2_max, ".1f"),
-    Column("sliding\ns", lambda row: row.sliding_s, ".1f"),
+    Column("largest\nerror\nat, s", lambda row: row.cross_track_error_max_at_s, ".2f"),
+    Column("smallest\ngap\nat, s", lambda row: row.true_gap_min_at_s, ".2f"),
+    Column(
+        "self-estimate\nminus true\nerror, cm",
+        lambda row: row.self_estimate_error_m_max,
+        ".1f",
+        100.0,
+    ),
+    Column(
+        "lateral\nacceleration\nmax, m/s²", lambda row: row.lateral_acceleration_mps2_max, ".1f"
+    ),
+    Column("time\nsliding\ns", lambda row: row.sliding_s, ".1f"),
     Column("distance\nm", lambda row: row.distance_m, ".0f"),
 )
 PROCESS_COLUMNS: Sequence[Column[VehicleSummary]] = (
@@ -122,26 +136,27 @@ PROCESS_COLUMNS: Sequence[Column[VehicleSummary]] = (
     Column("messages\nrefused", lambda row: row.rejected_messages),
     Column(
         "memory\nMB",
-        lambda row: f"{row.memory_bytes_max / 1e6:.0f}" if row.memory_bytes_max else "",
+        lambda row: row.memory_bytes_max / 1e6 if row.memory_bytes_max else None,
+        ".0f",
     ),
     Column(
-        "processor\n%", lambda row: f"{row.cpu_ratio * 100:.1f}" if row.memory_bytes_max else ""
+        "processor\n%", lambda row: row.cpu_ratio if row.memory_bytes_max else None, ".1f", 100.0
     ),
 )
 """Poses of each vehicle in the log, and figures of its process."""
 REACTION_COLUMNS: Sequence[Column[VehicleSummary]] = (
     Column("vehicle", lambda row: row.name, left=True),
-    Column("changes\nof mode", lambda row: row.reaction.mode_changes),
-    Column("recovered", lambda row: row.reaction.recoveries),
+    Column("mode\nchanges", lambda row: row.reaction.mode_changes),
+    Column("recoveries", lambda row: row.reaction.recoveries),
     Column(
-        "after, s\nmean / max",
+        "time to\nrecover, s\nmean / max",
         lambda row: (row.reaction.recovery_s_mean, row.reaction.recovery_s_max),
         ".1f",
     ),
     Column("hazards", lambda row: row.reaction.hazards),
-    Column("stops", lambda row: row.reaction.stops),
+    Column("stops\nbegun", lambda row: row.reaction.stops),
     Column(
-        "blind, m\ndriven / predicted",
+        "blind distance, m\ndriven / predicted\nwhen braking began",
         lambda row: (row.reaction.blind_m, row.reaction.predicted_blind_m_max),
         ".1f",
     ),
@@ -160,25 +175,29 @@ LINK_COLUMNS: Sequence[Column[LinkSummary]] = (
         left=True,
     ),
     Column(
-        "loss, %",
+        "loss, %\nrequested / achieved",
         lambda row: f"{figure(row.requested_loss_ratio, '.3g', 100)} / {row.loss_ratio * 100:.1f}",
         wraps=True,
     ),
     Column(
-        "in a row",
+        "mean burst, messages\nrequested / achieved",
         lambda row: (row.requested_burst_messages, row.burst_messages_mean),
         ".3g",
         wraps=True,
     ),
     Column(
-        "latency, ms",
+        "latency, ms\nrequested / achieved",
         lambda row: f"{figure(row.requested_latency_ms_mean, '.3g')} / {row.latency_ms_mean:.1f}",
         wraps=True,
     ),
+)
+MESSAGE_COLUMNS: Sequence[Column[LinkSummary]] = (
+    Column("link", _link_name, left=True),
     Column("sent", lambda row: row.sent, wraps=True),
     Column("delivered", lambda row: row.delivered, wraps=True),
-    Column("dropped", _dropped, wraps=True),
     Column("late", lambda row: row.late, wraps=True),
+    Column("reordered", lambda row: row.reordered, wraps=True),
+    Column("dropped", _dropped, wraps=True),
 )
 FRESHNESS_COLUMNS: Sequence[Column[LinkSummary]] = (
     Column("link", _link_name, left=True),
@@ -195,7 +214,10 @@ FRESHNESS_COLUMNS: Sequence[Column[LinkSummary]] = (
     *map(_fresh_column, SHOWN_AGES_MS),
 )
 """How often messages arrived over each link, and how old data was when it was used."""
-ALARM_COLUMN: Column[LinkSummary] = Column("false\nalarms", lambda row: row.false_alarms.counted)
+ALTERED_COLUMN: Column[LinkSummary] = Column("copied or\naltered", _altered, wraps=True)
+ALARM_COLUMN: Column[LinkSummary] = Column(
+    "false\nlosses of\nsource", lambda row: row.false_alarms.counted
+)
 
 
 def print_summary(
@@ -226,21 +248,24 @@ def _print_line(line: str, console: Console) -> None:
 def _tables(summary: RunSummary, tables: Tables) -> Iterator[tuple[bool, Table]]:
     """Yield the tables of a summary, each with whether it carries news."""
     followers = [row for row in summary.vehicles if row.role != "lead"]
-    columns = list(VEHICLE_COLUMNS)
+    vehicle_columns = list(VEHICLE_COLUMNS)
     if any(row.reaction.mode_changes > 1 for row in followers):  # the first one begins the drive
-        columns.append(MODES_COLUMN)
-    yield True, table_of(columns, summary.vehicles)
-    yield False, table_of(DETAIL_COLUMNS, summary.vehicles)
+        vehicle_columns.append(MODES_COLUMN)
+    yield True, table_of(vehicle_columns, summary.vehicles)
+    yield False, table_of(DETAIL_COLUMNS, summary.vehicles, title="vehicles, details")
     yield any(map(_has_process_news, summary.vehicles)), table_of(PROCESS_COLUMNS, summary.vehicles)
     if any(row.reaction != NO_REACTION for row in followers):
         is_news = any(row.reaction.stops or row.reaction.blind_m >= 0.05 for row in followers)
         yield is_news, table_of(REACTION_COLUMNS, followers, title="degradation")
     if summary.links:
         is_news = any(_has_link_news(row, summary.warnings) for row in summary.links)
-        yield is_news, _link_table(summary, LINK_COLUMNS, "links, requested / achieved")
+        yield is_news, _link_table(summary, LINK_COLUMNS, "links: loss and latency")
+        altered = [ALTERED_COLUMN] if any(row.copies or row.false for row in summary.links) else []
+        yield is_news, _link_table(summary, (*MESSAGE_COLUMNS, *altered), "links: messages")
         counts = any(row.false_alarms.counted is not None for row in summary.links)
         freshness = (*FRESHNESS_COLUMNS, *([ALARM_COLUMN] if counts else []))
-        yield False, _link_table(summary, freshness, "freshness: mean / 95 % / longest")
+        title = "arrivals and age of data: mean / 95th percentile / max"
+        yield False, _link_table(summary, freshness, title)
     if summary.events:
         yield True, event_table(summary, MOST_EVENTS if tables == "all" else MOST_NEW_EVENTS)
 

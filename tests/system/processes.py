@@ -25,7 +25,7 @@ SETTLE_S = 10.0
 
 A run needs at most 5 s; the rest is for a busy machine.
 """
-PROGRESS = re.compile(r" of [0-9.]+ s.* · true error now |^run [A-Za-z0-9_-]+: writes ")
+PROGRESS = re.compile(r" of [0-9.]+ s.* · largest true error now |^run [A-Za-z0-9_-]+: writes ")
 """Progress lines, and the first line of a run."""
 DRIVING = "vehicles are present"
 """The recorder prints this half a second before the start."""

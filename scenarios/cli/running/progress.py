@@ -126,12 +126,12 @@ class Progress:
         figures = self._metrics.vehicles.values()
         worst = max(abs(vehicle.cross_track_error.latest) for vehicle in figures)
         largest = max(vehicle.cross_track_error.largest for vehicle in figures)
-        gaps = [gap.min_m for gap in self._metrics.stream.gaps.values()]
+        gap = min([gap.min_m for gap in self._metrics.stream.gaps.values()], default=inf)
+        min_gap = f" · min gap {_metres(gap)} m" if isfinite(gap) else ""
         counts = map(self._messages, self._metrics.vehicles)
         delivered, dropped, late = map(sum, zip(*counts, strict=True))
         return (
-            f"true error now {worst * 100:.1f} cm, max {largest * 100:.1f} cm"
-            f" · min gap {_metres(min(gaps, default=inf))} m"
+            f"largest true error now {worst * 100:.1f} cm, so far {largest * 100:.1f} cm{min_gap}"
             f" · delivered {delivered} · dropped {dropped} · late {late}"
         )
 

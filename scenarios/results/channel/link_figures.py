@@ -91,4 +91,4 @@ class LinkFigures:
         changed = [f"{a} → {b}" for (a, b), tally in sorted(self.tallies.items()) if tally.changed]
         if changed:
             these = "all" if len(changed) == len(self._requested) else ", ".join(changed)
-            yield f"links changed during the run are not compared with the request: {these}"
+            yield f"no requested values are shown for links changed during the run: {these}"

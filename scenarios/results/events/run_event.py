@@ -12,7 +12,8 @@ class RunEvent:
     """An event as listed in the summary; instants in seconds from the start of the run."""
 
     kind: EventKind
-    """collision, near_miss, lane_departure, path_lost, slide, stop, or distrust of a source."""
+    """collision, near_miss, lane_departure, path_lost, slide, stop (braking to a stop for lack of
+    data, which ends early if data returns), or distrust of a source."""
     at_s: float
     """When the event began."""
     vehicles: tuple[str, ...]
@@ -48,9 +49,9 @@ def _what(event: RunEvent) -> str:
             text = f"{first} uses all available friction"
         case "stop":
             known, blind = figures.get("known_m"), figures.get("predicted_blind_m")
-            ends = "" if known is None else f", {road_known(known)}"
-            beyond = f", {blind:.1f} m beyond it" if blind else ""
-            text = f"{first} stops for lack of data{ends}{beyond}"
+            ends = "" if known is None else f"; {road_known(known)}"
+            beyond = f"; predicted blind distance {blind:.1f} m" if blind else ""
+            text = f"{first} brakes to a stop for lack of data{ends}{beyond}"
         case "distrust":
             text = f"{others[0]} distrusts {first}"
     return text
@@ -60,7 +61,7 @@ def road_known(known: float) -> str:
     """Known length (m) of road ahead in words; a negative one ends behind the vehicle."""
     if known >= 0.0:
         return f"{known:.1f} m of known path"
-    return f"the known path ends {-known:.1f} m behind"
+    return f"known path ended {-known:.1f} m behind the car"
 
 
 class EventLog:

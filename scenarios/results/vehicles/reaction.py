@@ -35,7 +35,7 @@ class ReactionSummary:
     recovery_s_max: float | None = None
     """Longest time during which it did not."""
     stops: int = 0
-    """Number of stops for lack of a known path."""
+    """Number of emergency stops begun for lack of a known path; they end early if data returns."""
     blind_m: float = 0.0
     """Distance driven beyond the known path."""
     predicted_blind_m_max: float | None = None

@@ -111,7 +111,7 @@ def test_a_vehicle_without_a_trajectory_estimates_no_error() -> None:
 def test_a_lead_has_no_distance_from_its_own_path() -> None:
     text = printed(summary())
     assert row(text, "v1 ") == ["v1", "-", "-", "-", "-", "0"]
-    assert row(text, "v1 ", 2) == ["v1", "21", "0", "0", "0"]
+    assert row(text, "v1 ", 2) == ["v1", "21", "0", "0", "0", "-", "-"]
 
 
 def test_a_follower_without_true_poses_has_no_error() -> None:
@@ -134,7 +134,7 @@ def test_degradation_has_its_own_table() -> None:
     )  # fmt: skip
     lead, second, third = figures.vehicles
     text = printed(replace(figures, vehicles=(lead, replace(second, reaction=did), third)))
-    table = text[text.index("degradation") : text.index("links,")]
+    table = text[text.index("degradation") : text.index("links:")]
     assert row(table, "v2 ") == ["v2", "7", "2", "3.2", "/", "4.0", "1", "1", "12.3", "/", "12.5"]
     assert row(table, "v3 ") == ["v3", "0", "0", "-", "/", "-", "0", "0", "0.0", "/", "-"]
     assert "v1" not in table
@@ -145,8 +145,8 @@ def test_false_alarms_are_a_column_where_they_are_counted() -> None:
     one, *others = figures.links
     alarms = AlarmSummary(counted=6)
     text = printed(replace(figures, links=(replace(one, false_alarms=alarms), *others)))
-    assert row(text, "v1 → v2", 1)[-1] == "6"
-    assert row(text, "v2 → v3", 1)[-1] == "-"
+    assert row(text, "v1 → v2", 2)[-1] == "6"
+    assert row(text, "v2 → v3", 2)[-1] == "-"
 
 
 def test_events_are_rows_with_their_figures() -> None:
@@ -155,7 +155,7 @@ def test_events_are_rows_with_their_figures() -> None:
     rows = [" ".join(line.split()) for line in text.splitlines()]
     assert "1.50 near miss v1, v2 gap 0.25 m" in rows
     assert "3.25 collision v2, v3 closing at 6.4 m/s" in rows
-    assert "4.00 lane departure v3 at most 0.50 m beyond the edge, for 1.2 s" in rows
+    assert "4.00 lane departure v3 up to 0.50 m outside the lane; lasted 1.2 s" in rows
     assert "…" not in text
     many = printed(replace(summary(), events=EVENTS[:1] * 50))
     assert "10 more" in many
@@ -169,8 +169,10 @@ def test_of_very_many_links_those_that_lost_most_are_printed() -> None:
     many = [replace(lossy, sender=f"s{place}", loss_ratio=0.01 * place) for place in range(60)]
     text = printed(replace(figures, links=tuple(many)), width=120)
     shown = re.findall(r"^ *(s\d+) →", text, re.MULTILINE)
-    assert shown == [f"s{place}" for place in range(20, 60)] * 2  # links, then freshness
-    assert text.count("20 more, see summary.json") == 2
+    assert (
+        shown == [f"s{place}" for place in range(20, 60)] * 3
+    )  # both tables of links, then freshness
+    assert text.count("20 more, see summary.json") == 3
 
 
 def test_missing_records_are_listed_below() -> None:
@@ -186,8 +188,25 @@ def test_missing_records_are_listed_below() -> None:
 
 def test_a_link_s_row_puts_achieved_beside_requested() -> None:
     text = printed(summary())
-    assert " ".join(row(text, "v1 → v2")[3:]) == "40 / 33.3 1.67 / 1 60 / 42.0 21 14 7 loss 0"
-    assert " ".join(row(text, "v1 → v3")[3:]) == "0 / 0.0 - / - 20 / 0.0 21 0 0 0"
+    assert " ".join(row(text, "v1 → v2")[3:]) == "40 / 33.3 1.67 / 1 60 / 42.0"
+    assert " ".join(row(text, "v1 → v3")[3:]) == "0 / 0.0 - / - 20 / 0.0"
+    assert " ".join(row(text, "v1 → v2", 1)[3:]) == "21 14 0 0 7 loss"
+    assert " ".join(row(text, "v1 → v3", 1)[3:]) == "21 0 0 0 0"
+    assert text.count("requested / achieved") == 3
+
+
+def test_reordered_and_altered_messages_are_not_counted_as_dropped() -> None:
+    figures = summary()
+    odd = replace(figures.links[0], reordered=16, copies=3, false={"ghost": 2}, dropped={"loss": 7})
+    text = printed(replace(figures, links=(odd,)))
+    assert " ".join(row(text, "v1 → v2", 1)[3:]) == "21 14 0 16 7 loss 3 copies, 2 false: ghost"
+
+
+def test_headings_name_their_quantity() -> None:
+    flat = " ".join(printed(summary()).split())
+    for words in ("vehicles, details", "lateral", "acceleration", "minus true", "95th percentile"):
+        assert words in flat
+    assert max(map(len, printed(summary()).splitlines()[:-1])) <= 80
 
 
 def test_tables_fit_a_terminal_of_eighty_columns() -> None:
@@ -221,7 +240,7 @@ def test_in_virtual_time_no_process_is_measured() -> None:
     figures = summary(clock="virtual")
     vehicles = tuple(replace(vehicle, memory_bytes_max=0) for vehicle in figures.vehicles)
     figures = replace(figures, vehicles=vehicles)
-    assert row(printed(figures), "v2 ", 2) == ["v2", "1", "2", "12", "7"]
+    assert row(printed(figures), "v2 ", 2) == ["v2", "1", "2", "12", "7", "-", "-"]
 
 
 def test_one_vehicle_alone_has_no_table_of_links() -> None:
@@ -245,16 +264,16 @@ def test_a_quiet_run_prints_one_table_and_others_only_with_news() -> None:
         replace(one, late_ticks=0, missing_poses=0, rejected_messages=0) for one in figures.vehicles
     )
     calm = replace(figures, vehicles=(lead, second, third))
-    assert tables_of(printed(calm)) == 5
+    assert tables_of(printed(calm)) == 6
     assert tables_of(printed(calm, tables="news")) == 1
 
     def news(**changed: Any) -> int:
         return tables_of(printed(replace(calm, **changed), tables="news"))
 
     assert news(events=EVENTS) == 2
-    assert news(warnings=("v1 → v2: lost 33 % of 21 messages",)) == 2
-    assert news(links=(replace(calm.links[0], dropped={"cut": 3}),)) == 2
-    assert news(links=(replace(calm.links[0], late=4),)) == 2
+    assert news(warnings=("v1 → v2: lost 33 % of 21 messages",)) == 3
+    assert news(links=(replace(calm.links[0], dropped={"cut": 3}),)) == 3
+    assert news(links=(replace(calm.links[0], late=4),)) == 3
     disturbed = replace(third, ticks=1000, late_ticks=12)
     for one in (disturbed, replace(third, missing_poses=1), replace(third, rejected_messages=1)):
         assert news(vehicles=(lead, second, one)) == 2

@@ -106,7 +106,7 @@ def test_without_a_terminal_a_plain_line_now_and_then(
 ) -> None:
     plain.listen(START, start())
     assert capsys.readouterr().err == (
-        "0.0 of 35.0 s · true error now 0.0 cm, max 0.0 cm · min gap - m"
+        "0.0 of 35.0 s · largest true error now 0.0 cm, so far 0.0 cm"
         " · delivered 0 · dropped 0 · late 0\n"
     )
     drive(plain)
@@ -120,7 +120,7 @@ def test_without_a_terminal_a_plain_line_now_and_then(
     assert out == ""  # standard output is for results
     # dropped: without messages above the link's rate; late: messages and ticks
     assert err == (
-        "12.0 of 35.0 s · true error now 10.0 cm, max 34.5 cm · min gap 10.0 m"
+        "12.0 of 35.0 s · largest true error now 10.0 cm, so far 34.5 cm · min gap 10.0 m"
         " · delivered 6 · dropped 1 · late 4\n"
     )
 
@@ -175,7 +175,7 @@ def test_of_a_long_convoy_the_worst_have_a_row_and_all_a_line(
     rows = [line.split()[0] for line in map(str.strip, err.splitlines()) if re.match(r"v\d", line)]
     assert rows == [*(f"v{place}" for place in (*range(16, 21), *range(36, 41)))]
     words = " ".join(err.split())
-    assert "the worst 10 of 40; all: true error now 19.0 cm, max 19.0 cm" in words
+    assert "the worst 10 of 40; all: largest true error now 19.0 cm, so far 19.0 cm" in words
     assert "min gap 10.0 m · delivered 0 · dropped 0 · late 0" in words
 
 

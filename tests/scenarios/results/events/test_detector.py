@@ -209,14 +209,17 @@ def test_a_stop_is_an_event_with_known_path_and_predicted_blind_distance() -> No
     assert first.figures == pytest.approx(
         {"known_m": 12.5, "predicted_blind_m": 3.25, "duration_s": 1.0}
     )
-    assert first.line.startswith("stop: v2 stops for lack of data, 12.5 m of known path, 3.2 m")
+    assert first.line.startswith(
+        "stop: v2 brakes to a stop for lack of data; 12.5 m of known path; "
+    )
+    assert "predicted blind distance 3.2 m" in first.line
     assert second.at_s == pytest.approx(54 / 50)
     outrun = {"mode": "stop", "known_m": -23.25, "blind_m": 40.0}
     (event,) = detected(tracking("v2", 0, **outrun))
-    assert ", the known path ends 23.2 m behind, 40.0 m beyond it" in event.line
+    assert "ended 23.2 m behind the car; predicted blind distance 40.0 m" in event.line
     untold = {"mode": "stop", "known_m": nan, "blind_m": nan}
     (event,) = detected(tracking("v2", 0, **untold))
-    assert event.line == "stop: v2 stops for lack of data, 0.00 s after the start"
+    assert event.line == "stop: v2 brakes to a stop for lack of data, 0.00 s after the start"
 
 
 def test_each_distrust_of_a_source_is_an_event() -> None:
