@@ -36,15 +36,16 @@ def list_scenarios(*, as_json: bool) -> None:
         ]
         click.echo(json.dumps(entries, indent=2))
         return
-    for name, description in shipped.items():
-        click.echo(f"{name:20} {description}")
-    for heading, descriptions in (
+    groups = (
+        ("scenarios, for convoy run:", shipped),
         ("channel presets, for links.preset:", channels),
         ("drills, for convoy drill:", failures),
-    ):
-        click.echo(f"\n{heading}")
+    )
+    width = max(len(name) for _, descriptions in groups for name in descriptions)
+    for place, (heading, descriptions) in enumerate(groups):
+        click.echo(f"\n{heading}" if place else heading)
         for name, description in descriptions.items():
-            click.echo(f"{name:20} {description}")
+            click.echo(f"{name:{width}} {description}")
 
 
 @click.command(

@@ -122,7 +122,7 @@ def empty_car(tables: ScenarioTables, name: str) -> VehicleParameters:
 
 
 def _car(table: ParametersTable) -> VehicleParameters:
-    """Return the empty car: the paper's, with the keys that the scenario gives.
+    """Return the car without passengers: the paper's, with the keys that the scenario gives.
 
     Its tyres and its steering rate are the scenario's in any case.
     """

@@ -32,7 +32,9 @@ def print_links(
         console.print(f"\n[bold]{escape(named)}[/]", highlight=False)
         console.print(grid_of((f"  {name}", text) for name, text in _rows(link)))
     if receivers:
-        console.print("\n[bold]loss of all sources by chance[/]", highlight=False)
+        console.print(
+            f"\n[bold]expected losses of all sources{_by_chance(links)}[/]", highlight=False
+        )
     together: dict[str, list[str]] = {}
     for receiver in receivers:
         together.setdefault(_often(receiver.all_lost_per_h), []).append(receiver.receiver)
@@ -45,12 +47,12 @@ def _often(per_h: float | None) -> str:
         return UNKNOWN
     if not per_h:
         return f"never in a sample of {SAMPLED} messages"
-    return f"{per_h:.0f} times an hour" if per_h >= 100.0 else f"{per_h:.2g} times an hour"
+    return f"{per_h:.0f} per hour" if per_h >= 100.0 else f"{per_h:.2g} per hour"
 
 
 def _rows(link: LinkForecast) -> Iterator[Row]:
-    first, *further = link.rules
-    yield "rule", first + (f", over {', '.join(further)}" if further else "")
+    first, *further = ("[links]" if rule == "links" else rule for rule in link.rules)
+    yield "settings from", first + (f", over {', '.join(further)}" if further else "")
     if link.preset is not None:
         yield "preset", link.preset
         yield "source", link.preset_source or "not stated"
@@ -66,9 +68,20 @@ def _rows(link: LinkForecast) -> Iterator[Row]:
     else:
         yield "delay", f"{link.latency_ms_mean:.4g} ± {link.latency_ms_deviation:.4g} ms"
     age = UNKNOWN if link.age_ms_mean is None else f"{link.age_ms_mean:.4g} ms on average"
-    yield "age", f"of the newest message at a command: {age}, at {link.rate_hz:.3g} Hz"
-    silence = f"for more than {link.silence_s_max:.3g} s by chance"
-    yield "silent", f"{silence}: {_often(link.false_alarms_per_h)}"
+    yield (
+        "age",
+        f"of the newest message at a command: {age}, at a sending rate of {link.rate_hz:.3g} Hz",
+    )
+    yield "silences", f"expected{_by_chance([link])}: {_often(link.false_alarms_per_h)}"
+
+
+def _by_chance(links: Sequence[LinkForecast]) -> str:
+    """Name the length and the cause of the silences that a forecast counts."""
+    lengths = sorted({link.silence_s_max for link in links})
+    length = " to ".join(
+        f"{silence_s:.3g}" for silence_s in dict.fromkeys((lengths[0], lengths[-1]))
+    )
+    return f" > {length} s (random loss and delay only)"
 
 
 def _burst(link: LinkForecast) -> str:
@@ -76,4 +89,4 @@ def _burst(link: LinkForecast) -> str:
         return ""
     if link.burst_messages_mean is None:
         return ", in bursts of unpredictable length"
-    return f", {link.burst_messages_mean:.4g} in a row on average"
+    return f", bursts of {link.burst_messages_mean:.4g} messages on average"

@@ -38,17 +38,20 @@ def _convoy(report: CheckReport) -> Iterator[Row]:
 
 
 def _road(report: CheckReport) -> Iterator[Row]:
-    yield "path, distance driven", f"{report.path_length_m:.0f} m, {report.driven_m:.0f} m"
+    yield "length of the path", f"{report.path_length_m:.0f} m"
+    yield "distance driven", f"{report.driven_m:.0f} m"
     yield "tightest radius", f"{report.radius_m_min:.1f} m" if report.radius_m_min else "straight"
     if report.deviation_m_rms is not None and report.deviation_m_max is not None:
         rms, largest = report.deviation_m_rms * 100, report.deviation_m_max * 100
-        yield "off the recorded points", f"{rms:.1f} cm rms, {largest:.1f} cm at most"
+        figures = f"{rms:.1f} cm rms, {largest:.1f} cm max"
+        yield "deviation of the path", f"{figures} from the recorded points"
         yield from _drive(report)
     speeds = f"{report.speed_mps_min:.1f} to {report.speed_mps_max:.1f} m/s"
     yield "speed of the lead", f"{speeds} ({report.lead_speed})"
-    accelerations = report.acceleration_mps2_max, report.braking_mps2_max
-    yield "acceleration, braking", "{:.1f}, {:.1f} m/s²".format(*accelerations)
-    yield "lateral acceleration", f"{report.lateral_acceleration_mps2_max:.1f} m/s²"
+    forward, braking = report.acceleration_mps2_max, report.braking_mps2_max
+    lateral = f"lateral up to {report.lateral_acceleration_mps2_max:.1f} m/s²"
+    changes = f"up to {forward:.1f} m/s², braking up to {braking:.1f} m/s², {lateral}"
+    yield "acceleration of the lead", changes
     if len(report.vehicles) > 1:
         yield "followers drive", _followers(report.gap_policy)
 
@@ -75,8 +78,11 @@ def _drive(report: CheckReport) -> Iterator[Row]:
 def _followers(gap: Mapping[str, float] | None) -> str:
     if gap is None:
         return "the lead's speed at the same time"
-    limits = f"{gap['acceleration_mps2_max']:g}, braking {gap['braking_mps2_max']:g} m/s²"
-    return f"a gap of {gap['standstill_m']:g} m + {gap['headway_s']:g} s · speed, at most {limits}"
+    policy = f"a gap of {gap['standstill_m']:g} m + {gap['headway_s']:g} s · speed"
+    limits = (
+        f"up to {gap['acceleration_mps2_max']:g}, braking up to {gap['braking_mps2_max']:g} m/s²"
+    )
+    return f"{policy}; acceleration {limits}"
 
 
 def _drivers(report: CheckReport) -> Iterator[Row]:
@@ -88,7 +94,9 @@ def _drivers(report: CheckReport) -> Iterator[Row]:
     yield from _grouped_rows("sending", report.sending, _sending)
     yield from _grouped_rows("own state", report.imu, _own_state)
     yield from _grouped_rows("tyres", report.tyres, _tyres)
-    yield from _grouped_rows("mass", report.masses_kg, lambda mass: f"{mass:g} kg with the load")
+    yield from _grouped_rows(
+        "mass", report.masses_kg, lambda mass: f"{mass:g} kg with driver and load"
+    )
 
 
 def _controller(settings: Mapping[str, Any]) -> str:
@@ -101,7 +109,9 @@ def _controller(settings: Mapping[str, Any]) -> str:
 def _tyres(settings: Mapping[str, Any]) -> str:
     brush = f"brush, friction {settings['friction_ratio']:g}"
     rate = settings["steering_rate_limit_radps"]
-    wheels = "no limit of the steering rate" if rate is None else f"steering up to {rate:g} rad/s"
+    wheels = (
+        "no limit of the steering rate" if rate is None else f"steering rate up to {rate:g} rad/s"
+    )
     return f"{brush if settings['tyres'] == 'brush' else 'linear'}; {wheels}"
 
 
@@ -136,22 +146,24 @@ def _links(report: CheckReport) -> Iterator[Row]:
 
 
 def _link(settings: Mapping[str, Any]) -> str:
-    rate = "every message" if settings["rate_hz"] is None else f"{settings['rate_hz']:g} Hz"
+    carried = (
+        "every message" if settings["rate_hz"] is None else f"up to {settings['rate_hz']:g} Hz"
+    )
     delay = f"{settings['latency_ms']:g} ms, jitter {settings['jitter_ms']:g} ms"
     preset = f"{settings['preset']}, " if settings["preset"] else ""
     laws = f"; {settings['laws']}" if settings["laws"] else ""
-    return f"{preset}{delay}, loss {settings['loss_ratio']:g}, {rate}{laws}"
+    return f"{preset}{delay}, loss {settings['loss_ratio']:g}, carries {carried}{laws}"
 
 
 def _ends(report: CheckReport) -> Iterator[Row]:
     policy = report.on_vehicle_failure.replace("_", " ")
     yield "on vehicle failure", policy if policy != "end" else "the run ends"
-    yield "clocks", f"at most {report.clock_offset_ms_max:g} ms apart"
+    yield "clock offset", f"at most {report.clock_offset_ms_max:g} ms from the recorder's clock"
     events = report.events
     yield "lane", f"{events['lane_width_m']:g} m wide"
     near = f"below {events['near_miss_gap_m']:g} m or {events['near_miss_time_s']:g} s"
     yield "near miss", f"{near} to a collision"
-    yield "path lost", f"after {events['path_lost_s']:g} s without one"
+    yield "path lost", f"no known path for {events['path_lost_s']:g} s"
     yield "limits that fail the run", ", ".join(_limits(report.limits)) or "none"
 
 

@@ -46,8 +46,8 @@ class CheckReport:
     """Settings of a valid scenario, and figures of the lead's planned run.
 
     By vehicle: `control`, `gnss`, `sending`, `imu` (None with exact own state), `tyres`,
-    `masses_kg` (with the load), `offsets` from the path at the start, and `replays` of recorded
-    drives. `laws` describes each link except latency, jitter, independent loss and rate.
+    `masses_kg` (with driver and load), `offsets` from the path at the start, and `replays` of
+    recorded drives. `laws` describes each link except latency, jitter, independent loss and rate.
     `gap_policy` is None if followers drive the lead's speed, `radius_m_min` on a straight road.
     From `points` to `deviation_m_max` the fields are about a recorded drive, and None for a path of
     segments: omitted points, holes, noise, the offset subtracted from coordinates, and the distance

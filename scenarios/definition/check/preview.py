@@ -24,8 +24,8 @@ class _Sight:
     """Path that a follower knows from one source at one speed (m/s).
 
     The path is known `reach` (m) ahead when the newest pose is oldest. The preview takes `preview`
-    (m) of it, which hold `samples` poses, `spacing` (m) apart. The fit keeps `behind` (m) behind
-    the ego. `remedy` leads to more poses.
+    (m) of it, which hold `samples` poses. The fit keeps `behind` (m) behind the ego. `remedy` leads
+    to more poses.
     """
 
     source: str
@@ -34,7 +34,6 @@ class _Sight:
     preview: float
     samples: float
     behind: float
-    spacing: float
     remedy: str
 
 
@@ -58,11 +57,10 @@ def preview_warnings(scenario: Scenario, speeds: tuple[float, float]) -> Iterato
     keeps_gap = scenario.tables.speed.followers == "gap"
     gap_key = "speed.gap.standstill_m" if keeps_gap else "convoy.gap_m"
     for names, sight in _worst(thin):
-        apart = f", {sight.spacing:.3g} m apart," if sight.spacing < inf else ""
         yield (
-            f"{names}: at {sight.speed:g} m/s the preview holds {sight.samples:.1f} poses of "
-            f"{sight.source} ({MIN_SAMPLES} needed){apart} in "
-            f"{sight.preview:.1f} m of known path: curves are cut and the path is extrapolated. "
+            f"{names}: at {sight.speed:g} m/s the preview ({sight.preview:.1f} m of known path) "
+            f"holds {sight.samples:.1f} poses of {sight.source} ({MIN_SAMPLES} needed): corners "
+            "will be cut. "
             f"{sight.remedy} or raise {gap_key}."
         )
     for names, sight in _worst(short):
@@ -120,7 +118,6 @@ def _sight(
         preview=preview,
         samples=preview * rate / speed,
         behind=settings.behind(speed),
-        spacing=speed * interval,
         remedy=remedy,
     )
 

@@ -192,9 +192,9 @@ class SpeedTable(Table):
 
 
 class ParametersTable(Table):
-    """The empty car; by default a Lincoln MKZ (paper, Table I).
+    """The car without passengers; by default a Lincoln MKZ (paper, Table I).
 
-    mass_kg                              mass; default 1896
+    mass_kg                              mass with the driver; [loading] adds to it; default 1896
     yaw_inertia_kgm2                     yaw inertia; default 3803
     front_cornering_stiffness_n_per_rad  default 400000
     rear_cornering_stiffness_n_per_rad   default 381900
@@ -323,8 +323,8 @@ class ScenarioTables(Table):
     log          rates of the log
     link         other values for some links
     change       changes during the run
-    parameters   the empty car
-    loading      passengers and luggage
+    parameters   the car without passengers
+    loading      passengers in addition to the driver, and luggage
     vehicle      other values for single vehicles
     """
 

@@ -165,8 +165,9 @@ def test_list_names_shipped_scenarios() -> None:
     result = convoy("list")
     assert result.exit_code == 0
     scenarios, channels, failures = (part.splitlines() for part in result.stdout.split("\n\n"))
-    assert [line.split()[0] for line in scenarios] == list(library())
-    for line, name in zip(scenarios, library(), strict=True):
+    assert scenarios[0] == "scenarios, for convoy run:"
+    assert [line.split()[0] for line in scenarios[1:]] == list(library())
+    for line, name in zip(scenarios[1:], library(), strict=True):
         assert line.endswith(load_scenario(name).tables.description)
     assert channels[0] == "channel presets, for links.preset:"
     assert [line.split()[0] for line in channels[1:]] == list(presets())
@@ -174,6 +175,10 @@ def test_list_names_shipped_scenarios() -> None:
         assert line.endswith(read_preset(name).description)
     assert failures[0] == "drills, for convoy drill:"
     assert [line.split()[0] for line in failures[1:]] == list(drills())
+    rows = [scenarios[1], channels[1], failures[-5]]
+    starts = {len(line) - len(line.split(None, 1)[1]) for line in rows}
+    assert len(starts) == 1  # one column for the descriptions, wide enough for all names
+    assert starts == {max(map(len, (*library(), *presets(), *drills()))) + 1}
 
 
 def test_list_as_json_holds_names_and_descriptions() -> None:

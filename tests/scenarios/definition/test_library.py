@@ -162,3 +162,8 @@ def test_commented_keys_of_the_template_are_valid() -> None:
     assert set(tables.vehicle["v3"].model_fields_set) >= {"control", "gnss", "loading", "gap_m"}
     kinds = [TypeAdapter(PathTable).validate_python(path) for path in path_examples(template())]
     assert [path.kind for path in kinds] == ["trace"]
+
+
+def test_descriptions_define_their_terms() -> None:
+    for name in library():
+        assert not re.search(r"\bn_[fr]\b", load_scenario(name).tables.description), name

@@ -220,15 +220,16 @@ def test_equal_links_share_a_block() -> None:
     assert max(map(len, text.splitlines())) <= 80
     assert "v1 → v2, v1 → v3, v2 → v3, v1 → v4, v3 → v4" in text
     flat = " ".join(text.split())
-    assert "rule links preset bursty source no measurement" in flat
-    assert "loss 20 %, 8 in a row on average" in flat
+    assert "settings from [links] preset bursty source no measurement" in flat
+    assert "loss 20 %, bursts of 8 messages on average" in flat
     assert "delay 20 ± 0 ms" in flat
-    assert "at a command: 120 ms on average, at 20 Hz" in flat
+    assert "at a command: 120 ms on average, at a sending rate of 20 Hz" in flat
 
 
 def test_large_numbers_have_no_exponent() -> None:
     text = printed("check", "lane_change", "--explain", "--set", "links.preset=bursty")
-    assert re.search(r"silent +for .*: \d{3} times an hour", text)
+    assert re.search(r"silences +.*0\.5 s.*: \d{3} per hour", text)
+    assert re.search(r"losses of all sources .*0\.5 s", text)
     assert "e+" not in text
 
 
@@ -243,9 +244,9 @@ def test_unpredictable_figures_are_marked() -> None:
 def test_different_links_have_separate_blocks() -> None:
     entry = 'link=[{sender="lead",receiver="*",loss_ratio=0.1}]'
     flat = " ".join(printed("check", "--explain", "--set", entry).split())
-    assert "v1 → v2, v1 → v3, v1 → v4 rule link[0] (lead → *), over links" in flat
+    assert "v1 → v2, v1 → v3, v1 → v4 settings from link[0] (lead → *), over [links]" in flat
     assert "independent loss 0.1 · link[0].loss_ratio = 0.1 (lead → *)" in flat
-    assert "v2 → v3, v3 → v4 rule links" in flat
+    assert "v2 → v3, v3 → v4 settings from [links]" in flat
 
 
 def test_json_has_the_same_figures() -> None:
@@ -263,4 +264,7 @@ def test_a_single_vehicle_has_no_links() -> None:
 
 def test_check_summarizes_the_laws() -> None:
     flat = " ".join(printed("check", "--set", "links.preset=congested").split())
-    assert "loss 0.3, every message; delay gamma, 60 ms ± 40 ms, correlation 0.5; in order" in flat
+    assert (
+        "loss 0.3, carries every message; delay gamma, 60 ms ± 40 ms, correlation 0.5; in order"
+        in flat
+    )

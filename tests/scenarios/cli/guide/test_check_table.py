@@ -15,7 +15,7 @@ SETTINGS = {
     "links.jitter_ms=11": ("links", "jitter 11 ms"),
     "links.preset=bursty": ("links", "bursty, 20 ms, .*; Gilbert–Elliott: loss 0.2, 8 messages"),
     "vehicle.v2.receiver_off=[{from_s=1.0,to_s=2.0}]": ("links", "receiver off from 1 to 2 s: v1"),
-    "links.rate_hz=7": ("links", "7 Hz"),
+    "links.rate_hz=7": ("links", "carries up to 7 Hz"),
     'link=[{sender="v1",receiver="v3",loss_ratio=0.3}]': ("links", "loss 0.3, .*: v1 → v3"),
     "gnss.rate_hz=5": ("GNSS", "5 Hz"),
     "vehicle.v3.gnss.position_noise_m=0.5": ("GNSS", "0.5 m, .*: v3"),
@@ -48,14 +48,14 @@ SETTINGS = {
     "control.alpha_ratio=0.9": ("fusion", "α 0.9"),
     "vehicle.v3.control.alpha_ratio=0.8": ("fusion", "α 0.8, .*: v3"),
     "control.preview_s=1.1": ("fusion", "preview 1.1 s"),
-    "speed.followers=gap": ("followers drive", r"a gap of 3 m \+ 0.5 s · speed"),
+    "speed.followers=gap": ("followers drive", r"3 m \+ 0.5 s · speed; acceleration up to 2,"),
     "vehicle.v2.lateral_offset_m=0.4": ("start off the path", "v2: 0.4 m left"),
     "convoy.on_vehicle_failure=continue": ("on vehicle failure", "continue"),
-    "convoy.clock_offset_ms_max=9": ("clocks", "9 ms"),
+    "convoy.clock_offset_ms_max=9": ("clock offset", "9 ms from the recorder"),
     "events.lane_width_m=3.1": ("lane", "3.1 m"),
     "events.near_miss_gap_m=0.7": ("near miss", "0.7 m"),
     "events.near_miss_time_s=0.8": ("near miss", "0.8 s"),
-    "events.path_lost_s=0.6": ("path lost", "0.6 s"),
+    "events.path_lost_s=0.6": ("path lost", "no known path for 0.6 s"),
     "limits.collisions_max=2": ("limits that fail the run", "collisions_max = 2"),
     'limits.modes=[{vehicle="v3", mode="lead", after_s=7.0, within_s=0.6}]': (
         "limits that fail the run",
@@ -71,10 +71,10 @@ SETTINGS = {
     ),
     "limits.after_collision=continue": ("limits that fail the run", "after_collision = continue"),
     "control.estimate_slip=true": ("controller", "learns the load"),
-    "parameters.tyres=linear": ("tyres", "linear; steering up to 1.18 rad/s"),
+    "parameters.tyres=linear": ("tyres", "linear; steering rate up to 1.18 rad/s"),
     "parameters.friction_ratio=0.4": ("tyres", "brush, friction 0.4"),
     "parameters.steering_rate_limit_radps=inf": ("tyres", "no limit of the steering rate"),
-    "loading.rear_passengers=0": ("mass", "2016 kg"),
+    "loading.rear_passengers=0": ("mass", "2016 kg with driver and load"),
 }  # fmt: skip
 """Settings, and the row that each changes."""
 
@@ -104,6 +104,13 @@ def test_a_setting_is_printed_in_its_row(setting: str) -> None:
     found = rows(checked("lane_change", "--set", setting))
     values = [figure for row, figure in found if row == what]
     assert any(re.search(expected, figure) for figure in values), found
+
+
+def test_rows_about_the_path_and_the_lead_name_their_subject() -> None:
+    found = dict(rows(checked("church_lot")))
+    assert found["length of the path"] == found["distance driven"] == "255 m"
+    assert "from the recorded points" in found["deviation of the path"]
+    assert re.search(r"up to 1.5 m/s², braking .*, lateral", found["acceleration of the lead"])
 
 
 def test_absent_limits_are_printed_as_none() -> None:

@@ -45,6 +45,7 @@ def test_too_short_a_preview_gets_one_line(
         assert line.startswith(f"{names} at 30 m/s ")
         assert facts in line
         assert "\n" not in line
+        assert "Raise" in line or "Lower" in line or "Reduce" in line
 
 
 GILBERT = 'links.loss={kind="gilbert_elliott",loss_ratio=0.5,burst_messages_mean=2.0}'
