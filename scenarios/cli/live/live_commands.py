@@ -68,7 +68,11 @@ Examples:
     metavar="MS",
     help="Additional random delay, uniform from 0 to MS.",
 )
-@time_option("--for", help_text="Duration of the change. Default: until the next change.")
+@time_option(
+    "--for",
+    help_text="Duration of the change. Default: until `convoy heal`. A later change of the"
+    " same value replaces it.",
+)
 @open_run_options
 def link(
     *,
@@ -143,7 +147,7 @@ def heal(*, sender: str, receiver: str, run_name: str | None, **flags: Any) -> N
     required=True,
     help="State of the fix. With auto, the receiver follows the scenario again.",
 )
-@time_option("--for", help_text="Duration of the change. Default: until the next change.")
+@time_option("--for", help_text="Duration of the change. Default: until the next `convoy gnss`.")
 @open_run_options
 def gnss(
     *, vehicle: str, fix: str, for_s: float | None, run_name: str | None, **flags: Any
@@ -162,8 +166,8 @@ def gnss(
 def stall(*, vehicle: str, for_s: float, run_name: str | None, **flags: Any) -> None:
     """Stall the control of a vehicle.
 
-    While stalled, VEHICLE receives, decides and sends nothing. The car keeps its last steering and
-    acceleration.
+    While stalled, the software of VEHICLE decides and sends nothing, and arriving messages wait.
+    The car keeps its last command.
     """
     _change(run_name, flags, "stall", vehicle=vehicle, for_s=for_s)
 
@@ -181,8 +185,9 @@ Examples:
 def kill(*, vehicle: str, for_s: float | None, run_name: str | None, **flags: Any) -> None:
     """Crash the process of a vehicle.
 
-    The car of VEHICLE keeps its steering angle and brakes to a standstill. With --for the process
-    restarts without any memory of the run.
+    With --for, the process restarts without data from before the crash. Until then the car brakes
+    with its last steering angle. Without --for, VEHICLE fails: the run ends or continues without
+    it, as configured by convoy.on_vehicle_failure.
     """
     _change(run_name, flags, "crash", vehicle=vehicle, for_s=for_s)
 
@@ -193,7 +198,7 @@ def kill(*, vehicle: str, for_s: float | None, run_name: str | None, **flags: An
     "--acceleration-mps2",
     type=float,
     metavar="MPS2",
-    help="Acceleration and braking of the lead towards that speed, in m/s².",
+    help="Acceleration and braking towards that speed, in m/s². Default: 1.5.",
 )
 @open_run_options
 def speed(
@@ -201,7 +206,8 @@ def speed(
 ) -> None:
     """Change the set speed of the lead.
 
-    The lead of a running convoy accelerates or brakes to M_PER_S, in m/s.
+    The lead of a running convoy accelerates or brakes to M_PER_S, in m/s. So do followers with
+    speed.followers = "same".
     """
     _change(run_name, flags, "speed", speed_mps=speed_mps, acceleration_mps2=acceleration_mps2)
 

@@ -12,8 +12,7 @@ LATEST_S = 86_400
 class ChangeTable(Table):
     """A change during the run.
 
-    at_s     time after the start of the run
-    for_s    duration; without it the change lasts until the next one
+    at_s  time after the start of the run
     """
 
     at_s: float = Field(ge=0, le=LATEST_S)
@@ -23,7 +22,7 @@ class LinkChangeTable(ChangeTable):
     """Set the quality of links, for messages sent from `at_s` on. Omitted keys do not change.
 
     at_s        time after the start of the run
-    for_s       duration; without it until the next change
+    for_s       duration; without it until healed; a later change of a key replaces it
     sender      a vehicle, a role ("lead", "predecessor", "follower"), or "*" for any vehicle
     receiver    likewise
     loss_ratio  independent loss
@@ -89,7 +88,9 @@ class FixChangeTable(VehicleChangeTable):
 
 
 class StallTable(VehicleChangeTable):
-    """Stall the software: it receives and sends nothing. The car keeps its last command.
+    """Stall the software: it decides and sends nothing, and arriving messages wait.
+
+    The car keeps its last command.
 
     at_s     time after the start of the run
     for_s    duration
@@ -101,10 +102,12 @@ class StallTable(VehicleChangeTable):
 
 
 class CrashTable(VehicleChangeTable):
-    """Kill the process of a vehicle; it restarts without memory. Meanwhile the car brakes straight.
+    """Crash the process of a vehicle; it restarts without data from before the crash.
+
+    Until it restarts, the car brakes with its last steering angle.
 
     at_s     time after the start of the run
-    for_s    time until the restart; without it the process does not restart
+    for_s    time until the restart; without it the vehicle fails (convoy.on_vehicle_failure)
     vehicle  name of the vehicle
     """
 
