@@ -14,9 +14,18 @@ from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple
 
 Mode = Literal["path", "composite", "lead", "predecessor", "coast", "stop", "straight"]
-"""Reference of the steering: the own path (the lead), the composite trajectory, the poses of one
-source, the known path without fresh poses ("coast" slows down, "stop" brakes to a standstill), or
-straight ahead until the first poses arrive."""
+"""What a vehicle steers along; see `MODES`."""
+
+MODES: dict[Mode, str] = {
+    "path": "the lead: along its own path",
+    "composite": "along a trajectory through the poses of the lead and the predecessor",
+    "lead": "along the path from the poses of the lead only",
+    "predecessor": "along the path from the poses of the predecessor only",
+    "coast": 'along the known path without a source; slows down with reaction "degrade"',
+    "stop": "along the known path without a source; brakes to a standstill",
+    "straight": "straight ahead until the first poses give a trajectory",
+}
+"""Meaning of each mode."""
 
 SourceStatus = Literal["unheard", "fresh", "late", "lost", "distrusted", "probation"]
 """Status of a source at its follower: no message yet; messages as expected; messages overdue; none
@@ -192,10 +201,10 @@ class Command:
 class LinkVerdict:
     """Outcome of message `pose_seq` on the link sender → vehicle, and its reason.
 
-    `late`: the message physically arrived after the tick at which it became visible. `copies` is
-    the number of duplicates made by the channel. `content` lists how the channel altered a
-    delivered message, kinds joined by "+"; empty if unaltered. For a message dropped as corrupted,
-    it is the reason of the receiver's gate, or empty if the frame check failed.
+    `late`: the message arrived after the tick that should have used it. `copies` is the number of
+    duplicates made by the channel. `content` lists how the channel altered a delivered message,
+    kinds joined by "+"; empty if unaltered. For a message dropped as corrupted, it is the reason of
+    the receiver's gate, or empty if the frame check failed.
     """
 
     vehicle: str

@@ -12,6 +12,12 @@ from transport.convoy_pb2 import Deviation
 from transport.log.foxglove import standard_messages
 from transport.reasons import REASONS, counts_as_late, counts_as_loss
 from transport.topics import RUN_SENDER, TOPICS, alive_key, clock_key, control_key, key
+from vehicles.messages import MODES, RunEnd, RunStart
+
+RUN_MESSAGES = RunStart, RunEnd
+"""Messages that the recorder publishes for the whole run."""
+DEVIATION_ROW = "deviation", "Deviation", "true error and gap of a follower, ten times a second"
+"""Topic that only the log has."""
 
 
 def topics_page() -> None:
@@ -20,17 +26,19 @@ def topics_page() -> None:
         "The scenario (scenario.toml) and the summary (summary.json) are attachments; versions and "
         "seed are metadata. World coordinates are metres east and north of the scenario's origin. "
         "Yaw is counter-clockwise from east. Left is positive. The log also holds standard "
-        "Foxglove messages, which other programs can draw. The recorder computes `deviation` of "
-        "each follower ten times a second, for plots. Its fields are "
-        f"{', '.join(Deviation.DESCRIPTOR.fields_by_name)}."
+        "Foxglove messages, which other programs can draw."
     )
     rows = [(name, topic.message.__name__, topic.meaning) for name, topic in TOPICS.items()]
-    print_section("topics", rows)
+    print_section("topics", [*rows, DEVIATION_ROW])
+    print_section("modes of a vehicle", MODES.items())
     print_section("Foxglove messages", standard_rows())
     for topic in TOPICS.values():
         click.echo()
         print_text(f"{topic.message.__name__}: {getdoc(topic.message)}")
         print_text(f"fields: {', '.join(one.name for one in fields(topic.message))}")
+    click.echo()
+    print_text("Deviation: True error and gap of a follower. The recorder computes them for plots.")
+    print_text(f"fields: {', '.join(Deviation.DESCRIPTOR.fields_by_name)}")
 
 
 def standard_rows() -> Iterator[Row]:
@@ -51,10 +59,15 @@ def wire_page() -> None:
     print_section("queries and tokens", wire_queries())
     click.echo()
     print_text(
+        "FINGERPRINT is scenario~seed~version~digest, equal in all processes of a run; the digest "
+        "is that of the scenario's content. SESSION is the Zenoh identifier of the process."
+    )
+    click.echo()
+    print_text(
         "A request to a vehicle is JSON: one entry of [[change]] without at_s, such as "
-        '{"kind": "cut", "sender": "v1", "for_s": 2}. An empty object asks for the earliest time '
-        "of a change. The recorder answers an empty request with the status of the run, as "
-        "`convoy status --once --json` prints it."
+        '{"kind": "cut", "sender": "v1", "for_s": 2}. An empty object returns the earliest '
+        "time at which a change can take effect. The recorder answers an empty request with "
+        "the status of the run, as `convoy status --once --json` prints it."
     )
 
 
@@ -62,7 +75,8 @@ def wire_messages() -> Iterator[Row]:
     """Keys of the messages, and the messages that are sent together."""
     for topic in TOPICS.values():
         if not topic.batched:
-            yield f"RUN/{key('VEHICLE', topic)}", topic.message.__name__, topic.meaning
+            sender = RUN_SENDER if topic.message in RUN_MESSAGES else "VEHICLE"
+            yield f"RUN/{key(sender, topic)}", topic.message.__name__, topic.meaning
     batched = ", ".join(name for name, topic in TOPICS.items() if topic.batched)
     yield "RUN/convoy/VEHICLE/records", "Records", f"ten times a second: {batched}"
 

@@ -8,6 +8,7 @@ from scenarios.definition.channel.presets import presets, read_preset
 from scenarios.definition.schema.limit_rows import LIMITS
 from scenarios.definition.schema.settings_table import keys_with
 from vehicles.car.positioning.gnss_settings import PRESETS, GnssSettings
+from vehicles.messages import MODES
 
 
 def _print_tables(key: str) -> None:
@@ -93,6 +94,7 @@ def limits_page() -> None:
     for table in tables_at("limits"):
         rows = [(key, text) for key, text in table.keys.items() if key not in LIMITS]
         print_section(table.place, rows, table.text)
+    print_section("modes of a vehicle", MODES.items())
 
 
 def limit_texts() -> Iterator[tuple[str, str]]:

@@ -26,7 +26,7 @@ class ModeLimit(DeadlineTable):
     """Deadline for a mode of a follower, which may have it already at `after_s`.
 
     vehicle   the follower
-    mode      mode of steering
+    mode      mode of the follower; see the modes of a vehicle below
     after_s   time after the start of the run
     within_s  deadline after `after_s`
     """

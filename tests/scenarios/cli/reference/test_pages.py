@@ -10,6 +10,7 @@ from click.testing import CliRunner
 from pydantic import BaseModel
 
 from scenarios.cli.main import cli
+from scenarios.cli.reference.message_pages import DEVIATION_ROW
 from scenarios.cli.reference.other_pages import controller_texts
 from scenarios.cli.reference.reference_command import ALIASES, PAGES, printers
 from scenarios.cli.reference.scenario_pages import gnss_presets, limit_texts
@@ -27,7 +28,7 @@ from transport.topics import TOPICS, alive_key, clock_key, control_key
 from vehicles.car.parameters import VehicleParameters
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
-from vehicles.messages import Message
+from vehicles.messages import MODES, Message, Mode
 
 
 def printed(page: str) -> str:
@@ -155,12 +156,18 @@ def test_every_limit_and_its_word_are_printed() -> None:
     assert {"[limits.modes]", "[limits.sources]", "[limits.recovery]"} <= sections("limits").keys()
 
 
+@pytest.mark.parametrize("page", ["limits", "topics"])
+def test_every_mode_has_its_meaning(page: str) -> None:
+    assert rows(sections(page)["modes of a vehicle"]) == [list(row) for row in MODES.items()]
+    assert set(MODES) == set(get_args(Mode))
+
+
 # ---- Pages about messages
 
 
 def test_topics_are_those_of_the_log() -> None:
     expected = [[name, topic.message.__name__, topic.meaning] for name, topic in TOPICS.items()]
-    assert rows(sections("topics")["topics"]) == expected
+    assert rows(sections("topics")["topics"]) == [*expected, list(DEVIATION_ROW)]
     standard = [
         [one.name, one.schema.name, f"from {topic.name}"]
         for topic in TOPICS.values()
@@ -180,7 +187,8 @@ def test_every_topic_and_query_has_its_key() -> None:
     text = words("wire")
     for topic in TOPICS.values():
         assert topic.name in text
-        assert topic.batched or f"convoy/VEHICLE/{topic.name}" in text
+        sender = "run" if topic.name in {"start", "end"} else "VEHICLE"
+        assert topic.batched or f"RUN/convoy/{sender}/{topic.name}" in text
     assert clock_key("VEHICLE") in text
     assert control_key("VEHICLE") in text
     assert control_key("run") in text
