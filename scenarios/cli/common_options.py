@@ -128,7 +128,11 @@ def override_options(command: Command) -> Command:
             metavar="RATIO",
             help="Loss ratio of the links, 0 to 1. Short for --set links.loss_ratio=RATIO.",
         ),
-        time_option("--duration", help_text="Length of the run. Short for --set duration_s=TIME."),
+        time_option(
+            "--duration",
+            help_text="Length of the run. Same as --set duration_s=SECONDS, but accepts 20, 20s or"
+            " 500ms.",
+        ),
         click.option(
             "--set",
             "overrides",
@@ -149,7 +153,8 @@ def tables_option(default: str) -> Callable[[Command], Command]:
         type=click.Choice(["news", "all"]),
         default=default,
         show_default=True,
-        help="Print the table of vehicles and those with news, or all tables.",
+        help="news: the table of vehicles, and tables with something unusual, such as late ticks,"
+        " cut links, stops or events. all: every table.",
     )
 
 
@@ -270,7 +275,7 @@ def run_option(command: Command) -> Command:
         "run_name",
         metavar="NAME",
         help="Name of the run, which keeps convoys on one router apart. Default: the scenario's"
-        " name; `convoy run` adds a random suffix.",
+        " name, with a random suffix in `convoy run`.",
     )(command)
 
 
@@ -286,7 +291,11 @@ def open_run_options(command: Command) -> Command:
 
 def confirmation_option(command: Command) -> Command:
     return click.option(
-        "--yes", "confirmed", is_flag=True, help="Run settings that need confirmation."
+        "--yes",
+        "confirmed",
+        is_flag=True,
+        help="Run in spite of unusual settings, such as a single vehicle or, in real time, a"
+        " latency below 1 ms.",
     )(command)
 
 

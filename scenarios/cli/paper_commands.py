@@ -23,6 +23,12 @@ STUDIES = ("studies", "matplotlib", "scipy")
 GAINS = {"KE": (0.001, 10.0), "KTHETA": (0.0, 100.0), "KOMEGA": (0.0, 10.0)}
 """Least and largest gains (rad/m, rad/rad, s); a KE of 0 does not lead back to the path."""
 
+CASES = (
+    *("base", "a", "b", "c", "d", "variable_speed", "lead_data", "laws", "radius"),
+    *("propagation", "gains", "field"),
+)
+"""Cases of the paper; a constant because their module needs SciPy."""
+
 
 @click.command(
     epilog="""\b
@@ -38,7 +44,7 @@ Examples:
     default=(0.06, 0.96, 0.08),
     show_default=True,
     metavar="KE KTHETA KOMEGA",
-    help="Feedback gains in rad/m, rad/rad and s.",
+    help="Feedback gains KE (rad/m), KTHETA (rad/rad) and KOMEGA (s).",
 )
 @click.option(
     "--speed",
@@ -55,8 +61,9 @@ def gains(
 ) -> None:
     """Analyse the steering gains.
 
-    Computes stabilising gain sets, margins, lowest stable rates and the propagation of errors along
-    the convoy, for several loadings and for varying speed.
+    Computes stabilising gain sets, margins and the propagation of errors along the convoy, for
+    several loadings and for varying speed. Also computes the lowest stable rates of the inertial
+    sensor, of fixes without it, and of control.
     """
     with clear_errors():
         require("gains", *STUDIES)
@@ -134,7 +141,11 @@ Examples:
 """
 )
 @click.option(
-    "--case", "cases", multiple=True, metavar="NAME", help="Run this case only. Repeatable."
+    "--case",
+    "cases",
+    multiple=True,
+    metavar="NAME",
+    help=f"Run this case only: {', '.join(CASES)}. Repeatable.",
 )
 @folder_option("paper", "Folder for the report, the plots and the logs.")
 @picture_format_option

@@ -79,10 +79,10 @@ Examples:
 @folder_option("cuts", "Folder for the plot and cuts.json.")
 @picture_format_option
 def cuts(*, count: int, out: Path, picture_format: str) -> None:
-    """Cut all links at random and compare results.
+    """Cut all links at random, compare reactions.
 
-    Cuts all links at random times of double lane changes, and compares the four reactions of
-    [control.degradation].
+    Cuts all links at random times of double lane changes, and compares the reactions degrade,
+    extrapolate, hold and straight (see `convoy reference degradation`).
     """
     with clear_errors():
         require("channel cuts", "studies", "matplotlib", "scipy")

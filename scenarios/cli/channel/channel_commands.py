@@ -59,7 +59,7 @@ Examples:
 )  # fmt: skip
 @click.option(
     "--distance-m", type=FiniteRange(NEAREST_M, FARTHEST_M), default=50.0, show_default=True,
-    metavar="M", help="Distance of sender and receiver in m.",
+    metavar="M", help="Distance between sender and receiver in m.",
 )  # fmt: skip
 @json_option("Print the figures as JSON.")
 @output_option("Draw the comparison into this PNG, SVG or PDF file.")
@@ -80,7 +80,7 @@ def show(
 
     Draws messages over a shipped channel PRESET or a link of SCENARIO, and compares them with the
     figures that its laws predict. Both vehicles drive on a straight road. Vehicles between them are
-    evenly spaced in the line of sight.
+    evenly spaced on the line of sight.
     """
     import json
     from dataclasses import asdict
@@ -171,8 +171,8 @@ Examples:
 def fit(log: Path, *, link: str | None, as_json: bool, output: Path | None) -> None:
     """Fit channel laws to a recorded run.
 
-    LOG is a run.mcap or its folder. Prints a TOML block that gives a scenario the same links, with
-    confidence intervals of the estimates.
+    LOG is a run.mcap or its folder. Prints a TOML block that reproduces the links in a scenario,
+    with confidence intervals of the estimates.
     """
     with clear_errors():
         require("channel fit", "studies", "scipy")

@@ -74,7 +74,7 @@ def bisect(
     out: Path,
     picture_format: str,
 ) -> None:
-    """Find the value at which a limit breaks.
+    """Find the value at which runs break a limit.
 
     Simulates SCENARIO at values of KEY and brackets the value at which the share of runs that break
     the limit reaches --share. A seed draws the same random numbers at every value.

@@ -50,7 +50,8 @@ Examples:
     default=400,
     show_default=True,
     metavar="N",
-    help="Maximum number of runs. A set that is not fully reduced by then is marked.",
+    help="Maximum number of runs. If they do not suffice for the smallest set, blame.json has"
+    " is_minimal = false.",
 )
 def blame(
     *,
@@ -66,8 +67,8 @@ def blame(
     """Find the lost messages behind an error.
 
     LOG is a run.mcap or its folder. The run is simulated again with bursts of lost messages
-    restored, which ranks the bursts by their effect in metres. Then the smallest set of losses that
-    still breaks the limit is written as a scenario.
+    restored, which ranks the bursts by their effect in metres. If the run broke the limit, the
+    smallest set of losses that still breaks it is written as a scenario.
     """
     with clear_errors():
         require("blame", "studies", "matplotlib")

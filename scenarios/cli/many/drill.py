@@ -36,7 +36,8 @@ Examples:
 @override_options
 @click.option(
     "--seeds", type=click.IntRange(1, 100_000), metavar="N",
-    help="Run each drill with the seeds 1 to N and report its worst figure. Default: its own seed.",
+    help="Run each drill with the seeds 1 to N and report the worst value of each limit."
+    " Default: its own seed.",
 )  # fmt: skip
 @click.option(
     "--clock", type=click.Choice(["wall", "virtual"]), default="virtual", show_default=True,

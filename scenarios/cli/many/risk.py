@@ -38,15 +38,17 @@ Examples:
     type=click.Choice(["auto", "counting", "splitting"]),
     default="auto",
     show_default=True,
-    help="Count runs (counting), or branch the runs near the limit (splitting).",
+    help="counting: the share of runs that break the limit. splitting, for rare events: continue"
+    " the runs nearest to the limit several times, with new random numbers. auto: count first, and"
+    " split if few runs break it.",
 )
 @click.option(
     "--measure",
     type=click.Choice(["limit", "silence"]),
     default="limit",
     show_default=True,
-    help="Distance of a run from the limit when splitting: the figure of the limit, or the longest"
-    " time without data.",
+    help="How splitting finds the runs nearest to the limit: by the limited figure (limit), or by"
+    " the longest time without data (silence).",
 )
 @click.option("--precision", type=FiniteRange(0.0, min_open=True), default=0.5,
               show_default=True, metavar="NUMBER",
@@ -54,7 +56,7 @@ Examples:
 @click.option("--runs", type=click.IntRange(min=20), default=2000, show_default=True,
               metavar="N", help="Maximum number of runs.")  # fmt: skip
 @click.option("--paths", type=click.IntRange(min=2), default=50, show_default=True,
-              metavar="N", help="Runs in each step when splitting.")  # fmt: skip
+              metavar="N", help="Number of runs that splitting compares at a time.")  # fmt: skip
 @override_options
 @engine_options
 @folder_option("risk", "Folder for risk.json.")

@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-LIMIT_WORDS = f"{words_with_examples()}, or of one vehicle v2.error_m=0.5"
+LIMIT_WORDS = (
+    f"{words_with_examples()}. The prefix VEHICLE. limits it to one vehicle: v2.error_m=0.5"
+)
 FIGURES = {row.figure: word for word, row in WORDS.items() if row.figure}
 """Words of `--limit` by the summary field of their figure."""
 OLD_FIGURES = {"error": "error_m", "gap": "gap_m"} | {word: word for word in FIGURES.values()}

@@ -45,8 +45,8 @@ sweep resumes when the same command is run again.
 
 \b
 A figure is a number in summary.json (see `convoy reference fields`):
-  cross_track_error_m_max     of the worst follower: the largest value, for
-                              *_min the smallest
+  cross_track_error_m_max     largest value of all followers (smallest for
+                              *_min)
   v3.cross_track_error_m_max  of one vehicle
   links.age_ms_max            of the worst link; v1:v3.age_ms_max of one link
   reaction.blind_m            a field within a field
@@ -84,7 +84,7 @@ A figure is a number in summary.json (see `convoy reference fields`):
     help=f"Count the runs that break this limit: {LIMIT_WORDS}. Repeatable.",
 )
 @override_options
-@folder_option("sweep", "Folder for the tables, the plots and the journal.")
+@folder_option("sweep", "Folder for tables, plots and the file from which a sweep resumes.")
 @engine_options
 @picture_format_option
 @click.option("--no-pictures", is_flag=True, help="Write tables only; needs no Matplotlib.")

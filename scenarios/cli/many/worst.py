@@ -33,14 +33,16 @@ Examples:
 @scenario_options
 @time_option("--burst", required=True, help_text="Length of the burst.")
 @link_option("Lose messages of this link only. Repeatable. Default: all links.", multiple=True)
-@figure_option("Figure to make worst")
+@figure_option("Figure to maximize, or to minimize if its name ends in _min")
 @time_option("--from", help_text="Earliest start of the burst. Default: 1s.")
 @time_option("--to", help_text="Latest start of the burst. Default: the burst ends with the run.")
 @time_option("--step", default=0.5, help_text="Step of the first search grid. Default: 500ms.")
-@time_option("--finest", default=0.05, help_text="Step of the last refinement. Default: 50ms.")
+@time_option(
+    "--finest", default=0.05, help_text="Last and smallest step of the search. Default: 50ms."
+)
 @click.option(
     "--seeds", type=click.IntRange(min=1), default=1, show_default=True, metavar="N",
-    help="Simulate each time with N seeds and maximize the mean.",
+    help="Simulate each time with N consecutive seeds, from --seed on, and use the mean.",
 )  # fmt: skip
 @engine_options
 @output_option("Write the worst run to this new file, as a drill with a limit.")

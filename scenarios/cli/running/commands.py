@@ -101,7 +101,7 @@ Examples:
 """
 )
 @zenoh_options
-@click.option("--until-empty", is_flag=True, help="Stop when all clients have left.")
+@click.option("--until-empty", is_flag=True, help="End when the last client has disconnected.")
 @parent_watch_option
 def router(*, until_empty: bool, launched: bool, **flags: Any) -> None:
     """Start a Zenoh router.
@@ -216,7 +216,7 @@ def record(
     confirmed: bool,
     **flags: Any,
 ) -> None:
-    """Start a convoy and record its run.
+    """Start the run of a convoy and record it.
 
     Waits for all vehicles of SCENARIO, starts them together, and writes the log and the summary of
     the run.

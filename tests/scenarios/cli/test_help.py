@@ -9,6 +9,8 @@ from click.testing import CliRunner, Result
 from scenarios.cli.common_options import Ratio, Time
 from scenarios.cli.grouped_help import RENAMED_OPTIONS, SECTIONS, SUMMARY_MAX
 from scenarios.cli.main import cli
+from scenarios.cli.paper_commands import CASES
+from scenarios.studies.paper.experiments import RUNS_OF_CASE
 
 
 def commands() -> Iterator[tuple[str, click.Command]]:
@@ -54,6 +56,11 @@ def test_an_option_has_the_same_values_in_every_command() -> None:
     assert {name for name, found in kinds.items() if ("TIME", False) in found} >= {
         "--at", "--for", "--from", "--to", "--burst", "--step", "--wait", "--duration",
     }  # fmt: skip
+
+
+def test_help_lists_the_cases_of_the_paper() -> None:
+    assert list(CASES) == list(RUNS_OF_CASE)
+    assert ", ".join(CASES) in " ".join(convoy("reproduce", "--help").stdout.split())
 
 
 @pytest.mark.parametrize("option", ["--parent-watch", "--start"])
