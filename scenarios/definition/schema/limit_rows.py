@@ -52,7 +52,7 @@ _ROWS = (
              example=0, word="near_miss", event="near_miss", of_lead=True, live="gap"),
     LimitRow(key="paths_lost_max", doc="times that a follower receives too little to steer along",
              example=0, word="path_lost", event="path_lost", live="silence"),
-    LimitRow(key="stops_max", doc="times that a follower stops for lack of data",
+    LimitRow(key="stops_max", doc="times that a follower begins to stop for lack of data",
              example=0, event="stop"),
     LimitRow(key="distrusts_max", doc="times that a follower distrusts a source",
              example=0, event="distrust"),

@@ -729,3 +729,10 @@ def test_an_unwritable_place_is_a_failed_run(
     assert ended.exit_code == 1
     assert ended.stderr == f"error: {tmp_path / 'run'}: {os.strerror(number).lower()}\n"
     assert not (tmp_path / "run").exists()
+
+
+def test_check_names_the_proof_that_does_not_cover_a_speed() -> None:
+    result = convoy("check", "church_lot")
+    line = next(line for line in result.stdout.splitlines() if line.startswith("warning: v1: "))
+    assert "does not cover speeds below 2 m/s" in line
+    assert "convoy gains" in line

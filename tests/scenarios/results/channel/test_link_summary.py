@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.schema.link_tables import LinkTable
+from scenarios.results.channel.link_figures import LinkFigures
 from scenarios.results.channel.link_summary import (
     LinkSummary,
     describe_link,
@@ -140,3 +141,14 @@ def test_a_changed_link_is_not_compared_with_its_request() -> None:
     assert found.requested_loss_ratio is found.requested_latency_ms_mean is None
     assert found.loss_ratio == 0.5
     assert "requested -" in describe_link(found)
+
+
+def test_changed_links_are_named_as_without_requested_values() -> None:
+    links = {("v1", "v2"): LinkTable(), ("v2", "v3"): LinkTable()}
+    figures = LinkFigures(("v1", "v2", "v3"), links)
+    figures.tallies["v1", "v2"].changed = True
+    (line,) = figures.request_deviations()
+    assert line == "no requested values are shown for links changed during the run: v1 → v2"
+    figures.tallies["v2", "v3"].changed = True
+    (line,) = figures.request_deviations()
+    assert line.endswith(": all")
