@@ -28,7 +28,7 @@ from vehicles.geometry.geodesy import REACH, LocalPlane, Origin
 
 FASTEST_RATE = 20_000.0
 """Fastest rate (1/s) of a car's tyres or steering that runs in real time; the paper's car has 206.
-A lorry's mass on a toy's inertia would take hours per second."""
+A truck's mass on a toy's inertia would take hours per second."""
 
 MARGIN = 1000.0
 """Distance (m) of the road from the reach of the plane, so that noise does not leave it."""

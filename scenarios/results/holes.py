@@ -21,7 +21,8 @@ class RecordHole:
     """
 
     vehicle: str
-    """Vehicle whose poses were sent and not recorded; all figures are of recorded messages."""
+    """Vehicle with a gap in the recording: poses were sent and not recorded. All figures are of
+    recorded messages."""
     from_s: float
     """Instant of the first missing pose; without a schedule of sending, of the pose before."""
     to_s: float

@@ -51,7 +51,8 @@ class RunIdentity:
     clock: ClockName
     """wall or virtual."""
     run_id: str
-    """Name of the run's folder; in virtual time derived from scenario, overrides and seed."""
+    """Identifier of the run. In virtual time: scenario, overrides and seed. In real time: name of
+    the folder, by default start time, scenario and overrides."""
     versions: Mapping[str, str]
     """Installed version."""
 

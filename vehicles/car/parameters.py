@@ -127,8 +127,8 @@ NOMINAL_GAINS = Gains(0.06, 0.96, 0.08)
 class Loading:
     """Passengers in addition to the driver, each with luggage in the boot (paper, Section V-B).
 
-    The mass of the car includes the driver. Masses in kg per passenger; luggage_offset (m)
-    is the paper's c, behind the rear axle.
+    The mass of the car includes the driver. Masses in kg per passenger; `luggage_offset_m` is the
+    paper's c, behind the rear axle.
     """
 
     front_passengers: Annotated[int, Setting("in front, in addition to the driver", "", 0, 8)] = 0

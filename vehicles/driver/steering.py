@@ -37,15 +37,16 @@ class LateralController(Protocol):
 
     Before a run the controller is constructed and called once, on a straight at 10 m/s without
     errors; if this fails the scenario is refused. During a run an exception or a non-finite command
-    ends the run with one line, or only its vehicle if `convoy.on_vehicle_failure = "continue"`.
+    ends the run with a one-line message, or only its vehicle if
+    `convoy.on_vehicle_failure = "continue"`.
     """
 
     def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
         """Front wheel angle δ_c (Section III-C) for `errors` at `speed` (m/s, at least 0).
 
-        `errors` are those of Section III-B against the trajectory, left positive: `lateral` (m),
-        `heading` (rad), `yaw_rate` (rad/s), the trajectory's `curvature` (1/m) beside the car, and
-        `curvature_ahead(distance)` (1/m) at a distance (m) along it.
+        `errors` are those of Section III-B against the trajectory, positive to the left: `lateral`
+        (m), `heading` (rad), `yaw_rate` (rad/s), the trajectory's `curvature` (1/m) beside the car,
+        and `curvature_ahead(distance)` (1/m) at a distance (m) along it.
         """
         ...
 
@@ -85,7 +86,7 @@ class FeedforwardFeedback:
 
 
 class SlipCompensated:
-    """The paper's law, eqs. (6) and (7), relative to the motion that keeps the car on its path.
+    """The paper's law, eqs. (6) and (7), with steady-state slip in curves compensated.
 
     A cornering car does not point along its path: on an arc of curvature κ its body has the slip
     angle β = κ l, l = b - m a v²/((a+b) C_r) (eqs. (1), (2), steady state). The paper's heading

@@ -76,7 +76,7 @@ class PathBehind:
 
 @dataclass(slots=True)
 class TrackingErrors:
-    """e_lat (m, left of the path positive), θ̃ (rad), dθ̃/dt (rad/s), path curvature (1/m).
+    """e_lat (m, positive to the left), θ̃ (rad), dθ̃/dt (rad/s), path curvature (1/m).
 
     Section III-B, with signed curvature 1/R; the errors of eq. (7). The foot point is at `station`
     (m) of `path`; without a path the curvature is constant. `behind` is the path behind the car as

@@ -92,7 +92,8 @@ def wire_queries() -> Iterator[Row]:
 def reasons_page() -> None:
     print_text(
         "Reasons for which a message was not used, in verdicts, summary and log. A link drops "
-        "messages; a receiver refuses them."
+        "messages; a receiver refuses them. Lost messages count in the loss ratio of the link, "
+        "late ones in the late messages of the receiver. All others are only counted by reason."
     )
     rows = [
         (word, "link" if reason.is_drop else "receiver", counts_as(word), reason.meaning)

@@ -1,6 +1,8 @@
 """Reference pages about scenario files: scenario, links, presets, gnss, degradation, limits."""
 
+import json
 from collections.abc import Iterator
+from typing import Any
 
 from scenarios.cli.reference.printing import print_section, print_text
 from scenarios.cli.reference.table_keys import models_at, scenario_tables, tables_at
@@ -25,9 +27,9 @@ OTHER_PAGES = ("links", "link", "gnss", "control.degradation", "limits")
 
 def scenario_page() -> None:
     print_text(
-        "The keys of a scenario file. A key ends in its unit; a ratio is from 0 to 1. Headings are "
-        "compass courses. Curvature, steering and lateral offsets are positive to the left. Links, "
-        "gnss, degradation and limits have pages of their own."
+        "The keys of a scenario file. A key ends in its unit. A ratio has no unit; most are from 0 "
+        "to 1. Headings are compass courses. Curvature, steering and lateral offsets are positive "
+        "to the left. Links, gnss, degradation and limits have pages of their own."
     )
     for table in scenario_tables():
         if not table.place.startswith(tuple(f"[{key}{end}" for key in OTHER_PAGES for end in ".]")):
@@ -45,7 +47,8 @@ def links_page() -> None:
     (entry,) = models_at("link")
     own = entry.model_fields.keys() - models_at("links")[0].model_fields.keys()
     keys = next(table.keys for table in tables_at("link") if table.model is entry)
-    print_section("[[link]]", [(key, text) for key, text in keys.items() if key in own])
+    text = "The ends of the links, and all keys of [links]. With a preset, [links] does not apply."
+    print_section("[[link]]", [(key, text) for key, text in keys.items() if key in own], text)
 
 
 def presets_page() -> None:
@@ -60,27 +63,49 @@ def presets_page() -> None:
 
 def gnss_page() -> None:
     print_text(
-        "The emulated receiver of each vehicle. [vehicle.NAME.gnss] has the same keys for one "
+        "The emulated GNSS receiver of each vehicle. [vehicle.NAME.gnss] has the same keys for one "
         "vehicle. Other keys replace the values of a preset."
     )
-    _print_tables("gnss")
+    for table in tables_at("gnss"):
+        keys = table.keys
+        if table.place.startswith("[gnss.while_"):
+            keys = {key: _with_preset_default(key, text) for key, text in keys.items()}
+        print_section(table.place, keys.items(), table.text)
     for name, rows in gnss_presets().items():
         print_section(f'gnss.preset = "{name}"', rows)
+
+
+def _with_preset_default(key: str, text: str) -> str:
+    """Replace the default of a key of `[gnss.while_...]` that the preset of the state sets."""
+    if key not in keys_with(GnssSettings, PRESETS["rtk_fixed"]):
+        return text
+    return f"{text.partition(', default ')[0]}, default: from the preset"
 
 
 def gnss_presets() -> dict[str, list[tuple[str, str]]]:
     """Keys and values of each preset of [gnss]."""
     return {
-        name: [(key, str(value)) for key, value in keys_with(GnssSettings, figures).items()]
+        name: [(key, _toml(value)) for key, value in keys_with(GnssSettings, figures).items()]
         for name, figures in PRESETS.items()
     }
 
 
+def _toml(value: Any) -> str:
+    """Write a value as a scenario file would."""
+    if value is None:
+        return "not set"
+    if isinstance(value, dict):
+        return f"{{ {', '.join(f'{key} = {_toml(entry)}' for key, entry in value.items())} }}"
+    return json.dumps(value)
+
+
 def degradation_page() -> None:
     print_text(
-        "What a follower does without data. A source is fresh, late or lost. With one fresh source "
-        "left, the follower opens its gap. With none, it slows down so that it stops within its "
-        "known path. A source that returns is used again after a probation."
+        "Reaction of a follower to missing data. Its sources are the lead and the predecessor. A "
+        "source is fresh, late, lost, or distrusted as implausible. While the predecessor is late "
+        "or the lead is lost, the follower opens its gap. Without any source, it slows down so "
+        "that it stops within its known path. A source that returns is used again after a "
+        "probation."
     )
     _print_tables("control.degradation")
 

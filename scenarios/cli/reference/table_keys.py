@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from inspect import cleandoc
 from types import NoneType
 from typing import Any, Literal, get_args, get_origin
@@ -15,6 +16,7 @@ from scenarios.definition.schema.settings_table import SettingsTable
 from scenarios.definition.validation.model_fields import models_of
 
 KEY_LINE = re.compile(r"^(\w+(?:, \w+)*) {2,}(\S.*)$")
+KINDS = "table; its `kind` selects the form"
 BOUNDS = {"ge": "at least", "gt": "more than", "le": "at most", "lt": "less than"}
 
 
@@ -122,7 +124,7 @@ def _values(field: FieldInfo) -> Iterator[str]:
         yield "text"
     elif models := list(models_of(annotation)):
         is_list = any(get_origin(part) is tuple for part in _parts(annotation))
-        yield "list of tables" if is_list else "table" if len(models) == 1 else "table of one kind"
+        yield "list of tables" if is_list else "table" if len(models) == 1 else KINDS
     bounds = {
         word: bound
         for part in (*field.metadata, *_metadata(annotation))
@@ -147,6 +149,8 @@ def _default(field: FieldInfo) -> Iterator[str]:
         yield f"default {str(default).lower()}"
     elif isinstance(default, int | float):
         yield f"default {default:g}"
+    elif isinstance(default, datetime):
+        yield f"default {default}"
     elif isinstance(default, str) and default:
         yield f'default "{default}"'
     elif isinstance(default, tuple) and default and not isinstance(default[0], BaseModel):

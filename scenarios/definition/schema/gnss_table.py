@@ -15,7 +15,7 @@ from vehicles.car.positioning.gnss_settings import (
 
 
 class GnssTable(SettingsTable[GnssSettings]):
-    """The emulated receiver. Its keys replace the values of a `preset`."""
+    """The emulated GNSS receiver. Its keys replace the values of a `preset`."""
 
     @model_validator(mode="before")
     @classmethod

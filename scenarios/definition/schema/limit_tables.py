@@ -23,7 +23,7 @@ class DeadlineTable(Table):
 
 
 class ModeLimit(DeadlineTable):
-    """Deadline for a mode of a follower, which may have it already at `after_s`.
+    """Deadline for a mode of a follower, met at once if it is in this mode at `after_s`.
 
     vehicle   the follower
     mode      mode of the follower; see the modes of a vehicle below

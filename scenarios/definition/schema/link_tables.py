@@ -17,7 +17,7 @@ class LinkTable(Table):
     latency_ms     smallest delay from sending to reception; the real transport must be faster
     jitter_ms      additional uniform delay, from 0 to this
     loss_ratio     independent loss (Bernoulli)
-    rate_hz        messages per second that the link carries; without it all
+    rate_hz        messages per second that the link carries; omitted: no limit
     loss           an additional law of loss: bursts, numbered messages, a recording
     collisions     additional loss of complete reservations
     content        duplicates, reordering, bit errors and false content
@@ -26,7 +26,7 @@ class LinkTable(Table):
     outages        times and places without reception
     radio          reception over the true distance, with path loss and obstruction
     preset         a shipped channel; other keys replace its values
-    preset_source  source of the preset's figures, once its keys are filled in
+    preset_source  source of the preset's figures, written by the program; do not set
     """
 
     preset: str | None = None

@@ -10,10 +10,10 @@ LoggedRate = Annotated[float, Field(ge=0, le=1000)]
 
 
 class LogTable(Table):
-    """Largest rates of messages in the log, per vehicle. 0 logs none; without the key all.
+    """Largest rates of messages in the log, per vehicle. Omitted: no limit. 0: nothing is logged.
 
     The summary counts all messages in any case. Trajectories and commands that are not logged are
-    not sent, so the live picture lacks them too.
+    not sent, so the live viewer does not show them.
 
     truth_rate_hz       true poses
     trajectory_rate_hz  fitted trajectories

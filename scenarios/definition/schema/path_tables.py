@@ -56,13 +56,13 @@ class TracePath(SmoothedPathTable):
     """A recorded drive.
 
     Jumps are removed, a standstill becomes one point, and the drive starts with its first movement.
-    A step of more than 5 m and of four usual steps is a hole, bridged by a smooth curve. `convoy
-    check` lists all of them.
+    A step longer than 5 m and than four times the usual step is a hole: a gap in the recording,
+    bridged by a smooth curve. `convoy check` lists removed points and holes.
 
     file         CSV (x_m, y_m or latitude_deg, longitude_deg; optional t_s, speed_mps), GPX,
                  NMEA 0183 (GGA, RMC), or run.mcap; relative to the scenario, or a shipped drive
     vehicle      vehicle of a run.mcap; without it the lead
-    smoothing_m  half width of the smoothing window; default 8, or what the noise requires
+    smoothing_m  half width of the smoothing window; if omitted, more where the noise requires it
     closed       whether the drive ends where it begins
     laps         laps of a closed drive
     """
@@ -78,7 +78,9 @@ Texts = Annotated[tuple[str, ...], Field(strict=False)]
 
 
 class PointsPath(SmoothedPathTable):
-    """Points in the plane: what a trace becomes when it is read, so that a log needs no other file.
+    """Points in the plane; a trace is converted into them, so that a log needs no other file.
+
+    The program writes the keys from `source` to `skipped_first`; do not set them.
 
     east_m           coordinates
     north_m          coordinates

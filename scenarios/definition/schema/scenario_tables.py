@@ -48,7 +48,9 @@ else:
 
 
 class OriginTable(Table):
-    """Origin of the east-north plane (WGS84). Without it: the first point of a geodetic trace.
+    """Origin of the east-north plane (WGS84).
+
+    Default: the first point of a geodetic trace; otherwise the values below.
 
     latitude_deg   latitude
     longitude_deg  longitude
@@ -61,7 +63,10 @@ class OriginTable(Table):
 
 
 class ConvoyTable(Table):
-    """The vehicles, the lead first. A gap is measured from bumper to bumper along the path.
+    """The vehicles, the lead first.
+
+    A gap is measured from bumper to bumper. A configured or estimated gap is along the path; a true
+    gap is the shortest distance between the bodies.
 
     vehicles             number of vehicles
     names                names, the lead first; default v1, v2, …
@@ -98,19 +103,20 @@ class GainsTable(Table):
 class SteeringTable(Table):
     """Trajectory and steering of a vehicle.
 
-    controller     "slip_compensated": the paper's law with slip compensation for bends;
-                   "feedforward_feedback": the paper's law; "stanley"; "pure_pursuit"; or your own
-                   class, "module.Class" (convoy reference controllers)
+    controller     "slip_compensated": the paper's law, with steady-state slip in curves
+                   compensated; "feedforward_feedback": the paper's law; "stanley"; "pure_pursuit";
+                   or your own class, "module.Class" (convoy reference controllers)
     fusion         "composite": one trajectory from lead and predecessor; "predecessor" alone; or
                    "blend": one steering command from each
-    trajectory     "fitted": curve fitted to the samples. Baselines that fail below radii of 300 m
-                   and with noise: "paper": a line within tolerance_m, else one circle (Section
-                   III-B); "paper_prefix": the longest line first, then a circle (Section III-A)
+    trajectory     "fitted": curve fitted to the samples. Baselines that are inaccurate for radii
+                   below 300 m or noisy poses: "paper": a line within tolerance_m, else one circle
+                   (Section III-B); "paper_prefix": the longest line first, then a circle (Section
+                   III-A)
     alpha_ratio    weight of the predecessor; the lead has the rest
     preview_s      length of the preview, as a time at the current speed
     tolerance_m    largest distance of samples from a trajectory
     knows_loading  whether controller and estimator know the load of the car
-    estimate_slip  whether the controller estimates the effect of the load
+    estimate_slip  whether to estimate slip online, to compensate an unknown load
     own_state      "estimated" from receiver and inertial sensor, or "exact"; broadcast poses are
                    measured in any case
     gains          feedback gains
@@ -205,7 +211,7 @@ class ParametersTable(Table):
     steering_limit_rad                   largest angle of the front wheels; default 0.54
     length_m                             default 4.93
     width_m                              default 1.86
-    steering_rate_limit_radps            largest rate of the front wheels, or inf; default:
+    steering_rate_limit_radps            largest rate of the front wheels, or inf; 1.18 is
                                          17.5 rad/s at the steering wheel (VELOCITY_MAX in
                                          dbw_mkz_msgs/SteeringCmd) over the ratio of 14.8
     tyres                                "brush": saturating; "linear": as in the paper
@@ -231,9 +237,9 @@ class ParametersTable(Table):
 class EventsTable(Table):
     """Thresholds of events, by true poses.
 
-    lane_width_m      a corner of a car further than half of this from the lead's path has left the
-                      lane; motorway lanes are 3.5 to 3.75 m wide
-    near_miss_gap_m   smallest gap without a near miss; shipped convoys keep at least 2 m
+    lane_width_m      lane width; a vehicle leaves its lane when a corner is more than half of this
+                      from the lead's path; motorway lanes are 3.5 to 3.75 m wide
+    near_miss_gap_m   smallest true gap without a near miss; shipped convoys keep at least 2 m
     near_miss_time_s  smallest time to collision; conflicts below 1.5 s count as severe in traffic
                       research
     path_lost_s       longest time without a received path; 1 s is longer than the preview
@@ -249,7 +255,7 @@ class ClockTable(Table):
     """Error of a vehicle's clock, by which it stamps its fixes and judges ages.
 
     offset_ms  clock minus true time at the start of the run
-    drift_ppm  gain of the clock
+    drift_ppm  drift; a clock with a positive drift runs fast
     """
 
     offset_ms: float = Field(default=0.0, ge=-10_000, le=10_000)
@@ -259,16 +265,17 @@ class ClockTable(Table):
 class VehicleTable(Table):
     """Other values for one vehicle.
 
-    A vehicle with `replay` follows a recorded drive and receives nothing. The drive needs times. By
-    absolute times it keeps its distance in time to a recorded lead; otherwise both begin together.
+    A vehicle with `replay` follows a recorded drive and receives nothing. The drive needs times.
+    With speed.lead = "recorded" and absolute times in both recordings, their time offset is kept.
+    Otherwise both start at the same time.
 
     replay              recorded drive, of any kind that path.file may be
     replay_vehicle      vehicle of a run.mcap; without it the lead
     replay_offset_s     delay of the drive
-    drive               points of the drive, once the file is read
+    drive               points of the drive, written by the program; do not set
     gap_m               initial gap to its predecessor
     lateral_offset_m    initial offset to the left of the path
-    heading_offset_deg  initial heading to the left of the path's direction
+    heading_offset_deg  initial heading relative to the path, counter-clockwise positive
     transmitter_off     times in which none of its messages is received
     receiver_off        times in which it receives nothing
     clock               error of its clock
@@ -301,14 +308,15 @@ class VehicleTable(Table):
 class ScenarioTables(Table):
     """A scenario file.
 
-    extends      scenario to start from: a shipped one, or a file; resolved before validation
+    extends      scenario to start from: a shipped one, or a file; its keys are merged first, then
+                 validated
     name         name of the scenario
-    overrides    overrides by --set and --seed, for the title; they are already applied
+    overrides    overrides by --set and --seed, written by the program; do not set
     description  one line for `convoy list`
     duration_s   length of the run; default: until the lead reaches the end of its path, or a
                  replayed drive ends
     seed         seed of all random numbers
-    start_at     start of a virtual run; wall-clock runs start at once
+    start_at     start of a virtual run; ignored by real-time runs
     origin       origin of the east-north plane
     convoy       vehicles and gaps
     control      steering

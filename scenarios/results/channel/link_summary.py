@@ -60,7 +60,7 @@ class LinkSummary:
     sender: str
     """Vehicle that sends; each link has a direction."""
     receiver: str
-    """Vehicle that judges the messages of the link."""
+    """Receiving vehicle, which applies the link's settings."""
     requested: LinkTable
     """Requested settings, by the keys of [links] in a scenario (null: not requested)."""
     requested_loss_ratio: float | None = None
@@ -75,13 +75,13 @@ class LinkSummary:
     sent: int
     """Messages of the sender in the log."""
     judged: int
-    """Messages that came to the link."""
+    """Messages that reached the link's receiver."""
     delivered: int
     """Messages delivered."""
     dropped: Mapping[str, int]
     """Messages dropped, by reason."""
     copies: int = 0
-    """Messages that the channel delivered twice."""
+    """Duplicates that the channel added."""
     false: Mapping[str, int]
     """Delivered messages whose content the channel changed, by kind."""
     reordered: int = 0
@@ -127,10 +127,11 @@ class LinkSummary:
     age_ms_max: float | None = None
     """Largest of the same."""
     false_alarms: AlarmSummary = NO_ALARMS
-    """How often the receiver counted the sender as lost although it sent: counted (null if the
-    receiver does not report it); predicted, low and high only in older summaries."""
+    """False alarms, at which the receiver considered the sender lost although it sent. `counted` is
+    their number (null if the receiver does not report it). Only older summaries have `predicted`,
+    `low` and `high`."""
     safe_time_ratio: Mapping[str, float]
-    """Share of the steering commands with data of at most this age (ms)."""
+    """Share of the steering commands whose data is no older than KEY milliseconds."""
 
 
 def link_summary(

@@ -13,14 +13,17 @@ class RunEvent:
 
     kind: EventKind
     """collision, near_miss, lane_departure, path_lost, slide, stop (braking to a stop for lack of
-    data, which ends early if data returns), or distrust of a source."""
+    data, which ends early if data returns), or distrust (the follower rejects a source as
+    implausible)."""
     at_s: float
     """When the event began."""
     vehicles: tuple[str, ...]
     """Vehicles involved, in the order of the convoy."""
     figures: Mapping[str, float]
-    """closing_speed_mps; gap_m_min, time_to_collision_s_min; excess_m_max, duration_s;
-    friction_ratio_max, slip_rad_max, duration_s; known_m, predicted_blind_m, duration_s."""
+    """Figures by kind. collision: closing_speed_mps. near_miss: gap_m_min,
+    time_to_collision_s_min. lane_departure: excess_m_max, duration_s. path_lost, distrust:
+    duration_s. slide: friction_ratio_max, slip_rad_max, duration_s. stop: known_m,
+    predicted_blind_m, duration_s."""
 
     @property
     def line(self) -> str:

@@ -31,15 +31,15 @@ class ReactionSummary:
     recoveries: int = 0
     """Number of times that the follower relied on all its sources again."""
     recovery_s_mean: float | None = None
-    """Mean time during which it did not."""
+    """Mean time during which it relied on fewer sources."""
     recovery_s_max: float | None = None
-    """Longest time during which it did not."""
+    """Longest time during which it relied on fewer sources."""
     stops: int = 0
     """Number of emergency stops begun for lack of a known path; they end early if data returns."""
     blind_m: float = 0.0
     """Distance driven beyond the known path."""
     predicted_blind_m_max: float | None = None
-    """Largest such distance that was predicted at the begin of a stop."""
+    """Largest such distance that was predicted at the start of a stop."""
     hazards: int = 0
     """Number of warnings to the vehicles behind."""
 

@@ -36,8 +36,8 @@ class VehicleSummary:
     poses: int
     """Number of GPS poses in the log."""
     missing_poses: int
-    """Scheduled poses that are not in the log, until the end of the run or of the vehicle. For
-    vehicles that send without a schedule: gaps in the message numbers."""
+    """Scheduled poses that are not in the log, until the vehicle stopped or the run ended. For
+    vehicles that send without a schedule: missing message numbers."""
     silent_from_s: float | None = None
     """Time after which the run continued without records of the vehicle; else null."""
     lateral_error_m_max: float | None
@@ -57,11 +57,13 @@ class VehicleSummary:
     """Largest difference between the self-estimated and the true lateral error, once the vehicle
     has a trajectory."""
     true_gap_m_min: float | None = None
-    """Smallest true gap to the predecessor: distance between the bodies, 0 in a collision."""
+    """Smallest true gap to the predecessor: shortest distance between the bodies, 0 in a
+    collision."""
     true_gap_min_at_s: float | None = None
     """Time of the smallest true gap."""
     estimated_gap_m_min: float | None
-    """Smallest estimated gap to the predecessor, bumper to bumper; null in runs before 0.2."""
+    """Smallest estimated gap to the predecessor, bumper to bumper along the path; null in runs
+    before 0.2."""
     distance_m: float
     """Distance driven."""
     lateral_acceleration_mps2_max: float | None = None
@@ -76,17 +78,18 @@ class VehicleSummary:
     sliding_s: float | None = None
     """Time during which an axle used all of the available friction, or more."""
     ticks_by_mode: Mapping[str, int]
-    """Number of steering commands by mode: composite, one source, coast, ..."""
+    """Number of steering commands by mode: path (the lead), composite, lead, predecessor, coast,
+    stop or straight."""
     reaction: ReactionSummary = NO_REACTION
     """Reaction to missing messages, see vehicles[].reaction."""
     ticks: int
-    """Instants of the vehicle's schedule, for control or GNSS, that it went through."""
+    """Executed instants of the vehicle's schedule, for control or GNSS."""
     late_ticks: int
     """Ticks that began more than half a control period late."""
     lateness_ms_max: float
     """Largest delay of a tick."""
     rejected_messages: int
-    """Messages that the vehicle received and refused."""
+    """Messages that the vehicle received and rejected."""
     memory_bytes_max: int
     """Memory of the vehicle's process; 0 in virtual time."""
     cpu_ratio: float

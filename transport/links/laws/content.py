@@ -40,13 +40,13 @@ class ContentLaw(LinkLaw):
     """Alterations of the content and the number of messages.
 
     duplicate_ratio     share of delivered messages that are duplicated
-    duplicate_delay_ms  delay of the copy after the message; by default drawn like that of the
+    duplicate_delay_ms  delay of the duplicate after the message; by default drawn like that of the
                         message, but never before it
-    filter_duplicates   whether the receiver refuses copies by their number, as radio stacks do
+    filter_duplicates   whether the receiver rejects duplicates by their number, as radio stacks do
     reorder_ratio       share of messages held back, so that later ones overtake them
     reorder_delay_ms    how long they are held back
     bit_error_ratio     probability that a bit of a frame is flipped
-    frame_check         whether the receiver refuses altered frames by their checksum (CRC-32)
+    frame_check         whether the receiver rejects altered frames by their checksum (CRC-32)
     false               list of false contents, applied in order
     """
 

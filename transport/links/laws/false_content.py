@@ -56,8 +56,8 @@ class Shift:
 class FalseContent(LawTable):
     """Base of false contents; the verdicts name them by `kind`.
 
-    from_s  begin after the start of the run, by instant of sending
-    to_s    end, exclusive, by default the end of the run
+    from_s  start of the interval of sending, after the start of the run, inclusive
+    to_s    end of the interval, exclusive; default: the end of the run
 
     By default no earlier messages are needed and none are added.
     """
@@ -123,9 +123,10 @@ class Displaced(FalseContent):
 class FalseOffset(Displaced):
     """Constant displacement of the position.
 
-    east_m, north_m  displacement along the world's axes
-    ahead_m, left_m  displacement along and across the sender's course
-    from_s, to_s     interval after the start of the run, end exclusive
+    east_m   displacement to the east
+    north_m  displacement to the north
+    ahead_m  displacement forward, along the sender's course
+    left_m   displacement to the left of the sender's course
     """
 
     kind: Literal["offset"] = "offset"
@@ -145,9 +146,10 @@ class FalseOffset(Displaced):
 class FalseDrift(Displaced):
     """Displacement that grows from `from_s`.
 
-    east_mps, north_mps  rate along the world's axes
-    ahead_mps, left_mps  rate along and across the sender's course
-    from_s, to_s         interval after the start of the run, end exclusive
+    east_mps   rate to the east
+    north_mps  rate to the north
+    ahead_mps  rate forward, along the sender's course
+    left_mps   rate to the left of the sender's course
     """
 
     kind: Literal["drift"] = "drift"
@@ -165,10 +167,7 @@ class FalseDrift(Displaced):
 
 
 class FrozenContent(FalseContent):
-    """Repeats the last content before `from_s`, with new numbers and instants.
-
-    from_s, to_s  interval after the start of the run, end exclusive
-    """
+    """Repeats the last content before `from_s`, with new numbers and time stamps."""
 
     kind: Literal["frozen"] = "frozen"
     from_s: Annotated[float, Field(gt=0, le=LATEST_S)]
@@ -182,10 +181,9 @@ class FrozenContent(FalseContent):
 
 
 class ReplayedContent(FalseContent):
-    """Repeats old content, with new numbers and instants.
+    """Repeats old content, with new numbers and time stamps.
 
-    age_s         minimum age of the content
-    from_s, to_s  interval after the start of the run, end exclusive
+    age_s  minimum age of the content
     """
 
     kind: Literal["replayed"] = "replayed"
@@ -200,12 +198,12 @@ class ReplayedContent(FalseContent):
 
 
 class GhostVehicle(Displaced):
-    """Adds a message of a vehicle that does not exist to each message, in the sender's name.
+    """After each message, adds a forged message in the sender's name that reports a ghost vehicle.
 
-    ahead_m, left_m  position of the ghost along and across the sender's course
-    from_s, to_s     interval after the start of the run, end exclusive
+    ahead_m  position of the ghost ahead of the sender, along its course
+    left_m   position of the ghost to the left of the sender's course
 
-    The added message is stamped and arrives half a period of the sender's maximum rate after the
+    The forged message is stamped and arrives half a period of the sender's maximum rate after the
     true one, so that both alternate. It has the number of the true message and bypasses the
     receiver's check of numbers.
     """

@@ -30,9 +30,9 @@ class Drift:
     deviation: Annotated[
         float, Setting("stationary standard deviation, per axis", "m", 0, 1000, example=0.016)
     ]
-    time_constant: Annotated[float, Setting("of its decay", "s", MIN_TIME_CONSTANT, 100_000)] = (
-        100.0
-    )
+    time_constant: Annotated[
+        float, Setting("time constant of the drift", "s", MIN_TIME_CONSTANT, 100_000)
+    ] = 100.0
 
 
 class GaussMarkov:

@@ -134,9 +134,9 @@ class FixStateLaw(ABC):
 
 @dataclass(frozen=True, slots=True)
 class StateEntry:
-    """The fix state from a time (s) after the start on."""
+    """The fix state from `at_s` on."""
 
-    at: Annotated[float, Setting("time after the start", "s", 0, example=10.0)]
+    at: Annotated[float, Setting("time after the start of the run", "s", 0, example=10.0)]
     state: Annotated[ReceiverState, Setting("state from then on", example="float")]
 
 

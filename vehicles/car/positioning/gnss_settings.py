@@ -62,7 +62,8 @@ PRESET_OF_STATE: Mapping[FixState, Preset] = {
 class StateErrors:
     """Position errors in one fix state: white noise (m, per axis), Gauss–Markov drift.
 
-    With `entry_jump` (m) the drift restarts when the state is entered. Without, it continues in the
+    Omitted keys have the values of the preset of the state: rtk_fixed, rtk_float or single. With
+    `entry_jump_m` the drift restarts when the state is entered. Without, it continues in the
     background while the receiver is in another state.
     """
 
@@ -77,7 +78,7 @@ class StateErrors:
         float | None,
         Setting(
             "restart the drift within this distance of 0 when the state is entered, also after an "
-            "outage; default: the drift continues",
+            "outage; if not set, the drift continues",
             unit="m",
             minimum=0,
             maximum=1000,
@@ -114,7 +115,7 @@ class GnssSettings(StateErrors):
         Setting(
             "defaults of fix, position_noise_m, drift and entry_jump_m. "
             '"rtk_fixed", "rtk_float": a u-blox F9P on a car\'s roof (sample data of rtklib-py); '
-            '"single": code only, an order of magnitude; "none": no fix',
+            '"single": code only, a rough estimate; "none": no fix',
             example="rtk_fixed",
         ),
     ] = None

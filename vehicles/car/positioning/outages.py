@@ -31,12 +31,14 @@ class FixOutage(ABC):
 
 @dataclass(frozen=True, slots=True)
 class FixOutageWindow(FixOutage):
-    """No fix between two times after the start (ns)."""
+    """No fix between two times after the start of the run."""
 
     begin: Annotated[
-        int, Setting("begin, after the start", "s", 0, 86_400, name="from", example=20.0)
+        int, Setting("start of the outage, inclusive", "s", 0, 86_400, name="from", example=20.0)
     ]
-    end: Annotated[int, Setting("end, after the start", "s", 0, 86_400, name="to", example=25.0)]
+    end: Annotated[
+        int, Setting("end of the outage, exclusive", "s", 0, 86_400, name="to", example=25.0)
+    ]
 
     def covers(self, body: Body, now: int, context: ReceiverContext) -> bool:  # noqa: ARG002
         return self.begin <= now - context.start_at < self.end
@@ -47,16 +49,32 @@ class FixOutageWindow(FixOutage):
 
 @dataclass(frozen=True, slots=True)
 class FixOutageStretch(FixOutage):
-    """No fix on a stretch of road, in distance driven (m) from the lead's start.
+    """No fix on a stretch of road, by arc length from the lead's start; it continues over laps.
 
-    The distance continues over laps.
+    Outages of [links] are by arc length from the first point of the path instead.
     """
 
     begin: Annotated[
-        float, Setting("", "m", -MAX_COORDINATE, MAX_COORDINATE, name="from", example=300.0)
+        float,
+        Setting(
+            "start of the stretch, inclusive",
+            unit="m",
+            minimum=-MAX_COORDINATE,
+            maximum=MAX_COORDINATE,
+            name="from",
+            example=300.0,
+        ),
     ]
     end: Annotated[
-        float, Setting("", "m", -MAX_COORDINATE, MAX_COORDINATE, name="to", example=400.0)
+        float,
+        Setting(
+            "end of the stretch, exclusive",
+            unit="m",
+            minimum=-MAX_COORDINATE,
+            maximum=MAX_COORDINATE,
+            name="to",
+            example=400.0,
+        ),
     ]
 
     def covers(self, body: Body, now: int, context: ReceiverContext) -> bool:  # noqa: ARG002
@@ -68,11 +86,15 @@ class FixOutageStretch(FixOutage):
 
 @dataclass(frozen=True, slots=True)
 class FixOutageCircle(FixOutage):
-    """No fix within a circle in the plane (m)."""
+    """No fix within a circle in the plane."""
 
-    east: Annotated[float, Setting("", "m", -MAX_COORDINATE, MAX_COORDINATE, example=500.0)]
-    north: Annotated[float, Setting("", "m", -MAX_COORDINATE, MAX_COORDINATE, example=0.0)]
-    radius: Annotated[float, Setting("", "m", above=0, maximum=MAX_COORDINATE, example=40.0)]
+    east: Annotated[
+        float, Setting("centre, east", "m", -MAX_COORDINATE, MAX_COORDINATE, example=500.0)
+    ]
+    north: Annotated[
+        float, Setting("centre, north", "m", -MAX_COORDINATE, MAX_COORDINATE, example=0.0)
+    ]
+    radius: Annotated[float, Setting("radius", "m", above=0, maximum=MAX_COORDINATE, example=40.0)]
 
     def covers(self, body: Body, now: int, context: ReceiverContext) -> bool:  # noqa: ARG002
         return hypot(body.east - self.east, body.north - self.north) <= self.radius

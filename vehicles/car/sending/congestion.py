@@ -16,9 +16,9 @@ MIN_INTERVALS = tuple(span * MILLISECOND for span in (100, 200, 400, 500, 1000))
 
 @dataclass(frozen=True, slots=True)
 class BusyRatioEntry:
-    """The channel busy ratio from a time (s) after the start on."""
+    """The channel busy ratio from `at_s` on."""
 
-    at: Annotated[float, Setting("time after the start", "s", 0, example=10.0)]
+    at: Annotated[float, Setting("time after the start of the run", "s", 0, example=10.0)]
     busy: Annotated[float, Setting("channel busy ratio", "ratio", 0, 1, example=0.45)]
 
 
@@ -26,15 +26,24 @@ class BusyRatioEntry:
 class CongestionControl:
     """Reactive congestion control: a minimum interval that grows with the channel busy ratio.
 
-    100, 200, 400, 500, 1000 ms from a ratio of 0, 0.3, 0.4, 0.5, 0.6. A message that is due earlier
-    is skipped; with "every_fix" and "intervals" it waits.
+    Minimum interval 100, 200, 400, 500, 1000 ms from busy ratios of 0, 0.3, 0.4, 0.5, 0.6. A
+    message that is due earlier is skipped; with "every_fix" and "intervals" it waits.
     """
 
     busy: Annotated[
-        tuple[BusyRatioEntry, ...], Setting("busy ratios in order of time; 0 before", nonempty=True)
+        tuple[BusyRatioEntry, ...],
+        Setting(
+            "busy ratios in order of time; the ratio is 0 before the first entry", nonempty=True
+        ),
     ]
     period: Annotated[
-        int, Setting("period of the evaluations, each by at most one state", "ms", 10, 10_000)
+        int,
+        Setting(
+            "period of the evaluations; the state changes by at most one per evaluation",
+            unit="ms",
+            minimum=10,
+            maximum=10_000,
+        ),
     ] = 100 * MILLISECOND
 
     @property

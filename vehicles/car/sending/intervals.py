@@ -35,7 +35,10 @@ class MeasuredIntervals(SendingRule):
 
     table: Annotated[
         Literal["cam_vw_highway", "cam_renault_highway"] | None,
-        Setting("measured distribution, or instead:", example="cam_vw_highway"),
+        Setting(
+            "measured distribution. Alternative: intervals_ms and shares_ratio",
+            example="cam_vw_highway",
+        ),
     ] = None
     intervals: Annotated[tuple[int, ...], Setting("configured intervals", "ms", 10, 60_000)] = ()
     shares: Annotated[tuple[float, ...], Setting("share of each interval", "ratio", 0, 1)] = ()

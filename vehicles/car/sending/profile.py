@@ -14,9 +14,9 @@ from vehicles.setting import Problem, Setting
 
 @dataclass(frozen=True, slots=True)
 class RateEntry:
-    """The rate of sending (Hz) from a time (s) after the start on; 0: nothing is sent."""
+    """The rate of sending from `at_s` on; 0: nothing is sent."""
 
-    at: Annotated[float, Setting("time after the start", "s", 0, example=0.0)]
+    at: Annotated[float, Setting("time after the start of the run", "s", 0, example=0.0)]
     rate: Annotated[float, Setting("rate from then on", "hz", 0, 100, example=10.0)]
 
 

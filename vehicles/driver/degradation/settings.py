@@ -40,25 +40,34 @@ def _braking(deceleration: float, jerk: float) -> Braking:
 class DegradationSettings:
     """Thresholds of degradation and braking levels (s, m/s²; beyond the paper).
 
-    The thresholds of a lost source follow openpilot, the growing probation and the gates PX4's
-    EKF2, and comfortable and firm braking Autoware's comfortable and emergency stops.
+    The thresholds of a lost source follow openpilot. The growing probation and the gates follow
+    PX4's EKF2. Comfortable braking follows Autoware's comfortable stop, firm braking its emergency
+    stop. Emergency braking is hard braking on a dry road, as in [speed.gap].
     """
 
     reaction: Annotated[
         Reaction,
         Setting(
-            "reaction without data: slow down within the known path, and stop; or a baseline at "
-            'full speed: "extrapolate" the last trajectory, "hold" the last steering command, or '
-            'turn the wheels "straight"'
+            'reaction without data. "degrade": slow down within the known path, and stop. '
+            'Baselines at full speed: "extrapolate" the last trajectory, "hold" the last steering '
+            'command, or turn the wheels "straight"'
         ),
     ] = "degrade"
     late_periods: Annotated[
-        float, Setting("expected periods without a message until a source is late", "", 1, 1000)
+        float,
+        Setting("a source is late after this number of periods without a message", "", 1, 1000),
     ] = 3.0
-    lost_periods: Annotated[float, Setting("and until it is lost", "", 1, 1000)] = 10.0
+    lost_periods: Annotated[
+        float,
+        Setting(
+            "a source is lost after max(lost_periods × period, lost_s) without a message",
+            minimum=1,
+            maximum=1000,
+        ),
+    ] = 10.0
     lost_after: Annotated[
         float,
-        Setting("shortest silence until it is lost, if that is longer", "s", 0.01, 60, name="lost"),
+        Setting("shortest silence after which a source is lost", "s", 0.01, 60, name="lost"),
     ] = 0.5
     probation_delivery: Annotated[
         float,
@@ -72,7 +81,9 @@ class DegradationSettings:
     probation: Annotated[
         float, Setting("length of the probation, doubled with each relapse", "s", 0.1, 60)
     ] = 1.0
-    probation_max: Annotated[float, Setting("up to this length", "s", 0.1, 600)] = 16.0
+    probation_max: Annotated[float, Setting("largest length of the probation", "s", 0.1, 600)] = (
+        16.0
+    )
     probation_halving: Annotated[
         float, Setting("time without a relapse that halves the probation", "s", 0.1, 3600)
     ] = 10.0
@@ -89,16 +100,18 @@ class DegradationSettings:
     predecessor_path: Annotated[
         PredecessorPath,
         Setting(
-            "path followed while the lead is lost: the lead's, reconstructed from the offset that "
-            'the predecessor announces; or the one "driven" by the predecessor'
+            'path followed while the lead is lost. "intended": path of the lead, reconstructed '
+            'from the offset that the predecessor announces. "driven": path of the predecessor'
         ),
     ] = "intended"
     comfortable_deceleration: Annotated[
         float, Setting("comfortable braking", "mps2", 0.1, 12, name="comfortable")
     ] = 1.0
-    comfortable_jerk: Annotated[float, Setting("and its jerk", "mps3", 0.05, 100)] = 0.3
+    comfortable_jerk: Annotated[
+        float, Setting("jerk of comfortable braking", "mps3", 0.05, 100)
+    ] = 0.3
     firm_deceleration: Annotated[float, Setting("firm braking", "mps2", 0.1, 12, name="firm")] = 2.5
-    firm_jerk: Annotated[float, Setting("and its jerk", "mps3", 0.05, 100)] = 1.5
+    firm_jerk: Annotated[float, Setting("jerk of firm braking", "mps3", 0.05, 100)] = 1.5
     emergency_deceleration: Annotated[
         float,
         Setting(
@@ -109,7 +122,9 @@ class DegradationSettings:
             name="emergency",
         ),
     ] = 6.0
-    emergency_jerk: Annotated[float, Setting("and its jerk", "mps3", 0.05, 1000)] = 12.0
+    emergency_jerk: Annotated[float, Setting("jerk of emergency braking", "mps3", 0.05, 1000)] = (
+        12.0
+    )
 
     @property
     def comfortable(self) -> Braking:

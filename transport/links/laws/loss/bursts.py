@@ -97,8 +97,8 @@ class GilbertElliott(ChainLoss):
 
     With h = 0 and k = 1 (Gilbert's simple model) the loss is p / (p + r), the mean burst 1 / r
     messages, and the autocorrelation of losses at lag m is (1 - p - r)^m. Sources: Gilbert, Bell
-    System Technical Journal 39, 1960; Elliott, ibid. 42, 1963. The state changes before the message
-    is judged; in Linux netem after it, which is equal in the long run.
+    System Technical Journal 39, 1960; Elliott, ibid. 42, 1963. The state changes before each
+    message; in Linux netem after it. The long-run loss is the same.
     """
 
     kind: Literal["gilbert_elliott"] = "gilbert_elliott"
@@ -157,9 +157,10 @@ class FourState(ChainLoss):
 
     gap_to_burst_ratio   p13, probability that a burst begins with the message
     burst_to_gap_ratio   p31, probability that the burst ends after a lost message
-    lost_to_sent_ratio   p32, probability of a delivery after a loss within the burst, default 0
-    sent_to_lost_ratio   p23, probability of a loss after such a delivery, default 1
-    isolated_loss_ratio  p14, probability of an isolated loss outside bursts, default 0
+    lost_to_sent_ratio   p32, probability of a delivery after a loss within the burst; "sent" means
+                         delivered
+    sent_to_lost_ratio   p23, probability of a loss after such a delivery
+    isolated_loss_ratio  p14, probability of an isolated loss outside bursts
 
     States: 1 delivered outside bursts, 2 delivered within a burst, 3 lost within a burst, 4
     isolated loss, which 1 follows. The new state decides about the message. The chain has the

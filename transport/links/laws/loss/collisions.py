@@ -15,7 +15,7 @@ from transport.reasons import DropReason
 
 
 class Collisions(LinkLaw):
-    """Loses all messages of a reservation whose resource another sender has selected, too.
+    """All messages of a reservation are lost if another sender selected the same resource.
 
     loss_ratio                mean loss; a reservation loses all of its messages or none
     keep_ratio                probability of keeping the resource at reselection: 0 to 0.8 in TS

@@ -36,12 +36,13 @@ class EarlierRun(LinkLaw):
     sender           sender of the recorded link, by default the sender of this link
     receiver         receiver of the recorded link, by default the receiver of this link
     after_end        after the last recorded message "repeat" the record or "pass" all messages,
-                     with `latency_ms` of the link
+                     delayed by `latency_ms`
     delays_ns        delays in order, in place of a file, such as "20000000x700, 23000000"
     dropped_numbers  numbers of dropped messages by reason, such as { loss = "3, 7" }
     source           name of the file they were read from
 
-    The record replaces all other keys of the link.
+    The record replaces all keys of the link except `latency_ms`, which applies after the end of the
+    record with "pass".
     """
 
     key = "loss"

@@ -22,7 +22,7 @@ Metres = Annotated[float, Field(ge=-200_000, le=200_000)]
 class PlacedOutage(Outage):
     """Base of outages by place.
 
-    vehicle  end of the link that has to be inside: sender, receiver, either or both
+    vehicle  which end of the link must be inside: sender, receiver, either or both
     """
 
     judged_by = "place"
@@ -48,11 +48,11 @@ class StretchOutage(PlacedOutage):
 
     from_m   arc length from the first point of the path, inclusive
     to_m     end of the stretch, exclusive
-    every_m  period after which the stretch repeats, by default never
-    vehicle  end of the link that has to be inside: sender, receiver, either or both
+    every_m  period after which the stretch repeats; default: never
 
-    The arc length continues over the laps of a closed path. The station of a vehicle is its station
-    at the start of the run plus the distance travelled.
+    The arc length continues over the laps of a closed path. The position of a vehicle along the
+    path is its initial arc length plus the distance driven. Outages of [gnss] are by arc length
+    from the lead's start instead.
     """
 
     kind: Literal["stretch"] = "stretch"
@@ -78,13 +78,13 @@ class StretchOutage(PlacedOutage):
 
 
 class CircleOutage(PlacedOutage):
-    """Outage within a circle, such as a tunnel.
+    """Outage within a circle.
 
-    east_m, north_m              centre in the plane of the scenario
-    latitude_deg, longitude_deg  or centre in WGS84
-    radius_m                     radius of the circle
-    vehicle                      end of the link that has to be inside: sender, receiver, either or
-                                 both
+    east_m         centre, east, in the plane of the scenario
+    north_m        centre, north, in the plane of the scenario
+    latitude_deg   latitude of the centre, in place of east_m and north_m
+    longitude_deg  longitude of the centre
+    radius_m       radius of the circle
     """
 
     kind: Literal["circle"] = "circle"

@@ -62,9 +62,9 @@ class Outage(LinkLaw):
 class SpanOutage(Outage):
     """A time window from the start of the run, once or repeated.
 
-    from_s   begin, inclusive
-    to_s     end, exclusive
-    every_s  period after which the window repeats, by default never
+    from_s   start of the window, after the start of the run, inclusive
+    to_s     end of the window, exclusive
+    every_s  period after which the window repeats; default: never
     """
 
     from_s: Seconds
@@ -102,35 +102,20 @@ class SpanOutage(Outage):
 
 
 class WindowOutage(SpanOutage):
-    """Outage in a time window.
-
-    from_s   begin after the start of the run, inclusive
-    to_s     end, exclusive
-    every_s  period after which the window repeats, by default never
-    """
+    """Outage in a time window."""
 
     kind: Literal["window"] = "window"
 
 
 class TransmitterOff(SpanOutage):
-    """Time window in which a vehicle's transmitter is off.
-
-    from_s   begin after the start of the run, inclusive
-    to_s     end, exclusive
-    every_s  period after which the window repeats, by default never
-    """
+    """Time window in which a vehicle's transmitter is off."""
 
     key = "transmitter_off"
     reason = "transmitter_off"
 
 
 class ReceiverOff(SpanOutage):
-    """Time window in which a vehicle's receiver is off.
-
-    from_s   begin after the start of the run, inclusive
-    to_s     end, exclusive
-    every_s  period after which the window repeats, by default never
-    """
+    """Time window in which a vehicle's receiver is off."""
 
     key = "receiver_off"
     reason = "receiver_off"

@@ -95,7 +95,7 @@ class SingleLoss(Obstruction):
     deviation_db  standard deviation
     radius_m      radius of a vehicle's circle
 
-    9 and 4.5 dB are for lorries higher than both antennas, 5 and 4 dB for cars. The report does not
+    9 and 4.5 dB are for trucks higher than both antennas, 5 and 4 dB for cars. The report does not
     specify the autocorrelation; here it is that of the shadowing.
     """
 
