@@ -5,7 +5,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.validation.wording import did_you_mean, toml_repr
+from scenarios.definition.validation.wording import closest, toml_repr
 
 LIBRARY = Path(str(files("scenarios"))) / "library"
 TRACES = LIBRARY / "traces"
@@ -21,6 +21,9 @@ ATTACHED_AS = "scenario.toml"
 
 MAX_BYTES = 200_000_000
 """Largest scenario file: one with the points of a long drive has a tenth of this."""
+
+NAME_CUTOFF = 0.7
+"""Least similarity of a file name that is offered for another."""
 
 TEMPLATE = "_template"
 """The file that `convoy new` writes; it is not listed."""
@@ -112,5 +115,8 @@ def _text(path: Path) -> str:
 
 def _hint(path: Path) -> str:
     """Return a question that offers a file next to `path` or a shipped scenario."""
-    beside = [entry.name for entry in path.parent.glob("*.toml")] if path.parent.is_dir() else []
-    return did_you_mean(path.name, beside) or did_you_mean(path.stem, (*library(), *drills()))
+    beside = [entry.stem for entry in path.parent.glob("*.toml")] if path.parent.is_dir() else []
+    if match := closest(path.stem, beside, cutoff=NAME_CUTOFF):
+        return f", did you mean {match}.toml?"
+    match = closest(path.stem, (*library(), *drills()), cutoff=NAME_CUTOFF)
+    return f", did you mean {match}?" if match else ""

@@ -52,10 +52,27 @@ def parse_override(text: str) -> tuple[tuple[str, ...], Any]:
         raise OverrideError(f"given {TOO_DEEP}, allowed a key such as links.loss_ratio")
     try:
         return parts, parsed(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
+    except tomllib.TOMLDecodeError as error:
+        if value.strip()[:1] in {"[", "{"}:
+            raise OverrideError(_invalid(value, error)) from error
         return parts, value.strip()
     except ValueError as error:
         raise OverrideError(str(error)) from error
+
+
+def _invalid(value: str, error: tomllib.TOMLDecodeError) -> str:
+    """Name the part of a list or table that is not valid TOML."""
+    column = re.search(r"line 1, column (\d+)", str(error))
+    if column is None:
+        return "not valid TOML: a bracket is not closed"
+    at = int(column[1]) - len("value = ") - 1
+    before = re.split(r"[\s,={}\[\]]", value[:at])[-1]
+    after = re.split(r"[\s,={}\[\]]", value[at:])[0]
+    part = f"{before}{after}" or value[at:].strip() or value.strip()
+    return (
+        f"not valid TOML at {json.dumps(part, ensure_ascii=False)}, allowed numbers without a unit "
+        "and texts in quotes"
+    )
 
 
 def _intended(text: str) -> str:

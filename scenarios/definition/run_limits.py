@@ -72,16 +72,17 @@ def parsed_limit(text: str, vehicles: Sequence[str]) -> Limit:
     """
     name, equals, number = text.partition("=")
     vehicle, dot, word = name.rpartition(".")
-    row, bound = WORDS.get(word), _number(number)
+    row, bound = _row_of(word), _number(number)
     if row is not None and dot and (problem := problem_of(row, vehicle, vehicles)):
         raise ScenarioError([f"--limit: given {text!r}, {problem}"])
     if row is not None and row.event and not equals:
         return Limit(row.key, 0, vehicle)
     if row is not None and row.figure and isfinite(bound) and 0.0 <= bound <= row.most:
         return Limit(row.key, bound, vehicle)
+    hint = f", did you mean {vehicle}{dot}{row.word}?" if row is not None and row.event else ""
     of_one = f"{vehicles[-1]}.error_m=0.5"
     allowed = f"{words_with_examples()}, or of one vehicle, such as {of_one}"
-    raise ScenarioError([f"--limit: given {text!r}, allowed {allowed}"])
+    raise ScenarioError([f"--limit: given {text!r}, allowed {allowed}{hint}"])
 
 
 def problem_of(row: LimitRow, vehicle: str, vehicles: Sequence[str]) -> str:
@@ -96,6 +97,12 @@ def problem_of(row: LimitRow, vehicle: str, vehicles: Sequence[str]) -> str:
 
 def no_vehicle(name: str, vehicles: Sequence[str]) -> str:
     return "no such vehicle" + (did_you_mean(name, vehicles) or f", allowed {', '.join(vehicles)}")
+
+
+def _row_of(word: str) -> LimitRow | None:
+    """Return the limit of a word, or of a key of `[limits]` that has a word."""
+    row = WORDS.get(word) or LIMITS.get(word)
+    return row if row is not None and row.word else None
 
 
 def _number(text: str) -> float:

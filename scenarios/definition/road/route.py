@@ -251,7 +251,13 @@ def _recorded(
     """Return the speed from the start on, the station (m) of the start, and the scaling factor."""
     table = tables.path
     if not isinstance(table, PointsPath) or smoothed is None or not table.time_s:
-        raise SettingError("speed.lead", 'given "recorded", allowed only for a trace with times')
+        source = table.source if isinstance(table, PointsPath) else ""
+        has_none = f", {source} has none" if source else ""
+        remedy = 'use speed.lead = "set" with speed.set_mps'
+        raise SettingError(
+            "speed.lead",
+            f'given "recorded", allowed only for a path with times{has_none}: {remedy}',
+        )
     if table.closed:
         raise SettingError("speed.lead", 'given "recorded", allowed only with path.closed = false')
     profile, ratio = recorded(table.time_s, smoothed.stations.tolist(), table.speed_mps)

@@ -1,5 +1,6 @@
 """What an invalid key or value was probably meant to be: the "did you mean" of an error line."""
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from typing import Any, TypeGuard, get_args
@@ -18,7 +19,7 @@ from scenarios.definition.validation.model_fields import (
     models_of,
     walk,
 )
-from scenarios.definition.validation.units import converted, number_in, split_key
+from scenarios.definition.validation.units import UNITS, converted, number_in, split_key
 from scenarios.definition.validation.wording import closest, dotted_key, either, toml_repr
 
 SECTIONS = ("convoy", "links", "control", "speed", "gnss", "path")
@@ -38,6 +39,9 @@ ALIASES = {
     "duration": "duration_s",
 }
 """Keys by common words."""
+
+_SECOND_KEY = re.compile(r"([^,=]*),\s*([A-Za-z][\w.]*)\s*=(.*)", re.DOTALL)
+"""A value that goes on with another key, such as "6,gap_m=12"."""
 
 _READ_AS = {"ratio": "per cent", "mps": "km/h"}
 """Units in which numbers that are too large for a key's unit were probably meant."""
@@ -65,6 +69,8 @@ def value_hint(location: Location, problem: ErrorDetails) -> str:
     """Return ", did you mean …?" for a value of the wrong type or size; empty without a guess."""
     kind, given = problem["type"], problem["input"]
     key = walk(location)[0]
+    if isinstance(given, str) and (match := _SECOND_KEY.fullmatch(given)):
+        return _hint_for_second_key(key, *match.groups())
     if kind in {"literal_error", "union_tag_invalid"} and isinstance(given, str | Mapping):
         word = str(given.get("kind") if isinstance(given, Mapping) else given)
         words = _words(location, kind)
@@ -72,17 +78,38 @@ def value_hint(location: Location, problem: ErrorDetails) -> str:
         return f", did you mean {toml_repr(guess)}?" if guess else ""
     if kind in {"model_type", "model_attributes_type", "dict_type"} and _is_number(given):
         return _hint_for_number_in_place_of_table(location, given)
-    if kind == "tuple_type" and isinstance(given, Mapping) and key == ("link",):
-        names, value = _leaf(given)
-        meant = _corrected(("links",), names, value) if names else None
-        return f", did you mean {dotted_key(meant)}?" if meant else ""
-    unit = split_key(str(key[-1]))[1]
+    if kind == "tuple_type" and isinstance(given, Mapping):
+        return _hint_for_table_in_place_of_list(location, given)
+    return _hint_for_number(location, kind, given)
+
+
+def _hint_for_number(location: Location, kind: str, given: object) -> str:
+    """Return the number that was probably meant in the unit of the key; empty without a guess."""
+    unit = split_key(str(walk(location)[0][-1]))[1]
     number = _intended_number(unit, given, kind)
     if number is None or not _is_within(bounds_of(field_at(location)), number):
         return ""
     if _is_number(given) and unit in _READ_AS:
         return f", did you mean {number:g} (for {given:g} {_READ_AS[unit]})?"
     return f", did you mean {number:g}?"
+
+
+def _hint_for_second_key(key: Location, value: str, second: str, its_value: str) -> str:
+    """Offer one `--set` for each key; the second may be in the table of the first."""
+    is_inside = second in fields_of_table(key[:-1])
+    other = dotted_key((*key[:-1], second)) if is_inside else second
+    settings = f"--set {dotted_key(key)}={value.strip()} --set {other}={its_value.strip()}"
+    return f", one key for each --set, did you mean {settings}?"
+
+
+def _hint_for_table_in_place_of_list(location: Location, given: Mapping[str, object]) -> str:
+    """Offer `links.loss_ratio` for `link.loss_ratio`, and `[[link]]` for `[link]`."""
+    key = walk(location)[0]
+    names, value = _leaf(given)
+    if key == ("link",) and names and (meant := _corrected(("links",), names, value)):
+        return f", did you mean {dotted_key(meant)}?"
+    name = dotted_key(key)
+    return f", write [[{name}]] instead of [{name}]" if _has_tables(field_at(location)) else ""
 
 
 def _intended_number(unit: str, given: object, kind: str) -> float | None:
@@ -179,9 +206,11 @@ def _similar(table: Location, word: str, *, is_table: bool) -> Location | None:
     own = walk(table)[0]
     if plain in here:
         return (*own, plain)
-    stem = split_key(plain)[0]
+    stem, unit = split_key(plain)
     known = list(here) if is_table else _scalars(table)
-    if same_stem := _same_stem(known, stem):
+    # A word with a unit is not meant to be a key without one: `lead_mps` is not `lead`.
+    same_stem = [key for key in _same_stem(known, stem) if split_key(key)[1] or not unit]
+    if same_stem:
         return (*own, closest(plain, same_stem, cutoff=0.0) or same_stem[0])
     if own[:1] == ("limits",) and plain in WORDS:
         return (*own, WORDS[plain].key)
@@ -190,12 +219,22 @@ def _similar(table: Location, word: str, *, is_table: bool) -> Location | None:
     if not is_table and not own and (elsewhere := _elsewhere(plain, stem)):
         return elsewhere
     first_word = [key for key in known if key.split("_")[0] == stem.split("_", maxsplit=1)[0]]
-    guess = closest(plain, first_word, cutoff=0.4) or closest(plain, here, cutoff=0.7)
+    of_unit = [key for key in known if unit and _same_quantity(split_key(key)[1], unit)]
+    guess = (
+        closest(plain, set(first_word) & set(of_unit), cutoff=0.4)
+        or (closest(plain, of_unit, cutoff=0.0) if first_word else None)
+        or closest(plain, first_word, cutoff=0.4)
+        or closest(plain, here, cutoff=0.7)
+    )
     return (*own, guess) if guess else _elsewhere(plain, stem)
 
 
 def _same_stem(keys: Iterable[str], stem: str) -> list[str]:
     return [key for key in keys if split_key(key)[0] == stem]
+
+
+def _same_quantity(unit: str, other: str) -> bool:
+    return unit in UNITS and other in UNITS and UNITS[unit][0] == UNITS[other][0]
 
 
 def _alias(table: Location, stem: str) -> Location | None:

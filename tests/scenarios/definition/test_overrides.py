@@ -7,7 +7,7 @@ import tomli_w
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.definition.overrides import override, parse_override
+from scenarios.definition.overrides import OverrideError, override, parse_override
 from scenarios.definition.scenario import scenario_from_text
 from tests.made.examples import examples
 from tests.made.scenarios.messages import STRAIGHT
@@ -53,6 +53,22 @@ def test_overrides_arrive_in_the_scenario_and_survive_its_text(
     assert scenario.links["v2", "v3"].latency_ms == latency
     assert scenario.seed == seed
     assert scenario_from_text(scenario.text).tables == scenario.tables
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("change=[{kind='cut', at_s=7, for_s=2s}]", '"2s"'),
+        ("change=[{kind=cut, at_s=7}]", '"cut"'),
+        ("links.loss={ratio=}", '"}"'),
+        ("path.east_m=[1, 2", "bracket"),
+    ],
+)
+def test_an_invalid_list_or_table_names_its_invalid_part(text: str, part: str) -> None:
+    with pytest.raises(OverrideError) as refused:
+        parse_override(text)
+    assert "not valid TOML" in str(refused.value)
+    assert part in str(refused.value)
 
 
 def test_an_override_may_be_written_without_quotes_and_with_indices() -> None:

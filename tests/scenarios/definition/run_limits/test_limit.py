@@ -5,7 +5,7 @@ import pytest
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.run_limits import Limit, limits_of, parsed_limit
 from scenarios.definition.scenario import load_scenario
-from scenarios.definition.schema.limit_rows import LIMITS, WORDS
+from scenarios.definition.schema.limit_rows import LIMITS, WORDS, LimitRow
 from scenarios.definition.schema.limit_tables import LimitsTable
 
 CONVOY = ("v1", "v2", "v3")
@@ -31,6 +31,17 @@ def test_a_limit_that_is_none_is_refused_with_the_known_ones(text: str) -> None:
         parsed_limit(text, CONVOY)
     for word in WORDS:
         assert word in str(refused.value)
+
+
+@pytest.mark.parametrize("vehicle", ["", "v3."])
+@pytest.mark.parametrize("row", WORDS.values(), ids=WORDS)
+def test_a_limit_may_be_given_by_its_key(row: LimitRow, vehicle: str) -> None:
+    if row.event:
+        with pytest.raises(ScenarioError, match=f"did you mean {vehicle}{row.word}"):
+            parsed_limit(f"{vehicle}{row.key}=0", CONVOY)
+    else:
+        limit = parsed_limit(f"{vehicle}{row.key}=0.25", CONVOY)
+        assert limit == parsed_limit(f"{vehicle}{row.word}=0.25", CONVOY)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 import pytest
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.scenario import load_scenario
+from scenarios.definition.scenario import load_scenario, scenario_from_text
 
 HINTS = {
     "links.loss_ratio=40": "0.4",
@@ -36,10 +36,15 @@ HINTS = {
     "speed.speed_kmh=72": "speed.set_mps = 20",
     "speed.set_mps=120": "33.3",
     "speed.set_mps=72km/h": "20",
+    "speed.lead_mps=25": "speed.set_mps",
+    "speed.lead_kmh=72": "speed.set_mps = 20",
     "duration_ms=30000": "duration_s = 30",
     "limits.error_m=0.5": "limits.cross_track_error_m_max",
     "limits.cross_track_error_cm_max=50": "limits.cross_track_error_m_max = 0.5",
     "speed.followers=gaps": '"gap"',
+    "convoy.vehicles=6,gap_m=6": "--set convoy.vehicles=6 --set convoy.gap_m=6",
+    "convoy.gap_m=6, seed=3": "--set convoy.gap_m=6 --set seed=3",
+    "seed=3,links.loss_ratio=0.4": "--set seed=3 --set links.loss_ratio=0.4",
     "links.loss_ratio 0.4": "links.loss_ratio=0.4",
     "links.loss_ratio:0.4": "links.loss_ratio=0.4",
     "--links/loss_ratio=0.4": "links.loss_ratio=0.4",
@@ -63,6 +68,21 @@ def test_a_clear_intention_gets_a_hint(override: str, hint: str) -> None:
 def test_an_unclear_intention_gets_none(override: str) -> None:
     (line,) = error_lines(override)
     assert "did you mean" not in line
+
+
+@pytest.mark.parametrize(
+    ("table", "name"),
+    [
+        ("[link]\nsender = 'v1'\nreceiver = 'v2'\nloss_ratio = 0.3", "link"),
+        ("[change]\nkind = 'cut'\nat_s = 7", "change"),
+        ("[limits.modes]\nvehicle = 'v2'\nmode = 'stop'\nwithin_s = 1", "limits.modes"),
+    ],
+)
+def test_a_table_in_place_of_a_list_of_tables_gets_double_brackets(table: str, name: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        scenario_from_text(f"extends = 'lane_change'\n{table}\n")
+    assert f" {name}: " in str(caught.value)
+    assert f"[[{name}]]" in str(caught.value)
 
 
 def test_a_key_of_another_kind_of_table_is_not_offered_as_itself() -> None:

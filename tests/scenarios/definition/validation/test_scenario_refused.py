@@ -75,7 +75,7 @@ BROKEN_BY_OVERRIDE = {
     "touching bumpers": ("convoy.gap_m=0", "convoy.gap_m", "given 0", "more than 0"),
     "path too short": ("duration_s=51", "duration_s", "given 51", "at most 50"),
     "profile without points": ("speed.lead='profile'", "speed.profile", "missing", "profile"),
-    "nothing recorded": ("speed.lead='recorded'", "speed.lead", "recorded", "a trace with times"),
+    "nothing recorded": ("speed.lead='recorded'", "speed.lead", "recorded", "times"),
     "radius without turn": (
         "path.segments.0.radius_m=50",
         "path.segments[0].turn",
