@@ -1,5 +1,6 @@
 """The `convoy` group: commands listed under headings, usage errors in one line."""
 
+import re
 import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -7,6 +8,7 @@ from typing import Any
 import click
 
 from scenarios.cli.error_lines import error_line
+from scenarios.definition.validation.wording import did_you_mean
 
 SUMMARY_MAX = 45
 """Longest summary of a command in characters, without its full stop."""
@@ -50,6 +52,23 @@ class ConvoyGroup(click.Group):
                     [(name, self.commands[name].get_short_help_str(SUMMARY_MAX)) for name in names]
                 )
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        given = list(args)
+        try:
+            return super().parse_args(ctx, args)
+        except click.NoSuchOption as error:
+            option = error.option_name
+            with_option = [
+                name
+                for name in (*given, *self.commands)
+                if name in self.commands
+                and any(option in parameter.opts for parameter in self.commands[name].params)
+            ]
+            if not with_option:
+                raise
+            message = f"{option}: belongs after the command: convoy {with_option[0]} {option}"
+            raise click.UsageError(message, ctx) from error
+
     def main(  # type: ignore[override]
         self,
         args: Sequence[str] | None = None,
@@ -76,6 +95,9 @@ def usage_error(error: click.ClickException) -> str:
         name = max(error.param.opts, key=len) if is_option else error.param.human_readable_name
         is_missing = isinstance(error, click.MissingParameter)
         text = f"{name}: {'missing' if is_missing else _lower(error.message)}"
+        match = re.match(r"'(.*)' is not one of ", error.message, re.DOTALL)
+        if match and isinstance(error.param.type, click.Choice):
+            text = text.rstrip(".") + did_you_mean(match[1], error.param.type.choices)
     for wording, plain in WORDINGS.items():
         text = text.replace(wording, plain)
     text = text.rstrip(".")

@@ -17,9 +17,21 @@ from transport.log.records import LogError
 from transport.log.repair import REPAIRED
 from vehicles.messages import RunStart
 
+SHOWN_RUNS = 3
+"""Number of runs, the last by name, that the error of a folder of runs lists."""
+
 
 def log_in(path: Path) -> Path:
-    return path / LOG_NAME if path.is_dir() else path
+    """Return the log of a run's folder; raises LogError for a folder of runs."""
+    log = path / LOG_NAME if path.is_dir() else path
+    if path.is_dir() and not log.exists():
+        runs = sorted(str(run.parent) for run in path.glob(f"*/{LOG_NAME}"))
+        if runs:
+            count = "1 run" if len(runs) == 1 else f"{len(runs)} runs"
+            others = "…, " if len(runs) > SHOWN_RUNS else ""
+            names = ", ".join(runs[-SHOWN_RUNS:])
+            raise LogError(f"{path}: holds {count}, give one of them: {others}{names}")
+    return log
 
 
 def summary_of(

@@ -44,16 +44,26 @@ def run_to_join(
         checked_run_name(run_name)
     has_flags = any(flags[key] for key in ("connect", "listen", "config", "cfg", "mode"))
     matching = [open_run for open_run in runs if run_name in {None, open_run.run}]
-    if run_name is not None and (has_flags or not matching):
+    if run_name is not None and has_flags:
         return zenoh_from(flags, run_name)
     if has_flags:
         raise BusError("--run: missing, it is required with -m, -e, -l, -c or --cfg")
+    if run_name is not None and not matching:
+        running = ", ".join(open_run.run for open_run in runs)
+        here = f"allowed {running}" if running else "none is running"
+        where = f"--run {printable(run_name)}: no such run on this machine"
+        raise BusError(f"{where}, {here}; give -e for another router")
     if not matching:
         raise BusError("no run started by `convoy run` here; give --run, and -e for its router")
     if len(matching) > 1:
         names = ", ".join(open_run.run for open_run in matching)
         raise BusError(f"{len(matching)} runs on this machine; give one by --run: {names}")
     return replace(zenoh_from(flags, matching[0].run), connect=(matching[0].endpoint,))
+
+
+def folder_of(run: str) -> str:
+    """Return the folder of a run on this machine; empty for an unknown run."""
+    return next((open_run.folder for open_run in open_runs() if open_run.run == run), "")
 
 
 @contextmanager

@@ -28,6 +28,8 @@ def _change(run_name: str | None, flags: dict[str, Any], kind: str, **keys: obje
     entry = {"kind": kind, **{key: value for key, value in keys.items() if value is not None}}
     with clear_errors():
         with change_requests.joined(run_name, flags) as (bus, run):
+            if run_name is None:
+                click.echo(f"run {run} in {change_requests.folder_of(run)}")
             replies = change_requests.request_change(bus, run, entry)
         answers = [reply.answer for reply in replies if reply.answer]
         refusals = dict.fromkeys(line for answer in answers for line in answer.refused)

@@ -170,7 +170,8 @@ def _columns(*, several_seeds: bool) -> "Sequence[Column[tuple[DrillRow, str]]]"
     from rich.text import Text
 
     def vehicle(row: "tuple[DrillRow, str]") -> str:
-        return row[0].vehicle + (f", seed {row[0].seed}" if several_seeds else "")
+        seed = f"seed {row[0].seed}" if several_seeds else ""
+        return ", ".join(filter(None, (row[0].vehicle, seed)))
 
     return (
         Column("drill", lambda row: row[1], left=True, wraps=True),

@@ -34,7 +34,11 @@ def write_junit(rows: Sequence[DrillRow], runs: Sequence[DrillResult], file: Pat
 
 
 def as_xml(rows: Sequence[DrillRow], runs: Sequence[DrillResult]) -> Xml.Element:
-    """Return all rows as an XML tree; the time of a suite is the sum over its runs."""
+    """Return all rows as an XML tree.
+
+    The time of a suite is the sum over its runs, that of a case is its run's. Unknown times of
+    cases are omitted.
+    """
     failed = sum(not row.passed for row in rows)
     took = sum(run.duration_s for run in runs)
     root = Xml.Element("testsuites", _counts("convoy drill", len(rows), failed, took))
@@ -44,7 +48,8 @@ def as_xml(rows: Sequence[DrillRow], runs: Sequence[DrillResult]) -> Xml.Element
         failed = sum(not row.passed for row in own)
         suite = Xml.SubElement(root, "testsuite", _counts(name, len(own), failed, took))
         for row in own:
-            _case(suite, row)
+            its_runs = (run for run in runs if (run.drill, run.seed) == (name, row.seed))
+            _case(suite, row, next((run.duration_s for run in its_runs), 0.0))
     return root
 
 
@@ -58,12 +63,14 @@ def _counts(name: str, tests: int, failures: int, duration_s: float) -> dict[str
     }
 
 
-def _case(suite: Xml.Element, row: DrillRow) -> None:
+def _case(suite: Xml.Element, row: DrillRow, duration_s: float) -> None:
     case = Xml.SubElement(suite, "testcase", {"classname": row.drill, "name": row.label})
+    if duration_s > 0.0:
+        case.set("time", f"{duration_s:.3f}")
     if not row.passed:
         failure = Xml.SubElement(case, "failure", {"type": "limit", "message": row.message})
         failure.text = f"{row.message}\nrepeat: {row.command}"
-    figure = "none" if row.value is None else f"{row.value:.6g}"
-    margin = "none" if row.margin_ratio is None else f"{row.margin_ratio:.3f}"
-    out = Xml.SubElement(case, "system-out")
-    out.text = f"figure {figure}, margin {margin} of the bound, seed {row.seed}"
+    facts = [] if row.value is None else [f"value {row.value:.6g}"]
+    if row.margin_ratio is not None:
+        facts.append(f"margin {row.margin_ratio:.3f} of the bound")
+    Xml.SubElement(case, "system-out").text = ", ".join((*facts, f"seed {row.seed}"))

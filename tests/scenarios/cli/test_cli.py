@@ -250,6 +250,7 @@ WRONG: dict[str, tuple[Sequence[str], str]] = {
     "not a number": (["lane_change", "--set", "speed.set_mps=nan"], "speed.set_mps: given nan"),
     "no value": (["lane_change", "--set", "seed"], "key=value"),
     "no such scenario": (["lane_chagne"], "did you mean lane_change?"),
+    "names far apart": (["missing.toml"], "missing.toml: no such file, shipped scenarios are"),
     "no such file": (["nowhere/my.toml"], "nowhere/my.toml: no such file"),
 }
 
@@ -260,9 +261,10 @@ def test_a_broken_scenario_is_refused_in_one_line(
     command: str, case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "session.toml").touch()
     arguments, expected = WRONG[case]
     assert expected in refused(convoy(command, *arguments))
-    assert list(tmp_path.iterdir()) == []
+    assert [file.name for file in tmp_path.iterdir()] == ["session.toml"]
 
 
 @pytest.mark.parametrize(
@@ -425,6 +427,38 @@ def test_a_process_refuses_with_one_line_per_problem(tmp_path: Path) -> None:
     assert len(lines) == 2  # a line for each of the two problems
     assert all(line.startswith(f"error: {broken}: ") for line in lines)
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("command", ["report", "review"])
+def test_a_folder_of_runs_is_refused_with_the_runs_inside(command: str, tmp_path: Path) -> None:
+    for name in "abcde":
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "run.mcap").touch()
+    line = refused(convoy(command, tmp_path))
+    assert "5 runs" in line
+    assert str(tmp_path / "e") in line
+    assert str(tmp_path / "a") not in line
+
+
+def test_an_unknown_choice_gets_a_hint() -> None:
+    assert "did you mean virtual?" in refused(convoy("run", "--clock", "virtal"))
+    assert "did you mean" not in refused(convoy("run", "--clock", "sun"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "example"),
+    [
+        (["--clock", "virtual", "run"], "convoy run --clock"),
+        (["--junit", "out.xml", "drill"], "convoy drill --junit"),
+        (["--seed", "3"], "convoy run --seed"),
+    ],
+)
+def test_an_option_before_the_command_is_refused_with_its_place(
+    arguments: list[str], example: str
+) -> None:
+    line = refused(convoy(*arguments))
+    assert line.startswith(f"{arguments[0]}: belongs after the command")
+    assert example in line
 
 
 def test_an_unknown_option_is_a_usage_error() -> None:

@@ -131,7 +131,6 @@ def test_the_status_refreshes_until_the_run_ends_or_a_signal() -> None:
         ("two", {}, [ONE, TWO], "two", (TWO.endpoint,)),
         ("far", {"connect": ("tcp/192.0.2.1:7447",)}, [ONE], "far", ("tcp/192.0.2.1:7447",)),
         ("one", {"connect": ("tcp/192.0.2.1:7447",)}, [ONE], "one", ("tcp/192.0.2.1:7447",)),
-        ("far", {}, [ONE, TWO], "far", ()),  # with the router of a convoy started by hand
     ],
 )
 def test_flags_or_open_runs_select_the_run(
@@ -151,6 +150,8 @@ def test_flags_or_open_runs_select_the_run(
         (None, {}, [], ["--run", "-e"]),
         (None, {}, [ONE, TWO], ["2 runs", "--run: one, two"]),
         (None, {"connect": ("tcp/192.0.2.1:7447",)}, [ONE], ["--run: missing"]),
+        ("far", {}, [ONE, TWO], ["--run far", "one, two", "-e"]),
+        ("far", {}, [], ["--run far", "none", "-e"]),
         ("a/b", {}, [ONE], ["--run 'a/b': allowed"]),
     ],
 )

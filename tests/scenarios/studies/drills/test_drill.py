@@ -1,11 +1,14 @@
 """Rows of a drill: the worst value of each limit over all seeds, and its margin."""
 
+import io
 from dataclasses import asdict, replace
 from typing import Any
 from xml.etree import ElementTree as Xml
 
 import pytest
+from rich.console import Console
 
+from scenarios.cli.many.drill import print_drills
 from scenarios.definition.errors import ScenarioError
 from scenarios.results.summary import LimitFigure
 from scenarios.studies.drills.drill import (
@@ -139,6 +142,16 @@ def test_each_drill_is_simulated_once() -> None:
     assert found[0] == run(limit(0.1), drill="tunnel", seed=1)
 
 
+@pytest.mark.parametrize("several_seeds", [False, True])
+def test_a_row_without_a_vehicle_has_no_comma_before_its_seed(several_seeds: bool) -> None:
+    rows = drill_rows([run(LimitFigure(limit="collisions_max", bound=0, value=0), seed=7)])
+    console = Console(file=io.StringIO(), width=120)
+    print_drills(rows, console, several_seeds=several_seeds)
+    text = console.file.getvalue()  # type: ignore[attr-defined]
+    assert ("seed 7" in text) == several_seeds
+    assert ", seed" not in text
+
+
 # ---- JSON and XML
 
 
@@ -162,12 +175,22 @@ def test_xml_has_a_case_for_each_limit_and_failure_messages() -> None:
         "v3 in mode stop, within 0.5 s",
     ]
     assert all(one.get("classname") == "good" and one.find("failure") is None for one in cases)
-    assert (cases[0].findtext("system-out") or "").startswith("figure 0.3, margin 0.400")
+    assert (cases[0].findtext("system-out") or "").startswith("value 0.3, margin 0.400")
+    assert [one.get("time") for one in cases] == ["0.250", "0.250"]
     failure = suites["bad"].find("testcase/failure")
     assert failure is not None
     assert failure.get("message") == "v3 was <far> & off"
     assert "convoy run bad --seed 1 --clock virtual" in (failure.text or "")
     assert suites["odd"].find("testcase/failure") is not None
+
+
+def test_xml_omits_unknown_figures() -> None:
+    zero = replace(limit(None), bound=0)
+    runs = [replace(run(zero), duration_s=0.0)]
+    case = as_xml(drill_rows(runs), runs).find("testsuite/testcase")
+    assert case is not None
+    assert case.get("time") is None
+    assert case.findtext("system-out") == "seed 1"
 
 
 def test_json_has_rows_and_runs() -> None:
