@@ -152,7 +152,10 @@ def test_commands_find_the_only_run_on_this_machine(
         convoy.drive(0.5)
         cut = run_to_the_end("cut", "--for", "200ms", folder=tmp_path)
         assert (cut.exit_code, cut.err) == (0, "")
-        assert cut.out.startswith("v2: cut for 0.2 s, ")
+        run_line, change_line = cut.out.splitlines()
+        assert open_runs()[0].run in run_line
+        assert str(tmp_path / "one") in run_line
+        assert change_line.startswith("v2: cut for 0.2 s, ")
         refused = run_to_the_end("link", "v1", "v2", "--loss", "2", folder=tmp_path)
         assert (refused.exit_code, refused.out) == (2, "")
         assert refused.err.startswith("error: --loss: given 2, allowed 0 to 1")
