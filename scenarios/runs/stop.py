@@ -10,7 +10,7 @@ import signal
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from threading import Thread
+from threading import Lock, Thread
 from types import FrameType
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
@@ -103,9 +103,11 @@ class _Watch:
                 if self.stop.folder is not None:
                     with suppress(OSError):  # not empty
                         self.stop.folder.rmdir()
-                os._exit(exit_code_of_signal(number))
+                with _EXIT_LOCK:
+                    os._exit(exit_code_of_signal(number))
 
 
+_EXIT_LOCK = Lock()
 _watch: _Watch | None = None
 """Set if this process is a command."""
 
@@ -145,6 +147,16 @@ def without_watch() -> Iterator[None]:
         yield
     finally:
         _watch.begin()
+
+
+@contextmanager
+def delayed_exit() -> Iterator[None]:
+    """Delay the immediate end by a signal, as while a child process receives its first data.
+
+    A child whose parent ends in the middle of that would print a traceback.
+    """
+    with _EXIT_LOCK:
+        yield
 
 
 def stop_on_signals() -> Stop:

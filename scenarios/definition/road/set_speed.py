@@ -96,7 +96,9 @@ def with_changes(plan: SpeedPlan, changes: Iterable[AnyChange]) -> SpeedPlan:
 
 
 def _shifted(profile: SpeedProfile, by: float) -> SpeedProfile:
-    return SpeedProfile(tuple(time + by for time in profile.times), profile.speeds)
+    # Knots closer than the resolution of the shifted times become one.
+    knots = {t + by: v for t, v in zip(profile.times, profile.speeds, strict=True)}
+    return SpeedProfile(tuple(knots), tuple(knots.values()))
 
 
 def _from(profile: SpeedProfile, at: float) -> SpeedProfile:

@@ -16,6 +16,7 @@ from multiprocessing import get_all_start_methods, get_context, parent_process
 from threading import Thread
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
+from scenarios.runs.stop import delayed_exit
 from scenarios.studies.engine.job import EngineError
 
 if TYPE_CHECKING:
@@ -96,7 +97,7 @@ class WorkerPool(Executor):
 
     def _submit_to(self, place: int, work: Callable[[], Result]) -> Future[Result]:
         """Submit to one worker; replace it if it died."""
-        with _block_ctrl_c():  # workers inherit the mask and exit with their parent
+        with delayed_exit(), _block_ctrl_c():  # workers inherit the mask and exit with their parent
             for pause_s in RETRY_DELAYS_S:
                 try:
                     return self._processes[place].submit(work)

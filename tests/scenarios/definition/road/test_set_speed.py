@@ -103,3 +103,9 @@ def test_a_car_that_sets_off_is_slow_enough_where_it_is(
         assert now - before <= 1.5 * STEP + 1e-6
         assert now * now * abs(plan.path.curvature_at(way)) <= 3.0 * 1.1
         before = now
+
+
+def test_a_ramp_shorter_than_the_resolution_of_time_is_one_knot() -> None:
+    change = SpeedChangeTable(kind="speed", at_s=0.0, speed_mps=1e-233, acceleration_mps2=1.0)
+    plan = scenario().route.plan.changed(0.0, change)
+    assert plan.setting_off(3.9, 0.0, 0.0).at(4.0)[0] < 1e-9
