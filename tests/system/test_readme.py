@@ -41,7 +41,7 @@ def blocks() -> Iterator[Block]:
     before = ""
     for part in re.split(r"^(```.*?^```$)", README.read_text(), flags=re.DOTALL | re.MULTILINE):
         if fenced := re.fullmatch(r"```(\w*)\n(.*)```", part, re.DOTALL):
-            names = re.findall(r"ave as `([\w.]+)`", before.rsplit("\n#", 1)[-1])
+            names = re.findall(r"ave\s+as `([\w.]+)`", before.rsplit("\n#", 1)[-1])
             yield Block(fenced[1], fenced[2], names[-1] if names else "")
         before = part
 
@@ -108,7 +108,7 @@ def test_commands_in_the_order_of_the_readme(tmp_path: Path) -> None:
         if block.language == "text":
             lines = without_numbers(printed)
             for line in without_numbers(block.text):  # "…" stands for the rest of a line
-                assert any(one.startswith(line.removesuffix("…")) for one in lines), line
+                assert any(one.startswith(line.removesuffix("…")) for one in lines), (line, printed)
         if block.language not in {"sh", "yaml"}:
             continue
         text = block.text.replace("      - run: ", "")
