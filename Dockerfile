@@ -1,14 +1,14 @@
-# Two images: `vehicle`, for vehicles and routers, and on top of its packages the whole of it, for
-# recorders and everything else. `docker-compose.yml` uses both.
+# Two images: `vehicle`, for vehicles and routers, and the complete one, for recorders and all other
+# commands. `docker-compose.yml` uses both.
 FROM python:3.11-slim-bookworm AS base
 RUN python3 -m venv /opt/convoy
 ENV PATH=/opt/convoy/bin:$PATH PYTHONUNBUFFERED=1
-# Dependencies first: they change seldom, so this layer is built once.
+# Dependencies first: they change rarely, so this layer is built once.
 COPY requirements-container.lock /tmp/
 RUN pip install --no-cache-dir --require-hashes -r /tmp/requirements-container.lock
-# Logs go to ./runs under this folder; mount a volume there to keep them. What is written belongs to
-# the owner of that volume, not to root. One that Docker had to make is root's: it is given to the
-# owner of the file `owner`, if one is mounted beside it.
+# Logs go to ./runs under this folder; mount a volume there to keep them. Logs belong to the owner of
+# that volume, not to root. A volume created by Docker belongs to root: its owner becomes that of the
+# file `owner`, if that is mounted.
 WORKDIR /convoy
 RUN mkdir runs && touch owner && printf '%s\n' '#!/bin/sh -e' \
     'if [ "$(id -u):$(stat -c %u runs)" = 0:0 ]; then chown "$(stat -c %u:%g owner)" runs || :; fi' \
@@ -19,8 +19,8 @@ RUN mkdir runs && touch owner && printf '%s\n' '#!/bin/sh -e' \
 ENTRYPOINT ["convoy-as-owner"]
 CMD ["run"]
 
-# The project, compiled, as both images take it over into their environment. A layer may take
-# seconds to be stored, so that few of them are made anew when a line of the project changes.
+# The project, compiled once for both images. Storing a layer may take seconds, so few layers depend
+# on the project's files.
 FROM base AS project
 COPY . /tmp/convoy
 RUN pip install --no-cache-dir --no-deps --prefix /tmp/installed /tmp/convoy

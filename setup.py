@@ -1,4 +1,4 @@
-"""Compiles what a run spends its time in, if `CONVOY_COMPILE=1` asks for it; else does nothing.
+"""Compile the modules that use most processor time if `CONVOY_COMPILE=1` is set.
 
 Compiled modules give the same bits (`tests/system/test_compiled.py`); for that they sum lists, not
 generators, which mypyc would add up as Python did up to 3.11. Not compiled are protocols checked at
@@ -46,7 +46,7 @@ MODULES = {
 
 
 def compiled() -> list[str]:
-    """Paths of the modules to compile; raises FileNotFoundError for those that do not exist."""
+    """Paths of the modules to compile; raises FileNotFoundError for a missing one."""
     paths = [f"{folder}/{name}.py" for folder, names in MODULES.items() for name in names.split()]
     missing = [path for path in paths if not Path(path).exists()]
     if missing:
@@ -55,7 +55,7 @@ def compiled() -> list[str]:
 
 
 def extensions() -> list[Extension]:
-    """What to build; nothing where only names and requirements are asked for."""
+    """Extension modules to build; none where only metadata is requested."""
     if not {"build_ext", "bdist_wheel", "editable_wheel"} & set(sys.argv):
         return []
     from mypyc.build import mypycify  # noqa: PLC0415 - needed only where modules are compiled
