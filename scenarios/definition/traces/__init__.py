@@ -1,6 +1,7 @@
 """Recorded drives: the lead's trace and replayed followers.
 
-formats          CSV, GPX, NMEA 0183 and logs
+formats          formats of files
+old_formats      CSV, GPX, NMEA 0183 and logs, until formats replaces it
 jumps            outliers of a receiver
 stands           standstills with a drifting receiver
 cleaning         remove both, and leaps of the clock

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from scenarios.definition.traces.cleaning import Cleaned, cleaned, without_leaps
-from scenarios.definition.traces.formats import (
+from scenarios.definition.traces.old_formats import (
     Clock,
     RecordedDrive,
     RecordedPoint,

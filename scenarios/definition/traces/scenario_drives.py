@@ -10,7 +10,7 @@ from scenarios.definition.errors import SettingError
 from scenarios.definition.library import TRACES
 from scenarios.definition.schema.path_tables import PointsPath, TracePath
 from scenarios.definition.schema.scenario_tables import OriginTable, ScenarioTables, VehicleTable
-from scenarios.definition.traces.formats import TraceError
+from scenarios.definition.traces.old_formats import TraceError
 from scenarios.definition.traces.reading import DriveInPlane, is_file, read_trace
 from vehicles.geometry.bridges import step_lengths
 from vehicles.geometry.geodesy import REACH, Origin

@@ -9,7 +9,7 @@ import pytest
 from scenarios.definition.check.findings import warnings
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.road.lead_speed import recorded
-from scenarios.definition.traces.formats import TraceError, read_log
+from scenarios.definition.traces.old_formats import TraceError, read_log
 from scenarios.definition.traces.reading import read_trace
 from tests.made.scenarios.recorded_drives import (
     CSV,

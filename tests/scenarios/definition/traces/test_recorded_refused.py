@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import scenario_from_text
-from scenarios.definition.traces.formats import TraceError
+from scenarios.definition.traces.old_formats import TraceError
 from scenarios.definition.traces.reading import read_trace
 from tests.made.examples import examples
 from tests.made.scenarios.recorded_drives import (

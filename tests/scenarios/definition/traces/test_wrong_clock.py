@@ -12,7 +12,7 @@ from scenarios.definition.check.findings import report_of
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.traces.cleaning import LEAP, without_leaps
-from scenarios.definition.traces.formats import RecordedPoint
+from scenarios.definition.traces.old_formats import RecordedPoint
 
 COUNT, INTERVAL, SPEED = 80, 0.5, 10.0
 UNIX = 1_774_746_000.0

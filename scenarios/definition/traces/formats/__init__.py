@@ -1,0 +1,1 @@
+"""Formats of recorded drives: from the bytes of a file to columns of points."""
