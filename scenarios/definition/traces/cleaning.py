@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.definition.traces.old_formats import RecordedPoint
 from scenarios.definition.traces.jumps import Jump, JumpFinder
+from scenarios.definition.traces.old_formats import RecordedPoint
 from scenarios.definition.traces.stands import FEWEST, Stand, stands_in
 from vehicles.geometry.bridges import noise_deviation
 
