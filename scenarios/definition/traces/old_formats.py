@@ -14,9 +14,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import time
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from scenarios.definition.library import ATTACHED_AS
+from scenarios.definition.traces.recorded_drive import Clock, TraceError
 from vehicles.messages import GpsPose
 from vehicles.schedule import SECOND
 
@@ -31,13 +32,6 @@ DAY = 86_400.0
 
 FIRST_UNIX = 1e9
 """Smallest time (s; September 2001) in a CSV file that is Unix time."""
-
-Clock = Literal["unix", "day"]
-"""Clock of absolute times: Unix time, or seconds since midnight UTC."""
-
-
-class TraceError(ValueError):
-    """An unusable recorded drive, in one line."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +49,7 @@ class RecordedPoint:
 
 
 @dataclass(frozen=True, slots=True)
-class RecordedDrive:
+class DriveOfPoints:
     """Points of a file, `geodetic` or in a plane; `skipped` lists invalid lines.
 
     With a `clock`, times are absolute and count from `zero` (s) on it.
@@ -68,7 +62,7 @@ class RecordedDrive:
     zero: float = 0.0
 
 
-def read_csv(text: str) -> RecordedDrive:
+def read_csv(text: str) -> DriveOfPoints:
     """Read comma, semicolon or tab separated columns with a header line.
 
     Positions are x_m, y_m or latitude_deg, longitude_deg; t_s, speed_mps and altitude_m are
@@ -84,7 +78,7 @@ def read_csv(text: str) -> RecordedDrive:
         needed = " or ".join(", ".join(pair) for pair in (PLANE_COLUMNS, WGS84_COLUMNS))
         given = ", ".join(names)[:60].encode("unicode_escape").decode()
         raise TraceError(f"no usable columns: given {given or 'none'}, allowed {needed}")
-    drive = RecordedDrive(geodetic=columns is WGS84_COLUMNS)
+    drive = DriveOfPoints(geodetic=columns is WGS84_COLUMNS)
     used = (*columns, *(c for c in ("altitude_m", "t_s", "speed_mps") if c in names))
     for number, line in rows[1:]:
         try:
@@ -126,7 +120,7 @@ def _csv_point(place: str, columns: tuple[str, str], values: Mapping[str, float]
     )
 
 
-def read_gpx(text: str) -> RecordedDrive:
+def read_gpx(text: str) -> DriveOfPoints:
     """Read the tracks of a GPX file, or else its routes, or else its waypoints."""
     from gpxpy import parse  # noqa: PLC0415 - not in a vehicle's process
     from gpxpy.gpx import GPXException  # noqa: PLC0415
@@ -140,7 +134,7 @@ def read_gpx(text: str) -> RecordedDrive:
     points: list[Any] = [*tracks] or [*routes] or [*gpx.waypoints]
     if not points:
         raise TraceError("no points in its tracks, routes and waypoints")
-    drive = RecordedDrive(geodetic=True, clock="unix")
+    drive = DriveOfPoints(geodetic=True, clock="unix")
     for number, point in enumerate(points, 1):
         place = f"point {number}"
         drive.points.append(
@@ -155,13 +149,13 @@ def read_gpx(text: str) -> RecordedDrive:
     return drive
 
 
-def read_nmea(text: str) -> RecordedDrive:
+def read_nmea(text: str) -> DriveOfPoints:
     """Read the GGA and RMC sentences of a receiver; both of one instant become one point.
 
     A sentence needs a checksum and a valid fix; other sentences are ignored. Speed is from RMC.
     Times of day continue over midnight. Raises TraceError without a valid sentence.
     """
-    drive = RecordedDrive(geodetic=True, clock="day")
+    drive = DriveOfPoints(geodetic=True, clock="day")
     points, day, last = drive.points, 0.0, -math.inf
     for place, sentence in _sentences(text, drive.skipped):
         point = _nmea_point(place, sentence)
@@ -242,7 +236,7 @@ def _merged(one: RecordedPoint, other: RecordedPoint) -> RecordedPoint:
     )
 
 
-def read_log(path: Path, vehicle: str | None) -> RecordedDrive:
+def read_log(path: Path, vehicle: str | None) -> DriveOfPoints:
     """Read the GPS poses that `vehicle`, by default the lead, broadcast in an earlier run."""
     from transport.log.records import LogError  # noqa: PLC0415 - not in a vehicle's process
 
@@ -255,7 +249,7 @@ def read_log(path: Path, vehicle: str | None) -> RecordedDrive:
         raise
     except Exception as error:
         raise TraceError("damaged log") from error
-    drive = RecordedDrive(
+    drive = DriveOfPoints(
         geodetic=True,
         skipped=[damage] if damage else [],
         clock="unix",

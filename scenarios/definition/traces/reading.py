@@ -10,15 +10,14 @@ import numpy as np
 
 from scenarios.definition.traces.cleaning import Cleaned, cleaned, without_leaps
 from scenarios.definition.traces.old_formats import (
-    Clock,
-    RecordedDrive,
+    DriveOfPoints,
     RecordedPoint,
-    TraceError,
     read_csv,
     read_gpx,
     read_log,
     read_nmea,
 )
+from scenarios.definition.traces.recorded_drive import Clock, TraceError
 from vehicles.geometry.geodesy import LocalPlane, Origin
 
 MAX_BYTES = 200_000_000
@@ -87,7 +86,7 @@ def read_trace(
     return trace
 
 
-def _read(path: Path, vehicle: str | None) -> RecordedDrive:
+def _read(path: Path, vehicle: str | None) -> DriveOfPoints:
     data = _content(path)
     if data.startswith(MCAP_MAGIC):
         return read_log(path, vehicle)
@@ -117,7 +116,7 @@ def _content(path: Path) -> bytes:
     raise TraceError(too_large if is_file(path) else "not a file")
 
 
-def _reader(suffix: str, text: str) -> Callable[[str], RecordedDrive]:
+def _reader(suffix: str, text: str) -> Callable[[str], DriveOfPoints]:
     by_suffix = {".csv": read_csv, ".gpx": read_gpx, ".nmea": read_nmea}
     if suffix in by_suffix:
         return by_suffix[suffix]
@@ -126,7 +125,7 @@ def _reader(suffix: str, text: str) -> Callable[[str], RecordedDrive]:
     return read_nmea if any(line.startswith("$") for line in text.splitlines()) else read_csv
 
 
-def _sifted(drive: RecordedDrive) -> RecordedDrive:
+def _sifted(drive: DriveOfPoints) -> DriveOfPoints:
     """Remove points off the earth, points without time among timed ones, and repeated fixes."""
     sifted = replace(drive, points=[], skipped=list(drive.skipped))
     timed = sum(point.time is not None for point in drive.points)
@@ -155,14 +154,14 @@ def _on_earth(latitude: float, longitude: float) -> bool:
     return abs(latitude) <= 90.0 and abs(longitude) <= 360.0  # False for NaN, too
 
 
-def _check_order(drive: RecordedDrive) -> None:
+def _check_order(drive: DriveOfPoints) -> None:
     for before, after in itertools.pairwise(drive.points):
         if before.time is not None and after.time is not None and after.time < before.time:
             back = before.time - after.time
             raise TraceError(f"{after.place}: time runs back by {back:.3f} s")
 
 
-def _laid_out(source: str, drive: RecordedDrive, origin: Origin | None) -> DriveInPlane:
+def _laid_out(source: str, drive: DriveOfPoints, origin: Origin | None) -> DriveInPlane:
     points = drive.points
     if drive.geodetic:
         origin = origin or _first_point(points)

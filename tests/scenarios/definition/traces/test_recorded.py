@@ -9,8 +9,9 @@ import pytest
 from scenarios.definition.check.findings import warnings
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.road.lead_speed import recorded
-from scenarios.definition.traces.old_formats import TraceError, read_log
+from scenarios.definition.traces.old_formats import read_log
 from scenarios.definition.traces.reading import read_trace
+from scenarios.definition.traces.recorded_drive import TraceError
 from tests.made.scenarios.recorded_drives import (
     CSV,
     ORIGIN,

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import scenario_from_text
-from scenarios.definition.traces.old_formats import TraceError
 from scenarios.definition.traces.reading import read_trace
+from scenarios.definition.traces.recorded_drive import TraceError
 from tests.made.examples import examples
 from tests.made.scenarios.recorded_drives import (
     CSV,
