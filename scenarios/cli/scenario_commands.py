@@ -66,7 +66,8 @@ def check(
 ) -> None:
     """Check a scenario and list warnings.
 
-    SCENARIO is a shipped name (see `convoy list`) or a TOML file. Nothing is simulated.
+    SCENARIO is a shipped name (see `convoy list`), a TOML file, or a recorded drive, such as a GPX
+    file. Nothing is simulated.
     """
     import json
     from dataclasses import asdict

@@ -1,8 +1,11 @@
-"""Scenario files as text: the shipped ones and the user's own."""
+"""Scenario files as text: the shipped ones, the user's own, and those of recorded drives."""
 
+import re
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
+
+import tomli_w
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.validation.wording import closest, toml_repr
@@ -28,13 +31,30 @@ NAME_CUTOFF = 0.7
 TEMPLATE = "_template"
 """The file that `convoy new` writes; it is not listed."""
 
+LOG = "run.mcap"
+"""Log of a run, in its folder."""
+
+LONGEST_NAME = 32
+"""Longest name of a scenario (characters)."""
+
+PLAIN_NAMES = frozenset({LOG, "oxts", "data"})
+"""Names of drives that say less than those of their folders."""
+
+_TOML_START = re.compile(
+    rb"(?:\xef\xbb\xbf)?(?:\s|#[^\n]*\n)*(?!sep\b)\[{0,2}[A-Za-z_][\w.-]*\s*[=\]]"
+)
+"""First key or table of a TOML file; `sep=;` begins a CSV file."""
+
+_START_BYTES = 65_536
+
 
 @dataclass(frozen=True, slots=True)
 class ScenarioFile:
     """Text of a scenario file.
 
     `label` names the file in error lines. Traces and the base of `extends` are searched in
-    `folder`. `path` is None without a file. A `recorded` scenario may have old keys.
+    `folder`. `path` is None without a file. A `recorded` scenario may have old keys. One of a drive
+    (`is_drive`) has a recorded drive only, and is labelled with its file.
     """
 
     label: str
@@ -42,6 +62,7 @@ class ScenarioFile:
     text: str
     path: Path | None = None
     recorded: bool = False
+    is_drive: bool = False
 
 
 def library() -> tuple[str, ...]:
@@ -63,11 +84,16 @@ def _shipped() -> dict[str, Path]:
 
 
 def read_file(name_or_path: str | Path) -> ScenarioFile:
-    """Read a shipped scenario by its name, or a file; raises ScenarioError."""
+    """Read a shipped scenario by its name, or a file; raises ScenarioError.
+
+    A file or folder of a recorded drive is a scenario with this drive as its path.
+    """
     shipped = _shipped().get(str(name_or_path))
     path = shipped or Path(name_or_path)
     label = path.name if shipped else str(name_or_path)
     try:
+        if _is_drive(path):
+            return _scenario_of_drive(path)
         return ScenarioFile(label, path.parent, _text(path), path)
     except FileNotFoundError as error:
         hint = _hint(path) or (
@@ -76,6 +102,30 @@ def read_file(name_or_path: str | Path) -> ScenarioFile:
         raise ScenarioError([f"{label}: no such file{hint}"]) from error
     except ValueError as error:
         raise ScenarioError([f"{label}: {error}"]) from error
+
+
+def _is_drive(path: Path) -> bool:
+    """Whether a file or folder exists that is no TOML file, by its name or its first key."""
+    try:
+        if path.is_dir():
+            return True
+        if path.suffix.lower() == ".toml" or not path.is_file():
+            return False
+        with path.open("rb") as file:
+            return _TOML_START.match(file.read(_START_BYTES)) is None
+    except OSError:
+        return False  # reading it as a scenario reports the reason
+
+
+def _scenario_of_drive(path: Path) -> ScenarioFile:
+    file = path / LOG if (path / LOG).is_file() else path
+    whole = file.resolve()
+    named = whole.parent if whole.name in PLAIN_NAMES else whole
+    name = re.sub(r"[^A-Za-z0-9_-]+", "_", named.stem).strip("_")
+    name = name if name[:1].isalpha() else f"drive_{name}"
+    name = name[:LONGEST_NAME].rstrip("_")
+    tables = {"name": name, "path": {"kind": "trace", "file": file.name or "."}}
+    return ScenarioFile(str(file), file.parent, tomli_w.dumps(tables), file, is_drive=True)
 
 
 def read_base(extending: ScenarioFile, given: object) -> ScenarioFile:

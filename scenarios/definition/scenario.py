@@ -39,7 +39,11 @@ from scenarios.definition.run_limits import limit_problems
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.definition.schema.scenario_tables import ClockTable, OriginTable, ScenarioTables
 from scenarios.definition.topology import directed_links
-from scenarios.definition.traces.scenario_drives import with_points, with_replays
+from scenarios.definition.traces.scenario_drives import (
+    at_recorded_speed,
+    with_points,
+    with_replays,
+)
 from scenarios.definition.validation.problem_lines import error_lines
 from scenarios.definition.validation.wording import toml_repr
 from scenarios.definition.vehicle_setup import VehicleSetup, vehicle_setup
@@ -297,6 +301,7 @@ def load_scenario(
 ) -> Scenario:
     """Read a shipped scenario by its name, or a file; `overrides` are `key.path=value` in TOML.
 
+    The scenario of a recorded drive drives along it, at its recorded speed if it has times.
     Raises ScenarioError with a line for each mistake: file, key, given and allowed values.
     """
     return _scenario(read_file(name_or_path), overrides, seed)
@@ -372,6 +377,8 @@ def _with_files(
     """Replace the files that keys name by their contents; appends what is wrong with them."""
     with collected(problems):
         tables = with_points(tables, given.folder("path.file"))
+        if given.files[-1].is_drive:
+            tables = at_recorded_speed(tables)
     with collected(problems):
         tables = with_recordings(tables, given.folder)
     with collected(problems):
@@ -408,5 +415,12 @@ def _delete(raw: Raw, location: Sequence[str | int]) -> None:
 
 
 def _scenario_error(given: MergedScenario, problems: Iterable[Problem]) -> ScenarioError:
-    lines = (f"{given.source(key)}: {key}: {why}" for key, why in problems)
+    lines = (_line(given, key, why) for key, why in problems)
     return ScenarioError((*given.invalid_overrides, *lines))
+
+
+def _line(given: MergedScenario, key: str, why: str) -> str:
+    source, file = given.source(key), given.files[-1]
+    if file.is_drive and source == file.label and key.startswith("path"):
+        return f"{source}: {why.removeprefix(f'{source}: ')}"  # the drive itself, not its key
+    return f"{source}: {key}: {why}"

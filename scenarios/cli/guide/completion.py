@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 RERUN = ("off", "spawn", "serve", "connect=", "save=")
 DEFAULT = "lane_change"
 """Scenario in which a channel preset is shown."""
+OWN_FILES = (".toml", ".csv", ".geojson", ".gpx", ".kml", ".mcap", ".nmea", ".pos")
+"""Suffixes of scenarios and recorded drives."""
 FILES_ONLY = {"extends", "overrides"}
 """Keys that `--set` does not accept."""
 
@@ -75,8 +77,9 @@ def channels(_context: Context, _parameter: Parameter, incomplete: str) -> list[
 
 
 def _names_or_files(shipped: Iterable[str], incomplete: str) -> list[CompletionItem]:
-    """Offer shipped names and TOML files in the working folder, or the shell's files."""
-    known = [*shipped, *sorted(path.name for path in Path().glob("*.toml"))]
+    """Offer shipped names and files in the working folder, or the shell's files."""
+    own = sorted(path.name for path in Path().iterdir() if path.suffix.lower() in OWN_FILES)
+    known = [*shipped, *own]
     return _matching(known, incomplete) or [CompletionItem(incomplete, type="file")]
 
 

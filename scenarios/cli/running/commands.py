@@ -71,8 +71,8 @@ def run(
 ) -> None:
     """Run a scenario.
 
-    SCENARIO is a shipped name (see `convoy list`) or a TOML file. Writes the log run.mcap and the
-    summary summary.json into a new folder.
+    SCENARIO is a shipped name (see `convoy list`), a TOML file, or a recorded drive, such as a GPX
+    file. Writes the log run.mcap and the summary summary.json into a new folder.
     """
     from scenarios.cli.running.launching import run_scenario
 
@@ -155,8 +155,8 @@ def vehicle(
 ) -> None:
     """Run one vehicle of a scenario.
 
-    SCENARIO is a shipped name or a TOML file. The vehicle starts when the recorder announces the
-    start of the run.
+    SCENARIO is a shipped name, a TOML file, or a recorded drive. The vehicle starts when the
+    recorder announces the start of the run.
     """
     stop = stop_on_request(with_launcher=launched)
     from scenarios.definition.scenario import load_scenario

@@ -47,6 +47,16 @@ def with_points(tables: ScenarioTables, folder: Path) -> ScenarioTables:
     return tables.model_copy(update={"origin": _origin_table(given), "path": table})
 
 
+def at_recorded_speed(tables: ScenarioTables) -> ScenarioTables:
+    """Set the recorded speed if the drive has times, unless another speed is configured."""
+    table, speed = tables.path, tables.speed
+    is_configured = speed.model_fields_set & {"lead", "set_mps", "profile"}
+    if not isinstance(table, PointsPath) or not len(table.time_s) or table.closed or is_configured:
+        return tables
+    recorded = speed.model_copy(update={"lead": "recorded"})
+    return tables.model_copy(update={"speed": recorded})
+
+
 def with_replays(tables: ScenarioTables, folder_of: Callable[[str], Path]) -> ScenarioTables:
     """Read the drives of replayed vehicles into the lead's plane; raises SettingError.
 

@@ -28,14 +28,16 @@ def offered(*words: str) -> list[str]:
 
 @pytest.fixture(autouse=True)
 def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Work in a folder with one scenario."""
+    """Work in a folder with one scenario and one recorded drive."""
     (tmp_path / "mine.toml").write_text(MINE, encoding="utf-8")
+    (tmp_path / "ride.gpx").touch()
+    (tmp_path / "notes.md").touch()
     monkeypatch.chdir(tmp_path)
 
 
 @pytest.mark.parametrize("command", ["run", "check", "record", "vehicle"])
 def test_shipped_scenarios_and_files_are_offered(command: str) -> None:
-    assert offered(command, "") == [*library(), "mine.toml"]
+    assert offered(command, "") == [*library(), "mine.toml", "ride.gpx"]
     assert offered(command, "lo") == ["lossy_lane_change"]
 
 
@@ -43,7 +45,7 @@ def test_channels_and_links_are_offered() -> None:
     assert offered("channel", "show", "lte") == [
         "lte_v2x_dense", "lte_v2x_light", "lte_v2x_oneshot",
     ]  # fmt: skip
-    assert {*presets(), *library(), "mine.toml"} == {*offered("channel", "show", "")}
+    assert {*presets(), *library(), "mine.toml", "ride.gpx"} == {*offered("channel", "show", "")}
     assert offered("channel", "show", "mine.toml", "--link", "") == ["ann:bob"]
     assert offered("channel", "show", "bursty", "--link", "v2") == ["v2:v3"]
     assert offered("run", "--set", "links.preset=bu") == ["links.preset=bursty"]

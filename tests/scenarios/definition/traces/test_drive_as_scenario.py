@@ -1,0 +1,103 @@
+"""A recorded drive in place of a scenario: its path, its recorded speed, overrides, errors."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.scenario import load_scenario, scenario_from_text
+from scenarios.definition.schema.path_tables import PointsPath
+from tests.made.scenarios.messages import STRAIGHT
+from tests.made.scenarios.recorded_drives import (
+    CSV,
+    WRITERS,
+    as_gpx,
+    as_plane_csv,
+    drive,
+    driven,
+    write_log,
+)
+
+
+@pytest.mark.parametrize("file", WRITERS)
+def test_a_drive_is_driven_like_a_scenario_with_its_recorded_speed(
+    tmp_path: Path, file: str
+) -> None:
+    path = tmp_path / file
+    path.write_bytes(WRITERS[file](drive()))
+    mine, written = load_scenario(path), driven(path, speed='lead = "recorded"')
+    assert mine.name == Path(file).stem
+    assert mine.tables.path == written.tables.path
+    assert mine.tables.speed == written.tables.speed
+    assert mine.duration_s == written.duration_s
+    assert scenario_from_text(mine.text).tables == mine.tables
+
+
+def test_the_speed_is_set_without_times_and_where_it_is_configured(tmp_path: Path) -> None:
+    timed, still = tmp_path / "timed.csv", tmp_path / "still.csv"
+    timed.write_bytes(as_plane_csv(drive()))
+    still.write_text(CSV + "".join(f"{k},0\n" for k in range(100)))
+    assert load_scenario(still).tables.speed.lead == "set"
+    assert load_scenario(still, ["speed.set_mps=7"]).route.profile.at(0.0)[0] == 7.0
+    assert load_scenario(timed).tables.speed.lead == "recorded"
+    for override in ("speed.set_mps=7", 'speed.lead="set"'):
+        assert load_scenario(timed, [override]).tables.speed.lead == "set"
+
+
+def test_keys_of_the_path_can_be_overridden(tmp_path: Path) -> None:
+    path = tmp_path / "drive.csv"
+    path.write_bytes(as_plane_csv(drive()))
+    table = load_scenario(path, ["path.smoothing_m=12", "convoy.vehicles=3", "seed=5"]).tables
+    assert isinstance(table.path, PointsPath)
+    assert (table.path.smoothing_m, table.convoy.vehicles, table.seed) == (12.0, 3, 5)
+
+
+def test_a_log_and_its_folder_are_drives_of_the_lead_or_another_vehicle(tmp_path: Path) -> None:
+    folder = tmp_path / "20260101-my run"
+    folder.mkdir()
+    write_log(folder / "run.mcap", drive())
+    for given in (folder, folder / "run.mcap"):
+        scenario = load_scenario(given)
+        assert scenario.name == "drive_20260101-my_run"
+        assert scenario.tables.speed.lead == "recorded"
+        assert scenario.route.smoothed is not None
+        assert scenario.route.smoothed.lap_length == pytest.approx(240.0, abs=0.1)
+    lead, second = (load_scenario(folder, [f"path.vehicle={name}"]) for name in ("v1", "v2"))
+    assert lead.origin != second.origin
+
+
+def test_a_scenario_may_have_any_suffix(tmp_path: Path) -> None:
+    for name in ("mine", "mine.txt", "mine.csv"):
+        path = tmp_path / name
+        path.write_text(f"\ufeff# a comment\n\n{STRAIGHT}", encoding="utf-8")
+        assert load_scenario(path).tables.path.kind == "segments"
+        path.write_text("[path]\nkind = \n", encoding="utf-8")
+        with pytest.raises(ScenarioError, match="not valid TOML"):
+            load_scenario(path)
+
+
+@pytest.mark.parametrize("name", ["My Ride (2).gpx", "01 – ä.gpx", f"{'long' * 20}.gpx", "🚗.gpx"])
+def test_any_file_name_makes_a_name(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(as_gpx(drive()))
+    scenario = load_scenario(path)
+    assert re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]{0,31}", scenario.name)
+    assert isinstance(scenario.tables.path, PointsPath)
+    assert scenario.tables.path.source == name
+
+
+def test_a_refused_drive_has_one_line_that_begins_with_its_file(tmp_path: Path) -> None:
+    back = [*drive(), *((20.1 + t, e, n, v) for t, e, n, v in drive()[:100][::-1])]
+    for name, content, why in (
+        ("nothing.csv", "x_m,y_m\n", "no"),
+        ("still.csv", CSV + "0,0\n0.1,0\n" * 10, "all "),
+        ("back.csv", as_plane_csv(back).decode(), "line "),
+    ):
+        path = tmp_path / name
+        path.write_text(content)
+        with pytest.raises(ScenarioError) as caught:
+            load_scenario(path)
+        (line,) = caught.value.lines
+        assert line.startswith(f"{path}: {why}")
+        assert line.count(name) == 1
