@@ -13,7 +13,8 @@ from scenarios.definition.channel.rules import (
     ties,
 )
 from scenarios.definition.errors import Problem
-from scenarios.definition.road.route import LONGEST, Route, longest_run, vehicle_names
+from scenarios.definition.road.point_path import LONGEST
+from scenarios.definition.road.route import Route, longest_run, vehicle_names
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.definition.schema.path_tables import SegmentTable
 from scenarios.definition.schema.scenario_tables import CONTROLLERS, OriginTable, ScenarioTables

@@ -61,8 +61,8 @@ class SmoothedPath:
 
     `deviation_rms` is at the points. `deviation_max` also covers the sections between them: the
     distance from the cubic through four successive points, or in a hole from its filling. `holes`
-    lists the filled holes. `noise` is the standard deviation of the points' white noise (m, per
-    axis).
+    lists the filled holes. `half_width` (m) is the reach of the smoothing. `noise` is the standard
+    deviation of the points' white noise (m, per axis).
 
     `stations` are those of the first `points_used` points; points of a closed drive past its start
     belong to the next lap and are not used. `start` (m) is the station of the first point, the
@@ -78,6 +78,7 @@ class SmoothedPath:
     start: float
     lap_length: float
     holes: tuple[Hole, ...]
+    half_width: float
     noise: float
 
 
@@ -150,6 +151,7 @@ def smooth_path(
         start=float(path.station[lead_in_cells]),
         lap_length=float(path.station[lead_in_cells + cells] - path.station[lead_in_cells]),
         holes=tuple(hole for hole in merged.holes if hole.point < used - 1),
+        half_width=half_width,
         noise=merged.noise,
     )
 

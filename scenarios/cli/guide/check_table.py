@@ -62,6 +62,7 @@ def _drive(report: CheckReport) -> Iterator[Row]:
     holes = f", {size} {report.hole_m_max:.1f} m" if report.holes else ""
     noise = f"noise {100.0 * (report.noise_m or 0.0):.1f} cm"
     yield "recorded points", f"{report.points}, {noise}{holes}"
+    yield "smoothing", f"{report.smoothing_m:g} m half width"
     left_out = {
         ("bad line", "bad lines"): report.skipped_lines,
         ("jump", "jumps"): report.jumping_points,

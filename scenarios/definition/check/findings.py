@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 
 from scenarios.definition.check.confirmation import confirmation_lines
+from scenarios.definition.check.drive_warnings import drive_warnings
 from scenarios.definition.check.link_forecast import laws_in_brief
 from scenarios.definition.check.preview import preview_warnings
 from scenarios.definition.check.receivers import receiver_warnings
 from scenarios.definition.check.steering_loop import sampled_loop_warnings, slip_warnings
-from scenarios.definition.road.replayed_drive import replay_warnings
-from scenarios.definition.road.route import place_of
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.change_tables import SpeedChangeTable
 from scenarios.definition.schema.link_tables import LinkTable
@@ -26,16 +25,9 @@ from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.car.parameters import VehicleParameters
 from vehicles.car.sending.sending_rules import RULES
 from vehicles.car.tyres import GRAVITY
-from vehicles.geometry.smoothing import SmoothedPath
 
 USUAL_GNSS_RATE = 20.0
 """Highest rate (Hz) of receivers for driving (paper, Section III-A)."""
-
-FAR_FROM_POINTS = 0.5
-"""Distance (m) between path and recorded points above which a warning is due."""
-
-MOST_HOLES = 5
-"""Number of holes in a drive with their own warning."""
 
 STEP = 0.05
 """Time step (s) at which the lead's planned run is sampled."""
@@ -50,8 +42,9 @@ class CheckReport:
     recorded drives. `laws` describes each link except latency, jitter, independent loss and rate.
     `gap_policy` is None if followers drive the lead's speed, `radius_m_min` on a straight road.
     From `points` to `deviation_m_max` the fields are about a recorded drive, and None for a path of
-    segments: omitted points, holes, noise, the offset subtracted from coordinates, and the distance
-    of the path from the points (rms) and between them as well (max).
+    segments: omitted points, holes, noise, the half width of the smoothing, the offset subtracted
+    from coordinates, and the distance of the path from the points (rms) and between them as well
+    (max).
     """
 
     name: str
@@ -92,6 +85,7 @@ class CheckReport:
     holes: int | None
     hole_m_max: float | None
     noise_m: float | None
+    smoothing_m: float | None
     coordinates_offset_m: tuple[float, float] | None
     deviation_m_rms: float | None
     deviation_m_max: float | None
@@ -167,6 +161,7 @@ def report_of(scenario: Scenario) -> CheckReport:
         holes=len(road.holes) if road else None,
         hole_m_max=max((hole.length for hole in road.holes), default=0.0) if road else None,
         noise_m=road.noise if road else None,
+        smoothing_m=road.half_width if road else None,
         coordinates_offset_m=(trace.east_offset_m, trace.north_offset_m) if trace else None,
         deviation_m_rms=road.deviation_rms if road else None,
         deviation_m_max=road.deviation_max if road else None,
@@ -233,8 +228,7 @@ def warnings(scenario: Scenario) -> tuple[str, ...]:
 
 def _warnings(scenario: Scenario, run: _Run) -> tuple[str, ...]:
     result = (
-        *_trace_warnings(scenario),
-        *_replay_warnings(scenario),
+        *drive_warnings(scenario),
         *_vehicle_warnings(scenario),
         *preview_warnings(scenario, (min(run.speeds), max(run.speeds))),
         *receiver_warnings(scenario),
@@ -243,45 +237,6 @@ def _warnings(scenario: Scenario, run: _Run) -> tuple[str, ...]:
         *slip_warnings(scenario, list(zip(run.speeds, run.curvatures, strict=True))),
     )
     return tuple(dict.fromkeys(result))  # one file may be the path and replayed as well
-
-
-def _trace_warnings(scenario: Scenario) -> Iterator[str]:
-    table, smoothed = scenario.tables.path, scenario.route.smoothed
-    if not isinstance(table, PointsPath) or smoothed is None:
-        return
-    if table.skipped_lines:
-        lines = "1 bad line" if table.skipped_lines == 1 else f"{table.skipped_lines} bad lines"
-        yield f"{table.source}: {lines} skipped, the first is {table.skipped_first}"
-    yield from (f"{table.source or 'path'}: {remark}" for remark in table.remarks)
-    yield from _hole_warnings(table, smoothed)
-    if smoothed.deviation_max > FAR_FROM_POINTS:
-        yield (
-            f"the path lies up to {smoothed.deviation_max:.1f} m from the recorded points "
-            f"(rms {smoothed.deviation_rms:.2f} m, noise of the points {smoothed.noise:.2f} m): "
-            f"curves are cut. Lower path.smoothing_m = {table.smoothing_m:g}, unless the points "
-            "are noisy."
-        )
-
-
-def _hole_warnings(table: PointsPath, smoothed: SmoothedPath) -> Iterator[str]:
-    for hole in smoothed.holes[:MOST_HOLES]:
-        yield (
-            f"{table.source or 'path'}: a hole of {hole.length:.1f} m after "
-            f"{place_of(table, hole.point)} is bridged by a smooth curve: the road there is a guess"
-        )
-    if len(smoothed.holes) > MOST_HOLES:
-        rest = smoothed.holes[MOST_HOLES:]
-        longest = max(hole.length for hole in rest)
-        yield f"{table.source or 'path'}: {len(rest)} more holes, up to {longest:.1f} m long"
-
-
-def _replay_warnings(scenario: Scenario) -> Iterator[str]:
-    tables = scenario.tables
-    for name, drive in scenario.replays.items():
-        if (table := tables.vehicle[name].drive) is not None:
-            yield from (f"{table.source}: {remark}" for remark in table.remarks)
-            yield from _hole_warnings(table, drive.road)
-        yield from replay_warnings(tables, name, drive, scenario.route, scenario.duration_s)
 
 
 def _vehicle_warnings(scenario: Scenario) -> Iterator[str]:

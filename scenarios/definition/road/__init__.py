@@ -1,6 +1,7 @@
 """The lead's path and speed, and recorded motions of followers.
 
 route            the lead's path, the gaps at the start, and the lead's speed
+point_path       the path through recorded points
 spacing          gaps between bumpers and spacings between centres of mass
 replayed_drive   the motion of a replayed vehicle
 lead_speed       the lead's speed: lowered before curves, or as recorded

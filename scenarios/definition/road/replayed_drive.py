@@ -9,7 +9,8 @@ from itertools import pairwise
 import numpy as np
 
 from scenarios.definition.errors import SettingError
-from scenarios.definition.road.route import Route, check_span, longest_run, smoothed_points
+from scenarios.definition.road.point_path import check_span, smoothed_points
+from scenarios.definition.road.route import Route, longest_run
 from scenarios.definition.schema.path_tables import PointsPath
 from scenarios.definition.schema.scenario_tables import ScenarioTables, VehicleTable
 from vehicles.geometry.local_regression import NEIGHBOURS, local_cubic

@@ -8,27 +8,18 @@ import numpy as np
 
 from scenarios.definition.errors import SettingError
 from scenarios.definition.road.lead_speed import Limits, recorded, slowed
+from scenarios.definition.road.point_path import LONGEST, check_length, check_span, smoothed_points
 from scenarios.definition.road.set_speed import SpeedPlan, with_changes
 from scenarios.definition.road.spacing import gaps_at, spacings_at
 from scenarios.definition.schema.path_tables import PointsPath, SegmentsPath, SegmentTable
 from scenarios.definition.schema.scenario_tables import ScenarioTables, SpeedTable
 from vehicles.driver.speed import SpeedProfile
-from vehicles.geometry.bridges import find_holes, step_lengths
 from vehicles.geometry.geodesy import yaw_from_heading
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
-from vehicles.geometry.smoothing import NoPathError, SmoothedPath, smooth_path
+from vehicles.geometry.smoothing import SmoothedPath
 
 RUN_UP = 10.0
 """Length (m) of the straight behind the last vehicle."""
-
-LONGEST = 86_400.0
-"""Longest run (s): a day."""
-
-LONGEST_PATH = 1_000_000.0
-"""Longest road (m) of all laps, which takes two points per metre."""
-
-SPARSE_REACH = 7.0
-"""Reach of smoothing over sparse points, in their distances."""
 
 STRAIGHT = 1e-6
 """Curvature (1/m) below which a path counts as straight."""
@@ -126,13 +117,6 @@ def plan_route(tables: ScenarioTables) -> Route:
     )
 
 
-def check_span(key: str, table: PointsPath) -> None:
-    """Raise SettingError for a drive that is longer than a run can be."""
-    span = max(table.time_s, default=0.0) - min(table.time_s, default=0.0)
-    if not span <= LONGEST:
-        raise SettingError(key, f"recorded times span {span:.6g} s, allowed at most {LONGEST:g}")
-
-
 def _first_speed_at_most(tables: ScenarioTables) -> float:
     speed = tables.speed
     if speed.lead == "profile":
@@ -147,7 +131,7 @@ def _path(tables: ScenarioTables, lead_in: float) -> tuple[SampledPath, float, S
     table = tables.path
     if isinstance(table, SegmentsPath):
         yaw = yaw_from_heading(table.heading_deg)
-        _check_length(table, sum(segment.length_m for segment in table.segments))
+        check_length(table, sum(segment.length_m for segment in table.segments))
         laps = [Segment(s.length_m, curvature(s)) for s in table.segments] * table.laps
         east, north = -lead_in * math.cos(yaw), -lead_in * math.sin(yaw)
         return _along((Segment(lead_in, 0.0), *laps), east, north, yaw), lead_in, None
@@ -178,48 +162,6 @@ def _straight_before(path: SampledPath, start: float) -> SampledPath:
         np.where(before, first.yaw, path.yaw),
         np.where(before, 0.0, path.curvature),
     )
-
-
-def smoothed_points(table: PointsPath, lead_in: float) -> SmoothedPath:
-    """Smooth points, with a straight of at least `lead_in` m before them; raises SettingError."""
-    steps = step_lengths(np.array((table.east_m, table.north_m)))
-    _check_length(table, float(np.sum(steps)))
-    longest = float(np.max(np.delete(steps, find_holes(steps)), initial=0.0))
-    try:
-        return smooth_path(
-            table.east_m,
-            table.north_m,
-            table.smoothing_m,
-            closed=table.closed,
-            laps=table.laps,
-            noise=table.noise_m,
-            lead_in=lead_in + max(table.smoothing_m, SPARSE_REACH * longest),
-        )
-    except NoPathError as error:
-        why = (
-            f"{place_of(table, error.point)}: {error}: end the drive before it, or start after it, "
-            "or lower path.smoothing_m if a car can drive it"
-        )
-        raise SettingError(f"path ({table.source})" if table.source else "path", why) from error
-    except ValueError as error:
-        raise SettingError(
-            f"path ({table.source})" if table.source else "path", str(error)
-        ) from error
-
-
-def place_of(table: PointsPath, point: int) -> str:
-    """Return the place of a point (from 0) in its file, and its time."""
-    number = table.source_numbers[point] if point < len(table.source_numbers) else point + 1
-    at = f" ({table.time_s[point]:.1f} s)" if table.time_s else ""
-    return f"{table.source_unit} {number}{at}"
-
-
-def _check_length(table: SegmentsPath | PointsPath, lap: float) -> None:
-    """Raise SettingError for a path that takes too much memory; `lap` is its length (m)."""
-    if lap * table.laps > LONGEST_PATH:
-        key = "path.laps" if table.laps > 1 else "path"
-        whole_km, most_km = lap * table.laps / 1000.0, LONGEST_PATH / 1000.0
-        raise SettingError(key, f"{whole_km:.6g} km of road, allowed at most {most_km:g} km")
 
 
 def curvature(segment: SegmentTable) -> float:

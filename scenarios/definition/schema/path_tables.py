@@ -73,6 +73,7 @@ class TracePath(SmoothedPathTable):
 
 
 Numbers = Annotated[tuple[float, ...], Field(strict=False)]
+Widths = Annotated[tuple[Annotated[float, Field(gt=0, le=500)], ...], Field(strict=False)]
 Counts = Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(strict=False)]
 Texts = Annotated[tuple[str, ...], Field(strict=False)]
 
@@ -80,13 +81,14 @@ Texts = Annotated[tuple[str, ...], Field(strict=False)]
 class PointsPath(SmoothedPathTable):
     """Points in the plane; a trace is converted into them, so that a log needs no other file.
 
-    The program writes the keys from `source` to `skipped_first`; do not set them.
+    The program writes `narrower_m` and the keys from `source` to `skipped_first`; do not set them.
 
     east_m           coordinates
     north_m          coordinates
     time_s           times, one per point, or none
     speed_mps        speeds, one per point, or none
     smoothing_m      half width of the smoothing window
+    narrower_m       half widths tried in this order where a car cannot drive smoothing_m
     closed           whether the path ends where it begins
     laps             laps of a closed path
     source           file that the points are from
@@ -120,6 +122,7 @@ class PointsPath(SmoothedPathTable):
     remarks: Texts = ()
     skipped_lines: int = Field(default=0, ge=0)
     skipped_first: str = ""
+    narrower_m: Widths = ()
     east_m: Numbers
     north_m: Numbers
     time_s: Numbers = ()

@@ -23,6 +23,12 @@ shifted to the origin. With an origin in the scenario it is the reach of the pla
 CURVATURE_NOISE = 0.004
 """Largest noise of curvature (1/m) after smoothing: 0.4 m/s² of lateral acceleration at 10 m/s."""
 
+WIDEST = 500.0
+"""Largest half width (m) of the smoothing."""
+
+NARROWER = (32.0, 16.0, 8.0, 5.0, 3.0)
+"""Half widths of the smoothing (m) tried where a car cannot drive the path at the automatic one."""
+
 ELSEWHERE = 5_000.0
 """Largest distance (m) of a second drive from the start of the lead's."""
 
@@ -107,23 +113,19 @@ def _second(
 
 def points_of(trace: DriveInPlane, table: TracePath) -> PointsPath:
     """Return the points of a trace; smoothing defaults to what their noise requires."""
-    remarks, smoothing = trace.remarks, table.smoothing_m
-    needed = _needed_smoothing(trace)
-    if "smoothing_m" not in table.model_fields_set and needed > smoothing:
-        smoothing = needed
-        remarks = (
-            *remarks,
-            f"the points scatter by {trace.noise_m:.2g} m, so path.smoothing_m is {needed:g} "
-            f"instead of {table.smoothing_m:g}: tight curves are cut. Set it to change this",
-        )
+    smoothing, narrower = table.smoothing_m, tuple[float, ...]()
+    if "smoothing_m" not in table.model_fields_set:
+        smoothing = max(smoothing, _needed_smoothing(trace))
+        narrower = tuple(width for width in NARROWER if width < smoothing)
     return PointsPath(
         kind="points",
         source=table.file,
         skipped_lines=len(trace.skipped),
         skipped_first=trace.skipped[0] if trace.skipped else "",
         geodetic=trace.origin is not None,
-        remarks=remarks,
+        remarks=trace.remarks,
         smoothing_m=smoothing,
+        narrower_m=narrower,
         **{key: getattr(trace, key) for key in _KEPT},
         **table.model_dump(include={"closed", "laps"}),
     )
@@ -135,7 +137,7 @@ def _needed_smoothing(trace: DriveInPlane) -> float:
     moved = steps[steps > 0.0]
     spacing = max(float(np.median(moved)) if moved.size else 0.0, MERGED_NOISE * trace.noise_m)
     kept = 20.0 * trace.noise_m * math.sqrt(spacing) / CURVATURE_NOISE
-    return float(math.ceil(math.pow(kept, 0.4)))
+    return min(float(math.ceil(math.pow(kept, 0.4))), WIDEST)
 
 
 _KEPT = (

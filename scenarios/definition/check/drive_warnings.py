@@ -1,0 +1,82 @@
+"""Warnings of recorded drives: changes while reading, smoothing, holes, replayed vehicles."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from scenarios.definition.road.point_path import place_of
+from scenarios.definition.road.replayed_drive import replay_warnings
+from scenarios.definition.scenario import Scenario
+from scenarios.definition.schema.path_tables import PointsPath, SmoothedPathTable
+from vehicles.geometry.smoothing import SmoothedPath
+
+FAR_FROM_POINTS = 0.5
+"""Distance (m) between path and recorded points above which a warning is due."""
+
+MOST_HOLES = 5
+"""Number of holes in a drive with their own warning."""
+
+USUAL_SMOOTHING = SmoothedPathTable().smoothing_m
+"""Half width (m) of the smoothing unless the noise of the points requires more."""
+
+
+def drive_warnings(scenario: Scenario) -> Iterator[str]:
+    """Warn of what is left out, assumed or inaccurate in the recorded drives of a scenario."""
+    yield from _path_warnings(scenario)
+    tables = scenario.tables
+    for name, drive in scenario.replays.items():
+        if (table := tables.vehicle[name].drive) is not None:
+            yield from (f"{table.source}: {remark}" for remark in table.remarks)
+            yield from _width_warnings(table, drive.road)
+            yield from _hole_warnings(table, drive.road)
+        yield from replay_warnings(tables, name, drive, scenario.route, scenario.duration_s)
+
+
+def _path_warnings(scenario: Scenario) -> Iterator[str]:
+    table, smoothed = scenario.tables.path, scenario.route.smoothed
+    if not isinstance(table, PointsPath) or smoothed is None:
+        return
+    if table.skipped_lines:
+        lines = "1 bad line" if table.skipped_lines == 1 else f"{table.skipped_lines} bad lines"
+        yield f"{table.source}: {lines} skipped, the first is {table.skipped_first}"
+    yield from (f"{table.source or 'path'}: {remark}" for remark in table.remarks)
+    yield from _width_warnings(table, smoothed)
+    yield from _hole_warnings(table, smoothed)
+    if smoothed.deviation_max > FAR_FROM_POINTS:
+        yield (
+            f"the path lies up to {smoothed.deviation_max:.1f} m from the recorded points "
+            f"(rms {smoothed.deviation_rms:.2f} m, noise of the points {smoothed.noise:.2f} m): "
+            f"curves are cut. Lower path.smoothing_m = {smoothed.half_width:g}, unless the points "
+            "are noisy."
+        )
+
+
+def _width_warnings(table: PointsPath, smoothed: SmoothedPath) -> Iterator[str]:
+    """Warn of an automatic half width that cuts curves, or that removes too little noise."""
+    source, used = table.source or "path", smoothed.half_width
+    if used < table.smoothing_m:
+        radius = 1.0 / float(np.max(np.abs(smoothed.path.curvature)))
+        yield (
+            f"{source}: the path is smoothed over a half width of {used:g} m, because a car cannot "
+            f"drive the tight turns at the {table.smoothing_m:g} m for noise of "
+            f"{smoothed.noise:.2g} m: the lead steers after noise, the smallest radius is "
+            f"{radius:.1f} m. Set path.smoothing_m, or leave the turns out with path.from_s and "
+            "path.to_s."
+        )
+    elif table.narrower_m and used > USUAL_SMOOTHING:
+        yield (
+            f"{source}: the points scatter by {table.noise_m:.2g} m, so path.smoothing_m is "
+            f"{used:g} instead of {USUAL_SMOOTHING:g}: tight curves are cut. Set it to change this"
+        )
+
+
+def _hole_warnings(table: PointsPath, smoothed: SmoothedPath) -> Iterator[str]:
+    for hole in smoothed.holes[:MOST_HOLES]:
+        yield (
+            f"{table.source or 'path'}: a hole of {hole.length:.1f} m after "
+            f"{place_of(table, hole.point)} is bridged by a smooth curve: the road there is a guess"
+        )
+    if len(smoothed.holes) > MOST_HOLES:
+        rest = smoothed.holes[MOST_HOLES:]
+        longest = max(hole.length for hole in rest)
+        yield f"{table.source or 'path'}: {len(rest)} more holes, up to {longest:.1f} m long"
