@@ -3,6 +3,7 @@
 formats          formats of files
 old_formats      CSV, GPX, NMEA 0183 and logs, until formats replaces it
 recorded_drive   columns of points, and the records left out
+positions        positions off the earth, without a fix, or far away
 jumps            outliers of a receiver
 stands           standstills with a drifting receiver
 cleaning         remove both, and leaps of the clock

@@ -119,9 +119,14 @@ class RecordedDrive:
         self, marked: NDArray[np.bool_], kind: str, reason: Callable[[int], str] | None = None
     ) -> "RecordedDrive":
         """Leave out the `marked` points; `reason` returns that of a point by its index."""
-        for k in np.flatnonzero(marked).tolist():
+        places = np.flatnonzero(marked)
+        if not places.size:
+            return self
+        listed = places[: max(1, MOST_KEPT - len(self.left_out.records))].tolist()
+        for k in listed:
             self.list_left_out(k, kind, reason(k) if reason else kind)
-        return self.selected(~marked) if marked.any() else self
+        self.left_out.counts[kind] += places.size - len(listed)
+        return self.selected(~marked)
 
     def list_left_out(self, k: int, kind: str, reason: str) -> None:
         """List point `k` as left out, or a value of it."""
