@@ -39,12 +39,20 @@ MIN_PROGRESS = 0.5
 """Points double back where the smoothed curve advances by less than this per metre of points."""
 
 
-class NoPathError(ValueError):
-    """Points that do not form a path; `point` is the index of the cause."""
+Sections = tuple[tuple[int, int], ...]
+"""Indices of the first and the last point of each section."""
 
-    def __init__(self, text: str, point: int) -> None:
+
+class NoPathError(ValueError):
+    """Points that do not form a path.
+
+    `point` is the index of the worst cause, `sections` are those without which there may be a path.
+    """
+
+    def __init__(self, text: str, point: int, sections: Sections) -> None:
         super().__init__(text)
         self.point = point
+        self.sections = sections
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,7 +225,8 @@ def _merged(x: FloatArray, y: FloatArray, half_width: float, noise: float) -> _M
     try:
         filled = fill_holes(points, half_width)
     except UnbridgedError as error:
-        raise NoPathError(str(error), int(last_of[error.before])) from error
+        before = int(last_of[error.before])
+        raise NoPathError(str(error), before, ((before, before + 1),)) from error
     steps = step_lengths(points)
     holes = tuple(Hole(int(last_of[k]), float(steps[k])) for k in filled.holes)
     t = np.concatenate((np.zeros(1), np.cumsum(step_lengths(filled.points))))
@@ -314,7 +323,22 @@ def _check_progress(points: FloatArray, t: FloatArray, given: FloatArray) -> Non
     if progress[slowest] < MIN_PROGRESS:
         x, y = points[:, slowest].tolist()
         point = min(int(np.searchsorted(given, t[slowest])), given.size - 1)
-        raise NoPathError(f"the points double back near east {x:.1f} m, north {y:.1f} m", point)
+        sections = sections_where(progress < MIN_PROGRESS, t[:-1], given)
+        raise NoPathError(
+            f"the points double back near east {x:.1f} m, north {y:.1f} m", point, sections
+        )
+
+
+def sections_where(marked: NDArray[np.bool_], at: FloatArray, given: FloatArray) -> Sections:
+    """Return the sections of points at `given` (n,) around each run of `marked` places `at` (m,).
+
+    Both increase along the path.
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], marked, [False]))))
+    first = np.searchsorted(given, at[edges[::2]], side="right") - 1
+    last = np.searchsorted(given, at[edges[1::2] - 1])
+    within = np.clip((first, last), 0, given.size - 1)
+    return tuple(zip(*within.tolist(), strict=True))
 
 
 def _path(points: FloatArray) -> SampledPath:

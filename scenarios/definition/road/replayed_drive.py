@@ -105,7 +105,7 @@ def plan_replay(tables: ScenarioTables, name: str, route: Route) -> ReplayedDriv
         raise SettingError(key, f"{drive.source}: given without times, allowed only with them")
     check_span(f"{key} ({drive.source})", drive)
     try:
-        road = smoothed_points(drive, RUN_IN)
+        road = smoothed_points(drive, RUN_IN, is_replay=True)
     except SettingError as error:
         raise SettingError(key, f"{drive.source}: {error.why}") from error
     knots = _knots(drive, road)
