@@ -1,0 +1,229 @@
+"""Wrong, unordered, missing and coarse times are made usable without the loss of a position."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from scenarios.definition.traces.recorded_drive import RecordedDrive
+from scenarios.definition.traces.time_order import in_time_order
+from tests.made.examples import examples
+
+COUNT, INTERVAL, SPEED = 400, 0.1, 10.0
+DAY = 86_400.0
+UNIX = 1_774_746_000.0
+WEEKS_1024 = 1024 * 7 * DAY
+TRUE = np.arange(COUNT) * INTERVAL
+
+Floats = NDArray[np.floating[Any]]
+Order = list[int] | NDArray[np.signedinteger[Any]]
+
+
+def recorded(times: Floats, order: Order | None = None) -> RecordedDrive:
+    """A winding drive at constant speed with these times, its records in this order."""
+    places = np.arange(len(times)) if order is None else np.asarray(order)
+    along = np.arange(len(times)) * INTERVAL * SPEED
+    unknown = np.full(len(places), np.nan)
+    return RecordedDrive(
+        geodetic=False,
+        unit="line",
+        numbers=places.astype(np.int64),
+        position=np.array((along, 40.0 * np.sin(along / 80.0)))[:, places],
+        altitude_m=unknown,
+        time_s=times[places].astype(np.float64),
+        speed_mps=unknown,
+    )
+
+
+def changed(first: int, last: int, by: float) -> Floats:
+    times = TRUE.copy()
+    times[first:last] += by
+    return times
+
+
+def assert_true_times(drive: RecordedDrive, tolerance: float = 1e-6) -> None:
+    """All positions are there in their order, with the true times but for the clock's zero."""
+    assert drive.numbers.tolist() == list(range(COUNT))
+    off = drive.time_s - TRUE
+    assert off - off[COUNT // 2] == pytest.approx(np.zeros(COUNT), abs=tolerance)
+
+
+@pytest.mark.parametrize("zero", [0.0, UNIX])
+def test_a_drive_in_order_is_returned_as_it_is(zero: float) -> None:
+    drive = recorded(TRUE + zero)
+    assert in_time_order(drive) is drive
+
+
+@pytest.mark.parametrize("by", [-1e9, -DAY, -5.0, -0.15, 0.15, 5.0, 3600.0, DAY, 2.0 * DAY])
+@pytest.mark.parametrize("count", [1, 3])
+def test_wrong_times_of_a_few_records_are_interpolated_and_listed(by: float, count: int) -> None:
+    drive = in_time_order(recorded(changed(200, 200 + count, by)))
+    clear = abs(by) > count * INTERVAL
+    assert_true_times(drive, 1e-4 if clear else 0.2)
+    if clear:
+        assert drive.left_out.counts == {"wrong time": count}
+        assert [record.number for record in drive.left_out.records] == [*range(200, 200 + count)]
+
+
+@pytest.mark.parametrize("by", [-1e9, -5.0, 5.0, 3600.0, DAY])
+def test_a_longer_run_on_another_clock_is_shifted(by: float) -> None:
+    drive = in_time_order(recorded(changed(200, 240, by)))
+    assert_true_times(drive, 1e-4)
+    assert (drive.left_out.total, len(drive.remarks)) == (0, 1)
+
+
+@pytest.mark.parametrize("by", [-0.15, -1.0, -3.0, -3600.0, -DAY, -WEEKS_1024, WEEKS_1024])
+@pytest.mark.parametrize("place", [30, 250])
+def test_times_after_a_leap_of_the_clock_are_shifted(by: float, place: int) -> None:
+    """The longer part keeps its times; a few records on another clock are left out instead."""
+    drive = in_time_order(recorded(changed(place, COUNT, by)))
+    if place == 30 and abs(by) > DAY:
+        assert drive.numbers.tolist() == list(range(30, COUNT))
+        assert drive.left_out.counts == {"wrong time": 30}
+        return
+    assert_true_times(drive, 1e-3)
+    kept = slice(place, None) if place == 30 else slice(place)
+    assert drive.time_s[kept] == pytest.approx(changed(place, COUNT, by)[kept], abs=1e-9)
+    assert (drive.left_out.total, len(drive.remarks)) == (0, 1)
+
+
+@pytest.mark.parametrize("by", [60.0, 3600.0])
+def test_a_pause_keeps_its_times(by: float) -> None:
+    drive = in_time_order(recorded(changed(250, COUNT, by)))
+    assert drive.time_s.tolist() == changed(250, COUNT, by).tolist()
+    assert (drive.left_out.total, drive.remarks) == (0, ())
+
+
+def test_a_drive_of_several_days_keeps_its_times() -> None:
+    drive = in_time_order(recorded(changed(200, COUNT, 3.0 * DAY)))
+    assert drive.time_s.tolist() == changed(200, COUNT, 3.0 * DAY).tolist()
+
+
+def test_several_faults_of_a_clock_are_told_apart() -> None:
+    times = TRUE.copy()
+    times[100:] -= 3.0
+    times[200:] -= 3600.0
+    times[300:] -= 1.0
+    times[350] += 5.0
+    drive = in_time_order(recorded(times))
+    assert_true_times(drive, 1e-3)
+    assert (drive.left_out.total, len(drive.remarks)) == (1, 3)
+
+
+BLOCK = [*range(200), *range(230, 260), *range(200, 230), *range(260, COUNT)]
+TWO_SOURCES = np.where(np.arange(COUNT) % 2, np.roll(np.arange(COUNT), 20), np.arange(COUNT))
+PAIRS = np.arange(COUNT).reshape(-1, 2)[:, ::-1].ravel()
+
+
+@pytest.mark.parametrize(
+    ("order", "repeated"),
+    [
+        ([*range(200), 201, 200, *range(202, COUNT)], 0),
+        (BLOCK, 0),
+        ([*range(200), *range(150, COUNT)], 50),
+        (TWO_SOURCES, 0),
+        (PAIRS, 0),
+        ([*range(100), *range(COUNT)], 100),
+        ([*range(COUNT)][::-1], 0),
+    ],
+    ids=[
+        "late record",
+        "late block",
+        "block sent twice",
+        "two sources",
+        "pairs",
+        "begun twice",
+        "backward",
+    ],
+)
+def test_records_out_of_order_are_sorted(order: Order, repeated: int) -> None:
+    drive = in_time_order(recorded(TRUE, order))
+    assert_true_times(drive)
+    assert drive.time_s.tolist() == TRUE.tolist()
+    assert drive.left_out.total == 0
+    assert len(drive.remarks) == 1
+    assert drive.remarks[0].startswith(f"{repeated} records") == (repeated > 0)
+
+
+def test_missing_and_absurd_times_are_interpolated() -> None:
+    times = TRUE.copy()
+    times[[0, 50, 51, 399]] = np.nan
+    times[[100, 101]] = np.inf, -1e16
+    times[150:250] = np.nan
+    drive = in_time_order(recorded(times))
+    assert_true_times(drive)
+    assert drive.left_out.total == 0
+    assert drive.remarks[0].startswith("106 records have no usable time")
+
+
+def test_missing_times_follow_the_distance_where_the_rate_changes() -> None:
+    times = changed(200, COUNT, 10.0)
+    times[190:210] = np.nan
+    drive = in_time_order(recorded(times))
+    steps = np.diff(drive.time_s)
+    assert steps[189:210] == pytest.approx(np.full(21, (2.1 + 10.0) / 21.0), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("times", "remark"),
+    [
+        (np.full(24, 7.0), "all 24 points have the same time: the drive has no times"),
+        (np.arange(24) // 12 * 1.0, "24 points have only 2 different times: "),
+        (np.where(np.arange(24) < 11, np.arange(24.0), np.nan), "only 11 of 24 points have a time"),
+        (np.arange(24) % 2 * 9.0 + np.arange(24) % 3, "time runs back at "),
+    ],
+    ids=["one time", "two times", "few times", "no order"],
+)
+def test_drives_without_usable_times_have_none(times: Floats, remark: str) -> None:
+    drive = in_time_order(recorded(times))
+    assert (drive.count, drive.left_out.total) == (24, 0)
+    assert np.isnan(drive.time_s).all()
+    assert drive.remarks[-1].startswith(remark)
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.7])
+def test_coarse_times_are_spread_evenly(phase: float) -> None:
+    drive = in_time_order(recorded(np.floor(TRUE + phase + 1e-9)))
+    assert_true_times(drive, 0.01)
+    assert len(drive.remarks) == 1
+
+
+def test_a_leap_second_is_a_leap_and_a_repeated_time_is_not() -> None:
+    seconds = np.arange(COUNT) * 1.0
+    leap = in_time_order(recorded(np.where(seconds < 200, seconds, seconds - 1.0)))
+    assert np.diff(leap.time_s) == pytest.approx(np.ones(COUNT - 1), abs=1e-3)
+    repeated = seconds.copy()
+    repeated[200] = 199.0
+    again = in_time_order(recorded(repeated))
+    assert again.time_s[198:202] == pytest.approx([198.0, 199.0, 199.5, 201.0])
+
+
+FAULTS = st.lists(
+    st.tuples(
+        st.integers(10, COUNT - 11),
+        st.sampled_from([-1e9, -2.0 * DAY, -3600.0, -5.0, -1.0, 1.0, 5.0, 3600.0, 2.0 * DAY]),
+    ),
+    max_size=5,
+    unique_by=lambda fault: fault[0],
+)
+
+
+@given(faults=FAULTS, swapped=st.sets(st.integers(10, COUNT // 2 - 10), max_size=20))
+@examples(30, 1000)
+def test_any_few_faults_leave_all_positions_and_nearly_true_times(
+    faults: list[tuple[int, float]], swapped: set[int]
+) -> None:
+    times = TRUE.copy()
+    order = np.arange(COUNT)
+    for k in swapped:
+        order[[2 * k, 2 * k + 1]] = 2 * k + 1, 2 * k
+    for k, by in faults:
+        times[k] += by
+    drive = in_time_order(recorded(times, order))
+    assert sorted(drive.numbers.tolist()) == list(range(COUNT))
+    assert (np.diff(drive.time_s) >= 0.0).all()
+    tolerance = (3.0 if faults and swapped else 1.0) * INTERVAL
+    assert np.abs(drive.time_s - TRUE[drive.numbers]).max() <= tolerance + 1e-6
