@@ -1,4 +1,8 @@
 """Formats of recorded drives: from the bytes of a file to columns of points.
 
-time_cells  times of a table: dates, times of day, numbers
+text           text of a file in any encoding
+time_cells     times of a table: dates, times of day, numbers
+point_columns  columns of positions that grow point by point
+xml_elements   elements of XML files, also of damaged ones
+markup         GPX and KML
 """
