@@ -23,7 +23,7 @@ MOST_TRIED, MOST_LISTED = 20, 3
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class DrivablePart:
     """A drivable piece of a drive, from point `first` to `last`, and its length (m).
 
     `begin` and `end` are the times (s) of both, or without times the distances (m) from the first
@@ -37,12 +37,12 @@ class Piece:
     length: float
 
 
-def drivable_pieces(table: PointsPath, sections: Sections, lead_in: float) -> list[Piece]:
+def drivable_pieces(table: PointsPath, sections: Sections, lead_in: float) -> list[DrivablePart]:
     """Find the pieces of a drive between `sections` without a path, each confirmed by smoothing."""
     points = np.array((table.east_m, table.north_m))
     along = np.concatenate((np.zeros(1), np.cumsum(step_lengths(points))))
     axis = np.asarray(table.time_s) if table.time_s else along
-    waiting, pieces = _between(sections, 0, along.size - 1, along), list[Piece]()
+    waiting, pieces = _between(sections, 0, along.size - 1, along), list[DrivablePart]()
     for _ in range(MOST_TRIED):
         if not waiting:
             break
@@ -64,7 +64,7 @@ def drivable_pieces(table: PointsPath, sections: Sections, lead_in: float) -> li
         except ValueError:
             continue
         else:
-            pieces.append(Piece(first, last, begin, end, road.lap_length))
+            pieces.append(DrivablePart(first, last, begin, end, road.lap_length))
     return sorted(pieces, key=lambda piece: piece.first)
 
 
@@ -83,7 +83,7 @@ def _between(
     return result
 
 
-def pieces_in_words(table: PointsPath, pieces: Sequence[Piece], *, has_keys: bool) -> str:
+def pieces_in_words(table: PointsPath, pieces: Sequence[DrivablePart], *, has_keys: bool) -> str:
     """List the longest pieces, and the keys of the path that select one if it `has_keys`."""
     longest = sorted(pieces, key=lambda piece: -piece.length)[:MOST_LISTED]
     listed = sorted(longest, key=lambda piece: piece.first)
@@ -97,7 +97,7 @@ def pieces_in_words(table: PointsPath, pieces: Sequence[Piece], *, has_keys: boo
     return f"these parts can be driven: {places}{more}: {remedy}"
 
 
-def _keys(piece: Piece, unit: str, last: int) -> str:
+def _keys(piece: DrivablePart, unit: str, last: int) -> str:
     begin = [f"path.from_{unit} = {piece.begin:.1f}"] if piece.first > 0 else []
     end = [f"path.to_{unit} = {piece.end:.1f}"] if piece.last < last else []
     return " and ".join(begin + end)

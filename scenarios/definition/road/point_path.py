@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from scenarios.definition.errors import SettingError
-from scenarios.definition.road.pieces import Piece, drivable_pieces, pieces_in_words
+from scenarios.definition.road.pieces import DrivablePart, drivable_pieces, pieces_in_words
 from scenarios.definition.road.usable_width import UndrivableError, road_through
 from scenarios.definition.schema.path_tables import PointsPath, SegmentsPath
 from vehicles.geometry.bridges import step_lengths
@@ -38,7 +38,7 @@ def smoothed_points(table: PointsPath, lead_in: float, *, is_replay: bool = Fals
         raise SettingError(key, str(error)) from error
 
 
-def _remedy(table: PointsPath, pieces: Sequence[Piece], *, has_keys: bool) -> str:
+def _remedy(table: PointsPath, pieces: Sequence[DrivablePart], *, has_keys: bool) -> str:
     if pieces:
         return pieces_in_words(table, pieces, has_keys=has_keys)
     return (
