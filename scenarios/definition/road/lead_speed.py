@@ -96,7 +96,8 @@ def recorded(
 
     `stations` (m) are those of the recorded points on the smoothed path. Recorded `speeds` are
     scaled to cover the path exactly; without them, or in a silence, the speed follows from the
-    stations. Both are averaged over a window; stops remain stops.
+    stations. Both are averaged over a window of a few intervals without silences; stops remain
+    stops.
     """
     kept = np.flatnonzero(np.diff(np.asarray(times), prepend=-math.inf) > 0.0)
     t, s = np.asarray(times, float)[kept], np.asarray(stations, float)[kept]
@@ -114,7 +115,8 @@ def recorded(
     t, distance = _with_silences(t, distance, np.flatnonzero(silent).tolist())
     span = float(t[-1] - t[0])
     knots = np.arange(math.ceil(span / RECORDED_STEP) + 1, dtype=np.float64) * RECORDED_STEP
-    half = 0.5 * max(window, 3.0 * span / max(kept.size - 1, 1))
+    recorded_span = span - float(np.sum(gone[silent]))
+    half = 0.5 * max(window, 3.0 * recorded_span / max(int(np.count_nonzero(~silent)), 1))
     return SpeedProfile(
         tuple(knots.tolist()), tuple(_mean_speed(t - t[0], distance, knots, half))
     ), ratio

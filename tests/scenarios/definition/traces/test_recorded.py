@@ -198,6 +198,13 @@ def test_derived_speeds_are_means_over_two_seconds() -> None:
     assert profile.distance(59.5) == pytest.approx(way[-1], rel=1e-3)
 
 
+def test_a_pause_of_ten_minutes_slows_the_lead_down_around_it_only() -> None:
+    times = 0.5 * np.arange(60)
+    profile, _ = recorded((times + 600.0 * (times >= 15.0)).tolist(), (10.0 * times).tolist(), ())
+    speeds = [profile.at(t)[0] for t in (0.0, 5.0, 300.0, 622.0, 629.0)]
+    assert speeds == pytest.approx([10.0, 10.0, 0.0, 10.0, 10.0], abs=0.01)
+
+
 def test_a_log_with_a_damaged_part_is_followed_without_it(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     with LogWriter(path, library="test") as log:
