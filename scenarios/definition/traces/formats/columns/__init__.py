@@ -1,0 +1,6 @@
+"""Columns of tables: what they hold.
+
+units         units by name, and degrees in other forms
+column_names  what the columns of a table hold, by their names
+table_times   which columns hold the time, and its likely unit
+"""

@@ -1,0 +1,238 @@
+"""Meaning of the columns of a table by their names."""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from scenarios.definition.traces.formats.columns.units import LENGTHS, SPEEDS, TIMES, UNIT_NAMES
+
+LATITUDES: Final = ("lat", "latitude")
+LONGITUDES: Final = ("lon", "lng", "long", "longitude")
+PLANES: Final = (
+    ("x", "y"), ("east", "north"), ("easting", "northing"), ("e", "n"),
+    ("ebaseline", "nbaseline"), ("xeast", "ynorth"), ("eastx", "northy"),
+)  # fmt: skip
+ALTITUDES: Final = ("alt", "altitude", "ele", "elev", "elevation", "height", "h")
+GROUND_SPEEDS: Final = (
+    "speed", "velocity", "vel", "v", "spd", "groundspeed", "speedoverground", "sog", "gspeed",
+    "speed2d", "hspeed",
+)  # fmt: skip
+STAMPS: Final = ("stamp", "headerstamp")
+CLOCKS: Final = (
+    "t", "time", "times", "timestamp", "timestamps", "datetime", "timestring", "gpst", "utc",
+    "unix", "epoch", "isotime", "isodate", "timeofday", "timeoffix", "fixtime",
+)  # fmt: skip
+ELAPSED: Final = (
+    "elapsed",
+    "elapsedtime",
+    "relativetime",
+    "sec",
+    "secs",
+    "seconds",
+    "s",
+    "ms",
+    "us",
+    "ns",
+    "tow",
+)
+
+NANOSECONDS: Final = ("nanosec", "nsec", "nsecs", "nanosecs", "nanoseconds")
+TIMES_OF_WEEK: Final = ("tow", "timeofweek", "weekseconds", "sow")
+
+ADDITIONS: Final = (
+    "gps", "gnss", "pos", "position", "wgs84", "fix", "nav", "ins", "rtk", "utc", "utm", "unix",
+    "epoch", "local", "msl", "decimal", "ros", "field", "vehicle", "car", "ego", "rel",
+)  # fmt: skip
+"""Words that add nothing to the name of a column, as in gps_lat or time_utc."""
+
+NOT_PLACES: Final = re.compile(
+    r"acc|veloc|twist|orient|angular|gyro|imu|mag|quat|rotat|covar|error|std|linear|rpy|vel"
+)
+"""Prefixes of x and y that are no position."""
+
+BRACKETS: Final = re.compile(r"\s*[(\[{<]\s*([^)\]}>]*?)\s*[)\]}>]")
+CAMEL: Final = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
+
+
+@dataclass(frozen=True, slots=True)
+class NamedColumn:
+    """A column by its place, its name in the file, and the parts of the name.
+
+    `prefix` is the path before the last name, as in "/gps/fix/latitude". `base` is the name
+    without additions and unit. `stem` and `ending` are all words but the last, and the last.
+    """
+
+    place: int
+    name: str
+    prefix: str
+    base: str
+    unit: str | None
+    stem: str
+    ending: str
+
+
+@dataclass(frozen=True, slots=True)
+class TimeSource:
+    """Columns that give the time: one, or two that are read together.
+
+    A "stamp" has seconds and nanoseconds, a "date" date and time of day, a "week" GPS week and
+    time of week. `gps` marks a calendar without leap seconds.
+    """
+
+    kind: Literal["single", "stamp", "date", "week"]
+    columns: tuple[NamedColumn, ...]
+    gps: bool = False
+
+    @property
+    def unit(self) -> str | None:
+        unit = self.columns[-1].unit
+        return unit if unit in TIMES else None
+
+
+@dataclass(frozen=True, slots=True)
+class TableColumns:
+    """Usable columns of a table; `times` holds all sources of times, the preferred one first."""
+
+    names: tuple[str, ...]
+    kind: Literal["geodetic", "plane", "ecef"]
+    position: tuple[NamedColumn, ...]
+    hemispheres: tuple[NamedColumn, ...]
+    altitude: NamedColumn | None
+    speed: NamedColumn | None
+    times: tuple[TimeSource, ...]
+
+    @property
+    def rank(self) -> int:
+        """The number of recognised kinds of columns."""
+        return 1 + bool(self.altitude) + bool(self.speed) + bool(self.times)
+
+
+def usable_columns(names: Sequence[str]) -> TableColumns | None:
+    """Return the usable ones of these columns; None without a position."""
+    columns = [parsed(place, name) for place, name in enumerate(names)]
+    position = _geodetic(columns) or _plane(columns) or _ecef(columns)
+    if position is None:
+        return None
+    kind: Literal["geodetic", "plane", "ecef"] = "ecef" if len(position) == 3 else "plane"
+    if position[0].base in LATITUDES:
+        kind = "geodetic"
+    return TableColumns(
+        names=tuple(names),
+        kind=kind,
+        position=position,
+        hemispheres=_hemispheres(columns) if kind == "geodetic" else (),
+        altitude=_preferred(columns, ALTITUDES, LENGTHS),
+        speed=_preferred(columns, GROUND_SPEEDS, SPEEDS),
+        times=tuple(sorted(_times(columns), key=_time_rank)),
+    )
+
+
+def parsed(place: int, name: str) -> NamedColumn:
+    """Split the name of a column into its parts."""
+    text = name.strip().strip("\"'#% ")
+    unit = None
+    if match := BRACKETS.search(text):
+        unit = UNIT_NAMES.get(match[1].lower())
+        text = text[: match.start()] + text[match.end() :]
+    text = re.sub("km/h$", "kmh", re.sub("m/s$", "mps", text), flags=re.IGNORECASE)
+    path = [part for part in re.split(r"[./:]+", CAMEL.sub("_", text).lower()) if part.strip("_ ")]
+    words = [[word for word in re.split(r"[\s_\-,]+", part) if word] for part in path]
+    last = words[-1] if words else [""]
+    every = [word for part in words for word in part] or [""]
+    if len(last) > 2 and "_".join(last[-2:]) in ("km_h", "m_s", "mm_s"):
+        last = [*last[:-2], "/".join(last[-2:])]
+    if len(last) > 1 and last[-1] in UNIT_NAMES:
+        unit = unit or UNIT_NAMES[last[-1]]
+        last = last[:-1]
+    base = "".join([word for word in last if word not in ADDITIONS] or last)
+    if unit is None and base.endswith(("deg", "rad")) and base[:-3] in LATITUDES + LONGITUDES:
+        base, unit = base[:-3], base[-3:]
+    if unit is None and base in UNIT_NAMES:
+        unit = UNIT_NAMES[base]
+    return NamedColumn(
+        place, name.strip(), "/".join(path[:-1]), base, unit, "_".join(every[:-1]), every[-1]
+    )
+
+
+def _geodetic(columns: list[NamedColumn]) -> tuple[NamedColumn, ...] | None:
+    return _pair(columns, LATITUDES, LONGITUDES)
+
+
+def _plane(columns: list[NamedColumn]) -> tuple[NamedColumn, ...] | None:
+    places = [column for column in columns if not NOT_PLACES.search(column.prefix)]
+    pairs = (_pair(places, (first,), (second,)) for first, second in PLANES)
+    return next((pair for pair in pairs if pair), None)
+
+
+def _ecef(columns: list[NamedColumn]) -> tuple[NamedColumn, ...] | None:
+    names = {column.base: column for column in columns}
+    axes = ("xecef", "yecef", "zecef") if "xecef" in names else ("ecefx", "ecefy", "ecefz")
+    return tuple(names[axis] for axis in axes) if names.keys() >= {*axes} else None
+
+
+def _pair(
+    columns: list[NamedColumn], firsts: tuple[str, ...], seconds: tuple[str, ...]
+) -> tuple[NamedColumn, ...] | None:
+    """Return the first two columns of these names with the same prefix."""
+    for column in columns:
+        if column.base in firsts:
+            for other in columns:
+                if other.base in seconds and other.prefix == column.prefix:
+                    return column, other
+    return None
+
+
+def _hemispheres(columns: list[NamedColumn]) -> tuple[NamedColumn, ...]:
+    """Return columns of the letters N or S, and E or W."""
+    letters = [
+        next((c for c in columns if c.name.strip(" \"'").lower() in names), None)
+        for names in (
+            ("n/s", "ns", "lat_dir", "latdir", "ns_indicator", "n/s indicator", "lat_ns"),
+            ("e/w", "ew", "lon_dir", "londir", "ew_indicator", "e/w indicator", "lon_ew"),
+        )
+    ]
+    return tuple(column for column in letters if column) if all(letters) else ()
+
+
+def _preferred(
+    columns: list[NamedColumn], names: tuple[str, ...], units: dict[str, float]
+) -> NamedColumn | None:
+    """Return a column of these names: in the unit of the project, in a known unit, or else."""
+    (own, _), *_ = units.items()
+    fitting = [column for column in columns if column.base in names]
+    return min(
+        fitting,
+        key=lambda column: 0 if column.unit == own else 1 if column.unit in units else 2,
+        default=None,
+    )
+
+
+def _times(columns: list[NamedColumn]) -> Iterator[TimeSource]:
+    date = next((column for column in columns if column.base in ("date", "day")), None)
+    for column in columns:
+        if column.ending in ("sec", "secs"):
+            for other in columns:
+                if other.ending in NANOSECONDS and other.stem == column.stem:
+                    yield TimeSource("stamp", (column, other))
+        if column.base in TIMES_OF_WEEK:
+            weeks = (other for other in columns if other.base == "week")
+            yield from (TimeSource("week", (week, column), gps=True) for week in weeks)
+        if column.base in (*STAMPS, *CLOCKS, *ELAPSED):
+            if date:
+                yield TimeSource("date", (date, column), column.base == "gpst")
+            yield TimeSource("single", (column,), column.base == "gpst")
+    if date:
+        yield TimeSource("single", (date,))
+
+
+def _time_rank(source: TimeSource) -> int:
+    """Order sources: stamps of the measurement, clocks, dates alone, then elapsed times."""
+    column = source.columns[-1]
+    if source.kind == "stamp":
+        return 0 if "stamp" in column.stem else 3
+    if source.kind == "week":
+        return 2
+    if column.base in STAMPS:
+        return 1
+    return 4 if column.base in CLOCKS else 5 if column.base in ("date", "day") else 6

@@ -1,0 +1,56 @@
+"""Units of tables: their names, and values in other units and forms."""
+
+import math
+import re
+from typing import Final
+
+ANGLES: Final = {"deg": 1.0, "rad": 57.29577951308232, "e7": 1e-7, "1e7": 1e-7}
+LENGTHS: Final = {"m": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048}
+SPEEDS: Final = {"m/s": 1.0, "km/h": 1 / 3.6, "mph": 0.44704, "kn": 1852 / 3600, "mm/s": 1e-3}
+TIMES: Final = ("s", "ms", "us", "ns")
+
+UNIT_NAMES: Final = {
+    **{name: name for units in (ANGLES, LENGTHS, SPEEDS, TIMES) for name in units},
+    **dict.fromkeys(("degree", "degrees", "°", "degs"), "deg"),
+    **dict.fromkeys(("radian", "radians"), "rad"),
+    **dict.fromkeys(("metre", "metres", "meter", "meters"), "m"),
+    **dict.fromkeys(("feet", "foot"), "ft"),
+    **dict.fromkeys(("mps", "ms-1", "m/sec", "meters/second", "meters/sec"), "m/s"),
+    **dict.fromkeys(("kmh", "kph", "kmph", "km/hr"), "km/h"),
+    **dict.fromkeys(("mmps", "mm/sec"), "mm/s"),
+    **dict.fromkeys(("knot", "knots", "kt", "kts"), "kn"),
+    **dict.fromkeys(("mi/h", "miles/h"), "mph"),
+    **dict.fromkeys(("sec", "secs", "second", "seconds"), "s"),
+    **dict.fromkeys(("msec", "msecs", "millis", "millisecond", "milliseconds"), "ms"),
+    **dict.fromkeys(("µs", "μs", "usec", "usecs", "micros", "microseconds"), "us"),
+    **dict.fromkeys(("nsec", "nsecs", "nanos", "nanosec", "nanosecs", "nanoseconds"), "ns"),
+}
+"""Units as they are written at names, by the unit."""
+
+LETTERS: Final = re.compile(r"^\s*([NSEWnsew])?\s*(.*?)\s*([NSEWnsew])?\s*$")
+MARKS: Final = re.compile(r"[°º˚'’′\"”″:\s\ufffd]+|deg|min|sec")
+
+
+def degrees(cell: str, letter: str = "") -> float:
+    """Read degrees, minutes and seconds such as 52°30'00"N, or 5230.000N as in NMEA 0183.
+
+    `letter` is the hemisphere if another cell has it. NaN without a usable number.
+    """
+    match = LETTERS.match(cell)
+    if match is None or not match[2]:
+        return math.nan
+    hemisphere = (match[1] or match[3] or letter).upper()
+    parts = [part for part in MARKS.split(match[2].replace(",", ".")) if part]
+    try:
+        numbers = [float(part) for part in parts]
+    except ValueError:
+        return math.nan
+    if not 1 <= len(numbers) <= 3 or any(not 0.0 <= part < 60.0 for part in numbers[1:]):
+        return math.nan
+    if any(part % 1.0 for part in numbers[:-1]):
+        return math.nan
+    size = sum(abs(part) / 60.0**k for k, part in enumerate(numbers))
+    if len(numbers) == 1 and hemisphere and size > (90.0 if hemisphere in "NS" else 180.0):
+        whole, minutes = divmod(size, 100.0)
+        size = whole + minutes / 60.0 if minutes < 60.0 else math.nan
+    return -size if hemisphere in ("S", "W") or parts[0].startswith("-") else size
