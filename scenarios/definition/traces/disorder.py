@@ -17,6 +17,12 @@ SHORT = 5
 NEIGHBOURS = 4
 """Number of records on either side of a short run that show whether the clock continues."""
 
+SOURCES = 3
+"""Largest number of sources that alternate in a file."""
+
+SURE = 20.0
+"""Ratio of two paths from which on positions overrule what the times show."""
+
 MOST_RANGES = 1000
 """Largest number of ranges that are examined; a drive of more leaps has no usable times."""
 
@@ -30,13 +36,13 @@ class Disorder:
     """What to do about times that run back.
 
     Sorting by `key`, then by time, puts records into order. The times at `wrong` are unusable.
-    `excursions` are the first and last record of runs on another clock, with their shift (s).
-    Every step back that remains is a leap of the clock.
+    `runs` are the first and last records of long runs on another clock. Every step back that
+    remains is a leap of the clock.
     """
 
     key: Floats
     wrong: Mask
-    excursions: list[tuple[int, int, float]]
+    runs: list[tuple[int, int]]
 
 
 @dataclass(slots=True)
@@ -58,6 +64,42 @@ class _Runs:
     @property
     def length(self) -> Places:
         return self.last - self.first + 1
+
+
+def usual_interval(times: Floats) -> float:
+    """Return the interval (s) of most records, of one of up to SOURCES that alternate; or 1."""
+    intervals = []
+    for apart in range(1, SOURCES + 1):
+        steps = np.abs(times[apart:] - times[:-apart])
+        steps = steps[(steps > 0.0) & (steps <= LEAP)]
+        if steps.size:
+            intervals.append(float(np.quantile(steps, 0.4)))
+    return min(intervals, default=1.0)
+
+
+def excursions_of(times: Floats, numbers: Places, usual: float) -> list[tuple[int, int]]:
+    """Return the first and last records of runs after which the clock continues as before them.
+
+    Such a run begins with a step forward and ends with one back, or the reverse, and both together
+    take the time that their records take. `numbers` count the records of the file.
+    """
+    steps, records = np.diff(times), np.diff(numbers)
+    odd = np.flatnonzero((steps < 0.0) | (steps > 2.5 * records * usual))
+    if odd.size < 2:
+        return []
+    opens, closes = steps[odd[:-1]], steps[odd[1:]]
+    expected = (records[odd[:-1]] + records[odd[1:]]) * usual
+    matches = (opens * closes < 0.0) & (np.abs(opens + closes - expected) < 0.5 * usual)
+    matches &= np.minimum(np.abs(opens), np.abs(closes)) > 2.5 * usual
+    matches &= 2 * (odd[1:] - odd[:-1]) < len(times)
+    if 10 * int(matches.sum()) > max(len(times), 50):
+        return []
+    result: list[tuple[int, int]] = []
+    for k in np.flatnonzero(matches).tolist():
+        first, last = int(odd[k]) + 1, int(odd[k + 1])
+        if not result or first > result[-1][1] + 1:
+            result.append((first, last))
+    return result
 
 
 def longest_order(times: Floats) -> Mask:
@@ -102,13 +144,16 @@ def disorder_of(times: Floats, places: Complex, numbers: Places, usual: float) -
             continue
         runs = _runs(marked, begin, times)
         in_file = _detour_in_file(runs, places, travelled)
-        moved = _detour_in_time(runs, times, places) <= in_file + 1e-9
+        in_time = _detour_in_time(runs, times, places)
+        lacking = _lacks_time(runs, times, numbers, usual)
+        ratio = _most_detour(_fills_holes(runs, times, usual), lacking)
+        moved = in_time <= ratio * in_file + np.where(ratio < 1.0, -1e-9, 1e-9)
         chosen = moved[runs.run]
         slot = runs.slot[chosen]
         key = np.where(slot < 0, runs.kept[0] - 0.5, runs.kept[slot] + 0.5)
         result.key[runs.out[chosen]] = key
-        leaps = ~moved & _leaps(runs, times, numbers, usual)
-        _mark_wrong(result, runs, np.flatnonzero(~moved & ~leaps), times, usual)
+        leaps = ~moved & lacking
+        _mark_wrong(result, runs, np.flatnonzero(~moved & ~leaps), times)
         leaping = np.flatnonzero(leaps & (runs.length > SHORT)).tolist()
         ranges += [(int(runs.first[k]), int(runs.last[k]) + 1) for k in leaping]
     return result
@@ -155,7 +200,29 @@ def _detour_in_time(runs: _Runs, times: Floats, places: Complex) -> Floats:
     return detour
 
 
-def _leaps(runs: _Runs, times: Floats, numbers: Places, usual: float) -> Mask:
+def _fills_holes(runs: _Runs, times: Floats, usual: float) -> Mask:
+    """Mark runs most records of which fill holes of the others in the order of time."""
+    count = len(runs.kept)
+    in_slot = np.bincount(runs.slot + 1, minlength=count + 1)
+    bounds = times[runs.kept]
+    gaps = np.concatenate(([np.inf], np.diff(bounds), [np.inf]))
+    fills = (gaps / (in_slot + 1) > 0.6 * usual)[runs.slot + 1]
+    margin = usual * (1 + in_slot[[0, -1]])
+    fills &= (times[runs.out] >= bounds[0] - margin[0]) & (
+        times[runs.out] <= bounds[-1] + margin[1]
+    )
+    return np.asarray(np.bincount(runs.run, fills) > 0.8 * runs.length)
+
+
+def _most_detour(fills: Mask, lacking: Mask) -> Floats:
+    """Return up to how many times the detour in the file sorted records may take.
+
+    Where times show on their own what happened, noise of the positions must not decide.
+    """
+    return np.where(fills, SURE, np.where(lacking, 1.0, 1.0 / SURE))
+
+
+def _lacks_time(runs: _Runs, times: Floats, numbers: Places, usual: float) -> Mask:
     """Mark runs around which the clock lacks the time that their records take."""
     count, length = len(runs.kept), runs.length
     inside = (runs.before >= 0) & (runs.before < count - 1)
@@ -166,22 +233,15 @@ def _leaps(runs: _Runs, times: Floats, numbers: Places, usual: float) -> Mask:
     return np.asarray(np.where(inside, lacking > (0.25 + 0.5 * length) * usual, length > SHORT))
 
 
-def _mark_wrong(result: Disorder, runs: _Runs, wrong: Places, times: Floats, usual: float) -> None:
+def _mark_wrong(result: Disorder, runs: _Runs, wrong: Places, times: Floats) -> None:
     for k in wrong.tolist():
-        first, last = int(runs.first[k]), int(runs.last[k])
-        place = int(runs.before[k])
+        first, last, place = int(runs.first[k]), int(runs.last[k]), int(runs.before[k])
         if first == last:
             result.wrong[_worse(runs, place, first, times)] = True
-            continue
-        if last - first + 1 > SHORT and 0 <= place < len(runs.kept) - 1:
-            before, after = times[runs.kept[place]], times[runs.kept[place + 1]]
-            span = times[last] - times[first]
-            fits = span <= after - before and bool((np.diff(times[first : last + 1]) >= 0.0).all())
-            if fits:
-                margin = min(usual, (after - before - span) / 2.0)
-                result.excursions.append((first, last, float(before + margin - times[first])))
-                continue
-        result.wrong[first : last + 1] = True
+        elif last - first >= SHORT and 0 <= place < len(runs.kept) - 1:
+            result.runs.append((first, last))
+        else:
+            result.wrong[first : last + 1] = True
 
 
 def _worse(runs: _Runs, place: int, single: int, times: Floats) -> int:

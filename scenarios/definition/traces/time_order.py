@@ -5,7 +5,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.definition.traces.disorder import LEAP, Complex, Mask, disorder_of
+from scenarios.definition.traces.disorder import (
+    LEAP,
+    SHORT,
+    Complex,
+    Mask,
+    disorder_of,
+    excursions_of,
+    usual_interval,
+)
 from scenarios.definition.traces.recorded_drive import Floats, RecordedDrive
 
 LARGEST = 1e15
@@ -86,13 +94,6 @@ def _plane(drive: RecordedDrive) -> Complex:
     return np.asarray((east * np.cos(np.radians(np.median(first))) + 1j * first) * 111_195.0)
 
 
-def _usual_interval(times: Floats) -> float:
-    """Return the median of the intervals (s) of a drive, 1 if there are none."""
-    steps = np.diff(times[np.isfinite(times)])
-    steps = steps[(steps > 0.0) & (steps <= LEAP)]
-    return float(np.median(steps)) if steps.size else 1.0
-
-
 def _where(drive: RecordedDrive, k: int) -> str:
     return f"{drive.unit} {drive.numbers[k]}"
 
@@ -104,19 +105,20 @@ def _without_other_clocks(drive: RecordedDrive) -> RecordedDrive:
     """Leave out the few records before or after the drive that are more than LEAP off."""
     timed = np.flatnonzero(np.isfinite(drive.time_s))
     times = drive.time_s[timed]
-    edges = np.flatnonzero(np.abs(np.diff(times)) > LEAP) + 1
+    edges = np.flatnonzero(np.abs(np.diff(times)) > LEAP / 2.0) + 1
     if not edges.size:
         return drive
     starts = np.concatenate(([0], edges))
     ends = np.concatenate((edges, [len(times)]))
     longest = int(np.argmax(ends - starts))
     first, last = int(starts[longest]), int(ends[longest]) - 1
-    for start, end in zip(starts[:longest][::-1], ends[:longest][::-1], strict=True):
-        if abs(times[end - 1] - times[first]) <= LEAP:
-            first = int(start)
-    for start, end in zip(starts[longest + 1 :], ends[longest + 1 :], strict=True):
-        if abs(times[start] - times[last]) <= LEAP:
-            last = int(end) - 1
+    for most_back in (LEAP / 2.0, LEAP):  # a part a day back may be an excursion or a leap
+        for start, end in zip(starts[::-1].tolist(), ends[::-1].tolist(), strict=True):
+            if end <= first and -most_back <= times[first] - times[end - 1] <= LEAP:
+                first = start
+        for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
+            if start > last and -most_back <= times[start] - times[last] <= LEAP:
+                last = end - 1
     marked = np.zeros(drive.count, bool)
     marked[timed[:first]] = True
     marked[timed[last + 1 :]] = True
@@ -153,40 +155,60 @@ def _without_duplicates(drive: RecordedDrive) -> RecordedDrive:
 
 
 def _sorted(drive: RecordedDrive) -> RecordedDrive:
-    """Sort records that are out of order, and remove wrong times."""
+    """Remove wrong times, and sort records that are out of order."""
     timed = np.flatnonzero(np.isfinite(drive.time_s))
-    times = drive.time_s[timed].copy()
-    if bool((np.diff(times) >= 0.0).all()):
+    if bool((np.diff(drive.time_s[timed]) >= 0.0).all()):
         return drive
-    usual = _usual_interval(times)
-    found = disorder_of(times, _plane(drive)[timed], timed, usual)
-    remarks = []
-    for first, last, shift in found.excursions:
-        times[first : last + 1] += shift
-        remarks.append(
-            f"{_where(drive, timed[first])}: the clock is {-shift:.6g} s off for "
-            f"{last - first + 1} records: their times are shifted"
-        )
-    wrong = np.flatnonzero(found.wrong)
-    usable = np.flatnonzero(~found.wrong)
-    expected = np.interp(wrong, usable, times[usable])
-    for k, right in zip(wrong.tolist(), expected.tolist(), strict=True):
-        off = times[k] - right
-        reason = f"its time is {off:+.6g} s off and is interpolated"
-        drive.list_left_out(int(timed[k]), "wrong time", reason)
-    times[wrong] = np.nan
-    column = drive.time_s.copy()
-    column[timed] = times
+    usual = usual_interval(drive.time_s[timed])
+    right = drive.time_s.copy()
+    excursions = excursions_of(right[timed], timed, usual)
+    remarks = _without_excursions(drive, right, timed, excursions)
+    timed = np.flatnonzero(np.isfinite(right))
+    found = disorder_of(right[timed], _plane(drive)[timed], timed, usual)
+    right[timed[found.wrong]] = np.nan
+    remarks += _without_excursions(drive, right, timed, found.runs)
+    _list_wrong(drive, right)
     key = np.arange(drive.count, dtype=float)
-    half = found.key % 1.0 != 0.0
-    key[timed[half]] = timed[np.floor(found.key[half]).astype(int)] + 0.5
+    moved = found.key % 1.0 != 0.0
+    key[timed[moved]] = timed[np.floor(found.key[moved]).astype(int)] + 0.5
     key[timed[found.key < 0.0]] = -0.5
-    moved = int(half.sum())
-    if moved:
-        verb = "record is" if moved == 1 else "records are"
-        remarks.append(f"{moved} {verb} out of order and sorted by time")
-    drive = replace(drive, time_s=column).with_remarks(*_limited(remarks))
-    return drive.selected(np.lexsort((drive.time_s, key))) if moved else drive
+    count = int(moved.sum())
+    if count:
+        verb = "record is" if count == 1 else "records are"
+        remarks.append(f"{count} {verb} out of order and sorted by time")
+    drive = replace(drive, time_s=right).with_remarks(*_limited(remarks))
+    return drive.selected(np.lexsort((right, key))) if count else drive
+
+
+def _without_excursions(
+    drive: RecordedDrive, right: Floats, timed: NDArray[np.int64], runs: list[tuple[int, int]]
+) -> list[str]:
+    """Shift long runs of `right` times between their neighbours, and remove short ones."""
+    remarks = []
+    for first, last in runs:
+        run = timed[first : last + 1]
+        times = right[run]
+        before, after = right[timed[[first - 1, last + 1]]].tolist()
+        spare = after - before - float(times[-1] - times[0])
+        if run.size <= SHORT or not (spare >= 0.0 and bool((np.diff(times) >= 0.0).all())):
+            right[run] = np.nan
+            continue
+        shift = before + spare / 2.0 - float(times[0])
+        right[run] += shift
+        remarks.append(
+            f"{_where(drive, int(run[0]))}: the clock is {-shift:+.6g} s off for {run.size} "
+            "records: their times are shifted"
+        )
+    return remarks
+
+
+def _list_wrong(drive: RecordedDrive, right: Floats) -> None:
+    wrong = np.flatnonzero(np.isfinite(drive.time_s) & np.isnan(right))
+    usable = np.flatnonzero(np.isfinite(right))
+    expected = np.interp(wrong, usable, right[usable])
+    for k, at in zip(wrong.tolist(), expected.tolist(), strict=True):
+        reason = f"its time is {drive.time_s[k] - at:+.6g} s off and is interpolated"
+        drive.list_left_out(k, "wrong time", reason)
 
 
 # ---- Leaps of the clock
@@ -196,7 +218,7 @@ def _with_one_clock(drive: RecordedDrive) -> RecordedDrive:
     """Shift the times after leaps of the clock; the longest part keeps its times."""
     timed = np.flatnonzero(np.isfinite(drive.time_s))
     times, places = drive.time_s[timed], _plane(drive)[timed]
-    usual = _usual_interval(times)
+    usual = usual_interval(times)
     steps, distances = np.diff(times), np.abs(np.diff(places))
     leaps = np.flatnonzero((steps < 0.0) | (steps > LONGEST_PAUSE) | _stops(steps, distances))
     if not leaps.size:
@@ -265,7 +287,7 @@ def _filled(drive: RecordedDrive) -> RecordedDrive:
         return drive
     timed = np.flatnonzero(known)
     times = drive.time_s[timed]
-    usual = _usual_interval(times)
+    usual = usual_interval(times)
     column = drive.time_s.copy()
     place = np.searchsorted(timed, missing)
     early, late = missing[place == 0], missing[place == len(timed)]
