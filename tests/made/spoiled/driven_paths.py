@@ -1,0 +1,149 @@
+"""Drive a file, and compare its path and speeds with those of the unspoiled file."""
+
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from scenarios.definition.check.findings import CheckReport, report_of
+from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.definition.schema.path_tables import PointsPath
+from tests.made.spoiled.synthetic_drives import PLACE, Drive, Recording
+from vehicles.geometry.geodesy import LocalPlane
+
+Floats = NDArray[np.float64]
+
+SPACING = 0.05
+"""Distance (m) of the points of a path that is compared."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Driven:
+    """A scenario that drives a file, with its path in the plane of PLACE."""
+
+    scenario: Scenario
+    report: CheckReport
+    path: Floats
+    points: Floats
+
+    @property
+    def length(self) -> float:
+        """Distance (m) from the first to the last recorded point along the path."""
+        return self.scenario.route.path.length - self.scenario.route.first_point
+
+    @property
+    def table(self) -> PointsPath:
+        assert isinstance(self.scenario.tables.path, PointsPath)
+        return self.scenario.tables.path
+
+    @property
+    def left_out(self) -> int:
+        return self.report.skipped_lines or 0
+
+    @property
+    def listed(self) -> list[int]:
+        """Places in the file that warnings name."""
+        places = re.findall(r"(?:line|point|message) (\d+)", " ".join(self.report.warnings))
+        return [int(place) for place in places]
+
+    def speed_at(self, distance: float) -> float:
+        """Speed (m/s) at a distance from the first recorded point."""
+        route = self.scenario.route
+        profile = route.profile
+        at = profile.time_to(distance + route.first_point - route.start)
+        return profile.at(at)[0]
+
+
+def driven(
+    folder: Path, name: str, *, lead: str = "recorded", path: str = "", more: str = ""
+) -> Driven:
+    """Load a scenario whose lead drives the file `name` in a folder; `path` are further keys."""
+    scenario_file = folder / f"{Path(name).name}.toml"
+    scenario_file.write_text(
+        f'name = "drive"\n[path]\nkind = "trace"\nfile = "{name}"\n{path}\n'
+        f'[speed]\nlead = "{lead}"\n{more}\n'
+    )
+    scenario = load_scenario(str(scenario_file), ())
+    return Driven(
+        scenario=scenario,
+        report=report_of(scenario),
+        path=_in_place(scenario, _sampled(scenario)),
+        points=_in_place(scenario, _recorded_points(scenario)),
+    )
+
+
+def written(folder: Path, name: str, data: bytes) -> str:
+    (folder / name).write_bytes(data)
+    return name
+
+
+def _sampled(scenario: Scenario) -> Floats:
+    path, begin = scenario.route.path, scenario.route.first_point
+    at = np.append(np.arange(begin, path.length, SPACING), path.length)
+    return np.array(
+        (np.interp(at, path.station, path.east), np.interp(at, path.station, path.north))
+    )
+
+
+def _recorded_points(scenario: Scenario) -> Floats:
+    table = scenario.tables.path
+    assert isinstance(table, PointsPath)
+    return np.array((table.east_m, table.north_m))
+
+
+def _in_place(scenario: Scenario, points: Floats) -> Floats:
+    """Transform points of a scenario's plane into that of PLACE."""
+    table, origin = scenario.tables.path, scenario.origin
+    assert isinstance(table, PointsPath)
+    if not table.geodetic:
+        offset: Floats = np.array((table.east_offset_m, table.north_offset_m))
+        return np.add(points, offset[:, None])
+    plane, common = LocalPlane(origin), LocalPlane(PLACE)
+    every = max(1, points.shape[1] // 200)
+    anchors = np.unique(np.append(np.arange(0, points.shape[1], every), points.shape[1] - 1))
+    shifts = np.array(
+        [
+            np.subtract(common.to_plane(*plane.to_geodetic(x, y)[:2], PLACE.altitude_m), (x, y))
+            for x, y in points[:, anchors].T.tolist()
+        ]
+    )
+    along = np.arange(points.shape[1])
+    moved: Floats = points + [np.interp(along, anchors, shifts[:, axis]) for axis in (0, 1)]
+    return moved
+
+
+def distances(path: Floats, other: Floats) -> Floats:
+    """Distance (m) of each point of a path from another one, NaN beyond its ends."""
+    off, nearest = (np.array(column) for column in cKDTree(other.T).query(path.T))
+    beyond = (nearest == 0) | (nearest == other.shape[1] - 1)
+    off[beyond] = math.nan
+    return off
+
+
+def largest_distance(driven: Driven, other: Driven) -> float:
+    """Largest distance (m) between two paths within their common extent, in both directions."""
+    return float(
+        max(
+            np.nanmax(distances(driven.path, other.path)),
+            np.nanmax(distances(other.path, driven.path)),
+        )
+    )
+
+
+def from_truth(driven: Driven, drive: Drive) -> Floats:
+    """Distance (m) of each point of a path from the road, NaN beyond its ends."""
+    return distances(driven.path, np.array((drive.shape.east, drive.shape.north)))
+
+
+def lost_points(driven: Driven, recording: Recording) -> list[int]:
+    """Numbers of moving records whose position is not among the points that are driven."""
+    unspoiled = [
+        fix for fix in recording.fixes if not isinstance(fix.speed, float) or fix.speed > 1.0
+    ]
+    places = np.array([(fix.east, fix.north) for fix in unspoiled])
+    off = np.array(cKDTree(driven.points.T).query(places)[0])
+    return [unspoiled[k].truth for k in np.flatnonzero(off > 0.02).tolist()]
