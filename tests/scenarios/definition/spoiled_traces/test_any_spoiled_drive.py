@@ -1,0 +1,87 @@
+"""Any good drive spoiled by any faults is driven like the good one, or states what it lacks."""
+
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import event, given
+from scipy.spatial import cKDTree
+
+from scenarios.definition.errors import ScenarioError
+from tests.made.examples import examples
+from tests.made.spoiled.drawn_drives import UNTIMED, SpoiledDrive, spoiled_drives
+from tests.made.spoiled.driven_paths import (
+    Driven,
+    Floats,
+    distances,
+    driven,
+    lost_points,
+    written,
+)
+from tests.made.spoiled.synthetic_drives import Recording
+
+CLOSE = 0.3
+"""Largest distance (m) of both paths; noise adds to it."""
+
+
+def unspoiled(case: SpoiledDrive, folder: Path, lead: str) -> Driven | None:
+    """Drive the good file; None if noise makes a path that no car can drive."""
+    try:
+        return driven(folder, written(folder, f"good{case.suffix}", case.good()), lead=lead)
+    except ScenarioError:
+        assert case.drive.noise > 0.3
+        return None
+
+
+def without_source(path: Floats, places: Floats, reach: float) -> Floats:
+    """Mark the points of a path further than `reach` (m) from all places."""
+    if not places.size:
+        return np.ones(path.shape[1], dtype=bool)
+    return np.asarray(cKDTree(places).query(path.T)[0] > reach)
+
+
+def lost_places(case: SpoiledDrive, recording: Recording, spoiled: Driven) -> Floats:
+    """Positions in the good drive of all records that are not among the points driven."""
+    good = case.drive.recorded()
+    lost = {*lost_points(spoiled, good)} | {k for k in recording.may_lack if k >= 0}
+    return np.array([(good.fixes[k].east, good.fixes[k].north) for k in sorted(lost)])
+
+
+@examples(12, 1500)
+@given(case=spoiled_drives())
+def test_a_spoiled_drive_is_the_good_drive(case: SpoiledDrive) -> None:
+    recording, data = case.file()
+    lead = "recorded" if recording.timed and case.form not in UNTIMED else "set"
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        good = unspoiled(case, folder, lead)
+        if good is None:
+            event("noise makes no path")
+            return
+        spoiled = driven(
+            folder,
+            written(folder, f"spoiled{case.suffix}", data),
+            lead=lead,
+            path='pauses = "cut"' if recording.added_s else "",
+        )
+    lost = lost_places(case, recording, spoiled)
+    spacing = case.drive.speed / case.drive.rate_hz
+    reach = 3.0 * spacing + 2.0 * max(good.table.smoothing_m, spoiled.table.smoothing_m)
+    for path, other in ((good.path, spoiled.path), (spoiled.path, good.path)):
+        off = distances(path, other)[without_source(path, lost, reach)]
+        assert np.nanmax(off, initial=0.0) < CLOSE + case.drive.noise
+
+    kept = replace(
+        recording, fixes=tuple(f for f in recording.fixes if f.truth not in recording.may_lack)
+    )
+    missing = {*lost_points(spoiled, kept)} - {*lost_points(good, case.drive.recorded())}
+    assert len(missing) <= 2 * len(recording.may_lack) + 0.02 * len(recording.fixes) + 2
+    if missing:
+        assert spoiled.report.warnings
+    if lead == "recorded":
+        seconds = (len(recording.may_lack) + len(missing)) / case.drive.rate_hz
+        assert spoiled.scenario.duration_s == pytest.approx(
+            good.scenario.duration_s, abs=seconds + 2.0 + 2.0 / case.drive.rate_hz
+        )

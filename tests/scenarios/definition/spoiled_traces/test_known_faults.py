@@ -1,0 +1,225 @@
+"""Small files with the faults that users reported, each with the figures of its drive.
+
+A car drives 115 m eastwards at 10 m/s, and records its position twice a second: 24 points.
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+
+from scenarios.definition.errors import ScenarioError
+from tests.made.spoiled.drive_files import TABLES, Table, gpx, kml, nmea
+from tests.made.spoiled.driven_paths import driven, written
+from tests.made.spoiled.record_faults import WEEKS_1024, moved_by
+from tests.made.spoiled.synthetic_drives import START, Drive, Fix, Recording
+
+COUNT, LENGTH_M, DURATION_S, SPEED = 24, 115.0, 11.5, 10.0
+
+GOOD = Drive(road=((LENGTH_M, 0.0),), heading=0.0, speed=SPEED, rate_hz=2.0).recorded()
+EVERY = range(COUNT)
+
+GEODETIC = TABLES["geodetic csv"]
+PLANE = Table(columns=("t_s", "x_m", "y_m", "", ""))
+
+
+def changed(change: Callable[[Fix], Fix], first: int = 0, last: int = COUNT) -> Recording:
+    """Change the records from `first` to before `last`."""
+    return GOOD.changed(
+        change(fix) if first <= k < last else fix for k, fix in enumerate(GOOD.fixes)
+    )
+
+
+def shifted(seconds: float, first: int, last: int = COUNT) -> Recording:
+    return changed(lambda fix: moved_by(fix, seconds), first, last)
+
+
+def milliseconds(recording: Recording) -> bytes:
+    rows = PLANE.write(recording).decode().splitlines()
+    cells = [row.split(",") for row in rows[1:]]
+    return "\n".join([rows[0], *(f"{1000.0 * float(t):.0f},{x},{y}" for t, x, y in cells)]).encode()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Known:
+    """A file and the figures of its drive.
+
+    `left_out` are the listed places of the records that are left out. `remark` is a word of a
+    warning. `length_m`, `duration_s` and `speed` (m/s, on average) are those of the drive.
+    """
+
+    file: str
+    data: bytes
+    left_out: tuple[int, ...] = ()
+    remark: str = ""
+    length_m: float = LENGTH_M
+    duration_s: float = DURATION_S
+    lead: str = "recorded"
+    path: str = ""
+
+
+ZERO = changed(lambda fix: replace(fix, speed=0.0))
+NO_FIX = (0.0, 0.0)
+PAUSED = shifted(600.0, 12)
+
+KNOWN: dict[str, Known] = {
+    "all speeds zero": Known(file="a.csv", data=Table().write(ZERO), remark="speed"),
+    "all speeds zero, nmea": Known(file="a.nmea", data=nmea(ZERO), remark="speed"),
+    "three first times count from the start": Known(
+        file="a.csv",
+        data=Table(time="unix s").write(shifted(-START, 0, 3)),
+        left_out=(2, 3, 4), remark="time", length_m=100.0, duration_s=10.0,
+    ),
+    "four first times of another week": Known(
+        file="a.gpx", data=gpx(shifted(-WEEKS_1024, 0, 4)),
+        left_out=(1, 2, 3, 4), remark="time", length_m=95.0, duration_s=9.5,
+    ),
+    "first times in seconds, others in milliseconds": Known(
+        file="a.csv",
+        data=Table(time="unix ms").write(shifted(0.001 * START - START, 0, 3)),
+        left_out=(2, 3, 4), remark="time", length_m=100.0, duration_s=10.0,
+    ),
+    "times without zone": Known(file="a.gpx", data=gpx(GOOD, "iso"), remark="UTC"),
+    "one point at 0/0": Known(
+        file="a.gpx", data=gpx(GOOD.edited([10], degrees=NO_FIX)), left_out=(11,), remark="fix"
+    ),
+    "three first points at 0/0": Known(
+        file="a.gpx", data=gpx(GOOD.edited([0, 1, 2], degrees=NO_FIX)),
+        left_out=(1, 2, 3), remark="fix", length_m=100.0, duration_s=10.0,
+    ),
+    "three first points at 0/0, csv": Known(
+        file="a.csv", data=GEODETIC.write(GOOD.edited([0, 1, 2], degrees=NO_FIX)),
+        left_out=(2, 3, 4), remark="fix", length_m=100.0, duration_s=10.0,
+    ),
+    "same time everywhere": Known(
+        file="a.gpx", data=gpx(GOOD.edited(EVERY, time=START)), remark="time", lead="set"
+    ),
+    "altitudes nan": Known(file="a.csv", data=GEODETIC.write(GOOD.edited(EVERY, height="nan"))),
+    "altitudes -9999": Known(file="a.gpx", data=gpx(GOOD.edited(EVERY, height=-9999.0))),
+    "first altitude absurd": Known(file="a.gpx", data=gpx(GOOD.edited([0], height=1e7))),
+    "speeds in every third row": Known(
+        file="a.csv", data=GEODETIC.write(GOOD.edited((k for k in EVERY if k % 3), speed=None))
+    ),
+    "header behind #": Known(
+        file="a.csv", data=TABLES["track csv"].write(GOOD), lead="set"
+    ),
+    "semicolons, and a comma in a name": Known(
+        file="a.csv",
+        data=replace(PLANE, separator=";", extra=(("note, by driver", "ok"),)).write(GOOD),
+    ),
+    "utf-16": Known(file="a.csv", data=TABLES["utf-16 csv"].write(GOOD)),
+    "utf-16 without a mark": Known(
+        file="a.csv", data=replace(PLANE, encoding="utf-16-le").write(GOOD)
+    ),
+    "zero bytes first": Known(file="a.nmea", data=b"\0\0\0\r\n" + nmea(GOOD)),
+    "late sentences": Known(file="a.nmea", data=nmea(GOOD, 1)),
+    "paused for ten minutes": Known(
+        file="a.gpx", data=gpx(PAUSED), remark="pause", duration_s=DURATION_S + 600.0
+    ),
+    "paused for ten minutes, kept": Known(
+        file="a.csv", data=TABLES["tab csv"].write(PAUSED), remark="pause",
+        duration_s=DURATION_S + 600.0, path='pauses = "keep"',
+    ),
+    "paused for ten minutes, cut": Known(
+        file="a.gpx", data=gpx(PAUSED), remark="pause", path='pauses = "cut"'
+    ),
+    "paused for ten minutes, cut from nmea": Known(
+        file="a.nmea", data=nmea(PAUSED), remark="pause", path='pauses = "cut"'
+    ),
+    "kml": Known(file="a.kml", data=kml(GOOD), lead="set"),
+    "kml with times": Known(file="a.kml", data=kml(GOOD, times=True)),
+    "one speed of 999": Known(file="a.csv", data=GEODETIC.write(GOOD.edited([7], speed=999.0))),
+    "one wrong time": Known(
+        file="a.csv", data=PLANE.write(shifted(5e4, 9, 10)), left_out=(11,), remark="time"
+    ),
+    "one position 300 km off": Known(
+        file="a.csv", data=PLANE.write(changed(lambda fix: replace(fix, north=3e5), 9, 10)),
+        left_out=(11,),
+    ),
+    "one line without numbers": Known(
+        file="a.csv", data=PLANE.write(GOOD.edited([9], row="a,b,c")), left_out=(11,)
+    ),
+    "one line of nan": Known(
+        file="a.csv", data=PLANE.write(GOOD.edited([9], row="nan,nan,nan")), left_out=(11,)
+    ),
+    "a wrong checksum": Known(
+        file="a.nmea", data=nmea(GOOD).replace(b"*", b"*0", 1), left_out=(1,),
+    ),
+    "last line truncated": Known(
+        file="a.csv", data=PLANE.write(GOOD)[:-9], length_m=110.0, duration_s=11.0, left_out=(25,)
+    ),
+    "gpx truncated within its last point": Known(
+        file="a.gpx", data=gpx(GOOD)[:-80], length_m=110.0, duration_s=11.0,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("known", KNOWN.values(), ids=KNOWN)
+def test_the_drive_has_its_figures(tmp_path: Path, known: Known) -> None:
+    name = written(tmp_path, known.file, known.data)
+    drive = driven(tmp_path, name, lead=known.lead, path=known.path)
+    warnings = "\n".join(drive.report.warnings)
+    assert drive.length == pytest.approx(known.length_m, abs=0.2)
+    if known.lead == "recorded":
+        run_in = drive.scenario.route.run_in
+        duration = drive.scenario.duration_s - run_in
+        assert duration == pytest.approx(known.duration_s, abs=0.6)
+        speeds = [drive.speed_at(at) for at in (10.0, 30.0, 80.0, 90.0)]
+        assert speeds == pytest.approx([SPEED] * 4, abs=0.2)
+    off = drive.path - drive.path[:, :1]
+    assert abs(off[1]).max() < 0.05
+    assert drive.left_out + (drive.report.jumping_points or 0) == len(known.left_out)
+    assert {*known.left_out} <= {*drive.listed}, warnings
+    assert re.search(known.remark, warnings), warnings
+    assert known.remark or known.left_out or known.lead == "set" or _quiet(warnings), warnings
+
+
+@pytest.mark.parametrize("known", KNOWN.values(), ids=KNOWN)
+def test_a_second_vehicle_drives_the_file(tmp_path: Path, known: Known) -> None:
+    written(tmp_path, "lead.gpx", gpx(GOOD))
+    written(tmp_path, "lead.csv", PLANE.write(GOOD))
+    plane = known.file.endswith("csv") and b"latitude" not in known.data
+    written(tmp_path, known.file, known.data)
+    more = f'[convoy]\nvehicles = 3\n[vehicle.v2]\nreplay = "{known.file}"\n'
+    if known.lead == "set":
+        with pytest.raises(ScenarioError, match="time"):
+            driven(tmp_path, "lead.csv" if plane else "lead.gpx", more=more)
+        return
+    drive = driven(tmp_path, "lead.csv" if plane else "lead.gpx", more=more)
+    replay = drive.scenario.replays["v2"]
+    assert abs(replay.road.path.north).max() < 0.05
+    assert replay.stations[-1] - replay.stations[0] == pytest.approx(known.length_m, abs=0.5)
+    if "cut" not in known.path:
+        assert replay.times[-1] - replay.times[0] == pytest.approx(known.duration_s, abs=0.6)
+    assert {*known.left_out} <= {*drive.listed}
+    assert re.search(known.remark, "\n".join(drive.report.warnings))
+
+
+def _quiet(warnings: str) -> bool:
+    """Whether no warning is about the file."""
+    return not re.search(r"\ba\.(csv|gpx|nmea|kml)", warnings)
+
+
+def test_one_time_for_all_points_gives_no_speed(tmp_path: Path) -> None:
+    data = gpx(GOOD.edited(EVERY, time=START))
+    with pytest.raises(ScenarioError, match=r"24 points .*same time.*set"):
+        driven(tmp_path, written(tmp_path, "a.gpx", data))
+
+
+def test_times_in_milliseconds_are_reported(tmp_path: Path) -> None:
+    drive = driven(tmp_path, written(tmp_path, "a.csv", milliseconds(GOOD)))
+    assert drive.length == pytest.approx(LENGTH_M, abs=0.2)
+    assert re.search(r"\bms\b|millisecond", "\n".join(drive.report.warnings))
+
+
+@pytest.mark.parametrize("second", ["iso", "iso z"])
+def test_two_drives_have_a_common_clock_with_and_without_zone(tmp_path: Path, second: str) -> None:
+    later = shifted(2.0, 0)
+    written(tmp_path, "b.gpx", gpx(later, second))
+    name = written(tmp_path, "a.gpx", gpx(GOOD))
+    more = '[convoy]\nvehicles = 3\n[vehicle.v2]\nreplay = "b.gpx"\n'
+    replays = driven(tmp_path, name, more=more).report.replays
+    assert replays["v2"]["clock"] == "common"
+    assert replays["v2"]["begun_s"] == pytest.approx(-2.0, abs=1.5)
