@@ -80,13 +80,17 @@ def _without_absurd(drive: RecordedDrive) -> RecordedDrive:
 def _without_unfixed(drive: RecordedDrive) -> RecordedDrive:
     """Leave out whole pieces with a coordinate of 0, far from pieces without.
 
-    A drive across the equator or along an axis of its plane is no such piece.
+    A drive across the equator or along an axis of its plane is no such piece, even if wrong
+    positions break it into pieces.
     """
     first, second = drive.position
     size = np.abs(drive.position)
     both = np.all(size <= (NO_FIX if drive.geodetic else 0.0), axis=0)
     zero = both | np.any(size == 0.0, axis=0)
-    if not zero.any():
+    if zero.sum() > MOST_FAR * drive.count:  # the drive itself runs along an axis
+        zero = both
+    near_zero = not drive.geodetic and bool((np.hypot(first, second)[~both] < FAR).any())
+    if near_zero or not zero.any():  # what is far from the drive is left out later
         return drive
     if both.all() and drive.geodetic:
         unfixed = both

@@ -86,6 +86,13 @@ def test_good_positions_stay(position: Floats, geodetic: bool) -> None:
     assert far_pieces(position, geodetic=geodetic) == [(0, 199)]
 
 
+@pytest.mark.parametrize("far", [3, 20, 180])
+def test_a_drive_along_an_axis_stays_around_a_far_point(far: int) -> None:
+    along = np.stack((STEPS - STEPS[0], 0.0 * STEPS))
+    gone, kinds, _ = left_of(changed(along, [far], (9000.0, 5000.0)), geodetic=False)
+    assert (gone, kinds) == ([far], {"far away": 1})
+
+
 def test_two_large_parts_both_stay() -> None:
     points = UTM.copy()
     points[0, 100:] += 5000.0
