@@ -73,27 +73,33 @@ class SpeedProfile:
 
     def distance(self, seconds: float) -> float:
         """Distance (m) driven from time 0 to `seconds`, by the trapezoidal rule."""
-        inner = (time for time in self.times if 0.0 < time < seconds)
-        return sum([self._driven(begin, end) for begin, end in pairwise((0.0, *inner, seconds))])
+        begin, speed = 0.0, self.at(0.0)[0]
+        parts: list[float] = []
+        for time, following in zip(self.times, self.speeds, strict=True):
+            if time >= seconds:
+                break
+            if time > 0.0:
+                parts.append(0.5 * (speed + following) * (time - begin))
+                begin, speed = time, following
+        parts.append(0.5 * (speed + self.at(seconds)[0]) * (seconds - begin))
+        return sum(parts)
 
     def time_to(self, distance: float) -> float:
         """Time (s) after which `distance` (m) is driven; infinite if it is never reached."""
-        driven = 0.0
-        for begin, end in pairwise((0.0, *(time for time in self.times if time > 0.0))):
-            step = self._driven(begin, end)
+        driven, begin, speed = 0.0, 0.0, self.at(0.0)[0]
+        for time, following in zip(self.times, self.speeds, strict=True):
+            if time <= 0.0:
+                continue
+            step = 0.5 * (speed + following) * (time - begin)
             if driven + step >= distance:
-                speed = self.at(begin)[0]
-                slope = (self.at(end)[0] - speed) / (end - begin)
+                slope = (following - speed) / (time - begin)
                 rest = distance - driven
                 root = math.sqrt(max(speed * speed + 2.0 * slope * rest, 0.0))
                 return begin + 2.0 * rest / (speed + root) if speed + root > 0.0 else begin
             driven += step
+            begin, speed = time, following
         last = self.speeds[-1]
         return self.times[-1] + (distance - driven) / last if last > 0.0 else math.inf
-
-    def _driven(self, begin: float, end: float) -> float:
-        """Distance (m) between two times without a corner in between."""
-        return 0.5 * (self.at(begin)[0] + self.at(end)[0]) * (end - begin)
 
 
 @dataclass(frozen=True, slots=True)

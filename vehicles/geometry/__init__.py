@@ -4,6 +4,7 @@ geodesy             WGS84 to and from the local east-north plane, compass course
 path_point          a point of a path, and the projection of a point on a path
 arc_spline          lines, arcs and clothoids with a continuous tangent
 sampled_path        a path that a lead can drive: position, yaw and curvature by arc length
+path_offsets        offsets of many points from a path
 local_regression    local cubics through noisy points, and the cubic through four values
 bridges             holes in recorded points, and the noise of the points
 smoothing           a path from recorded points

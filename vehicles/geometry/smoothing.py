@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from vehicles.geometry.bridges import UnbridgedError, fill_holes, noise_deviation, step_lengths
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.geometry.local_regression import cubic_weights, local_cubic
+from vehicles.geometry.path_offsets import path_offsets
 from vehicles.geometry.sampled_path import SAMPLING, FloatArray, SampledPath
 
 MERGE_DISTANCE = 0.25
@@ -148,8 +149,8 @@ def smooth_path(
     _check_progress(smoothed, grid, record.t[numbers[:used]])
     path = _path(smoothed)
     stations = np.interp(record.t[numbers[:used]], grid, path.station)
-    offsets = _offsets(path, np.stack((given_x[:used], given_y[:used])), stations)
-    between = _offsets(path, *_between(record, np.interp(record.t, grid, path.station)))
+    offsets = path_offsets(path, np.stack((given_x[:used], given_y[:used])), stations)
+    between = path_offsets(path, *_between(record, np.interp(record.t, grid, path.station)))
     return SmoothedPath(
         path=path,
         deviation_rms=math.sqrt(float(np.mean(offsets * offsets))),
@@ -162,12 +163,6 @@ def smooth_path(
         half_width=half_width,
         noise=merged.noise,
     )
-
-
-def _offsets(path: SampledPath, points: FloatArray, stations: FloatArray) -> FloatArray:
-    """Offset (m) of each of `points` (2, n) from the path, near its station (m)."""
-    rows = zip(*points.tolist(), stations.tolist(), strict=True)
-    return np.array([path.project(x, y, near).lateral for x, y, near in rows])
 
 
 def _between(record: _Record, stations: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -202,19 +197,12 @@ def _check(x: FloatArray, y: FloatArray, half_width: float, laps: int, lead_in: 
 
 def _merged(x: FloatArray, y: FloatArray, half_width: float, noise: float) -> _MergedPoints:
     """Merge the given points to distinct ones and fill the holes."""
-    group: list[int] = []
-    at_x, at_y = math.inf, math.inf
     noise = max(noise, noise_deviation(np.stack((x, y))))
     distance = max(MERGE_DISTANCE, MERGED_NOISE * noise)
     # Means of five: a single outlier among noisy points must not begin a new point.
     means = (x, y) if distance == MERGE_DISTANCE else (_of_five(x), _of_five(y))
-    moved = np.append(math.inf, step_lengths(np.stack((x, y)))) > 0.0
-    for px, py, left in zip(means[0].tolist(), means[1].tolist(), moved.tolist(), strict=False):
-        is_new = left and not math.hypot(px - at_x, py - at_y) <= distance
-        if is_new:
-            at_x, at_y = px, py
-        group.append((group[-1] if group else -1) + is_new)
-    members = np.array(group, dtype=np.int64)
+    moved = np.append(math.inf, step_lengths(np.stack((x, y))))[: x.size] > 0.0
+    members = np.cumsum(_begins_group(*means, moved, distance)) - 1
     count = np.bincount(members)
     if count.size < MIN_POINTS:
         raise ValueError(
@@ -233,6 +221,21 @@ def _merged(x: FloatArray, y: FloatArray, half_width: float, noise: float) -> _M
     return _MergedPoints(
         _Record(t, filled.points, float(t[-1])), filled.indices[members], holes, noise
     )
+
+
+def _begins_group(
+    x: FloatArray, y: FloatArray, moved: NDArray[np.bool_], distance: float
+) -> NDArray[np.bool_]:
+    """Mark points that moved further than `distance` (m) from the first point of their group."""
+    begins = np.zeros(x.size, dtype=bool)
+    at_x, at_y = math.inf, math.inf
+    candidates = np.flatnonzero(moved)
+    rows = zip(candidates.tolist(), x[moved].tolist(), y[moved].tolist(), strict=True)
+    for k, px, py in rows:  # in a loop, because each group begins where the one before ends
+        if not math.hypot(px - at_x, py - at_y) <= distance:
+            at_x, at_y = px, py
+            begins[k] = True
+    return begins
 
 
 def _of_five(values: FloatArray) -> FloatArray:
@@ -346,9 +349,7 @@ def _path(points: FloatArray) -> SampledPath:
     x, y = points
     steps = np.diff(points)
     chords = step_lengths(points)
-    course = [math.atan2(steps[1, 0], steps[0, 0])]
-    for dx, dy in zip(steps[0, 1:].tolist(), steps[1, 1:].tolist(), strict=True):
-        course.append(course[-1] + wrap_angle(math.atan2(dy, dx) - course[-1]))
+    course = _unwrapped_course(steps)
     # The course of a chord is the yaw at its middle: turns are differences of courses.
     turns = np.diff(course)
     turns = np.concatenate((turns[:1], turns, turns[-1:]))
@@ -358,3 +359,13 @@ def _path(points: FloatArray) -> SampledPath:
     around = np.concatenate((arcs[:1], 0.5 * (arcs[1:] + arcs[:-1]), arcs[-1:]))
     yaw = np.concatenate(([course[0] - 0.5 * turns[0]], course + 0.5 * turns[1:]))
     return SampledPath(station, x, y, yaw, turns / around)
+
+
+def _unwrapped_course(steps: FloatArray) -> FloatArray:
+    """Direction (rad) of each of `steps` (2, n), continuous from step to step."""
+    course, result = math.atan2(steps[1, 0], steps[0, 0]), []
+    # The C library's arc tangent: NumPy's depends on the machine.
+    for direction in map(math.atan2, steps[1].tolist(), steps[0].tolist()):
+        course += wrap_angle(direction - course)
+        result.append(course)
+    return np.array(result)

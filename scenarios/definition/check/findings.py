@@ -25,6 +25,7 @@ from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.car.parameters import VehicleParameters
 from vehicles.car.sending.sending_rules import RULES
 from vehicles.car.tyres import GRAVITY
+from vehicles.geometry.sampled_path import FloatArray
 
 USUAL_GNSS_RATE = 20.0
 """Highest rate (Hz) of receivers for driving (paper, Section III-A)."""
@@ -92,17 +93,27 @@ class CheckReport:
     warnings: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class _Run:
     """The lead's planned speeds (m/s) and curvatures (1/m) at every STEP."""
 
-    speeds: Sequence[float]
-    curvatures: Sequence[float]
+    speeds: FloatArray
+    curvatures: FloatArray
 
     @property
     def lateral_max(self) -> float:
         """Greatest lateral acceleration (m/s²)."""
-        return max(v * v * abs(k) for v, k in zip(self.speeds, self.curvatures, strict=True))
+        return float(np.max(self.speeds * self.speeds * np.abs(self.curvatures)))
+
+    @property
+    def sharpest(self) -> float:
+        """Greatest curvature (1/m), in either direction."""
+        return float(np.max(np.abs(self.curvatures)))
+
+    @property
+    def speed_range(self) -> tuple[float, float]:
+        """Lowest and highest speed (m/s)."""
+        return float(np.min(self.speeds)), float(np.max(self.speeds))
 
 
 def check(
@@ -116,7 +127,6 @@ def report_of(scenario: Scenario) -> CheckReport:
     tables, route, run = scenario.tables, scenario.route, _run(scenario)
     cars = {name: scenario.vehicle(name) for name in scenario.vehicle_names}
     changes = np.diff(run.speeds) / STEP
-    sharpest = max(map(abs, run.curvatures))
     trace = tables.path if isinstance(tables.path, PointsPath) else None
     road = route.smoothed
     return CheckReport(
@@ -148,9 +158,9 @@ def report_of(scenario: Scenario) -> CheckReport:
         laws={f"{pair[0]} → {pair[1]}": laws_in_brief(scenario, pair) for pair in scenario.links},
         path_length_m=route.length,
         driven_m=route.profile.distance(scenario.duration_s),
-        radius_m_min=1.0 / sharpest if sharpest > 1e-6 else None,
-        speed_mps_min=min(run.speeds),
-        speed_mps_max=max(run.speeds),
+        radius_m_min=1.0 / run.sharpest if run.sharpest > 1e-6 else None,
+        speed_mps_min=run.speed_range[0],
+        speed_mps_max=run.speed_range[1],
         acceleration_mps2_max=float(np.max(changes, initial=0.0)),
         braking_mps2_max=float(np.max(0.0 - changes, initial=0.0)),
         lateral_acceleration_mps2_max=run.lateral_max,
@@ -211,13 +221,13 @@ def _replays(scenario: Scenario) -> dict[str, dict[str, Any]]:
 
 
 def _run(scenario: Scenario) -> _Run:
-    profile, path, station = scenario.route.profile, scenario.route.path, scenario.route.start
-    steps = max(int(scenario.duration_s / STEP), 1)
-    speeds = [profile.at(k * STEP)[0] for k in range(steps + 1)]
-    curvatures = []
-    for k, speed in enumerate(speeds):
-        curvatures.append(path.at(station).curvature)
-        station += 0.5 * (speed + speeds[min(k + 1, steps)]) * STEP
+    profile, path = scenario.route.profile, scenario.route.path
+    times = STEP * np.arange(max(int(scenario.duration_s / STEP), 1) + 1)
+    speeds = np.interp(times, profile.times, profile.speeds)
+    driven = np.cumsum(0.5 * STEP * (speeds[1:] + speeds[:-1]))
+    stations = scenario.route.start + np.concatenate((np.zeros(1), driven))
+    # A path continues straight beyond both ends.
+    curvatures = np.interp(stations, path.station, path.curvature, left=0.0, right=0.0)
     return _Run(speeds, curvatures)
 
 
@@ -230,11 +240,11 @@ def _warnings(scenario: Scenario, run: _Run) -> tuple[str, ...]:
     result = (
         *drive_warnings(scenario),
         *_vehicle_warnings(scenario),
-        *preview_warnings(scenario, (min(run.speeds), max(run.speeds))),
+        *preview_warnings(scenario, run.speed_range),
         *receiver_warnings(scenario),
-        *sampled_loop_warnings(scenario, (min(run.speeds), max(run.speeds))),
+        *sampled_loop_warnings(scenario, run.speed_range),
         *_speed_warnings(scenario, run),
-        *slip_warnings(scenario, list(zip(run.speeds, run.curvatures, strict=True))),
+        *slip_warnings(scenario, run.speeds, run.curvatures),
     )
     return tuple(dict.fromkeys(result))  # one file may be the path and replayed as well
 
@@ -269,22 +279,21 @@ def _lowered(scenario: Scenario, run: _Run) -> Iterator[tuple[float, float]]:
     sets = [(0.0, scenario.tables.speed.set_mps)]
     sets += sorted((table.at_s, table.speed_mps) for table in changes)
     for (at, set_speed), (until, _) in pairwise((*sets, (inf, 0.0))):
-        first, last = int(at / STEP), int(min(until / STEP, len(run.speeds)))
+        first, last = int(at / STEP), int(min(until / STEP, run.speeds.size))
         speeds = run.speeds[first:last]
-        least = min(speeds, default=inf)
+        least = float(np.min(speeds, initial=inf))
         if least < set_speed and (first == 0 or least < speeds[0]):
             yield least, set_speed
 
 
 def _speed_warnings(scenario: Scenario, run: _Run) -> Iterator[str]:
     speed = scenario.tables.speed
-    sharpest = max(map(abs, run.curvatures))
     cars = [scenario.vehicle(name).parameters for name in scenario.vehicle_names]
     car = max(cars, key=lambda car: car.wheelbase / car.steering_limit)
     tightest = car.wheelbase / car.steering_limit
-    if sharpest * tightest > 1.0:
+    if run.sharpest * tightest > 1.0:
         yield (
-            f"the path has a smallest radius of {1.0 / sharpest:.1f} m, cars turn at "
+            f"the path has a smallest radius of {1.0 / run.sharpest:.1f} m, cars turn at "
             f"{tightest:.1f} m: they will leave the path. Raise path.smoothing_m or the radius."
         )
     yield from _friction_warnings(cars, run)

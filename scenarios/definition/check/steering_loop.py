@@ -1,12 +1,15 @@
 """Warnings from the theory of the steering laws: sampled loop, slip, certificate."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
+
+import numpy as np
 
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.scenario_tables import CONTROLLERS
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.car.parameters import Gains, VehicleParameters
+from vehicles.geometry.sampled_path import FloatArray
 from vehicles.theory.sampled_loop import SampledLoop, lowest_stable_rate, sampled_stability
 
 PAPER_LAWS = {CONTROLLERS["feedforward_feedback"], CONTROLLERS["slip_compensated"]}
@@ -82,11 +85,11 @@ def _remedy(loop: SampledLoop, speed: float) -> str:
     return "Set other control.gains."
 
 
-def slip_warnings(scenario: Scenario, planned: Sequence[tuple[float, float]]) -> Iterator[str]:
+def slip_warnings(scenario: Scenario, speeds: FloatArray, curvatures: FloatArray) -> Iterator[str]:
     """Warn if followers settle beside the path in bends.
 
-    `planned` are speeds (m/s) and curvatures (1/m). In a bend the heading error settles at the slip
-    angle, which a lateral error balances by eq. (7).
+    `speeds` (m/s) and `curvatures` (1/m) are those of the lead's plan. In a bend the heading error
+    settles at the slip angle, which a lateral error balances by eq. (7).
     """
     offsets = {}
     for name in scenario.vehicle_names[1:]:
@@ -94,7 +97,9 @@ def slip_warnings(scenario: Scenario, planned: Sequence[tuple[float, float]]) ->
         if not setup.steering.estimate_slip or setup.controller != PAPER_LAW:
             continue
         gains, car = setup.gains, setup.parameters
-        slip = max(abs(bend * car.steady_slip_per_curvature(speed)) for speed, bend in planned)
+        still = car.steady_slip_per_curvature(0.0)
+        change = car.steady_slip_per_curvature(1.0) - still  # per squared speed
+        slip = float(np.max(np.abs(curvatures * (still + change * speeds * speeds))))
         offsets[name] = slip * gains.heading / gains.lateral
     if offsets and (most := max(offsets.values())) >= LEFT_BY_SLIP:
         yield (
