@@ -163,6 +163,21 @@ def _text(path: Path) -> str:
     return text
 
 
+def is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # such as a name that is too long for any file
+        return False
+
+
+def exists(path: Path) -> bool:
+    """Whether `path` is a file or folder; False for a name that no file can have."""
+    try:
+        return path.exists()
+    except (OSError, ValueError):
+        return False
+
+
 def _hint(path: Path) -> str:
     """Return a question that offers a file next to `path` or a shipped scenario."""
     beside = [entry.stem for entry in path.parent.glob("*.toml")] if path.parent.is_dir() else []

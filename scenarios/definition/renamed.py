@@ -16,6 +16,8 @@ KEYS: Mapping[str, str] = {
     "path.place_word": "source_unit",
     "path.place_numbers": "source_numbers",
     "path.began_at_s": "epoch_s",
+    "path.skipped_first": "left_out",
+    "drive.skipped_first": "left_out",
     "drive.place_word": "source_unit",
     "drive.place_numbers": "source_numbers",
     "drive.began_at_s": "epoch_s",

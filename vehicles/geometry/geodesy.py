@@ -8,9 +8,13 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
 from pymap3d.ecef import geodetic2ecef
 from pymap3d.ellipsoid import Ellipsoid
 from pymap3d.rcurve import meridian, transverse
+
+FloatArray = NDArray[np.float64]
 
 REACH: Final = 100_000.0
 """Limit (m) of the distance from the origin, beyond which a plane is a poor map."""
@@ -88,6 +92,29 @@ class LocalPlane:
             )
         return east, north
 
+    def to_plane_all(
+        self, latitudes_deg: FloatArray, longitudes_deg: FloatArray, altitude_m: float
+    ) -> FloatArray:
+        """East and north (m), shape (2, n), of WGS84 points (n,) at one height.
+
+        The same bits as `to_plane`, which means the sine of the C library. Points beyond REACH are
+        NaN.
+        """
+        latitudes = [math.radians(degrees) for degrees in latitudes_deg.tolist()]
+        longitudes = [math.radians(degrees) for degrees in longitudes_deg.tolist()]
+        cos, sin = _cosines(latitudes), _sines(latitudes)
+        normal = _MAJOR_SQUARE / np.hypot(_MAJOR * cos, _MINOR * sin)
+        x0, y0, z0 = self._centre
+        x = (normal + altitude_m) * cos * _cosines(longitudes) - x0
+        y = (normal + altitude_m) * cos * _sines(longitudes) - y0
+        z = (normal * _FLAT + altitude_m) * sin - z0
+        turn_cos, turn_sin = self._longitude_turn
+        outward, east = turn_cos * x + turn_sin * y, -turn_sin * x + turn_cos * y
+        turn_cos, turn_sin = self._latitude_turn
+        north, up = -turn_sin * outward + turn_cos * z, turn_cos * outward + turn_sin * z
+        near = east * east + north * north + up * up <= REACH * REACH
+        return np.where(near, np.stack((east, north)), math.nan)
+
     def reaches(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> bool:
         """Whether a WGS84 point is within REACH of the origin, so that `to_plane` accepts it."""
         origin = self.origin
@@ -151,6 +178,14 @@ class LocalPlane:
         outward, east = cos * x + sin * y, -sin * x + cos * y
         cos, sin = self._latitude_turn
         return east, -sin * outward + cos * z, cos * outward + sin * z
+
+
+def _cosines(angles: list[float]) -> FloatArray:
+    return np.fromiter(map(math.cos, angles), dtype=np.float64, count=len(angles))
+
+
+def _sines(angles: list[float]) -> FloatArray:
+    return np.fromiter(map(math.sin, angles), dtype=np.float64, count=len(angles))
 
 
 def wrap_angle(angle: float) -> float:

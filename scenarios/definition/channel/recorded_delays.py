@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TypeVar
 
 from scenarios.definition.errors import SettingError
+from scenarios.definition.library import is_file
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.definition.schema.scenario_tables import ScenarioTables
-from scenarios.definition.traces.reading import is_file
 from transport.links.laws.delay.distributions import MAX_RECORDED, EmpiricalDelay
 
 COLUMN = "delay_ms"

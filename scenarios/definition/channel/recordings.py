@@ -12,12 +12,12 @@ from typing import TypeVar, cast
 
 from scenarios.definition.channel.rules import entries_about, requested_link
 from scenarios.definition.errors import SettingError
+from scenarios.definition.library import is_file
 from scenarios.definition.road.route import vehicle_names
 from scenarios.definition.schema.base_table import overlay
 from scenarios.definition.schema.link_tables import LinkEntry, LinkTable
 from scenarios.definition.schema.scenario_tables import ScenarioTables
 from scenarios.definition.topology import directed_links
-from scenarios.definition.traces.reading import is_file
 from scenarios.definition.validation.wording import toml_repr
 from transport.links.laws.loss.by_number import RecordedPattern
 from transport.links.laws.loss.earlier_run import EarlierRun

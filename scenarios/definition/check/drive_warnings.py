@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from scenarios.definition.road.point_path import place_of
+from scenarios.definition.road.recorded_place import place_of
 from scenarios.definition.road.replayed_drive import replay_warnings
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.path_tables import PointsPath, SmoothedPathTable
@@ -16,6 +16,9 @@ FAR_FROM_POINTS = 0.5
 MOST_HOLES = 5
 """Number of holes in a drive with their own warning."""
 
+MOST_PAUSES = 5
+"""The same for pauses."""
+
 USUAL_SMOOTHING = SmoothedPathTable().smoothing_m
 """Half width (m) of the smoothing unless the noise of the points requires more."""
 
@@ -26,6 +29,7 @@ def drive_warnings(scenario: Scenario) -> Iterator[str]:
     tables = scenario.tables
     for name, drive in scenario.replays.items():
         if (table := tables.vehicle[name].drive) is not None:
+            yield from _left_out_warnings(table)
             yield from (f"{table.source}: {remark}" for remark in table.remarks)
             yield from _width_warnings(table, drive.road)
             yield from _hole_warnings(table, drive.road)
@@ -36,10 +40,9 @@ def _path_warnings(scenario: Scenario) -> Iterator[str]:
     table, smoothed = scenario.tables.path, scenario.route.smoothed
     if not isinstance(table, PointsPath) or smoothed is None:
         return
-    if table.skipped_lines:
-        lines = "1 bad line" if table.skipped_lines == 1 else f"{table.skipped_lines} bad lines"
-        yield f"{table.source}: {lines} skipped, the first is {table.skipped_first}"
+    yield from _left_out_warnings(table)
     yield from (f"{table.source or 'path'}: {remark}" for remark in table.remarks)
+    yield from _pause_warnings(table)
     yield from _width_warnings(table, smoothed)
     yield from _hole_warnings(table, smoothed)
     if smoothed.deviation_max > FAR_FROM_POINTS:
@@ -68,6 +71,29 @@ def _width_warnings(table: PointsPath, smoothed: SmoothedPath) -> Iterator[str]:
             f"{source}: the points scatter by {table.noise_m:.2g} m, so path.smoothing_m is "
             f"{used:g} instead of {USUAL_SMOOTHING:g}: tight curves are cut. Set it to change this"
         )
+
+
+def _left_out_warnings(table: PointsPath) -> Iterator[str]:
+    if table.skipped_lines:
+        count = table.skipped_lines
+        records = "1 record is" if count == 1 else f"{count} records are"
+        yield f"{table.source}: {records} left out: {'; '.join(table.left_out)}"
+
+
+def _pause_warnings(table: PointsPath) -> Iterator[str]:
+    """Report pauses with place, duration, and the key that keeps or cuts them."""
+    source = table.source or "path"
+    if table.pauses == "cut":
+        outcome, remedy = "the time is left out", 'path.pauses = "keep" waits there'
+    else:
+        outcome, remedy = "the lead waits there", 'path.pauses = "cut" leaves the time out'
+    rows = list(zip(table.pause_points, table.pause_lasts_s, strict=True))
+    for point, lasts in rows[:MOST_PAUSES]:
+        place = place_of(table, point)
+        yield f"{source}: no progress for {lasts:.1f} s from {place} on: {outcome}, {remedy}"
+    if len(rows) > MOST_PAUSES:
+        rest = sum(lasts for _, lasts in rows[MOST_PAUSES:])
+        yield f"{source}: {len(rows) - MOST_PAUSES} more pauses, {rest:.0f} s in total"
 
 
 def _hole_warnings(table: PointsPath, smoothed: SmoothedPath) -> Iterator[str]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scenarios.definition.road.recorded_place import recorded_times
 from scenarios.definition.road.usable_width import UndrivableError, road_through
 from scenarios.definition.schema.path_tables import PointsPath
 from vehicles.geometry.bridges import step_lengths
@@ -26,8 +27,8 @@ MOST_TRIED, MOST_LISTED = 20, 3
 class DrivablePart:
     """A drivable piece of a drive, from point `first` to `last`, and its length (m).
 
-    `begin` and `end` are the times (s) of both, or without times the distances (m) from the first
-    point along the points, rounded to 0.1 towards the piece.
+    `begin` and `end` are the times (s) of both since the start of the recorded drive, or without
+    times the distances (m) along its points, rounded to 0.1 towards the piece.
     """
 
     first: int
@@ -41,7 +42,7 @@ def drivable_pieces(table: PointsPath, sections: Sections, lead_in: float) -> li
     """Find the pieces of a drive between `sections` without a path, each confirmed by smoothing."""
     points = np.array((table.east_m, table.north_m))
     along = np.concatenate((np.zeros(1), np.cumsum(step_lengths(points))))
-    axis = np.asarray(table.time_s) if table.time_s else along
+    axis = recorded_times(table) if table.time_s else table.begin_m + along
     waiting, pieces = _between(sections, 0, along.size - 1, along), list[DrivablePart]()
     for _ in range(MOST_TRIED):
         if not waiting:

@@ -6,6 +6,7 @@ import numpy as np
 
 from scenarios.definition.errors import SettingError
 from scenarios.definition.road.pieces import DrivablePart, drivable_pieces, pieces_in_words
+from scenarios.definition.road.recorded_place import place_of
 from scenarios.definition.road.usable_width import UndrivableError, road_through
 from scenarios.definition.schema.path_tables import PointsPath, SegmentsPath
 from vehicles.geometry.bridges import step_lengths
@@ -45,13 +46,6 @@ def _remedy(table: PointsPath, pieces: Sequence[DrivablePart], *, has_keys: bool
         "end the drive before it, or start after it, or lower path.smoothing_m if a car can drive "
         "it"
     )
-
-
-def place_of(table: PointsPath, point: int) -> str:
-    """Return the place of a point (from 0) in its file, and its time."""
-    number = table.source_numbers[point] if point < len(table.source_numbers) else point + 1
-    at = f" ({table.time_s[point]:.1f} s)" if table.time_s else ""
-    return f"{table.source_unit} {number}{at}"
 
 
 def check_span(key: str, table: PointsPath) -> None:

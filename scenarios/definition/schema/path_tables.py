@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, StringConstraints
+from pydantic import BeforeValidator, Field, StringConstraints
 
 from scenarios.definition.schema.base_table import Table
 
@@ -52,6 +52,9 @@ class SmoothedPathTable(Table):
     laps: Laps = 1
 
 
+Bound = Annotated[float | None, Field(ge=0, le=1e9)]
+
+
 class TracePath(SmoothedPathTable):
     """A recorded drive.
 
@@ -59,9 +62,16 @@ class TracePath(SmoothedPathTable):
     A step longer than 5 m and than four times the usual step is a hole: a gap in the recording,
     bridged by a smooth curve. `convoy check` lists removed points and holes.
 
-    file         CSV (x_m, y_m or latitude_deg, longitude_deg; optional t_s, speed_mps), GPX,
-                 NMEA 0183 (GGA, RMC), or run.mcap; relative to the scenario, or a shipped drive
+    file         CSV, GPX, KML, GeoJSON, NMEA 0183, RTKLIB .pos, KITTI oxts folder, or MCAP with
+                 LocationFix or of a run; relative to the scenario, or a shipped drive
     vehicle      vehicle of a run.mcap; without it the lead
+    topic        topic of the positions in another MCAP file, where it has several
+    from_s       start of the part that is driven, since the first point of the drive
+    to_s         end of that part
+    from_m       the same start as a distance along the points
+    to_m         the same end
+    pauses       "keep": the lead waits where the recorded car stood or the recording paused;
+                 "cut": it drives on
     smoothing_m  half width of the smoothing window; if omitted, more where the noise requires it
     closed       whether the drive ends where it begins
     laps         laps of a closed drive
@@ -70,6 +80,12 @@ class TracePath(SmoothedPathTable):
     kind: Literal["trace"]
     file: Annotated[str, StringConstraints(min_length=1)]
     vehicle: str | None = None
+    topic: str | None = None
+    from_s: Bound = None
+    to_s: Bound = None
+    from_m: Bound = None
+    to_m: Bound = None
+    pauses: Literal["keep", "cut"] = "keep"
 
 
 Numbers = Annotated[tuple[float, ...], Field(strict=False)]
@@ -78,10 +94,18 @@ Counts = Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(strict=False)]
 Texts = Annotated[tuple[str, ...], Field(strict=False)]
 
 
+def _texts(given: object) -> object:
+    """Accept the only text that logs of earlier versions have."""
+    return ([given] if given else []) if isinstance(given, str) else given
+
+
+LeftOutTexts = Annotated[Texts, BeforeValidator(_texts)]
+
+
 class PointsPath(SmoothedPathTable):
     """Points in the plane; a trace is converted into them, so that a log needs no other file.
 
-    The program writes `narrower_m` and the keys from `source` to `skipped_first`; do not set them.
+    The program writes `narrower_m` and the keys from `source` to `left_out`; do not set them.
 
     east_m           coordinates
     north_m          coordinates
@@ -99,12 +123,18 @@ class PointsPath(SmoothedPathTable):
     epoch_s          time on that clock of time_s = 0
     source_unit      unit of source_numbers: line, point or message
     source_numbers   place of each point in the source
+    begin_s          time of the first point since the start of the recorded drive
+    begin_m          distance of the first point from there, along the recorded points
+    pause_points     number, from 0, of the point before each pause
+    pause_lasts_s    recorded duration of each pause
+    pause_lost_s     the part of it that is more than its distance takes
+    pauses           "cut" if time_s is without the lost times
     noise_m          smallest noise of the points (standard deviation per axis)
     jumping_points   number of points removed as outliers
     standing_points  number of points removed at standstills
     remarks          changes made while reading the source
-    skipped_lines    number of invalid lines in the source
-    skipped_first    the first of them
+    skipped_lines    number of records of the source that are left out, except jumps
+    left_out         the first records that are left out, with the reason of each
     """
 
     kind: Literal["points"]
@@ -116,12 +146,18 @@ class PointsPath(SmoothedPathTable):
     epoch_s: float = 0.0
     source_unit: str = "point"
     source_numbers: Counts = ()
+    begin_s: float = Field(default=0.0, ge=0)
+    begin_m: float = Field(default=0.0, ge=0)
+    pause_points: Counts = ()
+    pause_lasts_s: Numbers = ()
+    pause_lost_s: Numbers = ()
+    pauses: Literal["keep", "cut"] = "keep"
     noise_m: float = Field(default=0.0, ge=0)
     jumping_points: int = Field(default=0, ge=0)
     standing_points: int = Field(default=0, ge=0)
     remarks: Texts = ()
     skipped_lines: int = Field(default=0, ge=0)
-    skipped_first: str = ""
+    left_out: LeftOutTexts = ()
     narrower_m: Widths = ()
     east_m: Numbers
     north_m: Numbers

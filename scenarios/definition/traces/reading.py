@@ -1,27 +1,29 @@
 """A recorded drive: read from any format, checked, and projected into the plane."""
 
-import itertools
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from scenarios.definition.traces.cleaning import Cleaned, cleaned, without_leaps
-from scenarios.definition.traces.old_formats import (
-    DriveOfPoints,
-    RecordedPoint,
-    read_csv,
-    read_gpx,
-    read_log,
-    read_nmea,
+from scenarios.definition.traces.cleaning import Cleaned, cleaned
+from scenarios.definition.traces.holds import without_repeats
+from scenarios.definition.traces.old_columns import read_recorded, usable_speeds
+from scenarios.definition.traces.part import Part, points_within
+from scenarios.definition.traces.pauses import Pause, PauseRule, pauses_in, without_pauses
+from scenarios.definition.traces.positions import usable_positions
+from scenarios.definition.traces.recorded_drive import (
+    Clock,
+    Floats,
+    LeftOutRecords,
+    RecordedDrive,
+    TraceError,
 )
-from scenarios.definition.traces.recorded_drive import Clock, TraceError
+from scenarios.definition.traces.time_order import in_time_order
+from vehicles.geometry.bridges import noise_deviation, step_lengths
 from vehicles.geometry.geodesy import LocalPlane, Origin
-
-MAX_BYTES = 200_000_000
-"""Largest file of a drive."""
 
 MAX_JUMP = 1000.0
 """Largest distance (m) between two points."""
@@ -29,188 +31,162 @@ MAX_JUMP = 1000.0
 LEAST_EXTENT = 1.0
 """Smallest extent (m) of a path."""
 
-MCAP_MAGIC = b"\x89MCAP0\r\n"
+ALTITUDES = (-500.0, 10_000.0)
+"""Range of altitudes (m) of an origin."""
+
+Ints = NDArray[np.int64]
+
+NO_VALUES = np.zeros(0)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DriveInPlane:
     """A recorded drive in the east-north plane of `origin` (None: the file has plane coordinates).
 
-    `time_s` (from the first point on, never decreasing) and `speed_mps` are empty unless the file
-    has them for all points. `skipped` lists invalid lines, `remarks` other changes.
-    `source_numbers` are the places of the points in the file. Times count from `epoch_s` on the
+    Arrays of one value per point, except where stated. `time_s` (from the first point on,
+    nondecreasing) and `speed_mps` are empty unless the file has them. `source_numbers` are the
+    places of the points in the file, counted in `source_unit`s. Times count from `epoch_s` on the
     `clock`, or without one on that of the file.
+
+    The points are a part of the drive, which begins `begin_s` and `begin_m` after its first point.
+    `pauses` are those of the part; with `pauses_cut` the times do without them.
+    `record_count` points were recorded, at `record_m` (2, n): all with a usable place. `left_out`
+    lists the others, and jumps.
     """
 
     source: str
-    clock: Clock | None = None
-    epoch_s: float = 0.0
-    source_unit: str = "point"
-    source_numbers: tuple[int, ...] = ()
-    noise_m: float = 0.0
-    jumping_points: int = 0
-    standing_points: int = 0
-    remarks: tuple[str, ...] = ()
-    origin: Origin | None
-    east_m: tuple[float, ...]
-    north_m: tuple[float, ...]
-    time_s: tuple[float, ...] = ()
-    speed_mps: tuple[float, ...] = ()
-    skipped: tuple[str, ...] = ()
-
-
-def is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except OSError:  # such as a name that is too long for any file
-        return False
+    format_name: str
+    clock: Clock | None
+    epoch_s: float
+    source_unit: str
+    source_numbers: Ints
+    noise_m: float
+    skipped_lines: int
+    jumping_points: int
+    standing_points: int
+    remarks: tuple[str, ...]
+    origin: Origin | None = None
+    east_m: Floats
+    north_m: Floats
+    time_s: Floats
+    speed_mps: Floats
+    begin_s: float = 0.0
+    begin_m: float = 0.0
+    pauses: tuple[Pause, ...] = ()
+    pauses_cut: bool = False
+    left_out: LeftOutRecords = field(default_factory=LeftOutRecords)
+    left_out_lines: tuple[str, ...] = ()
+    record_m: Floats
+    record_count: int
 
 
 def read_trace(
-    path: Path, *, origin: Origin | None = None, vehicle: str | None = None
+    path: Path,
+    *,
+    origin: Origin | None = None,
+    vehicle: str | None = None,
+    topic: str | None = None,
+    part: Part | None = None,
+    pauses: PauseRule = "keep",
 ) -> DriveInPlane:
     """Read the recorded drive at `path` into the plane of `origin`, by default its first point.
 
-    Name and content of the file determine the format. `vehicle` selects one of a log. Invalid lines
-    are skipped and listed. Raises TraceError with a line that starts with the file.
+    Name and content of the file determine the format. `vehicle` selects one of a log, `topic` the
+    positions of another MCAP file. Unusable records are left out and listed. Raises TraceError with
+    a line that starts with the file.
     """
     try:
-        drive = _sifted(_read(path, vehicle))
-        points, leaping = without_leaps(drive.points)
-        drive = replace(drive, points=points, skipped=[*drive.skipped, *leaping])
-        _check_order(drive)
-        trace = _laid_out(path.name, drive, origin)
+        drive = _usable(read_recorded(path, vehicle=vehicle, topic=topic))
+        drive, _ = without_repeats(in_time_order(drive))
+        plane = origin or _first_point(drive) if drive.geodetic else None
+        points = _in_plane(drive, plane) if plane else drive.position
+        left = cleaned(points, _times(drive).tolist())
+        trace = _driven(path.name, replace(drive, position=points), left, part or Part())
+        trace = replace(trace, origin=plane)
+        if pauses == "cut":
+            times = without_pauses(trace.time_s, trace.pauses)
+            trace = replace(trace, time_s=times, pauses_cut=True)
         _check_shape(trace)
     except TraceError as error:
-        raise TraceError(f"{path}: {error}") from error
+        error.args = (f"{path}: {error}",)
+        raise
     return trace
 
 
-def _read(path: Path, vehicle: str | None) -> DriveOfPoints:
-    data = _content(path)
-    if data.startswith(MCAP_MAGIC):
-        return read_log(path, vehicle)
-    if vehicle is not None:
-        raise TraceError(f"given vehicle {vehicle}, allowed only for the MCAP log of a run")
-    if b"\0" in data:
-        raise TraceError("binary data, allowed CSV, GPX, NMEA 0183 or an MCAP log of a run")
-    # Invalid bytes affect only their own line.
-    text = data.decode("utf-8-sig", errors="replace")
-    if not text.strip():
-        raise TraceError("empty file")
-    return _reader(path.suffix.lower(), text)(text)
+def _usable(drive: RecordedDrive) -> RecordedDrive:
+    usable = usable_positions(drive)
+    if not usable.count:
+        first = usable.left_out.lines(drive.unit)[:1]
+        raise TraceError(", ".join(("no valid point", *first)))
+    return usable
 
 
-def _content(path: Path) -> bytes:
-    try:
-        size = path.stat().st_size
-        if is_file(path) and size <= MAX_BYTES:
-            return path.read_bytes()
-    except FileNotFoundError as error:
-        raise TraceError("no such file") from error
-    except OSError as error:
-        raise TraceError((error.strerror or "cannot be read").lower()) from error
-    except ValueError as error:  # a zero byte in its name
-        raise TraceError(str(error)) from error
-    too_large = f"larger than {MAX_BYTES // 1_000_000} MB"
-    raise TraceError(too_large if is_file(path) else "not a file")
+def _times(drive: RecordedDrive) -> Floats:
+    """Return the times (s) of all points, or of none."""
+    return NO_VALUES if bool(np.isnan(drive.time_s).any()) else drive.time_s
 
 
-def _reader(suffix: str, text: str) -> Callable[[str], DriveOfPoints]:
-    by_suffix = {".csv": read_csv, ".gpx": read_gpx, ".nmea": read_nmea}
-    if suffix in by_suffix:
-        return by_suffix[suffix]
-    if text.lstrip().startswith("<"):
-        return read_gpx
-    return read_nmea if any(line.startswith("$") for line in text.splitlines()) else read_csv
-
-
-def _sifted(drive: DriveOfPoints) -> DriveOfPoints:
-    """Remove points off the earth, points without time among timed ones, and repeated fixes."""
-    sifted = replace(drive, points=[], skipped=list(drive.skipped))
-    timed = sum(point.time is not None for point in drive.points)
-    mostly_timed = 2 * timed > len(drive.points)
-    for point in drive.points:
-        if drive.geodetic and not _on_earth(*point.position):
-            latitude, longitude = point.position
-            sifted.skipped.append(f"{point.place}: latitude {latitude}, longitude {longitude}")
-        elif mostly_timed and point.time is None:
-            sifted.skipped.append(f"{point.place}: no time")
-        elif not (sifted.points and _is_repeated(sifted.points[-1], point)):
-            sifted.points.append(point)
-    if not sifted.points:
-        reason = f", {sifted.skipped[0]}" if sifted.skipped else ""
-        raise TraceError(f"no valid point{reason}")
-    return sifted
-
-
-def _is_repeated(before: RecordedPoint, point: RecordedPoint) -> bool:
-    """Whether a fix is repeated, since the recorder polls faster than the receiver measures."""
-    same_time = point.time is not None and point.time == before.time
-    return same_time and point.position == before.position
-
-
-def _on_earth(latitude: float, longitude: float) -> bool:
-    return abs(latitude) <= 90.0 and abs(longitude) <= 360.0  # False for NaN, too
-
-
-def _check_order(drive: DriveOfPoints) -> None:
-    for before, after in itertools.pairwise(drive.points):
-        if before.time is not None and after.time is not None and after.time < before.time:
-            back = before.time - after.time
-            raise TraceError(f"{after.place}: time runs back by {back:.3f} s")
-
-
-def _laid_out(source: str, drive: DriveOfPoints, origin: Origin | None) -> DriveInPlane:
-    points = drive.points
-    if drive.geodetic:
-        origin = origin or _first_point(points)
-        east, north = zip(*_in_plane(points, LocalPlane(origin), origin.altitude_m), strict=True)
-    else:
-        origin = None
-        east, north = zip(*(point.position for point in points), strict=True)
-    times = [point.time for point in points if point.time is not None]
-    timed = len(times) == len(points)
-    left = cleaned(np.array((east, north)), times if timed else ())
-    kept, speeds = left.kept, _speeds(points)
-    remarks = list(_remarks(left, points))
-    if speeds and not any(speeds):
-        speeds = ()
-        instead = "speeds follow from the times" if timed else "speeds are ignored"
-        remarks.append(f"every recorded speed is 0 while the position changes: {instead}")
-    first = times[kept[0]] if timed else 0.0
-    stood = sum(one.last - one.first + 1 for one in left.stands)
+def _driven(source: str, drive: RecordedDrive, left: Cleaned, part: Part) -> DriveInPlane:
+    """Put the kept points of `part` together; positions of `drive` are in the plane (m)."""
+    times, kept = _times(drive), np.asarray(left.kept)
+    skipped = drive.left_out.total
+    _list_jumps(drive, left)
+    since_start = times[kept] - times[kept[0]] if times.size else NO_VALUES
+    along = np.concatenate((np.zeros(1), np.cumsum(step_lengths(left.points))))
+    zero = float(times[kept[0]]) if times.size else 0.0
+    chosen = points_within(part, since_start, along)
+    remarks = (*drive.remarks, *_remarks(left, drive, times))
+    speeds, about_speeds = usable_speeds(drive.speed_mps, times, drive.position)
+    kept, points = kept[chosen], left.points[:, chosen]
+    since_part = since_start[chosen] - since_start[chosen][:1]
     return DriveInPlane(
         source=source,
-        origin=origin,
-        east_m=tuple(left.points[0].tolist()),
-        north_m=tuple(left.points[1].tolist()),
-        time_s=tuple(times[k] - first for k in kept) if timed else (),
-        speed_mps=tuple(_speed_at(left, speeds)) if speeds else (),
-        skipped=tuple(drive.skipped),
-        clock=drive.clock if timed else None,
-        epoch_s=drive.zero + first if timed else 0.0,
-        source_unit=points[0].place.split()[0],
-        source_numbers=tuple(int(points[k].place.split()[1]) for k in kept),
-        noise_m=left.noise,
-        jumping_points=sum(jump.last - jump.first + 1 for jump in left.jumps),
-        standing_points=stood,
-        remarks=tuple(remarks),
+        format_name=drive.format_name,
+        clock=drive.clock if times.size else None,
+        epoch_s=drive.zero_s + float(times[kept[0]]) if times.size else 0.0,
+        source_unit=drive.unit,
+        source_numbers=drive.numbers[kept],
+        noise_m=left.noise if part.is_whole else _noise(left, kept, points),
+        skipped_lines=skipped,
+        jumping_points=drive.left_out.total - skipped,
+        standing_points=sum(stand.last - stand.first + 1 for stand in left.stands),
+        remarks=(*remarks, *about_speeds),
+        east_m=points[0],
+        north_m=points[1],
+        time_s=since_part,
+        speed_mps=NO_VALUES if speeds is None else _speeds_at(kept, speeds, left),
+        begin_s=float(since_start[chosen][0]) if times.size else 0.0,
+        begin_m=float(along[chosen][0]),
+        pauses=pauses_in(points, since_part),
+        left_out=drive.left_out,
+        left_out_lines=drive.left_out.lines(drive.unit, zero),
+        record_m=drive.position,
+        record_count=drive.count,
     )
 
 
-def _speed_at(left: Cleaned, speeds: tuple[float, ...]) -> Iterator[float]:
-    """Yield the speeds of kept points, 0 at standstill."""
-    still = {k for stand in left.stands for k in stand.core}
-    return (0.0 if k in still else speeds[k] for k in left.kept)
+def _speeds_at(kept: Ints, speeds: Floats, left: Cleaned) -> Floats:
+    """Return the speeds of kept points, 0 at standstill."""
+    still = [k for stand in left.stands for k in stand.core]
+    return np.where(np.isin(kept, still), 0.0, speeds[kept])
 
 
-def _remarks(left: Cleaned, points: list[RecordedPoint]) -> Iterator[str]:
+def _noise(left: Cleaned, kept: Ints, points: Floats) -> float:
+    """Return the noise (m) of a part: of its points, and of the standstills in it."""
+    within = [s.wander for s in left.stands if kept[0] <= s.core[0] and s.core[1] <= kept[-1]]
+    return max([noise_deviation(points), *within])
+
+
+def _list_jumps(drive: RecordedDrive, left: Cleaned) -> None:
+    for jump in left.jumps:
+        for k in range(jump.first, jump.last + 1):
+            drive.list_left_out(k, "jump", f"jumps by {jump.size:.1f} m")
+
+
+def _remarks(left: Cleaned, drive: RecordedDrive, times: Floats) -> Iterator[str]:
     def where(k: int) -> str:
-        begun, at = points[left.kept[0]].time, points[k].time
-        if begun is None or at is None:
-            return points[k].place
-        return f"{points[k].place} ({at - begun:.1f} s)"
+        place = f"{drive.unit} {drive.numbers[k]}"
+        return f"{place} ({times[k] - times[left.kept[0]]:.1f} s)" if times.size else place
 
     if left.jumps:
         count = sum(jump.last - jump.first + 1 for jump in left.jumps)
@@ -220,61 +196,73 @@ def _remarks(left: Cleaned, points: list[RecordedPoint]) -> Iterator[str]:
         yield f"{points_jump} left out, by {worst.size:.1f} m at {where(worst.first)}{others}"
     for stand in left.stands:
         first, last = stand.core
-        begun, ended = points[first].time, points[last].time
-        span = f" for {ended - begun:.0f} s" if begun is not None and ended is not None else ""
+        span = f" for {times[last] - times[first]:.0f} s" if times.size else ""
         count = stand.last - stand.first + 1
         if stand.first == 0:
             begin = where(last)
             yield f"the drive starts at its first movement, at {begin}: {count} points left out"
-        elif stand.last == len(points) - 1:
+        elif stand.last == drive.count - 1:
             yield f"the drive ends where it stops, at {where(first)}: {count} points left out"
         else:
             yield f"the car stands{span} from {where(first)} on: {count} points become one place"
 
 
-def _speeds(points: list[RecordedPoint]) -> tuple[float, ...]:
-    """Return a speed per point if most have one; the others repeat the previous one."""
-    known = [point.speed for point in points if point.speed is not None]
-    if 2 * len(known) <= len(points):
-        return ()
-    speeds = [known[0]]
-    for point in points:
-        speeds.append(speeds[-1] if point.speed is None else abs(point.speed))
-    return tuple(speeds[1:])
-
-
-def _first_point(points: list[RecordedPoint]) -> Origin:
-    latitude, longitude = points[0].position
-    altitude = points[0].altitude or 0.0
+def _first_point(drive: RecordedDrive) -> Origin:
+    latitude, longitude = drive.position[:, 0].tolist()
+    least, most = ALTITUDES
+    usable = drive.altitude_m[(drive.altitude_m >= least) & (drive.altitude_m <= most)]
+    altitude = float(usable[0]) if usable.size else 0.0
     if not abs(latitude) <= 89.0:
-        raise TraceError(f"{points[0].place}: latitude {latitude:g} deg, allowed -89 to 89")
-    if not -500.0 <= altitude <= 10_000.0:
-        raise TraceError(f"{points[0].place}: altitude {altitude:g} m, allowed -500 to 10000")
+        place = f"{drive.unit} {drive.numbers[0]}"
+        raise TraceError(f"{place}: latitude {latitude:g} deg, allowed -89 to 89")
     return Origin(latitude, (longitude + 180.0) % 360.0 - 180.0, altitude)
 
 
-def _in_plane(
-    points: list[RecordedPoint], plane: LocalPlane, altitude: float
-) -> list[tuple[float, float]]:
+def _in_plane(drive: RecordedDrive, origin: Origin) -> Floats:
     """Project points into the plane at the origin's height, to ignore noise in height."""
-    places = []
-    for point in points:
+    plane = LocalPlane(origin)
+    points = plane.to_plane_all(drive.position[0], drive.position[1], origin.altitude_m)
+    beyond = np.flatnonzero(np.isnan(points[0]))
+    if beyond.size:
+        k = int(beyond[0])
+        latitude, longitude = drive.position[:, k].tolist()
         try:
-            places.append(plane.to_plane(*point.position, altitude))
+            plane.to_plane(latitude, longitude, origin.altitude_m)
         except ValueError as error:
-            raise TraceError(f"{point.place}: {error}") from error
-    return places
+            raise TraceError(f"{drive.unit} {drive.numbers[k]}: {error}") from error
+    return points
 
 
 def _check_shape(trace: DriveInPlane) -> None:
-    places = list(zip(trace.east_m, trace.north_m, strict=True))
-    named = [f"{trace.source_unit} {number}" for number in trace.source_numbers]
-    if len(places) == 1:
-        raise TraceError(f"only one valid point, {named[0]}")
-    for (before, after), name in zip(itertools.pairwise(places), named[1:], strict=True):
-        jump = math.dist(before, after)
-        if jump >= MAX_JUMP:
-            raise TraceError(f"{name}: {jump / 1000:.1f} km from the point before")
-    extent = max(math.dist(places[0], place) for place in places)
+    points = np.array((trace.east_m, trace.north_m))
+    numbers, unit = trace.source_numbers, trace.source_unit
+    if numbers.size == 1:
+        raise TraceError(f"only one valid point, {unit} {numbers[0]}")
+    steps = step_lengths(points)
+    long = np.flatnonzero(steps >= MAX_JUMP)
+    if long.size:
+        raise TraceError(_apart(trace, int(long[0]), float(steps[long[0]]), steps))
+    extent = float(np.max(np.hypot(*(points - points[:, :1]))))
     if extent < LEAST_EXTENT:
-        raise TraceError(f"all {len(places)} points lie within {extent:.2f} m, so there is no path")
+        raise TraceError(
+            f"all {numbers.size} points lie within {extent:.2f} m, so there is no path"
+        )
+
+
+def _apart(trace: DriveInPlane, k: int, step: float, steps: Floats) -> str:
+    """Explain a step of more than MAX_JUMP after point k, and how to drive one of its sides."""
+    place = f"{trace.source_unit} {trace.source_numbers[k + 1]}"
+    if trace.time_s.size:
+        ends, begins, unit = (
+            trace.begin_s + trace.time_s[k],
+            trace.begin_s + trace.time_s[k + 1],
+            "s",
+        )
+    else:
+        ends = trace.begin_m + float(np.sum(steps[:k]))
+        begins, unit = ends + step, "m"
+    return (
+        f"{place}: {step / 1000:.1f} km from the point before: set path.to_{unit} = "
+        f"{math.ceil(10.0 * ends) / 10.0:g} to end before it, or path.from_{unit} = "
+        f"{math.floor(10.0 * begins) / 10.0:g} to start at it"
+    )

@@ -96,6 +96,7 @@ class RecordedDrive:
     speed_mps: Floats
     clock: Clock | None = None
     zero_s: float = 0.0
+    format_name: str = ""
     left_out: LeftOutRecords = field(default_factory=LeftOutRecords)
     remarks: tuple[str, ...] = ()
 

@@ -3,14 +3,16 @@
 import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from scenarios.definition.errors import SettingError
-from scenarios.definition.library import TRACES
+from scenarios.definition.library import TRACES, exists
 from scenarios.definition.schema.path_tables import PointsPath, TracePath
 from scenarios.definition.schema.scenario_tables import OriginTable, ScenarioTables, VehicleTable
-from scenarios.definition.traces.reading import DriveInPlane, is_file, read_trace
+from scenarios.definition.traces.part import Part, PartError
+from scenarios.definition.traces.reading import DriveInPlane, read_trace
 from scenarios.definition.traces.recorded_drive import TraceError
 from vehicles.geometry.bridges import step_lengths
 from vehicles.geometry.geodesy import REACH, Origin
@@ -42,8 +44,18 @@ def with_points(tables: ScenarioTables, folder: Path) -> ScenarioTables:
     table = tables.path
     given = Origin(**tables.origin.model_dump()) if tables.origin else None
     if isinstance(table, TracePath):
+        part = Part(**{key: getattr(table, key) for key in Part.__slots__})
         try:
-            trace = read_trace(_file(table.file, folder), origin=given, vehicle=table.vehicle)
+            trace = read_trace(
+                _file(table.file, folder),
+                origin=given,
+                vehicle=table.vehicle,
+                topic=table.topic,
+                part=part,
+                pauses=table.pauses,
+            )
+        except PartError as error:
+            raise SettingError(f"path.{error.key}", str(error)) from error
         except TraceError as error:
             raise SettingError("path.file", str(error)) from error
         given = trace.origin or given
@@ -117,16 +129,21 @@ def points_of(trace: DriveInPlane, table: TracePath) -> PointsPath:
     if "smoothing_m" not in table.model_fields_set:
         smoothing = max(smoothing, _needed_smoothing(trace))
         narrower = tuple(width for width in NARROWER if width < smoothing)
+    fields: dict[str, Any] = {key: getattr(trace, key) for key in _KEPT}
+    fields |= {key: tuple(getattr(trace, key).tolist()) for key in _COLUMNS}
     return PointsPath(
         kind="points",
         source=table.file,
-        skipped_lines=len(trace.skipped),
-        skipped_first=trace.skipped[0] if trace.skipped else "",
+        left_out=trace.left_out_lines,
         geodetic=trace.origin is not None,
         remarks=trace.remarks,
         smoothing_m=smoothing,
         narrower_m=narrower,
-        **{key: getattr(trace, key) for key in _KEPT},
+        pause_points=tuple(pause.point for pause in trace.pauses),
+        pause_lasts_s=tuple(pause.lasts_s for pause in trace.pauses),
+        pause_lost_s=tuple(pause.lost_s for pause in trace.pauses),
+        pauses="cut" if trace.pauses_cut else "keep",
+        **fields,
         **table.model_dump(include={"closed", "laps"}),
     )
 
@@ -141,9 +158,10 @@ def _needed_smoothing(trace: DriveInPlane) -> float:
 
 
 _KEPT = (
-    "east_m", "north_m", "time_s", "speed_mps", "clock", "epoch_s", "source_unit",
-    "source_numbers", "noise_m", "jumping_points", "standing_points",
+    "clock", "epoch_s", "source_unit", "begin_s", "begin_m", "noise_m", "skipped_lines",
+    "jumping_points", "standing_points",
 )  # fmt: skip
+_COLUMNS = ("east_m", "north_m", "time_s", "speed_mps", "source_numbers")
 """Fields that points take from their drive."""
 
 
@@ -175,7 +193,7 @@ def _moved(table: PointsPath, east: float, north: float) -> PointsPath:
 
 def _file(given: str, folder: Path) -> Path:
     own, shipped = folder / given, TRACES / given
-    return shipped if is_file(shipped) and not is_file(own) else own
+    return shipped if exists(shipped) and not exists(own) else own
 
 
 def _origin_table(origin: Origin | None) -> OriginTable:

@@ -1,5 +1,6 @@
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -162,3 +163,15 @@ def test_the_plane_is_that_of_pymap3d(
     east, north, _ = geodetic2enu(*point, latitude, longitude, altitude, ell=WGS84)
     # The last digit of NumPy's sine may depend on the processor; it is 1 nm on the earth.
     assert plane.to_plane(*point) == pytest.approx((east, north), rel=0.0, abs=5e-9)
+
+
+def test_many_points_give_the_bits_of_single_ones() -> None:
+    random = np.random.default_rng(7)
+    latitudes = 48.137 + random.normal(0.0, 0.5, 500)
+    longitudes = 11.575 + random.normal(0.0, 0.5, 500)
+    many = PLANE.to_plane_all(latitudes, longitudes, 519.0)
+    for k, point in enumerate(zip(latitudes.tolist(), longitudes.tolist(), strict=True)):
+        if PLANE.reaches(*point, 519.0):
+            assert tuple(many[:, k].tolist()) == PLANE.to_plane(*point, 519.0)
+        else:
+            assert np.isnan(many[:, k]).all()
