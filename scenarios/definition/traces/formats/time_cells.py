@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta, timezone, tzinfo
 from typing import Final, NamedTuple
 
@@ -22,6 +22,9 @@ SHORTEST_STEP: Final = 5e-4
 
 UNKNOWN: Final = frozenset(("", "nan", "NaN", "NAN", "null", "None", "N/A", "-"))
 """Cells without a value."""
+
+ABSURD: Final = 1e30
+"""Least number that no clock and no position has."""
 
 SAMPLE: Final = 101
 """Number of cells from which the kind of a column is guessed."""
@@ -110,12 +113,12 @@ def as_number(cell: str) -> float:
 
 
 def as_numbers(cells: Sequence[str]) -> Floats:
-    """Return the numbers of cells, NaN where there is none or it is not finite."""
+    """Return the numbers of cells, NaN where there is none or it is absurd."""
     try:
         values = np.fromiter(map(float, cells), float, len(cells))
     except ValueError:
         values = np.fromiter(map(as_number, cells), float, len(cells))
-    values[~np.isfinite(values)] = math.nan
+    values[~(np.abs(values) < ABSURD)] = math.nan
     return values
 
 
@@ -131,10 +134,11 @@ def _numbers(cells: Sequence[str], unit: str | None) -> TimeColumn:
             whole = np.fromiter(map(int, cells), np.int64, len(cells))
         except (ValueError, OverflowError):
             return _from_zero(values, UNITS[name], remarks)
-        zero = _zero(values / 1e9)
+        zero = first_usual(values / 1e9)
         seconds = (whole - int(zero) * 1_000_000_000) / 1e9
         return TimeColumn(seconds, "unix", zero, remarks)
-    return _from_zero(values, UNITS[name], remarks)
+    column = _from_zero(values, UNITS[name], remarks)
+    return replace(column, seconds=np.round(column.seconds, 6)) if name == "s" else column
 
 
 def _unit(values: Floats, unit: str | None) -> tuple[str, bool]:
@@ -152,14 +156,15 @@ def _unit(values: Floats, unit: str | None) -> tuple[str, bool]:
 
 def _from_zero(values: Floats, per_second: float, remarks: tuple[str, ...]) -> TimeColumn:
     """Count Unix times from a whole second, so that fractions keep their precision."""
-    zero = _zero(values / per_second)
+    zero = first_usual(values / per_second)
     return TimeColumn((values - zero * per_second) / per_second, "unix", zero, remarks)
 
 
-def _zero(seconds: Floats) -> float:
-    """Return the whole second of the first time near the median."""
-    near = np.abs(seconds - np.nanmedian(seconds)) < 1e6
-    return float(np.floor(seconds[np.argmax(near)]))
+def first_usual(seconds: Floats) -> float:
+    """Return the whole second of the first time near the middle one."""
+    known = seconds[np.isfinite(seconds)]
+    middle = np.partition(known, known.size // 2)[known.size // 2]
+    return float(np.floor(known[np.argmax(np.abs(known - middle) < 1e6)]))
 
 
 def _time_of_day(cell: str) -> float:
@@ -235,7 +240,7 @@ def _day(date: str) -> _Day:
             remarks.add(NO_ZONE)
             moment = moment.replace(tzinfo=UTC)
         return _Day((moment - EPOCH) / MICROSECOND, frozenset(remarks))
-    except (ValueError, OverflowError):
+    except (ValueError, ArithmeticError):
         return _Day(math.nan)
 
 

@@ -150,8 +150,9 @@ def parsed(place: int, name: str) -> NamedColumn:
         base, unit = base[:-3], base[-3:]
     if unit is None and base in UNIT_NAMES:
         unit = UNIT_NAMES[base]
+    shown = "".join(letter if letter.isprintable() else "?" for letter in name.strip(" \t\"'")[:40])
     return NamedColumn(
-        place, name.strip(), "/".join(path[:-1]), base, unit, "_".join(every[:-1]), every[-1]
+        place, shown, "/".join(path[:-1]), base, unit, "_".join(every[:-1]), every[-1]
     )
 
 

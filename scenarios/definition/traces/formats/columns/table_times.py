@@ -15,6 +15,7 @@ from scenarios.definition.traces.formats.time_cells import (
     WEEK_S,
     TimeColumn,
     as_numbers,
+    first_usual,
     read_times,
     utc_from_gps,
 )
@@ -99,9 +100,8 @@ def _date(cell: str) -> str:
 
 def _stamped(seconds: Floats, nanos: Floats) -> TimeColumn:
     known = seconds[np.isfinite(seconds)]
-    middle = float(np.median(known)) if known.size else 0.0
-    unix = UNIX_RANGE[0] <= middle <= UNIX_RANGE[1]
-    zero = float(known[np.abs(known - middle) < 1e6][0]) if unix else 0.0
+    unix = known.size > 0 and UNIX_RANGE[0] <= np.median(known) <= UNIX_RANGE[1]
+    zero = first_usual(known) if unix else 0.0
     return TimeColumn(seconds - zero + nanos / 1e9, "unix" if unix else None, zero, ())
 
 

@@ -284,6 +284,27 @@ def test_a_spoiled_line_is_left_out_with_its_reason(line: str) -> None:
     assert (number, reason) == (3, SPOILED[line])
 
 
+def test_absurd_numbers_are_no_numbers() -> None:
+    drive = read_table("t_s,x_m,y_m\n0,0,0\n1e300,1,0\n2,1e300,0\n3,3,0")
+    same(drive.time_s, [0.0, math.nan, 3.0])
+    same(drive.numbers, [2, 3, 5])
+
+
+def test_names_are_shown_in_one_short_line() -> None:
+    drive = read_table('"g\x07/lat (deg)",g\x07/lon\nabc,1\n')
+    (record,) = drive.left_out.records
+    assert record.reason == "g?/lat (deg) is 'abc'"
+
+
+@pytest.mark.parametrize(
+    "header", ["x,y", "lat,lon", "ecef_x,ecef_y,ecef_z", "time,date,x,y,speed"]
+)
+def test_a_header_alone_is_a_drive_without_points(header: str) -> None:
+    drive = read_table(f"{header}\n")
+    assert drive.count == 0
+    assert drive.left_out.total == 0
+
+
 def test_two_files_in_one_lose_the_second_header() -> None:
     part = "x_m,y_m,t_s\n0,0,0\n1,0,1\n"
     drive = read_table(part + part)
