@@ -1,7 +1,9 @@
 """Records whose times run back: out of order, of a wrong time, or after a leap of the clock."""
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +25,13 @@ SOURCES = 3
 SURE = 20.0
 """Ratio of two paths from which on positions overrule what the times show."""
 
-MOST_RANGES = 1000
+RARE = 0.05
+"""Share of records of the time before below which such a time is a fault."""
+
+MOST_LEAPS = 0.1
+"""Share of records with a leap of the clock above which times are unusable."""
+
+MOST_RANGES = 10_000
 """Largest number of ranges that are examined; a drive of more leaps has no usable times."""
 
 Places = NDArray[np.int64]
@@ -92,7 +100,7 @@ def excursions_of(times: Floats, numbers: Places, usual: float) -> list[tuple[in
     matches = (opens * closes < 0.0) & (np.abs(opens + closes - expected) < 0.5 * usual)
     matches &= np.minimum(np.abs(opens), np.abs(closes)) > 2.5 * usual
     matches &= 2 * (odd[1:] - odd[:-1]) < len(times)
-    if 10 * int(matches.sum()) > max(len(times), 50):
+    if int(matches.sum()) > max(SHORT, MOST_LEAPS * len(times)):
         return []
     result: list[tuple[int, int]] = []
     for k in np.flatnonzero(matches).tolist():
@@ -102,18 +110,21 @@ def excursions_of(times: Floats, numbers: Places, usual: float) -> list[tuple[in
     return result
 
 
-def longest_order(times: Floats) -> Mask:
-    """Mark a longest subsequence that never decreases (patience sorting)."""
+def longest_order(times: Floats, bisect: Callable[[list[float], float], int]) -> Mask:
+    """Mark a longest subsequence in order (patience sorting).
+
+    It increases with `bisect_left`, and never decreases with `bisect_right`.
+    """
     ends: list[float] = []
     ended_by: list[int] = []
     previous: list[int] = []
     for k, time in enumerate(times.tolist()):
-        if not ends or time >= ends[-1]:
+        pile = bisect(ends, time) if ends and time <= ends[-1] else len(ends)
+        if pile == len(ends):
             previous.append(ended_by[-1] if ended_by else -1)
             ends.append(time)
             ended_by.append(k)
         else:
-            pile = bisect_right(ends, time)
             previous.append(ended_by[pile - 1] if pile else -1)
             ends[pile] = time
             ended_by[pile] = k
@@ -134,12 +145,17 @@ def disorder_of(times: Floats, places: Complex, numbers: Places, usual: float) -
     """
     result = Disorder(np.arange(len(times), dtype=float), np.zeros(len(times), bool), [])
     travelled = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(places)))))
+    step = float(np.median(np.diff(travelled))) if len(times) > 1 else 0.0
+    repeated = float((np.diff(times) == 0.0).mean()) if len(times) > 1 else 0.0
+    bisect = bisect_left if repeated < RARE else bisect_right
     ranges = [(0, len(times))]
     for _ in range(MOST_RANGES):
         if not ranges:
             break
         begin, end = ranges.pop()
-        marked = longest_order(times[begin:end])
+        if bool((np.diff(times[begin:end]) >= 0.0).all()):
+            continue
+        marked = longest_order(times[begin:end], bisect)
         if marked.all():
             continue
         runs = _runs(marked, begin, times)
@@ -147,15 +163,16 @@ def disorder_of(times: Floats, places: Complex, numbers: Places, usual: float) -
         in_time = _detour_in_time(runs, times, places)
         lacking = _lacks_time(runs, times, numbers, usual)
         ratio = _most_detour(_fills_holes(runs, times, usual), lacking)
-        moved = in_time <= ratio * in_file + np.where(ratio < 1.0, -1e-9, 1e-9)
+        floor = np.where(ratio > 1.0, runs.length * step, np.where(ratio < 1.0, -1e-9, 1e-9))
+        moved = in_time <= ratio * in_file + floor
         chosen = moved[runs.run]
         slot = runs.slot[chosen]
         key = np.where(slot < 0, runs.kept[0] - 0.5, runs.kept[slot] + 0.5)
         result.key[runs.out[chosen]] = key
         leaps = ~moved & lacking
         _mark_wrong(result, runs, np.flatnonzero(~moved & ~leaps), times)
-        leaping = np.flatnonzero(leaps & (runs.length > SHORT)).tolist()
-        ranges += [(int(runs.first[k]), int(runs.last[k]) + 1) for k in leaping]
+        for k in np.flatnonzero(leaps & (runs.length > 1)).tolist():
+            ranges += _parts(times, int(runs.first[k]), int(runs.last[k]) + 1)
     return result
 
 
@@ -231,6 +248,18 @@ def _lacks_time(runs: _Runs, times: Floats, numbers: Places, usual: float) -> Ma
     high = runs.kept[np.minimum(runs.before + 1 + wider, count - 1)]
     lacking = (numbers[high] - numbers[low]) * usual - (times[high] - times[low])
     return np.asarray(np.where(inside, lacking > (0.25 + 0.5 * length) * usual, length > SHORT))
+
+
+def _parts(times: Floats, begin: int, end: int) -> list[tuple[int, int]]:
+    """Return the ranges between the largest steps back in a range, none if it has no such step."""
+    steps = np.diff(times[begin:end])
+    largest = float(steps.min())
+    if largest >= 0.0:
+        return []
+    edges = (begin + 1 + np.flatnonzero(steps <= largest / 2.0)).tolist()
+    if len(edges) > max(1.0, MOST_LEAPS * (end - begin)):
+        return []
+    return [(a, b) for a, b in pairwise([begin, *edges, end]) if b - a > 1]
 
 
 def _mark_wrong(result: Disorder, runs: _Runs, wrong: Places, times: Floats) -> None:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from scenarios.definition.traces.disorder import (
     LEAP,
+    MOST_LEAPS,
     SHORT,
     Complex,
     Mask,
@@ -24,9 +25,6 @@ MOST_LEAPING = 0.25
 
 LONGEST_PAUSE = 100 * 86_400.0
 """Step in time (s) beyond which the clock was wrong; smaller ones are a drive of several days."""
-
-MOST_TIMES_RUN_BACK = 0.1
-"""Share of points with a leap of the clock above which the times are unusable."""
 
 COARSE = 1.5
 """Mean number of moving points of the same time from which on times are coarse."""
@@ -150,7 +148,8 @@ def _without_duplicates(drive: RecordedDrive) -> RecordedDrive:
     count = int(repeated.sum())
     if not count:
         return drive
-    remark = f"{count} records repeat the time and position of an earlier one and are ignored"
+    repeat = "record repeats" if count == 1 else "records repeat"
+    remark = f"{count} {repeat} the time and position of an earlier one: ignored"
     return drive.selected(~repeated).with_remarks(remark)
 
 
@@ -167,17 +166,19 @@ def _sorted(drive: RecordedDrive) -> RecordedDrive:
     found = disorder_of(right[timed], _plane(drive)[timed], timed, usual)
     right[timed[found.wrong]] = np.nan
     remarks += _without_excursions(drive, right, timed, found.runs)
+    remarks = _limited(remarks)
     _list_wrong(drive, right)
     key = np.arange(drive.count, dtype=float)
     moved = found.key % 1.0 != 0.0
     key[timed[moved]] = timed[np.floor(found.key[moved]).astype(int)] + 0.5
     key[timed[found.key < 0.0]] = -0.5
-    count = int(moved.sum())
+    order = np.lexsort((right, key))
+    count = int((moved & (found.key != np.arange(len(timed)) - 0.5)).sum())
     if count:
         verb = "record is" if count == 1 else "records are"
         remarks.append(f"{count} {verb} out of order and sorted by time")
-    drive = replace(drive, time_s=right).with_remarks(*_limited(remarks))
-    return drive.selected(np.lexsort((right, key))) if count else drive
+    drive = replace(drive, time_s=right).with_remarks(*remarks)
+    return drive.selected(order) if count else drive
 
 
 def _without_excursions(
@@ -223,7 +224,7 @@ def _with_one_clock(drive: RecordedDrive) -> RecordedDrive:
     leaps = np.flatnonzero((steps < 0.0) | (steps > LONGEST_PAUSE) | _stops(steps, distances))
     if not leaps.size:
         return drive
-    if leaps.size > max(MOST_REMARKED, MOST_TIMES_RUN_BACK * len(times)):
+    if leaps.size > max(MOST_REMARKED, MOST_LEAPS * len(times)):
         untimed = replace(drive, time_s=np.full(drive.count, np.nan), clock=None, zero_s=0.0)
         reason = f"time runs back at {leaps.size} of {len(times)} points"
         return untimed.with_remarks(f"{reason}: the drive has no times")
@@ -327,7 +328,9 @@ def _spread(drive: RecordedDrive) -> RecordedDrive:
     within = np.arange(len(times)) - np.repeat(starts, sizes)
     column = np.repeat(values, sizes) + within * np.repeat(interval, sizes)
     column = np.maximum.accumulate(column)
-    remark = f"{len(times) - len(starts)} points have the time of the point before: spread evenly"
+    count = len(times) - len(starts)
+    have = "point has" if count == 1 else "points have"
+    remark = f"{count} {have} the time of the point before: spread evenly up to the next"
     if mean >= COARSE:
         remark = f"{mean:.3g} points have the same time on average: spread evenly over {usual:g} s"
     return replace(drive, time_s=column).with_remarks(remark)
