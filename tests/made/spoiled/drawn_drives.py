@@ -3,7 +3,6 @@
 import math
 from dataclasses import dataclass, replace
 from random import Random
-from typing import Any
 
 from hypothesis import strategies as st
 
@@ -101,7 +100,9 @@ def spoiled_drives(draw: st.DrawFn) -> SpoiledDrive:
     applicable = [name for name, (_, forms) in HARMLESS.items() if kind in forms]
     textual = kind in {"csv", "gpx", "nmea"}
     utf_16 = form == "utf-16 csv"
-    chosen: list[Any] = draw(st.lists(st.sampled_from(applicable or [""]), max_size=2, unique=True))
+    chosen: list[str] = draw(st.lists(st.sampled_from(applicable or [""]), max_size=2, unique=True))
+    if "utf-16" in chosen:
+        chosen = ["utf-16"]  # other bytes would be none of its encoding
     return SpoiledDrive(
         drive=draw(good_drives()),
         form=form,

@@ -129,7 +129,8 @@ TABLES: dict[str, Table] = {
 def pos(recording: Recording) -> bytes:
     """A solution of RTKLIB, in its default form."""
     rows = [
-        f"{_date(fix.time):%Y/%m/%d %H:%M:%S.%f}"[:-3]
+        fix.row
+        or f"{_date(fix.time):%Y/%m/%d %H:%M:%S.%f}"[:-3]
         + "  {:13.9f} {:14.9f}".format(*fix.latitude_longitude)
         + f" {_cell(fix.height):>10}   1  12   0.0080   0.0080   0.0150"
         for fix in recording.fixes

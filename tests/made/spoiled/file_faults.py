@@ -9,7 +9,7 @@ FileFault = Callable[[bytes, Random], bytes]
 
 GARBAGE = {
     "csv": (
-        "abc,def,ghi", "nan,nan,nan,nan", "1,2", "#", "inf,inf,inf,inf", '"open quote,1,2',
+        "abc,def,ghi", "nan,nan,nan,nan", "7", "#", "inf,inf,inf,inf", '"open quote,1,2',
         "1" * 400, ",,,", "1e999,1e999,1e999,5", "\x01\x02\x03",
     ),
     "gpx": (

@@ -273,6 +273,12 @@ def spoiled(recording: Recording, names: Iterable[str], seed: int) -> Recording:
     return recording
 
 
+NO_EMPTY_CELLS = ("pos csv", "savetxt csv")
+"""Formats in which an empty cell has no meaning."""
+
+EMPTYING = ("unreadable times", "no times", "sparse speeds", "missing heights", "some heights")
+
+
 def combined(names: Iterable[str], form: str) -> list[str]:
     """Return those of `names` that apply to a format and can be combined, the first of each."""
     result: list[str] = []
@@ -280,6 +286,8 @@ def combined(names: Iterable[str], form: str) -> list[str]:
     for name in names:
         kind = KINDS[name]
         applies = not kind.formats or any(form.endswith(end) for end in kind.formats)
+        if form in NO_EMPTY_CELLS and name in EMPTYING:
+            continue
         if name not in result and applies and not kind.excludes & excluded:
             result.append(name)
             excluded |= kind.excludes

@@ -71,7 +71,8 @@ def decoded(data: bytes) -> str:
     is_binary = BINARY.match(data) or controls > CONTROLS_MAX * len(data)
     if is_binary and not SENTENCE.search(data):
         raise TraceError(f"binary data, allowed {FORMATS}")
-    return text or _with_latin_1(data)
+    text = text or _with_latin_1(data)
+    return text.replace("\ufeff", "")  # marks of joined files, or behind zero bytes
 
 
 def _encoding(sample: bytes) -> str:
