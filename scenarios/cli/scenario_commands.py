@@ -1,15 +1,11 @@
 """Commands that list, check and write scenarios: list, check, new."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from scenarios.cli.common_options import json_option, scenario_options
-from scenarios.cli.error_lines import MissingExtraError, clear_errors, require
-
-if TYPE_CHECKING:
-    from scenarios.definition.scenario import Scenario
+from scenarios.cli.error_lines import clear_errors
 
 
 @click.command(name="list", epilog="Example: convoy list")
@@ -54,61 +50,42 @@ Examples:
   convoy check church_lot
   convoy check my.toml --set speed.set_mps=25 --json
   convoy check lossy_lane_change --explain       the laws of each link
+  convoy check drive.gpx --out drive.svg         a drive of your own, with a picture
 """
 )
 @scenario_options
 @click.option(
     "--explain", is_flag=True, help="Print each link's rule, laws, loss, delay and data age."
 )
+@click.option(
+    "-o",
+    "--output",
+    "--out",
+    "output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Draw the recorded drive of the path into a new PNG, SVG or PDF file.",
+)
 @json_option("Print the settings and figures as JSON.")
 def check(
-    *, scenario: str, overrides: tuple[str, ...], seed: int | None, explain: bool, as_json: bool
+    *,
+    scenario: str,
+    overrides: tuple[str, ...],
+    seed: int | None,
+    explain: bool,
+    output: Path | None,
+    as_json: bool,
 ) -> None:
     """Check a scenario and list warnings.
 
     SCENARIO is a shipped name (see `convoy list`), a TOML file, or a recorded drive, such as a GPX
-    file. Nothing is simulated.
+    file. Of a drive it also reports length, rate, noise, holes, pauses and what is left out, even
+    if it cannot be driven. Nothing is simulated.
     """
-    import json
-    from dataclasses import asdict
-
-    from rich.console import Console
-
-    from scenarios.cli.channel.link_settings import print_links
-    from scenarios.cli.guide.check_table import print_report
-    from scenarios.definition.check.findings import report_of
-    from scenarios.definition.check.link_forecast import link_forecasts
-    from scenarios.definition.scenario import load_scenario
+    from scenarios.cli.guide.checking import check_scenario
 
     with clear_errors():
-        loaded = load_scenario(scenario, overrides, seed)
-        report = report_of(loaded)
-        warnings = (*report.warnings, *_certificate_warnings(loaded))
-        links, receivers = link_forecasts(loaded) if explain else ((), ())
-        if as_json:
-            figures = asdict(report) | {"warnings": warnings}
-            if explain:
-                figures["explained"] = [asdict(link) for link in links]
-                figures["receivers"] = [asdict(receiver) for receiver in receivers]
-            click.echo(json.dumps(figures, indent=2))
-            return
-        if explain:
-            print_links(loaded.name, links, receivers, Console())
-        else:
-            print_report(report, Console())
-        for line in warnings:
-            click.echo(f"warning: {line}")
-
-
-def _certificate_warnings(scenario: "Scenario") -> tuple[str, ...]:
-    """Warn if a change of speed has no certificate of the gains, or if SciPy is missing."""
-    try:
-        require("certificate of the gains", "studies", "scipy")
-    except MissingExtraError as error:
-        return (str(error),)
-    from scenarios.definition.check.steering_loop import certificate_warnings
-
-    return tuple(certificate_warnings(scenario))
+        check_scenario(scenario, overrides, seed, explain=explain, output=output, as_json=as_json)
 
 
 @click.command(epilog="Example: convoy new > my.toml")

@@ -104,6 +104,11 @@ def read_file(name_or_path: str | Path) -> ScenarioFile:
         raise ScenarioError([f"{label}: {error}"]) from error
 
 
+def is_drive(name_or_path: str | Path) -> bool:
+    """Whether `read_file` takes a name for a recorded drive."""
+    return str(name_or_path) not in _shipped() and _is_drive(Path(name_or_path))
+
+
 def _is_drive(path: Path) -> bool:
     """Whether a file or folder exists that is no TOML file, by its name or its first key."""
     try:

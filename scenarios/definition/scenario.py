@@ -39,6 +39,7 @@ from scenarios.definition.run_limits import limit_problems
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.definition.schema.scenario_tables import ClockTable, OriginTable, ScenarioTables
 from scenarios.definition.topology import directed_links
+from scenarios.definition.traces.reading import OnDrive
 from scenarios.definition.traces.scenario_drives import (
     at_recorded_speed,
     with_points,
@@ -297,14 +298,19 @@ def _text_of(tables: ScenarioTables) -> str:
 
 
 def load_scenario(
-    name_or_path: str | Path, overrides: Sequence[str] = (), seed: int | None = None
+    name_or_path: str | Path,
+    overrides: Sequence[str] = (),
+    seed: int | None = None,
+    *,
+    on_drive: OnDrive = lambda _: None,
 ) -> Scenario:
     """Read a shipped scenario by its name, or a file; `overrides` are `key.path=value` in TOML.
 
     The scenario of a recorded drive drives along it, at its recorded speed if it has times.
+    `on_drive` receives the recorded drive of the lead, also if it is refused afterwards.
     Raises ScenarioError with a line for each mistake: file, key, given and allowed values.
     """
-    return _scenario(read_file(name_or_path), overrides, seed)
+    return _scenario(read_file(name_or_path), overrides, seed, on_drive)
 
 
 def scenario_from_text(
@@ -325,8 +331,13 @@ def scenario_from_text(
     return _scenario(file, overrides, seed)
 
 
-def _scenario(file: ScenarioFile, overrides: Sequence[str], seed: int | None) -> Scenario:
-    given, tables = _read(file, overrides, seed)
+def _scenario(
+    file: ScenarioFile,
+    overrides: Sequence[str],
+    seed: int | None,
+    on_drive: OnDrive = lambda _: None,
+) -> Scenario:
+    given, tables = _read(file, overrides, seed, on_drive)
     scenario = Scenario(tables)
     problems: list[Problem] = []
     with collected(problems):
@@ -341,7 +352,10 @@ def _scenario(file: ScenarioFile, overrides: Sequence[str], seed: int | None) ->
 
 
 def _read(
-    file: ScenarioFile, overrides: Sequence[str], seed: int | None = None
+    file: ScenarioFile,
+    overrides: Sequence[str],
+    seed: int | None = None,
+    on_drive: OnDrive = lambda _: None,
 ) -> tuple[MergedScenario, ScenarioTables]:
     """Read all keys and the files that they name; raises ScenarioError with all problems.
 
@@ -365,18 +379,18 @@ def _read(
         tables = _valid_part(raw, error)
     if tables is not None:
         problems += contradictions.controllers(tables)
-        tables = _with_files(tables, given, problems)
+        tables = _with_files(tables, given, problems, on_drive)
     if tables is None or problems or given.invalid_overrides:
         raise _scenario_error(given, problems)
     return given, tables
 
 
 def _with_files(
-    tables: ScenarioTables, given: MergedScenario, problems: list[Problem]
+    tables: ScenarioTables, given: MergedScenario, problems: list[Problem], on_drive: OnDrive
 ) -> ScenarioTables:
     """Replace the files that keys name by their contents; appends what is wrong with them."""
     with collected(problems):
-        tables = with_points(tables, given.folder("path.file"))
+        tables = with_points(tables, given.folder("path.file"), on_drive)
         if given.files[-1].is_drive:
             tables = at_recorded_speed(tables)
     with collected(problems):

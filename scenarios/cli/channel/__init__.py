@@ -1,8 +1,7 @@
-"""Commands and tables about links: configuration, laws, costs.
+"""Commands and tables about links: laws and their costs.
 
 channel_commands   convoy channel show and fit
 campaign_commands  convoy channel figure and cuts
-link_settings      the configuration of each link, for convoy check --explain
 comparison_tables  a law and a sample of it, for convoy channel show
 explanation_table  what a vehicle knew, for convoy explain
 """

@@ -1,5 +1,8 @@
-"""Shell completion, and the table of `convoy check`.
+"""Shell completion, and `convoy check`.
 
-completion   names and keys that a shell offers
-check_table  the configuration of a scenario as a table
+completion     names and keys that a shell offers
+checking       `convoy check`: the reports, and the picture of a drive
+check_table    the configuration of a scenario as a table
+drive_table    a recorded drive as a table
+link_settings  the configuration of each link, for --explain
 """

@@ -1,6 +1,7 @@
 """Figures and warnings of a scenario before it runs.
 
 findings        figures of the lead's planned run, and all warnings
+drive_report    facts of a recorded drive and of its path
 drive_warnings  warnings of recorded drives
 confirmation    settings that run only with --yes
 preview         whether followers receive enough poses of the path ahead

@@ -29,10 +29,8 @@ def drive_warnings(scenario: Scenario) -> Iterator[str]:
     tables = scenario.tables
     for name, drive in scenario.replays.items():
         if (table := tables.vehicle[name].drive) is not None:
-            yield from _left_out_warnings(table)
-            yield from (f"{table.source}: {remark}" for remark in table.remarks)
+            yield from recording_warnings(table, drive.road)
             yield from _width_warnings(table, drive.road)
-            yield from _hole_warnings(table, drive.road)
         yield from replay_warnings(tables, name, drive, scenario.route, scenario.duration_s)
 
 
@@ -40,11 +38,8 @@ def _path_warnings(scenario: Scenario) -> Iterator[str]:
     table, smoothed = scenario.tables.path, scenario.route.smoothed
     if not isinstance(table, PointsPath) or smoothed is None:
         return
-    yield from _left_out_warnings(table)
-    yield from (f"{table.source or 'path'}: {remark}" for remark in table.remarks)
-    yield from _pause_warnings(table)
+    yield from recording_warnings(table, smoothed)
     yield from _width_warnings(table, smoothed)
-    yield from _hole_warnings(table, smoothed)
     if smoothed.deviation_max > FAR_FROM_POINTS:
         yield (
             f"the path lies up to {smoothed.deviation_max:.1f} m from the recorded points "
@@ -52,6 +47,14 @@ def _path_warnings(scenario: Scenario) -> Iterator[str]:
             f"curves are cut. Lower path.smoothing_m = {smoothed.half_width:g}, unless the points "
             "are noisy."
         )
+
+
+def recording_warnings(table: PointsPath, smoothed: SmoothedPath) -> Iterator[str]:
+    """Warn of faults of a recording, which a DriveReport lists as well."""
+    yield from _left_out_warnings(table)
+    yield from (f"{table.source or 'path'}: {remark}" for remark in table.remarks)
+    yield from _pause_warnings(table)
+    yield from _hole_warnings(table, smoothed)
 
 
 def _width_warnings(table: PointsPath, smoothed: SmoothedPath) -> Iterator[str]:

@@ -1,7 +1,7 @@
 """A recorded drive: read from any format, checked, and projected into the plane."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -80,6 +80,9 @@ class DriveInPlane:
     record_count: int
 
 
+OnDrive = Callable[[DriveInPlane], None]
+
+
 def read_trace(
     path: Path,
     *,
@@ -88,12 +91,13 @@ def read_trace(
     topic: str | None = None,
     part: Part | None = None,
     pauses: PauseRule = "keep",
+    on_drive: OnDrive = lambda _: None,
 ) -> DriveInPlane:
     """Read the recorded drive at `path` into the plane of `origin`, by default its first point.
 
     Name and content of the file determine the format. `vehicle` selects one of a log, `topic` the
     positions of another MCAP file. Unusable records are left out and listed. Raises TraceError with
-    a line that starts with the file.
+    a line that starts with the file; `on_drive` receives also a drive that has no path.
     """
     try:
         drive = _usable(read_recorded(path, vehicle=vehicle, topic=topic))
@@ -101,11 +105,13 @@ def read_trace(
         plane = origin or _first_point(drive) if drive.geodetic else None
         points = _in_plane(drive, plane) if plane else drive.position
         left = cleaned(points, _times(drive).tolist())
+        _list_jumps(drive, left)
         trace = _driven(path.name, replace(drive, position=points), left, part or Part())
         trace = replace(trace, origin=plane)
         if pauses == "cut":
             times = without_pauses(trace.time_s, trace.pauses)
             trace = replace(trace, time_s=times, pauses_cut=True)
+        on_drive(trace)
         _check_shape(trace)
     except TraceError as error:
         error.args = (f"{path}: {error}",)
@@ -129,8 +135,7 @@ def _times(drive: RecordedDrive) -> Floats:
 def _driven(source: str, drive: RecordedDrive, left: Cleaned, part: Part) -> DriveInPlane:
     """Put the kept points of `part` together; positions of `drive` are in the plane (m)."""
     times, kept = _times(drive), np.asarray(left.kept)
-    skipped = drive.left_out.total
-    _list_jumps(drive, left)
+    jumping = sum(jump.last - jump.first + 1 for jump in left.jumps)
     since_start = times[kept] - times[kept[0]] if times.size else NO_VALUES
     along = np.concatenate((np.zeros(1), np.cumsum(step_lengths(left.points))))
     zero = float(times[kept[0]]) if times.size else 0.0
@@ -147,8 +152,8 @@ def _driven(source: str, drive: RecordedDrive, left: Cleaned, part: Part) -> Dri
         source_unit=drive.unit,
         source_numbers=drive.numbers[kept],
         noise_m=left.noise if part.is_whole else _noise(left, kept, points),
-        skipped_lines=skipped,
-        jumping_points=drive.left_out.total - skipped,
+        skipped_lines=drive.left_out.total - jumping,
+        jumping_points=jumping,
         standing_points=sum(stand.last - stand.first + 1 for stand in left.stands),
         remarks=(*remarks, *about_speeds),
         east_m=points[0],

@@ -12,7 +12,7 @@ from scenarios.definition.library import TRACES, exists
 from scenarios.definition.schema.path_tables import PointsPath, TracePath
 from scenarios.definition.schema.scenario_tables import OriginTable, ScenarioTables, VehicleTable
 from scenarios.definition.traces.part import Part, PartError
-from scenarios.definition.traces.reading import DriveInPlane, read_trace
+from scenarios.definition.traces.reading import DriveInPlane, OnDrive, read_trace
 from scenarios.definition.traces.recorded_drive import TraceError
 from vehicles.geometry.bridges import step_lengths
 from vehicles.geometry.geodesy import REACH, Origin
@@ -35,7 +35,9 @@ ELSEWHERE = 5_000.0
 """Largest distance (m) of a second drive from the start of the lead's."""
 
 
-def with_points(tables: ScenarioTables, folder: Path) -> ScenarioTables:
+def with_points(
+    tables: ScenarioTables, folder: Path, on_drive: OnDrive = lambda _: None
+) -> ScenarioTables:
     """Replace a trace by its points, and fill in the origin; raises SettingError.
 
     A trace is searched in `folder`, then among the shipped ones. Without an origin in the scenario
@@ -53,6 +55,7 @@ def with_points(tables: ScenarioTables, folder: Path) -> ScenarioTables:
                 topic=table.topic,
                 part=part,
                 pauses=table.pauses,
+                on_drive=on_drive,
             )
         except PartError as error:
             raise SettingError(f"path.{error.key}", str(error)) from error

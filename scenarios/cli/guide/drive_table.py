@@ -1,0 +1,95 @@
+"""The table of `convoy check` for a recorded drive."""
+
+from collections.abc import Iterator
+
+from rich.console import Console
+from rich.text import Text
+
+from scenarios.cli.columns import grid_of
+from scenarios.cli.guide.check_table import Row
+from scenarios.definition.check.drive_report import DriveReport, PathFacts
+from scenarios.definition.check.findings import CheckReport
+
+MOST = 10
+"""Number of holes, pauses and remarks that are listed."""
+
+
+def print_drive(drive: DriveReport, report: CheckReport | None, console: Console) -> None:
+    """Print the facts of a drive, and what a convoy can do with it, None if nothing."""
+    title = ", ".join(filter(None, (drive.file, drive.format)))
+    console.print(Text(title, style="bold"), highlight=False)
+    rows = [*_recording(drive), *_path(drive.path)]
+    if report is not None:
+        rows += _convoy(report)
+    console.print(grid_of(rows))
+
+
+def _recording(drive: DriveReport) -> Iterator[Row]:
+    if drive.begins_at:
+        yield "begins at", f"{drive.begins_at.replace('T', ' ').removesuffix('Z')} UTC"
+    rate = f" at {drive.rate_hz:.4g} Hz" if drive.rate_hz else ""
+    yield "duration", "no times" if drive.duration_s is None else f"{drive.duration_s:.1f} s{rate}"
+    yield "length", f"{drive.length_m:.1f} m"
+    yield "points", f"{drive.points} of {drive.records} records, {_noise(drive.noise_m)}"
+    yield "speed", _speed(drive)
+    holes = [
+        f"{hole.length_m:.1f} m at {hole.at_m:.0f} m, after {hole.after}" for hole in drive.holes
+    ]
+    yield from _listed("hole", holes)
+    pauses = [
+        f"{pause.lasts_s:.1f} s at {pause.at_m:.0f} m, after {pause.after}"
+        + (", cut" if pause.is_cut else "")
+        for pause in drive.pauses
+    ]
+    yield from _listed("pause", pauses)
+    if any(not pause.is_cut for pause in drive.pauses):
+        yield "", 'the lead waits there; path.pauses = "cut" leaves the time out'
+    if drive.left_out:
+        yield "left out", ", ".join(f"{count} {kind}" for kind, count in drive.left_out.items())
+        yield from (("", line) for line in drive.left_out_first)
+    yield from _listed("note", drive.remarks)
+
+
+def _listed(what: str, lines: list[str] | tuple[str, ...]) -> Iterator[Row]:
+    yield from ((what, line) for line in lines[:MOST])
+    if len(lines) > MOST:
+        yield "", f"and {len(lines) - MOST} more"
+
+
+def _noise(noise_m: float) -> str:
+    return f"noise {100.0 * noise_m:.1f} cm"
+
+
+def _speed(drive: DriveReport) -> str:
+    if drive.speed_mps_min is None or drive.speed_mps_max is None:
+        return "not recorded"
+    mean = f", mean {drive.speed_mps_mean:.1f} m/s" if drive.speed_mps_mean is not None else ""
+    source = "recorded" if drive.speed_source == "recorded" else "by the recorded times"
+    return f"{drive.speed_mps_min:.1f} to {drive.speed_mps_max:.1f} m/s{mean} ({source})"
+
+
+def _path(path: PathFacts | None) -> Iterator[Row]:
+    if path is None:
+        return
+    rms, largest = 100.0 * path.deviation_m_rms, 100.0 * path.deviation_m_max
+    off = f"{rms:.1f} cm rms, {largest:.1f} cm max off the points"
+    yield "path", f"smoothed over {path.smoothing_m:g} m to either side, {off}"
+    if path.radius_m_min is None or path.bend_speed_mps_max is None:
+        yield "tightest bend", "none, the road is straight"
+        return
+    fits = path.radius_m_min >= path.turning_radius_m
+    yield (
+        "tightest bend",
+        f"radius {path.radius_m_min:.1f} m at {path.at_m:.0f} m, up to "
+        f"{path.bend_speed_mps_max:.1f} m/s in it; "
+        + ("cars turn at " if fits else "too tight, cars turn at ")
+        + f"{path.turning_radius_m:.1f} m",
+    )
+
+
+def _convoy(report: CheckReport) -> Iterator[Row]:
+    gaps = ", ".join(f"{gap:.4g}" for gap in report.gaps_m)
+    yield "convoy", f"{', '.join(report.vehicles)}" + (f", gaps {gaps} m" if gaps else "")
+    speeds = f"{report.speed_mps_min:.1f} to {report.speed_mps_max:.1f} m/s"
+    lateral = f"up to {report.lateral_acceleration_mps2_max:.1f} m/s² in bends"
+    yield "speed of the lead", f"{speeds} ({report.lead_speed}), {lateral}"

@@ -1,0 +1,214 @@
+"""`convoy check` of a recorded drive: facts of the recording, and of the path through it."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Literal
+
+import numpy as np
+
+from scenarios.definition.scenario import Scenario
+from scenarios.definition.traces.reading import DriveInPlane
+from vehicles.geometry.bridges import find_holes, step_lengths
+from vehicles.geometry.sampled_path import FloatArray
+from vehicles.geometry.smoothing import Hole, SmoothedPath
+
+SPEED_WINDOW = 1.0
+"""Half width (s) of the window for speeds that follow from recorded times."""
+
+STRAIGHT = 1e-6
+"""Curvature (1/m) below which a path has no radius."""
+
+SpeedSource = Literal["recorded", "derived"]
+"""Speeds as recorded, or derived from the recorded times."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HoleFacts:
+    """A hole of `length_m`, `after` a place in the file, `at_m` of the drive."""
+
+    after: str
+    at_m: float
+    length_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PauseFacts:
+    """A pause of `lasts_s`, `after` a place in the file, `at_m` of the drive.
+
+    With `path.pauses = "cut"` it `is_cut`: the lead loses no time.
+    """
+
+    after: str
+    at_m: float
+    lasts_s: float
+    is_cut: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PathFacts:
+    """The path of a convoy along a drive.
+
+    `radius_m_min` is `at_m` of the drive, None on a straight road, and `turning_radius_m` that of
+    the car that needs most. `bend_speed_mps_max` is the speed in the tightest bend at
+    speed.lateral_acceleration_mps2_max. `smoothing_m` is the half width of the smoothing;
+    deviations are those of the path from the recorded points.
+    """
+
+    radius_m_min: float | None
+    at_m: float | None
+    turning_radius_m: float
+    bend_speed_mps_max: float | None
+    smoothing_m: float
+    deviation_m_rms: float
+    deviation_m_max: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveReport:
+    """Facts of a recorded drive.
+
+    `records` were read, `points` of them are driven; `left_out` counts records left out by their
+    kind, and `left_out_first` lists the first. `begins_at` is in UTC (ISO 8601, or the time of day
+    only), None without absolute times. `noise_m` is the standard deviation of the points per axis.
+    The mean speed is without pauses. `remarks` state assumptions and changes. `path` is None if the
+    drive cannot be driven.
+    """
+
+    file: str
+    format: str
+    records: int
+    points: int
+    begins_at: str | None
+    duration_s: float | None
+    rate_hz: float | None
+    length_m: float
+    noise_m: float
+    speed_source: SpeedSource | None
+    speed_mps_min: float | None
+    speed_mps_mean: float | None
+    speed_mps_max: float | None
+    holes: tuple[HoleFacts, ...]
+    pauses: tuple[PauseFacts, ...]
+    left_out: dict[str, int]
+    left_out_first: tuple[str, ...]
+    remarks: tuple[str, ...]
+    path: PathFacts | None
+
+
+def drive_report(drive: DriveInPlane, scenario: Scenario | None) -> DriveReport:
+    """Report on a drive, and on its path in a `scenario`, None if it cannot be driven."""
+    road = scenario.route.smoothed if scenario is not None else None
+    points = np.stack((drive.east_m, drive.north_m))
+    steps = step_lengths(points)
+    along = driven_m(drive, scenario)
+    speeds, source = speeds_mps(drive, along)
+    duration = float(drive.time_s[-1]) if len(drive.time_s) else None
+    lost = 0.0 if drive.pauses_cut else sum(pause.lost_s for pause in drive.pauses)
+    moving = (duration or 0.0) - lost
+    holes = road.holes if road else [Hole(int(k), float(steps[k])) for k in find_holes(steps)]
+    return DriveReport(
+        file=drive.source,
+        format=drive.format_name,
+        records=drive.record_count + drive.skipped_lines,
+        points=len(drive.east_m),
+        begins_at=_begin(drive),
+        duration_s=duration,
+        rate_hz=_rate(drive.time_s),
+        length_m=float(along[-1]),
+        noise_m=road.noise if road else drive.noise_m,
+        speed_source=source,
+        speed_mps_min=float(np.min(speeds)) if source else None,
+        speed_mps_mean=float(along[-1]) / moving if source and moving > 0.0 else None,
+        speed_mps_max=float(np.max(speeds)) if source else None,
+        holes=tuple(
+            HoleFacts(
+                after=place_in(drive, hole.point),
+                at_m=float(along[hole.point]),
+                length_m=hole.length,
+            )
+            for hole in holes
+        ),
+        pauses=tuple(
+            PauseFacts(
+                after=place_in(drive, pause.point),
+                at_m=float(along[min(pause.point, len(along) - 1)]),
+                lasts_s=pause.lasts_s,
+                is_cut=drive.pauses_cut,
+            )
+            for pause in drive.pauses
+        ),
+        left_out=dict(drive.left_out.counts),
+        left_out_first=drive.left_out_lines,
+        remarks=drive.remarks,
+        path=_path(scenario, road) if scenario is not None and road is not None else None,
+    )
+
+
+def driven_m(drive: DriveInPlane, scenario: Scenario | None) -> FloatArray:
+    """Return the distance (m) of each point along the drive: on its path if it has one."""
+    if scenario is not None and (road := scenario.route.smoothed) is not None:
+        return road.stations - road.start
+    return np.append(0.0, np.cumsum(step_lengths(np.stack((drive.east_m, drive.north_m)))))
+
+
+def speeds_mps(drive: DriveInPlane, along: FloatArray) -> tuple[FloatArray, SpeedSource | None]:
+    """Return the speeds at points at distances `along` (m), empty without speeds and times."""
+    if len(drive.speed_mps):
+        return drive.speed_mps[: len(along)], "recorded"
+    if not len(drive.time_s) or drive.time_s[-1] <= 0.0:
+        return np.zeros(0), None
+    times = drive.time_s[: len(along)]
+    late = np.minimum(times + SPEED_WINDOW, times[-1])
+    early = np.maximum(times - SPEED_WINDOW, times[0])
+    gone = np.interp(late, times, along) - np.interp(early, times, along)
+    return np.asarray(gone / (late - early)), "derived"
+
+
+def place_in(drive: DriveInPlane, point: int) -> str:
+    """Return the place of a point in the file, and its time since the start of the drive."""
+    place = f"{drive.source_unit} {drive.source_numbers[point]}"
+    if not len(drive.time_s):
+        return place
+    lost = sum(pause.lost_s for pause in drive.pauses if pause.point < point)
+    time = drive.begin_s + drive.time_s[point] + (lost if drive.pauses_cut else 0.0)
+    return f"{place} ({time:.1f} s)"
+
+
+def _begin(drive: DriveInPlane) -> str | None:
+    if drive.clock is None or not len(drive.time_s):
+        return None
+    begin = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=drive.epoch_s)
+    text = begin.isoformat(timespec="milliseconds").removesuffix("+00:00") + "Z"
+    return text if drive.clock == "unix" else text.partition("T")[2]
+
+
+def _rate(times: FloatArray) -> float | None:
+    steps = np.diff(times)
+    steps = steps[steps > 0.0]
+    return 1.0 / float(np.median(steps)) if steps.size else None
+
+
+def _path(scenario: Scenario, road: SmoothedPath) -> PathFacts:
+    route = scenario.route
+    on_drive = np.flatnonzero(route.path.station >= road.start)
+    sharpest = int(on_drive[np.argmax(np.abs(route.path.curvature[on_drive]))])
+    curvature = abs(float(route.path.curvature[sharpest]))
+    radius = 1.0 / curvature if curvature > STRAIGHT else None
+    lateral = scenario.tables.speed.lateral_acceleration_mps2_max
+    return PathFacts(
+        radius_m_min=radius,
+        at_m=float(route.path.station[sharpest]) - road.start if radius else None,
+        turning_radius_m=max(_turning_radii(scenario)),
+        bend_speed_mps_max=math.sqrt(lateral * radius) if radius else None,
+        smoothing_m=road.half_width,
+        deviation_m_rms=road.deviation_rms,
+        deviation_m_max=road.deviation_max,
+    )
+
+
+def _turning_radii(scenario: Scenario) -> Iterator[float]:
+    for name in scenario.vehicle_names:
+        car = scenario.vehicle(name).parameters
+        yield car.wheelbase / car.steering_limit
