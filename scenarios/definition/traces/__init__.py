@@ -6,8 +6,7 @@ positions         positions without a fix, off the earth, and far away
 time_order        times that never run back
 disorder          records out of order, of a wrong time, or after a leap of the clock
 holds             repeated positions of a sampling slower than the file
-jumps             outliers of a receiver
-stands            standstills with a drifting receiver
+receiver_errors   outliers, and standstills that drift
 cleaning          remove both
 recorded_speeds   usable recorded speeds
 part, pauses      the part that is driven, and its pauses

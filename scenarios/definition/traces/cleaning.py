@@ -6,9 +6,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.definition.traces.jumps import Jump, JumpFinder
 from scenarios.definition.traces.old_formats import RecordedPoint
-from scenarios.definition.traces.stands import FEWEST, Stand, stands_in
+from scenarios.definition.traces.receiver_errors.jumps import Jump, JumpFinder
+from scenarios.definition.traces.receiver_errors.stands import FEWEST, Stand, stands_in
 from vehicles.geometry.bridges import noise_deviation
 
 Floats = NDArray[np.float64]
@@ -28,21 +28,24 @@ class Cleaned:
     last. `noise` is the standard deviation (m, per axis) of white noise, or of drift at standstill.
     """
 
-    kept: list[int]
+    kept: NDArray[np.int64]
     points: Floats
     noise: float = 0.0
     jumps: list[Jump] = field(default_factory=list)
     stands: list[Stand] = field(default_factory=list)
 
 
-def cleaned(points: Floats, times: Sequence[float]) -> Cleaned:
-    """Remove jumps and standstills from `points` (2, n) with `times` (s), () if unknown."""
+def cleaned(points: Floats, times: Sequence[float] | Floats, time_error_s: float = 0.0) -> Cleaned:
+    """Remove jumps and standstills from `points` (2, n) with `times` (s), empty if unknown.
+
+    Times are late by 0 to `time_error_s`.
+    """
     count = points.shape[1]
     if count < FEWEST:
-        return Cleaned(list(range(count)), points)
-    track = JumpFinder(points, times)
+        return Cleaned(np.arange(count), points)
+    track = JumpFinder(points, times, time_error_s)
     jumps = track.without_jumps()
-    left = np.array(track.kept)
+    left = track.kept
     stands = [
         replace(
             one,
@@ -50,23 +53,21 @@ def cleaned(points: Floats, times: Sequence[float]) -> Cleaned:
             last=int(left[one.last]),
             core=(int(left[one.core[0]]), int(left[one.core[1]])),
         )
-        for one in stands_in(points[:, left], track.at[left], timed=bool(times))
+        for one in stands_in(points[:, left], track.at[left], timed=len(times) > 0)
     ]
     noise = max([noise_deviation(points[:, left]), *(stand.wander for stand in stands)])
-    result = Cleaned([], points.copy(), noise, jumps, stands)
-    begin = 0
-    for stand in [*stands, None]:
-        end = stand.first if stand else count
-        result.kept += [int(k) for k in left if begin <= k < end]
-        if stand:
-            starts, stops = stand.first == left[0], stand.last == left[-1]
-            begun, ended = stand.core
-            ends = (ended,) if starts else (begun,) if stops or begun == ended else stand.core
-            result.kept += ends
-            result.points[:, list(ends)] = np.array(stand.place)[:, None]
-            begin = stand.last + 1
-    result.points = result.points[:, result.kept]
-    return result
+    places = points.copy()
+    is_kept = np.zeros(count, dtype=bool)
+    is_kept[left] = True
+    for stand in stands:
+        starts, stops = stand.first == left[0], stand.last == left[-1]
+        begun, ended = stand.core
+        ends = [ended] if starts else [begun] if stops or begun == ended else [begun, ended]
+        is_kept[stand.first : stand.last + 1] = False
+        is_kept[ends] = True
+        places[:, ends] = np.array(stand.place)[:, None]
+    kept = np.flatnonzero(is_kept)
+    return Cleaned(kept, places[:, kept], noise, jumps, stands)
 
 
 def without_leaps(points: Sequence[RecordedPoint]) -> tuple[list[RecordedPoint], list[str]]:

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.definition.traces.jumps import UNLIKELY
+from scenarios.definition.traces.receiver_errors.jump_suspects import UNLIKELY
 from vehicles.geometry.bridges import noise_deviation
 
 FEWEST = 8
@@ -40,6 +40,9 @@ SURELY_STILL = 0.9
 
 WANDERING = 0.5
 """Progress over distance below which a stretch is no slow drive, however far it drifts."""
+
+SAMPLE = 5000
+"""Number of points that represent a long stretch, and that are taken at a time."""
 
 _RAYLEIGH = 1.1774
 """Median distance of plane normal noise, in its standard deviations."""
@@ -142,7 +145,7 @@ def _joined(
         if held is None:
             held = run
             continue
-        between = points[:, held[0] : run[1] + 1]
+        between = points[:, held[0] : run[1] + 1 : 1 + (run[1] - held[0]) // SAMPLE]
         middle = np.median(between, axis=1)[:, None]
         if float(np.max(np.hypot(*(between - middle)))) <= 2.0 * radius:
             held = held[0], run[1]
@@ -178,12 +181,19 @@ def _stand(
         return None
     place = np.median(points[:, first : last + 1], axis=1)
     wander = float(np.median(np.hypot(*(points[:, first : last + 1] - place[:, None])))) / _RAYLEIGH
-    begin, end = first, last
-    while begin > 0 and np.hypot(*(points[:, begin - 1] - place)) <= radius:
-        begin -= 1
-    while end < at.size - 1 and np.hypot(*(points[:, end + 1] - place)) <= radius:
-        end += 1
+    begin = first - _near_count(points[:, :first][:, ::-1], place, radius)
+    end = last + _near_count(points[:, last + 1 :], place, radius)
     return Stand(begin, end, (first, last), (float(place[0]), float(place[1])), wander)
+
+
+def _near_count(points: Floats, place: Floats, radius: float) -> int:
+    """Return the number of first points that lie within the radius (m) of a place."""
+    for begin in range(0, points.shape[1], SAMPLE):
+        away = np.hypot(*(points[:, begin : begin + SAMPLE] - place[:, None]))
+        beyond = np.flatnonzero(away > radius)
+        if beyond.size:
+            return begin + int(beyond[0])
+    return int(points.shape[1])
 
 
 def _wanders(core: Floats, at: Floats, span: float) -> bool:
