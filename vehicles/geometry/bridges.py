@@ -34,6 +34,8 @@ CERTAIN = 3.0
 MAX_TURN = math.radians(100.0)
 """Sides are not joined if one points further than this (rad) away from the other."""
 
+_CHUNK = 16_384  # steps compared at once, to limit memory
+
 _MIN_STEPS = 8
 """Minimum number of steps that fill a hole."""
 _NORMAL = 0.6745 * math.sqrt(20.0)
@@ -98,8 +100,21 @@ def step_lengths(points: FloatArray) -> FloatArray:
 def find_holes(steps: FloatArray) -> NDArray[np.int64]:
     """Indices of the `steps` (m) from point to point that are holes."""
     long = np.flatnonzero(steps > HOLE)
-    usual = [float(np.median(steps[max(0, k - NEARBY) : k + NEARBY + 1])) for k in long.tolist()]
-    return np.asarray(long[steps[long] > UNUSUAL * np.array(usual)], dtype=np.int64)
+    return np.asarray(long[steps[long] > UNUSUAL * _usual_steps(steps, long)], dtype=np.int64)
+
+
+def _usual_steps(steps: FloatArray, places: NDArray[np.int64]) -> FloatArray:
+    """Median of the `steps` (m) near each of `places`."""
+    usual = np.zeros(places.size)
+    inner = (places >= NEARBY) & (places < steps.size - NEARBY)
+    for k in np.flatnonzero(~inner).tolist():
+        place = int(places[k])
+        usual[k] = np.median(steps[max(0, place - NEARBY) : place + NEARBY + 1])
+    whole = np.flatnonzero(inner)
+    for chunk in np.array_split(whole, whole.size // _CHUNK + 1):
+        around = steps[places[chunk][:, None] + np.arange(-NEARBY, NEARBY + 1)]
+        usual[chunk] = np.partition(around, NEARBY, axis=1)[:, NEARBY]
+    return usual
 
 
 def fill_holes(points: FloatArray, reach: float) -> FilledPoints:

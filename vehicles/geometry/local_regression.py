@@ -89,17 +89,20 @@ def _fit(t: FloatArray, values: FloatArray, at: FloatArray, reaches: FloatArray)
     weight = np.where(inside, fall * fall * fall, 0.0)
     reached = values[:, index]
     smoothed = np.zeros((values.shape[0], at.size))
-    polynomial, previous = np.ones_like(u), np.zeros_like(u)
+    polynomial, previous, weighted, square = np.ones_like(u), np.zeros_like(u), weight, weight
     here, here_before, ratio = np.ones(at.size), np.zeros(at.size), np.zeros(at.size)
-    norm = np.sum(weight, axis=1)
-    for _ in range(4):
-        weighted = weight * polynomial
+    norm = np.sum(square, axis=1)
+    for degree in range(4):
         smoothed += np.sum(weighted * reached, axis=2) / norm * here
-        shift = np.sum(weighted * polynomial * u, axis=1) / norm
+        if degree == 3:
+            break
+        shift = np.sum(square * u, axis=1) / norm
         following = (u - shift[:, None]) * polynomial - ratio[:, None] * previous
         here, here_before = -shift * here - ratio * here_before, here  # the same at u = 0
         polynomial, previous = following, polynomial
-        norm, norm_before = np.sum(weight * polynomial * polynomial, axis=1), norm
+        weighted = weight * polynomial
+        square = weighted * polynomial
+        norm, norm_before = np.sum(square, axis=1), norm
         ratio = norm / norm_before
     return smoothed
 

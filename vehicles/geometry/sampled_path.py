@@ -67,8 +67,11 @@ class SampledPath:
             values.setflags(write=False)
         # Single values are read faster than from NumPy's arrays. Tuples take five times the memory,
         # and reference counts would prevent forked vehicles from sharing it.
-        object.__setattr__(self, "_rows", array("d", np.column_stack(arrays).tobytes()))
-        object.__setattr__(self, "_stations", array("d", self.station.tobytes()))
+        rows, stations = array("d"), array("d")
+        rows.frombytes(np.column_stack(arrays).data.cast("B"))
+        stations.frombytes(np.ascontiguousarray(self.station).data.cast("B"))
+        object.__setattr__(self, "_rows", rows)
+        object.__setattr__(self, "_stations", stations)
 
     @property
     def length(self) -> float:

@@ -9,6 +9,7 @@ curvature stays on the points.
 """
 
 import math
+from array import array
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,6 +36,10 @@ CLOSING_DISTANCE = 10.0
 
 SEAM_BLEND = 20.0
 """Distance (m) on either side of the seam over which the ends of a closed drive are blended."""
+
+_CHUNK = 16_384  # steps converted at once, to limit memory
+
+_STRAIGHT_ON = 3.0  # turns (rad) of less than this need no wrapping
 
 MIN_PROGRESS = 0.5
 """Points double back where the smoothed curve advances by less than this per metre of points."""
@@ -363,9 +368,13 @@ def _path(points: FloatArray) -> SampledPath:
 
 def _unwrapped_course(steps: FloatArray) -> FloatArray:
     """Direction (rad) of each of `steps` (2, n), continuous from step to step."""
-    course, result = math.atan2(steps[1, 0], steps[0, 0]), []
-    # The C library's arc tangent: NumPy's depends on the machine.
-    for direction in map(math.atan2, steps[1].tolist(), steps[0].tolist()):
-        course += wrap_angle(direction - course)
-        result.append(course)
+    result = array("d")
+    course = math.atan2(steps[1, 0], steps[0, 0])
+    for begin in range(0, steps.shape[1], _CHUNK):
+        dx, dy = steps[:, begin : begin + _CHUNK].tolist()
+        # The C library's arc tangent: NumPy's depends on the machine.
+        for direction in map(math.atan2, dy, dx):
+            turn = direction - course
+            course += turn if -_STRAIGHT_ON < turn < _STRAIGHT_ON else wrap_angle(turn)
+            result.append(course)
     return np.array(result)
