@@ -2,6 +2,7 @@
 
 writer           writes messages, each with its standard Foxglove messages
 reader           reads messages, metadata and attachments
+location_fixes   reads positions of other programs' files
 foxglove         standard Foxglove messages made from ours
 scene            cars and road as Foxglove scene entities
 foxglove_layout  layout of a log for Foxglove

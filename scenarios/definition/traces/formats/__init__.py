@@ -10,4 +10,7 @@ xml_elements    elements of XML files, also of damaged ones
 markup          GPX and KML
 nmea_sentences  sentences of NMEA 0183 as rows of numbers
 nmea            NMEA 0183: the sentences of one instant become one point
+geojson         GeoJSON
+logs            MCAP: the log of a run, and positions of other programs
+registry        the formats, and which of them a file has
 """

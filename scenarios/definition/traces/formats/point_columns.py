@@ -40,7 +40,7 @@ class PointColumns:
     ) -> None:
         try:
             north, east = float(latitude), float(longitude)  # type: ignore[arg-type]
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             north, east = _number(latitude), _number(longitude)
         if not math.isfinite(north + east):
             name, cell = (
@@ -82,7 +82,7 @@ def _number(cell: Cell) -> float:
     """Return the number of a cell, NaN if there is none."""
     try:
         return float(cell)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return as_number(str(cell))
 
 

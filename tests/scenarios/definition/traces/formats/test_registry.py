@@ -1,0 +1,126 @@
+"""The format of a file: by its content, and else by its name."""
+
+from pathlib import Path
+
+import pytest
+
+from scenarios.definition.traces.formats.registry import MAX_BYTES, read_recorded
+from scenarios.definition.traces.recorded_drive import TraceError
+from tests.made.scenarios.recorded_drives import WRITERS, as_nmea, drive, write_log
+
+CSV = b"latitude_deg,longitude_deg\n52.1,13.1\n52.2,13.2\n"
+GPX = b'<gpx><trkpt lat="52.1" lon="13.1"/><trkpt lat="52.2" lon="13.2"/></gpx>'
+KML = b"<kml><LineString><coordinates>13.1,52.1 13.2,52.2</coordinates></LineString></kml>"
+GEOJSON = b'{"type": "LineString", "coordinates": [[13.1, 52.1], [13.2, 52.2]]}'
+OXTS = b"\n".join(b" ".join([b"52.%d 13.%d" % (k, k), *[b"0"] * 28]) for k in (1, 2))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "format_name"),
+    [
+        (f"drive{suffix}", content, format_name)
+        for content, format_name in (
+            (CSV, "CSV"),
+            (GPX, "GPX"),
+            (b'<?xml version="1.0"?>\n<!-- a -->' + GPX, "GPX"),
+            (KML, "KML"),
+            (KML.replace(b"<kml", b'<?xml version="1.0"?><kml:kml'), "KML"),
+            (GEOJSON, "GeoJSON"),
+            (OXTS, "KITTI oxts"),
+        )
+        for suffix in (".csv", ".gpx", ".nmea", ".txt", ".kml", ".json", "")
+    ],
+)
+def test_the_content_decides(tmp_path: Path, name: str, content: bytes, format_name: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(content)
+    read = read_recorded(path)
+    assert read.format_name == format_name
+    assert read.position.tolist() == [[52.1, 52.2], [13.1, 13.2]]
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".gpx", ".nmea", ".txt", ".log"])
+def test_sentences_are_read_from_any_file(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"drive{suffix}"
+    path.write_bytes(b"# logger 1.0\n" + as_nmea(drive()))
+    assert (read_recorded(path).format_name, read_recorded(path).count) == ("NMEA 0183", 201)
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_all_formats_have_the_same_points(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(WRITERS[name](drive()))
+    assert read_recorded(path).count == 201
+    assert read_recorded(path).left_out.total == 0
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (b"", "^empty file$"),
+        (
+            b"some words\nwithout a drive\n",
+            "^unknown content, allowed CSV, GPX, KML, GeoJSON, NMEA",
+        ),
+        (b"<!DOCTYPE html><html><p>1, 2</p>", "^unknown content, allowed CSV"),
+        (b"PK\x03\x04", "unpack it first"),
+        (b"\x89PNG\r\n\x1a\n\0\0", "^binary data, allowed CSV"),
+    ],
+)
+def test_unknown_content_is_refused(tmp_path: Path, content: bytes, reason: str) -> None:
+    path = tmp_path / "drive.xyz"
+    path.write_bytes(content)
+    with pytest.raises(TraceError, match=reason):
+        read_recorded(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("drive.csv", "latitude"),
+        ("drive.gpx", "no points in its tracks"),
+        ("drive.kml", "no coordinates"),
+        ("drive.nmea", "no valid GGA"),
+        ("drive.geojson", "not valid JSON"),
+    ],
+)
+def test_a_name_decides_on_the_reason(tmp_path: Path, name: str, reason: str) -> None:
+    path = tmp_path / name
+    path.write_text("words\n")
+    with pytest.raises(TraceError, match=reason):
+        read_recorded(path)
+
+
+def test_files_that_cannot_be_read_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(TraceError, match=r"^no such file$"):
+        read_recorded(tmp_path / "a")
+    with pytest.raises(TraceError, match=r"^a folder without oxts/data"):
+        read_recorded(tmp_path)
+    with pytest.raises(TraceError, match=r"^not a file$"):
+        read_recorded(Path("/dev/null"))
+    with pytest.raises(TraceError, match="too long"):
+        read_recorded(tmp_path / ("a" * 300))
+    with pytest.raises(TraceError, match="null"):
+        read_recorded(Path("a\0b"))
+    with (tmp_path / "large").open("wb") as file:
+        file.truncate(MAX_BYTES + 1)
+    with pytest.raises(TraceError, match=r"^larger than 200 MB"):
+        read_recorded(tmp_path / "large")
+
+
+def test_vehicle_and_topic_select_in_logs_only(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_bytes(CSV)
+    with pytest.raises(TraceError, match="given vehicle v2, allowed only for an MCAP file"):
+        read_recorded(tmp_path / "a.csv", vehicle="v2")
+    with pytest.raises(TraceError, match="given topic /gps, allowed only for an MCAP file"):
+        read_recorded(tmp_path / "a.csv", topic="/gps")
+    write_log(tmp_path / "run.mcap", drive()[:3])
+    read = read_recorded(tmp_path / "run.mcap", vehicle="v2")
+    assert (read.format_name, read.count) == ("MCAP", 3)
+
+
+def test_a_folder_of_packets_is_a_drive(tmp_path: Path) -> None:
+    (tmp_path / "oxts" / "data").mkdir(parents=True)
+    for k, line in enumerate(OXTS.splitlines()):
+        (tmp_path / "oxts" / "data" / f"{k:010d}.txt").write_bytes(line)
+    assert (read_recorded(tmp_path).format_name, read_recorded(tmp_path).count) == ("KITTI oxts", 2)
