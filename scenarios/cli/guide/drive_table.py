@@ -26,9 +26,9 @@ def print_drive(drive: DriveReport, report: CheckReport | None, console: Console
 
 def _recording(drive: DriveReport) -> Iterator[Row]:
     if drive.begins_at:
-        yield "begins at", f"{drive.begins_at.replace('T', ' ').removesuffix('Z')} UTC"
-    rate = f" at {drive.rate_hz:.4g} Hz" if drive.rate_hz else ""
-    yield "duration", "no times" if drive.duration_s is None else f"{drive.duration_s:.1f} s{rate}"
+        begin = drive.begins_at.replace("T", " ").removesuffix("Z").removesuffix(".000")
+        yield "begins at", f"{begin} UTC"
+    yield "duration", "no times" if drive.duration_s is None else _duration(drive)
     yield "length", f"{drive.length_m:.1f} m"
     yield "points", f"{drive.points} of {drive.records} records, {_noise(drive.noise_m)}"
     yield "speed", _speed(drive)
@@ -48,6 +48,13 @@ def _recording(drive: DriveReport) -> Iterator[Row]:
         yield "left out", ", ".join(f"{count} {kind}" for kind, count in drive.left_out.items())
         yield from (("", line) for line in drive.left_out_first)
     yield from _listed("note", drive.remarks)
+
+
+def _duration(drive: DriveReport) -> str:
+    duration, rate = f"{drive.duration_s:.1f} s", drive.rate_hz
+    if not rate:
+        return duration
+    return f"{duration} at {rate:.4g} Hz" if rate >= 1.0 else f"{duration}, every {1 / rate:.4g} s"
 
 
 def _listed(what: str, lines: list[str] | tuple[str, ...]) -> Iterator[Row]:
