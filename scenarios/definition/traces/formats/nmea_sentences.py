@@ -28,7 +28,7 @@ PADDING: Final = b"\n" * 8
 FIELDS_MAX: Final = 16
 
 
-class Layout(NamedTuple):
+class SentenceFields(NamedTuple):
     """Numbers of the fields of a sentence, 0 for those that it does not have.
 
     Latitude, its hemisphere, longitude and its hemisphere follow each other.
@@ -44,12 +44,12 @@ class Layout(NamedTuple):
 
 
 LAYOUTS: Final = {
-    "GGA": Layout(time=1, latitude=2, status=6, altitude=9, geoid=11),
-    "GNS": Layout(time=1, latitude=2, status=6, altitude=9, geoid=10),
-    "RMC": Layout(time=1, status=2, latitude=3, knots=7, date=9),
-    "GLL": Layout(latitude=1, time=5, status=6),
-    "ZDA": Layout(time=1, date=2),
-    "VTG": Layout(knots=5),
+    "GGA": SentenceFields(time=1, latitude=2, status=6, altitude=9, geoid=11),
+    "GNS": SentenceFields(time=1, latitude=2, status=6, altitude=9, geoid=10),
+    "RMC": SentenceFields(time=1, status=2, latitude=3, knots=7, date=9),
+    "GLL": SentenceFields(latitude=1, time=5, status=6),
+    "ZDA": SentenceFields(time=1, date=2),
+    "VTG": SentenceFields(knots=5),
 }
 """Sentences that are read; the position of the first kind counts. ZDA has the date in 3 fields."""
 
@@ -179,7 +179,11 @@ class _Block:
                 left_out.add(LeftOut(line + self.first_line, NOT_A_SENTENCE, NOT_A_SENTENCE))
 
     def _read(
-        self, places: Integers, layout: Layout, rows: NDArray[np.void], left_out: LeftOutRecords
+        self,
+        places: Integers,
+        layout: SentenceFields,
+        rows: NDArray[np.void],
+        left_out: LeftOutRecords,
     ) -> NDArray[np.void]:
         """Fill the rows of sentences of one kind."""
         first = np.searchsorted(self.commas, self.begins[places])
