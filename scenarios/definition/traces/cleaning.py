@@ -1,4 +1,4 @@
-"""Removal of jumps, standstills and leaps in time from a recorded drive."""
+"""Removal of jumps and standstills from a recorded drive."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -6,18 +6,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.definition.traces.old_formats import RecordedPoint
 from scenarios.definition.traces.receiver_errors.jumps import Jump, JumpFinder
 from scenarios.definition.traces.receiver_errors.stands import FEWEST, Stand, stands_in
 from vehicles.geometry.bridges import noise_deviation
 
 Floats = NDArray[np.float64]
-
-LEAP = 86_400.0
-"""Step in time (s), forward or back, that is no pause of a drive."""
-
-MOST_LEAPING = 0.25
-"""Largest share of points that is removed; with more the drive consists of several parts."""
 
 
 @dataclass(slots=True)
@@ -68,45 +61,3 @@ def cleaned(points: Floats, times: Sequence[float] | Floats, time_error_s: float
         places[:, ends] = np.array(stand.place)[:, None]
     kept = np.flatnonzero(is_kept)
     return Cleaned(kept, places[:, kept], noise, jumps, stands)
-
-
-def without_leaps(points: Sequence[RecordedPoint]) -> tuple[list[RecordedPoint], list[str]]:
-    """Remove points whose time is more than LEAP off; returns the others, and a note for each.
-
-    The longest part of the record without a leap is kept, and the parts that continue it.
-    """
-    times = [point.time for point in points if point.time is not None]
-    everything = list(points), list[str]()
-    if len(times) < len(points):
-        return everything
-    parts = _parts(times)
-    longest = max(parts, key=len)
-    place = parts.index(longest)
-    before = _continuing([part[::-1] for part in reversed(parts[:place])], longest[0], times)
-    after = _continuing(parts[place + 1 :], longest[-1], times)
-    kept = sorted([*before, *longest, *after])
-    left_out = sorted(set(range(len(points))) - set(kept))
-    if len(left_out) > MOST_LEAPING * len(points):
-        return everything
-    notes = []
-    for k in left_out:
-        nearest = min((kept[0], kept[-1]), key=lambda other: abs(times[other] - times[k]))
-        apart = times[k] - times[nearest]
-        side = "after the last" if apart > 0.0 else "before the first"
-        notes.append(f"{points[k].place}: its time is {abs(apart):.6g} s {side} of the drive")
-    return [points[k] for k in kept], notes
-
-
-def _parts(times: Sequence[float]) -> list[range]:
-    edges = [k for k in range(1, len(times)) if not abs(times[k] - times[k - 1]) <= LEAP]
-    return [range(a, b) for a, b in zip([0, *edges], [*edges, len(times)], strict=True)]
-
-
-def _continuing(parts: Sequence[range], last: int, times: Sequence[float]) -> list[int]:
-    """Return the points of the parts that continue from point `last`."""
-    result: list[int] = []
-    for part in parts:
-        if abs(times[part[0]] - times[last]) <= LEAP:
-            result += part
-            last = part[-1]
-    return result

@@ -48,6 +48,8 @@ def in_time_order(drive: RecordedDrive) -> RecordedDrive:
     times = np.where(np.abs(drive.time_s) <= LARGEST, drive.time_s, np.nan)
     reason = _unusable(times)
     if reason is not None:
+        if bool(np.isnan(drive.time_s).all()):
+            return drive
         untimed = replace(drive, time_s=np.full(drive.count, np.nan), clock=None, zero_s=0.0)
         return untimed.with_remarks(f"{reason}: the drive has no times") if reason else untimed
     steps = np.diff(times)

@@ -57,6 +57,11 @@ def test_a_drive_in_order_is_returned_as_it_is(zero: float) -> None:
     assert in_time_order(drive) is drive
 
 
+def test_a_drive_without_times_stays_without() -> None:
+    drive = recorded(np.full(COUNT, np.nan))
+    assert in_time_order(drive) is drive
+
+
 @pytest.mark.parametrize("by", [-1e9, -DAY, -5.0, -0.15, 0.15, 5.0, 3600.0, DAY, 2.0 * DAY])
 @pytest.mark.parametrize("count", [1, 3])
 def test_wrong_times_of_a_few_records_are_interpolated_and_listed(by: float, count: int) -> None:

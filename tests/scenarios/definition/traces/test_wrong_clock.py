@@ -11,8 +11,7 @@ import pytest
 from scenarios.definition.check.findings import report_of
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.definition.traces.cleaning import LEAP, without_leaps
-from scenarios.definition.traces.old_formats import RecordedPoint
+from scenarios.definition.traces.disorder import LEAP
 
 COUNT, INTERVAL, SPEED = 80, 0.5, 10.0
 UNIX = 1_774_746_000.0
@@ -145,13 +144,6 @@ def test_a_drive_of_several_days_is_kept_whole_and_has_no_recorded_speed(tmp_pat
     assert report_of(scenario).skipped_lines == 0
     with pytest.raises(ScenarioError, match="allowed at most"):
         load(tmp_path, "days.csv", csv(days))
-
-
-def test_points_without_times_and_steady_ones_are_all_kept() -> None:
-    untimed = [RecordedPoint(place=f"line {k}", position=(k, 0.0)) for k in range(9)]
-    assert without_leaps(untimed) == (untimed, [])
-    steady = [RecordedPoint(place=f"line {k}", position=(k, 0.0), time=k) for k in range(9)]
-    assert without_leaps(steady) == (steady, [])
 
 
 @pytest.mark.parametrize("form", ["csv", "nmea"])
