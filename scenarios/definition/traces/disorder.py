@@ -28,6 +28,9 @@ SURE = 20.0
 RARE = 0.05
 """Share of records of the time before below which such a time is a fault."""
 
+MOST_ADVANCING = 0.7
+"""Share of records of a later time than the one before up to which times are coarse."""
+
 MOST_LEAPS = 0.1
 """Share of records with a leap of the clock above which times are unusable."""
 
@@ -85,7 +88,9 @@ def usual_interval(times: Floats) -> float:
     return min(intervals, default=1.0)
 
 
-def excursions_of(times: Floats, numbers: Places, usual: float) -> list[tuple[int, int]]:
+def excursions_of(
+    times: Floats, places: Complex, numbers: Places, usual: float
+) -> list[tuple[int, int]]:
     """Return the first and last records of runs after which the clock continues as before them.
 
     Such a run begins with a step forward and ends with one back, or the reverse, and both together
@@ -96,8 +101,15 @@ def excursions_of(times: Floats, numbers: Places, usual: float) -> list[tuple[in
     if odd.size < 2:
         return []
     opens, closes = steps[odd[:-1]], steps[odd[1:]]
-    expected = (records[odd[:-1]] + records[odd[1:]]) * usual
-    matches = (opens * closes < 0.0) & (np.abs(opens + closes - expected) < 0.5 * usual)
+    advancing = float((steps > 0.0).mean())
+    coarse = advancing < MOST_ADVANCING
+    interval, tolerance = (usual * advancing, 2.0 * usual) if coarse else (usual, 0.5 * usual)
+    expected = (records[odd[:-1]] + records[odd[1:]]) * interval
+    matches = (opens * closes < 0.0) & (np.abs(opens + closes - expected) < tolerance)
+    if coarse:  # a late record looks alike, but lies elsewhere
+        distances = np.abs(np.diff(places))
+        continues = distances <= 10.0 * float(np.median(distances))
+        matches &= continues[odd[:-1]] & continues[odd[1:]]
     matches &= np.minimum(np.abs(opens), np.abs(closes)) > 2.5 * usual
     matches &= 2 * (odd[1:] - odd[:-1]) < len(times)
     if int(matches.sum()) > max(SHORT, MOST_LEAPS * len(times)):

@@ -162,7 +162,7 @@ def _sorted(drive: RecordedDrive) -> RecordedDrive:
         return drive
     usual = usual_interval(drive.time_s[timed])
     right = drive.time_s.copy()
-    excursions = excursions_of(right[timed], timed, usual)
+    excursions = excursions_of(right[timed], _plane(drive)[timed], timed, usual)
     remarks = _without_excursions(drive, right, timed, excursions)
     timed = np.flatnonzero(np.isfinite(right))
     found = disorder_of(right[timed], _plane(drive)[timed], timed, usual)
@@ -230,7 +230,9 @@ def _with_one_clock(drive: RecordedDrive) -> RecordedDrive:
         untimed = replace(drive, time_s=np.full(drive.count, np.nan), clock=None, zero_s=0.0)
         reason = f"time runs back at {leaps.size} of {len(times)} points"
         return untimed.with_remarks(f"{reason}: the drive has no times")
-    shifts = np.array([_shift(int(k), leaps, steps, distances, usual) for k in leaps])
+    steady = np.abs(steps) <= 10.0 * usual
+    steady[leaps] = False
+    shifts = np.array([_shift(k, steady, steps, distances, usual) for k in leaps.tolist()])
     bounds = np.concatenate(([0], leaps + 1, [len(times)]))
     main = int(np.argmax(np.diff(bounds)))
     offsets = np.concatenate(([0.0], np.cumsum(shifts)))
@@ -257,12 +259,10 @@ def _stops(steps: Floats, distances: Floats) -> Mask:
     return np.asarray(marked & (following < 1.5 * usual) & (distances > 0.5 * pace))
 
 
-def _shift(
-    k: int, leaps: NDArray[np.int64], steps: Floats, distances: Floats, usual: float
-) -> float:
+def _shift(k: int, steady: Mask, steps: Floats, distances: Floats, usual: float) -> float:
     """Return what to add to the times after leap `k`, in whole hours if these fit."""
     near = np.arange(max(0, k - 5), min(len(steps), k + 6))
-    near = near[~np.isin(near, leaps) & (steps[near] <= 10.0 * usual)]
+    near = near[steady[near]]
     span = float(steps[near].sum())
     speed = float(distances[near].sum()) / span if span > 0.0 else 0.0
     expected = max(usual, float(distances[k]) / speed) if speed > SLOWEST else usual

@@ -196,6 +196,15 @@ def test_coarse_times_are_spread_evenly(phase: float) -> None:
     assert len(drive.remarks) == 1
 
 
+@pytest.mark.parametrize("by", [-1e9, -5.0, 5.0, 3600.0])
+def test_a_wrong_time_among_coarse_ones_is_interpolated(by: float) -> None:
+    times = np.floor(TRUE + 1e-9)
+    times[205] += by
+    drive = in_time_order(recorded(times))
+    assert_true_times(drive, 0.5)
+    assert drive.left_out.counts == {"wrong time": 1}
+
+
 def test_a_leap_second_is_a_leap_and_a_repeated_time_is_not() -> None:
     seconds = np.arange(COUNT) * 1.0
     leap = in_time_order(recorded(np.where(seconds < 200, seconds, seconds - 1.0)))
