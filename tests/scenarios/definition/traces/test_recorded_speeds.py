@@ -1,0 +1,94 @@
+"""Recorded speeds that are used, mended, or ignored."""
+
+import numpy as np
+import pytest
+
+from scenarios.definition.traces.recorded_drive import Floats
+from scenarios.definition.traces.recorded_speeds import usable_speeds
+
+TIMES = 0.1 * np.arange(600.0)
+SPEEDS = 15.0 + 5.0 * np.sin(0.2 * TIMES)
+STATIONS = 15.0 * TIMES + 25.0 * (1.0 - np.cos(0.2 * TIMES))
+POINTS = np.stack((800.0 * np.sin(STATIONS / 800.0), 800.0 * (1.0 - np.cos(STATIONS / 800.0))))
+NONE: Floats = np.zeros(0)
+
+
+def changed(places: slice | list[int], value: float) -> Floats:
+    speeds = SPEEDS.copy()
+    speeds[places] = value
+    return speeds
+
+
+def test_good_speeds_stay_to_the_bit() -> None:
+    noise = np.random.default_rng(2).normal(0.0, 0.3, (2, 600))
+    points = POINTS + noise
+    points[:, 300] += 60.0  # a jump of the position
+    speeds, remarks = usable_speeds(SPEEDS, TIMES, points)
+    assert speeds is not None
+    assert np.array_equal(speeds, SPEEDS)
+    assert remarks == ()
+
+
+def test_a_gap_repeats_the_speed_before_it() -> None:
+    speeds, remarks = usable_speeds(changed([0, 10, 11], np.nan), TIMES, POINTS)
+    assert speeds is not None
+    assert speeds[[0, 10, 11, 12]].tolist() == SPEEDS[[1, 9, 9, 12]].tolist()
+    assert remarks == ()
+
+
+@pytest.mark.parametrize("value", [1e6, 120.0, 0.0, np.inf])
+@pytest.mark.parametrize("places", [[200], [0, 599], list(range(100, 120))])
+def test_single_absurd_speeds_are_interpolated(value: float, places: list[int]) -> None:
+    speeds, remarks = usable_speeds(changed(places, value), TIMES, POINTS)
+    assert speeds is not None
+    assert np.max(np.abs(speeds - SPEEDS)) < (2.5 if np.isinf(value) else 0.6)
+    others = np.delete(np.arange(600), places)
+    assert np.array_equal(speeds[others], SPEEDS[others])
+    if np.isfinite(value):
+        assert remarks[0].startswith(str(len(places)))
+
+
+def test_absurd_speeds_without_times_are_interpolated() -> None:
+    speeds, (remark,) = usable_speeds(changed([200, 201], 1e6), NONE, POINTS)
+    assert speeds is not None
+    assert np.max(np.abs(speeds - SPEEDS)) < 0.01
+    assert remark.startswith("2 ")
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [
+        (3.6, "3.60 times what the positions need (km/h?)"),
+        (1.94384, "1.94 times what the positions need (knots?)"),
+        (2.23694, "2.24 times what the positions need (mph?)"),
+        (0.5, "0.50 times what the positions need:"),
+        (1000.0, "1000."),
+    ],
+)
+def test_speeds_in_another_unit_are_ignored(factor: float, words: str) -> None:
+    speeds, (remark,) = usable_speeds(factor * SPEEDS, TIMES, POINTS)
+    assert speeds is None
+    assert words in remark
+
+
+def test_speeds_that_stick_at_zero_are_ignored() -> None:
+    speeds, (remark,) = usable_speeds(changed(slice(100, 300), 0.0), TIMES, POINTS)
+    assert speeds is None
+    assert "0.71 times" in remark
+    speeds, (remark,) = usable_speeds(0.0 * SPEEDS, TIMES, POINTS)
+    assert speeds is None
+    assert "every recorded speed is 0" in remark
+
+
+def test_speeds_of_half_of_the_points_are_ignored() -> None:
+    assert usable_speeds(changed(slice(0, 600, 2), np.nan), TIMES, POINTS) == (None, ())
+
+
+def test_a_standstill_and_a_pause_fit() -> None:
+    times = TIMES + np.where(TIMES > 30.0, 600.0, 0.0)
+    speeds, remarks = usable_speeds(SPEEDS, times, POINTS)
+    assert speeds is not None
+    assert remarks == ()
+    speeds, remarks = usable_speeds(0.02 * np.ones(600), TIMES, 1e-3 * POINTS)
+    assert speeds is not None
+    assert remarks == ()
