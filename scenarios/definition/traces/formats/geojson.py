@@ -1,12 +1,18 @@
 """GeoJSON: line strings, or else points in their order."""
 
 import json
+import re
 from collections.abc import Iterator, Mapping
 from itertools import zip_longest
 from typing import Any, Final
 
 from scenarios.definition.traces.formats.point_columns import PointColumns
-from scenarios.definition.traces.recorded_drive import RecordedDrive, TraceError
+from scenarios.definition.traces.recorded_drive import (
+    LeftOut,
+    LeftOutRecords,
+    RecordedDrive,
+    TraceError,
+)
 
 LINE_TIMES: Final = ("coordTimes", "times", "coordinateTimes")
 """Properties of a line with the times of its positions, also within coordinateProperties."""
@@ -14,6 +20,10 @@ LINE_TIMES: Final = ("coordTimes", "times", "coordinateTimes")
 TIMES: Final = ("time", "timestamp", "datetime", "utc", "t_s")
 SPEEDS: Final = ("speed", "speed_mps", "velocity")
 """Properties of a point."""
+
+BEGIN: Final = re.compile(r"[{\[]")
+
+DAMAGE: Final = "damaged"
 
 Json = Mapping[str, Any]
 
@@ -23,14 +33,10 @@ def read_geojson(text: str) -> RecordedDrive:
 
     Lines may have times in the property coordTimes, points in time or timestamp.
     """
-    try:
-        content = json.loads(text)
-    except ValueError as error:
-        raise TraceError(f"not valid JSON, perhaps truncated: {error}") from error
-    except RecursionError as error:
-        raise TraceError("not valid JSON: its values lie too deep in each other") from error
+    left_out = LeftOutRecords()
+    documents = _documents(text, left_out)
     lines, points = PointColumns(), PointColumns()
-    for geometry, properties in _geometries(content, {}):
+    for geometry, properties in _geometries(documents, {}):
         kind, places = geometry.get("type"), geometry.get("coordinates")
         if kind == "LineString":
             _add_line(lines, places, _line_times(properties))
@@ -48,7 +54,25 @@ def read_geojson(text: str) -> RecordedDrive:
     chosen = lines if lines.times else points
     if not chosen.times:
         raise TraceError("no LineString, MultiLineString and Point with coordinates")
-    return chosen.drive()
+    return chosen.drive(left_out)
+
+
+def _documents(text: str, left_out: LeftOutRecords) -> list[Any]:
+    """Return the values in a text, usually a single one; a sequence of features has many."""
+    documents: list[Any] = []
+    decode, begin = json.JSONDecoder().raw_decode, BEGIN.search(text)
+    while begin:
+        try:
+            value, end = decode(text, begin.start())
+        except (ValueError, RecursionError) as error:
+            reason = f"not valid JSON, perhaps truncated: {error}"
+            if not documents:
+                raise TraceError(reason) from error
+            left_out.add(LeftOut(len(documents) + 1, DAMAGE, reason))
+            break
+        documents.append(value)
+        begin = BEGIN.search(text, end)
+    return documents
 
 
 def _geometries(content: object, properties: Json) -> Iterator[tuple[Json, Json]]:

@@ -68,7 +68,7 @@ def read_kml(text: str) -> RecordedDrive:
         "Track": shapes.end_track,
         "Placemark": shapes.end_placemark,
     }
-    read_elements(text, starts, ends, shapes.end_at_damage)
+    read_elements(text, starts, ends, shapes.end_at_damage, words=("coordinates",))
     points = next((points for points in shapes.columns.values() if points.times), None)
     if points is None:
         raise TraceError(f"no coordinates in its lines, tracks and points{_first(shapes.left_out)}")
@@ -103,7 +103,8 @@ class _Shapes:
     def end_track(self, _: str) -> None:
         for when, coord in zip_longest(self.whens, self.coords, fillvalue=""):
             _add_word(self.columns["Track"], coord.split(), when)
-        self.begin("Track", {})
+        self.whens.clear()
+        self.coords.clear()
 
     def end_placemark(self, _: str) -> None:
         times = self.columns["Point"].times

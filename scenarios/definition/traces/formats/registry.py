@@ -23,6 +23,8 @@ HEAD: Final = 20_000
 
 SENTENCE: Final = re.compile(r"\$[A-Z]{2}(?:GGA|RMC|GLL|GNS),")
 
+COORDINATES: Final = re.compile(r'"coordinates"\s*:')
+
 
 @dataclass(frozen=True, slots=True)
 class Format:
@@ -40,8 +42,7 @@ def _tag(*names: str) -> Callable[[str], bool]:
 
 
 def _is_json(text: str) -> bool:
-    head = text[:HEAD].lstrip("\ufeff \t\r\n")
-    return head.startswith("{") or (head.startswith("[") and "{" in head)
+    return text[:HEAD].lstrip().startswith(("{", "[{")) or bool(COORDINATES.search(text, 0, HEAD))
 
 
 def _is_table(text: str) -> bool:
@@ -53,8 +54,10 @@ def _is_table(text: str) -> bool:
 
 TEXT_FORMATS: Final = (
     Format("NMEA 0183", (".nmea", ".ubx"), lambda text: bool(SENTENCE.search(text)), read_nmea),
-    Format("GPX", (".gpx",), _tag("gpx", "trk", "trkpt"), read_gpx),
-    Format("KML", (".kml",), _tag("kml", "Placemark", "LineString"), read_kml),
+    Format("GPX", (".gpx",), _tag("gpx", "trkpt", "rtept", "wpt"), read_gpx),
+    Format(
+        "KML", (".kml",), _tag("kml", "Placemark", "LineString", "coordinates", "coord"), read_kml
+    ),
     Format("GeoJSON", (".geojson", ".json"), _is_json, read_geojson),
     Format("KITTI oxts", (), is_oxts, read_oxts),
     Format("CSV", (".csv", ".tsv", ".txt", ".pos", ".dat"), _is_table, read_table),

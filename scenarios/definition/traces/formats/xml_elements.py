@@ -1,7 +1,7 @@
 """Elements of XML files, also of damaged ones."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Final
 from xml.parsers import expat  # reads no external entities, and NOT_AN_ENTITY leaves no others
 
@@ -17,6 +17,8 @@ BEGIN: Final = re.compile(
 )
 """Begin of an element at which reading resumes behind damage."""
 
+WORD_END: Final = re.compile(rb"[\s<]")
+
 ROOT: Final = b"<all>"
 """Encloses the elements behind damage."""
 
@@ -27,32 +29,39 @@ Starts = Mapping[str, Callable[[dict[str, str]], None]]
 Ends = Mapping[str, Callable[[str], object]]
 
 
-def read_elements(text: str, starts: Starts, ends: Ends, damaged: Callable[[str], None]) -> None:
+def read_elements(
+    text: str,
+    starts: Starts,
+    ends: Ends,
+    damaged: Callable[[str], None],
+    words: Collection[str] = (),
+) -> None:
     """Call `starts` with the attributes and `ends` with the text of elements by their local name.
 
-    Damage is reported to `damaged` in a line; reading resumes at the next point, line or track.
-    Entities are never expanded, except those of XML itself.
+    Damage is reported to `damaged` in a line; reading resumes at the next point, line or track, or
+    at the next word of an element of `words`. Entities are never expanded, except those of XML.
     """
     data = text.encode(errors="replace").translate(None, CONTROLS)
     data = NOT_AN_ENTITY.sub(b"&amp;", data)
     at, line, counted = max(0, data.find(b"<")), 1, 0
     root = b""
     while error := _read_on(data, at, root, starts, ends):
-        code, index = error
+        code, index, opened = error
         if not (root and code == MISMATCHED_TAG):
             line += data.count(b"\n", counted, index)
             counted = index
             damaged(f"damaged XML at line {line}: {expat.ErrorString(code)}")
-        resumed = BEGIN.search(data, max(index, at + 1))
+        within = opened.rpartition(":")[2] in words
+        resumed = (WORD_END if within else BEGIN).search(data, max(index, at + 1))
         if resumed is None:
             return
-        at, root = resumed.start(), ROOT
+        at, root = resumed.start(), ROOT + (f"<{opened}>".encode() if within else b"")
 
 
 def _read_on(
     data: bytes, at: int, root: bytes, starts: Starts, ends: Ends
-) -> tuple[int, int] | None:
-    """Read from byte `at` to the end, or return the number and the byte of an error."""
+) -> tuple[int, int, str] | None:
+    """Read from byte `at` to the end, or return an error: number, byte and the open element."""
     texts: list[str] = []
     opened = ""
     start_of: dict[str, Callable[[dict[str, str]], None] | None] = {}
@@ -79,7 +88,6 @@ def _read_on(
             handle("".join(texts))
 
     parser = expat.ParserCreate("utf-8")  # whatever the declaration states
-    parser.buffer_text = True
     parser.StartElementHandler = start
     parser.EndElementHandler = end
     parser.CharacterDataHandler = texts.append
@@ -91,10 +99,12 @@ def _read_on(
         if not root:
             parser.Parse(b"", True)
     except expat.ExpatError as error:
+        index = max(at, min(at + parser.ErrorByteIndex - len(root), len(data)))
+        name = opened
         if opened:
             texts[:] = [_without_last_word("".join(texts))]
             end(opened)
-        return error.code, min(at + parser.ErrorByteIndex - len(root), len(data))
+        return error.code, index, name
     return None
 
 

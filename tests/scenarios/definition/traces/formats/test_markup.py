@@ -192,6 +192,12 @@ def test_the_cut_end_of_a_line_is_left_out() -> None:
     assert reason.startswith("damaged XML at line 2: ")
 
 
+def test_damage_within_a_line_costs_its_own_position() -> None:
+    drive = read_kml(kml(LINE.replace("13.2", "13<2"), shape("13.4,52.4")))
+    assert drive.position[0].tolist() == [52.1, 52.3, 52.4]
+    assert "damaged XML at line 1" in left_out(drive)[0][1]
+
+
 def test_words_that_are_no_coordinates_are_left_out() -> None:
     drive = read_kml(kml(shape("13.1,52.1 x,52.2 13.3 13.4,52.4")))
     assert drive.position[0].tolist() == [52.1, 52.4]
