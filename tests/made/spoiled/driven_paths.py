@@ -144,6 +144,6 @@ def lost_points(driven: Driven, recording: Recording) -> list[int]:
     unspoiled = [
         fix for fix in recording.fixes if not isinstance(fix.speed, float) or fix.speed > 1.0
     ]
-    places = np.array([(fix.east, fix.north) for fix in unspoiled])
+    places = np.array([(fix.east, fix.north) for fix in unspoiled]).reshape(-1, 2)
     off = np.array(cKDTree(driven.points.T).query(places)[0])
     return [unspoiled[k].truth for k in np.flatnonzero(off > 0.02).tolist()]
