@@ -83,9 +83,16 @@ def _repeats(lengths: NDArray[np.int64]) -> bool:
 
 
 def _is_rounded(steps: Floats) -> bool:
-    """Whether almost every change is one unit of the last digit: slow motion in coarse numbers."""
+    """Whether almost every change is one unit of the last digit: slow motion in coarse numbers.
+
+    Such motion changes one axis at a time. Steady motion also has changes of one size, on both axes
+    together or along one of them.
+    """
     sizes = np.abs(steps)
     present = sizes > 0.0
+    together = present.all(axis=0).sum() > MOST_SINGLE_QUANTA * present.any(axis=0).sum()
+    if together or not present.any(axis=1).all():
+        return False
     units = [
         float(row[some].min()) if some.any() else np.inf
         for row, some in zip(sizes, present, strict=True)

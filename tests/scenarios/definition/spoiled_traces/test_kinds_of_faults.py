@@ -39,7 +39,7 @@ DRIVES = (
     Drive(road=U_TURN, speed=8.0, noise=0.03, seed=5),
     Drive(road=STRAIGHT, speed=25.0, rate_hz=10.0, noise=0.05, seed=6),
     Drive(road=BEND, stops=((60.0, 12.0), (250.0, 6.0)), noise=0.02, seed=7),
-    Drive(road=STRAIGHT, speed=15.0, rate_hz=1.0, noise=0.3, seed=8),
+    Drive(road=STRAIGHT, speed=15.0, rate_hz=1.0, noise=0.05, seed=8),
     Drive(road=S_BEND, rate_hz=25.0, noise=0.01, from_standstill=True, seed=9),
     Drive(road=LOOP, speed=7.0, rate_hz=4.0, noise=0.02, seed=10),
 )

@@ -86,6 +86,14 @@ def test_a_standstill_keeps_its_first_and_last_record() -> None:
     assert (drive.position[:, k] == drive.position[:, k + 1]).all()
 
 
+@pytest.mark.parametrize("north", [0.0, 0.3])
+def test_repeats_of_a_steady_drive_are_thinned(north: float) -> None:
+    times = np.arange(3000) * 0.02
+    steps = np.floor(times / 0.1 + 1e-9)
+    drive, _ = without_repeats(recorded(np.array((1.2 * steps, north * steps)), times))
+    assert drive.count == 600
+
+
 TIMES = np.arange(600) * 0.1
 ORDINARY = {
     "moving": course(TIMES),
