@@ -9,6 +9,7 @@ from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.scenario_tables import CONTROLLERS
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.car.parameters import Gains, VehicleParameters
+from vehicles.driver.speed import SpeedProfile
 from vehicles.geometry.sampled_path import FloatArray
 from vehicles.theory.sampled_loop import SampledLoop, lowest_stable_rate, sampled_stability
 
@@ -26,6 +27,9 @@ LEFT_BY_SLIP = 0.01
 """Lateral offset (m) in bends above which a warning is due."""
 STEP = 0.1
 """Time step (s) at which the lead's planned speed is sampled."""
+
+SPEED_CELL = 0.05
+"""Range of speeds (m/s) with one bound of the acceleration."""
 
 
 def sampled_loop_warnings(scenario: Scenario, speeds: tuple[float, float]) -> Iterator[str]:
@@ -133,19 +137,18 @@ def _leaving(
         certified_acceleration,
     )
 
-    slow = fast = False
+    profile = scenario.route.profile
+    times = STEP * np.arange(int(scenario.duration_s / STEP), dtype=np.float64)
+    speeds, slopes = _planned(profile, times)
+    slow, fast = bool(np.any(speeds < SLOWEST)), bool(np.any(speeds > FASTEST))
     worst = (1.0, 0.0, 0.0, 0.0)  # share of the bound, time, acceleration, bound
-    for k in range(int(scenario.duration_s / STEP)):
-        at = k * STEP
-        speed, acceleration = scenario.route.profile.at(at)
-        slow, fast = slow or speed < SLOWEST, fast or speed > FASTEST
-        if acceleration == 0.0 or not SLOWEST <= speed <= FASTEST:
-            continue
-        bounds = certified_acceleration(parameters, gains, speed)
-        bound = bounds[acceleration > 0.0]
+    covered = (speeds >= SLOWEST) & (speeds <= FASTEST)
+    for k in _strongest(speeds, np.where(covered, slopes, 0.0)):
+        acceleration = float(slopes[k])
+        bound = certified_acceleration(parameters, gains, float(speeds[k]))[acceleration > 0.0]
         share = abs(acceleration) / bound if bound else float("inf")
         if share > worst[0]:
-            worst = (share, at, acceleration, bound)
+            worst = (share, float(times[k]), acceleration, bound)
     if slow or fast:
         ranges = {f"below {SLOWEST:g}": slow, f"above {FASTEST:g}": fast}
         reached = " and ".join(text for text, is_reached in ranges.items() if is_reached)
@@ -160,3 +163,24 @@ def _leaving(
             "stability proof for varying speed (convoy gains): steering may be unstable. Lower "
             "speed.acceleration_mps2_max or speed.braking_mps2_max."
         )
+
+
+def _planned(profile: SpeedProfile, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return speeds (m/s) and accelerations (m/s²) at times (s), as `SpeedProfile.at`."""
+    slopes = np.diff(profile.speeds) / np.diff(profile.times)
+    slopes = np.concatenate((np.zeros(1), slopes, np.zeros(1)))
+    knots = np.searchsorted(profile.times, times, side="right")
+    return np.interp(times, profile.times, profile.speeds), slopes[knots]
+
+
+def _strongest(speeds: FloatArray, accelerations: FloatArray) -> list[int]:
+    """Return where the lead brakes or accelerates most at each speed, in order of time.
+
+    A bound takes a millisecond, so it is computed once for all speeds within SPEED_CELL.
+    """
+    moving = np.flatnonzero(accelerations)
+    cells = np.floor(speeds[moving] / SPEED_CELL) * np.sign(accelerations[moving])
+    order = np.lexsort((moving, -np.abs(accelerations[moving]), cells))
+    first = np.flatnonzero(np.diff(cells[order], prepend=np.inf))
+    result: list[int] = np.sort(moving[order[first]]).tolist()
+    return result
