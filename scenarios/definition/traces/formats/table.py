@@ -195,7 +195,8 @@ def _scaled_position(position: Floats, columns: TableColumns, remarks: list[str]
     unit = columns.position[0].unit
     latitudes = position[0][np.isfinite(position[0])]
     if unit is None and own == "deg" and latitudes.size:
-        unit = "e7" if np.median(np.abs(latitudes)) > LEAST_SCALED else None
+        scaled = "semicircles" if "position_lat" in columns.position[0].name.lower() else "e7"
+        unit = scaled if np.median(np.abs(latitudes)) > LEAST_SCALED else None
     factor = units.get(unit or own, 1.0)
     if factor == 1.0:
         return position

@@ -97,7 +97,7 @@ def read_times(cells: Sequence[str], unit: str | None = None) -> TimeColumn:
 
 
 def _is_number(cell: str) -> bool:
-    return math.isfinite(as_number(cell))
+    return abs(as_number(cell)) < ABSURD
 
 
 def as_number(cell: str) -> float:

@@ -12,30 +12,23 @@ LONGITUDES: Final = ("lon", "lng", "long", "longitude")
 PLANES: Final = (
     ("x", "y"), ("east", "north"), ("easting", "northing"), ("e", "n"),
     ("ebaseline", "nbaseline"), ("xeast", "ynorth"), ("eastx", "northy"),
+    ("tx", "ty"), ("prsrx", "prsry"),
 )  # fmt: skip
 ALTITUDES: Final = ("alt", "altitude", "ele", "elev", "elevation", "height", "h")
 GROUND_SPEEDS: Final = (
     "speed", "velocity", "vel", "v", "spd", "groundspeed", "speedoverground", "sog", "gspeed",
-    "speed2d", "hspeed",
+    "speed2d", "hspeed", "mph", "kmh", "kph", "knots",
 )  # fmt: skip
 STAMPS: Final = ("stamp", "headerstamp")
 CLOCKS: Final = (
     "t", "time", "times", "timestamp", "timestamps", "datetime", "timestring", "gpst", "utc",
     "unix", "epoch", "isotime", "isodate", "timeofday", "timeoffix", "fixtime",
+    "utime", "globaltime",
 )  # fmt: skip
 ELAPSED: Final = (
-    "elapsed",
-    "elapsedtime",
-    "relativetime",
-    "sec",
-    "secs",
-    "seconds",
-    "s",
-    "ms",
-    "us",
-    "ns",
-    "tow",
-)
+    "elapsed", "elapsedtime", "secondselapsed", "relativetime", "sec", "secs", "seconds", "ms",
+    "us", "ns", "tow", "itow",
+)  # fmt: skip
 
 NANOSECONDS: Final = ("nanosec", "nsec", "nsecs", "nanosecs", "nanoseconds")
 TIMES_OF_WEEK: Final = ("tow", "timeofweek", "weekseconds", "sow")
@@ -117,20 +110,22 @@ def usable_columns(names: Sequence[str]) -> TableColumns | None:
     kind: Literal["geodetic", "plane", "ecef"] = "ecef" if len(position) == 3 else "plane"
     if position[0].base in LATITUDES:
         kind = "geodetic"
+    sideways = any(column.base == "vy" for column in columns)
+    speeds = GROUND_SPEEDS if sideways else (*GROUND_SPEEDS, "vx")
     return TableColumns(
         names=tuple(names),
         kind=kind,
         position=position,
         hemispheres=_hemispheres(columns) if kind == "geodetic" else (),
         altitude=_preferred(columns, ALTITUDES, LENGTHS),
-        speed=_preferred(columns, GROUND_SPEEDS, SPEEDS),
+        speed=_preferred(columns, speeds, SPEEDS),
         times=tuple(sorted(_times(columns), key=_time_rank)),
     )
 
 
 def parsed(place: int, name: str) -> NamedColumn:
     """Split the name of a column into its parts."""
-    text = name.strip().strip("\"'#% ")
+    text = re.sub(r"\s(N/S|E/W)$", "", name.strip().strip("\"'#% "))
     unit = None
     if match := BRACKETS.search(text):
         unit = UNIT_NAMES.get(match[1].lower())
@@ -150,6 +145,8 @@ def parsed(place: int, name: str) -> NamedColumn:
         base, unit = base[:-3], base[-3:]
     if unit is None and base in UNIT_NAMES:
         unit = UNIT_NAMES[base]
+    if base in ("itow", "utime"):
+        unit = unit or ("ms" if base == "itow" else "us")
     shown = "".join(letter if letter.isprintable() else "?" for letter in name.strip(" \t\"'")[:40])
     return NamedColumn(
         place, shown, "/".join(path[:-1]), base, unit, "_".join(every[:-1]), every[-1]
@@ -210,7 +207,7 @@ def _preferred(
 
 
 def _times(columns: list[NamedColumn]) -> Iterator[TimeSource]:
-    date = next((column for column in columns if column.base in ("date", "day")), None)
+    date = next((column for column in columns if column.base == "date"), None)
     for column in columns:
         if column.ending in ("sec", "secs"):
             for other in columns:
@@ -219,7 +216,7 @@ def _times(columns: list[NamedColumn]) -> Iterator[TimeSource]:
         if column.base in TIMES_OF_WEEK:
             weeks = (other for other in columns if other.base == "week")
             yield from (TimeSource("week", (week, column), gps=True) for week in weeks)
-        if column.base in (*STAMPS, *CLOCKS, *ELAPSED):
+        if column.base in (*STAMPS, *CLOCKS, *ELAPSED) and column.unit in (None, *TIMES):
             if date:
                 yield TimeSource("date", (date, column), column.base == "gpst")
             yield TimeSource("single", (column,), column.base == "gpst")
@@ -236,4 +233,4 @@ def _time_rank(source: TimeSource) -> int:
         return 2
     if column.base in STAMPS:
         return 1
-    return 4 if column.base in CLOCKS else 5 if column.base in ("date", "day") else 6
+    return 4 if column.base in CLOCKS else 5 if column.base == "date" else 6

@@ -3,6 +3,7 @@
 import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import Final
 
 import numpy as np
@@ -13,6 +14,7 @@ from scenarios.definition.traces.formats.columns.column_names import (
     usable_columns,
 )
 from scenarios.definition.traces.formats.columns.table_times import preferred_source
+from scenarios.definition.traces.formats.columns.units import UNIT_NAMES
 from scenarios.definition.traces.recorded_drive import TraceError
 
 SEPARATORS: Final = (",", ";", "\t", "|", None)
@@ -58,6 +60,13 @@ def layout_of(lines: Sequence[str]) -> TableLayout:
     if sample:
         separator, sample = _separator_of_rows(lines, first, separator, columns, sample)
         columns = _with_divided_time(columns, sample)
+        if units := _units(columns, sample[0]):
+            columns, first, sample = units, first + 1, sample[1:]
+    if any("d'" in column.name for column in columns.position):
+        raise TraceError(
+            "positions in degrees, minutes and seconds of separate cells: "
+            "export decimal degrees (RTKLIB: out-outdegform = deg)"
+        )
     width = len(columns.names)
     usual = int(np.median([len(row) for row in sample])) if sample else width
     if separator == "," and usual >= 2 * width:
@@ -152,6 +161,15 @@ def _separator_of_rows(
         if 2 * sum(len(row) == len(columns.names) for row in split) > len(split):
             return other, split
     return separator, sample
+
+
+def _units(columns: TableColumns, row: list[str]) -> TableColumns | None:
+    """Return the columns with the units of the row, if it is a row of units."""
+    cells = [cell.strip(" \"'[]()").lower() for cell in row]
+    if sum(cell in UNIT_NAMES for cell in cells) < 2 or any(map(str.isdigit, "".join(cells))):
+        return None
+    pairs = zip_longest(columns.names, cells[: len(columns.names)], fillvalue="")
+    return usable_columns([f"{name} ({unit})" if unit else name for name, unit in pairs])
 
 
 def _with_divided_time(columns: TableColumns, sample: list[list[str]]) -> TableColumns:

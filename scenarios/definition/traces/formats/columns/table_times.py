@@ -22,7 +22,7 @@ from scenarios.definition.traces.formats.time_cells import (
 from scenarios.definition.traces.recorded_drive import Floats
 
 COMPACT_DATE: Final = re.compile(r"(\d{2})(\d{2})(\d{2})$")
-COMPACT_TIME: Final = re.compile(r"(\d{2})(\d{2})(\d{2}(?:\.\d*)?)$")
+COMPACT_TIME: Final = re.compile(r"([01]\d|2[0-3])([0-5]\d)([0-6]\d(?:\.\d*)?)$")
 
 USUAL_SPEEDS: Final = (0.5, 70.0)
 """Median speeds (m/s) of a car that confirm a unit of time."""
@@ -82,13 +82,23 @@ def times_of(source: TimeSource, columns: Sequence[Sequence[str]]) -> TimeColumn
         return _in_utc(TimeColumn((week - first) * WEEK_S + seconds, "unix", zero, ()))
     if source.kind == "date":
         days = {cell: _date(cell.strip()) for cell in set(columns[0])}
-        times = columns[1]
-        if ":" not in times[len(times) // 2]:
-            times = [COMPACT_TIME.sub(r"\1:\2:\3", _digits(cell)) for cell in times]
+        times = _with_colons(columns[1]) if _is_compact(columns[1]) else columns[1]
         column = read_times([f"{days[a]} {b}" for a, b in zip(columns[0], times, strict=True)])
+    elif "utc" in source.columns[0].name.lower() and _is_compact(columns[0]):
+        column = read_times(_with_colons(columns[0]))
     else:
         column = read_times(columns[0], source.unit)
     return _in_utc(column) if source.gps and column.clock == "unix" else column
+
+
+def _is_compact(cells: Sequence[str]) -> bool:
+    """Whether times of day have no colons, as in NMEA 0183."""
+    known = [cell for cell in cells if cell.strip()][:100]
+    return bool(known) and all(COMPACT_TIME.match(_digits(cell)) for cell in known)
+
+
+def _with_colons(cells: Sequence[str]) -> list[str]:
+    return [COMPACT_TIME.sub(r"\1:\2:\3", _digits(cell)) for cell in cells]
 
 
 def _date(cell: str) -> str:

@@ -127,6 +127,8 @@ NAMED_TIMES = {
     "time,header.stamp,x,y\n0,0,1,2\n3,0,1.5,2.5": [0.0, 3.0],
     "t_s,time,x,y\n0,50,1,2\n1,60,1.5,2.5": [0.0, 1.0],
     "gps_week,tow,x,y\n2412,43218.0,1,2\n2412,43219.0,1.5,2.5": [NOON, NOON + 1.0],
+    "iTOW,x,y\n43200,1,2\n43400,1.5,2.5": [43.2, 43.4],
+    "utc,x,y\n120000.00,1,2\n120100.50,1.5,2.5": [43_200.0, 43_260.5],
     "utc_time,x,y\n12:00:00,1,2\n12:00:01,1.5,2.5": [43_200.0, 43_201.0],
 }
 
@@ -186,6 +188,60 @@ ROS = {
         "2026/03/29 12:00:18.000,52.5,13.4,34.0,1,10\n2026/03/29 12:00:18.500,52.6,13.5,34.5,1,10\n"
     ),
 }
+
+
+LOGGERS = {
+    "racing line": (
+        "# s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2\n0.0; 1; 2; 0; 0; 20; 1\n"
+        "0.7; 1.5; 2.5; 0; 0; 20; 1\n",
+        (PLANE, math.nan, 20.0),
+    ),
+    "a row of units": (
+        "time,lat,lon,speed\ns,deg,deg,km/h\n0,52.5,13.4,36\n1,52.6,13.5,36\n",
+        (BERLIN, 1.0, 10.0),
+    ),
+    "lap timer": (
+        '# Data: A\n# Vehicle: B\n"Time","UTC Time","Lap","Latitude","Longitude","MPH"\n'
+        "0.0,1774785600.0,0,52.5,13.4,10\n0.1,1774785600.1,0,52.6,13.5,10\n",
+        (BERLIN, 0.1, 4.4704),
+    ),
+    "phone": (
+        "GPS Time, Device Time, Longitude, Latitude,GPS Speed (Meters/second)\n"
+        "Sun Mar 29 14:00:00 GMT+02:00 2026,29-Mar-2026 12:00:00.123,13.4,52.5,3.0\n"
+        "Sun Mar 29 14:00:01 GMT+02:00 2026,29-Mar-2026 12:00:01.123,13.5,52.6,3.0\n",
+        (BERLIN, 1.0, 3.0),
+    ),
+    "flight recorder": (
+        "timestamp,lat,lon,vel_m_s\n1000000,525000000,134000000,3\n1200000,525000100,134000100,3\n",
+        (([52.5, 52.50001], [13.4, 13.40001]), 0.2, 3.0),
+    ),
+    "bicycle computer": (
+        "timestamp,position_lat,position_long,speed\n0,536870912,-268435456,3\n",
+        (([45.0], [-22.5]), 0.0, 3.0),
+    ),
+    "hemispheres": (
+        "INDEX,DATE,TIME,LATITUDE N/S,LONGITUDE E/W\n1,290326,120000,52.5N,013.4E\n"
+        "2,290326,120001,52.6N,013.5E\n",
+        (BERLIN, 1.0, math.nan),
+    ),
+    "poses of a camera": (
+        "# timestamp tx ty tz qx qy qz qw\n1774785600.0 1 2 3 0 0 0 1\n"
+        "1774785600.1 1.5 2.5 3 0 0 0 1\n",
+        (PLANE, 0.1, math.nan),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "expected"), LOGGERS.values(), ids=LOGGERS)
+def test_files_of_loggers(
+    text: str, expected: tuple[tuple[list[float], list[float]], float, float]
+) -> None:
+    position, span, speed = expected
+    drive = read_table(text)
+    same(drive.position, position)
+    same(drive.time_s[-1:] - drive.time_s[:1], [span])
+    same(drive.speed_mps[-1:], [speed])
+    assert drive.left_out.total == 0
 
 
 @pytest.mark.parametrize("text", ROS.values(), ids=ROS)
@@ -361,6 +417,10 @@ def test_a_standing_receiver_at_1_hz_keeps_its_seconds() -> None:
         ("x_m\n1\n", "given x_m; allowed"),
         ("\x01,\x02", r"given \\x01, \\x02; name them"),
         ("t_s,x_m,y_m\n0,5,1,5,2,5\n1,5,2,5,3,5\n", "separate the cells of decimal commas by ;"),
+        (
+            "%  GPST  latitude(d'\")  longitude(d'\")\n2026/03/29 12:00:00.0 52 30 0.0 13 24 0.0\n",
+            "export decimal degrees",
+        ),
         ("acc_x,acc_y\n1,2\n", "given acc_x, acc_y; allowed"),
     ],
 )
