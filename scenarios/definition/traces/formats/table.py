@@ -88,11 +88,13 @@ def _add_block(rows: _Rows, lines: Sequence[str], start: int, layout: TableLayou
     longer = [k for k, count in enumerate(counts) if count > layout.most]
     spoiled = {k for k in longer if any(cell.strip() for cell in split[k][layout.most :])}
     position[:, list(spoiled)] = np.nan
-    for k in np.flatnonzero(~np.isfinite(position).all(axis=0)).tolist():
+    unknown = ~np.isfinite(position)
+    marked = np.flatnonzero(unknown.any(axis=0))
+    for k, axis in zip(marked.tolist(), unknown[:, marked].argmax(axis=0).tolist(), strict=True):
         if k in spoiled:
             reason = "too many cells", f"{counts[k]} cells, {layout.most} expected"
         else:
-            reason = _reason(columns, split[k], position[:, k])
+            reason = _reason(columns.position[axis], split[k])
         rows.bad.append((before + k, *reason))
     rows.numbers.extend(place + 1 for place in places)
     rows.position.append(position)
@@ -112,16 +114,14 @@ def _coordinates(rows: _Rows, split: list[list[str]], columns: TableColumns, axi
         return np.array([degrees(row[place], row[letter].strip(" \"'")) for row in split])
     values = as_numbers(cells)
     if columns.kind == "geodetic":
-        for k in np.flatnonzero(np.isnan(values)).tolist():
-            values[k] = degrees(cells[k])
-            rows.converted |= bool(np.isfinite(values[k]))
+        unread = np.flatnonzero(np.isnan(values))
+        values[unread] = [degrees(cells[k]) for k in unread.tolist()]
+        rows.converted |= bool(np.isfinite(values[unread]).any())
     return values
 
 
-def _reason(columns: TableColumns, row: list[str], position: Floats) -> tuple[str, str]:
-    """Return kind and reason of a row whose `position` is unreadable."""
-    bad = np.flatnonzero(~np.isfinite(position))
-    column = columns.position[int(bad[0])]
+def _reason(column: NamedColumn, row: list[str]) -> tuple[str, str]:
+    """Return kind and reason of a row with an unreadable position in a column."""
     cell = row[column.place].strip()
     if not cell:
         return "no position", f"{column.name} is empty"

@@ -103,11 +103,7 @@ def _is_number(cell: str) -> bool:
 def as_number(cell: str) -> float:
     """Return the number of a cell, with a point or a comma; NaN if it has none."""
     try:
-        return float(cell)
-    except ValueError:
-        pass
-    try:
-        return float(cell.replace(",", ".", 1))
+        return float(cell.replace(",", ".", 1) if "," in cell else cell)
     except ValueError:
         return math.nan
 

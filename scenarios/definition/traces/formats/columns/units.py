@@ -28,30 +28,38 @@ UNIT_NAMES: Final = {
 }
 """Units as they are written at names, by the unit."""
 
-LETTERS: Final = re.compile(r"^\s*([NSEWnsew])?\s*(.*?)\s*([NSEWnsew])?\s*$")
-MARKS: Final = re.compile(r"[°º˚'’′\"”″:\s\ufffd]+|deg|min|sec")
+DIGIT: Final = re.compile(r"[0-9]")
+HEMISPHERES: Final = "NSEWnsew"
+MARKS: Final = re.compile(r"[°º˚'’′\"”″:\s]+|deg|min|sec")
+DEGREE_MARKS: Final = re.compile(r"[°º˚:]|deg")
 
 
 def degrees(cell: str, letter: str = "") -> float:
     """Read degrees, minutes and seconds such as 52°30'00"N, or 5230.000N as in NMEA 0183.
 
-    `letter` is the hemisphere if another cell has it. NaN without a usable number.
+    `letter` is the hemisphere if another cell has it. NaN without a usable number, and for
+    several numbers with neither a mark of degrees nor a hemisphere.
     """
-    match = LETTERS.match(cell)
-    if match is None or not match[2]:
+    text = cell.strip()
+    if not DIGIT.search(text):
         return math.nan
-    hemisphere = (match[1] or match[3] or letter).upper()
-    parts = [part for part in MARKS.split(match[2].replace(",", ".")) if part]
+    for end in (text[0], text[-1]):
+        letter = end if end in HEMISPHERES else letter
+    hemisphere = letter.upper()
+    parts = [part for part in MARKS.split(text.strip(HEMISPHERES).replace(",", ".")) if part]
     try:
         numbers = [float(part) for part in parts]
     except ValueError:
         return math.nan
-    if not 1 <= len(numbers) <= 3 or any(not 0.0 <= part < 60.0 for part in numbers[1:]):
-        return math.nan
-    if any(part % 1.0 for part in numbers[:-1]):
-        return math.nan
+    others = numbers[1:]
+    if others:
+        marked = hemisphere or DEGREE_MARKS.search(text)
+        whole_numbers = all(part.is_integer() for part in numbers[:-1])
+        within = len(others) <= 2 and all(0.0 <= part < 60.0 for part in others)
+        if not (marked and whole_numbers and within):
+            return math.nan
     size = sum(abs(part) / 60.0**k for k, part in enumerate(numbers))
-    if len(numbers) == 1 and hemisphere and size > (90.0 if hemisphere in "NS" else 180.0):
+    if not others and hemisphere and size > (90.0 if hemisphere in "NS" else 180.0):
         whole, minutes = divmod(size, 100.0)
         size = whole + minutes / 60.0 if minutes < 60.0 else math.nan
     return -size if hemisphere in ("S", "W") or parts[0].startswith("-") else size

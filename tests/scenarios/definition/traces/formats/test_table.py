@@ -279,6 +279,26 @@ def test_degrees_in_other_forms(latitudes: tuple[str, str], longitudes: tuple[st
     assert "converted" in drive.remarks[-1]
 
 
+@pytest.mark.parametrize(
+    "cell",
+    [
+        "52 30",
+        "52\ufffd30",
+        "5\ufffd.5",
+        "52 .5",
+        "52.5°30'N",
+        "52°61'N",
+        "52°1'2\"3N",
+        "N",
+        "°",
+        "5x°",
+    ],
+)
+def test_damaged_degrees_are_no_position(cell: str) -> None:
+    drive = read_table(f"lat;lon\n{cell};13.4\n52.5;13.4\n")
+    same(drive.position, [[52.5], [13.4]])
+
+
 def test_hemispheres_scale_and_radians_of_columns() -> None:
     same(read_table("lat,N/S,lon,E/W\n5230.0,S,1324.0,W\n5215.0,S,1330.0,W").position, SOUTH_WEST)
     same(read_table("latitudeE7,longitudeE7\n525000000,134000000").position, [[52.5], [13.4]])

@@ -88,7 +88,7 @@ def test_assumptions_are_remarked() -> None:
         (["", "2026-03-29T12:00:00Z", "?", "5"], None, [math.nan, 0.0, math.nan, math.nan], "unix"),
         (["99:99:99 nonsense", "2026-13-45T12:00:00"], None, [math.nan, math.nan], None),
         (["nan", "nan", "nan", "4"], None, [math.nan, math.nan, math.nan, 4.0], None),
-        (["1774785600.1", "1e300"], None, [0.1, math.nan], "unix"),
+        (["1774785600.1", "1e300", "1774785601"], None, [0.1, math.nan, 1.0], "unix"),
         (["a", ""], None, [math.nan, math.nan], None),
         ([], None, [], None),
     ],
