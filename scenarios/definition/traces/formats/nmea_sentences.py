@@ -74,6 +74,9 @@ CHECKED: Final = re.compile(r"\$[A-Z]{2}(?:GGA|GNS|RMC|GLL),[^\r\n$*]*\*[0-9A-Fa
 UNFIT: Final = np.isin(np.arange(256), list(b"0VvN"))
 """Letters of a position without a valid fix."""
 
+DIGITS_MAX: Final = 15
+TEN_TO: Final = 10.0 ** np.arange(DIGITS_MAX + 3)
+
 HEX: Final = np.full(256, 255, dtype=np.uint8)
 for _digit in b"0123456789abcdefABCDEF":
     HEX[_digit] = int(chr(_digit), 16)
@@ -236,17 +239,31 @@ class _Block:
         latitude[unread] = math.nan
         rows["latitude"], rows["longitude"] = latitude, longitude
 
-    def _cells(self, begins: Integers, ends: Integers) -> list[bytes]:
-        data = self.data
-        return [data[a:b] for a, b in zip(begins.tolist(), ends.tolist(), strict=True)]
-
     def _floats(self, begins: Integers, ends: Integers) -> Floats:
-        """Return the numbers of cells, NaN where there is none."""
-        cells = [cell or b"nan" for cell in self._cells(begins, ends)]
-        try:
-            return np.fromiter(map(float, cells), float, len(cells))
-        except ValueError:
-            return np.array([as_number(cell.decode()) for cell in cells])
+        """Return the numbers of cells, NaN where there is none.
+
+        A number of up to 15 digits is an integer over a power of ten, both of which are exact.
+        """
+        length = ends - begins
+        places = np.arange(min(DIGITS_MAX + 2, int(length.max(initial=0))))[:, None]
+        codes = self.codes[np.minimum(begins + places, len(self.data) - 1)]
+        inside = places < length
+        digit = codes - ord("0")  # wraps around for other signs
+        is_digit, is_dot = inside & (digit < 10), inside & (codes == ord("."))
+        is_minus = inside & (codes == ord("-")) & (places == 0)
+        behind = np.logical_or.accumulate(is_dot) & is_digit
+        values = np.zeros(begins.size)
+        for use, value in zip(is_digit, digit, strict=True):
+            values = np.where(use, 10.0 * values + value, values)
+        values /= TEN_TO[behind.sum(axis=0)]
+        values = np.where(is_minus.any(axis=0), -values, values)
+        count, dots = is_digit.sum(axis=0), is_dot.sum(axis=0)
+        plain = (count > 0) & (count <= DIGITS_MAX) & (dots <= 1)
+        plain &= count + dots + is_minus.sum(axis=0) == length
+        values[~plain] = math.nan
+        for k in np.flatnonzero(~plain & (length > 0)).tolist():
+            values[k] = as_number(self.data[begins[k] : ends[k]].decode())
+        return values
 
     def _angles(self, begins: Integers, ends: Integers, hemisphere: Integers, signs: str) -> Floats:
         """Return the degrees of cells dddmm.mmm, NaN without a hemisphere."""
