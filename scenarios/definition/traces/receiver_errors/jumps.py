@@ -3,7 +3,7 @@
 import heapq
 import math
 from array import array
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,24 +67,46 @@ class JumpFinder:
         return np.flatnonzero(~self._removed)
 
     def without_jumps(self) -> list[Jump]:
-        result: list[Jump] = []
+        """Remove jumps and return them in order."""
         pending = self._track.suspects()  # in order: a heap
+        # First, as a short jump could consume both sides of a step.
+        result = [jump for k in pending.copy() if (jump := self._removed_at(k, self._offset_count))]
+        for jump in result:
+            self._suspect_again(jump, pending)
         while pending:
-            k = heapq.heappop(pending)
-            if self._removed[k]:
-                continue
-            row, place = self._row(k)
-            count = self._jump(row, place)
-            if count:
-                last = row[place + count - 1]
-                result.append(Jump(k, last, self._size(row, place, count)))
-                self._remove(row[place : place + count])
-                after = row[place + count :][:BACK]
-                # The cubic through four points may have missed the jump.
-                again = after[:2] + [near for near in after[2:] if self._track.near[near]]
-                for near in row[max(0, place - 2) : place] + again:
-                    heapq.heappush(pending, near)
-        return result
+            jump = self._removed_at(heapq.heappop(pending), self._jump_count)
+            if jump:
+                result.append(jump)
+                self._suspect_again(jump, pending)
+        return sorted(result, key=lambda jump: jump.first)
+
+    def _removed_at(self, k: int, count_at: Callable[[list[int], int], int]) -> Jump | None:
+        """Remove and return a jump that begins at point k, if there is one."""
+        if self._removed[k]:
+            return None
+        row, place = self._row(k)
+        count = count_at(row, place)
+        if not count:
+            return None
+        size = self._size(row, place, count)
+        self._remove(row[place : place + count])
+        return Jump(k, row[place + count - 1], size)
+
+    def _suspect_again(self, jump: Jump, pending: list[int]) -> None:
+        """Add points around a removed jump to the heap."""
+        before, after = self._before[jump.first], self._after[jump.last]
+        around = []
+        for _ in range(2):
+            if before >= 0:
+                around.append(before)
+                before = self._before[before]
+        for number in range(BACK):
+            # The cubic through four points may have missed the jump.
+            if after < len(self._t) and (number < 2 or self._track.near[after]):
+                around.append(after)
+            after = self._after[after] if after < len(self._t) else after
+        for near in around:
+            heapq.heappush(pending, near)
 
     def _remove(self, points: list[int]) -> None:
         self._removed[points] = True
@@ -107,53 +129,55 @@ class JumpFinder:
             near = self._after[near]
         return row, place
 
-    def _jump(self, row: list[int], place: int) -> int:
+    def _jump_count(self, row: list[int], place: int) -> int:
         """Return the number of points of the jump that begins at a place of the row, or 0."""
         last, before = len(row) - 1, place - 1
         if before < 0:
-            if self._excess(*_first_three(row)) > 0.0 and self._is_plausible_without(row, -1, 1):
-                return 1
-            return 0
-        for count in range(1, self._most_points(row, place) + 1):
+            off = self._excess(*_first_three(row)) > 0.0
+            return int(off and self._is_plausible_without(row, -1, 1))
+        for count in range(1, min(last - place, LONGEST_JUMP) + 1):
             after = place + count
-            if (
-                self._excess(row[place], row[before], row[after]) > 0.0
-                and self._excess(row[after - 1], row[before], row[after]) > 0.0
-                and (count <= LONGEST_JUMP or self._is_offset(row, place, after))
-                and self._is_plausible_without(row, before, after)
-            ):
+            if self._are_off(row, place, after) and self._is_plausible_without(row, before, after):
                 return count
             if count == 1 and self._strays(row, place):
                 return 1
         return int(place == last and self._excess(*_first_three(row[::-1])) > 0.0)
 
-    def _most_points(self, row: list[int], place: int) -> int:
-        """Return the largest number of points of a jump from this place on.
+    def _offset_count(self, row: list[int], place: int) -> int:
+        """Return the number of points, above LONGEST_JUMP, of an offset that begins here, or 0.
 
-        It is more than LONGEST_JUMP if no car can go on from the points before to this place.
+        No car can do the steps at its ends, while the points within are plausible.
         """
-        most = min(len(row) - 1 - place, LONGEST_OFFSET)
-        if most <= LONGEST_JUMP or place < 2 or not self.timed:
-            return min(most, LONGEST_JUMP)
+        if not self.timed or place < 2:
+            return 0
         if self._excess(row[place], row[place - 2], row[place - 1]) <= 0.0:
-            return LONGEST_JUMP
-        end = self._t[row[place - 1]] + OFFSET_TIME
-        return min(most, max(LONGEST_JUMP, sum(self._t[k] <= end for k in row[place + 1 :])))
+            return 0
+        latest = self._t[row[place - 1]] + OFFSET_TIME
+        for after in range(place + LONGEST_JUMP + 1, min(place + LONGEST_OFFSET, len(row) - 2) + 1):
+            if self._t[row[after]] > latest:
+                break
+            if (
+                self._excess(row[after - 1], row[after], row[after + 1]) > 0.0
+                and self._are_off(row, place, after)
+                and self._are_plausible(row[place:after])
+                and self._is_plausible_without(row, place - 1, after)
+            ):
+                return after - place
+        return 0
 
-    def _is_offset(self, row: list[int], place: int, after: int) -> bool:
-        """Whether plausible points end with a step that no car can do back to the drive."""
-        if after >= len(row) - 1 or self._excess(*row[after - 1 : after + 2]) <= 0.0:
-            return False
-        inside = row[place:after]
-        threes = zip(inside, inside[1:], inside[2:], strict=False)
+    def _are_off(self, row: list[int], place: int, after: int) -> bool:
+        """Whether the first and the last of the points up to `after` are off the line past them."""
+        ends = row[place - 1], row[after]
+        return all(self._excess(k, *ends) > 0.0 for k in (row[place], row[after - 1]))
+
+    def _are_plausible(self, points: list[int]) -> bool:
+        threes = zip(points, points[1:], points[2:], strict=False)
         return all(self._excess(b, a, c) <= 0.0 for a, b, c in threes)
 
     def _is_plausible_without(self, row: list[int], before: int, after: int) -> bool:
         """Whether the points around a gap are plausible without the points in it."""
         near = [*range(max(before - 2, 0), before + 1), *range(after, min(after + 3, len(row)))]
-        around = [row[k] for k in near]
-        threes = zip(around, around[1:], around[2:], strict=False)
-        return all(self._excess(b, a, c) <= 0.0 for a, b, c in threes)
+        return self._are_plausible([row[k] for k in near])
 
     def _strays(self, row: list[int], place: int) -> bool:
         """Whether a SPARSE point alone is too far from the cubic through its neighbours."""

@@ -1,6 +1,7 @@
 """Jumps and stands: found where they are, and nothing else is taken for one."""
 
 import math
+import time
 
 import numpy as np
 import pytest
@@ -90,6 +91,67 @@ def test_jumps_are_left_out_and_nothing_else(
     assert jumped <= left_out
     assert len(left_out - jumped) <= 2 * 6
     assert max(jump.size for jump in found.jumps) == pytest.approx(1.25 * size, rel=0.35)
+
+
+@pytest.mark.parametrize("count", [11, 20, 30, 45])
+@pytest.mark.parametrize("noise", [0.005, 0.1])
+def test_an_offset_of_seconds_with_sharp_ends_is_left_out(count: int, noise: float) -> None:
+    rows = np.array(Rough(course=SWEEP, speed=15.0, noise=noise, seed=count).points())
+    rows[150 : 150 + count, 1:3] += (5.0, -3.0)
+    found = cleaned(rows[:, 1:3].T.copy(), rows[:, 0])
+    assert sorted(set(range(len(rows))) - set(found.kept.tolist())) == [*range(150, 150 + count)]
+    assert [(jump.first, jump.last) for jump in found.jumps] == [(150, 149 + count)]
+
+
+def test_a_lasting_offset_stays() -> None:
+    rows = np.array(Rough(course=SWEEP, speed=15.0).points())
+    rows[150:230, 1:3] += (5.0, -3.0)  # 8 s
+    jumps = cleaned(rows[:, 1:3].T.copy(), rows[:, 0]).jumps
+    assert sum(jump.last - jump.first + 1 for jump in jumps) <= 20
+
+
+@examples(12, 60)
+@given(
+    speed=st.floats(15.0, 35.0),
+    file_hz=st.sampled_from([20.0, 33.0, 50.0]),
+    rate_hz=st.sampled_from([1.0, 5.0, 10.0]),
+    noise=st.sampled_from([0.0, 0.02]),
+    seed=st.integers(0, 1000),
+)
+def test_late_times_are_no_jumps(
+    speed: float, file_hz: float, rate_hz: float, noise: float, seed: int
+) -> None:
+    """Points of a slow receiver have the times of the next lines of a fast file."""
+    rough = Rough(course=SWEEP, speed=speed, rate_hz=rate_hz, noise=noise, seed=seed)
+    rows = np.array(rough.points())
+    begin = np.random.default_rng(seed).uniform(0.0, 1.0 / file_hz)
+    late = np.ceil((rows[:, 0] + begin) * file_hz) / file_hz
+    points = rows[:, 1:3].T.copy()
+    assert cleaned(points, late, 1.0 / file_hz).jumps == []
+    k = len(rows) // 2
+    across = points[:, k + 1] - points[:, k - 1]
+    across = np.array((-across[1], across[0])) / np.hypot(*across)
+    points[:, k] += (8.0 if rate_hz == 1.0 else 2.0) * across
+    assert cleaned(points, late, 1.0 / file_hz).kept.tolist() == [
+        *range(k), *range(k + 1, len(rows))
+    ]  # fmt: skip
+
+
+def test_costs_are_proportional_to_points() -> None:
+    """Hundreds of stops and jumps in 120,000 points."""
+    at = 0.1 * np.arange(120_000.0)
+    phase = at % 100.0
+    speeds = np.clip(np.minimum(2.0 * (phase - 30.0), 2.0 * (100.0 - phase)), 0.0, 10.0)
+    stations = 0.1 * np.cumsum(speeds)
+    points = np.stack((300.0 * np.sin(stations / 300.0), 300.0 * np.cos(stations / 300.0)))
+    points += np.random.default_rng(1).normal(0.0, 0.02, points.shape)
+    jumping = np.arange(650, 120_000, 1000)
+    points[:, jumping] += 5.0
+    begun = time.process_time()
+    found = cleaned(points, at)
+    assert time.process_time() - begun < 3.0
+    assert [jump.first for jump in found.jumps] == jumping.tolist()
+    assert len(found.stands) == 120
 
 
 def test_the_first_and_the_last_point_may_jump() -> None:
