@@ -24,11 +24,11 @@ from scenarios.definition.traces.receiver_errors.jump_suspects import (
 )
 from vehicles.geometry.local_regression import cubic_weights
 
-BACK = 4
-"""Number of points before a suspect that decide on it."""
+NEAR = 4
+"""Number of points after a jump that are judged again."""
 
-AHEAD = LONGEST_OFFSET + 5
-"""Number of points after it."""
+SIDE = LONGEST_JUMP + 1
+"""Number of plausible points on either side of an offset, which is more than those of a jump."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +100,7 @@ class JumpFinder:
             if before >= 0:
                 around.append(before)
                 before = self._before[before]
-        for number in range(BACK):
+        for number in range(NEAR):
             # The cubic through four points may have missed the jump.
             if after < len(self._t) and (number < 2 or self._track.near[after]):
                 around.append(after)
@@ -119,12 +119,12 @@ class JumpFinder:
     def _row(self, k: int) -> tuple[list[int], int]:
         """Return the kept points around k, and its place among them."""
         row, near = [k], self._before[k]
-        while len(row) <= BACK and near >= 0:
+        while len(row) <= SIDE and near >= 0:
             row.append(near)
             near = self._before[near]
         row.reverse()
         place, near = len(row) - 1, self._after[k]
-        while len(row) <= place + AHEAD and near < len(self._t):
+        while len(row) <= place + LONGEST_OFFSET + SIDE and near < len(self._t):
             row.append(near)
             near = self._after[near]
         return row, place
@@ -146,21 +146,21 @@ class JumpFinder:
     def _offset_count(self, row: list[int], place: int) -> int:
         """Return the number of points, above LONGEST_JUMP, of an offset that begins here, or 0.
 
-        No car can do the steps at its ends, while the points within are plausible.
+        No car can do the steps at its ends, while the points within and around are plausible.
         """
-        if not self.timed or place < 2:
+        if not self.timed or place < SIDE:
             return 0
         if self._excess(row[place], row[place - 2], row[place - 1]) <= 0.0:
             return 0
         latest = self._t[row[place - 1]] + OFFSET_TIME
-        for after in range(place + LONGEST_JUMP + 1, min(place + LONGEST_OFFSET, len(row) - 2) + 1):
+        for after in range(place + SIDE, min(place + LONGEST_OFFSET, len(row) - SIDE) + 1):
             if self._t[row[after]] > latest:
                 break
             if (
                 self._excess(row[after - 1], row[after], row[after + 1]) > 0.0
                 and self._are_off(row, place, after)
                 and self._are_plausible(row[place:after])
-                and self._is_plausible_without(row, place - 1, after)
+                and self._are_plausible(row[place - SIDE : place] + row[after : after + SIDE])
             ):
                 return after - place
         return 0
