@@ -50,9 +50,23 @@ def _remedy(table: PointsPath, pieces: Sequence[DrivablePart], *, has_keys: bool
 
 def check_span(key: str, table: PointsPath) -> None:
     """Raise SettingError for a drive that is longer than a run can be."""
-    span = max(table.time_s, default=0.0) - min(table.time_s, default=0.0)
-    if not span <= LONGEST:
-        raise SettingError(key, f"recorded times span {span:.6g} s, allowed at most {LONGEST:g}")
+    if not table.time_s:
+        return
+    times = np.asarray(table.time_s)
+    steps = np.diff(times)
+    span = float(times[-1] - times[0])
+    if span <= LONGEST:
+        return
+    longest = int(np.argmax(steps))
+    rest = span - float(steps[longest])
+    remedy = "select a part with path.from_s and path.to_s"
+    if rest <= LONGEST and table.pauses == "keep":
+        remedy += ', or leave pauses out with path.pauses = "cut"'
+    raise SettingError(
+        key,
+        f"recorded times span {span:.6g} s, allowed at most {LONGEST:g}: the longest interval is "
+        f"{float(steps[longest]):.6g} s after {place_of(table, longest)}: {remedy}",
+    )
 
 
 def check_length(table: SegmentsPath | PointsPath, lap: float) -> None:
@@ -60,4 +74,11 @@ def check_length(table: SegmentsPath | PointsPath, lap: float) -> None:
     if lap * table.laps > LONGEST_PATH:
         key = "path.laps" if table.laps > 1 else "path"
         whole_km, most_km = lap * table.laps / 1000.0, LONGEST_PATH / 1000.0
-        raise SettingError(key, f"{whole_km:.6g} km of road, allowed at most {most_km:g} km")
+        remedy = ""
+        if table.laps > 1:
+            remedy = ": drive fewer laps"
+        elif isinstance(table, PointsPath) and table.source:
+            remedy = ": select a part with path.from_m and path.to_m"
+        raise SettingError(
+            key, f"{whole_km:.6g} km of road, allowed at most {most_km:g} km{remedy}"
+        )

@@ -13,8 +13,10 @@ from scenarios.definition.road.point_path import check_span, smoothed_points
 from scenarios.definition.road.route import Route, longest_run
 from scenarios.definition.schema.path_tables import PointsPath
 from scenarios.definition.schema.scenario_tables import ScenarioTables, VehicleTable
+from vehicles.driver.speed import SpeedProfile
 from vehicles.geometry.local_regression import NEIGHBOURS, local_cubic
 from vehicles.geometry.path_point import PathPoint
+from vehicles.geometry.sampled_path import FloatArray as Floats
 from vehicles.geometry.smoothing import SmoothedPath
 
 STEP = 0.2
@@ -22,6 +24,9 @@ STEP = 0.2
 
 LEAST_INTERVAL = 0.01
 """Smallest interval (s) of points that fill standstills and holes."""
+
+PAUSE = 60.0
+"""Interval (s) of points above which its middle has no knots."""
 
 REACH = 1.0
 """Smoothing of recorded stations: smallest reach (s) to either side."""
@@ -34,8 +39,9 @@ DAY = 86_400.0
 OVERTIME = 1.0
 """Time (s) for which a vehicle continues after the end of its record."""
 
-LOOK = 0.5
-"""Time step (s) at which a replayed vehicle is compared with its neighbours."""
+LOOK, MOST_LOOKS = 0.5, 20_000
+"""Time step (s) at which a replayed vehicle is compared with its neighbours, and the largest number
+of comparisons, above which the step is longer."""
 
 NEAR = 50.0
 """Distance (m) from its expected station within which it is projected onto the lead's path."""
@@ -126,6 +132,8 @@ def _knots(
     t, s = given[kept] - given[0], np.maximum.accumulate(road.stations[kept])
     if t.size < NEIGHBOURS:
         return None
+    lost_t, lost_s, cuts = _lost_in_pauses(t, s)
+    t, s = t - np.append(0.0, lost_t), s - np.append(0.0, lost_s)
     # A cubic would overshoot over standstills and holes, which are long steps: fill them evenly.
     usual = max(float(np.median(np.diff(t))), LEAST_INTERVAL)
     even = np.linspace(0.0, t[-1], max(math.ceil(t[-1] / usual), t.size) + 1)
@@ -134,12 +142,29 @@ def _knots(
     stations = local_cubic(even, np.interp(even, t, s)[None, :], times, reach)[0]
     # A cubic overshoots by some centimetres at both ends of a standstill.
     stations = np.maximum.accumulate(np.clip(stations, s[0], s[-1]))
+    passed = np.searchsorted(cuts, times)
+    times, stations = (
+        times + np.append(0.0, lost_t)[passed],
+        stations + np.append(0.0, lost_s)[passed],
+    )
     means = np.diff(stations) / np.diff(times)
     slower = np.minimum(np.append(means, math.inf), np.append(math.inf, means))
     # A cubic is monotone up to three times the slower mean next to a knot (Fritsch and Carlson,
     # 1980).
     speeds = np.minimum(np.gradient(stations, times), 3.0 * slower)
     return tuple(times.tolist()), tuple(stations.tolist()), tuple(speeds.tolist())
+
+
+def _lost_in_pauses(t: Floats, s: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the time (s) and distance (m) lost up to each interval, and the instants of the cuts.
+
+    Of an interval longer than PAUSE its middle is cut out before smoothing, so that knots are only
+    where the speed changes. Instants (s) are those without the lost times.
+    """
+    gone = np.diff(t)
+    share = np.maximum(gone - PAUSE, 0.0) / gone
+    lost_t, lost_s = np.cumsum(share * gone), np.cumsum(share * np.diff(s))
+    return lost_t, lost_s, t[1:] - lost_t - np.where(share > 0.0, 0.5 * PAUSE, 0.0)
 
 
 def _begun(
@@ -251,10 +276,24 @@ class _Look:
 
 
 def _looks(drive: ReplayedDrive, route: Route, duration: float) -> Iterator[_Look]:
+    step = max(LOOK, duration / MOST_LOOKS)
+    times = step * np.arange(int(duration / step) + 1, dtype=np.float64)
+    leads = route.start + _distances(route.profile, times)
     near: float | None = None
-    for k in range(int(duration / LOOK) + 1):
-        point, speed, _ = drive.at(k * LOOK)
+    before = 0.0
+    for at, lead in zip(times.tolist(), leads.tolist(), strict=True):
+        point, _, gone = drive.at(at)
+        near = None if near is None else near + gone - before
         foot = route.path.project(point.east, point.north, near, window=NEAR)
-        near = foot.station + speed * LOOK
-        lead = route.start + route.profile.distance(k * LOOK)
-        yield _Look(k * LOOK, foot.station, lead, abs(foot.lateral))
+        near, before = foot.station, gone
+        yield _Look(at, foot.station, lead, abs(foot.lateral))
+
+
+def _distances(profile: SpeedProfile, times: Floats) -> Floats:
+    """Distances (m) driven from time 0 to each of `times` (s), as `SpeedProfile.distance`."""
+    knots = np.array([0.0, *(time for time in profile.times if time > 0.0)])
+    speeds = np.interp(knots, profile.times, profile.speeds)
+    driven = np.append(0.0, np.cumsum(0.5 * (speeds[1:] + speeds[:-1]) * np.diff(knots)))
+    last = np.searchsorted(knots, times, side="right") - 1
+    here = np.interp(times, profile.times, profile.speeds)
+    return np.asarray(driven[last] + 0.5 * (speeds[last] + here) * (times - knots[last]))
