@@ -18,6 +18,7 @@ from scenarios.definition.traces.reading import DriveInPlane
 from scenarios.studies.picture_style import (
     BLUE,
     GREEN,
+    GREY,
     ORANGE,
     PAGE_IN,
     PURPLE,
@@ -38,8 +39,9 @@ MARGIN, LEAST_EXTENT = 0.08, 20.0
 """Margin of the plan, a share of the drive's extent, and its smallest extent (m). Points outside
 are only counted."""
 
-CELLS, MOST_POINTS = 1500, 4000
-"""Number of cells across the plan in which points are drawn once, and of points in a line."""
+CELLS, MOST_POINTS, MOST_MARKED = 1500, 3000, 500
+"""Number of cells across the plan in which points are drawn once, of points in a line, and of
+records left out for one reason."""
 
 MOST_LABELS, LABEL_SPACING = 8, 0.1
 """Number of pauses with their durations, and their smallest distance, as a share of the plan."""
@@ -50,7 +52,7 @@ DRIVEN: Any = {"color": BLUE, "linewidth": 1.1, "label": "driven by the lead"}
 LEFT_OUT: Sequence[Any] = [
     {"marker": marker, "color": colour, "markersize": 6.0, "linestyle": "none"}
     for marker in ("x", "+", "1", "d")
-    for colour in (RED, ORANGE, PURPLE)
+    for colour in (RED, PURPLE, GREY)
 ]
 SPEED_TITLES = {
     "recorded": "speed",
@@ -168,7 +170,7 @@ def _inside(points: FloatArray, box: FloatArray) -> FloatArray:
 def _draw_holes(axes: Axes, planned: _Planned, cell: float) -> None:
     gap = np.full((2, 1), np.nan)
     parts = []
-    for begin, end in planned.holes[:MOST_POINTS]:
+    for begin, end in planned.holes[:MOST_MARKED]:
         first, last = np.searchsorted(planned.along, (begin, end)).tolist()
         parts += [_thinned(planned.path[:, first : last + 1], cell), gap]
     if parts:
@@ -182,7 +184,7 @@ def _draw_left_out(axes: Axes, drive: DriveInPlane, start: FloatArray, box: Floa
         places = _inside(_places(drive, kind) - start, box)
         beyond = count - places.shape[1]
         label = f"{count} left out: {kind}" + (f" ({beyond} not shown)" if beyond else "")
-        axes.plot(*places[:, :MOST_POINTS], label=label, **style)
+        axes.plot(*places[:, :MOST_MARKED], label=label, **style)
 
 
 def _places(drive: DriveInPlane, kind: str) -> FloatArray:
@@ -246,7 +248,7 @@ def _draw_speed(
     lines = [(np.stack((along[: len(speeds)], speeds[: len(along)])), RECORDED)]
     if planned is not None:
         lines.append((planned.speed, DRIVEN))
-        for begin, end in planned.holes[:MOST_POINTS]:
+        for begin, end in planned.holes[:MOST_MARKED]:
             axes.axvspan(begin, end, color=ORANGE, alpha=0.25, linewidth=0)
     highest = max(1.0, *(float(np.max(line[1], initial=0.0)) for line, _ in lines))
     length = max(float(along[-1]), 1.0)
