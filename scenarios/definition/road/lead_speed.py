@@ -25,6 +25,9 @@ DERIVED_WINDOW = 2.0
 SILENCE, SILENT_INTERVALS = 2.0, 4.0
 """A silence in a record is longer than this (s) and than this number of usual intervals."""
 
+LONG_SILENCE = 60.0
+"""Interval (s) of points above which its middle has no knots."""
+
 SILENT_BRAKING, SILENT_ACCELERATION = 2.5, 1.5
 """Assumed braking and acceleration (m/s²) of a car that was slower during a silence."""
 
@@ -114,12 +117,25 @@ def recorded(
             window, distance = RECORDED_WINDOW, driven * ratio + unseen
     t, distance = _with_silences(t, distance, np.flatnonzero(silent).tolist())
     span = float(t[-1] - t[0])
-    knots = np.arange(math.ceil(span / RECORDED_STEP) + 1, dtype=np.float64) * RECORDED_STEP
     recorded_span = span - float(np.sum(gone[silent]))
     half = 0.5 * max(window, 3.0 * recorded_span / max(int(np.count_nonzero(~silent)), 1))
+    knots = _knots(t - t[0], half)
     return SpeedProfile(
         tuple(knots.tolist()), tuple(_mean_speed(t - t[0], distance, knots, half))
     ), ratio
+
+
+def _knots(t: FloatArray, half: float) -> FloatArray:
+    """Return instants every RECORDED_STEP, without the middle of long intervals of `t` (s).
+
+    There the mean speed within `half` s is constant.
+    """
+    last = math.ceil(t[-1] / RECORDED_STEP)
+    long = np.flatnonzero(np.diff(t) > LONG_SILENCE + 2.0 * half)
+    begins = np.append(0, np.floor((t[long + 1] - half) / RECORDED_STEP) - 1)
+    ends = np.append(np.ceil((t[long] + half) / RECORDED_STEP) + 1, last)
+    parts = [np.arange(begin, end + 1) for begin, end in zip(begins, ends, strict=True)]
+    return np.concatenate(parts).astype(np.float64) * RECORDED_STEP
 
 
 def _summed(steps: FloatArray) -> FloatArray:
@@ -172,6 +188,8 @@ def _slowed_down(
         held, on = 0.0, level / first
     braking, speeding = (first - held) / SILENT_BRAKING, (last - held) / SILENT_ACCELERATION
     since = np.arange(RECORDED_STEP, span, RECORDED_STEP)
+    if span > LONG_SILENCE:  # without the middle, where it holds its speed
+        since = since[(since < on + braking + 1.0) | (since > span - speeding - 1.0)]
     slowing = np.maximum(on + braking - np.maximum(since, on), 0.0)
     before = first * np.minimum(since, on) + 0.5 * SILENT_BRAKING * (braking**2 - slowing**2)
     after = 0.5 * SILENT_ACCELERATION * np.maximum(since - (span - speeding), 0.0) ** 2
