@@ -151,3 +151,16 @@ def parts_of(line: str) -> list[tuple[float, ...]]:
     return [
         tuple(map(float, ends)) for ends in re.findall(r"([\d.]+) to ([\d.]+) [sm] \(\d+ m\)", line)
     ]
+
+
+@pytest.mark.parametrize("form", ["csv", "places"])
+def test_each_named_part_can_be_driven(tmp_path: Path, form: str) -> None:
+    points = driven(THREE_POINT_TURN)
+    line = refusal(points, tmp_path, form)
+    choices = line.partition(": set ")[2].replace("path.", "").split(", or ")
+    lengths = []
+    for choice in choices:
+        road = read(points, tmp_path, form, choice.replace(" and ", "\n")).route.smoothed
+        assert road is not None
+        lengths.append(road.lap_length)
+    assert lengths == [pytest.approx(313.0, abs=2.0), pytest.approx(502.0, abs=2.0)]
