@@ -142,6 +142,8 @@ def read_base(extending: ScenarioFile, given: object) -> ScenarioFile:
     shipped = _shipped().get(given)
     path = shipped or extending.folder / given
     try:
+        if _is_drive(path) and not path.is_dir():
+            return _scenario_of_drive(path)
         return ScenarioFile(path.name if shipped else str(path), path.parent, _text(path), path)
     except FileNotFoundError as error:
         raise ScenarioError([f"{problem}, no such file{_hint(path)}, {allowed}"]) from error

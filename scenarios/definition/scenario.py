@@ -54,12 +54,22 @@ from vehicles.driver.speed import GapLimits, SpacingPolicy
 from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.schedule import MILLISECOND, SECOND
 
-__all__ = ["Scenario", "drills", "library", "load_scenario", "scenario_from_text"]
+__all__ = [
+    "Scenario",
+    "drills",
+    "library",
+    "load_scenario",
+    "scenario_from_text",
+    "scenario_text",
+]
 
 
 FOLLOWERS_LATERAL = 1.25
 """Lateral acceleration of followers that keep a gap, over the lead's: at the lead's own limit noise
 alone would leave them behind."""
+
+READ_WITH = ("path.", "origin.", "speed.")
+"""Keys with which a recorded drive is read."""
 
 LONGEST_SLUG = 80
 """Longest name of a folder, so that it fits a line of a terminal."""
@@ -313,6 +323,18 @@ def load_scenario(
     return _scenario(read_file(name_or_path), overrides, seed, on_drive)
 
 
+def scenario_text(
+    name_or_path: str | Path, overrides: Sequence[str] = ()
+) -> tuple[str, tuple[str, ...]]:
+    """Return a scenario with the contents of its files as TOML, and the `overrides` in it.
+
+    Overrides of path, origin and speed are in it, since a recorded drive is read with them. Raises
+    ScenarioError; problems that depend on the road are not checked.
+    """
+    read_with = tuple(text for text in overrides if text.lstrip().startswith(READ_WITH))
+    return _text_of(_read(read_file(name_or_path), read_with)[1]), read_with
+
+
 def scenario_from_text(
     text: str,
     *,
@@ -391,7 +413,7 @@ def _with_files(
     """Replace the files that keys name by their contents; appends what is wrong with them."""
     with collected(problems):
         tables = with_points(tables, given.folder("path.file"), on_drive)
-        if given.files[-1].is_drive:
+        if any(file.is_drive for file in given.files):
             tables = at_recorded_speed(tables)
     with collected(problems):
         tables = with_recordings(tables, given.folder)

@@ -19,7 +19,7 @@ from scenarios.cli.many.study_options import (
     engine_options,
     limit_option,
     selected_workers,
-    variant_of,
+    valid_variant,
 )
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def bisect(
 
     with clear_errors():
         low, high = _bounds_of(span)
-        variant = variant_of(scenario, overrides)
+        variant = valid_variant(scenario, overrides)
         query = BoundaryQuery(
             variant=variant,
             key=key,

@@ -13,7 +13,7 @@ from scenarios.cli.many.study_options import (
     engine_options,
     limit_option,
     selected_workers,
-    variant_of,
+    valid_variant,
 )
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def risk(
     from scenarios.studies.many.risk import JSON_FILE, RiskQuery, estimate_risk, write_risk
 
     with clear_errors():
-        variant = variant_of(scenario, overrides)
+        variant = valid_variant(scenario, overrides)
         query = RiskQuery(
             variant=variant,
             limit=parsed_limit(limit_text, variant.scenario.vehicle_names),

@@ -86,11 +86,10 @@ def selected_workers(workers: int | None, scheduler: str) -> "OpenWorkers":
     return partial(open_workers, workers, scheduler)
 
 
-def variant_of(name: str, overrides: tuple[str, ...]) -> "Variant":
+def valid_variant(name: str, overrides: tuple[str, ...]) -> "Variant":
     """Return the run to vary; raises ScenarioError if it is refused."""
-    from scenarios.definition.scenario import load_scenario
-    from scenarios.studies.many.variant import Variant
+    from scenarios.studies.many.variant import variant_of
 
-    variant = Variant(text=load_scenario(name).text, name=name, overrides=overrides)
+    variant = variant_of(name, overrides)
     _ = variant.scenario
     return variant

@@ -308,8 +308,8 @@ class VehicleTable(Table):
 class ScenarioTables(Table):
     """A scenario file.
 
-    extends      scenario to start from: a shipped one, or a file; its keys are merged first, then
-                 validated
+    extends      scenario to start from: a shipped one, a file, or a recorded drive; its keys are
+                 merged first, then validated
     name         name of the scenario
     overrides    overrides by --set and --seed, written by the program; do not set
     description  one line for `convoy list`

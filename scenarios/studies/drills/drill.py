@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from math import inf
 from typing import Any
@@ -12,7 +12,7 @@ from scenarios.definition.scenario import load_scenario
 from scenarios.results.summary import LimitFigure, RunSummary
 from scenarios.studies.engine.engine import Engine
 from scenarios.studies.engine.job import Job
-from scenarios.studies.many.variant import Variant, identity_of
+from scenarios.studies.many.variant import Variant, identity_of, variant_of
 
 RUN = "run"
 """Limit of the row of a run that failed for another reason."""
@@ -77,11 +77,8 @@ def drill_variants(
         raise ScenarioError(
             [f"{name}: limits: missing, a drill needs at least one, such as collisions_max = 0"]
         )
-    text = load_scenario(name).text
-    return [
-        Variant(text=text, name=name, overrides=tuple(overrides), seed=seed)
-        for seed in seeds or (whole.seed,)
-    ]
+    base = variant_of(name, overrides)
+    return [replace(base, seed=seed) for seed in seeds or (whole.seed,)]
 
 
 def identity_of_drills(variants: Sequence[Variant]) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from scenarios.definition.validation.wording import toml_repr
 from scenarios.results.limits.evaluation import severity
 from scenarios.studies.engine.engine import Engine
 from scenarios.studies.engine.job import Job
-from scenarios.studies.many.variant import Variant
+from scenarios.studies.many.variant import Variant, variant_of
 
 PEAKS = 3
 """Number of refined times, because the highest peak may be narrow."""
@@ -229,10 +229,4 @@ def _severity(variant: Variant, word: str) -> float:
 
 def base_variant(name: str, overrides: Sequence[str], seed: int | None) -> Variant:
     """Return the run to search; raises ScenarioError if it is invalid."""
-    whole = load_scenario(name, overrides, seed)
-    return Variant(
-        text=load_scenario(name).text,
-        name=name,
-        overrides=tuple(overrides),
-        seed=whole.seed,
-    )
+    return variant_of(name, overrides, load_scenario(name, overrides, seed).seed)

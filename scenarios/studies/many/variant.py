@@ -2,11 +2,12 @@
 
 import hashlib
 import shlex
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from scenarios.definition.run_limits import Limit
-from scenarios.definition.scenario import Scenario, scenario_from_text
+from scenarios.definition.scenario import Scenario, scenario_from_text, scenario_text
 from scenarios.results.summary import RunSummary
 from scenarios.runs.virtual.unlogged_run import run_unlogged
 from scenarios.studies.engine.stamp import current_stamp
@@ -18,20 +19,20 @@ class Variant:
     """A run that needs no file: `text` is a complete scenario, as in `Scenario.text`.
 
     `name` is a shipped name or a path, as entered by the user. `overrides` (`key.path=value`) and
-    `seed` replace values in `text`.
+    `seed` replace values in `text`, except those overrides that it was `read_with`.
     """
 
     text: str
     name: str
     overrides: tuple[str, ...] = ()
     seed: int = 1
+    read_with: tuple[str, ...] = ()
 
     @property
     def scenario(self) -> Scenario:
         """The scenario; raises ScenarioError for invalid overrides."""
-        return scenario_from_text(
-            self.text, label=self.name, overrides=self.overrides, seed=self.seed
-        )
+        others = [text for text in self.overrides if text not in self.read_with]
+        return scenario_from_text(self.text, label=self.name, overrides=others, seed=self.seed)
 
     @property
     def command(self) -> str:
@@ -46,6 +47,12 @@ class Variant:
     def breaks(self, limit: Limit) -> bool:
         """Run until the limit is broken or the run ends; return whether it was broken."""
         return watch_limit(self.scenario, limit).broken
+
+
+def variant_of(name: str, overrides: Sequence[str] = (), seed: int = 1) -> Variant:
+    """Read a scenario with the files that it names; raises ScenarioError."""
+    text, read_with = scenario_text(name, overrides)
+    return Variant(text=text, name=name, overrides=tuple(overrides), seed=seed, read_with=read_with)
 
 
 def identity_of(variant: Variant, **options: Any) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from math import ceil, isfinite
 from typing import Any
@@ -49,13 +49,8 @@ class BoundaryQuery:
         return [float(f"{self.low + step * number:.12g}") for number in range(parts + 1)]
 
     def at(self, value: float, seed: int) -> Variant:
-        variant = self.variant
-        return Variant(
-            text=variant.text,
-            name=variant.name,
-            overrides=(*variant.overrides, f"{self.key}={value:.12g}"),
-            seed=seed,
-        )
+        overrides = (*self.variant.overrides, f"{self.key}={value:.12g}")
+        return replace(self.variant, overrides=overrides, seed=seed)
 
     def identity(self) -> dict[str, Any]:
         """Everything that the result depends on, named as on the command line."""

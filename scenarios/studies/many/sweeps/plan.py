@@ -7,12 +7,11 @@ from typing import Any
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.run_limits import Limit, parsed_limit
-from scenarios.definition.scenario import load_scenario
 from scenarios.results.limits.evaluation import broken_by
 from scenarios.studies.engine.job import Job
 from scenarios.studies.many.sweeps.axis import SweepAxis, cells, parsed_axes
 from scenarios.studies.many.sweeps.figure import SweepFigure, parsed_figure
-from scenarios.studies.many.variant import Variant, identity_of
+from scenarios.studies.many.variant import Variant, identity_of, variant_of
 
 DEFAULT_FIGURE = "cross_track_error_m_max"
 MAX_RUNS = 100_000
@@ -22,13 +21,11 @@ MAX_RUNS = 100_000
 class SweepPlan:
     """A scenario, the keys that vary, the seeds 1 to `seeds`, the figures and limits.
 
-    A seed gives the same random numbers in every cell. `text` is the scenario without overrides,
-    `sets` are the overrides of all runs.
+    A seed gives the same random numbers in every cell. `base` is the scenario with the overrides of
+    all runs.
     """
 
-    name: str
-    text: str
-    sets: tuple[str, ...]
+    base: Variant
     axes: tuple[SweepAxis, ...]
     seeds: int
     figures: tuple[SweepFigure, ...]
@@ -44,10 +41,9 @@ class SweepPlan:
         return len(self.cells) * self.seeds
 
     def variants(self, cell: Sequence[str]) -> list[Variant]:
-        sets = (*self.sets, *cell)
+        overrides = (*self.base.overrides, *cell)
         return [
-            Variant(text=self.text, name=self.name, overrides=sets, seed=seed)
-            for seed in range(1, self.seeds + 1)
+            replace(self.base, overrides=overrides, seed=seed) for seed in range(1, self.seeds + 1)
         ]
 
     def jobs(self) -> list[Job]:
@@ -64,7 +60,7 @@ class SweepPlan:
     def identity(self) -> dict[str, Any]:
         """Everything that the results depend on, named as on the command line."""
         return identity_of(
-            Variant(text=self.text, name=self.name, overrides=self.sets),
+            self.base,
             vary=[f"{axis.key}={','.join(axis.texts)}" for axis in self.axes],
             seeds=self.seeds,
             figure=[figure.name for figure in self.figures],
@@ -108,9 +104,7 @@ def planned(
     if both := [axis.key for axis in axes if axis.key in fixed]:
         raise ScenarioError([f"--vary: {both[0]}: given by --set as well; use one of them"])
     plan = SweepPlan(
-        name=name,
-        text=load_scenario(name).text,
-        sets=tuple(sets),
+        base=variant_of(name, sets),
         axes=axes,
         seeds=seeds,
         figures=(),

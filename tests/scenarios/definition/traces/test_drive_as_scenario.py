@@ -8,16 +8,24 @@ import pytest
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario, scenario_from_text
 from scenarios.definition.schema.path_tables import PointsPath
+from scenarios.studies.many.sweeps.plan import planned
+from scenarios.studies.many.variant import variant_of
 from tests.made.scenarios.messages import STRAIGHT
 from tests.made.scenarios.recorded_drives import (
     CSV,
     WRITERS,
+    Drive,
     as_gpx,
     as_plane_csv,
     drive,
     driven,
     write_log,
 )
+
+
+def back_and_forth() -> Drive:
+    """A drive that turns back on the spot after 20 s."""
+    return [*drive(), *((20.1 + t, e, n, v) for t, e, n, v in drive()[:100][::-1])]
 
 
 @pytest.mark.parametrize("file", WRITERS)
@@ -67,6 +75,32 @@ def test_a_log_and_its_folder_are_drives_of_the_lead_or_another_vehicle(tmp_path
     assert lead.origin != second.origin
 
 
+def test_a_scenario_extends_a_drive(tmp_path: Path) -> None:
+    (tmp_path / "drive.gpx").write_bytes(as_gpx(drive()))
+    path = tmp_path / "mine.toml"
+    path.write_text('extends = "drive.gpx"\nname = "mine"\n[convoy]\nvehicles = 2\n')
+    mine, plain = load_scenario(path).tables, load_scenario(tmp_path / "drive.gpx").tables
+    assert (mine.name, mine.convoy.vehicles, mine.speed.lead) == ("mine", 2, "recorded")
+    assert mine.path == plain.path
+
+
+def test_studies_take_a_drive_with_the_overrides_that_select_a_part(tmp_path: Path) -> None:
+    path = tmp_path / "back.csv"
+    path.write_bytes(as_plane_csv(back_and_forth()))
+    overrides = ("convoy.vehicles=2", "path.to_s=8", "speed.set_mps=7")
+    variant = variant_of(str(path), overrides)
+    assert variant.scenario.tables.convoy.vehicles == 2
+    assert variant.scenario.route.profile.at(0.0)[0] == 7.0
+    assert set(variant.scenario.overrides) == {*overrides, "seed=1"}
+    assert variant.command.endswith(
+        "--set=convoy.vehicles=2 --set=path.to_s=8 --set=speed.set_mps=7 --seed 1 --clock virtual"
+    )
+    assert variant.scenario.duration_s == load_scenario(path, overrides).duration_s
+    plan = planned(str(path), vary=["path.smoothing_m=5,9"], seeds=1, sets=overrides)
+    paths = [plan.variants(cell)[0].scenario.tables.path for cell in plan.cells]
+    assert [getattr(table, "smoothing_m", 0.0) for table in paths] == [5.0, 9.0]
+
+
 def test_a_scenario_may_have_any_suffix(tmp_path: Path) -> None:
     for name in ("mine", "mine.txt", "mine.csv"):
         path = tmp_path / name
@@ -88,11 +122,10 @@ def test_any_file_name_makes_a_name(tmp_path: Path, name: str) -> None:
 
 
 def test_a_refused_drive_has_one_line_that_begins_with_its_file(tmp_path: Path) -> None:
-    back = [*drive(), *((20.1 + t, e, n, v) for t, e, n, v in drive()[:100][::-1])]
     for name, content, why in (
         ("nothing.csv", "x_m,y_m\n", "no"),
         ("still.csv", CSV + "0,0\n0.1,0\n" * 10, "all "),
-        ("back.csv", as_plane_csv(back).decode(), "line "),
+        ("back.csv", as_plane_csv(back_and_forth()).decode(), "line "),
     ):
         path = tmp_path / name
         path.write_text(content)
