@@ -139,10 +139,16 @@ def from_truth(driven: Driven, drive: Drive) -> Floats:
     return distances(driven.path, np.array((drive.shape.east, drive.shape.north)))
 
 
-def lost_points(driven: Driven, recording: Recording) -> list[int]:
-    """Numbers of moving records whose position is not among the points that are driven."""
+def lost_points(driven: Driven, drive: Drive, spoiled: Recording | None = None) -> list[int]:
+    """Numbers of moving records of a drive whose position is not among the points driven.
+
+    Those that may be lacking in the spoiled recording are not examined.
+    """
+    may_lack = spoiled.may_lack if spoiled else frozenset()
     unspoiled = [
-        fix for fix in recording.fixes if not isinstance(fix.speed, float) or fix.speed > 1.0
+        fix
+        for fix in drive.recorded().fixes
+        if isinstance(fix.speed, float) and fix.speed > 1.0 and fix.truth not in may_lack
     ]
     places = np.array([(fix.east, fix.north) for fix in unspoiled]).reshape(-1, 2)
     off = np.array(cKDTree(driven.points.T).query(places)[0])

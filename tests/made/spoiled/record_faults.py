@@ -66,9 +66,10 @@ def before_the_fix(recording: Recording, random: Random) -> Recording:
 
 
 def wrong_time(recording: Recording, random: Random) -> Recording:
-    """A single time is wrong by 3 s to years."""
+    """A single time is wrong by 3 s to years; by days at an end, where it may follow a pause."""
     k = random.choice((0, _inside(recording, random), len(recording.fixes) - 1))
-    off = random.choice((-1.0, 1.0)) * math.exp(random.uniform(math.log(3.0), math.log(1e9)))
+    least = 3.0 if 0 < k < len(recording.fixes) - 1 else 1e5
+    off = random.choice((-1.0, 1.0)) * math.exp(random.uniform(math.log(least), math.log(1e9)))
     fixes = list(recording.fixes)
     fixes[k] = moved_by(fixes[k], off)
     return recording.changed(fixes, [fixes[k].truth])
