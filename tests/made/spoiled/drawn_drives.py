@@ -14,9 +14,6 @@ from tests.made.spoiled.synthetic_drives import Drive, Recording
 MOST_POINTS = 1500
 LEAST_POINTS = 25
 
-UNTIMED = ("places csv", "track csv", "kml line", "geojson line")
-"""Formats without times."""
-
 PIECES = st.one_of(
     st.tuples(st.floats(40.0, 200.0), st.just(0.0)),
     st.builds(

@@ -274,6 +274,9 @@ def spoiled(recording: Recording, names: Iterable[str], seed: int) -> Recording:
     return recording
 
 
+UNTIMED = ("places csv", "track csv", "kml line", "geojson line")
+"""Formats without times."""
+
 NO_EMPTY_CELLS = ("pos csv", "savetxt csv")
 """Formats in which an empty cell has no meaning."""
 
@@ -288,6 +291,8 @@ def combined(names: Iterable[str], form: str) -> list[str]:
         kind = KINDS[name]
         applies = not kind.formats or any(form.endswith(end) for end in kind.formats)
         if form in NO_EMPTY_CELLS and name in EMPTYING:
+            continue
+        if form in UNTIMED and kind.excludes & {*TIMES.split()}:
             continue
         if name not in result and applies and not kind.excludes & excluded:
             result.append(name)

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from scenarios.definition.errors import ScenarioError
 from tests.made.examples import examples
-from tests.made.spoiled.drawn_drives import UNTIMED, SpoiledDrive, spoiled_drives
+from tests.made.spoiled.drawn_drives import SpoiledDrive, spoiled_drives
 from tests.made.spoiled.driven_paths import (
     Driven,
     Floats,
@@ -19,16 +19,18 @@ from tests.made.spoiled.driven_paths import (
     lost_points,
     written,
 )
+from tests.made.spoiled.record_faults import UNTIMED
 from tests.made.spoiled.synthetic_drives import Recording
 
 CLOSE = 0.3
 """Largest distance (m) of both paths; noise adds to it."""
 
 
-def unspoiled(case: SpoiledDrive, folder: Path, lead: str) -> Driven | None:
+def unspoiled(case: SpoiledDrive, folder: Path, lead: str, path: str) -> Driven | None:
     """Drive the good file; None if noise makes a path that no car can drive."""
     try:
-        return driven(folder, written(folder, f"good{case.suffix}", case.good()), lead=lead)
+        name = written(folder, f"good{case.suffix}", case.good())
+        return driven(folder, name, lead=lead, path=path)
     except ScenarioError:
         assert case.drive.noise > 0.3
         return None
@@ -53,9 +55,10 @@ def lost_places(case: SpoiledDrive, recording: Recording, spoiled: Driven) -> Fl
 def test_a_spoiled_drive_is_the_good_drive(case: SpoiledDrive) -> None:
     recording, data = case.file()
     lead = "recorded" if recording.timed and case.form not in UNTIMED else "set"
+    path = 'pauses = "cut"' if recording.added_s else ""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        good = unspoiled(case, folder, lead)
+        good = unspoiled(case, folder, lead, path)
         if good is None:
             event("noise makes no path")
             return
@@ -63,13 +66,13 @@ def test_a_spoiled_drive_is_the_good_drive(case: SpoiledDrive) -> None:
             folder,
             written(folder, f"spoiled{case.suffix}", data),
             lead=lead,
-            path='pauses = "cut"' if recording.added_s else "",
+            path=path,
         )
     lost = lost_places(case, recording, spoiled)
     spacing = case.drive.speed / case.drive.rate_hz
     reach = 3.0 * spacing + 2.0 * max(good.table.smoothing_m, spoiled.table.smoothing_m)
-    for path, other in ((good.path, spoiled.path), (spoiled.path, good.path)):
-        off = distances(path, other)[without_source(path, lost, reach)]
+    for one, other in ((good.path, spoiled.path), (spoiled.path, good.path)):
+        off = distances(one, other)[without_source(one, lost, reach)]
         assert np.nanmax(off, initial=0.0) < CLOSE + case.drive.noise
 
     missing = {*lost_points(spoiled, case.drive, recording)} - {*lost_points(good, case.drive)}

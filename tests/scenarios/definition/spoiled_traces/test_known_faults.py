@@ -151,7 +151,8 @@ KNOWN: dict[str, Known] = {
         file="a.csv", data=PLANE.write(GOOD)[:-9], length_m=110.0, duration_s=11.0, left_out=(25,)
     ),
     "gpx truncated within its last point": Known(
-        file="a.gpx", data=gpx(GOOD)[: gpx(GOOD).rindex(b"lon=") + 9], length_m=110.0, duration_s=11.0,
+        file="a.gpx", data=gpx(GOOD)[: gpx(GOOD).rindex(b"lon=") + 9],
+        length_m=110.0, duration_s=11.0,
     ),
 }  # fmt: skip
 
