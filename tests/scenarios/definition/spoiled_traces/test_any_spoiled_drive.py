@@ -81,6 +81,8 @@ def test_a_spoiled_drive_is_the_good_drive(case: SpoiledDrive) -> None:
         assert spoiled.report.warnings
     if lead == "recorded":
         seconds = (len(recording.may_lack) + len(missing)) / case.drive.rate_hz
+        if recording.added_s:  # a pause at a stop leaves out more or less of it
+            seconds += sum(wait for _, wait in case.drive.stops)
         assert spoiled.scenario.duration_s == pytest.approx(
             good.scenario.duration_s, abs=seconds + 2.0 + 2.0 / case.drive.rate_hz
         )
