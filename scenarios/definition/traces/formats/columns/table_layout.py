@@ -174,11 +174,12 @@ def _units(columns: TableColumns, row: list[str]) -> TableColumns | None:
 
 def _with_divided_time(columns: TableColumns, sample: list[list[str]]) -> TableColumns:
     """Name date and time apart if the rows have a cell more than the header, as in RTKLIB's."""
-    if not columns.times or int(np.median([len(row) for row in sample])) != len(columns.names) + 1:
+    longer = [row for row in sample if len(row) == len(columns.names) + 1]
+    if not columns.times or 2 * len(longer) <= len(sample):
         return columns
     source = columns.times[0]
     place = source.columns[-1].place
-    row = sample[len(sample) // 2]
+    row = longer[len(longer) // 2]
     names = list(columns.names)
     if sum(row[place].count(sign) for sign in "-/.") == 2:
         names.insert(place, "date")

@@ -254,6 +254,15 @@ def test_exports_of_known_tools(text: str) -> None:
     assert drive.left_out.total == 0
 
 
+@pytest.mark.parametrize("damaged", ["1", "1" * 300, "# 5", "a b c d e f g h i j"])
+def test_a_damaged_row_does_not_hide_that_date_and_time_are_apart(damaged: str) -> None:
+    first, second = ROS["RTKLIB"].splitlines()[-2:]
+    header = ROS["RTKLIB"].splitlines()[-3]
+    drive = read_table("\n".join([header, first, first, damaged, second, second]))
+    same(drive.position[:, [0, -1]], BERLIN)
+    same(drive.time_s[[0, -1]], [0.0, 0.5])
+
+
 def test_earth_centred_positions_become_geodetic() -> None:
     drive = read_table("%  GPST  x-ecef(m)  y-ecef(m)  z-ecef(m)  Q\n2412 0.0 6378137 0 0 1\n")
     same(drive.position, [[0.0], [0.0]])
