@@ -48,7 +48,8 @@ def without_repeats(drive: RecordedDrive) -> tuple[RecordedDrive, float]:
     stands = lengths > STANDSTILL_HOLDS * usual
     if timed:
         stands &= held >= SHORTEST_STANDSTILL
-    kept = np.sort(np.concatenate((starts, lasts[stands])))
+    new = ~_returns(drive.position[:, starts], lengths, usual)
+    kept = np.sort(np.concatenate((starts[new], lasts[stands])))
     count = drive.count - len(kept)
     remark = f"every position is recorded {usual:.3g} times: {count} repeats are ignored"
     if interval > 0.0:
@@ -58,6 +59,15 @@ def without_repeats(drive: RecordedDrive) -> tuple[RecordedDrive, float]:
             f"{count} repeats are ignored"
         )
     return drive.selected(kept).with_remarks(remark), interval
+
+
+def _returns(distinct: Floats, lengths: NDArray[np.int64], usual: float) -> NDArray[np.bool_]:
+    """Mark positions that return after a short other one: a wrong record within a hold."""
+    same = (distinct[:, 2:] == distinct[:, :-2]).all(axis=0)
+    whole = lengths[:-2] + lengths[1:-1] + lengths[2:]
+    returns = np.zeros(len(lengths), bool)
+    returns[2:] = same & (lengths[1:-1] < usual) & (whole <= 1.5 * usual)
+    return returns
 
 
 def _changes(steps: Floats) -> NDArray[np.bool_]:

@@ -94,6 +94,14 @@ def test_repeats_of_a_steady_drive_are_thinned(north: float) -> None:
     assert drive.count == 600
 
 
+def test_a_position_that_returns_after_a_wrong_record_is_no_new_one() -> None:
+    times, position = held(0.1, 50.0)
+    position[:, [502, 1703]] += 300.0
+    drive, _ = without_repeats(recorded(position, times))
+    assert drive.count == 600 + 2
+    assert {502, 1703} < {*drive.numbers.tolist()}
+
+
 TIMES = np.arange(600) * 0.1
 ORDINARY = {
     "moving": course(TIMES),
