@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.definition.traces.cleaning import Cleaned, cleaned
+from scenarios.definition.traces.formats.registry import read_recorded
 from scenarios.definition.traces.holds import without_repeats
-from scenarios.definition.traces.old_columns import read_recorded, usable_speeds
+from scenarios.definition.traces.old_columns import usable_speeds
 from scenarios.definition.traces.part import Part, points_within
 from scenarios.definition.traces.pauses import Pause, PauseRule, pauses_in, without_pauses
 from scenarios.definition.traces.positions import usable_positions
@@ -101,10 +102,10 @@ def read_trace(
     """
     try:
         drive = _usable(read_recorded(path, vehicle=vehicle, topic=topic))
-        drive, _ = without_repeats(in_time_order(drive))
+        drive, time_error_s = without_repeats(in_time_order(drive))
         plane = origin or _first_point(drive) if drive.geodetic else None
         points = _in_plane(drive, plane) if plane else drive.position
-        left = cleaned(points, _times(drive).tolist())
+        left = cleaned(points, _times(drive), time_error_s)
         _list_jumps(drive, left)
         trace = _driven(path.name, replace(drive, position=points), left, part or Part())
         trace = replace(trace, origin=plane)

@@ -9,7 +9,7 @@ import pytest
 from scenarios.definition.check.findings import warnings
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.road.lead_speed import recorded
-from scenarios.definition.traces.old_formats import read_log
+from scenarios.definition.traces.formats.logs import read_mcap
 from scenarios.definition.traces.reading import read_trace
 from scenarios.definition.traces.recorded_drive import TraceError
 from tests.made.scenarios.recorded_drives import (
@@ -216,8 +216,7 @@ def test_a_log_with_a_damaged_part_is_followed_without_it(tmp_path: Path) -> Non
     second_chunk = content.index(b"zstd", content.index(b"zstd") + 4)
     content[second_chunk + 100] ^= 1
     path.write_bytes(content)
-    found = read_log(path, "v1")
-    numbers = [int(point.place.removeprefix("message ")) for point in found.points]
-    assert numbers == [*range(20), *range(40, 80)]
-    (line,) = found.skipped
-    assert line.startswith("damaged, ")
+    found = read_mcap(path, "v1", None)
+    assert found.numbers.tolist() == [*range(20), *range(40, 80)]
+    (record,) = found.left_out.records
+    assert record.reason.startswith("damaged, ")
