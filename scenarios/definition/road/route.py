@@ -11,7 +11,12 @@ from scenarios.definition.road.lead_speed import Limits, recorded, slowed
 from scenarios.definition.road.point_path import LONGEST, check_length, check_span, smoothed_points
 from scenarios.definition.road.set_speed import SpeedPlan, with_changes
 from scenarios.definition.road.spacing import gaps_at, spacings_at
-from scenarios.definition.schema.path_tables import PointsPath, SegmentsPath, SegmentTable
+from scenarios.definition.schema.path_tables import (
+    PathTable,
+    PointsPath,
+    SegmentsPath,
+    SegmentTable,
+)
 from scenarios.definition.schema.scenario_tables import ScenarioTables, SpeedTable
 from vehicles.driver.speed import SpeedProfile
 from vehicles.geometry.geodesy import yaw_from_heading
@@ -193,16 +198,14 @@ def _recorded(
     """Return the speed from the start on, the station (m) of the start, and the scaling factor."""
     table = tables.path
     if not isinstance(table, PointsPath) or smoothed is None or not table.time_s:
-        source = table.source if isinstance(table, PointsPath) else ""
-        has_none = f", {source} has none" if source else ""
-        remedy = 'use speed.lead = "set" with speed.set_mps'
-        raise SettingError(
-            "speed.lead",
-            f'given "recorded", allowed only for a path with times{has_none}: {remedy}',
-        )
+        raise SettingError("speed.lead", _why_untimed(table))
     if table.closed:
         raise SettingError("speed.lead", 'given "recorded", allowed only with path.closed = false')
-    profile, ratio = recorded(table.time_s, smoothed.stations.tolist(), table.speed_mps)
+    stations = smoothed.stations.tolist()
+    profile, ratio = recorded(table.time_s, stations, table.speed_mps)
+    if table.source and not SPEED_RATIOS[0] <= ratio <= SPEED_RATIOS[1]:
+        # They fit the points when the file was read, but not the smoothed path.
+        profile, ratio = recorded(table.time_s, stations, ())
     if not SPEED_RATIOS[0] <= ratio <= SPEED_RATIOS[1]:
         times = f"{1.0 / ratio:.2f} times" if ratio > 0.0 else "not"
         raise SettingError(
@@ -213,6 +216,15 @@ def _recorded(
         return profile, smoothed.start, ratio
     knots = (0.0, *(run_in / first + time for time in profile.times))
     return SpeedProfile(knots, (first, *profile.speeds)), start, ratio
+
+
+def _why_untimed(table: PathTable) -> str:
+    because = ""
+    if isinstance(table, PointsPath) and table.source:
+        reasons = [remark for remark in table.remarks if remark.endswith("the drive has no times")]
+        because = f", {table.source} has none{f' ({reasons[0]})' if reasons else ''}"
+    remedy = 'use speed.lead = "set" with speed.set_mps'
+    return f'given "recorded", allowed only for a path with times{because}: {remedy}'
 
 
 def longest_run(route: Route) -> float:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scenarios.definition.traces.cleaning import Cleaned, cleaned
 from scenarios.definition.traces.formats.registry import read_recorded
 from scenarios.definition.traces.holds import without_repeats
-from scenarios.definition.traces.old_columns import usable_speeds
 from scenarios.definition.traces.part import Part, points_within
 from scenarios.definition.traces.pauses import Pause, PauseRule, pauses_in, without_pauses
 from scenarios.definition.traces.positions import usable_positions
@@ -22,6 +21,7 @@ from scenarios.definition.traces.recorded_drive import (
     RecordedDrive,
     TraceError,
 )
+from scenarios.definition.traces.recorded_speeds import usable_speeds
 from scenarios.definition.traces.time_order import in_time_order
 from vehicles.geometry.bridges import noise_deviation, step_lengths
 from vehicles.geometry.geodesy import LocalPlane, Origin

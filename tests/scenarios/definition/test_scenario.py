@@ -153,7 +153,7 @@ alpha_ratio = 1.0
     assert again.links == scenario.links
     assert again.vehicle("v3") == scenario.vehicle("v3")
     assert warnings(again) == warnings(scenario)
-    assert "drive.csv: 1 bad line skipped" in warnings(again)[0]
+    assert "drive.csv: 1 record is left out" in warnings(again)[0]
 
 
 def test_the_seed_argument_wins_over_file_and_override() -> None:

@@ -160,10 +160,9 @@ def test_speeds_that_are_all_zero_are_derived_from_the_times(tmp_path: Path, for
     assert len(report_of(zero).warnings) == len(report_of(good).warnings) + 1
 
 
-def test_a_standing_car_s_zero_speeds_stay(tmp_path: Path) -> None:
-    """One speed that is not 0 makes the others measurements, which do not fit the points."""
-    with pytest.raises(ScenarioError, match="m/s"):
-        load(tmp_path, "one.csv", csv(times(), [0.0] * (COUNT - 1) + [10.0]))
+def test_speeds_that_do_not_fit_the_points_are_derived_from_the_times(tmp_path: Path) -> None:
+    scenario = load(tmp_path, "one.csv", csv(times(), [0.0] * (COUNT - 1) + [10.0]))
+    assert scenario.route.profile.at(20.0)[0] == pytest.approx(SPEED, abs=0.1)
 
 
 def test_points_with_zero_speeds_in_a_scenario_are_refused_in_one_line(tmp_path: Path) -> None:
