@@ -9,7 +9,8 @@ holds             repeated positions of a sampling slower than the file
 receiver_errors   outliers, and standstills that drift
 cleaning          remove both
 recorded_speeds   usable recorded speeds
-part, pauses      the part that is driven, and its pauses
+part              the part that is driven
+pauses            times without progress in it
 reading           read a drive through these stages, and project it into the plane
 scenario_drives   put drives into a scenario
 """
