@@ -22,6 +22,9 @@ RECORDED_WINDOW = 1.0
 DERIVED_WINDOW = 2.0
 """Averaging window (s) of speeds derived from positions, which are noisier."""
 
+WINDOW_PER_METRE = 4.0
+"""The same per metre of their noise (s/m): a phone's noise looks like hard braking."""
+
 SILENCE, SILENT_INTERVALS = 2.0, 4.0
 """A silence in a record is longer than this (s) and than this number of usual intervals."""
 
@@ -93,18 +96,22 @@ def _standing(wanted: SpeedProfile, at: float, speed: float) -> bool:
 
 
 def recorded(
-    times: Sequence[float], stations: Sequence[float], speeds: Sequence[float]
+    times: Sequence[float],
+    stations: Sequence[float],
+    speeds: Sequence[float],
+    noise: float = 0.0,
 ) -> tuple[SpeedProfile, float]:
     """Return the speed of a recorded drive over time, and the factor by which it was scaled.
 
     `stations` (m) are those of the recorded points on the smoothed path. Recorded `speeds` are
     scaled to cover the path exactly; without them, or in a silence, the speed follows from the
-    stations. Both are averaged over a window of a few intervals without silences; stops remain
-    stops.
+    stations, which have `noise` (m). Both are averaged over a window of a few intervals without
+    silences; stops remain stops.
     """
     kept = np.flatnonzero(np.diff(np.asarray(times), prepend=-math.inf) > 0.0)
     t, s = np.asarray(times, float)[kept], np.asarray(stations, float)[kept]
-    window, ratio, distance, gone = DERIVED_WINDOW, 1.0, s - s[0], np.diff(t)
+    window = max(DERIVED_WINDOW, WINDOW_PER_METRE * noise)
+    ratio, distance, gone = 1.0, s - s[0], np.diff(t)
     usual = float(np.median(gone)) if gone.size else 0.0
     silent = gone > max(SILENCE, SILENT_INTERVALS * usual)
     if len(speeds) > 0:

@@ -202,10 +202,11 @@ def _recorded(
     if table.closed:
         raise SettingError("speed.lead", 'given "recorded", allowed only with path.closed = false')
     stations = smoothed.stations.tolist()
-    profile, ratio = recorded(table.time_s, stations, table.speed_mps)
+    noise = smoothed.noise
+    profile, ratio = recorded(table.time_s, stations, table.speed_mps, noise)
     if table.source and not SPEED_RATIOS[0] <= ratio <= SPEED_RATIOS[1]:
         # They fit the points when the file was read, but not the smoothed path.
-        profile, ratio = recorded(table.time_s, stations, ())
+        profile, ratio = recorded(table.time_s, stations, (), noise)
     if not SPEED_RATIOS[0] <= ratio <= SPEED_RATIOS[1]:
         times = f"{1.0 / ratio:.2f} times" if ratio > 0.0 else "not"
         raise SettingError(
