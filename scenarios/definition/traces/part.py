@@ -11,7 +11,7 @@ TOUCH = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class DrivenPart:
     """Bounds of a part, in seconds or metres from the first point of the drive; None if open."""
 
     from_s: float | None = None
@@ -21,7 +21,7 @@ class Part:
 
     @property
     def is_whole(self) -> bool:
-        return self == Part()
+        return self == DrivenPart()
 
 
 class PartError(TraceError):
@@ -32,7 +32,7 @@ class PartError(TraceError):
         self.key = key
 
 
-def points_within(part: Part, time_s: Floats, distance_m: Floats) -> slice:
+def points_within(part: DrivenPart, time_s: Floats, distance_m: Floats) -> slice:
     """Return the points within `part`; raises PartError.
 
     `time_s` (n,), empty without times, and `distance_m` (n,) count from the first point.

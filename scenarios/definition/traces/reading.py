@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scenarios.definition.traces.cleaning import Cleaned, cleaned
 from scenarios.definition.traces.formats.registry import read_recorded
 from scenarios.definition.traces.holds import without_repeats
-from scenarios.definition.traces.part import Part, points_within
+from scenarios.definition.traces.part import DrivenPart, points_within
 from scenarios.definition.traces.pauses import Pause, PauseRule, pauses_in, without_pauses
 from scenarios.definition.traces.positions import usable_positions
 from scenarios.definition.traces.recorded_drive import (
@@ -90,7 +90,7 @@ def read_trace(
     origin: Origin | None = None,
     vehicle: str | None = None,
     topic: str | None = None,
-    part: Part | None = None,
+    part: DrivenPart | None = None,
     pauses: PauseRule = "keep",
     on_drive: OnDrive = lambda _: None,
 ) -> DriveInPlane:
@@ -107,7 +107,7 @@ def read_trace(
         points = _in_plane(drive, plane) if plane else drive.position
         left = cleaned(points, _times(drive), time_error_s)
         _list_jumps(drive, left)
-        trace = _driven(path.name, replace(drive, position=points), left, part or Part())
+        trace = _driven(path.name, replace(drive, position=points), left, part or DrivenPart())
         trace = replace(trace, origin=plane)
         if pauses == "cut":
             times = without_pauses(trace.time_s, trace.pauses)
@@ -133,7 +133,7 @@ def _times(drive: RecordedDrive) -> Floats:
     return NO_VALUES if bool(np.isnan(drive.time_s).any()) else drive.time_s
 
 
-def _driven(source: str, drive: RecordedDrive, left: Cleaned, part: Part) -> DriveInPlane:
+def _driven(source: str, drive: RecordedDrive, left: Cleaned, part: DrivenPart) -> DriveInPlane:
     """Put the kept points of `part` together; positions of `drive` are in the plane (m)."""
     times, kept = _times(drive), np.asarray(left.kept)
     jumping = sum(jump.last - jump.first + 1 for jump in left.jumps)

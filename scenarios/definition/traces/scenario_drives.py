@@ -11,7 +11,7 @@ from scenarios.definition.errors import SettingError
 from scenarios.definition.library import TRACES, exists
 from scenarios.definition.schema.path_tables import PointsPath, TracePath
 from scenarios.definition.schema.scenario_tables import OriginTable, ScenarioTables, VehicleTable
-from scenarios.definition.traces.part import Part, PartError
+from scenarios.definition.traces.part import DrivenPart, PartError
 from scenarios.definition.traces.reading import DriveInPlane, OnDrive, read_trace
 from scenarios.definition.traces.recorded_drive import TraceError
 from vehicles.geometry.bridges import step_lengths
@@ -46,7 +46,7 @@ def with_points(
     table = tables.path
     given = Origin(**tables.origin.model_dump()) if tables.origin else None
     if isinstance(table, TracePath):
-        part = Part(**{key: getattr(table, key) for key in Part.__slots__})
+        part = DrivenPart(**{key: getattr(table, key) for key in DrivenPart.__slots__})
         try:
             trace = read_trace(
                 _file(table.file, folder),
