@@ -18,7 +18,7 @@ from transport.log.records import LogError
 SECOND = 1_000_000_000
 
 
-class Fix(NamedTuple):
+class RecordedFix(NamedTuple):
     """A position (deg, m) at an instant (ns of Unix time)."""
 
     at_ns: int
@@ -27,13 +27,13 @@ class Fix(NamedTuple):
     altitude: float
 
 
-Decoder = Callable[[bytes], Iterator[Fix]]
+Decoder = Callable[[bytes], Iterator[RecordedFix]]
 
 RECORD_BYTES_MAX = 2**28
 """Maximum length of a record; a larger one is damage."""
 
 
-def fixes_by_topic(path: Path) -> tuple[dict[str, list[Fix | None]], str]:
+def fixes_by_topic(path: Path) -> tuple[dict[str, list[RecordedFix | None]], str]:
     """Read the positions of a file by topic, and describe damage in a line.
 
     A damaged or truncated file is read up to the damage. A message without a time has that of the
@@ -41,7 +41,7 @@ def fixes_by_topic(path: Path) -> tuple[dict[str, list[Fix | None]], str]:
     """
     schemas: dict[int, str] = {}
     topics: dict[int, tuple[str, Decoder]] = {}
-    fixes: dict[str, list[Fix | None]] = {}
+    fixes: dict[str, list[RecordedFix | None]] = {}
     try:
         with path.open("rb") as file:
             for record in StreamReader(file, record_size_limit=RECORD_BYTES_MAX).records:
@@ -62,7 +62,7 @@ def fixes_by_topic(path: Path) -> tuple[dict[str, list[Fix | None]], str]:
     return fixes, ""
 
 
-def _read(decode: Decoder, message: Message) -> list[Fix | None]:
+def _read(decode: Decoder, message: Message) -> list[RecordedFix | None]:
     try:
         return [
             fix if fix.at_ns else fix._replace(at_ns=message.log_time)
@@ -87,26 +87,26 @@ def _decoder(schema: str, encoding: str) -> Decoder | None:
     return decoders.get(encoding)
 
 
-def _from_protobuf(data: bytes) -> Iterator[Fix]:
+def _from_protobuf(data: bytes) -> Iterator[RecordedFix]:
     yield _from_message(LocationFix.FromString(data))
 
 
-def _all_from_protobuf(data: bytes) -> Iterator[Fix]:
+def _all_from_protobuf(data: bytes) -> Iterator[RecordedFix]:
     yield from map(_from_message, LocationFixes.FromString(data).fixes)
 
 
-def _from_message(message: LocationFix) -> Fix:
+def _from_message(message: LocationFix) -> RecordedFix:
     at = message.timestamp.ToNanoseconds()
-    return Fix(at, message.latitude, message.longitude, message.altitude)
+    return RecordedFix(at, message.latitude, message.longitude, message.altitude)
 
 
-def _from_json(data: bytes) -> Iterator[Fix]:
+def _from_json(data: bytes) -> Iterator[RecordedFix]:
     content = json.loads(data)
     for fix in content.get("fixes", [content]):
         stamp = fix.get("timestamp") or fix.get("header", {}).get("stamp") or {}
         nanoseconds = stamp.get("nsec", stamp.get("nanosec", 0))
         altitude = fix.get("altitude")
-        yield Fix(
+        yield RecordedFix(
             int(stamp.get("sec", 0)) * SECOND + int(nanoseconds),
             float(fix["latitude"]),
             float(fix["longitude"]),
@@ -114,16 +114,18 @@ def _from_json(data: bytes) -> Iterator[Fix]:
         )
 
 
-def _from_ros1(data: bytes) -> Iterator[Fix]:
+def _from_ros1(data: bytes) -> Iterator[RecordedFix]:
     """Header: sequence, time and name of a frame; then status, service and the position."""
     _, sec, nsec, length = struct.unpack_from("<IIII", data)
-    yield Fix(sec * SECOND + nsec, *struct.unpack_from("<ddd", data, 16 + length + 3))
+    yield RecordedFix(sec * SECOND + nsec, *struct.unpack_from("<ddd", data, 16 + length + 3))
 
 
-def _from_cdr(data: bytes) -> Iterator[Fix]:
+def _from_cdr(data: bytes) -> Iterator[RecordedFix]:
     """As in ROS 1, aligned behind the four bytes that state the byte order."""
     order = "<" if data[1] & 1 else ">"
     sec, nsec, length = struct.unpack_from(f"{order}iII", data, 4)
     service_at = (12 + length + 1 + 1) // 2 * 2
     position_at = (service_at + 2 + 7) // 8 * 8
-    yield Fix(sec * SECOND + nsec, *struct.unpack_from(f"{order}ddd", data, 4 + position_at))
+    yield RecordedFix(
+        sec * SECOND + nsec, *struct.unpack_from(f"{order}ddd", data, 4 + position_at)
+    )
