@@ -10,11 +10,13 @@ from pathlib import Path
 import pytest
 from click.shell_completion import ShellComplete
 
+from scenarios.cli.guide.completion import OWN_FILES
 from scenarios.cli.main import EXAMPLES, cli
 from scenarios.definition.channel.presets import presets
 from scenarios.definition.library import template
 from scenarios.definition.overrides import parse_override
 from scenarios.definition.scenario import library, load_scenario
+from scenarios.definition.traces.formats.registry import TEXT_FORMATS
 
 MINE = 'extends = "lane_change"\nname = "mine"\n[convoy]\nnames = ["ann", "bob"]\n'
 
@@ -39,6 +41,11 @@ def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_shipped_scenarios_and_files_are_offered(command: str) -> None:
     assert offered(command, "") == [*library(), "mine.toml", "ride.gpx"]
     assert offered(command, "lo") == ["lossy_lane_change"]
+
+
+def test_offered_drives_can_be_read() -> None:
+    known = {suffix for one in TEXT_FORMATS for suffix in one.suffixes}
+    assert {*OWN_FILES} - known == {".toml", ".mcap"}
 
 
 def test_channels_and_links_are_offered() -> None:
