@@ -28,6 +28,9 @@ def _recording(drive: DriveReport) -> Iterator[Row]:
     if drive.begins_at:
         begin = drive.begins_at.replace("T", " ").removesuffix("Z").removesuffix(".000")
         yield "begins at", f"{begin} UTC"
+    if drive.from_m > 0.0:
+        since = f"{drive.from_s:.1f} s and " if drive.duration_s is not None else ""
+        yield "part", f"from {since}{drive.from_m:.1f} m of the recording on"
     yield "duration", "no times" if drive.duration_s is None else _duration(drive)
     yield "length", f"{drive.length_m:.1f} m"
     yield "points", f"{drive.points} of {drive.records} records, {_noise(drive.noise_m)}"

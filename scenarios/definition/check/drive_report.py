@@ -1,7 +1,7 @@
 """`convoy check` of a recorded drive: facts of the recording, and of the path through it."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Literal
@@ -72,6 +72,7 @@ class DriveReport:
     `records` were read, `points` of them are driven; `left_out` counts records left out by their
     kind, and `left_out_first` lists the first. `begins_at` is in UTC (ISO 8601, or the time of day
     only), None without absolute times. `noise_m` is the standard deviation of the points per axis.
+    The drive is a part of the recording, `from_s` and `from_m` after its start, 0 for the whole.
     The mean speed is without pauses. `remarks` state assumptions and changes. `path` is None if the
     drive cannot be driven.
     """
@@ -81,6 +82,8 @@ class DriveReport:
     records: int
     points: int
     begins_at: str | None
+    from_s: float
+    from_m: float
     duration_s: float | None
     rate_hz: float | None
     length_m: float
@@ -114,6 +117,8 @@ def drive_report(drive: DriveInPlane, scenario: Scenario | None) -> DriveReport:
         records=drive.record_count + drive.skipped_lines,
         points=len(drive.east_m),
         begins_at=_begin(drive),
+        from_s=drive.begin_s,
+        from_m=drive.begin_m,
         duration_s=duration,
         rate_hz=_rate(drive.time_s),
         length_m=float(along[-1]),
@@ -122,27 +127,33 @@ def drive_report(drive: DriveInPlane, scenario: Scenario | None) -> DriveReport:
         speed_mps_min=float(np.min(speeds)) if source else None,
         speed_mps_mean=float(along[-1]) / moving if source and moving > 0.0 else None,
         speed_mps_max=float(np.max(speeds)) if source else None,
-        holes=tuple(
-            HoleFacts(
-                after=place_in(drive, hole.point),
-                at_m=float(along[hole.point]),
-                length_m=hole.length,
-            )
-            for hole in holes
-        ),
-        pauses=tuple(
-            PauseFacts(
-                after=place_in(drive, pause.point),
-                at_m=float(along[min(pause.point, len(along) - 1)]),
-                lasts_s=pause.lasts_s,
-                is_cut=drive.pauses_cut,
-            )
-            for pause in drive.pauses
-        ),
+        holes=_holes(drive, along, holes),
+        pauses=_pauses(drive, along),
         left_out=dict(drive.left_out.counts),
         left_out_first=drive.left_out_lines,
         remarks=drive.remarks,
         path=_path(scenario, road) if scenario is not None and road is not None else None,
+    )
+
+
+def _holes(drive: DriveInPlane, along: FloatArray, holes: Sequence[Hole]) -> tuple[HoleFacts, ...]:
+    places = _places(drive, [hole.point for hole in holes])
+    return tuple(
+        HoleFacts(after=place, at_m=float(along[hole.point]), length_m=hole.length)
+        for place, hole in zip(places, holes, strict=True)
+    )
+
+
+def _pauses(drive: DriveInPlane, along: FloatArray) -> tuple[PauseFacts, ...]:
+    places = _places(drive, [pause.point for pause in drive.pauses])
+    return tuple(
+        PauseFacts(
+            after=place,
+            at_m=float(along[min(pause.point, len(along) - 1)]),
+            lasts_s=pause.lasts_s,
+            is_cut=drive.pauses_cut,
+        )
+        for place, pause in zip(places, drive.pauses, strict=True)
     )
 
 
@@ -166,14 +177,19 @@ def speeds_mps(drive: DriveInPlane, along: FloatArray) -> tuple[FloatArray, Spee
     return np.asarray(gone / (late - early)), "derived"
 
 
-def place_in(drive: DriveInPlane, point: int) -> str:
-    """Return the place of a point in the file, and its time since the start of the drive."""
-    place = f"{drive.source_unit} {drive.source_numbers[point]}"
+def _places(drive: DriveInPlane, points: Sequence[int]) -> list[str]:
+    """Return the places of points in the file, with times since the start of the recording."""
+    numbers = drive.source_numbers[points]
     if not len(drive.time_s):
-        return place
-    lost = sum(pause.lost_s for pause in drive.pauses if pause.point < point)
-    time = drive.begin_s + drive.time_s[point] + (lost if drive.pauses_cut else 0.0)
-    return f"{place} ({time:.1f} s)"
+        return [f"{drive.source_unit} {number}" for number in numbers]
+    times = drive.begin_s + drive.time_s[points]
+    if drive.pauses_cut:
+        before = np.searchsorted([pause.point for pause in drive.pauses], points)
+        times += np.append(0.0, np.cumsum([pause.lost_s for pause in drive.pauses]))[before]
+    return [
+        f"{drive.source_unit} {number} ({time:.1f} s)"
+        for number, time in zip(numbers, times, strict=True)
+    ]
 
 
 def _begin(drive: DriveInPlane) -> str | None:

@@ -86,6 +86,16 @@ def test_faults_of_a_recording_are_counted_and_placed(tmp_path: Path) -> None:
     assert cut["holes"][0]["after"] == hole["after"]
 
 
+def test_a_part_of_a_drive_keeps_the_places_of_the_recording(tmp_path: Path) -> None:
+    path = tmp_path / "rough.csv"
+    path.write_text("\n".join(rough()))
+    found = facts(path, "--set", "path.from_m=30")
+    assert (found["from_s"], found["from_m"]) == pytest.approx((3.0, 30.0), abs=0.15)
+    assert found["pauses"][0]["after"] == "line 52 (5.0 s)"
+    assert found["pauses"][0]["at_m"] == pytest.approx(20.0, abs=0.15)
+    assert found["length_m"] == pytest.approx(169.0, abs=0.2)
+
+
 def test_the_table_has_each_fault_once_and_the_command_that_runs(tmp_path: Path) -> None:
     path = tmp_path / "rough.csv"
     path.write_text("\n".join(rough()))
