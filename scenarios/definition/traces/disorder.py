@@ -237,9 +237,14 @@ def _fills_holes(runs: _Runs, times: Floats, usual: float) -> Mask:
     gaps = np.concatenate(([np.inf], np.diff(bounds), [np.inf]))
     fills = (gaps / (in_slot + 1) > 0.6 * usual)[runs.slot + 1]
     margin = usual * (1 + in_slot[[0, -1]])
-    fills &= (times[runs.out] >= bounds[0] - margin[0]) & (
-        times[runs.out] <= bounds[-1] + margin[1]
-    )
+    out = times[runs.out]
+    fills &= (out >= bounds[0] - margin[0]) & (out <= bounds[-1] + margin[1])
+    # At the ends, a block after a leap of the clock leaves a hole.
+    early, late = runs.slot < 0, runs.slot == count - 1
+    if bounds[0] - np.max(out[early], initial=-np.inf) > NEIGHBOURS * usual:
+        fills &= ~early
+    if np.min(out[late], initial=np.inf) - bounds[-1] > NEIGHBOURS * usual:
+        fills &= ~late
     return np.asarray(np.bincount(runs.run, fills) > 0.8 * runs.length)
 
 

@@ -135,7 +135,7 @@ def _without_other_clocks(drive: RecordedDrive) -> RecordedDrive:
 
 
 def _without_duplicates(drive: RecordedDrive) -> RecordedDrive:
-    """Ignore records of the same time and position as an earlier one."""
+    """Ignore records of the same time and position as an earlier one, or without time as it."""
     first, second = drive.position
     times = drive.time_s
     if bool((np.diff(times) >= 0.0).all()):
@@ -143,8 +143,8 @@ def _without_duplicates(drive: RecordedDrive) -> RecordedDrive:
         repeated[1:] = (np.diff(times) == 0.0) & ~np.diff(drive.position).any(axis=0)
     else:
         order = np.lexsort((second, first, times))
-        columns = np.vstack((times, drive.position))[:, order]
-        same = (columns[:, 1:] == columns[:, :-1]).all(axis=0)  # False for NaN
+        columns = np.vstack((np.nan_to_num(times, nan=np.inf), drive.position))[:, order]
+        same = (columns[:, 1:] == columns[:, :-1]).all(axis=0)
         repeated = np.zeros(drive.count, bool)
         repeated[order[1:][same]] = True
     count = int(repeated.sum())

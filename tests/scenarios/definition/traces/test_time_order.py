@@ -164,6 +164,20 @@ def test_missing_and_absurd_times_are_interpolated() -> None:
     assert drive.remarks[0].startswith("106 records have no usable time")
 
 
+@pytest.mark.parametrize("missing", [[160], [151, 152, 170], []])
+def test_a_repeated_block_is_ignored_with_and_without_times(missing: list[int]) -> None:
+    times = TRUE.copy()
+    times[missing] = np.nan
+    order = [*range(180), *range(150, 180), *range(180, COUNT)]
+    assert_true_times(in_time_order(recorded(times, order)))
+
+
+@pytest.mark.parametrize("back", [30.0, 42.0, 60.0])
+def test_a_clock_set_back_before_the_begin_of_the_drive_is_a_leap(back: float) -> None:
+    """The later part would fit before the earlier one, but for a hole."""
+    assert_true_times(in_time_order(recorded(changed(250, COUNT, -back))))
+
+
 def test_missing_times_follow_the_distance_where_the_rate_changes() -> None:
     times = changed(200, COUNT, 10.0)
     times[190:210] = np.nan
