@@ -124,12 +124,15 @@ def _is_drive(path: Path) -> bool:
 
 def _scenario_of_drive(path: Path) -> ScenarioFile:
     file = path / LOG if (path / LOG).is_file() else path
-    whole = file.resolve()
-    named = whole.parent if whole.name in PLAIN_NAMES else whole
+    named = whole = file.resolve()
+    if file.name in {"", ".."}:  # the working folder, or the one above
+        file = whole
+    while named.name in PLAIN_NAMES:
+        named = named.parent
     name = re.sub(r"[^A-Za-z0-9_-]+", "_", named.stem).strip("_")
     name = name if name[:1].isalpha() else f"drive_{name}"
     name = name[:LONGEST_NAME].rstrip("_")
-    tables = {"name": name, "path": {"kind": "trace", "file": file.name or "."}}
+    tables = {"name": name, "path": {"kind": "trace", "file": file.name}}
     return ScenarioFile(str(file), file.parent, tomli_w.dumps(tables), file, is_drive=True)
 
 

@@ -75,6 +75,24 @@ def test_a_log_and_its_folder_are_drives_of_the_lead_or_another_vehicle(tmp_path
     assert lead.origin != second.origin
 
 
+@pytest.mark.parametrize("inside", ["", "oxts", "oxts/data"])
+def test_a_folder_of_kitti_is_named_by_its_drive(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, inside: str
+) -> None:
+    packets = tmp_path / "residential" / "oxts" / "data"
+    packets.mkdir(parents=True)
+    for k in range(12):
+        numbers = [49.0 + 1e-4 * k, 8.4, *[0.0] * 28]
+        (packets / f"{k:010d}.txt").write_text(" ".join(map(str, numbers)))
+    folder = tmp_path / "residential" / inside
+    monkeypatch.chdir(folder)
+    for given in (folder, "."):
+        scenario = load_scenario(given)
+        assert scenario.name == "residential"
+        assert isinstance(scenario.tables.path, PointsPath)
+        assert scenario.tables.path.source == folder.name
+
+
 def test_a_scenario_extends_a_drive(tmp_path: Path) -> None:
     (tmp_path / "drive.gpx").write_bytes(as_gpx(drive()))
     path = tmp_path / "mine.toml"
