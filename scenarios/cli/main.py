@@ -33,6 +33,7 @@ Examples:
   convoy run church_lot --rerun spawn     with a live view in Rerun
   convoy run lossy_lane_change --clock virtual --seed 7
   convoy run my.toml --loss 0.3 --duration 20s
+  convoy check drive.gpx --out drive.svg  a recorded drive of your own
   convoy report runs/…/run.mcap           the tables of a recorded run
 
 \b

@@ -44,9 +44,9 @@ def check_scenario(
     drives: list[DriveInPlane] = []
     try:
         scenario = load_scenario(name, overrides, seed, on_drive=drives.append)
-    except ScenarioError:
+    except ScenarioError as error:
         if drives and is_drive(name):
-            _report_refused(drives[0], as_json=as_json)
+            _report_refused(drives[0], error, as_json=as_json)
             _draw(drives[0], None, output, quiet=as_json)
         raise
     if output is not None and not drives:
@@ -62,10 +62,10 @@ def check_scenario(
         click.echo(f"run it with: {shlex.join(command)}")
 
 
-def _report_refused(drive: DriveInPlane, *, as_json: bool) -> None:
+def _report_refused(drive: DriveInPlane, error: ScenarioError, *, as_json: bool) -> None:
     report = drive_report(drive, None)
     if as_json:
-        click.echo(json.dumps({"drive": asdict(report)}, indent=2))
+        click.echo(json.dumps({"drive": asdict(report), "errors": error.lines}, indent=2))
     else:
         print_drive(report, None, Console())
 

@@ -35,6 +35,7 @@ Examples:
   convoy run
   convoy run highway --seed 3 --out /tmp/highway
   convoy run lane_change --clock virtual --set links.latency_ms=100
+  convoy run drive.gpx --clock virtual      a recorded drive of your own
 """
 )
 @scenario_options
