@@ -7,14 +7,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scenarios.definition.road.silences import (
+    LONG_SILENCE,
+    RECORDED_STEP,
+    SILENCE,
+    SILENT_INTERVALS,
+    with_silences,
+)
 from vehicles.driver.speed import SpeedProfile
 from vehicles.geometry.sampled_path import FloatArray, SampledPath
 
 STEP = 0.05
 """Time step (s) of a speed that depends on the station."""
-
-RECORDED_STEP = 0.2
-"""Time step (s) between the knots of a recorded speed."""
 
 RECORDED_WINDOW = 1.0
 """Averaging window (s) of recorded speeds."""
@@ -24,18 +28,6 @@ DERIVED_WINDOW = 2.0
 
 WINDOW_PER_METRE = 4.0
 """The same per metre of their noise (s/m): a phone's noise looks like hard braking."""
-
-SILENCE, SILENT_INTERVALS = 2.0, 4.0
-"""A silence in a record is longer than this (s) and than this number of usual intervals."""
-
-LONG_SILENCE = 60.0
-"""Interval (s) of points above which its middle has no knots."""
-
-SILENT_BRAKING, SILENT_ACCELERATION = 2.5, 1.5
-"""Assumed braking and acceleration (m/s²) of a car that was slower during a silence."""
-
-CRAWLING = 1.0
-"""Speed (m/s) below which a car is assumed to stand for a part of a silence."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,7 +114,7 @@ def recorded(
         ratio = float(seen / driven[-1]) if driven[-1] > 0.0 else math.inf
         if ratio < math.inf:
             window, distance = RECORDED_WINDOW, driven * ratio + unseen
-    t, distance = _with_silences(t, distance, np.flatnonzero(silent).tolist())
+    t, distance = with_silences(t, distance, np.flatnonzero(silent).tolist())
     span = float(t[-1] - t[0])
     recorded_span = span - float(np.sum(gone[silent]))
     half = 0.5 * max(window, 3.0 * recorded_span / max(int(np.count_nonzero(~silent)), 1))
@@ -147,60 +139,6 @@ def _knots(t: FloatArray, half: float) -> FloatArray:
 
 def _summed(steps: FloatArray) -> FloatArray:
     return np.concatenate((np.zeros(1), np.cumsum(steps)))
-
-
-def _with_silences(
-    t: FloatArray, distance: FloatArray, silent: Sequence[int]
-) -> tuple[FloatArray, FloatArray]:
-    """Insert instants into silences in which the car slowed down, each given by its first point."""
-
-    def speed(begin: float, end: float) -> float:
-        here, there = np.interp((begin, end), t, distance).tolist()
-        return (there - here) / (end - begin) if end > begin else 0.0
-
-    times, places = [t], [distance]
-    for k in silent:
-        begin, end = t[k : k + 2].tolist()
-        first = speed(max(begin - SILENCE, float(t[0])), begin)
-        last = speed(end, min(end + SILENCE, float(t[-1])))
-        driven = float(distance[k + 1] - distance[k])
-        since, covered = _slowed_down(end - begin, driven, first, last)
-        times.append(begin + since)
-        places.append(distance[k] + covered)
-    at = np.concatenate(times)
-    order = np.argsort(at, kind="stable")
-    return at[order], np.concatenate(places)[order]
-
-
-def _slowed_down(
-    span: float, driven: float, first: float, last: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return instants (s) in a `span`, and the distance (m) of `driven` covered by then.
-
-    The car brakes from `first` (m/s) to a speed that it holds, and accelerates to `last`. Instead
-    of CRAWLING it brakes later and stands. Empty if it was not slower, or braked harder.
-    """
-    # With a held speed h: driven = h * spare + h² * change + ramps.
-    spare = span - first / SILENT_BRAKING - last / SILENT_ACCELERATION
-    change = 0.5 / SILENT_BRAKING + 0.5 / SILENT_ACCELERATION
-    ramps = 0.5 * first**2 / SILENT_BRAKING + 0.5 * last**2 / SILENT_ACCELERATION
-    if spare <= 0.0 or ramps > driven:
-        return np.zeros(0), np.zeros(0)
-    level = driven - ramps
-    held = 2.0 * level / (spare + math.sqrt(spare**2 + 4.0 * change * level))
-    on = 0.0
-    if held >= min(first, last):
-        return np.zeros(0), np.zeros(0)
-    if 0.0 < held < CRAWLING and level <= first * spare:
-        held, on = 0.0, level / first
-    braking, speeding = (first - held) / SILENT_BRAKING, (last - held) / SILENT_ACCELERATION
-    since = np.arange(RECORDED_STEP, span, RECORDED_STEP)
-    if span > LONG_SILENCE:  # without the middle, where it holds its speed
-        since = since[(since < on + braking + 1.0) | (since > span - speeding - 1.0)]
-    slowing = np.maximum(on + braking - np.maximum(since, on), 0.0)
-    before = first * np.minimum(since, on) + 0.5 * SILENT_BRAKING * (braking**2 - slowing**2)
-    after = 0.5 * SILENT_ACCELERATION * np.maximum(since - (span - speeding), 0.0) ** 2
-    return since, before + held * np.maximum(since - on, 0.0) + after
 
 
 def _mean_speed(t: FloatArray, distance: FloatArray, knots: FloatArray, half: float) -> list[float]:
