@@ -222,7 +222,8 @@ def _draw_pauses(plan: Axes, speed: Axes, drive: DriveInPlane, along: FloatArray
     points = np.stack((drive.east_m, drive.north_m))
     places = (points - points[:, :1])[:, numbers]
     plan.plot(*places, **PAUSED, label="pause")
-    speed.plot(along[numbers], np.zeros(len(numbers)), **PAUSED, clip_on=False, zorder=3)
+    at = along[np.minimum(numbers, len(along) - 1)]  # a lap ends before the recording
+    speed.plot(at, np.zeros(len(numbers)), **PAUSED, clip_on=False, zorder=3)
     apart = LABEL_SPACING * float(np.max(np.ptp(points, axis=1)))
     labelled: list[FloatArray] = []
     for pause, place in zip(pauses, places.T, strict=True):

@@ -18,13 +18,15 @@ def print_drive(drive: DriveReport, report: CheckReport | None, console: Console
     """Print the facts of a drive, and what a convoy can do with it, None if nothing."""
     title = ", ".join(filter(None, (drive.file, drive.format)))
     console.print(Text(title, style="bold"), highlight=False)
-    rows = [*_recording(drive), *_path(drive.path)]
+    waits = report is not None and report.lead_speed == "recorded"
+    rows = [*_recording(drive, waits=waits), *_path(drive.path)]
     if report is not None:
         rows += _convoy(report)
     console.print(grid_of(rows))
 
 
-def _recording(drive: DriveReport) -> Iterator[Row]:
+def _recording(drive: DriveReport, *, waits: bool) -> Iterator[Row]:
+    """Describe the recording; `waits` if the lead drives at recorded speed, pauses included."""
     if drive.begins_at:
         begin = drive.begins_at.replace("T", " ").removesuffix("Z").removesuffix(".000")
         yield "begins at", f"{begin} UTC"
@@ -45,7 +47,7 @@ def _recording(drive: DriveReport) -> Iterator[Row]:
         for pause in drive.pauses
     ]
     yield from _listed("pause", pauses)
-    if any(not pause.is_cut for pause in drive.pauses):
+    if waits and any(not pause.is_cut for pause in drive.pauses):
         yield "", 'the lead waits there; path.pauses = "cut" leaves the time out'
     if drive.left_out:
         yield "left out", ", ".join(f"{count} {kind}" for kind, count in drive.left_out.items())

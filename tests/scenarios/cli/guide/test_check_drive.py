@@ -167,3 +167,20 @@ def test_a_picture_that_cannot_be_drawn_is_refused_in_one_line(
     assert result.exit_code == 2
     assert len(result.stderr.splitlines()) == 1
     assert not Path(picture).exists() or not Path(picture).read_bytes()
+
+
+def test_a_closed_drive_is_drawn_although_its_lap_ends_before_its_last_pause(
+    tmp_path: Path,
+) -> None:
+    turns = [2.0 * math.pi * k / 180 for k in range(200)]
+    times = [0.2 * k + 60.0 * (k > 190) for k in range(200)]
+    rows = [
+        f"{t},{40.0 * math.cos(a)},{40.0 * math.sin(a)}" for t, a in zip(times, turns, strict=True)
+    ]
+    path, picture = tmp_path / "lap.csv", tmp_path / "lap.png"
+    path.write_text("\n".join(["t_s,x_m,y_m", *rows]))
+    result = convoy("check", path, "--set", "path.closed=true", "--out", picture)
+    assert result.exit_code == 0
+    assert picture.exists()
+    assert "the lead waits there" not in result.stdout
+    assert "the lead waits there" in convoy("check", path).stdout
