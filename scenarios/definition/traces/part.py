@@ -38,25 +38,24 @@ def points_within(part: DrivenPart, time_s: Floats, distance_m: Floats) -> slice
     `time_s` (n,), empty without times, and `distance_m` (n,) count from the first point.
     """
     begin, end = 0, int(distance_m.size)
-    for key, bound in (("from_s", part.from_s), ("to_s", part.to_s)):
-        if bound is not None and not time_s.size:
-            raise PartError(key, "the drive has no times, use path.from_m and path.to_m")
-    for key, bound, values in (
-        ("from_s", part.from_s, time_s),
-        ("from_m", part.from_m, distance_m),
+    for unit, first, last, values in (
+        ("s", part.from_s, part.to_s, time_s),
+        ("m", part.from_m, part.to_m, distance_m),
     ):
-        if bound is None:
+        starts, ends = f"from_{unit}", f"to_{unit}"
+        if first is None and last is None:
             continue
-        begin = max(begin, int(np.searchsorted(values, bound - TOUCH)))
-        if end - begin < 2:
-            whole = f"{values[-1]:.1f} {key[-1]}"
-            raise PartError(key, f"given {bound:g}, allowed less than the drive's {whole}")
-    ends = ("to_s", part.to_s, time_s), ("to_m", part.to_m, distance_m)
-    for key, bound, values in ends:
-        if bound is None:
-            continue
-        end = min(end, int(np.searchsorted(values, bound + TOUCH, side="right")))
-        if end - begin < 2:
-            start = f"{values[begin]:.1f} {key[-1]}, where the part starts"
-            raise PartError(key, f"given {bound:g}, allowed more than {start}")
+        if not values.size:
+            key = ends if first is None else starts
+            raise PartError(key, "the drive has no times, use path.from_m and path.to_m")
+        if first is not None:
+            begin = max(begin, int(np.searchsorted(values, first - TOUCH)))
+            if end - begin < 2:
+                drive = f"the drive's {values[-1]:.1f} {unit}"
+                raise PartError(starts, f"given {first:g}, allowed less than {drive}")
+        if last is not None:
+            end = min(end, int(np.searchsorted(values, last + TOUCH, side="right")))
+            if end - begin < 2:
+                start = f"{max(first or 0.0, float(values[0])):g} {unit}, where the part starts"
+                raise PartError(ends, f"given {last:g}, allowed more than {start}")
     return slice(begin, end)
