@@ -248,7 +248,7 @@ def _with_one_clock(drive: RecordedDrive) -> RecordedDrive:
 
 
 def _stops(steps: Floats, distances: Floats) -> Mask:
-    """Mark the one or two steps of a drive that take no time although their neighbours do."""
+    """Mark the one or two usual steps of a drive that take no time although their neighbours do."""
     marked = (steps == 0.0) & (distances > 0.0)
     if not 0 < int(marked.sum()) <= 2:
         return np.zeros(len(steps), bool)
@@ -256,7 +256,8 @@ def _stops(steps: Floats, distances: Floats) -> Mask:
     usual = float(np.median(positive)) if positive.size else 1.0
     following = np.concatenate((steps[1:], [usual]))
     pace = float(np.median(distances[steps > 0.0])) if positive.size else 0.0
-    return np.asarray(marked & (following < 1.5 * usual) & (distances > 0.5 * pace))
+    is_usual = (distances > 0.5 * pace) & (distances < 3.0 * pace)  # further: a wrong position
+    return np.asarray(marked & (following < 1.5 * usual) & is_usual)
 
 
 def _shift(k: int, steady: Mask, steps: Floats, distances: Floats, usual: float) -> float:

@@ -64,8 +64,17 @@ def read_table(text: str) -> RecordedDrive:
     rows = _Rows(times=[[] for _ in layout.time_places])
     for start in range(layout.first, len(lines), BLOCK):
         _add_block(rows, lines, start, layout)
+    if rows.numbers and _ends_within_position(text, lines[-1], layout):
+        rows.bad.append((len(rows.numbers) - 1, "cut row", "the file ends within the position"))
     del lines
     return _drive(rows, layout)
+
+
+def _ends_within_position(text: str, last: str, layout: TableLayout) -> bool:
+    """Whether the last row lacks its end from a cell of the position on: digits may be missing."""
+    cells = len(cells_of(last, layout.separator))
+    is_cut = not text.endswith(("\n", "\r")) and cells < len(layout.columns.names)
+    return is_cut and any(column.place == cells - 1 for column in layout.columns.position)
 
 
 def _add_block(rows: _Rows, lines: Sequence[str], start: int, layout: TableLayout) -> None:
@@ -156,8 +165,9 @@ def _drive(rows: _Rows, layout: TableLayout) -> RecordedDrive:
     left_out = LeftOutRecords()
     good = np.ones(count, dtype=bool)
     for k, kind, reason in rows.bad:
+        if good[k]:
+            left_out.add(LeftOut(rows.numbers[k], kind, reason, float(times.seconds[k])))
         good[k] = False
-        left_out.add(LeftOut(rows.numbers[k], kind, reason, float(times.seconds[k])))
     return RecordedDrive(
         geodetic=geodetic_,
         unit="line",

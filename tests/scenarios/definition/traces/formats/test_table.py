@@ -263,6 +263,14 @@ def test_a_damaged_row_does_not_hide_that_date_and_time_are_apart(damaged: str) 
     same(drive.time_s[[0, -1]], [0.0, 0.5])
 
 
+@pytest.mark.parametrize(("end", "count"), [("2,7", 3), ("2,7,8.", 4), ("2,", 3), ("2,7\n", 3)])
+def test_a_row_that_ends_within_its_position_is_left_out(end: str, count: int) -> None:
+    drive = read_table(f"t_s,x_m,y_m\n0,1,2\n1,1.5,2.5\n1.5,3,4\n{end}")
+    assert (drive.count, drive.left_out.total) == (count, 4 - count)
+    cut = read_table(f"t_s,x_m,y_m,speed_mps\n0,1,2,5\n1,1.5,2.5,5\n{end}")
+    assert (cut.count, cut.left_out.total) == (2, 1)
+
+
 def test_earth_centred_positions_become_geodetic() -> None:
     drive = read_table("%  GPST  x-ecef(m)  y-ecef(m)  z-ecef(m)  Q\n2412 0.0 6378137 0 0 1\n")
     same(drive.position, [[0.0], [0.0]])
