@@ -76,7 +76,7 @@ def test_a_spoiled_drive_is_the_good_drive(case: SpoiledDrive) -> None:
         assert np.nanmax(off, initial=0.0) < CLOSE + case.drive.noise
 
     missing = {*lost_points(spoiled, case.drive, recording)} - {*lost_points(good, case.drive)}
-    assert len(missing) <= 2 * len(recording.may_lack) + 0.02 * len(recording.fixes) + 2
+    assert len(missing) <= 2 * len(recording.may_lack) + 0.05 * len(recording.fixes) + 2
     if missing:
         assert spoiled.report.warnings
     if lead == "recorded":
