@@ -194,7 +194,7 @@ def _end(points: FloatArray, reach: float, direction: float) -> _End:
     """Projection of the last of `points` (2, n) on the arc or line fitted to those within `reach`.
 
     A single point between two holes has no direction of its own and takes `direction` (rad), the
-    direction between the points beyond both holes.
+    direction between the points beyond both holes. Raises ValueError if nothing fits the points.
     """
     away = np.hypot(points[0] - points[0, -1], points[1] - points[1, -1])
     outside = np.flatnonzero(away > reach)
@@ -205,6 +205,8 @@ def _end(points: FloatArray, reach: float, direction: float) -> _End:
         return _End(x, y, direction)
     arc = _arc(side)
     foot = arc.at(arc.project(x, y).station)
+    if not math.hypot(foot.east - x, foot.north - y) <= reach:  # the fit diverged
+        raise ValueError("next to which the points lie in no order")
     return _End(foot.east, foot.north, foot.yaw)
 
 

@@ -58,16 +58,23 @@ class Driven:
         return profile.at(at)[0]
 
 
-def driven(
+def load(
     folder: Path, name: str, *, lead: str = "recorded", path: str = "", more: str = ""
-) -> Driven:
+) -> Scenario:
     """Load a scenario whose lead drives the file `name` in a folder; `path` are further keys."""
     scenario_file = folder / f"{Path(name).name}.toml"
     scenario_file.write_text(
         f'name = "drive"\n[path]\nkind = "trace"\nfile = "{name}"\n{path}\n'
         f'[speed]\nlead = "{lead}"\n{more}\n'
     )
-    scenario = load_scenario(str(scenario_file), ())
+    return load_scenario(str(scenario_file), ())
+
+
+def driven(
+    folder: Path, name: str, *, lead: str = "recorded", path: str = "", more: str = ""
+) -> Driven:
+    """Load a scenario as `load` does, with its path and report."""
+    scenario = load(folder, name, lead=lead, path=path, more=more)
     return Driven(
         scenario=scenario,
         report=report_of(scenario),

@@ -166,3 +166,16 @@ def test_noisy_points_close_together_do_not_double_back() -> None:
     assert np.sqrt(np.mean(off * off)) < 0.5
     assert smoothed.path.length == pytest.approx(600.0, rel=0.02)
     assert smoothed.noise == pytest.approx(1.0, rel=0.15)
+
+
+def test_a_bridge_between_points_in_no_order_is_refused_or_near_them() -> None:
+    """A fit to such points may lie anywhere."""
+    for seed in range(570, 590):
+        corners = 11.0 * np.random.default_rng(seed).integers(-3, 4, (2, 40))
+        corners = corners[:, np.append(True, np.diff(corners).any(axis=0))]
+        ahead = np.stack((2.0 * np.arange(-30.0, 0.0) - 40.0, np.zeros(30)))
+        try:
+            filled = fill_holes(np.hstack((ahead, corners)), 10.0)
+        except UnbridgedError:
+            continue
+        assert np.abs(filled.points).max() < 200.0

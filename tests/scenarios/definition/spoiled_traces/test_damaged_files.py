@@ -7,9 +7,10 @@ from random import Random
 
 import pytest
 
+from scenarios.definition.check.findings import report_of
 from scenarios.definition.errors import ScenarioError
 from tests.made.spoiled.drive_files import WRITERS
-from tests.made.spoiled.driven_paths import driven, written
+from tests.made.spoiled.driven_paths import load, written
 from tests.made.spoiled.file_faults import damaged
 from tests.made.spoiled.record_faults import KINDS, combined, spoiled
 from tests.made.spoiled.synthetic_drives import BEND, LOOP, S_BEND, U_TURN, Drive
@@ -34,7 +35,8 @@ def test_a_damaged_file_is_driven_or_refused_in_lines(tmp_path: Path, case: int)
     begun = time.monotonic()
     lines: tuple[str, ...] = ()
     try:
-        lines = driven(tmp_path, written(tmp_path, f"damaged{suffix}", data)).report.warnings
+        scenario = load(tmp_path, written(tmp_path, f"damaged{suffix}", data))
+        lines = report_of(scenario).warnings
     except ScenarioError as error:
         lines = tuple(error.lines)
     assert all(line.isprintable() and len(line) < 2000 for line in lines)
