@@ -75,8 +75,8 @@ def _vehicles(tables: ScenarioTables, names: Sequence[str]) -> Iterator[Problem]
             yield f"vehicle.{name}.gap_m", "given for the lead, which has no predecessor"
         if name == names[0] and vehicle.replay is not None:
             yield f"vehicle.{name}.replay", "given for the lead, whose drive is path.file"
-        for key in ("replay_vehicle", "replay_offset_s"):
-            if vehicle.replay is None and key in vehicle.model_fields_set:
+        for key in sorted(vehicle.model_fields_set):
+            if vehicle.replay is None and key.startswith("replay_"):
                 yield f"vehicle.{name}.{key}", "given without replay, allowed only with it"
 
 

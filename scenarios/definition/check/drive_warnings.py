@@ -8,6 +8,7 @@ from scenarios.definition.road.recorded_place import place_of
 from scenarios.definition.road.replayed_drive import replay_warnings
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.path_tables import PointsPath, SmoothedPathTable
+from scenarios.definition.traces.part import PATH_KEYS
 from vehicles.geometry.smoothing import SmoothedPath
 
 FAR_FROM_POINTS = 0.5
@@ -29,8 +30,8 @@ def drive_warnings(scenario: Scenario) -> Iterator[str]:
     tables = scenario.tables
     for name, drive in scenario.replays.items():
         if (table := tables.vehicle[name].drive) is not None:
-            yield from recording_warnings(table, drive.road)
-            yield from _width_warnings(table, drive.road)
+            yield from recording_warnings(table, drive.road, f"vehicle.{name}.replay_")
+            yield from _width_warnings(table, drive.road, f"vehicle.{name}.replay_")
         yield from replay_warnings(tables, name, drive, scenario.route, scenario.duration_s)
 
 
@@ -39,7 +40,7 @@ def _path_warnings(scenario: Scenario) -> Iterator[str]:
     if not isinstance(table, PointsPath) or smoothed is None:
         return
     yield from recording_warnings(table, smoothed)
-    yield from _width_warnings(table, smoothed)
+    yield from _width_warnings(table, smoothed, PATH_KEYS)
     if smoothed.deviation_max > FAR_FROM_POINTS:
         yield (
             f"the path lies up to {smoothed.deviation_max:.1f} m from the recorded points "
@@ -49,30 +50,34 @@ def _path_warnings(scenario: Scenario) -> Iterator[str]:
         )
 
 
-def recording_warnings(table: PointsPath, smoothed: SmoothedPath) -> Iterator[str]:
+def recording_warnings(
+    table: PointsPath, smoothed: SmoothedPath, keys: str = PATH_KEYS
+) -> Iterator[str]:
     """Warn of faults of a recording, which a DriveReport lists as well."""
     yield from _left_out_warnings(table)
     yield from (f"{table.source or 'path'}: {remark}" for remark in table.remarks)
-    yield from _pause_warnings(table)
+    yield from _pause_warnings(table, is_replay=keys != PATH_KEYS)
     yield from _hole_warnings(table, smoothed)
 
 
-def _width_warnings(table: PointsPath, smoothed: SmoothedPath) -> Iterator[str]:
+def _width_warnings(table: PointsPath, smoothed: SmoothedPath, keys: str) -> Iterator[str]:
     """Warn of an automatic half width that cuts curves, or that removes too little noise."""
-    source, used = table.source or "path", smoothed.half_width
+    source, used, is_lead = table.source or "path", smoothed.half_width, keys == PATH_KEYS
     if used < table.smoothing_m:
         radius = 1.0 / float(np.max(np.abs(smoothed.path.curvature)))
         yield (
             f"{source}: the path is smoothed over a half width of {used:g} m, because a car cannot "
             f"drive the tight turns at the {table.smoothing_m:g} m for noise of "
-            f"{smoothed.noise:.2g} m: the lead steers after noise, the smallest radius is "
-            f"{radius:.1f} m. Set path.smoothing_m, or leave the turns out with path.from_s and "
-            "path.to_s."
+            f"{smoothed.noise:.2g} m: the {'lead' if is_lead else 'vehicle'} steers after noise, "
+            f"the smallest radius is {radius:.1f} m. "
+            f"{'Set path.smoothing_m, or leave' if is_lead else 'Leave'} the turns out with "
+            f"{keys}from_s and {keys}to_s."
         )
     elif table.narrower_m and used > USUAL_SMOOTHING:
         yield (
-            f"{source}: the points scatter by {table.noise_m:.2g} m, so path.smoothing_m is "
-            f"{used:g} instead of {USUAL_SMOOTHING:g}: tight curves are cut. Set it to change this"
+            f"{source}: the points scatter by {table.noise_m:.2g} m, so the half width of the "
+            f"smoothing is {used:g} m instead of {USUAL_SMOOTHING:g}: tight curves are cut"
+            + (". Set path.smoothing_m to change it" if is_lead else "")
         )
 
 
@@ -83,17 +88,19 @@ def _left_out_warnings(table: PointsPath) -> Iterator[str]:
         yield f"{table.source}: {records} left out: {'; '.join(table.left_out)}"
 
 
-def _pause_warnings(table: PointsPath) -> Iterator[str]:
+def _pause_warnings(table: PointsPath, *, is_replay: bool) -> Iterator[str]:
     """Report pauses with place, duration, and the key that keeps or cuts them."""
     source = table.source or "path"
-    if table.pauses == "cut":
-        outcome, remedy = "the time is left out", 'path.pauses = "keep" waits there'
+    if is_replay:
+        result = "the vehicle waits there"
+    elif table.pauses == "cut":
+        result = 'the time is left out, path.pauses = "keep" waits there'
     else:
-        outcome, remedy = "the lead waits there", 'path.pauses = "cut" leaves the time out'
+        result = 'the lead waits there, path.pauses = "cut" leaves the time out'
     rows = list(zip(table.pause_points, table.pause_lasts_s, strict=True))
     for point, lasts in rows[:MOST_PAUSES]:
         place = place_of(table, point)
-        yield f"{source}: no progress for {lasts:.1f} s from {place} on: {outcome}, {remedy}"
+        yield f"{source}: no progress for {lasts:.1f} s from {place} on: {result}"
     if len(rows) > MOST_PAUSES:
         rest = sum(lasts for _, lasts in rows[MOST_PAUSES:])
         yield f"{source}: {len(rows) - MOST_PAUSES} more pauses, {rest:.0f} s in total"

@@ -109,9 +109,9 @@ def plan_replay(tables: ScenarioTables, name: str, route: Route) -> ReplayedDriv
         raise SettingError(key, "has not been read")
     if not drive.time_s:
         raise SettingError(key, f"{drive.source}: given without times, allowed only with them")
-    check_span(f"{key} ({drive.source})", drive)
+    check_span(f"{key} ({drive.source})", drive, f"{key}_")
     try:
-        road = smoothed_points(drive, RUN_IN, is_replay=True)
+        road = smoothed_points(drive, RUN_IN, f"{key}_")
     except SettingError as error:
         raise SettingError(key, f"{drive.source}: {error.why}") from error
     knots = _knots(drive, road)
@@ -225,6 +225,7 @@ def replay_warnings(
             f"{name}: its recorded drive ends {duration:g} s after the start, which ends the run "
             f"before the lead's drive of {longest:g} s. Set duration_s or trim the files."
         )
+    yield from _clock_warnings(tables, name, drive)
     names = tables.convoy.vehicle_names
     behind = dict(pairwise(names)).get(name, "")
     seen = list(_looks(drive, route, duration))
@@ -259,6 +260,20 @@ def replay_warnings(
             f"{name}: the replayed drive is {where}, its follower, at {late.at:.1f} s: they "
             f"overlap. Set vehicle.{behind}.gap_m to {math.ceil(wider)}, or change "
             f"vehicle.{name}.replay_offset_s."
+        )
+
+
+def _clock_warnings(tables: ScenarioTables, name: str, drive: ReplayedDrive) -> Iterator[str]:
+    lead = tables.path
+    if not drive.common or not isinstance(lead, PointsPath) or lead.pauses != "cut":
+        return
+    if lead.pause_points:
+        first = lead.time_s[lead.pause_points[0]]
+        yield (
+            f"{name}: the lead's pauses are cut, {sum(lead.pause_lost_s):.1f} s in total, those of "
+            f"the replayed drive are kept: from {first:.1f} s of the lead's drive on they are at "
+            f'different times of the recordings. Set path.pauses = "keep", or end the drive before '
+            "its first pause with path.to_s."
         )
 
 

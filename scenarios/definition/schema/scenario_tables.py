@@ -15,7 +15,7 @@ from scenarios.definition.schema.gnss_table import GnssTable
 from scenarios.definition.schema.limit_tables import LimitsTable
 from scenarios.definition.schema.link_tables import LinkEntry, LinkTable
 from scenarios.definition.schema.log_table import LogTable
-from scenarios.definition.schema.path_tables import PathTable, PointsPath
+from scenarios.definition.schema.path_tables import Bound, PathTable, PointsPath
 from scenarios.definition.schema.settings_table import SettingsTable, one_of, table_with
 from transport.links.laws.outages.by_time import ReceiverOff, TransmitterOff
 from vehicles.car.imu_settings import ImuSettings
@@ -271,6 +271,9 @@ class VehicleTable(Table):
 
     replay              recorded drive, of any kind that path.file may be
     replay_vehicle      vehicle of a run.mcap; without it the lead
+    replay_topic        topic of the positions in another MCAP file, where it has several
+    replay_from_s       start of the part that is replayed, since the first point of the drive
+    replay_to_s         end of that part
     replay_offset_s     delay of the drive
     drive               points of the drive, written by the program; do not set
     gap_m               initial gap to its predecessor
@@ -289,6 +292,9 @@ class VehicleTable(Table):
 
     replay: Annotated[str, StringConstraints(min_length=1)] | None = None
     replay_vehicle: str | None = None
+    replay_topic: str | None = None
+    replay_from_s: Bound = None
+    replay_to_s: Bound = None
     replay_offset_s: float = Field(default=0.0, ge=-86_400, le=86_400)
     drive: PointsPath | None = None
     gap_m: float | None = Field(default=None, gt=0, le=1000)

@@ -1,6 +1,5 @@
 """A recorded drive: read from any format, checked, and projected into the plane."""
 
-import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,7 +10,13 @@ from numpy.typing import NDArray
 from scenarios.definition.traces.cleaning import Cleaned, cleaned
 from scenarios.definition.traces.formats.registry import read_recorded
 from scenarios.definition.traces.holds import without_repeats
-from scenarios.definition.traces.part import DrivenPart, points_within
+from scenarios.definition.traces.part import (
+    MOST_LISTED,
+    DrivenPart,
+    piece_between,
+    pieces_in_words,
+    points_within,
+)
 from scenarios.definition.traces.pauses import Pause, PauseRule, pauses_in, without_pauses
 from scenarios.definition.traces.positions import usable_positions
 from scenarios.definition.traces.recorded_drive import (
@@ -25,6 +30,7 @@ from scenarios.definition.traces.recorded_speeds import usable_speeds
 from scenarios.definition.traces.time_order import in_time_order
 from vehicles.geometry.bridges import noise_deviation, step_lengths
 from vehicles.geometry.geodesy import LocalPlane, Origin
+from vehicles.geometry.smoothing import MIN_POINTS
 
 MAX_JUMP = 1000.0
 """Largest distance (m) between two points."""
@@ -92,28 +98,31 @@ def read_trace(
     topic: str | None = None,
     part: DrivenPart | None = None,
     pauses: PauseRule = "keep",
+    needs_times: bool = False,
     on_drive: OnDrive = lambda _: None,
 ) -> DriveInPlane:
     """Read the recorded drive at `path` into the plane of `origin`, by default its first point.
 
     Name and content of the file determine the format. `vehicle` selects one of a log, `topic` the
     positions of another MCAP file. Unusable records are left out and listed. Raises TraceError with
-    a line that starts with the file; `on_drive` receives also a drive that has no path.
+    a line that starts with the file, also for a drive without times if it `needs_times`; `on_drive`
+    receives also a drive that has no path.
     """
+    part = part or DrivenPart()
     try:
         drive = _usable(read_recorded(path, vehicle=vehicle, topic=topic))
-        drive, time_error_s = without_repeats(in_time_order(drive))
+        drive, time_error_s = without_repeats(_ordered(drive, needs_times=needs_times))
         plane = origin or _first_point(drive) if drive.geodetic else None
         points = _in_plane(drive, plane) if plane else drive.position
         left = cleaned(points, _times(drive), time_error_s)
         _list_jumps(drive, left)
-        trace = _driven(path.name, replace(drive, position=points), left, part or DrivenPart())
-        trace = replace(trace, origin=plane)
+        trace = _driven(path.name, replace(drive, position=points), left, part)
+        recorded = trace = replace(trace, origin=plane)
         if pauses == "cut":
             times = without_pauses(trace.time_s, trace.pauses)
             trace = replace(trace, time_s=times, pauses_cut=True)
         on_drive(trace)
-        _check_shape(trace)
+        _check_shape(recorded, part.keys)
     except TraceError as error:
         error.args = (f"{path}: {error}",)
         raise
@@ -126,6 +135,13 @@ def _usable(drive: RecordedDrive) -> RecordedDrive:
         first = usable.left_out.lines(drive.unit)[:1]
         raise TraceError(", ".join(("no valid point", *first)))
     return usable
+
+
+def _ordered(drive: RecordedDrive, *, needs_times: bool) -> RecordedDrive:
+    ordered = in_time_order(drive)
+    if needs_times and not _times(ordered).size:
+        raise TraceError("given without times, allowed only with them")
+    return ordered
 
 
 def _times(drive: RecordedDrive) -> Floats:
@@ -239,15 +255,14 @@ def _in_plane(drive: RecordedDrive, origin: Origin) -> Floats:
     return points
 
 
-def _check_shape(trace: DriveInPlane) -> None:
+def _check_shape(trace: DriveInPlane, keys: str) -> None:
     points = np.array((trace.east_m, trace.north_m))
     numbers, unit = trace.source_numbers, trace.source_unit
     if numbers.size == 1:
         raise TraceError(f"only one valid point, {unit} {numbers[0]}")
     steps = step_lengths(points)
-    long = np.flatnonzero(steps >= MAX_JUMP)
-    if long.size:
-        raise TraceError(_apart(trace, int(long[0]), float(steps[long[0]]), steps))
+    if (steps >= MAX_JUMP).any():
+        raise TraceError(_apart(trace, steps, keys))
     extent = float(np.max(np.hypot(*(points - points[:, :1]))))
     if extent < LEAST_EXTENT:
         raise TraceError(
@@ -255,20 +270,22 @@ def _check_shape(trace: DriveInPlane) -> None:
         )
 
 
-def _apart(trace: DriveInPlane, k: int, step: float, steps: Floats) -> str:
-    """Explain a step of more than MAX_JUMP after point k, and how to drive one of its sides."""
-    place = f"{trace.source_unit} {trace.source_numbers[k + 1]}"
-    if trace.time_s.size:
-        ends, begins, unit = (
-            trace.begin_s + trace.time_s[k],
-            trace.begin_s + trace.time_s[k + 1],
-            "s",
-        )
-    else:
-        ends = trace.begin_m + float(np.sum(steps[:k]))
-        begins, unit = ends + step, "m"
-    return (
-        f"{place}: {step / 1000:.1f} km from the point before: set path.to_{unit} = "
-        f"{math.ceil(10.0 * ends) / 10.0:g} to end before it, or path.from_{unit} = "
-        f"{math.floor(10.0 * begins) / 10.0:g} to start at it"
-    )
+def _apart(trace: DriveInPlane, steps: Floats, keys: str) -> str:
+    """Explain `steps` of at least MAX_JUMP, and name the largest parts without any."""
+    long = np.flatnonzero(steps >= MAX_JUMP)
+    place = f"{trace.source_unit} {trace.source_numbers[long[0] + 1]}"
+    fact = f"{place}: {steps[long[0]] / 1000:.1f} km from the point before"
+    if long.size > 1:
+        fact += f", the first of {long.size} such steps"
+    along = trace.begin_m + np.concatenate((np.zeros(1), np.cumsum(steps)))
+    axis, unit = (trace.begin_s + trace.time_s, "s") if trace.time_s.size else (along, "m")
+    begins, ends = np.append(0, long + 1), np.append(long, steps.size)
+    usable = (ends - begins >= MIN_POINTS - 1) & (along[ends] - along[begins] >= LEAST_EXTENT)
+    begins, ends = begins[usable], ends[usable]
+    largest = np.argsort(begins - ends, kind="stable")[:MOST_LISTED]
+    pieces = [piece_between(int(begins[k]), int(ends[k]), axis, along) for k in largest]
+    pieces = [piece for piece in pieces if piece.last > piece.first]
+    if not pieces:
+        return f"{fact}: no {MIN_POINTS} points in succession hold together: check the coordinates"
+    words = pieces_in_words(pieces, begins.size, unit, keys, steps.size)
+    return f"{fact}: these parts hold together: {words}"

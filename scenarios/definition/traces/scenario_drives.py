@@ -46,7 +46,7 @@ def with_points(
     table = tables.path
     given = Origin(**tables.origin.model_dump()) if tables.origin else None
     if isinstance(table, TracePath):
-        part = DrivenPart(**{key: getattr(table, key) for key in DrivenPart.__slots__})
+        part = DrivenPart(table.from_s, table.to_s, table.from_m, table.to_m)
         try:
             trace = read_trace(
                 _file(table.file, folder),
@@ -58,7 +58,7 @@ def with_points(
                 on_drive=on_drive,
             )
         except PartError as error:
-            raise SettingError(f"path.{error.key}", str(error)) from error
+            raise SettingError(error.key, str(error)) from error
         except TraceError as error:
             raise SettingError("path.file", str(error)) from error
         given = trace.origin or given
@@ -99,8 +99,15 @@ def _second(
     table = TracePath(kind="trace", file=own.replay or "")
     try:
         trace = read_trace(
-            _file(table.file, folder_of(key)), origin=origin, vehicle=own.replay_vehicle
+            _file(table.file, folder_of(key)),
+            origin=origin,
+            vehicle=own.replay_vehicle,
+            topic=own.replay_topic,
+            part=DrivenPart(own.replay_from_s, own.replay_to_s, keys=f"{key}_"),
+            needs_times=True,
         )
+    except PartError as error:
+        raise SettingError(error.key, str(error)) from error
     except TraceError as error:
         raise SettingError(key, str(error)) from error
     points = points_of(trace, table)

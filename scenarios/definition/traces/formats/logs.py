@@ -88,7 +88,10 @@ def _read_fixes(path: Path, topic: str | None, otherwise: str) -> RecordedDrive:
     by_topic, damage = fixes_by_topic(path)
     names = ", ".join(sorted(by_topic)) or "none"
     if topic is None and len(by_topic) > 1:
-        raise TraceError(f"{len(by_topic)} topics have positions: {names}. Set path.topic to one")
+        raise TraceError(
+            f"{len(by_topic)} topics have positions: {names}. Set path.topic to one, or "
+            "replay_topic of a replayed vehicle"
+        )
     if not by_topic and otherwise:
         raise TraceError(f"{otherwise}; and no LocationFix or NavSatFix")
     chosen = next(iter(by_topic)) if topic is None else topic

@@ -164,3 +164,28 @@ def test_each_named_part_can_be_driven(tmp_path: Path, form: str) -> None:
         assert road is not None
         lengths.append(road.lap_length)
     assert lengths == [pytest.approx(313.0, abs=2.0), pytest.approx(502.0, abs=2.0)]
+
+
+def with_replay(drive: Drive, folder: Path, keys: str = "") -> Scenario:
+    """A straight lead, and a follower that replays `drive`."""
+    (folder / "lead.csv").write_bytes(FORMATS["csv"](driven(((400.0, 0.0, 1),))))
+    (folder / "own.csv").write_bytes(FORMATS["csv"](drive))
+    text = 'name = "a"\n[path]\nkind = "trace"\nfile = "lead.csv"\n'
+    return scenario_from_text(f'{text}[vehicle.v2]\nreplay = "own.csv"\n{keys}\n', folder=folder)
+
+
+def test_the_named_parts_of_a_replay_are_replayed(tmp_path: Path) -> None:
+    drive = driven(THREE_POINT_TURN)
+    with pytest.raises(ScenarioError) as caught:
+        with_replay(drive, tmp_path)
+    (line,) = caught.value.lines
+    keys = dict(re.findall(r"vehicle\.v2\.(replay_\w+) = ([\d.]+)", line))
+    assert {key: float(value) for key, value in keys.items()} == {
+        "replay_to_s": pytest.approx(104.4, abs=0.3),
+        "replay_from_s": pytest.approx(107.9, abs=0.3),
+    }
+    assert "path." not in line
+    for (key, value), lasts in zip(keys.items(), (104.4, 167.8), strict=True):
+        table = with_replay(drive, tmp_path, f"{key} = {value}").tables.vehicle["v2"].drive
+        assert table is not None
+        assert table.time_s[-1] == pytest.approx(lasts, abs=0.3)
