@@ -247,7 +247,7 @@ KINDS: dict[str, Kind] = {
     "some heights": _kind(some_heights, (), "height"),
     "auto-pause": _kind(auto_pause, TIMED, "pause clock"),
     "clock set back": _kind(clock_set_back, TIMED, "clock order block"),
-    "coarse times": _kind(coarse_times, TIMED, "clock held order"),
+    "coarse times": _kind(coarse_times, TIMED, "clock held order block"),
     "wrong time": _kind(wrong_time, DATED, "single"),
     "unreadable times": _kind(unreadable_times, ("csv", "gpx"), "cells order"),
     "same time": _kind(same_time, DATED, TIMES),
