@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from scenarios.definition.errors import ScenarioError
-from tests.made.spoiled.drive_files import TABLES, Table, gpx, kml, nmea
+from tests.made.spoiled.drive_files import TABLES, Table, gpx, kml, nmea, write_oxts
 from tests.made.spoiled.driven_paths import driven, written
 from tests.made.spoiled.record_faults import WEEKS_1024, moved_by
 from tests.made.spoiled.synthetic_drives import START, Drive, Fix, Recording
@@ -47,7 +47,7 @@ class Known:
     """A file and the figures of its drive.
 
     `left_out` are the listed places of the records that are left out. `remark` is a word of a
-    warning. `length_m`, `duration_s` and `speed` (m/s, on average) are those of the drive.
+    warning. `length_m` and `duration_s` are those of the drive, which has SPEED at `steady_at` (m).
     """
 
     file: str
@@ -58,6 +58,7 @@ class Known:
     duration_s: float = DURATION_S
     lead: str = "recorded"
     path: str = ""
+    steady_at: tuple[float, ...] = (10.0, 30.0, 80.0, 90.0)
 
 
 ZERO = changed(lambda fix: replace(fix, speed=0.0))
@@ -116,17 +117,18 @@ KNOWN: dict[str, Known] = {
     "zero bytes first": Known(file="a.nmea", data=b"\0\0\0\r\n" + nmea(GOOD)),
     "late sentences": Known(file="a.nmea", data=nmea(GOOD, 1)),
     "paused for ten minutes": Known(
-        file="a.gpx", data=gpx(PAUSED), remark="pause", duration_s=DURATION_S + 600.0
+        file="a.gpx", data=gpx(PAUSED), remark="no progress", duration_s=DURATION_S + 600.0,
+        steady_at=(10.0, 110.0),
     ),
     "paused for ten minutes, kept": Known(
-        file="a.csv", data=TABLES["tab csv"].write(PAUSED), remark="pause",
-        duration_s=DURATION_S + 600.0, path='pauses = "keep"',
+        file="a.csv", data=TABLES["tab csv"].write(PAUSED), remark="no progress",
+        duration_s=DURATION_S + 600.0, path='pauses = "keep"', steady_at=(10.0, 110.0),
     ),
     "paused for ten minutes, cut": Known(
-        file="a.gpx", data=gpx(PAUSED), remark="pause", path='pauses = "cut"'
+        file="a.gpx", data=gpx(PAUSED), remark="no progress", path='pauses = "cut"'
     ),
     "paused for ten minutes, cut from nmea": Known(
-        file="a.nmea", data=nmea(PAUSED), remark="pause", path='pauses = "cut"'
+        file="a.nmea", data=nmea(PAUSED), remark="no progress", path='pauses = "cut"'
     ),
     "kml": Known(file="a.kml", data=kml(GOOD), lead="set"),
     "kml with times": Known(file="a.kml", data=kml(GOOD, times=True)),
@@ -167,8 +169,8 @@ def test_the_drive_has_its_figures(tmp_path: Path, known: Known) -> None:
         run_in = drive.scenario.route.run_in
         duration = drive.scenario.duration_s - run_in
         assert duration == pytest.approx(known.duration_s, abs=0.6)
-        speeds = [drive.speed_at(at) for at in (10.0, 30.0, 80.0, 90.0)]
-        assert speeds == pytest.approx([SPEED] * 4, abs=0.2)
+        speeds = [drive.speed_at(at) for at in known.steady_at]
+        assert speeds == pytest.approx([SPEED] * len(speeds), abs=0.2)
     off = drive.path - drive.path[:, :1]
     assert abs(off[1]).max() < 0.05
     assert drive.left_out + (drive.report.jumping_points or 0) == len(known.left_out)
@@ -201,6 +203,15 @@ def test_a_second_vehicle_drives_the_file(tmp_path: Path, known: Known) -> None:
 def _quiet(warnings: str) -> bool:
     """Whether no warning is about the file."""
     return not re.search(r"\ba\.(csv|gpx|nmea|kml)", warnings)
+
+
+@pytest.mark.parametrize("given", ["drive", "drive/oxts", "drive/oxts/data"])
+def test_a_folder_of_oxts_files_is_a_drive(tmp_path: Path, given: str) -> None:
+    write_oxts(tmp_path / "drive" / "oxts", GOOD)
+    drive = driven(tmp_path, given)
+    assert drive.length == pytest.approx(LENGTH_M, abs=0.2)
+    assert drive.scenario.duration_s == pytest.approx(DURATION_S, abs=0.6)
+    assert drive.speed_at(60.0) == pytest.approx(SPEED, abs=0.2)
 
 
 def test_one_time_for_all_points_gives_no_speed(tmp_path: Path) -> None:
