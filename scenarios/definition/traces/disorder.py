@@ -94,9 +94,29 @@ def excursions_of(
     """Return the first and last records of runs after which the clock continues as before them.
 
     Such a run begins with a step forward and ends with one back, or the reverse, and both together
-    take the time that their records take. `numbers` count the records of the file.
+    take the time that their records take, or both are far beyond the time of a drive. `numbers`
+    count the records of the file.
     """
     steps, records = np.diff(times), np.diff(numbers)
+    far = np.flatnonzero(np.abs(steps) > LEAP)
+    opens, closes = steps[far[:-1]], steps[far[1:]]
+    returns = (opens * closes < 0.0) & (np.abs(opens + closes) < LEAP)
+    returns &= 2 * (far[1:] - far[:-1]) < len(times)
+    bounds = list(zip(far[:-1][returns].tolist(), far[1:][returns].tolist(), strict=True))
+    bounds += _matching_steps(steps, records, places, usual)
+    if len(bounds) > max(SHORT, MOST_LEAPS * len(times)):
+        return []
+    result: list[tuple[int, int]] = []
+    for before, last in sorted(bounds):
+        if not result or before > result[-1][1]:
+            result.append((before + 1, last))
+    return result
+
+
+def _matching_steps(
+    steps: Floats, records: Places, places: Complex, usual: float
+) -> list[tuple[int, int]]:
+    """Return the places of two steps that together take the time that their records take."""
     odd = np.flatnonzero((steps < 0.0) | (steps > 2.5 * records * usual))
     if odd.size < 2:
         return []
@@ -111,15 +131,8 @@ def excursions_of(
         continues = distances <= 10.0 * float(np.median(distances))
         matches &= continues[odd[:-1]] & continues[odd[1:]]
     matches &= np.minimum(np.abs(opens), np.abs(closes)) > 2.5 * usual
-    matches &= 2 * (odd[1:] - odd[:-1]) < len(times)
-    if int(matches.sum()) > max(SHORT, MOST_LEAPS * len(times)):
-        return []
-    result: list[tuple[int, int]] = []
-    for k in np.flatnonzero(matches).tolist():
-        first, last = int(odd[k]) + 1, int(odd[k + 1])
-        if not result or first > result[-1][1] + 1:
-            result.append((first, last))
-    return result
+    matches &= 2 * (odd[1:] - odd[:-1]) <= len(steps)
+    return list(zip(odd[:-1][matches].tolist(), odd[1:][matches].tolist(), strict=True))
 
 
 def longest_order(times: Floats, bisect: Callable[[list[float], float], int]) -> Mask:

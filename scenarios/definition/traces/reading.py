@@ -158,7 +158,7 @@ def _driven(source: str, drive: RecordedDrive, left: Cleaned, part: DrivenPart) 
     zero = float(times[kept[0]]) if times.size else 0.0
     chosen = points_within(part, since_start, along)
     remarks = (*drive.remarks, *_remarks(left, drive, times))
-    speeds, about_speeds = usable_speeds(drive.speed_mps, times, drive.position)
+    speeds, about_speeds = _speeds(drive, times, left)
     kept, points = kept[chosen], left.points[:, chosen]
     since_part = since_start[chosen] - since_start[chosen][:1]
     return DriveInPlane(
@@ -185,6 +185,22 @@ def _driven(source: str, drive: RecordedDrive, left: Cleaned, part: DrivenPart) 
         record_m=drive.position,
         record_count=drive.count,
     )
+
+
+def _speeds(
+    drive: RecordedDrive, times: Floats, left: Cleaned
+) -> tuple[Floats | None, tuple[str, ...]]:
+    """Return a usable speed per point, NaN at jumps, None without any, and remarks."""
+    sound = np.ones(drive.count, dtype=bool)
+    for jump in left.jumps:
+        sound[jump.first : jump.last + 1] = False
+    at = times[sound] if times.size else times
+    speeds, remarks = usable_speeds(drive.speed_mps[sound], at, drive.position[:, sound])
+    if speeds is None:
+        return None, remarks
+    column = np.full(drive.count, math.nan)
+    column[sound] = speeds
+    return column, remarks
 
 
 def _speeds_at(kept: Ints, speeds: Floats, left: Cleaned) -> Floats:
@@ -257,9 +273,9 @@ def _in_plane(drive: RecordedDrive, origin: Origin) -> Floats:
 
 def _check_shape(trace: DriveInPlane, keys: str) -> None:
     points = np.array((trace.east_m, trace.north_m))
-    numbers, unit = trace.source_numbers, trace.source_unit
+    numbers = trace.source_numbers
     if numbers.size == 1:
-        raise TraceError(f"only one valid point, {unit} {numbers[0]}")
+        raise TraceError(_one_point(trace))
     steps = step_lengths(points)
     if (steps >= MAX_JUMP).any():
         raise TraceError(_apart(trace, steps, keys))
@@ -268,6 +284,14 @@ def _check_shape(trace: DriveInPlane, keys: str) -> None:
         raise TraceError(
             f"all {numbers.size} points lie within {extent:.2f} m, so there is no path"
         )
+
+
+def _one_point(trace: DriveInPlane) -> str:
+    if not trace.standing_points:
+        return f"only one valid point, {trace.source_unit} {trace.source_numbers[0]}"
+    place = np.array(((trace.east_m[0],), (trace.north_m[0],)))
+    radius = float(np.max(np.hypot(*(trace.record_m - place))))
+    return f"the car stands all the time: {trace.record_count} points within {radius:.2g} m"
 
 
 def _apart(trace: DriveInPlane, steps: Floats, keys: str) -> str:

@@ -83,7 +83,7 @@ def _geometries(content: object, properties: Json) -> Iterator[tuple[Json, Json]
     elif isinstance(content, dict):
         own = content.get("properties")
         properties = own if isinstance(own, dict) else properties
-        for key in ("features", "geometry", "geometries"):
+        for key in ("features", "geometry", "geometries", "locations"):
             if key in content:
                 yield from _geometries(content[key], properties)
         if "coordinates" in content:

@@ -20,7 +20,7 @@ from scenarios.definition.traces.formats.columns.table_layout import (
 )
 from scenarios.definition.traces.formats.columns.table_times import in_likely_unit, times_of
 from scenarios.definition.traces.formats.columns.units import ANGLES, LENGTHS, SPEEDS, degrees
-from scenarios.definition.traces.formats.time_cells import TimeColumn, as_numbers
+from scenarios.definition.traces.formats.time_cells import ABSURD, TimeColumn, as_numbers
 from scenarios.definition.traces.recorded_drive import (
     Floats,
     LeftOut,
@@ -35,6 +35,9 @@ ALTITUDES_M: Final = (-500.0, 10_000.0)
 NO_ALTITUDE: Final = 9999.0
 FASTEST: Final = 150.0
 """Recorded speeds (m/s) above this are unknown."""
+
+DEGREES_STEP: Final = 1e-3
+"""Median step (deg) between points below which x and y may be degrees."""
 
 LEAST_SCALED: Final = 1e5
 """Median size of latitudes from which they are integers of 1e-7 deg."""
@@ -125,7 +128,7 @@ def _coordinates(rows: _Rows, split: list[list[str]], columns: TableColumns, axi
     if columns.kind == "geodetic":
         unread = np.flatnonzero(np.isnan(values))
         values[unread] = [degrees(cells[k]) for k in unread.tolist()]
-        rows.converted |= bool(np.isfinite(values[unread]).any())
+        rows.converted |= bool((np.abs(values[unread]) < ABSURD).any())
     return values
 
 
@@ -154,6 +157,10 @@ def _drive(rows: _Rows, layout: TableLayout) -> RecordedDrive:
         *geodetic, height = _geodetic(position)
         position, altitude = np.array(geodetic), altitude if columns.altitude else height
     geodetic_ = columns.kind != "plane"
+    if not geodetic_ and columns.position[0].unit is None and _in_degrees(position):
+        position, geodetic_ = position[::-1], True
+        x, y = (column.name for column in columns.position)
+        remarks.append(f"{x} and {y} are read as longitude and latitude: in m all are one place")
     times = TimeColumn(np.full(count, np.nan), None, 0.0, ())
     if source:
         times = in_likely_unit(times_of(source, rows.times), source, position, geodetic=geodetic_)
@@ -214,6 +221,21 @@ def _scaled_position(position: Floats, columns: TableColumns, remarks: list[str]
     shown = "1e-7 deg" if factor == ANGLES["e7"] else unit
     remarks.append(f"{first} and {second} are converted from {shown} to {own}")
     return position * factor
+
+
+def _in_degrees(position: Floats) -> bool:
+    """Whether positions x, y are a drive in degrees, and within a metre if they are in metres."""
+    known = position[:, np.isfinite(position).all(axis=0)]
+    known = known[:, (np.abs(known[0]) <= 180.0) & (np.abs(known[1]) <= 90.0) & known.all(axis=0)]
+    if 2 * known.shape[1] <= position.shape[1] or known.shape[1] < 2:
+        return False
+    middle = np.median(known, axis=1)
+    near = known[:, np.hypot(*(known - middle[:, None])) < 1.0]
+    steps = np.hypot(*np.diff(near))
+    step = float(np.median(steps[steps > 0.0])) if steps.any() else 0.0
+    extent = float(np.max(np.ptp(near, axis=1)))
+    is_drive = 0.0 < step < DEGREES_STEP and extent > 5.0 * step
+    return is_drive and extent < 1.0 and 2 * near.shape[1] > position.shape[1]
 
 
 def _geodetic(position: Floats) -> tuple[Floats, Floats, Floats]:

@@ -40,6 +40,12 @@ NO_ZONE: Final = "times have no zone: read as UTC"
 MONTH_FIRST: Final = "dates such as 03/29/2026 are read with the month first"
 
 DIGIT: Final = re.compile(r"\d")
+GROUPED: Final = re.compile(r"[+-]?\d{1,3}(?:(?:,\d{3})+\.|(?:\.\d{3})+,)\d+")
+"""A number with thousands in groups, such as 1,234.5 and 1.234,5."""
+
+DAYS: Final = re.compile(r"(\d+) days?,? (.+)")
+"""A duration of Python or pandas, such as 0 days 00:00:01.5."""
+
 TIME: Final = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d+)?))?(?:\s*([AaPp])[Mm]\b)?")
 YEAR_AND_SLASH: Final = re.compile(r"\d{4}/")
 YEAR_FIRST: Final = re.compile(r"(\d{4})\D(\d{1,2})\D(\d{1,2})$")
@@ -85,6 +91,9 @@ def read_times(cells: Sequence[str], unit: str | None = None) -> TimeColumn:
     if 2 * sum(_is_number(cell) for cell in sample) > len(sample):
         return _numbers(stripped, unit)
     remarks: set[str] = set()
+    if 2 * sum(bool(DAYS.match(cell)) for cell in sample) > len(sample):
+        micros = np.fromiter(map(_duration, stripped), float, len(stripped))
+        return TimeColumn(micros / 1e6, None, 0.0, ())
     if 2 * sum(bool(TIME.fullmatch(cell.removesuffix("Z"))) for cell in sample) > len(sample):
         micros = np.fromiter(map(_time_of_day, stripped), float, len(stripped))
         return TimeColumn(micros / 1e6, "day", 0.0, ())
@@ -102,8 +111,13 @@ def _is_number(cell: str) -> bool:
 
 def as_number(cell: str) -> float:
     """Return the number of a cell, with a point or a comma; NaN if it has none."""
+    if "," in cell:
+        whole, last = cell.rstrip(), max(cell.rfind(","), cell.rfind("."))
+        if GROUPED.fullmatch(whole.lstrip()):
+            cell = re.sub("[,.]", "", whole[:last]) + whole[last:]
+        cell = cell.replace(",", ".", 1)
     try:
-        return float(cell.replace(",", ".", 1) if "," in cell else cell)
+        return float(cell)
     except ValueError:
         return math.nan
 
@@ -161,6 +175,12 @@ def first_usual(seconds: Floats) -> float:
     known = seconds[np.isfinite(seconds)]
     middle = np.partition(known, known.size // 2)[known.size // 2]
     return float(np.floor(known[np.argmax(np.abs(known - middle) < 1e6)]))
+
+
+def _duration(cell: str) -> float:
+    """Return the microseconds of a duration."""
+    match = DAYS.match(cell)
+    return int(match[1]) * 86_400e6 + _time_of_day(match[2]) if match else math.nan
 
 
 def _time_of_day(cell: str) -> float:

@@ -35,6 +35,16 @@ BROKEN: dict[str, tuple[str, bytes | None, str]] = {
     "NaN only": ("a.csv", f"{CSV}nan,nan\nnan,nan\n".encode(), "line 2: x_m is 'nan'"),
     "infinite": ("a.csv", f"{CSV}inf,1\n-inf,1\n".encode(), "line 2: x_m is 'inf'"),
     "always one place": ("a.csv", (CSV + "5,5\n" * 9).encode(), "all 9 points lie within 0.00 m"),
+    "a car that stands": (
+        "a.csv",
+        (CSV + "".join(f"{k % 3}e-2,{k % 5}e-2\n" for k in range(90))).encode(),
+        "the car stands all the time: 90 points within 0.02",
+    ),
+    "no usable columns after sep=": (
+        "a.csv",
+        b"sep=;\nfirst;second\n1;2\n",
+        "given first, second",
+    ),
     "two places far apart": (
         "a.csv",
         (CSV + "0,0\n1,0\n2,0\n" + "1,1201\n2,1201\n3,1201\n").encode(),

@@ -138,6 +138,19 @@ def test_a_single_record_of_another_time_is_left_out(
     assert [profile.at(at)[0] for at in (5.0, 15.0, 30.0)] == pytest.approx([SPEED] * 3, abs=0.1)
 
 
+@pytest.mark.parametrize("interval", [0.2, INTERVAL, 3.0])
+@pytest.mark.parametrize("first", [1, 40])
+def test_records_of_another_time_among_others_are_interpolated(
+    tmp_path: Path, first: int, interval: float
+) -> None:
+    wrong = times()
+    wrong[first : first + 3] = [k * interval for k in range(3)]
+    scenario = load(tmp_path, "three.csv", csv(wrong))
+    assert (report_of(scenario).skipped_lines, report_of(scenario).points) == (3, COUNT)
+    profile = scenario.route.profile
+    assert [profile.at(at)[0] for at in (3.0, 15.0, 30.0)] == pytest.approx([SPEED] * 3, abs=0.1)
+
+
 def test_a_drive_of_several_days_is_kept_whole_and_has_no_recorded_speed(tmp_path: Path) -> None:
     days = [at + (0.0 if k < COUNT // 2 else 3.0 * LEAP) for k, at in enumerate(times())]
     scenario = load(tmp_path, "days.csv", csv(days), lead="set")

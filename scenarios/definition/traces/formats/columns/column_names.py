@@ -7,23 +7,24 @@ from typing import Final, Literal
 
 from scenarios.definition.traces.formats.columns.units import LENGTHS, SPEEDS, TIMES, UNIT_NAMES
 
-LATITUDES: Final = ("lat", "latitude")
-LONGITUDES: Final = ("lon", "lng", "long", "longitude")
+LATITUDES: Final = ("lat", "latitude", "breite", "breitengrad")
+LONGITUDES: Final = ("lon", "lng", "long", "longitude", "länge", "längengrad", "laengengrad")
 PLANES: Final = (
     ("x", "y"), ("east", "north"), ("easting", "northing"), ("e", "n"),
     ("ebaseline", "nbaseline"), ("xeast", "ynorth"), ("eastx", "northy"),
     ("tx", "ty"), ("prsrx", "prsry"),
 )  # fmt: skip
-ALTITUDES: Final = ("alt", "altitude", "ele", "elev", "elevation", "height", "h")
+ALTITUDES: Final = ("alt", "altitude", "ele", "elev", "elevation", "height", "h", "höhe")
 GROUND_SPEEDS: Final = (
     "speed", "velocity", "vel", "v", "spd", "groundspeed", "speedoverground", "sog", "gspeed",
-    "speed2d", "hspeed", "mph", "kmh", "kph", "knots",
+    "speed2d", "hspeed", "mph", "kmh", "kph", "knots", "geschwindigkeit",
 )  # fmt: skip
+DATES: Final = ("date", "datum")
 STAMPS: Final = ("stamp", "headerstamp")
 CLOCKS: Final = (
     "t", "time", "times", "timestamp", "timestamps", "datetime", "timestring", "gpst", "utc",
     "unix", "epoch", "isotime", "isodate", "timeofday", "timeoffix", "fixtime",
-    "utime", "globaltime",
+    "utime", "globaltime", "zeit", "uhrzeit", "zeitstempel",
 )  # fmt: skip
 ELAPSED: Final = (
     "elapsed", "elapsedtime", "secondselapsed", "relativetime", "sec", "secs", "seconds", "ms",
@@ -207,7 +208,7 @@ def _preferred(
 
 
 def _times(columns: list[NamedColumn]) -> Iterator[TimeSource]:
-    date = next((column for column in columns if column.base == "date"), None)
+    date = next((column for column in columns if column.base in DATES), None)
     for column in columns:
         if column.ending in ("sec", "secs"):
             for other in columns:
@@ -233,4 +234,4 @@ def _time_rank(source: TimeSource) -> int:
         return 2
     if column.base in STAMPS:
         return 1
-    return 4 if column.base in CLOCKS else 5 if column.base == "date" else 6
+    return 4 if column.base in CLOCKS else 5 if column.base in DATES else 6

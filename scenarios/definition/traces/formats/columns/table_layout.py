@@ -1,6 +1,7 @@
 """Separator, header and used columns of a table."""
 
 import csv
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
@@ -19,6 +20,9 @@ from scenarios.definition.traces.recorded_drive import TraceError
 
 SEPARATORS: Final = (",", ";", "\t", "|", None)
 """Separators of cells; None is any number of spaces."""
+
+SEPARATOR: Final = re.compile(r"\W*sep=.?\W*")
+"""A line with which Excel names the separator."""
 
 COMMENTS: Final = ("#", "%")
 BLANK: Final = " ,;\t|"
@@ -113,7 +117,7 @@ def _header(lines: Sequence[str]) -> tuple[TableColumns, str | None, int]:
             header = (*named, number)
         if header and not comment:
             return header if named else (header[0], header[1], number - 1)
-        given = given or ("" if comment else text)
+        given = given or ("" if comment or SEPARATOR.fullmatch(text) else text)
     if header is None:
         raise TraceError(_without_names(given or (lines[0] if lines else "")))
     return header

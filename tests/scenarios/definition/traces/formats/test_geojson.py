@@ -43,6 +43,7 @@ def at(place: list[float]) -> dict[str, Any]:
         collection(*(feature(at(place)) for place in PLACES)),
         {"type": "MultiPoint", "coordinates": PLACES},
         [feature(LINE)],
+        {"locations": [feature(at(place)) for place in PLACES]},
     ],
 )
 def test_lines_or_else_points_are_read(content: Any) -> None:

@@ -464,3 +464,36 @@ def test_a_standing_receiver_at_1_hz_keeps_its_seconds() -> None:
 def test_a_table_without_positions_is_refused_with_a_remedy(text: str, given: str) -> None:
     with pytest.raises(TraceError, match=given):
         read_table(text)
+
+
+def test_numbers_with_thousands_in_groups() -> None:
+    english = read_table('t_s,east_m,north_m\n0,"691,000.5","5,330,000.25"\n1,"9.5","-1,234.5"')
+    german = read_table("t_s;east_m;north_m\n0;691.000,5;5.330.000,25\n1;9,5;-1.234,5")
+    for drive in (english, german):
+        same(drive.position, ([691_000.5, 9.5], [5_330_000.25, -1234.5]))
+
+
+def test_german_names() -> None:
+    drive = read_table(
+        "Datum;Uhrzeit;Breite;Länge;Höhe;Geschwindigkeit [km/h]\n"
+        "29.03.2026;12:00:00,5;52,5;13,4;35,5;36\n29.03.2026;12:00:01;52,6;13,5;36;72"
+    )
+    same(drive.position, BERLIN)
+    same(drive.time_s + drive.zero_s, [NOON + 0.5, NOON + 1.0])
+    same(drive.altitude_m, [35.5, 36.0])
+    same(drive.speed_mps, [10.0, 20.0])
+
+
+@pytest.mark.parametrize(("step", "geodetic"), [(1e-4, True), (0.02, False)])
+def test_x_and_y_in_degrees(step: float, geodetic: bool) -> None:
+    """As exports of QGIS have them; in metres the car would stand."""
+    rows = [f"{13.4 + k * step:.7f},{52.5 + k * step:.7f}" for k in range(20)]
+    drive = read_table("\n".join(["X,Y", *rows]))
+    assert drive.geodetic is geodetic
+    assert len(drive.remarks) == geodetic
+    same(drive.position[:, 0], [52.5, 13.4] if geodetic else [13.4, 52.5])
+
+
+def test_an_absurd_latitude_is_no_other_form_of_degrees() -> None:
+    drive = read_table("lat,lon\n52.5,13.4\n1e308,-1e308\n52.6,13.5")
+    assert not drive.remarks
