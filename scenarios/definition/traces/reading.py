@@ -198,7 +198,7 @@ def _speeds(
     speeds, remarks = usable_speeds(drive.speed_mps[sound], at, drive.position[:, sound])
     if speeds is None:
         return None, remarks
-    column = np.full(drive.count, math.nan)
+    column = np.full(drive.count, np.nan)
     column[sound] = speeds
     return column, remarks
 

@@ -178,6 +178,21 @@ def test_speeds_that_do_not_fit_the_points_are_derived_from_the_times(tmp_path: 
     assert scenario.route.profile.at(20.0)[0] == pytest.approx(SPEED, abs=0.1)
 
 
+def test_a_jump_casts_no_doubt_on_recorded_speeds(tmp_path: Path) -> None:
+    rows = csv(times(), [SPEED] * COUNT).splitlines()
+    rows[40] = f"{times()[39]!r},1000,0,{SPEED}"
+    warnings = report_of(load(tmp_path, "jump.csv", "\n".join(rows))).warnings
+    assert [text.partition(": ")[2][:14] for text in warnings if "jump.csv" in text] == [
+        "1 point jumps "
+    ]
+
+
+def test_absurdly_fast_times_are_doubted(tmp_path: Path) -> None:
+    minutes = [k * INTERVAL / 60.0 for k in range(COUNT)]
+    warnings = report_of(load(tmp_path, "min.csv", csv(minutes))).warnings
+    assert sum("6e+02 m/s" in text for text in warnings) == 1
+
+
 def test_points_with_zero_speeds_in_a_scenario_are_refused_in_one_line(tmp_path: Path) -> None:
     lines = ", ".join(f"{x:.3f}" for x, _ in course()), ", ".join(f"{y:.3f}" for _, y in course())
     scenario = tmp_path / "inline.toml"

@@ -142,10 +142,11 @@ def in_likely_unit(
         if USUAL_SPEEDS[0] <= speed / factor <= USUAL_SPEEDS[1]
         and interval * factor >= LEAST_INTERVAL
     ]
-    if not likely:
-        return column
     name = source.columns[-1].name
     drives = f"at {speed:.2g} m/s in the median"
+    if not likely:
+        doubt = f"{name} has the car drive {drives}: check the units of times and positions"
+        return replace(column, remarks=(doubt,) if speed > DOUBTFUL_SPEEDS[1] else ())
     if named:
         advice = (
             f"{name} has the car drive {drives}: its times are probably {likely[0]}; "
