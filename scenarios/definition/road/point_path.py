@@ -54,10 +54,11 @@ def check_span(key: str, table: PointsPath, keys: str = PATH_KEYS) -> None:
     if not table.time_s:
         return
     times = np.asarray(table.time_s)
-    steps = np.diff(times)
-    span = float(times[-1] - times[0])
+    span = float(times[-1]) - float(times[0])
     if span <= LONGEST:
         return
+    with np.errstate(over="ignore"):
+        steps = np.diff(times)
     longest = int(np.argmax(steps))
     rest = span - float(steps[longest])
     remedy = f"select a part with {keys}from_s and {keys}to_s"
