@@ -140,7 +140,8 @@ def _usable(drive: RecordedDrive) -> RecordedDrive:
 def _ordered(drive: RecordedDrive, *, needs_times: bool) -> RecordedDrive:
     ordered = in_time_order(drive)
     if needs_times and not _times(ordered).size:
-        raise TraceError("given without times, allowed only with them")
+        reasons = [f", {text}" for text in ordered.remarks if text.endswith("has no times")]
+        raise TraceError("given without times, allowed only with them" + "".join(reasons[:1]))
     return ordered
 
 

@@ -1,5 +1,6 @@
 """GeoJSON: line strings, or else points in their order."""
 
+import contextlib
 import json
 import re
 from collections.abc import Iterator, Mapping
@@ -25,6 +26,12 @@ BEGIN: Final = re.compile(r"[{\[]")
 
 DAMAGE: Final = "damaged"
 
+MOST_DAMAGES: Final = 20
+"""Number of damaged places behind which reading goes on."""
+
+TOKENS: Final = re.compile(r'"(?:[^"\\]|\\.)*"|[\[\]{}]')
+CLOSING: Final = {"[": "]", "{": "}"}
+
 Json = Mapping[str, Any]
 
 
@@ -34,45 +41,75 @@ def read_geojson(text: str) -> RecordedDrive:
     Lines may have times in the property coordTimes, points in time or timestamp.
     """
     left_out = LeftOutRecords()
-    documents = _documents(text, left_out)
     lines, points = PointColumns(), PointColumns()
-    for geometry, properties in _geometries(documents, {}):
-        kind, places = geometry.get("type"), geometry.get("coordinates")
-        if kind == "LineString":
-            _add_line(lines, places, _line_times(properties))
-        elif kind == "MultiLineString":
-            times = _line_times(properties)
-            parts = places if isinstance(places, list) else []
-            own = times if times and isinstance(times[0], list) else []
-            for k, part in enumerate(parts):
-                _add_line(lines, part, own[k] if k < len(own) else [])
-        elif kind == "Point":
-            time, speed = _first(properties, TIMES), _first(properties, SPEEDS)
-            _add(points, places, _text(time), speed)
-        elif kind == "MultiPoint":
-            _add_line(points, places, _line_times(properties))
+    for document, damage in _documents(text):
+        for geometry, properties in _geometries(document, {}):
+            _add_geometry(geometry, properties, lines, points)
+        if damage:
+            number = max(len(lines.times), len(points.times)) + 1
+            left_out.add(LeftOut(number, DAMAGE, damage))
     chosen = lines if lines.times else points
     if not chosen.times:
-        raise TraceError("no LineString, MultiLineString and Point with coordinates")
+        damages = [record.reason for record in left_out.records[:1]]
+        raise TraceError(
+            (damages or ["no LineString, MultiLineString and Point with coordinates"])[0]
+        )
     return chosen.drive(left_out)
 
 
-def _documents(text: str, left_out: LeftOutRecords) -> list[Any]:
-    """Return the values in a text, usually a single one; a sequence of features has many."""
-    documents: list[Any] = []
-    decode, begin = json.JSONDecoder().raw_decode, BEGIN.search(text)
-    while begin:
+def _add_geometry(
+    geometry: Json, properties: Json, lines: PointColumns, points: PointColumns
+) -> None:
+    kind, places = geometry.get("type"), geometry.get("coordinates")
+    if kind == "LineString":
+        _add_line(lines, places, _line_times(properties))
+    elif kind == "MultiLineString":
+        times = _line_times(properties)
+        parts = places if isinstance(places, list) else []
+        own = times if times and isinstance(times[0], list) else []
+        for k, part in enumerate(parts):
+            _add_line(lines, part, own[k] if k < len(own) else [])
+    elif kind == "Point":
+        time, speed = _first(properties, TIMES), _first(properties, SPEEDS)
+        _add(points, places, _text(time), speed)
+    elif kind == "MultiPoint":
+        _add_line(points, places, _line_times(properties))
+
+
+def _documents(text: str) -> Iterator[tuple[Any, str]]:
+    """Yield the values in a text, usually a single one, and the damage that ends each, or "".
+
+    A sequence of features has many.
+    """
+    decode, begin, damages = json.JSONDecoder().raw_decode, BEGIN.search(text), 0
+    while begin and damages <= MOST_DAMAGES:
+        damage = ""
         try:
             value, end = decode(text, begin.start())
         except (ValueError, RecursionError) as error:
-            reason = f"not valid JSON, perhaps truncated: {error}"
-            if not documents:
-                raise TraceError(reason) from error
-            left_out.add(LeftOut(len(documents) + 1, DAMAGE, reason))
-            break
-        documents.append(value)
+            end = max(getattr(error, "pos", len(text)), begin.end())
+            damage, damages = f"not valid JSON, perhaps truncated: {error}", damages + 1
+            value = None
+            if isinstance(error, ValueError):
+                value = _closed(text[begin.start() : end])
+        yield value, damage
         begin = BEGIN.search(text, end)
-    return documents
+
+
+def _closed(text: str) -> Any:
+    """Return the value of a truncated text up to its last complete list or object."""
+    open_: list[str] = []
+    cut, depth = 0, 0
+    for token in TOKENS.finditer(text):
+        sign = token[0]
+        if sign in CLOSING:
+            open_.append(CLOSING[sign])
+        elif open_ and sign == open_[-1]:
+            open_.pop()
+            cut, depth = token.end(), len(open_)
+    with contextlib.suppress(ValueError, RecursionError):
+        return json.loads(text[:cut] + "".join(reversed(open_[:depth])))
+    return None
 
 
 def _geometries(content: object, properties: Json) -> Iterator[tuple[Json, Json]]:
