@@ -56,7 +56,7 @@ LEFT_OUT: Sequence[Any] = [
 ]
 SPEED_TITLES = {
     "recorded": "speed",
-    "derived": "speed, by the recorded times",
+    "derived": "speed, from the recorded times",
     None: "speed, not recorded",
 }
 PAUSED: Any = {"marker": "s", "color": "black", "markersize": 4.0, "linestyle": "none"}
@@ -179,11 +179,11 @@ def _draw_holes(axes: Axes, planned: _Planned, cell: float) -> None:
 
 
 def _draw_left_out(axes: Axes, drive: DriveInPlane, start: FloatArray, box: FloatArray) -> None:
-    """Mark records left out by their kind; those outside the plan, or nowhere, are counted."""
+    """Mark faults by their kind; those outside the plan, or nowhere, are counted."""
     for style, (kind, count) in zip(LEFT_OUT, drive.left_out.counts.most_common(), strict=False):
         places = _inside(_places(drive, kind) - start, box)
         beyond = count - places.shape[1]
-        label = f"{count} left out: {kind}" + (f" ({beyond} not shown)" if beyond else "")
+        label = f"{kind}: {count}" + (f" ({beyond} not shown)" if beyond else "")
         axes.plot(*places[:, :MOST_MARKED], label=label, **style)
 
 

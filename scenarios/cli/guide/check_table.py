@@ -64,7 +64,7 @@ def _drive(report: CheckReport) -> Iterator[Row]:
     yield "recorded points", f"{report.points}, {noise}{holes}"
     yield "smoothing", f"{report.smoothing_m:g} m half width"
     left_out = {
-        ("bad line", "bad lines"): report.skipped_lines,
+        ("unusable", "unusable"): report.skipped_lines,
         ("jump", "jumps"): report.jumping_points,
         ("standing", "standing"): report.standing_points,
     }

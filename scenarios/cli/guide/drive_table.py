@@ -9,6 +9,7 @@ from scenarios.cli.columns import grid_of
 from scenarios.cli.guide.check_table import Row
 from scenarios.definition.check.drive_report import DriveReport, PathFacts
 from scenarios.definition.check.findings import CheckReport
+from scenarios.definition.traces.recorded_drive import WRONG_TIME
 
 MOST = 10
 """Number of holes, pauses and remarks that are listed."""
@@ -50,7 +51,11 @@ def _recording(drive: DriveReport, *, waits: bool) -> Iterator[Row]:
     if waits and any(not pause.is_cut for pause in drive.pauses):
         yield "", 'the lead waits there; path.pauses = "cut" leaves the time out'
     if drive.left_out:
-        yield "left out", ", ".join(f"{count} {kind}" for kind, count in drive.left_out.items())
+        counts = {kind: n for kind, n in drive.left_out.items() if kind != WRONG_TIME}
+        if counts:
+            yield "left out", ", ".join(f"{kind}: {count}" for kind, count in counts.items())
+        if wrong := drive.left_out.get(WRONG_TIME):
+            yield "corrected", f"{WRONG_TIME}: {wrong}"
         yield from (("", line) for line in drive.left_out_first)
     yield from _listed("note", drive.remarks)
 
@@ -76,7 +81,7 @@ def _speed(drive: DriveReport) -> str:
     if drive.speed_mps_min is None or drive.speed_mps_max is None:
         return "not recorded"
     mean = f", mean {drive.speed_mps_mean:.1f} m/s" if drive.speed_mps_mean is not None else ""
-    source = "recorded" if drive.speed_source == "recorded" else "by the recorded times"
+    source = "recorded" if drive.speed_source == "recorded" else "from the recorded times"
     return f"{drive.speed_mps_min:.1f} to {drive.speed_mps_max:.1f} m/s{mean} ({source})"
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.traces.reading import DriveInPlane
+from scenarios.definition.traces.recorded_drive import JUMP, WRONG_TIME
 from vehicles.geometry.bridges import find_holes, step_lengths
 from vehicles.geometry.sampled_path import FloatArray
 from vehicles.geometry.smoothing import Hole, SmoothedPath
@@ -69,9 +70,10 @@ class PathFacts:
 class DriveReport:
     """Facts of a recorded drive.
 
-    `records` were read, `points` of them are driven; `left_out` counts records left out by their
-    kind, and `left_out_first` lists the first. `begins_at` is in UTC (ISO 8601, or the time of day
-    only), None without absolute times. `noise_m` is the standard deviation of the points per axis.
+    `records` were read, `points` of them are driven; `left_out` counts records left out, and
+    those with a wrong time, by their kind; `left_out_first` lists the first. `begins_at` is in UTC
+    (ISO 8601, or the time of day only), None without absolute times. `noise_m` is the standard
+    deviation of the points per axis.
     The drive is a part of the recording, `from_s` and `from_m` after its start, 0 for the whole.
     The mean speed is without pauses. `remarks` state assumptions and changes. `path` is None if the
     drive cannot be driven.
@@ -114,7 +116,7 @@ def drive_report(drive: DriveInPlane, scenario: Scenario | None) -> DriveReport:
     return DriveReport(
         file=drive.source,
         format=drive.format_name,
-        records=drive.record_count + drive.skipped_lines,
+        records=_record_count(drive),
         points=len(drive.east_m),
         begins_at=_begin(drive),
         from_s=drive.begin_s,
@@ -134,6 +136,12 @@ def drive_report(drive: DriveInPlane, scenario: Scenario | None) -> DriveReport:
         remarks=drive.remarks,
         path=_path(scenario, road) if scenario is not None and road is not None else None,
     )
+
+
+def _record_count(drive: DriveInPlane) -> int:
+    counts = drive.left_out.counts
+    unread = sum(count for kind, count in counts.items() if kind not in (JUMP, WRONG_TIME))
+    return drive.record_count + unread
 
 
 def _holes(drive: DriveInPlane, along: FloatArray, holes: Sequence[Hole]) -> tuple[HoleFacts, ...]:

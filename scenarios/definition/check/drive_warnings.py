@@ -82,10 +82,9 @@ def _width_warnings(table: PointsPath, smoothed: SmoothedPath, keys: str) -> Ite
 
 
 def _left_out_warnings(table: PointsPath) -> Iterator[str]:
-    if table.skipped_lines:
-        count = table.skipped_lines
+    if count := table.skipped_lines + table.jumping_points:
         records = "1 record is" if count == 1 else f"{count} records are"
-        yield f"{table.source}: {records} left out: {'; '.join(table.left_out)}"
+        yield f"{table.source}: {records} left out or corrected: {'; '.join(table.left_out)}"
 
 
 def _pause_warnings(table: PointsPath, *, is_replay: bool) -> Iterator[str]:
@@ -100,7 +99,7 @@ def _pause_warnings(table: PointsPath, *, is_replay: bool) -> Iterator[str]:
     rows = list(zip(table.pause_points, table.pause_lasts_s, strict=True))
     for point, lasts in rows[:MOST_PAUSES]:
         place = place_of(table, point)
-        yield f"{source}: no progress for {lasts:.1f} s from {place} on: {result}"
+        yield f"{source}: a pause of {lasts:.1f} s after {place}: {result}"
     if len(rows) > MOST_PAUSES:
         rest = sum(lasts for _, lasts in rows[MOST_PAUSES:])
         yield f"{source}: {len(rows) - MOST_PAUSES} more pauses, {rest:.0f} s in total"

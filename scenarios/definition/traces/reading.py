@@ -1,6 +1,6 @@
 """A recorded drive: read from any format, checked, and projected into the plane."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -19,7 +19,9 @@ from scenarios.definition.traces.part import (
 )
 from scenarios.definition.traces.pauses import Pause, PauseRule, pauses_in, without_pauses
 from scenarios.definition.traces.positions import usable_positions
+from scenarios.definition.traces.receiver_errors.stands import Stand
 from scenarios.definition.traces.recorded_drive import (
+    JUMP,
     Clock,
     Floats,
     LeftOutRecords,
@@ -110,7 +112,7 @@ def read_trace(
     """
     part = part or DrivenPart()
     try:
-        drive = _usable(read_recorded(path, vehicle=vehicle, topic=topic))
+        drive = usable_positions(read_recorded(path, vehicle=vehicle, topic=topic))
         drive, time_error_s = without_repeats(_ordered(drive, needs_times=needs_times))
         plane = origin or _first_point(drive) if drive.geodetic else None
         points = _in_plane(drive, plane) if plane else drive.position
@@ -127,14 +129,6 @@ def read_trace(
         error.args = (f"{path}: {error}",)
         raise
     return trace
-
-
-def _usable(drive: RecordedDrive) -> RecordedDrive:
-    usable = usable_positions(drive)
-    if not usable.count:
-        first = usable.left_out.lines(drive.unit)[:1]
-        raise TraceError(", ".join(("no valid point", *first)))
-    return usable
 
 
 def _ordered(drive: RecordedDrive, *, needs_times: bool) -> RecordedDrive:
@@ -158,10 +152,12 @@ def _driven(source: str, drive: RecordedDrive, left: Cleaned, part: DrivenPart) 
     along = np.concatenate((np.zeros(1), np.cumsum(step_lengths(left.points))))
     zero = float(times[kept[0]]) if times.size else 0.0
     chosen = points_within(part, since_start, along)
-    remarks = (*drive.remarks, *_remarks(left, drive, times))
     speeds, about_speeds = _speeds(drive, times, left)
     kept, points = kept[chosen], left.points[:, chosen]
     since_part = since_start[chosen] - since_start[chosen][:1]
+    pauses = pauses_in(points, since_part)
+    paused = {int(kept[pause.point]) for pause in pauses}
+    remarks = _stand_remarks(left.stands, drive, times - zero, paused)
     return DriveInPlane(
         source=source,
         format_name=drive.format_name,
@@ -173,14 +169,14 @@ def _driven(source: str, drive: RecordedDrive, left: Cleaned, part: DrivenPart) 
         skipped_lines=drive.left_out.total - jumping,
         jumping_points=jumping,
         standing_points=sum(stand.last - stand.first + 1 for stand in left.stands),
-        remarks=(*remarks, *about_speeds),
+        remarks=(*drive.remarks, *remarks, *about_speeds),
         east_m=points[0],
         north_m=points[1],
         time_s=since_part,
         speed_mps=NO_VALUES if speeds is None else _speeds_at(kept, speeds, left),
         begin_s=float(since_start[chosen][0]) if times.size else 0.0,
         begin_m=float(along[chosen][0]),
-        pauses=pauses_in(points, since_part),
+        pauses=pauses,
         left_out=drive.left_out,
         left_out_lines=drive.left_out.lines(drive.unit, zero),
         record_m=drive.position,
@@ -219,21 +215,19 @@ def _noise(left: Cleaned, kept: Ints, points: Floats) -> float:
 def _list_jumps(drive: RecordedDrive, left: Cleaned) -> None:
     for jump in left.jumps:
         for k in range(jump.first, jump.last + 1):
-            drive.list_left_out(k, "jump", f"jumps by {jump.size:.1f} m")
+            drive.list_fault(k, JUMP, f"jumps by {jump.size:.1f} m")
 
 
-def _remarks(left: Cleaned, drive: RecordedDrive, times: Floats) -> Iterator[str]:
+def _stand_remarks(
+    stands: Iterable[Stand], drive: RecordedDrive, times: Floats, paused: Container[int]
+) -> Iterator[str]:
+    """Describe standstills, except pauses, after `paused` points; `times` (s) are of all points."""
+
     def where(k: int) -> str:
         place = f"{drive.unit} {drive.numbers[k]}"
-        return f"{place} ({times[k] - times[left.kept[0]]:.1f} s)" if times.size else place
+        return f"{place} ({times[k]:.1f} s)" if times.size else place
 
-    if left.jumps:
-        count = sum(jump.last - jump.first + 1 for jump in left.jumps)
-        worst = max(left.jumps, key=lambda jump: jump.size)
-        points_jump = "1 point jumps and is" if count == 1 else f"{count} points jump and are"
-        others = f", the first at {where(left.jumps[0].first)}" if count > 1 else ""
-        yield f"{points_jump} left out, by {worst.size:.1f} m at {where(worst.first)}{others}"
-    for stand in left.stands:
+    for stand in stands:
         first, last = stand.core
         span = f" for {times[last] - times[first]:.0f} s" if times.size else ""
         count = stand.last - stand.first + 1
@@ -242,7 +236,7 @@ def _remarks(left: Cleaned, drive: RecordedDrive, times: Floats) -> Iterator[str
             yield f"the drive starts at its first movement, at {begin}: {count} points left out"
         elif stand.last == drive.count - 1:
             yield f"the drive ends where it stops, at {where(first)}: {count} points left out"
-        else:
+        elif first not in paused:
             yield f"the car stands{span} from {where(first)} on: {count} points become one place"
 
 

@@ -20,6 +20,9 @@ MOST_KEPT = 10_000
 MOST_LISTED = 10
 """Number of records left out that are listed."""
 
+JUMP, WRONG_TIME = "jump", "wrong time, interpolated"
+"""Kinds of faults of records with a usable position; one with a WRONG_TIME is not left out."""
+
 UNKNOWN_PLACE = (math.nan, math.nan)
 
 
@@ -45,7 +48,10 @@ class LeftOut:
 
 @dataclass(slots=True)
 class LeftOutRecords:
-    """The records left out of a drive: a count of each kind, and the first MOST_KEPT in full."""
+    """The records left out of a drive: a count of each kind, and the first MOST_KEPT in full.
+
+    Records with a WRONG_TIME are listed among them, although only their time is replaced.
+    """
 
     counts: Counter[str] = field(default_factory=Counter)
     records: list[LeftOut] = field(default_factory=list)
@@ -125,12 +131,12 @@ class RecordedDrive:
             return self
         listed = places[: max(1, MOST_KEPT - len(self.left_out.records))].tolist()
         for k in listed:
-            self.list_left_out(k, kind, reason(k) if reason else kind)
+            self.list_fault(k, kind, reason(k) if reason else kind)
         self.left_out.counts[kind] += places.size - len(listed)
         return self.selected(~marked)
 
-    def list_left_out(self, k: int, kind: str, reason: str) -> None:
-        """List point `k` as left out, or a value of it."""
+    def list_fault(self, k: int, kind: str, reason: str) -> None:
+        """List point `k` among the records left out."""
         first, second = self.position[:, k].tolist()
         self.left_out.add(
             LeftOut(int(self.numbers[k]), kind, reason, float(self.time_s[k]), (first, second))

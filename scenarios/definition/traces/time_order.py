@@ -15,7 +15,9 @@ from scenarios.definition.traces.disorder import (
     excursions_of,
     usual_interval,
 )
-from scenarios.definition.traces.recorded_drive import Floats, RecordedDrive
+from scenarios.definition.traces.recorded_drive import WRONG_TIME, Floats, RecordedDrive
+
+HOUR, DAY = 3600.0, 86_400.0
 
 LARGEST = 1e15
 """Largest time (s); larger ones are unusable."""
@@ -23,7 +25,7 @@ LARGEST = 1e15
 MOST_LEAPING = 0.25
 """Largest share of points before or after the drive that are left out for their time."""
 
-LONGEST_PAUSE = 100 * 86_400.0
+LONGEST_PAUSE = 100 * DAY
 """Step in time (s) beyond which the clock was wrong; smaller ones are a drive of several days."""
 
 COARSE = 1.5
@@ -35,7 +37,8 @@ MOST_REMARKED = 5
 SLOWEST = 0.5
 """Speed (m/s) below which a distance does not show how long a step takes."""
 
-HOUR = 3600.0
+MOST_DAYS_IN_SECONDS = 3.0
+"""Number of days above which messages state times in days."""
 
 
 def in_time_order(drive: RecordedDrive) -> RecordedDrive:
@@ -50,8 +53,7 @@ def in_time_order(drive: RecordedDrive) -> RecordedDrive:
     if reason is not None:
         if bool(np.isnan(drive.time_s).all()):
             return drive
-        untimed = replace(drive, time_s=np.full(drive.count, np.nan), clock=None, zero_s=0.0)
-        return untimed.with_remarks(f"{reason}: the drive has no times") if reason else untimed
+        return _untimed(drive, reason)
     steps = np.diff(times)
     if bool(((steps > 0.0) & (steps <= LEAP)).all()):  # False for NaN, too
         return drive
@@ -98,6 +100,20 @@ def _where(drive: RecordedDrive, k: int) -> str:
     return f"{drive.unit} {drive.numbers[k]}"
 
 
+def _span(seconds: float) -> str:
+    days = seconds / DAY
+    return f"{seconds:.6g} s" if days < MOST_DAYS_IN_SECONDS else f"{days:.6g} days"
+
+
+def _signed(seconds: float) -> str:
+    return ("+" if seconds > 0.0 else "-") + _span(abs(seconds))
+
+
+def _untimed(drive: RecordedDrive, reason: str) -> RecordedDrive:
+    untimed = replace(drive, time_s=np.full(drive.count, np.nan), clock=None, zero_s=0.0)
+    return untimed.with_remarks(f"{reason}: the drive has no times") if reason else untimed
+
+
 # ---- Records that are left out or moved
 
 
@@ -129,7 +145,7 @@ def _without_other_clocks(drive: RecordedDrive) -> RecordedDrive:
         at = float(drive.time_s[k])
         nearest = min((times[first], times[last]), key=lambda other: abs(other - at))
         side = "after the last" if at > nearest else "before the first"
-        return f"its time is {abs(at - nearest):.6g} s {side} of the drive"
+        return f"its time is {_span(abs(at - nearest))} {side} of the drive"
 
     return drive.without(marked, "wrong time", reason)
 
@@ -199,7 +215,7 @@ def _without_excursions(
         shift = before + spare / 2.0 - float(times[0])
         right[run] += shift
         remarks.append(
-            f"{_where(drive, int(run[0]))}: the clock is {-shift:+.6g} s off for {run.size} "
+            f"{_where(drive, int(run[0]))}: the clock is {_signed(-shift)} off for {run.size} "
             "records: their times are shifted"
         )
     return remarks
@@ -209,9 +225,12 @@ def _list_wrong(drive: RecordedDrive, right: Floats) -> None:
     wrong = np.flatnonzero(np.isfinite(drive.time_s) & np.isnan(right))
     usable = np.flatnonzero(np.isfinite(right))
     expected = np.interp(wrong, usable, right[usable])
-    for k, at in zip(wrong.tolist(), expected.tolist(), strict=True):
-        reason = f"its time is {drive.time_s[k] - at:+.6g} s off and is interpolated"
-        drive.list_left_out(k, "wrong time", reason)
+    filled = right.copy()
+    filled[wrong] = expected
+    corrected = replace(drive, time_s=filled)
+    for k, off in zip(wrong.tolist(), (drive.time_s[wrong] - expected).tolist(), strict=True):
+        reason = f"its time is {_signed(off)} off and is interpolated"
+        corrected.list_fault(k, WRONG_TIME, reason)
 
 
 # ---- Leaps of the clock
@@ -227,9 +246,7 @@ def _with_one_clock(drive: RecordedDrive) -> RecordedDrive:
     if not leaps.size:
         return drive
     if leaps.size > max(MOST_REMARKED, MOST_LEAPS * len(times)):
-        untimed = replace(drive, time_s=np.full(drive.count, np.nan), clock=None, zero_s=0.0)
-        reason = f"time runs back at {leaps.size} of {len(times)} points"
-        return untimed.with_remarks(f"{reason}: the drive has no times")
+        return _untimed(drive, f"time runs back at {leaps.size} of {len(times)} points")
     steady = np.abs(steps) <= 10.0 * usual
     steady[leaps] = False
     shifts = np.array([_shift(k, steady, steps, distances, usual) for k in leaps.tolist()])
@@ -240,7 +257,7 @@ def _with_one_clock(drive: RecordedDrive) -> RecordedDrive:
     column = drive.time_s.copy()
     column[timed] = times + np.repeat(offsets, np.diff(bounds))
     remarks = [
-        f"{_where(drive, int(timed[k + 1]))}: the clock leaps by {-shift:+.6g} s: times "
+        f"{_where(drive, int(timed[k + 1]))}: the clock leaps by {_signed(-shift)}: times "
         f"{'before' if part < main else 'after'} it are shifted"
         for part, (k, shift) in enumerate(zip(leaps.tolist(), shifts.tolist(), strict=True))
     ]

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from scenarios.definition.traces.recorded_drive import RecordedDrive
+from scenarios.definition.traces.recorded_drive import WRONG_TIME, RecordedDrive
 from scenarios.definition.traces.time_order import in_time_order
 from tests.made.examples import examples
 
@@ -69,7 +69,7 @@ def test_wrong_times_of_a_few_records_are_interpolated_and_listed(by: float, cou
     clear = abs(by) > count * INTERVAL
     assert_true_times(drive, 1e-4 if clear else 0.2)
     if clear:
-        assert drive.left_out.counts == {"wrong time": count}
+        assert drive.left_out.counts == {WRONG_TIME: count}
         assert [record.number for record in drive.left_out.records] == [*range(200, 200 + count)]
 
 
@@ -216,7 +216,7 @@ def test_a_wrong_time_among_coarse_ones_is_interpolated(by: float) -> None:
     times[205] += by
     drive = in_time_order(recorded(times))
     assert_true_times(drive, 0.5)
-    assert drive.left_out.counts == {"wrong time": 1}
+    assert drive.left_out.counts == {WRONG_TIME: 1}
 
 
 def test_a_leap_second_is_a_leap_and_a_repeated_time_is_not() -> None:

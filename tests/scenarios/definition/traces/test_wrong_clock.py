@@ -182,8 +182,8 @@ def test_a_jump_casts_no_doubt_on_recorded_speeds(tmp_path: Path) -> None:
     rows = csv(times(), [SPEED] * COUNT).splitlines()
     rows[40] = f"{times()[39]!r},1000,0,{SPEED}"
     warnings = report_of(load(tmp_path, "jump.csv", "\n".join(rows))).warnings
-    assert [text.partition(": ")[2][:14] for text in warnings if "jump.csv" in text] == [
-        "1 point jumps "
+    assert [text.partition(": ")[2][:20] for text in warnings if "jump.csv" in text] == [
+        "1 record is left out"
     ]
 
 
