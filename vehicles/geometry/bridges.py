@@ -124,7 +124,7 @@ def fill_holes(points: FloatArray, reach: float) -> FilledPoints:
     """
     steps = step_lengths(points)
     holes = find_holes(steps).tolist()
-    indices = np.arange(points.shape[1])
+    added = np.zeros(points.shape[1], dtype=np.int64)
     parts, begin = [], 0
     for number, hole in enumerate(holes, 1):
         end = holes[number] + 1 if number < len(holes) else points.shape[1]
@@ -142,8 +142,9 @@ def fill_holes(points: FloatArray, reach: float) -> FilledPoints:
         except ValueError as error:
             raise UnbridgedError(f"a hole of {steps[hole]:.1f} m {error}", hole) from error
         parts += [before, bridge]
-        indices[hole + 1 :] += bridge.shape[1]
+        added[hole + 1] = bridge.shape[1]
         begin = hole + 1
+    indices = np.arange(points.shape[1]) + np.cumsum(added)
     return FilledPoints(np.concatenate([*parts, points[:, begin:]], axis=1), indices, tuple(holes))
 
 

@@ -8,7 +8,10 @@ from numpy.typing import NDArray
 
 from scenarios.definition.traces.receiver_errors.jumps import Jump, JumpFinder
 from scenarios.definition.traces.receiver_errors.stands import FEWEST, Stand, stands_in
-from vehicles.geometry.bridges import noise_deviation
+from vehicles.geometry.bridges import noise_deviation, step_lengths
+
+CRAWL, MOVING_SHARE = 0.1, 0.99
+"""Times of a car that moves have more than 1 % of the steps faster than this (m/s)."""
 
 Floats = NDArray[np.float64]
 
@@ -36,6 +39,8 @@ def cleaned(points: Floats, times: Sequence[float] | Floats, time_error_s: float
     count = points.shape[1]
     if count < FEWEST:
         return Cleaned(np.arange(count), points)
+    if _never_moves(points, np.asarray(times)):
+        times = ()
     track = JumpFinder(points, times, time_error_s)
     jumps = track.without_jumps()
     left = track.kept
@@ -61,3 +66,12 @@ def cleaned(points: Floats, times: Sequence[float] | Floats, time_error_s: float
         places[:, ends] = np.array(stand.place)[:, None]
     kept = np.flatnonzero(is_kept)
     return Cleaned(kept, places[:, kept], noise, jumps, stands)
+
+
+def _never_moves(points: Floats, times: Floats) -> bool:
+    """Whether times, such as those in a wrong unit, have the car stand during the whole drive."""
+    steps, gone = step_lengths(points), np.diff(times)
+    if not gone.size or not (gone > 0.0).any():
+        return False
+    speeds = steps[gone > 0.0] / gone[gone > 0.0]
+    return float(np.quantile(speeds, MOVING_SHARE)) < CRAWL
