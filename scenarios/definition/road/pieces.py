@@ -20,7 +20,7 @@ MARGIN = 1.0
 """Distance (m) along the points that is left out on either side of a section without a path."""
 
 MOST_TRIED = 20
-"""Number of pieces that are tried."""
+"""Number of pieces that are tried, unless they have more points than the drive."""
 
 
 def drivable_pieces(table: PointsPath, sections: Sections, lead_in: float) -> list[DrivePiece]:
@@ -29,13 +29,15 @@ def drivable_pieces(table: PointsPath, sections: Sections, lead_in: float) -> li
     along = np.concatenate((np.zeros(1), np.cumsum(step_lengths(points))))
     axis = recorded_times(table) if table.time_s else table.begin_m + along
     waiting, pieces = _between(sections, 0, along.size - 1, along), list[DrivePiece]()
+    tried = 0
     for _ in range(MOST_TRIED):
-        if not waiting:
+        if not waiting or tried > along.size:
             break
         longest = max(waiting, key=lambda ends: float(along[ends[1]] - along[ends[0]]))
         waiting.remove(longest)
         piece = piece_between(*longest, axis, along)
         first, last = piece.first, piece.last
+        tried += last - first
         try:
             road = road_through(points[:, first : last + 1], table, lead_in)
         except UndrivableError as error:

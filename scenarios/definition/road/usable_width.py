@@ -54,7 +54,7 @@ def road_through(points: FloatArray, table: PointsPath, lead_in: float) -> Smoot
                 lead_in=lead_in + max(half_width, SPARSE_REACH * longest),
             )
         except NoPathError as error:
-            errors.append(error)
+            errors.append(error.with_traceback(None))  # whose frames hold all points
             unfit.append(error.sections)
             continue
         bends = np.abs(road.path.curvature)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.definition.traces.receiver_errors.jumps import Jump, JumpFinder
+from scenarios.definition.traces.receiver_errors.jumps import Jump, find_jumps
 from scenarios.definition.traces.receiver_errors.stands import FEWEST, Stand, stands_in
 from vehicles.geometry.bridges import noise_deviation, step_lengths
 
@@ -41,9 +41,9 @@ def cleaned(points: Floats, times: Sequence[float] | Floats, time_error_s: float
         return Cleaned(np.arange(count), points)
     if _never_moves(points, np.asarray(times)):
         times = ()
-    track = JumpFinder(points, times, time_error_s)
-    jumps = track.without_jumps()
-    left = track.kept
+    jumps, left = find_jumps(points, times, time_error_s)
+    timed = len(times) > 0
+    at = np.asarray(times)[left] if timed else left.astype(np.float64)
     stands = [
         replace(
             one,
@@ -51,7 +51,7 @@ def cleaned(points: Floats, times: Sequence[float] | Floats, time_error_s: float
             last=int(left[one.last]),
             core=(int(left[one.core[0]]), int(left[one.core[1]])),
         )
-        for one in stands_in(points[:, left], track.at[left], timed=len(times) > 0)
+        for one in stands_in(points[:, left], at, timed=timed)
     ]
     noise = max([noise_deviation(points[:, left]), *(stand.wander for stand in stands)])
     places = points.copy()

@@ -73,6 +73,18 @@ class Track:
         self.usual = np.zeros(0) if timed else _medians_nearby(steps, self.count)
         self.late = time_error_s * _local_speeds(steps, at) if timed and time_error_s else None
 
+    def lone_jumps(self, clean: int) -> tuple[Ints, Floats]:
+        """Return the single points that jump, with `clean` plausible points on either side.
+
+        The second value is how far (m) they jump.
+        """
+        k = np.arange(clean, self.count - clean)
+        k = k[self._excess(k, k - 1, k + 1) > 0.0]
+        around = [*range(-clean, 0), *range(1, clean + 1)]
+        for before, middle, after in zip(around, around[1:], around[2:], strict=False):
+            k = k[self._excess(k + middle, k + before, k + after) <= 0.0]
+        return k, self._offset(k, k - 1, k + 1)[0]
+
     def suspects(self) -> list[int]:
         """Return in order the points at which a jump may begin, ends of the drive included.
 

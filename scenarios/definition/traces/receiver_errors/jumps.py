@@ -27,6 +27,12 @@ from vehicles.geometry.local_regression import cubic_weights
 NEAR = 4
 """Number of points after a jump that are judged again."""
 
+MANY_JUMPS = 1000
+"""Number of jumps of single points that are removed at once."""
+
+CLEAN_POINTS = (3, 2, 2, 2)
+"""Number of plausible points on either side of such jumps, in each round of their removal."""
+
 SIDE = LONGEST_JUMP + 1
 """Number of plausible points on either side of an offset, which is more than those of a jump."""
 
@@ -38,6 +44,35 @@ class Jump:
     first: int
     last: int
     size: float
+
+
+def find_jumps(
+    points: Floats, times: Sequence[float] | Floats, time_error_s: float = 0.0
+) -> tuple[list[Jump], Ints]:
+    """Return in order the jumps of points (2, n) with times (s), and the numbers of other points.
+
+    `times` are empty if unknown, and late by 0 to `time_error_s`. MANY_JUMPS of single points are
+    removed at once, because the search takes more time for each, and holds many for noise.
+    """
+    given, singles = np.asarray(times), dict[int, float]()
+    left = np.arange(points.shape[1])
+    finder = JumpFinder(points, given, time_error_s)
+    for clean in CLEAN_POINTS:
+        lone, sizes = finder.lone_jumps(clean)
+        if len(singles) + lone.size < MANY_JUMPS:
+            break
+        singles |= zip(left[lone].tolist(), sizes.tolist(), strict=True)
+        left = np.delete(left, lone)
+        finder = JumpFinder(points[:, left], given[left] if given.size else given, time_error_s)
+    jumps = [
+        Jump(int(left[jump.first]), int(left[jump.last]), jump.size)
+        for jump in finder.without_jumps()
+    ]
+    inside = np.zeros(points.shape[1], dtype=bool)
+    for jump in jumps:
+        inside[jump.first : jump.last + 1] = True
+    jumps += [Jump(k, k, size) for k, size in singles.items() if not inside[k]]
+    return sorted(jumps, key=lambda jump: jump.first), left[finder.kept]
 
 
 class JumpFinder:
@@ -61,6 +96,9 @@ class JumpFinder:
         self._before = array("q", range(-1, count - 1))
         self._after = array("q", range(1, count + 1))
         self._removed = np.zeros(count, dtype=bool)
+
+    def lone_jumps(self, clean: int) -> tuple[Ints, Floats]:
+        return self._track.lone_jumps(clean)
 
     @property
     def kept(self) -> Ints:

@@ -202,3 +202,19 @@ def test_the_wander_of_a_phone_while_it_stands_is_one_place(seed: int) -> None:
     found = of(rough)
     assert len(found.stands) == 2
     assert len(still & set(found.kept.tolist())) <= 12
+
+
+@pytest.mark.parametrize("share", [0.05, 0.1])
+def test_many_jumps_are_no_noise(share: float) -> None:
+    """Of a winding road; jumps next to each other, or with a point or two between, included."""
+    random = np.random.default_rng(4)
+    s = 0.5 * np.arange(30_000)
+    yaw = s / 4000.0 + 1.2 * np.sin(s / 90.0)
+    truth = np.cumsum([np.cos(yaw), np.sin(yaw)], axis=1) * 0.5
+    points = truth + random.normal(0.0, 0.01, truth.shape)
+    jumping = np.flatnonzero(random.random(s.size) < share)
+    course = random.uniform(0.0, 2.0 * np.pi, jumping.size)
+    points[:, jumping] += 30.0 * np.array([np.cos(course), np.sin(course)])
+    left = cleaned(points, (0.05 * np.arange(s.size)).tolist())
+    assert np.max(np.hypot(*(left.points - truth[:, left.kept]))) < 0.1
+    assert s.size - left.kept.size == pytest.approx(jumping.size, rel=0.15)
