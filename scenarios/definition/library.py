@@ -38,7 +38,7 @@ LONGEST_NAME = 32
 """Longest name of a scenario (characters)."""
 
 PLAIN_NAMES = frozenset({LOG, "oxts", "data"})
-"""Names of drives that say less than those of their folders."""
+"""Names of files and folders that do not identify a drive."""
 
 _TOML_START = re.compile(
     rb"(?:\xef\xbb\xbf)?(?:\s|#[^\n]*\n)*(?!sep\b)\[{0,2}[A-Za-z_][\w.-]*\s*[=\]]"

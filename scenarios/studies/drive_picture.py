@@ -189,7 +189,7 @@ def _draw_left_out(axes: Axes, drive: DriveInPlane, start: FloatArray, box: Floa
 
 def _places(drive: DriveInPlane, kind: str) -> FloatArray:
     """Return the places (2, n) of records left out, in the plane; NaN where unknown."""
-    places = [one.position for one in drive.left_out.records if one.kind == kind]
+    places = [record.position for record in drive.left_out.records if record.kind == kind]
     positions = np.array(places, dtype=float).reshape(-1, 2).T
     if drive.origin is None:
         return positions

@@ -11,6 +11,7 @@ import numpy as np
 from scenarios.definition.errors import SettingError
 from scenarios.definition.road.point_path import check_span, smoothed_points
 from scenarios.definition.road.route import Route, longest_run
+from scenarios.definition.road.silences import LONG_SILENCE, RECORDED_STEP
 from scenarios.definition.schema.path_tables import PointsPath
 from scenarios.definition.schema.scenario_tables import ScenarioTables, VehicleTable
 from vehicles.driver.speed import SpeedProfile
@@ -19,14 +20,8 @@ from vehicles.geometry.path_point import PathPoint
 from vehicles.geometry.sampled_path import FloatArray as Floats
 from vehicles.geometry.smoothing import SmoothedPath
 
-STEP = 0.2
-"""Time step (s) between the knots of a recorded motion."""
-
 LEAST_INTERVAL = 0.01
 """Smallest interval (s) of points that fill standstills and holes."""
-
-PAUSE = 60.0
-"""Interval (s) of points above which its middle has no knots."""
 
 REACH = 1.0
 """Smoothing of recorded stations: smallest reach (s) to either side."""
@@ -52,7 +47,7 @@ LEAST_SPACING = 5.0
 RUN_IN = 50.0
 """The straight before a replayed drive's first point (m)."""
 
-BESIDE = 5.0
+FAR_OFF = 5.0
 """Distance (m) from the lead's path above which a warning is due."""
 
 
@@ -137,7 +132,7 @@ def _knots(
     # A cubic would overshoot over standstills and holes, which are long steps: fill them evenly.
     usual = max(float(np.median(np.diff(t))), LEAST_INTERVAL)
     even = np.linspace(0.0, t[-1], max(math.ceil(t[-1] / usual), t.size) + 1)
-    times = np.linspace(0.0, t[-1], max(math.ceil(t[-1] / STEP), 1) + 1)
+    times = np.linspace(0.0, t[-1], max(math.ceil(t[-1] / RECORDED_STEP), 1) + 1)
     reach = max(REACH, REACH_PER_METRE * road.noise)
     stations = local_cubic(even, np.interp(even, t, s)[None, :], times, reach)[0]
     # A cubic overshoots by some centimetres at both ends of a standstill.
@@ -158,13 +153,13 @@ def _knots(
 def _lost_in_pauses(t: Floats, s: Floats) -> tuple[Floats, Floats, Floats]:
     """Return the time (s) and distance (m) lost up to each interval, and the instants of the cuts.
 
-    Of an interval longer than PAUSE its middle is cut out before smoothing, so that knots are only
-    where the speed changes. Instants (s) are those without the lost times.
+    Of an interval longer than LONG_SILENCE its middle is cut out before smoothing, so that knots
+    are only where the speed changes. Instants (s) are those without the lost times.
     """
     gone = np.diff(t)
-    share = np.maximum(gone - PAUSE, 0.0) / gone
+    share = np.maximum(gone - LONG_SILENCE, 0.0) / gone
     lost_t, lost_s = np.cumsum(share * gone), np.cumsum(share * np.diff(s))
-    return lost_t, lost_s, t[1:] - lost_t - np.where(share > 0.0, 0.5 * PAUSE, 0.0)
+    return lost_t, lost_s, t[1:] - lost_t - np.where(share > 0.0, 0.5 * LONG_SILENCE, 0.0)
 
 
 def _begun(
@@ -207,7 +202,7 @@ def replay_problems(
         source = tables.vehicle[name].replay
         allowed = f"set duration_s to at most {max(drive.lasts, 0.0):.1f}"
         if drive.lasts <= 0.0:
-            allowed = "do both begin at about the same time? see replay_offset_s"
+            allowed = "do both start at about the same time? See replay_offset_s"
         yield (
             f"vehicle.{name}.replay",
             f"{source} ends {drive.lasts:.1f} s after the start, the run lasts {duration:g} s: "
@@ -229,11 +224,11 @@ def replay_warnings(
     names = tables.convoy.vehicle_names
     behind = dict(pairwise(names)).get(name, "")
     seen = list(_looks(drive, route, duration))
-    aside = max(seen, key=lambda look: look.aside)
-    if aside.aside > BESIDE:
+    farthest = max(seen, key=lambda look: abs(look.offset))
+    if abs(farthest.offset) > FAR_OFF:
         yield (
-            f"{name}: the replayed drive is {aside.aside:.1f} m beside the lead's path at "
-            f"{aside.at:.1f} s: is it of the same road?"
+            f"{name}: the replayed drive is {abs(farthest.offset):.1f} m off the lead's path at "
+            f"{farthest.at:.1f} s: is it on the same road?"
         )
     early = max(seen, key=lambda look: look.station - look.lead)
     if early.lead - early.station < LEAST_SPACING:
@@ -281,13 +276,13 @@ def _clock_warnings(tables: ScenarioTables, name: str, drive: ReplayedDrive) -> 
 class _Look:
     """Stations (m) of a replayed vehicle and of the lead on its path, `at` s after the start.
 
-    The vehicle is `aside` (m) of the path.
+    `offset` (m) is the distance of the vehicle from the path, left positive.
     """
 
     at: float
     station: float
     lead: float
-    aside: float
+    offset: float
 
 
 def _looks(drive: ReplayedDrive, route: Route, duration: float) -> Iterator[_Look]:
@@ -301,7 +296,7 @@ def _looks(drive: ReplayedDrive, route: Route, duration: float) -> Iterator[_Loo
         near = None if near is None else near + gone - before
         foot = route.path.project(point.east, point.north, near, window=NEAR)
         near, before = foot.station, gone
-        yield _Look(at, foot.station, lead, abs(foot.lateral))
+        yield _Look(at, foot.station, lead, foot.lateral)
 
 
 def _distances(profile: SpeedProfile, times: Floats) -> Floats:

@@ -133,8 +133,8 @@ class PointsPath(SmoothedPathTable):
     jumping_points   number of points removed as outliers
     standing_points  number of points removed at standstills
     remarks          changes made while reading the source
-    skipped_lines    number of records of the source that are left out, except jumps
-    left_out         the first records that are left out, with the reason of each
+    skipped_lines    number of records of the source left out or corrected, except jumps
+    left_out         the first records left out or corrected, with the reason of each
     """
 
     kind: Literal["points"]

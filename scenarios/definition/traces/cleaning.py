@@ -41,24 +41,24 @@ def cleaned(points: Floats, times: Sequence[float] | Floats, time_error_s: float
         return Cleaned(np.arange(count), points)
     if _never_moves(points, np.asarray(times)):
         times = ()
-    jumps, left = find_jumps(points, times, time_error_s)
+    jumps, remaining = find_jumps(points, times, time_error_s)
     timed = len(times) > 0
-    at = np.asarray(times)[left] if timed else left.astype(np.float64)
+    at = np.asarray(times)[remaining] if timed else remaining.astype(np.float64)
     stands = [
         replace(
-            one,
-            first=int(left[one.first]),
-            last=int(left[one.last]),
-            core=(int(left[one.core[0]]), int(left[one.core[1]])),
+            stand,
+            first=int(remaining[stand.first]),
+            last=int(remaining[stand.last]),
+            core=(int(remaining[stand.core[0]]), int(remaining[stand.core[1]])),
         )
-        for one in stands_in(points[:, left], at, timed=timed)
+        for stand in stands_in(points[:, remaining], at, timed=timed)
     ]
-    noise = max([noise_deviation(points[:, left]), *(stand.wander for stand in stands)])
+    noise = max([noise_deviation(points[:, remaining]), *(stand.wander for stand in stands)])
     places = points.copy()
     is_kept = np.zeros(count, dtype=bool)
-    is_kept[left] = True
+    is_kept[remaining] = True
     for stand in stands:
-        starts, stops = stand.first == left[0], stand.last == left[-1]
+        starts, stops = stand.first == remaining[0], stand.last == remaining[-1]
         begun, ended = stand.core
         ends = [ended] if starts else [begun] if stops or begun == ended else [begun, ended]
         is_kept[stand.first : stand.last + 1] = False

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.definition.traces.recorded_drive import Floats
+from scenarios.definition.traces.recorded_drive import Floats, Mask
 
 LEAP = 86_400.0
 """Step in time (s), forward or back, that is no pause of a drive."""
@@ -38,7 +38,6 @@ MOST_RANGES = 10_000
 """Largest number of ranges that are examined; a drive of more leaps has no usable times."""
 
 Places = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 Complex = NDArray[np.complex128]
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.definition.traces.recorded_drive import Floats, RecordedDrive
+from scenarios.definition.traces.recorded_drive import Floats, Mask, RecordedDrive
 
 LONGEST_HOLD = 1.5
 """Longest time (s) for which a recorder repeats a position; a longer one is a standstill."""
@@ -61,7 +61,7 @@ def without_repeats(drive: RecordedDrive) -> tuple[RecordedDrive, float]:
     return drive.selected(kept).with_remarks(remark), interval
 
 
-def _returns(distinct: Floats, lengths: NDArray[np.int64], usual: float) -> NDArray[np.bool_]:
+def _returns(distinct: Floats, lengths: NDArray[np.int64], usual: float) -> Mask:
     """Mark positions that return after a short other one: a wrong record within a hold."""
     same = (distinct[:, 2:] == distinct[:, :-2]).all(axis=0)
     whole = lengths[:-2] + lengths[1:-1] + lengths[2:]
@@ -70,7 +70,7 @@ def _returns(distinct: Floats, lengths: NDArray[np.int64], usual: float) -> NDAr
     return returns
 
 
-def _changes(steps: Floats) -> NDArray[np.bool_]:
+def _changes(steps: Floats) -> Mask:
     """Mark steps to a new position; where one axis follows a record later, only its step."""
     moved = steps != 0.0
     changes = np.asarray(moved.any(axis=0))

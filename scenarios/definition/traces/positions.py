@@ -5,12 +5,18 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.definition.traces.recorded_drive import Floats, RecordedDrive, TraceError
+from scenarios.definition.traces.recorded_drive import (
+    METRES_PER_DEGREE,
+    NO_FIX,
+    Floats,
+    RecordedDrive,
+    TraceError,
+)
 
 FAR = 1000.0
 """Distance (m) between two points from which on they belong to different pieces."""
 
-NO_FIX = 1e-6
+LARGEST_ZERO = 1e-6
 """Largest latitude and longitude (deg) of a receiver without a fix."""
 
 ABSURD = 1e8
@@ -22,22 +28,16 @@ MOST_FAR = 0.25
 MOST_OPEN = 8
 """Number of tracks that later pieces may continue."""
 
-METRES_PER_DEGREE = 111_195.0
-"""Length of a degree of latitude on a sphere."""
-
-Marks = NDArray[np.bool_]
-
 
 def usable_positions(drive: RecordedDrive) -> RecordedDrive:
     """Leave out positions off the earth, without a fix, and far from the others, and list them.
 
     Raises TraceError if none remains.
     """
-    left = _without_far(_without_unfixed(_without_absurd(drive)))
-    if not left.count:
-        first = next(iter(left.left_out.lines(left.unit)), "")
-        raise TraceError("no valid point" + (f", {first}" if first else ""))
-    return left
+    usable = _without_far(_without_unfixed(_without_absurd(drive)))
+    if not usable.count:
+        raise TraceError(", ".join(("no valid point", *usable.left_out.lines(usable.unit)[:1])))
+    return usable
 
 
 def far_pieces(points: Floats, *, geodetic: bool = False) -> list[tuple[int, int]]:
@@ -85,7 +85,7 @@ def _without_unfixed(drive: RecordedDrive) -> RecordedDrive:
     """
     first, second = drive.position
     size = np.abs(drive.position)
-    both = np.all(size <= (NO_FIX if drive.geodetic else 0.0), axis=0)
+    both = np.all(size <= (LARGEST_ZERO if drive.geodetic else 0.0), axis=0)
     zero = both | np.any(size == 0.0, axis=0)
     if zero.sum() > MOST_FAR * drive.count:  # the drive itself runs along an axis
         zero = both
@@ -106,9 +106,9 @@ def _without_unfixed(drive: RecordedDrive) -> RecordedDrive:
 
     def reason(k: int) -> str:
         x, y = ("0" if both[k] else f"{value:.9g}" for value in (first[k], second[k]))
-        return f"no fix: {x}{unit}/{y}{unit}"
+        return f"{NO_FIX}: {x}{unit}/{y}{unit}"
 
-    return drive.without(unfixed, "no fix", reason)
+    return drive.without(unfixed, NO_FIX, reason)
 
 
 def _without_far(drive: RecordedDrive) -> RecordedDrive:
@@ -158,5 +158,5 @@ def _tracks(drive: RecordedDrive, pieces: list[tuple[int, int]]) -> NDArray[np.i
         result.append(track)
         open_ends.append((track, end, count + end + 1 - begin))
         if len(open_ends) > MOST_OPEN:
-            open_ends.remove(min(open_ends[:-1], key=lambda one: one[2]))
+            open_ends.remove(min(open_ends[:-1], key=lambda track: track[2]))
     return np.array(result)

@@ -18,9 +18,10 @@ from scenarios.definition.traces.part import (
     points_within,
 )
 from scenarios.definition.traces.pauses import Pause, PauseRule, pauses_in, without_pauses
-from scenarios.definition.traces.positions import usable_positions
+from scenarios.definition.traces.positions import FAR, usable_positions
 from scenarios.definition.traces.receiver_errors.stands import Stand
 from scenarios.definition.traces.recorded_drive import (
+    ALTITUDES_M,
     JUMP,
     Clock,
     Floats,
@@ -34,14 +35,8 @@ from vehicles.geometry.bridges import noise_deviation, step_lengths
 from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.geometry.smoothing import MIN_POINTS
 
-MAX_JUMP = 1000.0
-"""Largest distance (m) between two points."""
-
 LEAST_EXTENT = 1.0
 """Smallest extent (m) of a path."""
-
-ALTITUDES = (-500.0, 10_000.0)
-"""Range of altitudes (m) of an origin."""
 
 Ints = NDArray[np.int64]
 
@@ -116,9 +111,9 @@ def read_trace(
         drive, time_error_s = without_repeats(_ordered(drive, needs_times=needs_times))
         plane = origin or _first_point(drive) if drive.geodetic else None
         points = _in_plane(drive, plane) if plane else drive.position
-        left = cleaned(points, _times(drive), time_error_s)
-        _list_jumps(drive, left)
-        trace = _driven(path.name, replace(drive, position=points), left, part)
+        clean = cleaned(points, _times(drive), time_error_s)
+        _list_jumps(drive, clean)
+        trace = _driven(path.name, replace(drive, position=points), clean, part)
         recorded = trace = replace(trace, origin=plane)
         if pauses == "cut":
             times = without_pauses(trace.time_s, trace.pauses)
@@ -144,20 +139,20 @@ def _times(drive: RecordedDrive) -> Floats:
     return NO_VALUES if bool(np.isnan(drive.time_s).any()) else drive.time_s
 
 
-def _driven(source: str, drive: RecordedDrive, left: Cleaned, part: DrivenPart) -> DriveInPlane:
+def _driven(source: str, drive: RecordedDrive, clean: Cleaned, part: DrivenPart) -> DriveInPlane:
     """Put the kept points of `part` together; positions of `drive` are in the plane (m)."""
-    times, kept = _times(drive), np.asarray(left.kept)
-    jumping = sum(jump.last - jump.first + 1 for jump in left.jumps)
+    times, kept = _times(drive), np.asarray(clean.kept)
+    jumping = sum(jump.last - jump.first + 1 for jump in clean.jumps)
     since_start = times[kept] - times[kept[0]] if times.size else NO_VALUES
-    along = np.concatenate((np.zeros(1), np.cumsum(step_lengths(left.points))))
+    along = np.concatenate((np.zeros(1), np.cumsum(step_lengths(clean.points))))
     zero = float(times[kept[0]]) if times.size else 0.0
     chosen = points_within(part, since_start, along)
-    speeds, about_speeds = _speeds(drive, times, left)
-    kept, points = kept[chosen], left.points[:, chosen]
+    speeds, about_speeds = _speeds(drive, times, clean)
+    kept, points = kept[chosen], clean.points[:, chosen]
     since_part = since_start[chosen] - since_start[chosen][:1]
     pauses = pauses_in(points, since_part)
     paused = {int(kept[pause.point]) for pause in pauses}
-    remarks = _stand_remarks(left.stands, drive, times - zero, paused)
+    remarks = _stand_remarks(clean.stands, drive, times - zero, paused)
     return DriveInPlane(
         source=source,
         format_name=drive.format_name,
@@ -165,15 +160,15 @@ def _driven(source: str, drive: RecordedDrive, left: Cleaned, part: DrivenPart) 
         epoch_s=drive.zero_s + float(times[kept[0]]) if times.size else 0.0,
         source_unit=drive.unit,
         source_numbers=drive.numbers[kept],
-        noise_m=left.noise if part.is_whole else _noise(left, kept, points),
+        noise_m=clean.noise if part.is_whole else _noise(clean, kept, points),
         skipped_lines=drive.left_out.total - jumping,
         jumping_points=jumping,
-        standing_points=sum(stand.last - stand.first + 1 for stand in left.stands),
+        standing_points=sum(stand.last - stand.first + 1 for stand in clean.stands),
         remarks=(*drive.remarks, *remarks, *about_speeds),
         east_m=points[0],
         north_m=points[1],
         time_s=since_part,
-        speed_mps=NO_VALUES if speeds is None else _speeds_at(kept, speeds, left),
+        speed_mps=NO_VALUES if speeds is None else _speeds_at(kept, speeds, clean),
         begin_s=float(since_start[chosen][0]) if times.size else 0.0,
         begin_m=float(along[chosen][0]),
         pauses=pauses,
@@ -185,11 +180,11 @@ def _driven(source: str, drive: RecordedDrive, left: Cleaned, part: DrivenPart) 
 
 
 def _speeds(
-    drive: RecordedDrive, times: Floats, left: Cleaned
+    drive: RecordedDrive, times: Floats, clean: Cleaned
 ) -> tuple[Floats | None, tuple[str, ...]]:
     """Return a usable speed per point, NaN at jumps, None without any, and remarks."""
     sound = np.ones(drive.count, dtype=bool)
-    for jump in left.jumps:
+    for jump in clean.jumps:
         sound[jump.first : jump.last + 1] = False
     at = times[sound] if times.size else times
     speeds, remarks = usable_speeds(drive.speed_mps[sound], at, drive.position[:, sound])
@@ -200,20 +195,20 @@ def _speeds(
     return column, remarks
 
 
-def _speeds_at(kept: Ints, speeds: Floats, left: Cleaned) -> Floats:
+def _speeds_at(kept: Ints, speeds: Floats, clean: Cleaned) -> Floats:
     """Return the speeds of kept points, 0 at standstill."""
-    still = [k for stand in left.stands for k in stand.core]
+    still = [k for stand in clean.stands for k in stand.core]
     return np.where(np.isin(kept, still), 0.0, speeds[kept])
 
 
-def _noise(left: Cleaned, kept: Ints, points: Floats) -> float:
+def _noise(clean: Cleaned, kept: Ints, points: Floats) -> float:
     """Return the noise (m) of a part: of its points, and of the standstills in it."""
-    within = [s.wander for s in left.stands if kept[0] <= s.core[0] and s.core[1] <= kept[-1]]
+    within = [s.wander for s in clean.stands if kept[0] <= s.core[0] and s.core[1] <= kept[-1]]
     return max([noise_deviation(points), *within])
 
 
-def _list_jumps(drive: RecordedDrive, left: Cleaned) -> None:
-    for jump in left.jumps:
+def _list_jumps(drive: RecordedDrive, clean: Cleaned) -> None:
+    for jump in clean.jumps:
         for k in range(jump.first, jump.last + 1):
             drive.list_fault(k, JUMP, f"jumps by {jump.size:.1f} m")
 
@@ -242,7 +237,7 @@ def _stand_remarks(
 
 def _first_point(drive: RecordedDrive) -> Origin:
     latitude, longitude = drive.position[:, 0].tolist()
-    least, most = ALTITUDES
+    least, most = ALTITUDES_M
     usable = drive.altitude_m[(drive.altitude_m >= least) & (drive.altitude_m <= most)]
     altitude = float(usable[0]) if usable.size else 0.0
     if not abs(latitude) <= 89.0:
@@ -272,7 +267,7 @@ def _check_shape(trace: DriveInPlane, keys: str) -> None:
     if numbers.size == 1:
         raise TraceError(_one_point(trace))
     steps = step_lengths(points)
-    if (steps >= MAX_JUMP).any():
+    if (steps >= FAR).any():
         raise TraceError(_apart(trace, steps, keys))
     extent = float(np.max(np.hypot(*(points - points[:, :1]))))
     if extent < LEAST_EXTENT:
@@ -290,8 +285,8 @@ def _one_point(trace: DriveInPlane) -> str:
 
 
 def _apart(trace: DriveInPlane, steps: Floats, keys: str) -> str:
-    """Explain `steps` of at least MAX_JUMP, and name the largest parts without any."""
-    long = np.flatnonzero(steps >= MAX_JUMP)
+    """Explain `steps` of at least FAR, and name the largest parts without any."""
+    long = np.flatnonzero(steps >= FAR)
     place = f"{trace.source_unit} {trace.source_numbers[long[0] + 1]}"
     fact = f"{place}: {steps[long[0]] / 1000:.1f} km from the point before"
     if long.size > 1:

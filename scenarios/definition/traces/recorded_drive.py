@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 Clock = Literal["unix", "day"]
 """Clock of absolute times: Unix time, or seconds since midnight UTC."""
@@ -19,6 +20,18 @@ MOST_KEPT = 10_000
 
 MOST_LISTED = 10
 """Number of records left out that are listed."""
+
+ALTITUDES_M = (-500.0, 10_000.0)
+"""Range of usable altitudes."""
+
+FASTEST = 150.0
+"""Speed (m/s) that no car reaches."""
+
+METRES_PER_DEGREE = 111_195.0
+"""Length of a degree of latitude on a sphere."""
+
+NO_FIX, DAMAGE, NOT_A_POSITION = "no fix", "damaged", "not a position"
+"""Kinds of records left out."""
 
 JUMP, WRONG_TIME = "jump", "wrong time, interpolated"
 """Kinds of faults of records with a usable position; one with a WRONG_TIME is not left out."""

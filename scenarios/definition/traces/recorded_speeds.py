@@ -1,15 +1,11 @@
 """Recorded speeds of a drive that agree with its positions."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from scenarios.definition.traces.recorded_drive import Floats
+from scenarios.definition.traces.recorded_drive import FASTEST, Floats, Mask
 
 WINDOW = 2.0
 """Time (s) over which positions give a speed."""
-
-FASTEST = 150.0
-"""Speed (m/s) that no car reaches."""
 
 MOST_OFF = 10.0
 """Largest difference (m/s) of a recorded speed from its neighbours and from the positions..."""
@@ -31,8 +27,6 @@ UNITS = {3.6: "km/h", 1.9438: "knots", 2.2369: "mph"}
 
 SAME_UNIT = 0.05
 """Largest relative difference of a ratio from that of its unit."""
-
-Marks = NDArray[np.bool_]
 
 
 def usable_speeds(
@@ -69,7 +63,7 @@ def usable_speeds(
     return None, (f"recorded speeds are {off}: {instead}",)
 
 
-def _interpolated(absurd: Marks, speeds: Floats) -> tuple[str, ...]:
+def _interpolated(absurd: Mask, speeds: Floats) -> tuple[str, ...]:
     count = int(np.count_nonzero(absurd))
     if not count:
         return ()
@@ -110,7 +104,7 @@ def _total_ratio(speeds: Floats, derived: Floats, at: Floats) -> float:
     return float(np.sum(gone * speeds[valid]) / np.sum(gone * derived[valid]))
 
 
-def _slips(speeds: Floats, derived: Floats, at: Floats, absurd: Marks) -> Marks:
+def _slips(speeds: Floats, derived: Floats, at: Floats, absurd: Mask) -> Mask:
     """Mark short runs of speeds that fit neither the positions nor the speeds around the run."""
     off = absurd | _differs(speeds, derived)
     edges = np.diff(np.concatenate(([False], off, [False])).astype(np.int8))
@@ -126,6 +120,6 @@ def _slips(speeds: Floats, derived: Floats, at: Floats, absurd: Marks) -> Marks:
     return np.asarray(in_short & _differs(speeds, around))
 
 
-def _differs(speeds: Floats, others: Floats) -> Marks:
+def _differs(speeds: Floats, others: Floats) -> Mask:
     limit = np.maximum(MOST_OFF, MOST_OFF_SHARE * others)
     return np.asarray(np.abs(speeds - others) > limit)  # False for NaN

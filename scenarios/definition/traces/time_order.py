@@ -10,12 +10,17 @@ from scenarios.definition.traces.disorder import (
     MOST_LEAPS,
     SHORT,
     Complex,
-    Mask,
     disorder_of,
     excursions_of,
     usual_interval,
 )
-from scenarios.definition.traces.recorded_drive import WRONG_TIME, Floats, RecordedDrive
+from scenarios.definition.traces.recorded_drive import (
+    METRES_PER_DEGREE,
+    WRONG_TIME,
+    Floats,
+    Mask,
+    RecordedDrive,
+)
 
 HOUR, DAY = 3600.0, 86_400.0
 
@@ -93,7 +98,8 @@ def _plane(drive: RecordedDrive) -> Complex:
     if not drive.geodetic:
         return np.asarray(first + 1j * second)
     east = (second - second[0] + 180.0) % 360.0 - 180.0
-    return np.asarray((east * np.cos(np.radians(np.median(first))) + 1j * first) * 111_195.0)
+    east *= np.cos(np.radians(np.median(first)))
+    return np.asarray((east + 1j * first) * METRES_PER_DEGREE)
 
 
 def _where(drive: RecordedDrive, k: int) -> str:
@@ -181,17 +187,17 @@ def _sorted(drive: RecordedDrive) -> RecordedDrive:
     excursions = excursions_of(right[timed], _plane(drive)[timed], timed, usual)
     remarks = _without_excursions(drive, right, timed, excursions)
     timed = np.flatnonzero(np.isfinite(right))
-    found = disorder_of(right[timed], _plane(drive)[timed], timed, usual)
-    right[timed[found.wrong]] = np.nan
-    remarks += _without_excursions(drive, right, timed, found.runs)
+    disorder = disorder_of(right[timed], _plane(drive)[timed], timed, usual)
+    right[timed[disorder.wrong]] = np.nan
+    remarks += _without_excursions(drive, right, timed, disorder.runs)
     remarks = _limited(remarks)
     _list_wrong(drive, right)
     key = np.arange(drive.count, dtype=float)
-    moved = found.key % 1.0 != 0.0
-    key[timed[moved]] = timed[np.floor(found.key[moved]).astype(int)] + 0.5
-    key[timed[found.key < 0.0]] = -0.5
+    moved = disorder.key % 1.0 != 0.0
+    key[timed[moved]] = timed[np.floor(disorder.key[moved]).astype(int)] + 0.5
+    key[timed[disorder.key < 0.0]] = -0.5
     order = np.lexsort((right, key))
-    count = int((moved & (found.key != np.arange(len(timed)) - 0.5)).sum())
+    count = int((moved & (disorder.key != np.arange(len(timed)) - 0.5)).sum())
     if count:
         verb = "record is" if count == 1 else "records are"
         remarks.append(f"{count} {verb} out of order and sorted by time")

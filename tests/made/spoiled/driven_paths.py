@@ -141,11 +141,6 @@ def largest_distance(driven: Driven, other: Driven) -> float:
     )
 
 
-def from_truth(driven: Driven, drive: Drive) -> Floats:
-    """Distance (m) of each point of a path from the road, NaN beyond its ends."""
-    return distances(driven.path, np.array((drive.shape.east, drive.shape.north)))
-
-
 def lost_points(driven: Driven, drive: Drive, spoiled: Recording | None = None) -> list[int]:
     """Numbers of moving records of a drive whose position is not among the points driven.
 

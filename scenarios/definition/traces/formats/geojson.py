@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from scenarios.definition.traces.formats.point_columns import PointColumns
 from scenarios.definition.traces.recorded_drive import (
+    DAMAGE,
     LeftOut,
     LeftOutRecords,
     RecordedDrive,
@@ -23,8 +24,6 @@ SPEEDS: Final = ("speed", "speed_mps", "velocity")
 """Properties of a point."""
 
 BEGIN: Final = re.compile(r"[{\[]")
-
-DAMAGE: Final = "damaged"
 
 MOST_DAMAGES: Final = 20
 """Number of damaged places behind which reading goes on."""
@@ -52,7 +51,7 @@ def read_geojson(text: str) -> RecordedDrive:
     if not chosen.times:
         damages = [record.reason for record in left_out.records[:1]]
         raise TraceError(
-            (damages or ["no LineString, MultiLineString and Point with coordinates"])[0]
+            (damages or ["no LineString, MultiLineString or Point with coordinates"])[0]
         )
     return chosen.drive(left_out)
 

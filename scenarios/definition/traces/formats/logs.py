@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from scenarios.definition.library import ATTACHED_AS
-from scenarios.definition.traces.formats.point_columns import NOT_A_POSITION
 from scenarios.definition.traces.recorded_drive import (
+    DAMAGE,
+    NOT_A_POSITION,
     LeftOut,
     LeftOutRecords,
     RecordedDrive,
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     from transport.log.reader import LogReader
 
 MCAP_MAGIC: Final = b"\x89MCAP0\r\n"
-
-DAMAGE: Final = "damaged"
 
 
 def read_mcap(path: Path, vehicle: str | None, topic: str | None) -> RecordedDrive:

@@ -10,13 +10,12 @@ from typing import Final
 from scenarios.definition.traces.formats.point_columns import PointColumns
 from scenarios.definition.traces.formats.xml_elements import read_elements
 from scenarios.definition.traces.recorded_drive import (
+    DAMAGE,
     LeftOut,
     LeftOutRecords,
     RecordedDrive,
     TraceError,
 )
-
-DAMAGE: Final = "damaged"
 
 VALUES: Final = ("ele", "time", "speed")
 """Elements of a point in GPX; its extensions may have the speed."""

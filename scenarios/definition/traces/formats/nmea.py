@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from scenarios.definition.traces.formats.nmea_sentences import KINDS, Integers, sentences_in
 from scenarios.definition.traces.recorded_drive import (
+    NO_FIX,
     Clock,
     Floats,
     LeftOut,
@@ -22,8 +23,6 @@ DAY: Final = 86_400.0
 
 CONTINUOUS_S: Final = 600.0
 """Largest step of the time between points that have one date in common."""
-
-NO_FIX: Final = "no fix"
 
 
 def read_nmea(text: str) -> RecordedDrive:
@@ -49,7 +48,8 @@ def read_nmea(text: str) -> RecordedDrive:
         raise TraceError(_none(left_out))
     remarks = [] if checked else ["sentences have no checksums: wrong values may remain"]
     if unfit := int(points["unfit"][located].sum()):
-        remarks.append(f"positions of quality 0 or status V, used like the others: {unfit}")
+        have = "position has" if unfit == 1 else "positions have"
+        remarks.append(f"{unfit} {have} quality 0 or status V: used like the others")
     points, times = points[located], times[located]
     return RecordedDrive(
         geodetic=True,

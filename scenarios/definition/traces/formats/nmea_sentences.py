@@ -8,9 +8,13 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.definition.traces.formats.point_columns import NOT_A_POSITION
 from scenarios.definition.traces.formats.time_cells import as_number
-from scenarios.definition.traces.recorded_drive import Floats, LeftOut, LeftOutRecords
+from scenarios.definition.traces.recorded_drive import (
+    NOT_A_POSITION,
+    Floats,
+    LeftOut,
+    LeftOutRecords,
+)
 
 Integers = NDArray[np.int64]
 

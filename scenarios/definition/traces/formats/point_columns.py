@@ -7,12 +7,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from scenarios.definition.traces.formats.time_cells import TimeColumn, as_number, read_times
-from scenarios.definition.traces.recorded_drive import Floats, LeftOutRecords, RecordedDrive
+from scenarios.definition.traces.recorded_drive import (
+    NOT_A_POSITION,
+    Floats,
+    LeftOutRecords,
+    RecordedDrive,
+)
 
 Cell = str | float | None
 """A number, or its text; None or empty if it is missing."""
-
-NOT_A_POSITION = "not a position"
 
 
 def _doubles() -> "array[float]":

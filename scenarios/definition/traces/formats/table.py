@@ -22,6 +22,8 @@ from scenarios.definition.traces.formats.columns.table_times import in_likely_un
 from scenarios.definition.traces.formats.columns.units import ANGLES, LENGTHS, SPEEDS, degrees
 from scenarios.definition.traces.formats.time_cells import ABSURD, TimeColumn, as_numbers
 from scenarios.definition.traces.recorded_drive import (
+    ALTITUDES_M,
+    FASTEST,
     Floats,
     LeftOut,
     LeftOutRecords,
@@ -31,10 +33,7 @@ from scenarios.definition.traces.recorded_drive import (
 BLOCK: Final = 4_000
 """Number of lines that are split at a time, to bound the memory."""
 
-ALTITUDES_M: Final = (-500.0, 10_000.0)
 NO_ALTITUDE: Final = 9999.0
-FASTEST: Final = 150.0
-"""Recorded speeds (m/s) above this are unknown."""
 
 DEGREES_STEP: Final = 1e-3
 """Median step (deg) between points below which x and y may be degrees."""

@@ -86,11 +86,11 @@ def stands_in(points: Floats, at: Floats, *, timed: bool) -> list[Stand]:
     for window in sorted({span, *(DRIFTS if timed else ())}, reverse=True):
         slow = _slow(points, at, max(window, span), slowest) & free
         for run in _joined(points, _runs(slow), radius):
-            one = _stand(points, at, run, radius, window if timed else math.inf)
-            if one is not None and free[one.first : one.last + 1].all():
-                free[one.first : one.last + 1] = False
-                result.append(one)
-    return _in_one(sorted(result, key=lambda one: one.first), points, at)
+            stand = _stand(points, at, run, radius, window if timed else math.inf)
+            if stand is not None and free[stand.first : stand.last + 1].all():
+                free[stand.first : stand.last + 1] = False
+                result.append(stand)
+    return _in_one(sorted(result, key=lambda stand: stand.first), points, at)
 
 
 def _in_one(stands: list[Stand], points: Floats, at: Floats) -> list[Stand]:
@@ -165,7 +165,7 @@ def _stand(
     without times, where drift and slow driving look alike.
     """
     first, last = run
-    if last < first + 2:  # a pause of the recording, which says nothing of the noise
+    if last < first + 2:  # a pause of the recording: it does not show the noise
         return None
     core = points[:, first : last + 1]
     middle = np.median(core, axis=1)[:, None]

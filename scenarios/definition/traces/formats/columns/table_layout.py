@@ -68,7 +68,7 @@ def layout_of(lines: Sequence[str]) -> TableLayout:
             columns, first, sample = units, first + 1, sample[1:]
     if any("d'" in column.name for column in columns.position):
         raise TraceError(
-            "positions in degrees, minutes and seconds of separate cells: "
+            "degrees, minutes and seconds in separate cells: "
             "export decimal degrees (RTKLIB: out-outdegform = deg)"
         )
     width = len(columns.names)

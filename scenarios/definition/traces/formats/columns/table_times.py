@@ -19,7 +19,7 @@ from scenarios.definition.traces.formats.time_cells import (
     read_times,
     utc_from_gps,
 )
-from scenarios.definition.traces.recorded_drive import Floats
+from scenarios.definition.traces.recorded_drive import METRES_PER_DEGREE, Floats
 
 COMPACT_DATE: Final = re.compile(r"(\d{2})(\d{2})(\d{2})$")
 COMPACT_TIME: Final = re.compile(r"([01]\d|2[0-3])([0-5]\d)([0-6]\d(?:\.\d*)?)$")
@@ -32,9 +32,6 @@ DOUBTFUL_SPEEDS: Final = (0.1, 150.0)
 
 LEAST_INTERVAL: Final = 0.005
 """Shortest median interval (s) between points in the unit considered."""
-
-DEGREE_M: Final = 111_200.0
-"""About one degree of latitude (m)."""
 
 
 def preferred_source(
@@ -143,18 +140,19 @@ def in_likely_unit(
         and interval * factor >= LEAST_INTERVAL
     ]
     name = source.columns[-1].name
-    drives = f"at {speed:.2g} m/s in the median"
     if not likely:
-        doubt = f"{name} has the car drive {drives}: check the units of times and positions"
+        doubt = (
+            f"the median speed by {name} is {speed:.2g} m/s: check the units of times and positions"
+        )
         return replace(column, remarks=(doubt,) if speed > DOUBTFUL_SPEEDS[1] else ())
     if named:
         advice = (
-            f"{name} has the car drive {drives}: its times are probably {likely[0]}; "
-            f"then name the column t_{likely[0]}"
+            f"the median speed by {name} is {speed:.2g} m/s: its times are probably in "
+            f"{likely[0]}. Rename the column to t_{likely[0]} if they are"
         )
         return replace(column, remarks=(advice,))
     seconds = (column.seconds + column.zero_s) * factors[likely[0]]
-    reason = f"{name} is read as {likely[0]}: in s the car would drive {drives}"
+    reason = f"{name} is read in {likely[0]}: in s the median speed would be {speed:.2g} m/s"
     return TimeColumn(seconds, None, 0.0, (reason,))
 
 
@@ -163,8 +161,8 @@ def _median_speed(seconds: Floats, position: Floats, *, geodetic: bool) -> tuple
     known = np.isfinite(seconds) & np.isfinite(position).all(axis=0)
     first, second = position[:, known]
     if geodetic:
-        north = first * DEGREE_M
-        east = second * DEGREE_M * np.cos(np.radians(first))
+        north = first * METRES_PER_DEGREE
+        east = second * METRES_PER_DEGREE * np.cos(np.radians(first))
     else:
         east, north = first, second
     moved = np.flatnonzero(np.hypot(np.diff(east), np.diff(north)) > 0.0)
