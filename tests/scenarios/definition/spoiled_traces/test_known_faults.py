@@ -117,18 +117,18 @@ KNOWN: dict[str, Known] = {
     "zero bytes first": Known(file="a.nmea", data=b"\0\0\0\r\n" + nmea(GOOD)),
     "late sentences": Known(file="a.nmea", data=nmea(GOOD, 1)),
     "paused for ten minutes": Known(
-        file="a.gpx", data=gpx(PAUSED), remark="no progress", duration_s=DURATION_S + 600.0,
+        file="a.gpx", data=gpx(PAUSED), remark="a pause of", duration_s=DURATION_S + 600.0,
         steady_at=(10.0, 110.0),
     ),
     "paused for ten minutes, kept": Known(
-        file="a.csv", data=TABLES["tab csv"].write(PAUSED), remark="no progress",
+        file="a.csv", data=TABLES["tab csv"].write(PAUSED), remark="a pause of",
         duration_s=DURATION_S + 600.0, path='pauses = "keep"', steady_at=(10.0, 110.0),
     ),
     "paused for ten minutes, cut": Known(
-        file="a.gpx", data=gpx(PAUSED), remark="no progress", path='pauses = "cut"'
+        file="a.gpx", data=gpx(PAUSED), remark="a pause of", path='pauses = "cut"'
     ),
     "paused for ten minutes, cut from nmea": Known(
-        file="a.nmea", data=nmea(PAUSED), remark="no progress", path='pauses = "cut"'
+        file="a.nmea", data=nmea(PAUSED), remark="a pause of", path='pauses = "cut"'
     ),
     "kml": Known(file="a.kml", data=kml(GOOD), lead="set"),
     "kml with times": Known(file="a.kml", data=kml(GOOD, times=True)),
