@@ -7,6 +7,7 @@ import click
 
 PAGES: Mapping[str, str] = {
     "scenario": "keys of all other tables of a scenario file",
+    "drives": "formats, columns and keys of recorded drives",
     "links": "keys of [links] and [[link]]; laws with parameters and sources",
     "presets": "shipped channels and their sources",
     "gnss": "keys of [gnss]; presets of the receiver",
@@ -53,10 +54,11 @@ def reference(page: str | None) -> None:
 
 
 def printers() -> Mapping[str, Callable[[], None]]:
-    from scenarios.cli.reference import message_pages, other_pages, scenario_pages
+    from scenarios.cli.reference import drives_page, message_pages, other_pages, scenario_pages
 
     return {
         "scenario": scenario_pages.scenario_page,
+        "drives": drives_page.drives_page,
         "links": scenario_pages.links_page,
         "presets": scenario_pages.presets_page,
         "gnss": scenario_pages.gnss_page,

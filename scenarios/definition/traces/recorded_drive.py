@@ -81,10 +81,15 @@ class LeftOutRecords:
     def lines(self, unit: str, zero_s: float = 0.0) -> tuple[str, ...]:
         """List up to MOST_LISTED records by place, with times since `zero_s`, and count the rest.
 
-        `unit` is that of the drive: "line 12 (3.4 s): no fix at 0°/0°".
+        The first record of each kind is among them. `unit` is that of the drive: "line 12 (3.4 s):
+        no fix at 0°/0°".
         """
         ordered = sorted(self.records, key=lambda record: record.number)
-        listed = [_line(record, unit, zero_s) for record in ordered[:MOST_LISTED]]
+        firsts = {record.kind: record for record in reversed(ordered)}
+        others = [record for record in ordered if record is not firsts[record.kind]]
+        chosen = [*firsts.values(), *others][:MOST_LISTED]
+        chosen.sort(key=lambda record: record.number)
+        listed = [_line(record, unit, zero_s) for record in chosen]
         more = self.total - len(listed)
         return (*listed, f"and {more} more") if more else tuple(listed)
 
