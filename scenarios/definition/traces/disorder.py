@@ -37,6 +37,12 @@ MOST_LEAPS = 0.1
 MOST_RANGES = 10_000
 """Largest number of ranges that are examined; a drive of more leaps has no usable times."""
 
+SHUFFLED = 0.5
+"""Ratio of the paths in the order of time and of the file below which the file is shuffled."""
+
+FAR_STEP = 0.15
+"""Share of the extent of a drive from which on a step is far."""
+
 Places = NDArray[np.int64]
 Complex = NDArray[np.complex128]
 
@@ -85,6 +91,19 @@ def usual_interval(times: Floats) -> float:
         if steps.size:
             intervals.append(float(np.quantile(steps, 0.4)))
     return min(intervals, default=1.0)
+
+
+def is_shuffled(times: Floats, places: Complex) -> bool:
+    """Whether times run back at far steps, and the path in the order of time is much shorter.
+
+    Laps on a clock that starts again are shorter, too, but have no far steps.
+    """
+    steps = np.abs(np.diff(places))
+    in_time = np.abs(np.diff(places[np.argsort(times, kind="stable")]))
+    extent = abs(complex(np.ptp(places.real), np.ptp(places.imag)))
+    back = steps[np.diff(times) < 0.0]
+    is_far = back.size > 0 and float(np.median(back)) > FAR_STEP * extent
+    return is_far and float(in_time.sum()) < SHUFFLED * float(steps.sum())
 
 
 def excursions_of(

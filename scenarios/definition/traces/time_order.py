@@ -1,5 +1,6 @@
 """Times of a recorded drive that never run back."""
 
+from bisect import bisect_right
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,8 @@ from scenarios.definition.traces.disorder import (
     Complex,
     disorder_of,
     excursions_of,
+    is_shuffled,
+    longest_order,
     usual_interval,
 )
 from scenarios.definition.traces.recorded_drive import (
@@ -182,6 +185,10 @@ def _sorted(drive: RecordedDrive) -> RecordedDrive:
     timed = np.flatnonzero(np.isfinite(drive.time_s))
     if bool((np.diff(drive.time_s[timed]) >= 0.0).all()):
         return drive
+    if timed.size == drive.count and is_shuffled(drive.time_s, _plane(drive)):
+        count = drive.count - int(longest_order(drive.time_s, bisect_right).sum())
+        remark = f"{count} records are out of order and sorted by time"
+        return drive.selected(np.argsort(drive.time_s, kind="stable")).with_remarks(remark)
     usual = usual_interval(drive.time_s[timed])
     right = drive.time_s.copy()
     excursions = excursions_of(right[timed], _plane(drive)[timed], timed, usual)

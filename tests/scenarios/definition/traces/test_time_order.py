@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from scenarios.definition.traces.disorder import is_shuffled
 from scenarios.definition.traces.recorded_drive import WRONG_TIME, RecordedDrive
 from scenarios.definition.traces.time_order import in_time_order
 from tests.made.examples import examples
@@ -151,6 +152,20 @@ def test_records_out_of_order_are_sorted(order: Order, repeated: int) -> None:
     assert drive.left_out.total == 0
     assert len(drive.remarks) == 1
     assert drive.remarks[0].startswith(f"{repeated} records") == (repeated > 0)
+
+
+@pytest.mark.parametrize("block", [1, 7, 80])
+def test_shuffled_blocks_are_sorted(block: int) -> None:
+    blocks = np.random.default_rng(1).permutation(COUNT // block + 1)
+    order = np.concatenate([np.arange(COUNT)[k * block : (k + 1) * block] for k in blocks])
+    drive = in_time_order(recorded(TRUE, order))
+    assert_true_times(drive)
+    assert len(drive.remarks) == 1
+
+
+def test_laps_on_a_clock_that_starts_again_are_not_shuffled() -> None:
+    places = 30.0 * np.exp(2j * np.pi * np.arange(COUNT) / 80.0)
+    assert not is_shuffled(np.asarray(TRUE % 8.0, dtype=np.float64), places)
 
 
 def test_missing_and_absurd_times_are_interpolated() -> None:
