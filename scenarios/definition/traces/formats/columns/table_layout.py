@@ -29,6 +29,9 @@ BLANK: Final = " ,;\t|"
 UNUSUAL: Final = f"{BLANK}#%"
 """First characters of lines that may be no rows."""
 
+LONGEST_HEADER: Final = 100_000
+"""Number of characters above which a line is no header."""
+
 MOST_BEFORE: Final = 200
 """Number of lines in which the column names are searched."""
 
@@ -126,11 +129,13 @@ def _header(lines: Sequence[str]) -> tuple[TableColumns, str | None, int]:
 def _named(line: str) -> tuple[TableColumns, str | None] | None:
     """Return the usable columns that the line names, with the separator that finds most."""
     best: tuple[TableColumns, str | None] | None = None
+    if len(line) > LONGEST_HEADER:
+        return None
     for separator in SEPARATORS:
         names = cells_of(line, separator)
         if separator is None:
             names = line.replace(" (", "(").replace(" [", "[").split()
-        columns = usable_columns(names) if len(names) < 10_000 else None
+        columns = usable_columns(names)
         if columns and (best is None or columns.rank > best[0].rank):
             best = columns, separator
     return best
