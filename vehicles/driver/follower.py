@@ -7,7 +7,7 @@ from the vehicles ahead (`speed_guard`).
 """
 
 from collections.abc import Mapping, Sequence
-from math import nan
+from math import isnan, nan
 from typing import Final
 
 from vehicles.car.dynamics import Actuation, Body
@@ -217,7 +217,7 @@ class Follower:
             self._rejoining.begin()
         self._fitted = bool(along)
         self._trajectories = along or self._trajectories
-        self._spacing, self._spacing_at = self._measured_spacing(now, pose), now
+        self._spacing, self._spacing_at = self._measured_spacing(pose), now
 
     def _settings_for(self, windows: Mapping[Mode, Window]) -> FitSettings:
         """Settings of the fit; bridge points weaken the evidence for a bend."""
@@ -249,23 +249,28 @@ class Follower:
         errors.behind = behind
         return errors
 
-    def _measured_spacing(self, now: int, pose: Pose) -> float:
-        """Spacing (m) extrapolated from the predecessor's newest pose, NaN before the first."""
-        trace = self._sources.predecessor.trace
-        spacing = trace.spacing(pose.east, pose.north)
-        if spacing is None or trace.newest is None:
-            return nan
-        age = (now - trace.newest.measured_at) / SECOND
-        return spacing + trace.newest.speed * age
+    def _measured_spacing(self, pose: Pose) -> float:
+        """Spacing (m) to the predecessor's newest pose, NaN before the first."""
+        spacing = self._sources.predecessor.trace.spacing(pose.east, pose.north)
+        return nan if spacing is None else spacing
 
     def _vehicles_ahead(self, now: int, pose: Pose, errors: TrackingErrors) -> VehiclesAhead:
-        lead, predecessor = self._sources.lead.trace.newest, self._sources.predecessor.trace.newest
-        if predecessor is None:
+        """Motion of the vehicles ahead, each predicted by its last announced acceleration."""
+        lead, predecessor = self._sources.lead.freshness, self._sources.predecessor.freshness
+        if isnan(predecessor.age):
             return VehiclesAhead(curvature_ahead=errors.curvature_ahead)
-        opened = (predecessor.speed - pose.speed) * (now - self._spacing_at) / SECOND
-        lead_speed = nan if lead is None else lead.speed
+        driven, speed, acceleration = predecessor.predicted_motion()
+        closed = pose.speed * (now - self._spacing_at) / SECOND
+        lead_speed = lead_acceleration = nan
+        if not isnan(lead.age):
+            _, lead_speed, lead_acceleration = lead.predicted_motion()
         return VehiclesAhead(
-            self._spacing + opened, predecessor.speed, lead_speed, errors.curvature_ahead
+            self._spacing + driven - closed,
+            speed,
+            lead_speed,
+            acceleration,
+            lead_acceleration,
+            errors.curvature_ahead,
         )
 
 

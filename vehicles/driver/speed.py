@@ -26,7 +26,7 @@ DAMPING: Final = 4.0
 """k_v + k_l, acceleration per m/s of speed difference to predecessor and lead (1/s)."""
 
 LEAD_SHARE: Final = 0.5
-"""Share of k_l in the damping at constant distance."""
+"""Share of k_l in the damping at constant distance, and of the lead in the CACC feedforward."""
 
 STABLE_HEADWAY: Final = 0.35
 """From this headway (s) on the lead's speed is neither needed nor used."""
@@ -143,37 +143,84 @@ def _require_not_negative(values: SpacingPolicy | GapLimits) -> None:
             raise ValueError(f"{field.name} must be a number of at least 0, not {value}")
 
 
-def gap_acceleration(
-    *,
-    spacing: float,
-    own_speed: float,
-    predecessor_speed: float,
-    lead_speed: float,
-    policy: SpacingPolicy,
-    limits: GapLimits,
-) -> float:
-    """Acceleration (m/s²) that keeps the gap, from the received speeds of the vehicles ahead.
+@dataclass(slots=True)
+class VehiclesAhead:
+    """Motion of the vehicles ahead, predicted from their newest poses; NaN where unknown.
 
-    a = k_p (spacing - desired) + k_v (v_pred - v) + k_l (v_lead - v). At constant distance the
-    transfer of errors from one vehicle to the next, (k_v s + k_p) / (s² + (k_v + k_l) s + k_p),
-    never exceeds 1 if (k_v + k_l)² - k_v² >= 2 k_p: here 12 >= 6, with a margin for radio delay.
-    Without the lead's speed (k_l = 0) it exceeds 1 at some frequencies (Swaroop and Hedrick, 1996).
-
-    With a headway h the predecessor alone suffices if k_p h² + 2 k_v h >= 2 (h >= 0.23 s here). The
-    lead's speed would even do harm: in steady braking the i-th vehicle is i h a faster than the
-    lead, so errors would grow with i. Its share therefore fades out towards STABLE_HEADWAY.
-
-    `spacing` (m) is the present one: extrapolate a received position by its speed and age. A lead
-    speed of NaN (nothing received) is replaced by the predecessor's. Accelerations are unknown:
-    while all brake at b, spacings are off by (1 - (k_v + k_l) h) b / k_p, at constant distance 1 m
-    too short for b = 3 m/s², also after a stop. Speeds in m/s; the result is within `limits`.
+    `spacing` (m) to the predecessor is along its trace; speeds are in m/s, accelerations in m/s².
+    `curvature_ahead` maps a distance (m) ahead to the curvature (1/m) of the path.
     """
-    if math.isnan(lead_speed):
-        lead_speed = predecessor_speed
-    share = LEAD_SHARE * max(0.0, 1.0 - policy.headway / STABLE_HEADWAY)
-    ahead = predecessor_speed + share * (lead_speed - predecessor_speed)
-    error = min(spacing - policy.desired(own_speed), CATCH_UP_DISTANCE)
-    wanted = GAP_STIFFNESS * error + DAMPING * (ahead - own_speed)
+
+    spacing: float = math.nan
+    predecessor_speed: float = math.nan
+    lead_speed: float = math.nan
+    predecessor_acceleration: float = 0.0
+    lead_acceleration: float = math.nan
+    curvature_ahead: Callable[[float], float] | None = None
+
+    def __init__(  # noqa: PLR0917 - its fields
+        self,
+        spacing: float = math.nan,
+        predecessor_speed: float = math.nan,
+        lead_speed: float = math.nan,
+        predecessor_acceleration: float = 0.0,
+        lead_acceleration: float = math.nan,
+        curvature_ahead: Callable[[float], float] | None = None,
+    ) -> None:
+        self.spacing = spacing
+        self.predecessor_speed = predecessor_speed
+        self.lead_speed = lead_speed
+        self.predecessor_acceleration = predecessor_acceleration
+        self.lead_acceleration = lead_acceleration
+        self.curvature_ahead = curvature_ahead
+
+    def replaced(
+        self, spacing: float, lead_speed: float, lead_acceleration: float
+    ) -> "VehiclesAhead":
+        """Copy with another spacing and motion of the lead; `replace` costs 1 % of a tick."""
+        return VehiclesAhead(
+            spacing,
+            self.predecessor_speed,
+            lead_speed,
+            self.predecessor_acceleration,
+            lead_acceleration,
+            self.curvature_ahead,
+        )
+
+
+def gap_acceleration(
+    ahead: VehiclesAhead, own_speed: float, policy: SpacingPolicy, limits: GapLimits
+) -> float:
+    """Acceleration (m/s²) within `limits` that keeps the gap at `own_speed` (m/s).
+
+    a = k_p (spacing - desired) + k_v (v_pred - v) + k_l (v_lead - v) + feedforward, the CACC law of
+    PATH (Rajamani, Vehicle Dynamics and Control, eq. 7.39). At constant distance the feedforward is
+    the mean of both accelerations, which all vehicles then share; without it, spacings would be
+    b / k_p too short while all brake at b: 2 m for 6 m/s².
+
+    At constant distance the transfer of errors from one vehicle to the next,
+    (s²/2 + k_v s + k_p) / (s² + (k_v + k_l) s + k_p), never exceeds 1 if
+    (k_v + k_l)² - k_v² >= k_p: here 12 >= 3, with a margin for radio delay. Without the lead's
+    speed (k_l = 0) there would be none (Swaroop and Hedrick, 1996).
+
+    With a headway h the predecessor alone suffices if k_p h² + 2 k_v h >= 2 (h >= 0.23 s here)
+    without feedforward. The lead's speed would even do harm: in steady braking the i-th vehicle is
+    i h a faster than the lead, so errors would grow with i. Its share therefore fades out towards
+    STABLE_HEADWAY. The feedforward fades out as 1 - (k_v + k_l) h, which leaves no spacing error in
+    steady braking; from 0.25 s on the speed difference is enough.
+
+    Motion of the lead that is NaN (nothing received) is replaced by the predecessor's.
+    """
+    speed, acceleration = ahead.predecessor_speed, ahead.predecessor_acceleration
+    lead_speed, lead_acceleration = ahead.lead_speed, ahead.lead_acceleration
+    if not math.isnan(lead_speed):
+        share = LEAD_SHARE * max(0.0, 1.0 - policy.headway / STABLE_HEADWAY)
+        speed += share * (lead_speed - speed)
+    if not math.isnan(lead_acceleration):
+        acceleration += LEAD_SHARE * (lead_acceleration - acceleration)
+    error = min(ahead.spacing - policy.desired(own_speed), CATCH_UP_DISTANCE)
+    feedforward = max(0.0, 1.0 - DAMPING * policy.headway) * acceleration
+    wanted = GAP_STIFFNESS * error + DAMPING * (speed - own_speed) + feedforward
     return min(max(wanted, -limits.deceleration), limits.acceleration)
 
 
@@ -195,36 +242,6 @@ def bend_acceleration(
             squared = limits.lateral / bend + limits.deceleration * time * speed
             allowed = min(allowed, squared)
     return max(BEND_RATE * (math.sqrt(allowed) - speed), -limits.deceleration)
-
-
-@dataclass(slots=True)
-class VehiclesAhead:
-    """Received state of the vehicles ahead, NaN where unknown.
-
-    `spacing` (m) to the predecessor is along its trace, extrapolated to now; speeds (m/s) are those
-    received last. `curvature_ahead` maps a distance (m) ahead to the curvature (1/m) of the path.
-    """
-
-    spacing: float = math.nan
-    predecessor_speed: float = math.nan
-    lead_speed: float = math.nan
-    curvature_ahead: Callable[[float], float] | None = None
-
-    def __init__(
-        self,
-        spacing: float = math.nan,
-        predecessor_speed: float = math.nan,
-        lead_speed: float = math.nan,
-        curvature_ahead: Callable[[float], float] | None = None,
-    ) -> None:
-        self.spacing = spacing
-        self.predecessor_speed = predecessor_speed
-        self.lead_speed = lead_speed
-        self.curvature_ahead = curvature_ahead
-
-    def replaced(self, *, spacing: float, lead_speed: float) -> "VehiclesAhead":
-        """Copy with another spacing (m) and lead speed (m/s); `replace` costs 1 % of a tick."""
-        return VehiclesAhead(spacing, self.predecessor_speed, lead_speed, self.curvature_ahead)
 
 
 @dataclass(slots=True)
@@ -286,13 +303,6 @@ class GapKeeping:
         """Keep the gap; keep the speed until the predecessor is received."""
         if math.isnan(ahead.spacing):
             return SpeedCommand(0.0, pose.speed)
-        wanted = gap_acceleration(
-            spacing=ahead.spacing,
-            own_speed=pose.speed,
-            predecessor_speed=ahead.predecessor_speed,
-            lead_speed=ahead.lead_speed,
-            policy=self._policy,
-            limits=self._limits,
-        )
+        wanted = gap_acceleration(ahead, pose.speed, self._policy, self._limits)
         wanted = min(wanted, bend_acceleration(pose.speed, ahead.curvature_ahead, self._limits))
         return SpeedCommand(wanted, ahead.predecessor_speed)

@@ -88,10 +88,12 @@ class Road:
             return VehiclesAhead(), situation
         measured_at, place, speed, acceleration = self.known
         age = (self.now - measured_at) / SECOND
-        situation.predecessor = SourceFreshness(
-            status="fresh", age=age, hazard=hazard, acceleration=acceleration
+        predecessor = situation.predecessor = SourceFreshness(
+            status="fresh", age=age, hazard=hazard, acceleration=acceleration, speed=speed
         )
-        return VehiclesAhead(place + speed * age - self.place, speed, speed), situation
+        driven, speed, acceleration = predecessor.predicted_motion()
+        spacing = place + driven - self.place
+        return VehiclesAhead(spacing, speed, speed, acceleration, acceleration), situation
 
     def _move(self, acceleration: float) -> None:
         span = TICK / SECOND

@@ -7,13 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made.examples import examples
+from vehicles.driver.degradation.situation import SourceFreshness
 from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.speed import (
     BEND_RATE,
     CORRECTION_MAX,
     DAMPING,
     GAP_STIFFNESS,
-    LEAD_SHARE,
     PROFILE_CORRECTION,
     STABLE_HEADWAY,
     GapKeeping,
@@ -104,12 +104,10 @@ def test_gap_grows_with_headway_and_not_without() -> None:
 
 def acceleration(spacing: float, own: float, predecessor: float, lead: float) -> float:
     return gap_acceleration(
-        spacing=spacing,
-        own_speed=own,
-        predecessor_speed=predecessor,
-        lead_speed=lead,
-        policy=SpacingPolicy(standstill=8.0),
-        limits=GapLimits(acceleration=2.0, deceleration=6.0),
+        VehiclesAhead(spacing, predecessor, lead),
+        own,
+        SpacingPolicy(standstill=8.0),
+        GapLimits(acceleration=2.0, deceleration=6.0),
     )
 
 
@@ -137,23 +135,39 @@ def test_an_unknown_lead_speed_is_replaced_by_the_predecessor_s() -> None:
     assert acceleration(8.0, 20.0, 19.9, math.nan) == acceleration(8.0, 20.0, 19.9, 19.9)
 
 
-@pytest.mark.parametrize(
-    ("headway", "lead_share", "stable"),
-    [(0.0, LEAD_SHARE, True), (0.0, 0.0, False), (STABLE_HEADWAY, 0.0, True), (0.15, 0.0, False)],
-)
-def test_errors_shrink_from_vehicle_to_vehicle_at_every_frequency(
-    headway: float, lead_share: float, stable: bool
+@pytest.mark.parametrize("headway", [0.0, 0.1, 0.2, 0.25, STABLE_HEADWAY, 0.6, 1.0])
+@pytest.mark.parametrize("receives_lead", [True, False])
+def test_errors_never_grow_from_vehicle_to_vehicle_at_any_frequency(
+    headway: float, receives_lead: bool
 ) -> None:
-    """Transfer of gap errors; at constant distance it needs the lead's speed."""
+    """Transfer of speeds to the next vehicle, whose command is linear in what it receives."""
+    policy, limits = SpacingPolicy(8.0, headway), GapLimits(1e3, 1e3)
+    lead = 0.0 if receives_lead else math.nan
+
+    def gain(ahead: VehiclesAhead) -> float:
+        return gap_acceleration(ahead, 0.0, policy, limits)
+
+    by_spacing = gain(VehiclesAhead(9.0, 0.0, lead, 0.0, lead))
+    by_speed = gain(VehiclesAhead(8.0, 1.0, lead, 0.0, lead))
+    by_acceleration = gain(VehiclesAhead(8.0, 0.0, lead, 1.0, lead))
+    assert by_spacing == pytest.approx(GAP_STIFFNESS)
 
     def transfer(frequency: float) -> float:
         s = 1j * frequency
-        passed_on = DAMPING * (1.0 - lead_share) * s + GAP_STIFFNESS
-        damping = DAMPING + GAP_STIFFNESS * headway
-        return abs(passed_on / (s * s + damping * s + GAP_STIFFNESS))
+        passed_on = by_acceleration * s * s + by_speed * s + by_spacing
+        return abs(passed_on / (s * s + (DAMPING + GAP_STIFFNESS * headway) * s + by_spacing))
 
     worst = max(transfer(10 ** (k / 50)) for k in range(-150, 150))
-    assert (worst <= 1.0) is stable
+    assert worst <= 1.0 + 1e-12
+
+
+@pytest.mark.parametrize("headway", [0.0, 0.1, 0.25])
+def test_steady_braking_of_all_vehicles_leaves_no_spacing_error(headway: float) -> None:
+    braking, speed, policy = -6.0, 20.0, SpacingPolicy(8.0, headway)
+    ahead_speed = speed + headway * braking  # the gap shrinks as fast as the policy demands
+    ahead = VehiclesAhead(policy.desired(speed), ahead_speed, math.nan, braking)
+    command = gap_acceleration(ahead, speed, policy, GapLimits(2.0, 9.0))
+    assert command == pytest.approx(braking)
 
 
 class String:
@@ -164,11 +178,11 @@ class String:
 
     def __init__(self, policy: SpacingPolicy, speed: float, *, receives_lead: bool = True) -> None:
         pitch = policy.desired(speed)
-        self.policy, self.receives_lead = policy, receives_lead
+        self.policy, self.receives_lead, self.announces = policy, receives_lead, True
         self.places = [-pitch * k for k in range(5)]
         self.speeds = [speed] * 5
-        self.received = [(0.0, place, speed) for place in self.places]
-        self.air: deque[tuple[float, int, float, float]] = deque()
+        self.received = [(0.0, place, speed, 0.0) for place in self.places]
+        self.air: deque[tuple[float, int, float, float, float]] = deque()
         self.commands = [0.0] * 5
         self.errors: list[list[float]] = []
 
@@ -176,10 +190,11 @@ class String:
         now = k * STEP
         if k % 5 == 0:
             for i, (place, speed) in enumerate(zip(self.places, self.speeds, strict=True)):
-                self.air.append((now, i, place, speed))
+                announced = self.commands[i] if self.announces else 0.0
+                self.air.append((now, i, place, speed, announced))
         while self.air and self.air[0][0] <= now - 0.02 + 1e-9:
-            at, i, place, speed = self.air.popleft()
-            self.received[i] = (at, place, speed)
+            at, i, *motion = self.air.popleft()
+            self.received[i] = (at, motion[0], motion[1], motion[2])
         if k % 2 == 0:
             self.commands[1:] = [self.command(i, now) for i in range(1, 5)]
         self.commands[0] = lead_acceleration
@@ -192,15 +207,18 @@ class String:
         self.errors.append([spacing - want for spacing, want in zip(gaps, desired, strict=True)])
 
     def command(self, i: int, now: float) -> float:
-        at, place, speed = self.received[i - 1]
-        return gap_acceleration(
-            spacing=place + speed * (now - at) - self.places[i],
-            own_speed=self.speeds[i],
-            predecessor_speed=speed,
-            lead_speed=self.received[0][2] if self.receives_lead else math.nan,
-            policy=self.policy,
-            limits=GapLimits(),
-        )
+        predecessor = self.freshness(i - 1, now)
+        driven, speed, acceleration = predecessor.predicted_motion()
+        lead_speed = lead_acceleration = math.nan
+        if self.receives_lead:
+            _, lead_speed, lead_acceleration = self.freshness(0, now).predicted_motion()
+        spacing = self.received[i - 1][1] + driven - self.places[i]
+        ahead = VehiclesAhead(spacing, speed, lead_speed, acceleration, lead_acceleration)
+        return gap_acceleration(ahead, self.speeds[i], self.policy, GapLimits())
+
+    def freshness(self, i: int, now: float) -> SourceFreshness:
+        at, _, speed, acceleration = self.received[i]
+        return SourceFreshness(age=now - at, speed=speed, acceleration=acceleration)
 
     def worst(self) -> list[float]:
         return [max(abs(row[i]) for row in self.errors) for i in range(4)]
@@ -217,8 +235,8 @@ def test_no_collision_when_the_lead_brakes_to_a_stop(policy: SpacingPolicy) -> N
         gaps = [a - b for a, b in pairwise(string.places)]
         assert min(gaps) > 1.0
     assert string.speeds == pytest.approx([0.0] * 5, abs=0.01)
-    # At constant distance the error of 1 m from braking remains, as no car reverses.
-    assert all(-1.2 < error < 0.01 for error in string.errors[-1])
+    # What the delay costs at the beginning of the braking is not made good, as no car reverses.
+    assert all(-0.2 < error < 0.01 for error in string.errors[-1])
     assert all(later <= earlier for earlier, later in pairwise(string.worst()))
 
 
@@ -233,8 +251,9 @@ def test_spacing_errors_do_not_amplify_when_the_lead_s_speed_oscillates(
     assert all(later <= earlier for earlier, later in pairwise(string.worst()))
 
 
-def test_without_the_lead_s_speed_a_constant_distance_amplifies() -> None:
+def test_without_the_lead_and_accelerations_a_constant_distance_amplifies() -> None:
     string = String(SpacingPolicy(standstill=8.0), 20.0, receives_lead=False)
+    string.announces = False
     for k in range(6000):
         string.step(k, 0.5 * math.sin(2.0 * math.pi * k * STEP / 10.0))
     assert all(later > earlier for earlier, later in pairwise(string.worst()))
@@ -410,7 +429,7 @@ def test_a_follower_drives_a_bend_at_its_allowed_speed() -> None:
     law = GapKeeping(SpacingPolicy(8.0, 0.5), GapLimits(lateral=3.0))
     speed = 12.0
     for _ in range(500):  # the predecessor is far ahead and fast
-        ahead = VehiclesAhead(60.0, 20.0, 20.0, lambda _: 0.05)
+        ahead = VehiclesAhead(60.0, 20.0, 20.0, curvature_ahead=lambda _: 0.05)
         pose = Pose(0.0, 0.0, 0.0, speed, 0.0)
         speed += 0.02 * law.command(0, pose, ahead).acceleration
     assert speed == pytest.approx(math.sqrt(3.0 / 0.05), rel=1e-3)

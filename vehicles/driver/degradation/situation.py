@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from math import nan
+from typing import Final
 
 from vehicles.messages import Mode, SourceStatus
 
@@ -9,6 +10,8 @@ LOST: tuple[SourceStatus, ...] = ("lost", "distrusted")
 """Statuses of a source that has been silent for too long, or whose poses are refused."""
 SLOWING: tuple[Mode, ...] = ("coast", "stop")
 """Modes without a source to follow, in which a follower that degrades slows down."""
+PREDICTED_FOR: Final = 0.5
+"""Age (s) of a sample up to which its acceleration is assumed to last."""
 
 
 @dataclass(slots=True)
@@ -19,7 +22,7 @@ class SourceFreshness:
     `period` (s) the expected time between messages, `share` the received ratio over the last
     second. Its path is known up to `known` (m) ahead of the car, negative if it ends behind. It is
     lost at `lost_at` (ns) unless it is received again. `mode`, `hazard`, `acceleration` (m/s²) and
-    `stops_at` (ns) are those announced last.
+    `stops_at` (ns) are those announced last, `speed` (m/s) is that of the newest sample.
     """
 
     status: SourceStatus = "unheard"
@@ -33,6 +36,7 @@ class SourceFreshness:
     acceleration: float = 0.0
     lost_at: int = 0
     stops_at: int = 0
+    speed: float = nan
 
     def __init__(  # noqa: PLR0917 - its fields
         self,
@@ -47,6 +51,7 @@ class SourceFreshness:
         acceleration: float = 0.0,
         lost_at: int = 0,
         stops_at: int = 0,
+        speed: float = nan,
     ) -> None:
         self.status = status
         self.age = age
@@ -59,6 +64,20 @@ class SourceFreshness:
         self.acceleration = acceleration
         self.lost_at = lost_at
         self.stops_at = stops_at
+        self.speed = speed
+
+    def predicted_motion(self) -> tuple[float, float, float]:
+        """Distance driven (m) since the newest sample, present speed (m/s), acceleration (m/s²).
+
+        The announced acceleration lasts for `PREDICTED_FOR`, or until the vehicle stands.
+        """
+        speed, acceleration, age = self.speed, self.acceleration, self.age
+        lasts = PREDICTED_FOR if age > PREDICTED_FOR else age
+        after = speed + acceleration * lasts
+        if after < 0.0:
+            return speed * speed / (-2.0 * acceleration), 0.0, 0.0
+        driven = 0.5 * (speed + after) * lasts + after * (age - lasts)
+        return driven, after, acceleration if age <= PREDICTED_FOR else 0.0
 
 
 @dataclass(slots=True)

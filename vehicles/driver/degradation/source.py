@@ -172,6 +172,7 @@ class Source:
             message.acceleration_mps2,
             now + round((after - silence) * SECOND),
             message.stops_at_ns,
+            newest.speed,
         )
 
     def _update_status(self, now: int, silence: float, share: float, after: float) -> None:

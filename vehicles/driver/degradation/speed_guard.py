@@ -7,7 +7,7 @@ from typing import Final
 from vehicles.car.tyres import GRAVITY
 from vehicles.driver.degradation.reception import AgeWatch
 from vehicles.driver.degradation.settings import Braking, DegradationSettings
-from vehicles.driver.degradation.situation import LOST, SLOWING, Situation
+from vehicles.driver.degradation.situation import LOST, SLOWING, Situation, SourceFreshness
 from vehicles.driver.degradation.stopping import (
     AnnouncedStop,
     friction_left,
@@ -144,7 +144,7 @@ class SpeedGuard:
             return usual
         self.stops_behind = False
         predecessor, emergency = situation.predecessor, self._available_braking(pose)
-        sample = self._sample(now, ahead, predecessor.age)
+        sample = self._sample(now, ahead, predecessor)
         tick = _Instant(now, span, pose, ahead, situation, usual, emergency, *sample)
         self._ages.observe(now, tick.age, predecessor)
         warned = predecessor.hazard or predecessor.mode in SLOWING
@@ -179,16 +179,19 @@ class SpeedGuard:
             wanted = min(wanted, self._stop_within_known(tick, firmly=mode == "stop"))
         return self._release_brake(tick, wanted, free)
 
-    def _sample(self, now: int, ahead: VehiclesAhead, age: float) -> tuple[float, float, float]:
+    def _sample(
+        self, now: int, ahead: VehiclesAhead, predecessor: SourceFreshness
+    ) -> tuple[float, float, float]:
         """Spacing (m), speed (m/s) and age (s) of the predecessor's newest sample.
 
         Before the first message it is assumed at its initial position, as fast as the car itself.
         """
+        age, speed = predecessor.age, predecessor.speed
         if isnan(ahead.spacing) or isnan(age):
             age = (now - (self._first_at or 0)) / SECOND
             return self._car.initial_spacing - self._driven, self._first_speed, age
-        speed = ahead.predecessor_speed
-        return ahead.spacing - speed * age, 0.0 if speed < 0.0 else speed, age
+        driven, _, _ = predecessor.predicted_motion()
+        return ahead.spacing - driven, 0.0 if speed < 0.0 else speed, age
 
     def _available_braking(self, pose: Pose) -> Braking:
         """Emergency braking that the lateral acceleration leaves, by the friction circle."""
@@ -295,14 +298,14 @@ class SpeedGuard:
             known = self._lead_speed if isfinite(self._lead_speed) else ahead.predecessor_speed
             share = min(tick.span / LEAD_FADE_TIME, 1.0)
             self._lead_speed = known + share * (ahead.predecessor_speed - known)
-            ahead = ahead.replaced(spacing=ahead.spacing, lead_speed=self._lead_speed)
+            ahead = ahead.replaced(ahead.spacing, self._lead_speed, nan)
         else:
             self._lead_speed = ahead.lead_speed
         if not self._headway:
             return ahead
         left = 1.0 - self._headway / STABLE_HEADWAY
         lead = ahead.predecessor_speed + left * (ahead.lead_speed - ahead.predecessor_speed)
-        return ahead.replaced(spacing=ahead.spacing - self._headway * speed, lead_speed=lead)
+        return ahead.replaced(ahead.spacing - self._headway * speed, lead, ahead.lead_acceleration)
 
     def _keep_gap(self, tick: _Instant, opening: float) -> float:
         """Acceleration (m/s²) that keeps the gap, or widens it comfortably by `opening` (m)."""
@@ -312,11 +315,12 @@ class SpeedGuard:
         if opening or self._following:
             # A lead that continues while the predecessor falls back must not pull the car closer.
             slower = min(ahead.lead_speed, ahead.predecessor_speed)
-            ahead = ahead.replaced(spacing=ahead.spacing, lead_speed=slower)
+            braking = min(ahead.lead_acceleration, ahead.predecessor_acceleration)
+            ahead = ahead.replaced(ahead.spacing, slower, braking)
         usual = self._keeping.command(tick.now, tick.pose, ahead).acceleration
         if not opening:
             return usual
-        wider = ahead.replaced(spacing=ahead.spacing - opening, lead_speed=ahead.lead_speed)
+        wider = ahead.replaced(ahead.spacing - opening, ahead.lead_speed, ahead.lead_acceleration)
         opened = self._keeping.command(tick.now, tick.pose, wider).acceleration
         comfortable = self._comfortable
         eased = min(self._last, 0.0) - comfortable.jerk * tick.span
