@@ -197,8 +197,10 @@ class Follower:
     def _log_stop(self, situation: Situation) -> None:
         before, self._stops_behind = self._stops_behind, self._speed_guard.stops_behind
         if self._stops_behind and not before:
-            name, silence = self._sources.predecessor.name, situation.predecessor.silence
-            self._remarks.append(f"braking: {name} announced a stop, last pose {silence:.2f} s ago")
+            source = self._sources.predecessor
+            event = "may have stopped" if source.stop_is_assumed else "announced a stop"
+            silence = situation.predecessor.silence
+            self._remarks.append(f"braking: {source.name} {event}, last pose {silence:.2f} s ago")
 
     def _fit(self, now: int, pose: Pose) -> None:
         """Fit the received samples; if there are too few keep the last trajectory."""

@@ -22,7 +22,8 @@ class SourceFreshness:
     `period` (s) the expected time between messages, `share` the received ratio over the last
     second. Its path is known up to `known` (m) ahead of the car, negative if it ends behind. It is
     lost at `lost_at` (ns) unless it is received again. `mode`, `hazard`, `acceleration` (m/s²) and
-    `stops_at` (ns) are those announced last, `speed` (m/s) is that of the newest sample.
+    `stops_at` (ns) are those announced last; without an announced stop, `stops_at` of a silent
+    source is the instant at which it may begin one. `speed` (m/s) is that of the newest sample.
     """
 
     status: SourceStatus = "unheard"

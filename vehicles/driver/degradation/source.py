@@ -35,7 +35,8 @@ class Source:
     with the known path and returns slowly, so that no sample appears or vanishes at once.
 
     A source that `may_leave_path` is followed only while it announces no trouble, as there is
-    another source to follow. `freshness` is that of the last control instant.
+    another source to follow. `stop_is_assumed` is True while it is silent without an announced
+    stop. `freshness` is that of the last control instant.
     """
 
     def __init__(
@@ -55,6 +56,7 @@ class Source:
         self.reaches = False
         self.refusal = ""
         self.may_leave_path = False
+        self.stop_is_assumed = False
         self.status: SourceStatus = "unheard"
         self.freshness = SourceFreshness()
         self.probation = Probation(settings)
@@ -156,6 +158,8 @@ class Source:
         silence, share, period = reception.silence(now), reception.share(now), reception.period
         after = self._settings.lost_after_silence(period)
         self._update_status(now, silence, share, after)
+        stops_at = message.stops_at_ns or self._assumed_stop(announced, after)
+        self.stop_is_assumed = stops_at != message.stops_at_ns
         if self.weight == 1.0 and self.status in ("fresh", "probation"):  # the usual case
             self._known_at_full_weight = 0.0
         elif self._degrades:
@@ -171,9 +175,23 @@ class Source:
             message.hazard,
             message.acceleration_mps2,
             now + round((after - silence) * SECOND),
-            message.stops_at_ns,
+            stops_at,
             newest.speed,
         )
+
+    def _assumed_stop(self, announced: ReceivedPose, after: float) -> int:
+        """Instant (ns) at which a silent follower without an announced stop may begin to stop.
+
+        When it was received last it may have lost its own sources, with a message overdue; `after`
+        (s) is the silence after which they are lost. 0 for a vehicle that is received or that
+        follows its own path, which does not stop for lack of data.
+        """
+        status = self.status
+        silent = status in ("late", "lost") or (status == "distrusted" and self.refusal == "frozen")
+        if not silent or announced.message.mode == "path":
+            return 0
+        span = after - OVERDUE_AFTER * self._reception.period
+        return announced.measured_at + round(span * SECOND)
 
     def _update_status(self, now: int, silence: float, share: float, after: float) -> None:
         """Set lost or distrusted at once, fresh again only after probation."""

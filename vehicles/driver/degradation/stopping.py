@@ -82,10 +82,10 @@ def friction_left(friction: float, lateral: float) -> float:
 
 
 class AnnouncedStop:
-    """Assumes that the predecessor stops as announced, as hard as it can.
+    """Assumes that the predecessor stops as announced, or when it may while silent, at full force.
 
     Without this assumption cars that lose all data at the same position would brake there one after
-    the other, and collide.
+    the other, and collide; so would a car behind one that is cut off alone.
     """
 
     def __init__(self, emergency: Braking) -> None:

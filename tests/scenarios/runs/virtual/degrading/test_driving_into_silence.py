@@ -7,6 +7,7 @@ from scenarios.results.summary import RunSummary
 from scenarios.runs.virtual.unlogged_run import run_unlogged
 from tests.made.convoys.speed_runs import drive
 from tests.made.interpreted import interpreted_only
+from vehicles.driver.degradation.source import Source
 from vehicles.driver.degradation.sources import SourcePair
 from vehicles.driver.degradation.speed_guard import SpeedGuard
 
@@ -83,6 +84,9 @@ def test_a_vehicle_that_brakes_for_lack_of_messages_is_not_hit() -> None:
 
 
 @interpreted_only
-def test_if_guards_announced_nothing_some_would_be_hit(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_if_no_braking_were_announced_or_assumed_some_would_be_hit(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(SpeedGuard, "_brakes_at", lambda *_: 0)
+    monkeypatch.setattr(Source, "_assumed_stop", lambda *_: 0)
     assert collisions(driven("lte_v2x_dense", 3.07, 1, "duration_s=24")) > 0
