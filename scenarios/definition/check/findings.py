@@ -11,6 +11,7 @@ import numpy as np
 
 from scenarios.definition.check.confirmation import confirmation_lines
 from scenarios.definition.check.drive_warnings import drive_warnings
+from scenarios.definition.check.hard_braking import HeldBraking, braking_warnings, held_braking
 from scenarios.definition.check.link_forecast import laws_in_brief
 from scenarios.definition.check.preview import preview_warnings
 from scenarios.definition.check.receivers import receiver_warnings
@@ -42,10 +43,11 @@ class CheckReport:
     `masses_kg` (with driver and load), `offsets` from the path at the start, and `replays` of
     recorded drives. `laws` describes each link except latency, jitter, independent loss and rate.
     `gap_policy` is None if followers drive the lead's speed, `radius_m_min` on a straight road.
-    From `points` to `deviation_m_max` the fields are about a recorded drive, and None for a path of
-    segments: omitted points, holes, noise, the half width of the smoothing, the offset subtracted
-    from coordinates, and the distance of the path from the points (rms) and between them as well
-    (max).
+    `held_braking_mps2` is the hardest braking of the lead from its highest speed that followers
+    hold without contact, None unless they keep a gap. From `points` to `deviation_m_max` the fields
+    are about a recorded drive, and None for a path of segments: omitted points, holes, noise, the
+    half width of the smoothing, the offset subtracted from coordinates, and the distance of the
+    path from the points (rms) and between them as well (max).
     """
 
     name: str
@@ -78,6 +80,7 @@ class CheckReport:
     speed_mps_max: float
     acceleration_mps2_max: float
     braking_mps2_max: float
+    held_braking_mps2: float | None
     lateral_acceleration_mps2_max: float
     points: int | None
     skipped_lines: int | None
@@ -111,6 +114,11 @@ class _Run:
         return float(np.max(np.abs(self.curvatures)))
 
     @property
+    def braking_max(self) -> float:
+        """Greatest braking (m/s²)."""
+        return float(np.max(0.0 - np.diff(self.speeds) / STEP, initial=0.0))
+
+    @property
     def speed_range(self) -> tuple[float, float]:
         """Lowest and highest speed (m/s)."""
         return float(np.min(self.speeds)), float(np.max(self.speeds))
@@ -128,7 +136,7 @@ def report_of(scenario: Scenario) -> CheckReport:
     cars = {name: scenario.vehicle(name) for name in scenario.vehicle_names}
     changes = np.diff(run.speeds) / STEP
     trace = tables.path if isinstance(tables.path, PointsPath) else None
-    road = route.smoothed
+    road, held = route.smoothed, _held(scenario, run)
     return CheckReport(
         name=scenario.name,
         description=tables.description,
@@ -162,7 +170,8 @@ def report_of(scenario: Scenario) -> CheckReport:
         speed_mps_min=run.speed_range[0],
         speed_mps_max=run.speed_range[1],
         acceleration_mps2_max=float(np.max(changes, initial=0.0)),
-        braking_mps2_max=float(np.max(0.0 - changes, initial=0.0)),
+        braking_mps2_max=run.braking_max,
+        held_braking_mps2=held.braking if held else None,
         lateral_acceleration_mps2_max=run.lateral_max,
         points=len(trace.east_m) if trace else None,
         skipped_lines=trace.skipped_lines if trace else None,
@@ -175,7 +184,7 @@ def report_of(scenario: Scenario) -> CheckReport:
         coordinates_offset_m=(trace.east_offset_m, trace.north_offset_m) if trace else None,
         deviation_m_rms=road.deviation_rms if road else None,
         deviation_m_max=road.deviation_max if road else None,
-        warnings=(*confirmation_lines(scenario, wall_clock=True), *_warnings(scenario, run)),
+        warnings=(*confirmation_lines(scenario, wall_clock=True), *_warnings(scenario, run, held)),
     )
 
 
@@ -233,10 +242,15 @@ def _run(scenario: Scenario) -> _Run:
 
 def warnings(scenario: Scenario) -> tuple[str, ...]:
     """Return the warnings of a valid scenario, except those that need confirmation."""
-    return _warnings(scenario, _run(scenario))
+    run = _run(scenario)
+    return _warnings(scenario, run, _held(scenario, run))
 
 
-def _warnings(scenario: Scenario, run: _Run) -> tuple[str, ...]:
+def _held(scenario: Scenario, run: _Run) -> HeldBraking | None:
+    return held_braking(scenario, run.speed_range[1])
+
+
+def _warnings(scenario: Scenario, run: _Run, held: HeldBraking | None) -> tuple[str, ...]:
     result = (
         *drive_warnings(scenario),
         *_vehicle_warnings(scenario),
@@ -244,6 +258,7 @@ def _warnings(scenario: Scenario, run: _Run) -> tuple[str, ...]:
         *receiver_warnings(scenario),
         *sampled_loop_warnings(scenario, run.speed_range),
         *_speed_warnings(scenario, run),
+        *braking_warnings(held, run.braking_max),
         *slip_warnings(scenario, run.speeds, run.curvatures),
     )
     return tuple(dict.fromkeys(result))  # one file may be the path and replayed as well

@@ -1,0 +1,171 @@
+"""Hardest braking of the lead that a convoy holds without contact: closed form, and true runs."""
+
+from functools import partial
+from math import inf
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenarios.definition.check.findings import check
+from scenarios.definition.check.hard_braking import HeldBraking, held_braking
+from scenarios.definition.scenario import Scenario, scenario_from_text
+from scenarios.results.summary import RunSummary
+from scenarios.runs.virtual.unlogged_run import run_unlogged
+from tests.made.examples import examples
+from vehicles.car.tyres import GRAVITY
+
+GRIP = 0.9 * GRAVITY
+POSES_S, TICK_S = 0.05, 0.02
+BRAKES_AT_S = 3.0
+CONVOY = """
+name = "hard_braking"
+duration_s = {duration_s}
+[convoy]
+vehicles = {vehicles}
+[path]
+kind = "segments"
+segments = [{{ length_m = 1500.0 }}]
+[speed]
+lead = "profile"
+followers = "gap"
+braking_mps2_max = 12.0
+profile = [
+    {{ at_s = 0.0, speed_mps = {speed} }}, {{ at_s = {at_s}, speed_mps = {speed} }},
+    {{ at_s = {stands_s}, speed_mps = 0.0 }},
+]
+[speed.gap]
+standstill_m = {gap_m}
+headway_s = {headway_s}
+braking_mps2_max = {limit}
+[links]
+latency_ms = {latency_ms}
+loss_ratio = {loss}
+"""
+
+
+def convoy(
+    *,
+    speed: float = 30.0,
+    braking: float = 6.0,
+    vehicles: int = 3,
+    gap_m: float = 8.0,
+    headway_s: float = 0.0,
+    limit: float = 6.0,
+    latency_ms: float = 20.0,
+    loss: float = 0.0,
+    seed: int = 1,
+) -> Scenario:
+    """A convoy whose lead brakes to a stop, just after it has sent a pose."""
+    at_s = BRAKES_AT_S + TICK_S
+    stands_s = at_s + speed / braking
+    text = CONVOY.format(
+        **{key: value for key, value in locals().items() if key != "seed"},
+        duration_s=stands_s + 2.0,
+    )
+    return scenario_from_text(text, seed=seed)
+
+
+def held(scenario: Scenario, speed: float = 30.0) -> HeldBraking:
+    result = held_braking(scenario, speed)
+    assert result is not None
+    return result
+
+
+def collisions(summary: RunSummary) -> int:
+    return sum(event.kind == "collision" for event in summary.events)
+
+
+def least_gap_m(summary: RunSummary) -> float:
+    return min(row.true_gap_m_min for row in summary.vehicles if row.true_gap_m_min is not None)
+
+
+@given(
+    speed=st.floats(15.0, 40.0), gap_m=st.floats(4.0, 12.0), latency_ms=st.floats(5.0, 100.0),
+    limit=st.floats(3.0, 6.0),
+)  # fmt: skip
+@examples(10, 200)
+def test_at_a_constant_gap_it_is_what_the_limit_and_the_delay_allow(
+    speed: float, gap_m: float, latency_ms: float, limit: float
+) -> None:
+    """v² / 2 b_lead + gap = v² / 2 b + v · delay, as the first follower brakes at its limit."""
+    found = held(convoy(speed=speed, gap_m=gap_m, latency_ms=latency_ms, limit=limit), speed)
+    delay = latency_ms / 1000.0 + POSES_S
+    for late in (delay, delay + TICK_S):
+        stops_within = speed * speed / (2.0 * limit) + speed * late - gap_m
+        allowed = speed * speed / (2.0 * stops_within) if stops_within > 0.0 else inf
+        assert found.braking == pytest.approx(min(allowed, GRIP), rel=0.05)
+    assert found.follower == ("v2" if found.braking < GRIP else "")
+
+
+def test_a_wider_gap_and_a_faster_link_never_hold_less() -> None:
+    by_gap = [held(convoy(gap_m=gap_m)).braking for gap_m in (2.0, 4.0, 8.0, 16.0)]
+    by_latency = [held(convoy(latency_ms=latency)).braking for latency in (200.0, 100.0, 20.0)]
+    by_loss = [held(convoy(loss=loss)).braking for loss in (0.6, 0.2, 0.0)]
+    for values in (by_gap, by_latency, by_loss):
+        assert values == sorted(values)
+        assert values[0] < values[-1]
+
+
+def test_followers_without_a_gap_to_keep_have_no_such_figure() -> None:
+    assert check("lane_change").held_braking_mps2 is None
+    assert check("highway", ["convoy.vehicles=1"]).held_braking_mps2 is None
+
+
+@pytest.mark.parametrize("name", ["highway", "church_lot"])
+def test_shipped_gaps_hold_all_that_the_lead_s_tyres_allow(name: str) -> None:
+    assert check(name).held_braking_mps2 == pytest.approx(GRIP, abs=0.01)
+
+
+def test_less_than_hard_braking_is_warned_of_with_figures_and_a_remedy() -> None:
+    overrides = ("speed.gap.standstill_m=3.0", "speed.gap.headway_s=0.0", "links.latency_ms=200.0")
+    (line,) = [line for line in check("highway", overrides).warnings if "braking" in line]
+    assert line.startswith("v2: from 20.0 m/s a gap of 3.0 m holds braking of the lead up to 5.")
+    assert "poses up to 0.25 s old" in line
+    assert "Raise speed.gap.standstill_m" in line
+    wide = ("speed.gap.standstill_m=8.0", *overrides[1:])
+    assert not [line for line in check("highway", wide).warnings if "braking" in line]
+
+
+@pytest.mark.campaign(1, 60)
+def test_runs_have_contacts_exactly_above_the_held_braking(case: int) -> None:
+    """Without loss, to 3 %: noise of positions and speeds costs up to 0.2 m."""
+    speed, gap_m = [(30.0, 8.0), (25.0, 5.0), (20.0, 3.0), (35.0, 6.0)][case % 4]
+    limit, headway_s = [(6.0, 0.0), (4.0, 0.0), (5.0, 0.1)][case % 3]
+    latency_ms = [20.0, 100.0, 60.0, 5.0, 150.0][case % 5]
+    lead_brakes_at = partial(
+        convoy, speed=speed, gap_m=gap_m, limit=limit, headway_s=headway_s, latency_ms=latency_ms,
+        seed=case + 1,
+    )  # fmt: skip
+    most = held(lead_brakes_at(braking=6.0), speed).braking
+    assert collisions(run_unlogged(lead_brakes_at(braking=0.97 * most))) == 0
+    if 1.03 * most < GRIP:
+        assert collisions(run_unlogged(lead_brakes_at(braking=1.03 * most))) > 0
+
+
+def test_a_constant_gap_of_8_m_holds_6_mps2() -> None:
+    summary = run_unlogged(convoy(vehicles=4))
+    assert collisions(summary) == 0
+    assert least_gap_m(summary) > 6.0  # 1.6 m before the first pose with the braking arrives
+
+
+@pytest.mark.campaign(1, 10)
+@pytest.mark.spread(2)
+@pytest.mark.parametrize("limit", [6.0, 8.8])
+@pytest.mark.parametrize("gap_m", [3.0, 8.0])
+@pytest.mark.parametrize("latency_ms", [20.0, 100.0])
+@pytest.mark.parametrize("loss", [0.0, 0.2, 0.6])
+def test_twelve_cars_behind_a_lead_that_brakes_at_8_mps2(
+    limit: float, gap_m: float, latency_ms: float, loss: float, case: int
+) -> None:
+    """No contact where the check expects none; where it does, the first follower could not stop."""
+    scenario = convoy(
+        braking=8.0, vehicles=12, gap_m=gap_m, limit=limit, latency_ms=latency_ms, loss=loss,
+        seed=case + 1,
+    )  # fmt: skip
+    most = held(scenario).braking
+    summary = run_unlogged(scenario)
+    if most >= 8.0:
+        assert collisions(summary) == 0
+    elif limit < 8.0 and loss == 0.0:
+        assert collisions(summary) > 0
