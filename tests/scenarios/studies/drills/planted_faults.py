@@ -58,6 +58,14 @@ NEEDS_MANY = Fault(
 )
 """A trajectory needs three seconds of messages."""
 
+NO_STOP_ASSUMED = Fault("vehicles.driver.degradation.source.Source._assumed_stop", lambda *_: 0)
+"""A silent predecessor continues at its speed."""
+CONSTANT_SPEED = Fault(
+    "vehicles.driver.degradation.situation.SourceFreshness.predicted_motion",
+    lambda source: (source.speed * source.age, source.speed, 0.0),
+)
+"""Received accelerations are not used."""
+
 EXTRAPOLATE = "control.degradation.reaction=extrapolate"
 LATE = "control.degradation.lost_s=1.0"
 WEAK = "control.gains={lateral_rad_per_m=0.005, heading_rad_per_rad=0.3, yaw_rate_s=0.0}"
@@ -131,4 +139,7 @@ PLANTS = (
     Plant("router_restarted", ("modes[0]",), (EXTRAPOLATE,)),
     Plant("router_restarted", ("recovery[0]",), (SLOW,)),
     Plant("emergency_braking", ("collisions_max", GAP), SOFT),
+    Plant("hard_braking", ("collisions_max", GAP), ("speed.gap.braking_mps2_max=5.0",)),
+    Plant("hard_braking", (GAP,), fault=CONSTANT_SPEED),
+    Plant("host_cut", ("collisions_max", GAP), fault=NO_STOP_ASSUMED),
 )

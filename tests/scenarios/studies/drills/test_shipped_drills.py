@@ -30,6 +30,8 @@ EXPECTED = {
     "persistent_collisions",
     "router_restarted",
     "emergency_braking",
+    "hard_braking",
+    "host_cut",
 }
 SEEDS = 5
 CASES = [(name, seed) for seed in range(1, SEEDS + 1) for name in drills()]
