@@ -28,6 +28,9 @@ DAMPING: Final = 4.0
 LEAD_SHARE: Final = 0.5
 """Share of k_l in the damping at constant distance, and of the lead in the CACC feedforward."""
 
+LEAD_PULL_DISTANCE: Final = 0.5
+"""Limit (m) of the spacing error due to a lead that is faster than the predecessor."""
+
 STABLE_HEADWAY: Final = 0.35
 """From this headway (s) on the lead's speed is neither needed nor used."""
 
@@ -209,18 +212,21 @@ def gap_acceleration(
     STABLE_HEADWAY. The feedforward fades out as 1 - (k_v + k_l) h, which leaves no spacing error in
     steady braking; from 0.25 s on the speed difference is enough.
 
-    Motion of the lead that is NaN (nothing received) is replaced by the predecessor's.
+    Motion of the lead that is NaN (nothing received) is replaced by the predecessor's. A lead that
+    drives on while the predecessor brakes on its own, for example without data, moves the car at
+    most `LEAD_PULL_DISTANCE` closer.
     """
     speed, acceleration = ahead.predecessor_speed, ahead.predecessor_acceleration
-    lead_speed, lead_acceleration = ahead.lead_speed, ahead.lead_acceleration
-    if not math.isnan(lead_speed):
+    feedforward = max(0.0, 1.0 - DAMPING * policy.headway)
+    pull = 0.0
+    if not math.isnan(ahead.lead_speed):
         share = LEAD_SHARE * max(0.0, 1.0 - policy.headway / STABLE_HEADWAY)
-        speed += share * (lead_speed - speed)
-    if not math.isnan(lead_acceleration):
-        acceleration += LEAD_SHARE * (lead_acceleration - acceleration)
+        pull = DAMPING * share * (ahead.lead_speed - speed)
+    if not math.isnan(ahead.lead_acceleration):
+        pull += feedforward * LEAD_SHARE * (ahead.lead_acceleration - acceleration)
     error = min(ahead.spacing - policy.desired(own_speed), CATCH_UP_DISTANCE)
-    feedforward = max(0.0, 1.0 - DAMPING * policy.headway) * acceleration
-    wanted = GAP_STIFFNESS * error + DAMPING * (speed - own_speed) + feedforward
+    wanted = GAP_STIFFNESS * error + DAMPING * (speed - own_speed) + feedforward * acceleration
+    wanted += min(pull, GAP_STIFFNESS * LEAD_PULL_DISTANCE)
     return min(max(wanted, -limits.deceleration), limits.acceleration)
 
 

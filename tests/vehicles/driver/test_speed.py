@@ -14,6 +14,7 @@ from vehicles.driver.speed import (
     CORRECTION_MAX,
     DAMPING,
     GAP_STIFFNESS,
+    LEAD_PULL_DISTANCE,
     PROFILE_CORRECTION,
     STABLE_HEADWAY,
     GapKeeping,
@@ -168,6 +169,15 @@ def test_steady_braking_of_all_vehicles_leaves_no_spacing_error(headway: float) 
     ahead = VehiclesAhead(policy.desired(speed), ahead_speed, math.nan, braking)
     command = gap_acceleration(ahead, speed, policy, GapLimits(2.0, 9.0))
     assert command == pytest.approx(braking)
+
+
+@given(lead_speed=st.floats(0.0, 50.0), lead_acceleration=st.floats(-8.0, 3.0))
+def test_a_lead_that_drives_on_pulls_no_car_into_its_slow_predecessor(
+    lead_speed: float, lead_acceleration: float
+) -> None:
+    spacing = 8.0 - LEAD_PULL_DISTANCE
+    ahead = VehiclesAhead(spacing, 10.0, lead_speed, 0.0, lead_acceleration)
+    assert gap_acceleration(ahead, 10.0, SpacingPolicy(8.0), GapLimits()) <= 1e-12
 
 
 class String:

@@ -1,5 +1,7 @@
 """One vehicle is cut off alone and stops; the vehicle behind it must not hit it."""
 
+from random import Random
+
 import pytest
 
 from scenarios.definition.scenario import load_scenario
@@ -28,6 +30,32 @@ def test_a_vehicle_that_is_cut_off_alone_is_not_hit(vehicle: str, gap_m: float) 
     summary = run_unlogged(load_scenario("lane_change", overrides))
     assert "stop" in summary.vehicles[int(vehicle[1:]) - 1].ticks_by_mode
     assert collisions(summary) == 0
+
+
+@pytest.mark.campaign(2, 200)
+def test_random_cuts_of_one_vehicle_or_link_end_without_a_collision(case: int) -> None:
+    chance = Random(case)
+    place = chance.randint(2, 4)
+    kinds = [f"receiver='v{place}'", f"sender='v{place - 1}', receiver='v{place}'"]
+    if place < 4:
+        kinds += [f"sender='v{place}'", f"sender='v{place}'}}, {{CUT, receiver='v{place}'"]
+    speed, gap_m = chance.uniform(10.0, 33.0), chance.choice([3.0, 8.0, 20.0])
+    headway_s = chance.choice([0.0, 0.3, 0.5])
+    at_s, for_s = chance.uniform(1.0, 12.0), chance.uniform(0.2, 8.0)
+    cut = f"kind='cut', at_s={at_s:.3f}, for_s={for_s:.3f}"
+    change = f"{{CUT, {chance.choice(kinds)}}}".replace("CUT", cut)
+    overrides = [
+        f"duration_s={min(at_s + for_s + 12.0, 1050.0 / speed):.1f}",
+        f"speed.set_mps={speed:.2f}",
+        f"convoy.gap_m={gap_m + headway_s * speed:.3f}",
+        f"speed.followers={chance.choice(['same', 'gap'])}",
+        f"speed.gap.standstill_m={gap_m}",
+        f"speed.gap.headway_s={headway_s}",
+        f"links.latency_ms={chance.choice([20, 100])}",
+        f"links.loss_ratio={chance.choice([0.0, 0.0, 0.2])}",
+        f"change=[{change}]",
+    ]
+    assert collisions(run_unlogged(load_scenario("lane_change", overrides, case + 1))) == 0
 
 
 @interpreted_only
