@@ -7,6 +7,7 @@ from the vehicles ahead (`speed_guard`).
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from math import isnan, nan
 from typing import Final
 
@@ -46,6 +47,11 @@ REFIT_AFTER: Final = 50 * MILLISECOND
 JUST_BEGUN: Final = 3
 """Up to this number of samples beyond the initial bridge make no bend: their offset from its line
 may be noise of the sample at which the bridge ends."""
+
+FADE_TIME: Final = 1.0
+"""Driving time (s) over which the curvature fades to zero beyond the last samples."""
+SLOWEST_FADE: Final = 1.0
+"""The fade of slower cars is that of this speed (m/s)."""
 
 
 class Follower:
@@ -217,6 +223,8 @@ class Follower:
         )
         if slowing and along and not self._fitted:  # received again, after driving without a path
             self._rejoining.begin()
+        if degrades and self._fitted and not along:
+            self._extrapolate(pose.speed)
         self._fitted = bool(along)
         self._trajectories = along or self._trajectories
         self._spacing, self._spacing_at = self._measured_spacing(pose), now
@@ -242,6 +250,16 @@ class Follower:
             return errors, self._controller.steer(corrected, pose.speed)
         tracked = [(share, self._track(fit, pose)) for share, fit in self._trajectories]
         return blended([(share, e, self._controller.steer(e, pose.speed)) for share, e in tracked])
+
+    def _extrapolate(self, speed: float) -> None:
+        """Extend the last trajectories of Section III-A, whose samples now end behind the car."""
+        length, bend = FADE_TIME * max(speed, SLOWEST_FADE), self._sources.bend
+        self._trajectories = tuple(
+            [
+                (share, replace(fit, spline=fit.spline.fading(length, bend)))
+                for share, fit in self._trajectories
+            ]
+        )
 
     def _track(self, fit: Fit, pose: Pose) -> TrackingErrors:
         """Errors along a trajectory; blended sources each have their own path behind."""

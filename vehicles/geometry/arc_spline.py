@@ -247,6 +247,20 @@ class ArcSpline:
             offset -= piece.length
         return curvatures
 
+    def fading(self, length: float, most: float) -> "ArcSpline":
+        """Extend the path by a piece of `length` (m) whose curvature fades to zero, and a straight.
+
+        The piece begins with the curvature at the end of the path of Section III-A, at most `most`
+        (1/m). A path that kept its curvature would leave the road.
+        """
+        end = self.at(self.length)
+        curvature = min(max(end.curvature, -most), most)
+        fade = Piece(end.east, end.north, end.yaw, curvature, length, -curvature / length)
+        straight = fade.at(length)
+        return ArcSpline(
+            (*self.pieces, fade, Piece(straight.east, straight.north, straight.yaw, 0.0, 1.0))
+        )
+
     def project(self, east: float, north: float) -> Foot:
         """Project a point on the path, extended at both ends by the end pieces (Section III-B).
 

@@ -167,3 +167,31 @@ def test_curvatures_at_many_stations_equal_those_at_each(
     for station, curvature in zip(stations, result, strict=True):
         if all(abs(station - end) > 1e-6 for end in ends):  # at a joint either piece is correct
             assert curvature == pytest.approx(spline.curvature_at(station), abs=1e-9)
+
+
+@given(
+    before=CURVATURES,
+    after=CURVATURES,
+    rate=st.floats(-1e-3, 1e-3),
+    length=st.floats(1.0, 60.0),
+    most=st.floats(0.0, 0.2),
+)
+def test_beyond_a_fading_path_the_curvature_falls_to_zero(
+    before: float, after: float, rate: float, length: float, most: float
+) -> None:
+    start = course([(before, 20.0)]).at(20.0)
+    path = ArcSpline(
+        (
+            *course([(before, 20.0)]).pieces,
+            Piece(start.east, start.north, start.yaw, after, 30.0, rate),
+        )
+    )
+    faded, end = path.fading(length, most), path.at(path.length)
+    first = min(max(after + 30.0 * rate, -most), most)
+    for share in (0.25, 0.5, 0.75, 1.0, 3.0):
+        expected = first * max(1.0 - share, 0.0)
+        assert faded.curvature_at(50.0 + share * length) == pytest.approx(expected, abs=1e-12)
+    joined = faded.at(50.0 + 1e-9)
+    assert math.hypot(joined.east - end.east, joined.north - end.north) < 1e-6
+    turned = faded.at(50.0 + 2.0 * length).yaw - end.yaw
+    assert math.remainder(turned - 0.5 * first * length, math.tau) == pytest.approx(0.0, abs=1e-9)

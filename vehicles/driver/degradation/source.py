@@ -1,6 +1,6 @@
 """One source of a follower: its trace, its freshness, and whether it is relied on."""
 
-from math import isnan, nan
+from math import hypot, isnan, nan
 from typing import Final
 
 from vehicles.driver.degradation.innovation_gate import REFUSED
@@ -24,6 +24,11 @@ MIN_SHARE: Final = 0.05
 """Smallest share of its messages that a source is expected to deliver."""
 MIN_SAMPLES: Final = 3
 """Fewer samples of a source determine no trajectory."""
+CURVATURE_MEMORY: Final = 300.0
+"""Distance (m) over which a received curvature loses half of its effect: the bends of a car park do
+not count on a motorway."""
+MIN_SPEED: Final = 1.0
+"""Below this speed (m/s) the measured yaw rate does not determine a curvature."""
 
 
 class Source:
@@ -36,7 +41,8 @@ class Source:
 
     A source that `may_leave_path` is followed only while it announces no trouble, as there is
     another source to follow. `stop_is_assumed` is True while it is silent without an announced
-    stop. `freshness` is that of the last control instant.
+    stop. `freshness` is that of the last control instant, `bend` the largest curvature (1/m) of its
+    recent poses.
     """
 
     def __init__(
@@ -53,6 +59,7 @@ class Source:
         self.intended: IntendedPath | None = None
         self.weight = 1.0
         self.usable = False
+        self.bend = 0.0
         self.reaches = False
         self.refusal = ""
         self.may_leave_path = False
@@ -113,6 +120,8 @@ class Source:
             self._off_path &= not newer
             self._moved &= not newer
             self.trace.add(pose, after_hole=hole, at_new_place=moved)
+            if newer:
+                self._measure_bend(last, pose)
             if self.intended is not None:
                 self.intended.add(pose, message.path_offset_m)
         if lost:
@@ -124,6 +133,15 @@ class Source:
             elif self.status in LOST:
                 self.probation.begin(now)
                 self.status = "probation"
+
+    def _measure_bend(self, last: ReceivedPose | None, pose: ReceivedPose) -> None:
+        """Update the largest recent curvature, dθ/dt over v (Section III-B)."""
+        if last is not None:
+            moved = hypot(pose.east - last.east, pose.north - last.north)
+            self.bend *= 0.5 ** (moved / CURVATURE_MEMORY)
+        if pose.speed >= MIN_SPEED:
+            bend = abs(pose.yaw_rate) / pose.speed
+            self.bend = bend if bend > self.bend else self.bend
 
     def window(self, east: float, north: float, behind: float, ahead: float) -> Window | None:
         """Preview data (Section III-A) from `behind` to `ahead` (m) of the ego at (east, north).

@@ -87,6 +87,11 @@ class SourcePair:
             self.used[mode].trace.has_bridge_points(window) for mode, window in windows.items()
         )
 
+    @property
+    def bend(self) -> float:
+        """Largest curvature (1/m) of the recently received poses."""
+        return max([source.bend for source in self.used.values()])
+
     def sample_count(self, windows: Mapping[Mode, Window]) -> int:
         return sum([self.used[mode].trace.sample_count for mode in windows])
 

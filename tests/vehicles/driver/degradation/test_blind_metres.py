@@ -1,15 +1,18 @@
-"""Predicted distance beyond the known path in an emergency stop."""
+"""The distance that a follower drives beyond its known path, and its path there."""
 
+import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tests.made.transport.received_poses import received
-from tests.made.vehicles.exact_drives import START
+from tests.made.vehicles.exact_drives import START, Step, drive, on, received_from
+from tests.made.vehicles.followers import follower, lead_of
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import Situation
 from vehicles.driver.degradation.source import Source
 from vehicles.driver.degradation.sources import SourcePair
 from vehicles.driver.ego.own_state import Pose
+from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.schedule import SECOND, nanoseconds
 
 KNOWN = 5.0
@@ -48,3 +51,46 @@ def test_the_blind_distance_accounts_for_held_commands(
     # Without that, it would be off by 0.5 * speed * period. The last step to the hardest braking is
     # a partial one.
     assert abs(predicted.blind - blind) < 0.1 * speed * period + 1e-3
+
+
+def blind_steps(path: SampledPath, speed: float, cut_at: float, seconds: float) -> list[Step]:
+    """Steps without known path of a follower that receives its lead until `cut_at` (s)."""
+    lead = lead_of(path, speed, ((0.0, cut_at),))
+    driver = follower(lead="v1", predecessor="v1", speed=speed, degradation=DegradationSettings())
+    steps = drive(driver, on(path, 0.0, speed), seconds, received_from(lead))
+    return [step for step in steps if step.decision.situation.known < -0.1 and step.decision.fresh]
+
+
+def test_the_curvature_fades_over_one_second_of_driving() -> None:
+    path = path_from_segments([Segment(100.0, 0.0), Segment(600.0, 1 / 100)])
+    steps = blind_steps(path, 20.0, 6.0, 12.0)
+    speed, beyond = steps[0].body.speed, -steps[0].decision.situation.known
+    for share, expected in ((0.0, 0.01), (0.25, 0.0075), (0.5, 0.005), (0.75, 0.0025), (2.0, 0.0)):
+        found = steps[0].decision.errors.curvature_ahead(share * speed - beyond)
+        assert found == pytest.approx(expected, abs=3e-4), share
+    assert steps[-1].body.speed < 0.05
+
+
+SEGMENTS = st.lists(
+    st.tuples(st.floats(10.0, 60.0), st.sampled_from([0.0, 1 / 60, -1 / 60, 1 / 150, -1 / 300])),
+    min_size=4,
+    max_size=8,
+)
+
+
+@given(SEGMENTS, st.floats(3.0, 9.0), st.floats(8.0, 18.0))
+def test_the_extrapolated_curvature_never_exceeds_the_largest_received(
+    pieces: list[tuple[float, float]], cut_at: float, speed: float
+) -> None:
+    path = path_from_segments(
+        [Segment(40.0, 0.0), *(Segment(*piece) for piece in pieces), Segment(600.0, 0.0)]
+    )
+    received_until = 30.0 + speed * cut_at
+    largest = max(
+        abs(path.at(station / 2).curvature) for station in range(round(2 * received_until) + 1)
+    )
+    for step in blind_steps(path, speed, cut_at, cut_at + 6.0)[::10]:
+        beyond = -step.decision.situation.known
+        for distance in range(2, 100, 2):
+            ahead = step.decision.errors.curvature_ahead(distance - beyond)
+            assert abs(ahead) <= largest + 1e-6
