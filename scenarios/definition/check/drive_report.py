@@ -117,7 +117,7 @@ def drive_report(drive: DriveInPlane, scenario: Scenario | None) -> DriveReport:
         file=drive.source,
         format=drive.format_name,
         records=_record_count(drive),
-        points=len(drive.east_m),
+        points=int(np.unique(drive.source_numbers).size),
         begins_at=_begin(drive),
         from_s=drive.begin_s,
         from_m=drive.begin_m,

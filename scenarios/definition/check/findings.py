@@ -173,7 +173,7 @@ def report_of(scenario: Scenario) -> CheckReport:
         braking_mps2_max=run.braking_max,
         held_braking_mps2=held.braking if held else None,
         lateral_acceleration_mps2_max=run.lateral_max,
-        points=len(trace.east_m) if trace else None,
+        points=len(set(trace.source_numbers)) or len(trace.east_m) if trace else None,
         skipped_lines=trace.skipped_lines if trace else None,
         jumping_points=trace.jumping_points if trace else None,
         standing_points=trace.standing_points if trace else None,

@@ -9,6 +9,7 @@ holds             repeated positions of a sampling slower than the file
 receiver_errors   outliers, and standstills that drift
 cleaning          remove both
 recorded_speeds   usable recorded speeds
+vertices          drawn lines, whose points are far apart
 part              the part that is driven
 pauses            times without progress in it
 reading           read a drive through these stages, and project it into the plane

@@ -31,6 +31,7 @@ from scenarios.definition.traces.recorded_drive import (
 )
 from scenarios.definition.traces.recorded_speeds import usable_speeds
 from scenarios.definition.traces.time_order import in_time_order
+from scenarios.definition.traces.vertices import are_vertices, between_vertices
 from vehicles.geometry.bridges import noise_deviation, step_lengths
 from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.geometry.smoothing import MIN_POINTS
@@ -149,6 +150,12 @@ def _driven(source: str, drive: RecordedDrive, clean: Cleaned, part: DrivenPart)
     chosen = points_within(part, since_start, along)
     speeds, about_speeds = _speeds(drive, times, clean)
     kept, points = kept[chosen], clean.points[:, chosen]
+    is_drawn = not times.size and are_vertices(points)
+    noise_m = clean.noise if part.is_whole else _noise(clean, kept, points)
+    if is_drawn:
+        about_line = f"a smooth line through {kept.size} points without times, far apart"
+        points, before = between_vertices(points)
+        kept, noise_m, about_speeds = kept[before], 0.0, (*about_speeds, about_line)
     since_part = since_start[chosen] - since_start[chosen][:1]
     pauses = pauses_in(points, since_part)
     paused = {int(kept[pause.point]) for pause in pauses}
@@ -160,7 +167,7 @@ def _driven(source: str, drive: RecordedDrive, clean: Cleaned, part: DrivenPart)
         epoch_s=drive.zero_s + float(times[kept[0]]) if times.size else 0.0,
         source_unit=drive.unit,
         source_numbers=drive.numbers[kept],
-        noise_m=clean.noise if part.is_whole else _noise(clean, kept, points),
+        noise_m=noise_m,
         skipped_lines=drive.left_out.total - jumping,
         jumping_points=jumping,
         standing_points=sum(stand.last - stand.first + 1 for stand in clean.stands),
