@@ -12,7 +12,7 @@ from scenarios.definition.traces.formats.logs import MCAP_MAGIC, read_mcap
 from scenarios.definition.traces.formats.markup import read_gpx, read_kml
 from scenarios.definition.traces.formats.nmea import read_nmea
 from scenarios.definition.traces.formats.table import read_table
-from scenarios.definition.traces.formats.text import FORMATS, decoded
+from scenarios.definition.traces.formats.text import FORMATS, SENTENCE, decoded
 from scenarios.definition.traces.recorded_drive import RecordedDrive, TraceError
 
 MAX_BYTES: Final = 200_000_000
@@ -21,7 +21,6 @@ MAX_BYTES: Final = 200_000_000
 HEAD: Final = 20_000
 """Number of characters in which markup is recognised."""
 
-SENTENCE: Final = re.compile(r"\$[A-Z]{2}(?:GGA|RMC|GLL|GNS),")
 
 COORDINATES: Final = re.compile(r'"coordinates"\s*:')
 
@@ -53,7 +52,7 @@ def _is_table(text: str) -> bool:
 
 
 TEXT_FORMATS: Final = (
-    Format("NMEA 0183", (".nmea", ".ubx"), lambda text: bool(SENTENCE.search(text)), read_nmea),
+    Format("NMEA 0183", (".nmea", ".ubx"), lambda text: bool(re.search(SENTENCE, text)), read_nmea),
     Format("GPX", (".gpx",), _tag("gpx", "trkpt", "rtept", "wpt"), read_gpx),
     Format(
         "KML", (".kml",), _tag("kml", "Placemark", "LineString", "coordinates", "coord"), read_kml

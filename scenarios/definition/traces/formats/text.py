@@ -39,7 +39,8 @@ CONTROLS: Final = bytes({*range(1, 32)} - {9, 10, 11, 12, 13, 27})
 CONTROLS_MAX: Final = 0.05
 """Share of control characters in a text; random bytes have 0.1."""
 
-SENTENCE: Final = re.compile(rb"\$[A-Z]{2}(GGA|RMC|GLL|GNS),")
+SENTENCE: Final = r"\$[A-Z]{2}(?:GGA|RMC|GLL|GNS),"
+"""Begin of an NMEA sentence with a position."""
 
 ZEROS_AT_AN_END: Final = re.compile(rb"(?<![^\r\n])\0++|(?<!\0)\0++(?=[\r\n$]|\Z)")
 """Zero bytes at the begin or end of a line, or before a sentence of NMEA 0183."""
@@ -69,7 +70,7 @@ def decoded(data: bytes) -> str:
         raise TraceError("empty file")
     controls = len(data) - len(data.translate(None, CONTROLS))
     is_binary = BINARY.match(data) or controls > CONTROLS_MAX * len(data)
-    if is_binary and not SENTENCE.search(data):
+    if is_binary and not re.search(SENTENCE.encode(), data):
         raise TraceError(f"binary data, allowed {FORMATS}")
     text = text or _with_latin_1(data)
     return text.replace("\ufeff", "")  # marks of joined files, or behind zero bytes
