@@ -97,6 +97,11 @@ def step_lengths(points: FloatArray) -> FloatArray:
     return np.asarray(np.hypot(steps[0], steps[1]))
 
 
+def distances_along(points: FloatArray) -> FloatArray:
+    """Distance (m) along `points` (2, n) from the first to each, shape (n,)."""
+    return np.concatenate((np.zeros(1), np.cumsum(step_lengths(points))))
+
+
 def find_holes(steps: FloatArray) -> NDArray[np.int64]:
     """Indices of the `steps` (m) from point to point that are holes."""
     long = np.flatnonzero(steps > HOLE)

@@ -15,7 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vehicles.geometry.bridges import UnbridgedError, fill_holes, noise_deviation, step_lengths
+from vehicles.geometry.bridges import (
+    UnbridgedError,
+    distances_along,
+    fill_holes,
+    noise_deviation,
+    step_lengths,
+)
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.geometry.local_regression import cubic_weights, local_cubic
 from vehicles.geometry.path_offsets import path_offsets
@@ -222,7 +228,7 @@ def _merged(x: FloatArray, y: FloatArray, half_width: float, noise: float) -> _M
         raise NoPathError(str(error), before, ((before, before + 1),)) from error
     steps = step_lengths(points)
     holes = tuple(Hole(int(last_of[k]), float(steps[k])) for k in filled.holes)
-    t = np.concatenate((np.zeros(1), np.cumsum(step_lengths(filled.points))))
+    t = distances_along(filled.points)
     return _MergedPoints(
         _Record(t, filled.points, float(t[-1])), filled.indices[members], holes, noise
     )

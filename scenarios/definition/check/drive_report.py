@@ -8,10 +8,11 @@ from typing import Literal
 
 import numpy as np
 
+from scenarios.definition.road.recorded_place import time_lost
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.traces.reading import DriveInPlane
 from scenarios.definition.traces.recorded_drive import JUMP, WRONG_TIME
-from vehicles.geometry.bridges import find_holes, step_lengths
+from vehicles.geometry.bridges import distances_along, find_holes, step_lengths
 from vehicles.geometry.sampled_path import FloatArray
 from vehicles.geometry.smoothing import Hole, SmoothedPath
 
@@ -169,7 +170,7 @@ def driven_m(drive: DriveInPlane, scenario: Scenario | None) -> FloatArray:
     """Return the distance (m) of each point along the drive: on its path if it has one."""
     if scenario is not None and (road := scenario.route.smoothed) is not None:
         return road.stations - road.start
-    return np.append(0.0, np.cumsum(step_lengths(np.stack((drive.east_m, drive.north_m)))))
+    return distances_along(np.stack((drive.east_m, drive.north_m)))
 
 
 def speeds_mps(drive: DriveInPlane, along: FloatArray) -> tuple[FloatArray, SpeedSource | None]:
@@ -192,8 +193,8 @@ def _places(drive: DriveInPlane, points: Sequence[int]) -> list[str]:
         return [f"{drive.source_unit} {number}" for number in numbers]
     times = drive.begin_s + drive.time_s[points]
     if drive.pauses_cut:
-        before = np.searchsorted([pause.point for pause in drive.pauses], points)
-        times += np.append(0.0, np.cumsum([pause.lost_s for pause in drive.pauses]))[before]
+        before = [pause.point for pause in drive.pauses]
+        times += time_lost(points, before, [pause.lost_s for pause in drive.pauses])
     return [
         f"{drive.source_unit} {number} ({time:.1f} s)"
         for number, time in zip(numbers, times, strict=True)

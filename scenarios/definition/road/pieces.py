@@ -9,7 +9,7 @@ from scenarios.definition.road.recorded_place import recorded_times
 from scenarios.definition.road.usable_width import UndrivableError, road_through
 from scenarios.definition.schema.path_tables import PointsPath
 from scenarios.definition.traces.part import DrivePiece, piece_between
-from vehicles.geometry.bridges import step_lengths
+from vehicles.geometry.bridges import distances_along
 from vehicles.geometry.sampled_path import FloatArray
 from vehicles.geometry.smoothing import MIN_POINTS, Sections
 
@@ -26,7 +26,7 @@ MOST_TRIED = 20
 def drivable_pieces(table: PointsPath, sections: Sections, lead_in: float) -> list[DrivePiece]:
     """Find the pieces of a drive between `sections` without a path, each confirmed by smoothing."""
     points = np.array((table.east_m, table.north_m))
-    along = np.concatenate((np.zeros(1), np.cumsum(step_lengths(points))))
+    along = distances_along(points)
     axis = recorded_times(table) if table.time_s else table.begin_m + along
     waiting, pieces = _between(sections, 0, along.size - 1, along), list[DrivePiece]()
     tried = 0

@@ -18,6 +18,7 @@ from scenarios.definition.schema.path_tables import (
     SegmentTable,
 )
 from scenarios.definition.schema.scenario_tables import ScenarioTables, SpeedTable
+from scenarios.definition.traces.recorded_drive import NO_TIMES
 from vehicles.driver.speed import SpeedProfile
 from vehicles.geometry.geodesy import yaw_from_heading
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
@@ -222,7 +223,7 @@ def _recorded(
 def _why_untimed(table: PathTable) -> str:
     because = ""
     if isinstance(table, PointsPath) and table.source:
-        reasons = [remark for remark in table.remarks if remark.endswith("the drive has no times")]
+        reasons = [remark for remark in table.remarks if remark.endswith(NO_TIMES)]
         because = f", {table.source} has none{f' ({reasons[0]})' if reasons else ''}"
     remedy = 'use speed.lead = "set" with speed.set_mps'
     return f'given "recorded", allowed only for a path with times{because}: {remedy}'

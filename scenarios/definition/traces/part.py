@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarios.definition.traces.recorded_drive import Floats, TraceError
+from scenarios.definition.traces.recorded_drive import NO_TIMES, Floats, TraceError
 
 TOUCH = 1e-6
 """Bounds within this (s or m) of a point include it, as printed values are rounded."""
@@ -59,7 +59,7 @@ def points_within(part: DrivenPart, time_s: Floats, distance_m: Floats) -> slice
             continue
         if not values.size:
             key = ends if first is None else starts
-            raise PartError(key, "the drive has no times, use path.from_m and path.to_m")
+            raise PartError(key, f"{NO_TIMES}, use path.from_m and path.to_m")
         if first is not None:
             begin = max(begin, int(np.searchsorted(values, first - TOUCH)))
             if end - begin < 2:

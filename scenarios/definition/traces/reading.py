@@ -23,6 +23,7 @@ from scenarios.definition.traces.receiver_errors.stands import Stand
 from scenarios.definition.traces.recorded_drive import (
     ALTITUDES_M,
     JUMP,
+    NO_TIMES,
     Clock,
     Floats,
     LeftOutRecords,
@@ -32,7 +33,7 @@ from scenarios.definition.traces.recorded_drive import (
 from scenarios.definition.traces.recorded_speeds import usable_speeds
 from scenarios.definition.traces.time_order import in_time_order
 from scenarios.definition.traces.vertices import are_vertices, between_vertices
-from vehicles.geometry.bridges import noise_deviation, step_lengths
+from vehicles.geometry.bridges import distances_along, noise_deviation, step_lengths
 from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.geometry.smoothing import MIN_POINTS
 
@@ -130,7 +131,7 @@ def read_trace(
 def _ordered(drive: RecordedDrive, *, needs_times: bool) -> RecordedDrive:
     ordered = in_time_order(drive)
     if needs_times and not _times(ordered).size:
-        reasons = [f", {text}" for text in ordered.remarks if text.endswith("has no times")]
+        reasons = [f", {text}" for text in ordered.remarks if text.endswith(NO_TIMES)]
         raise TraceError("given without times, allowed only with them" + "".join(reasons[:1]))
     return ordered
 
@@ -145,7 +146,7 @@ def _driven(source: str, drive: RecordedDrive, clean: Cleaned, part: DrivenPart)
     times, kept = _times(drive), np.asarray(clean.kept)
     jumping = sum(jump.last - jump.first + 1 for jump in clean.jumps)
     since_start = times[kept] - times[kept[0]] if times.size else NO_VALUES
-    along = np.concatenate((np.zeros(1), np.cumsum(step_lengths(clean.points))))
+    along = distances_along(clean.points)
     zero = float(times[kept[0]]) if times.size else 0.0
     chosen = points_within(part, since_start, along)
     speeds, about_speeds = _speeds(drive, times, clean)

@@ -36,6 +36,9 @@ NO_FIX, DAMAGE, NOT_A_POSITION = "no fix", "damaged", "not a position"
 JUMP, WRONG_TIME = "jump", "wrong time, interpolated"
 """Kinds of faults of records with a usable position; one with a WRONG_TIME is not left out."""
 
+NO_TIMES = "the drive has no times"
+"""End of remarks about why a drive has no times."""
+
 UNKNOWN_PLACE = (math.nan, math.nan)
 
 

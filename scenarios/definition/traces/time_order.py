@@ -19,6 +19,7 @@ from scenarios.definition.traces.disorder import (
 )
 from scenarios.definition.traces.recorded_drive import (
     METRES_PER_DEGREE,
+    NO_TIMES,
     WRONG_TIME,
     Floats,
     Mask,
@@ -120,7 +121,7 @@ def _signed(seconds: float) -> str:
 
 def _untimed(drive: RecordedDrive, reason: str) -> RecordedDrive:
     untimed = replace(drive, time_s=np.full(drive.count, np.nan), clock=None, zero_s=0.0)
-    return untimed.with_remarks(f"{reason}: the drive has no times") if reason else untimed
+    return untimed.with_remarks(f"{reason}: {NO_TIMES}") if reason else untimed
 
 
 # ---- Records that are left out or moved

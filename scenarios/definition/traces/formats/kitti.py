@@ -10,7 +10,7 @@ from typing import Final
 
 from scenarios.definition.traces.formats.point_columns import PointColumns
 from scenarios.definition.traces.formats.time_cells import as_number
-from scenarios.definition.traces.recorded_drive import RecordedDrive, TraceError
+from scenarios.definition.traces.recorded_drive import NO_TIMES, RecordedDrive, TraceError
 
 PACKET: Final = 30
 """Number of values of a packet: latitude, longitude, altitude, and others."""
@@ -18,7 +18,7 @@ PACKET: Final = 30
 FORWARD_SPEED: Final = 8
 """Index of the speed (m/s) in a packet."""
 
-NO_TIMES: Final = "{} is missing: the drive has no times"
+UNTIMED: Final = f"{{}} is missing: {NO_TIMES}"
 
 
 def oxts_folder(path: Path) -> Path | None:
@@ -46,13 +46,13 @@ def read_oxts_folder(path: Path) -> RecordedDrive:
     lines = [_text(packet).partition("\n")[0] for packet in sorted(_packets(folder))]
     times = folder / "timestamps.txt"
     if not times.is_file():
-        return _drive(lines, [], "packet").with_remarks(NO_TIMES.format(times.name))
+        return _drive(lines, [], "packet").with_remarks(UNTIMED.format(times.name))
     return _drive(lines, _text(times).splitlines(), "packet")
 
 
 def read_oxts(text: str) -> RecordedDrive:
     """Read a packet per line; it has no times."""
-    return _drive(text.splitlines(), [], "line").with_remarks(NO_TIMES.format("timestamps.txt"))
+    return _drive(text.splitlines(), [], "line").with_remarks(UNTIMED.format("timestamps.txt"))
 
 
 def _packets(folder: Path) -> list[Path]:
