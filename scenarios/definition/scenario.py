@@ -290,6 +290,11 @@ class Scenario:
         """The scenario as one self-contained TOML file for `scenario_from_text`."""
         return _text_of(self.tables)
 
+    @property
+    def controllers(self) -> list[str]:
+        """Dotted names of the classes that steer the vehicles."""
+        return sorted({self.vehicle(name).controller for name in self.vehicle_names})
+
     @cached_property
     def digest(self) -> str:
         """Sixteen hexadecimal digits of the content without name and seed."""

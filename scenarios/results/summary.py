@@ -24,7 +24,7 @@ from scenarios.results.holes import RecordHole
 from scenarios.results.run_changes import RunChange
 from scenarios.results.vehicles.reaction import ReactionSummary
 from scenarios.results.vehicles.vehicle_figures import VehicleSummary
-from scenarios.results.versions import installed_versions
+from scenarios.results.versions import controller_digests, current_stamp, installed_versions
 
 SCHEMA = "convoy.summary/2"
 ClockName = Literal["wall", "virtual"]
@@ -55,6 +55,11 @@ class RunIdentity:
     the folder, by default start time, scenario and overrides."""
     versions: Mapping[str, str]
     """Installed version."""
+    sources: str = ""
+    """Digest of the program's sources. Equal versions with other sources are other programs."""
+    controllers: Mapping[str, str] = field(default_factory=dict)
+    """Digest of the module of each user-defined controller, with the modules next to it that it
+    imports."""
 
     @classmethod
     def here(cls, scenario: Scenario, clock: ClockName, run_id: str) -> "RunIdentity":
@@ -67,6 +72,8 @@ class RunIdentity:
             clock=clock,
             run_id=run_id,
             versions=installed_versions(),
+            sources=current_stamp().sources,
+            controllers=controller_digests(scenario.controllers),
         )
 
     def values(self) -> dict[str, Any]:
@@ -76,12 +83,13 @@ class RunIdentity:
             for entry in fields(self)
             if entry.name != "versions"
         }
-        return own | {"overrides": list(self.overrides)} | dict(self.versions)
+        own |= {"overrides": list(self.overrides), "controllers": dict(self.controllers)}
+        return own | dict(self.versions)
 
     def metadata(self) -> dict[str, str]:
-        """Texts for the metadata of a log; a list is JSON."""
+        """Texts for the metadata of a log; a list or a table is JSON."""
         return {
-            name: json.dumps(value) if isinstance(value, list) else str(value)
+            name: json.dumps(value) if isinstance(value, list | dict) else str(value)
             for name, value in self.values().items()
         }
 
@@ -90,7 +98,7 @@ class RunIdentity:
         """Read the result of `values` or `metadata`; missing fields stay empty."""
         clock: ClockName = "virtual" if values.get("clock") == "virtual" else "wall"
         known = {entry.name for entry in fields(cls)}
-        overrides = values.get("overrides", [])
+        overrides, controllers = values.get("overrides", []), values.get("controllers", {})
         return cls(
             schema=str(values.get("schema", SCHEMA)),
             scenario=str(values.get("scenario", "")),
@@ -99,6 +107,8 @@ class RunIdentity:
             seed=int(values.get("seed", 0)),
             clock=clock,
             run_id=str(values.get("run_id", "")),
+            sources=str(values.get("sources", "")),
+            controllers=json.loads(controllers) if isinstance(controllers, str) else controllers,
             versions={name: str(value) for name, value in values.items() if name not in known},
         )
 

@@ -100,28 +100,33 @@ def test_convoys_on_one_router_do_not_affect_each_other(hub: SharedRouter, tmp_p
 
 def test_processes_that_do_not_match_the_run_are_refused(hub: SharedRouter, tmp_path: Path) -> None:
     vehicle = hub.start("vehicle", *SHORT, "--name=v1")
-    assert until(lambda: "waiting for the recorder of run lane_change" in vehicle.err), vehicle.err
+    stranger = hub.start("vehicle", *SHORT, "--name=v2", "--seed=7")
+    for part in (vehicle, stranger):
+        assert until(lambda: "waiting for the recorder of run lane_change" in part.err), part.err  # noqa: B023
     assert_refused(
         hub.try_out("vehicle", *SHORT, "--name=v1"),
         "run lane_change: there is a vehicle v1 already; give another --run",
     )
-    assert_refused(
-        hub.try_out("vehicle", *SHORT, "--name=v2", "--seed=7"),
-        "run lane_change: v1 has seed 1, here it is 7",
-    )
-    assert_refused(
-        hub.try_out("record", *SHORT, "--set=convoy.gap_m=4", "--out=run"),
-        "run lane_change: v1 has another content of scenario lane_change (file or --set)",
-    )
+    recorder = hub.start("record", *SHORT, "--out=run")
+    assert until(lambda: "v2 has seed 7, here it is 1" in recorder.err), recorder.err
+    for difference, line in {
+        "--seed=8": "the recorder has seed 1, here it is 8",
+        "--set=convoy.gap_m=4": "the recorder has another content of scenario lane_change "
+        "(file or --set)",
+    }.items():
+        assert_refused(
+            hub.try_out("vehicle", *SHORT, "--name=v2", difference), f"run lane_change: {line}"
+        )
     assert_refused(
         hub.try_out("vehicle", *SHORT, "--name=v2", "--run=a/b"),
         "--run 'a/b': allowed are up to 100 letters, digits, underscores and hyphens",
     )
-    recorder = hub.start("record", *SHORT, "--out=run")
     second = hub.start("vehicle", *SHORT, "--name=v2")
     recorder.await_start()
     late = hub.try_out("vehicle", *SHORT, "--name=v2", "--run=lane_change")
     assert late.exit_code == 2  # while its namesake drives
+    assert stranger.wait() == 2
+    assert stranger.lines()[-1] == "run lane_change: the recorder has seed 1, here it is 7"
     for part in (vehicle, second, recorder):
         assert part.wait() == 0, part.err
     assert Run(tmp_path / "run").summary["outcome"] == "completed"

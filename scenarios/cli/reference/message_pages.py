@@ -8,6 +8,7 @@ from inspect import getdoc
 import click
 
 from scenarios.cli.reference.printing import Row, print_section, print_text
+from scenarios.runs.processes.membership import SEPARATOR, Fingerprint
 from transport.convoy_pb2 import Deviation
 from transport.log.foxglove import standard_messages
 from transport.reasons import REASONS, counts_as_late, counts_as_loss
@@ -58,9 +59,12 @@ def wire_page() -> None:
     print_section("messages", wire_messages())
     print_section("queries and tokens", wire_queries())
     click.echo()
+    parts = SEPARATOR.join(entry.name for entry in fields(Fingerprint))
     print_text(
-        "FINGERPRINT is scenario~seed~version~digest, equal in all processes of a run; the digest "
-        "is that of the scenario's content. SESSION is the Zenoh identifier of the process."
+        f"FINGERPRINT is {parts}: name, seed, "
+        "version of the program, digests of the scenario's content, of the program's sources and "
+        "of the modules of user-defined controllers, versions of Python and NumPy. All but these "
+        "two are equal in all processes of a run. SESSION is the Zenoh identifier of the process."
     )
     click.echo()
     print_text(

@@ -1,6 +1,6 @@
 """Decides when a run starts and when it is over, from the vehicles present and their messages."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from enum import Enum, auto
 
@@ -55,6 +55,8 @@ class Conductor:
         self.phase = Phase.GATHERING
         self.reason = ""
         self.start_at = 0
+        self.excluded: Mapping[str, str] = {}
+        """Why vehicles do not take part although their processes are there."""
         self._vehicles = tuple(vehicles)
         self._duration_ns = duration_ns
         self._continues = continues_without_failed
@@ -162,7 +164,7 @@ class Conductor:
             self.start_at = now + LEAD_TIME_NS
             return [f"all {len(self._vehicles)} vehicles are present"]
         if now > self._gather_until:
-            self.stop(f"not present in time: {', '.join(missing)}")
+            self.stop(f"not present in time: {self._named(missing)}")
             return []
         return self._report_missing(now, missing)
 
@@ -172,7 +174,13 @@ class Conductor:
         if now < self._report_missing_at or missing == self._reported_missing:
             return []
         self._reported_missing = missing
-        return [f"waiting for {', '.join(missing)}"]
+        return [f"waiting for {self._named(missing)}"]
+
+    def _named(self, missing: list[str]) -> str:
+        """List missing vehicles, with what excludes them from the run."""
+        return ", ".join(
+            f"{name} ({self.excluded[name]})" if name in self.excluded else name for name in missing
+        )
 
     def _run(self, now: int, known_until: int, *, connected: bool) -> list[str]:
         lines: list[str] = []

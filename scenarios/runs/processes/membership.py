@@ -1,12 +1,12 @@
-"""Members of a run: each process joins once, or is refused with the difference."""
+"""Members of a run: processes with the recorder's fingerprint, each name once."""
 
 import re
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, fields
 
 from scenarios.definition.scenario import Scenario
-from scenarios.results.versions import installed_versions
+from scenarios.results.versions import controller_digests, current_stamp
 from transport.bus.bus import Bus, BusError, Member
 from transport.texts import printable
 from vehicles.schedule import SECOND
@@ -18,6 +18,9 @@ LEFT_AFTER_NS = 2 * SECOND
 """The recorder has left when its token has been absent this long with the router in reach."""
 LONGEST_SHOWN = 60
 """Length of text from other processes in messages."""
+MOST_WARNINGS = 20
+"""Warnings about other members; a stranger can announce any number of them."""
+SEPARATOR = "~"
 _RUN_NAME = re.compile(r"[A-Za-z0-9_-]{1,100}")
 
 
@@ -36,52 +39,82 @@ def shown(text: str) -> str:
     return text if len(text) <= LONGEST_SHOWN else f"{text[: LONGEST_SHOWN - 3]}..."
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Fingerprint:
-    """What must be equal in all processes of a run: scenario, overrides, seed, version.
+    """Identity of a run and of the program, announced by each process.
 
-    `digest` is that of the scenario's content except its name and its seed.
+    `digest` is that of the scenario's content except its name and its seed, `sources` that of the
+    program, `controllers` those of the modules of user-defined controllers, as "module:digest+...".
+    All but the versions of Python and NumPy must be equal in all processes.
     """
 
     scenario: str
     seed: str
     version: str
     digest: str
+    sources: str
+    controllers: str
+    python: str
+    numpy: str
 
     @classmethod
     def of(cls, scenario: Scenario) -> "Fingerprint":
-        here = installed_versions()["convoy-emulator"]
-        return cls(scenario.name, str(scenario.seed), here, scenario.digest)
+        stamp = current_stamp()
+        digests = controller_digests(scenario.controllers)
+        return cls(
+            scenario=scenario.name,
+            seed=str(scenario.seed),
+            version=stamp.convoy,
+            digest=scenario.digest,
+            sources=stamp.sources,
+            controllers="+".join(f"{module}:{digest}" for module, digest in digests.items()),
+            python=stamp.python,
+            numpy=stamp.numpy,
+        )
 
     @property
     def chunk(self) -> str:
-        return "~".join((self.scenario, self.seed, self.version, self.digest))
+        return SEPARATOR.join(astuple(self))
 
     def difference(self, chunk: str) -> str:
-        """Describe how another fingerprint differs from this one; empty if it does not."""
-        if chunk == self.chunk:
-            return ""
-        parts = chunk.split("~")
-        if len(parts) != 4:
-            return f"another version of the program, here it is {self.version}"
-        other = Fingerprint(*map(shown, parts))
+        """Describe what excludes another fingerprint from the run; empty if nothing does."""
+        other = self._read(chunk)
+        if other is None:
+            return f"has another version of the program, here it is {self.version}"
         rows = (
-            ("version", other.version, self.version),
-            ("scenario", other.scenario, self.scenario),
-            ("seed", other.seed, self.seed),
+            ("has version {}, here it is {}", other.version, self.version),
+            ("has scenario {}, here it is {}", other.scenario, self.scenario),
+            ("has seed {}, here it is {}", other.seed, self.seed),
+            ("runs other sources: {}, here {}", other.sources, self.sources),
+            ("runs other controllers: {}, here {}", other.controllers, self.controllers),
         )
-        differences = [
-            f"{name} {theirs}, here it is {ours}" for name, theirs, ours in rows if theirs != ours
-        ]
-        return (
-            "; ".join(differences) or f"another content of scenario {self.scenario} (file or --set)"
+        differences = [text.format(shown(a), shown(b)) for text, a, b in rows if a != b]
+        if not differences and other.digest != self.digest:
+            return f"has another content of scenario {self.scenario} (file or --set)"
+        return "; ".join(differences)
+
+    def other_versions(self, chunk: str) -> str:
+        """Describe other versions of Python or NumPy, with which results may differ slightly."""
+        other = self._read(chunk)
+        if other is None:
+            return ""
+        rows = (
+            ("Python", other.python, self.python),
+            ("NumPy", other.numpy, self.numpy),
         )
+        return ", ".join(f"{name} {shown(a)}, here {b}" for name, a, b in rows if a != b)
+
+    @classmethod
+    def _read(cls, chunk: str) -> "Fingerprint | None":
+        parts, names = chunk.split(SEPARATOR), [entry.name for entry in fields(cls)]
+        return cls(**dict(zip(names, parts, strict=True))) if len(parts) == len(names) else None
 
 
 class Membership:
     """Takes part in a run for this process and tracks the other members.
 
-    Only a joining process checks, so it never harms present members.
+    The recorder decides what runs: a vehicle with another fingerprint than the recorder's is
+    refused. Other processes under the name of the run are reported and have no effect.
     """
 
     def __init__(self, bus: Bus, run: str, role: str, name: str, fingerprint: Fingerprint) -> None:
@@ -91,19 +124,28 @@ class Membership:
         self._bus = bus
         self._role = role
         self._fingerprint = fingerprint
+        self._chunk = fingerprint.chunk
         self._others: frozenset[Member] = frozenset()
+        self._reported: set[str] = set()
         self._before = bus.members()
         bus.watch(self._note)
 
     def join(self, *, sleep: Callable[[float], object] = time.sleep) -> None:
-        """Join; raises BusError on an equal name or another fingerprint.
-
-        Of two that join at the same instant the one with the lower session identifier stays.
-        """
-        self._refuse(self._before)
-        self._bus.announce(self._role, self.name, self._fingerprint.chunk)
+        """Join; raises BusError if a present recorder or a namesake excludes this process."""
+        if self._role == VEHICLE and (refusal := self._refusal(self._before)):
+            raise BusError(f"run {self.run}: {refusal}")
+        self._refuse_namesake(self._before)
+        self._bus.announce(self._role, self.name, self._chunk)
         sleep(SETTLE_S)
-        self._refuse({other for other in self._others if other.session < self._bus.zid})
+        self.check()
+
+    def check(self) -> None:
+        """Raise BusError for a namesake that joined at the same instant.
+
+        The one with the lower session identifier stays. Where messages take long, namesakes notice
+        each other only after `join`.
+        """
+        self._refuse_namesake([other for other in self._others if other.session < self._bus.zid])
 
     @property
     def recorder_is_present(self) -> bool:
@@ -113,24 +155,75 @@ class Membership:
     def vehicles(self) -> set[str]:
         return {other.name for other in self._mine() if other.role == VEHICLE}
 
+    def refusal(self) -> str:
+        """Difference from the recorder that is present, if none has the own fingerprint."""
+        return self._refusal(self._others)
+
+    def excluded(self) -> dict[str, str]:
+        """Differences that exclude present vehicles, by name, unless a namesake takes part."""
+        present = self.vehicles
+        return {
+            other.name: difference
+            for other in sorted(self._others, key=_order)
+            if other.role == VEHICLE and other.name not in present
+            if (difference := self._fingerprint.difference(other.fingerprint))
+        }
+
+    def new_warnings(self) -> list[str]:
+        """Lines about members that do not take part or have other versions, each once."""
+        lines = []
+        for other in sorted(self._others, key=_order):
+            if difference := self._fingerprint.difference(other.fingerprint):
+                lines.append(f"{_named(other)} {difference}; it does not take part")
+            elif versions := self._fingerprint.other_versions(other.fingerprint):
+                lines.append(f"{_named(other)} runs {versions}: last digits may differ")
+        new = [line for line in lines if line not in self._reported]
+        new = new[: max(0, MOST_WARNINGS - len(self._reported))]
+        self._reported.update(new)
+        return new
+
     def _mine(self) -> list[Member]:
-        chunk = self._fingerprint.chunk
-        return [other for other in self._others if other.fingerprint == chunk]
+        return [other for other in self._others if self._takes_part(other)]
+
+    def _takes_part(self, other: Member) -> bool:
+        chunk = other.fingerprint
+        return chunk == self._chunk or not self._fingerprint.difference(chunk)
 
     def _note(self, member: Member, alive: bool) -> None:
         if member.session == self._bus.zid:
             return
         self._others = self._others | {member} if alive else self._others - {member}
 
-    def _refuse(self, others: Iterable[Member]) -> None:
-        # Compare with the recorder first.
-        for other in sorted(others, key=lambda member: (member.role, member.name, member.session)):
-            member = "the recorder" if other.role == RECORDER else shown(other.name)
-            if difference := self._fingerprint.difference(other.fingerprint):
-                raise BusError(f"run {self.run}: {member} has {difference}")
-            if (other.role, other.name) == (self._role, self.name):
-                duplicate = "a recorder" if other.role == RECORDER else f"a vehicle {other.name}"
-                raise BusError(f"run {self.run}: there is {duplicate} already; give another --run")
+    def _refusal(self, others: Iterable[Member]) -> str:
+        recorders = sorted((other for other in others if other.role == RECORDER), key=_order)
+        if not recorders or any(map(self._takes_part, recorders)):
+            return ""
+        return f"the recorder {self._fingerprint.difference(recorders[0].fingerprint)}"
+
+    def _refuse_namesake(self, others: Iterable[Member]) -> None:
+        for other in sorted(others, key=_order):
+            if other.role != self._role:
+                continue
+            difference = self._fingerprint.difference(other.fingerprint)
+            if self._role == RECORDER:
+                which = f" that {difference}" if difference else ""
+                raise BusError(
+                    f"run {self.run}: there is a recorder already{which}; give another --run"
+                )
+            if other.name == self.name and not difference:
+                raise BusError(
+                    f"run {self.run}: there is a vehicle {self.name} already; give another --run"
+                )
+
+
+def _order(member: Member) -> tuple[str, str, str]:
+    return member.role, member.name, member.session
+
+
+def _named(member: Member) -> str:
+    if member.role == VEHICLE:
+        return shown(member.name)
+    return f"the {shown(member.role)}"
 
 
 class RecorderWatch:

@@ -183,10 +183,12 @@ class RecorderProcess:
             self._conductor.stop(f"{allowed}: {', '.join(too_far)}")
 
     def _note_presences(self, now: int) -> None:
+        """Note which vehicles take part, and what excludes others from the run."""
         present = self._membership.vehicles
         for vehicle in sorted(present ^ self._present):
             self._conductor.note_presence(vehicle, alive=vehicle in present, at=now)
         self._present = present
+        self._conductor.excluded = self._membership.excluded()
 
     def _own_message(self, topic: str, data: bytes) -> tuple[str, bytes]:
         """Return a message of the run with its key; it is not recorded again from the bus."""
@@ -240,6 +242,8 @@ class RecorderProcess:
             if self._reporting.is_due(now):
                 self._run.recorder.report_health(now)
         if self._showing.is_due(now):
+            for line in self._membership.new_warnings():
+                self._run.recorder.log(now, line, "warning")
             self._board.update(now)
         if self._flushing.is_due(now):
             self._run.flush()

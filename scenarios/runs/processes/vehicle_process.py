@@ -22,7 +22,7 @@ from scenarios.runs.processes.restart import (
 )
 from scenarios.runs.processes.router_watch import RouterWatch
 from scenarios.runs.stop import EXIT_FAILED, Stop
-from transport.bus.bus import Bus, Fetch
+from transport.bus.bus import Bus, BusError, Fetch
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
 from transport.clock import Clock, Tick, WallClock, late_threshold, poll
 from transport.codec import RefusedMessageError, decode
@@ -191,18 +191,12 @@ class VehicleProcess:
             return
         waits = "the start" if self._membership.recorder_is_present else "the recorder"
         report(f"{self._builder.name}: joined, waiting for {waits} of {self._run}")
-        came = poll(
-            lambda: (
-                self._announced.start is not None
-                or self.is_cancelled
-                or self._recorder.has_left(self._clock.now())
-            ),
-            every_s=POLL_S,
-            at_most_s=wait_s,
-        )
+        came = poll(lambda: self._has_waited(report), every_s=POLL_S, at_most_s=wait_s)
         start, end = self._announced.start, self._announced.end
         if self._stop.requested:
             return
+        if refusal := self._membership.refusal():
+            raise BusError(f"{self._run}: {refusal}")
         if not came:
             raise RunCancelledError(f"{self._run} did not start within {wait_s:g} s")
         if start is not None:
@@ -214,6 +208,17 @@ class VehicleProcess:
             )
         else:
             raise RunCancelledError(f"{self._run} was cancelled: its recorder has left")
+
+    def _has_waited(self, report: Report) -> bool:
+        """Whether the wait for the start is over; report what excludes other members."""
+        for line in self._membership.new_warnings():
+            report(f"{self._builder.name}: {line}")
+        self._membership.check()
+        return (
+            self._announced.start is not None
+            or self.is_cancelled
+            or self._recorder.has_left(self._clock.now())
+        )
 
     def _late_join_reason(self, late_ns: int) -> str:
         """Explain a start that lies `late_ns` before this vehicle joined."""

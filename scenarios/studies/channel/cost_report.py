@@ -16,6 +16,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
+from scenarios.results.versions import current_stamp
 from scenarios.studies.channel.cost_drives import (
     BURST_LOSS_RATIO,
     FLOOR_MS,
@@ -28,7 +29,6 @@ from scenarios.studies.channel.cost_drives import (
 )
 from scenarios.studies.engine.engine import study_engine
 from scenarios.studies.engine.results import write_files
-from scenarios.studies.engine.stamp import current_stamp
 from scenarios.studies.engine.workers import open_workers
 from scenarios.studies.picture_style import (
     BLUE,

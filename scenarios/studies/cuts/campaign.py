@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter
 
+from scenarios.results.versions import current_stamp
 from scenarios.studies.cuts.cut import CutFigures, LinkCut, run_cut
 from scenarios.studies.engine.engine import Engine, study_engine
 from scenarios.studies.engine.job import Job
 from scenarios.studies.engine.results import write_files
-from scenarios.studies.engine.stamp import current_stamp
 from scenarios.studies.engine.workers import open_workers
 from vehicles.driver.degradation.settings import Reaction
 

@@ -1,7 +1,6 @@
 """Run the jobs of a study in parallel, locally or on a dask scheduler.
 
 job         a job, and a batch of jobs on a worker
-stamp       software versions, so that results of different versions are not mixed
 workers     this process, a pool of processes, or the workers of a dask scheduler
 dispatcher  sends jobs in batches and replaces failed workers
 journal     a file of results, from which an interrupted study resumes

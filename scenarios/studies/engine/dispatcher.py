@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from math import ceil
 from typing import Any
 
+from scenarios.results.versions import current_stamp
 from scenarios.studies.engine.job import EngineError, Job, JobResult, error_line, run_batch
-from scenarios.studies.engine.stamp import current_stamp
 from scenarios.studies.engine.workers import POLL_INTERVAL_S, WorkerGroup
 
 TARGET_BATCH_S = 1.5

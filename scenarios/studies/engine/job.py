@@ -9,7 +9,7 @@ from threading import Lock
 from typing import Any
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.studies.engine.stamp import ProgramStamp, current_stamp
+from scenarios.results.versions import ProgramStamp, current_stamp
 from transport.log.records import LogError
 from transport.texts import printable
 

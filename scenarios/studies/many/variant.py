@@ -9,8 +9,8 @@ from typing import Any
 from scenarios.definition.run_limits import Limit
 from scenarios.definition.scenario import Scenario, scenario_from_text, scenario_text
 from scenarios.results.summary import RunSummary
+from scenarios.results.versions import current_stamp
 from scenarios.runs.virtual.unlogged_run import run_unlogged
-from scenarios.studies.engine.stamp import current_stamp
 from scenarios.studies.many.limit_history import watch_limit
 
 

@@ -257,7 +257,7 @@ def test_unknown_members_are_ignored_or_named_in_one_line() -> None:
         "~~~",
         "a~b~c~d~e",
         own.chunk,
-        own.chunk[:-1],
+        own.chunk[1:],
         "\x1b[31m~1~0.1~x",
         "x" * 5000,
     ]
@@ -271,8 +271,9 @@ def test_unknown_members_are_ignored_or_named_in_one_line() -> None:
         expected = {name} if (role, fingerprint) == ("vehicle", own.chunk) else set()
         assert member.vehicles == expected
         line = refusal(Membership(MemoryBus(network), "run", VEHICLE, "v3", own))
-        assert line.isprintable()
-        assert len(line) < 500
+        for text in (line, *member.new_warnings()):
+            assert text.isprintable()
+            assert len(text) < 500
 
 
 def refusal(member: Membership) -> str:

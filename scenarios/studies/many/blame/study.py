@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from scenarios.definition.run_limits import Limit
+from scenarios.results.versions import current_stamp
 from scenarios.studies.engine.engine import Engine
-from scenarios.studies.engine.stamp import current_stamp
 from scenarios.studies.engine.workers import cores
 from scenarios.studies.many.blame.listed_losses import LossFreeScenario, loss_free
 from scenarios.studies.many.blame.losses import Burst, LostMessage, RecordedRun, bursts_of, read_run

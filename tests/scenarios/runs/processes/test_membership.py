@@ -1,12 +1,16 @@
 """Joining a run: who is let in, who is refused with which line, and who counts as present."""
 
 from collections.abc import Callable
+from dataclasses import asdict, replace
+from pathlib import Path
 
 import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.results.versions import _module_digest, current_stamp
 from scenarios.runs.processes.membership import (
     LEFT_AFTER_NS,
+    MOST_WARNINGS,
     RECORDER,
     VEHICLE,
     Fingerprint,
@@ -104,22 +108,97 @@ def test_a_vehicle_of_something_else_is_refused_with_what_differs(
     assert str(refused.value) == f"run mine: {what}"
 
 
-def test_a_vehicle_of_another_version_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def other_program(monkeypatch: pytest.MonkeyPatch, **parts: str) -> None:
+    """Let processes that join from now on be of a program that differs in `parts`."""
+    stamp = replace(current_stamp(), **parts)
+    monkeypatch.setattr("scenarios.runs.processes.membership.current_stamp", lambda: stamp)
+
+
+@pytest.mark.parametrize(
+    ("parts", "line"),
+    [
+        ({"convoy": "99.0"}, "the recorder has version {convoy}, here it is 99.0"),
+        ({"sources": "0" * 12}, "the recorder runs other sources: {sources}, here 000000000000"),
+    ],
+    ids=["version", "sources"],
+)
+def test_a_vehicle_of_another_program_is_refused(
+    parts: dict[str, str], line: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     here = Network()
+    recorder = here.join(RECORDER, "recorder", scenario())
+    own = asdict(current_stamp())
+    other_program(monkeypatch, **parts)
+    with pytest.raises(BusError) as refused:
+        here.join(VEHICLE, "v2", scenario())
+    assert str(refused.value) == f"run mine: {line.format(**own)}"
+    assert recorder.vehicles == set()
+
+
+def test_a_vehicle_with_another_controller_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    controller = tmp_path / "own_law.py"
+    source = "from vehicles.driver.steering import Stanley\nclass Mine(Stanley):\n    sign = {}\n"
+    what = []
+    for sign in (1, -1):
+        controller.write_text(source.format(sign))
+        _module_digest.cache_clear()  # as in another process
+        what.append(Fingerprint.of(scenario('control.controller="own_law.Mine"')))
+    (here, there) = what
+    assert "own_law:" in here.difference(there.chunk)
+    assert replace(there, controllers=here.controllers) == here
+
+
+def test_a_vehicle_waiting_for_its_recorder_is_named_by_an_unequal_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    here = Network()
+    own = asdict(current_stamp())
+    waiting = here.join(VEHICLE, "v2", scenario())
+    other_program(monkeypatch, sources="0" * 12)
+    recorder = here.join(RECORDER, "recorder", scenario())
+    why = f"runs other sources: {own['sources']}, here 000000000000"
+    assert recorder.excluded() == {"v2": why}
+    assert recorder.new_warnings() == [f"v2 {why}; it does not take part"]
+    assert recorder.new_warnings() == []
+    assert waiting.refusal().startswith("the recorder runs other sources: 000000000000")
+
+
+def test_other_versions_of_python_and_numpy_are_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+    here = Network()
+    recorder = here.join(RECORDER, "recorder", scenario())
+    other_program(monkeypatch, numpy="1.0", python="3.99")
+    vehicle = here.join(VEHICLE, "v2", scenario())
+    assert recorder.vehicles == {"v2"}
+    assert vehicle.recorder_is_present
+    (line,) = recorder.new_warnings()
+    assert line.startswith("v2 runs ")
+    assert "3.99" in line
+    assert "1.0" in line
+
+
+@pytest.mark.parametrize("fingerprint", ["something", "~".join("abcdefgh")])
+def test_a_stranger_s_token_stops_nobody(fingerprint: str) -> None:
+    here = Network()
+    MemoryBus(here.network).announce(VEHICLE, "v1", fingerprint)
+    recorder = here.join(RECORDER, "recorder", scenario())
     here.join(VEHICLE, "v1", scenario())
-    monkeypatch.setattr(
-        "scenarios.runs.processes.membership.installed_versions",
-        lambda: {"convoy-emulator": "99.0"},
-    )
-    with pytest.raises(BusError, match=r"^run mine: v1 has version .*, here it is 99\.0$"):
-        here.join(VEHICLE, "v2", scenario())
+    here.join(VEHICLE, "v2", scenario())
+    assert recorder.vehicles == {"v1", "v2"}
+    assert recorder.excluded() == {}
+    (line,) = recorder.new_warnings()
+    assert line.startswith("v1 has ")
 
 
-def test_a_token_of_an_unknown_form_is_of_another_version() -> None:
+def test_strangers_cannot_fill_the_log_with_warnings() -> None:
     here = Network()
-    MemoryBus(here.network).announce(VEHICLE, "v1", "something")
-    with pytest.raises(BusError, match="v1 has another version of the program"):
-        here.join(VEHICLE, "v2", scenario())
+    recorder = here.join(RECORDER, "recorder", scenario())
+    for number in range(3 * MOST_WARNINGS):
+        MemoryBus(here.network).announce(VEHICLE, f"x{number}", "something")
+    assert len(recorder.new_warnings()) == MOST_WARNINGS
+    assert recorder.new_warnings() == []
 
 
 def test_of_two_that_join_at_the_same_instant_one_stays() -> None:
@@ -130,6 +209,11 @@ def test_of_two_that_join_at_the_same_instant_one_stays() -> None:
     # Each passes its first check before the other announces itself.
     with pytest.raises(BusError, match="there is a vehicle v1 already"):
         second.join(sleep=lambda _: first.announce(VEHICLE, "v1", chunk))
+    second = Membership(MemoryBus(here.network), "mine", VEHICLE, "v7", Fingerprint.of(scenario()))
+    second.join(sleep=lambda _: None)
+    first.announce(VEHICLE, "v7", chunk)  # a slow network delivers it after the join
+    with pytest.raises(BusError, match="there is a vehicle v7 already"):
+        second.check()
     first.close()
     third.close()
     first, third = MemoryBus(here.network), MemoryBus(here.network)

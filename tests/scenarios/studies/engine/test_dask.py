@@ -15,10 +15,10 @@ from typing import Any
 import pytest
 
 from scenarios.definition.errors import ScenarioError
+from scenarios.results.versions import current_stamp
 from scenarios.studies.engine import dispatcher
 from scenarios.studies.engine.job import Job
 from scenarios.studies.engine.journal import JOURNAL
-from scenarios.studies.engine.stamp import current_stamp
 from scenarios.studies.engine.workers import open_workers
 from scenarios.studies.many.sweeps.sweep import run_sweep
 from tests.made.many.small_sweeps import run_sweep_here, small_plan, tables

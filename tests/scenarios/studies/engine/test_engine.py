@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.errors import ScenarioError
+from scenarios.results.versions import current_stamp
 from scenarios.studies.engine.dispatcher import (
     MAX_ATTEMPTS,
     TARGET_BATCH_S,
@@ -22,7 +24,7 @@ from scenarios.studies.engine.dispatcher import (
     JobDispatcher,
 )
 from scenarios.studies.engine.engine import JobProgress, study_engine
-from scenarios.studies.engine.job import Job, JobResult, Work
+from scenarios.studies.engine.job import Job, JobResult, Work, run_batch
 from scenarios.studies.engine.workers import InlineExecutor, WorkerGroup, open_workers
 from tests.made.many.engines import engine_here
 
@@ -224,3 +226,15 @@ def test_no_more_jobs_run_after_the_caller_stops(tmp_path: Path) -> None:
     with open_workers(0) as workers, suppress(StopIteration):
         next(JobDispatcher(jobs, workers).outcomes())
     assert len(list(tmp_path.iterdir())) < 10
+
+
+def test_a_worker_with_other_versions_runs_nothing_and_names_the_differences() -> None:
+    done: list[int] = []
+    here = current_stamp()
+    driver = replace(here, numpy="1.0", sources="0" * 12)
+    with pytest.raises(ScenarioError) as refused:
+        run_batch(driver, [lambda: done.append(1)])
+    (line,) = refused.value.lines
+    for fact in (f"numpy is {here.numpy}", "1.0", f"sources is {here.sources}"):
+        assert fact in line
+    assert not done
