@@ -29,7 +29,7 @@ MODULES = {
     "vehicles/driver": "command_limit decision follower leader speed",
     "vehicles/driver/degradation": "innovation innovation_gate intended_path modes reception"
     " situation source sources speed_guard stopping trust",
-    "vehicles/driver/ego": "covariance late_fixes own_state pose_estimator",
+    "vehicles/driver/ego": "covariance late_fixes own_state own_track pose_estimator",
     "transport": "clock codec message_numbers telemetry thinning",
     "transport/links": "content_stage gate inbox link positions staged_messages",
     "transport/log": "writer",

@@ -67,6 +67,10 @@ class SlipModel:
         ramp = (self._kick - steady) * (now - before) * (lag * (1.0 - kept) / span)
         return kept * lateral_speed + steady * (now - kept * before) + ramp
 
+    def load_effect(self, speed: float, yaw_rate: float) -> float:
+        """Lateral speed (m/s) in steady cornering per relative error of the assumed load."""
+        return -self._sag * speed * speed * yaw_rate
+
     def error(self, speed: float, yaw_rate: float) -> float:
         """Standard deviation (m/s) of the lateral speed, from unknown load and `SIDE_DRIFT`."""
         return UNKNOWN_LOAD * self._sag * speed * speed * abs(yaw_rate) + SIDE_DRIFT

@@ -9,4 +9,5 @@ fix_states     fix states over time
 outages        times and places without a fix
 gnss_settings  all settings of a receiver: the registry of its errors
 gnss_errors    the errors over a run
+stated_errors  the error model that a receiver states
 """

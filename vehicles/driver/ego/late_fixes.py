@@ -43,6 +43,14 @@ class LatePoseEstimator:
     def assume(self, parameters: VehicleParameters) -> None:
         self._past.assume(parameters)  # its copies share the model
 
+    @property
+    def deviations(self) -> tuple[float, float, float]:
+        return self._present.deviations
+
+    @property
+    def lateral_deviation(self) -> float:
+        return self._present.lateral_deviation
+
     def at(self, now: int) -> Pose:
         """Pose at `now` (ns) by dead reckoning from the last fix; ValueError before the first."""
         return self._present.at(now)

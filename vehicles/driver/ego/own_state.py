@@ -45,6 +45,11 @@ class OwnState(Protocol):
         """Pose at `now` (ns), not before the last update; ValueError before the first."""
         ...
 
+    @property
+    def lateral_deviation(self) -> float:
+        """Standard deviation (m) of the position across the body; NaN if it is unknown."""
+        ...
+
 
 class ExactState:
     """The true state of the car, from an exact sensor (the simulations of Section V-C)."""
@@ -56,6 +61,10 @@ class ExactState:
         if isinstance(motion, Body):
             yaw = wrap_angle(motion.yaw)
             self._pose = Pose(motion.east, motion.north, yaw, motion.speed, motion.yaw_rate)
+
+    @property
+    def lateral_deviation(self) -> float:
+        return 0.0
 
     def at(self, now: int) -> Pose:  # noqa: ARG002
         if self._pose is None:

@@ -9,12 +9,14 @@ At 30 m/s with the usual sensors (50 Hz; fixes of 2 cm and 0.1 deg at 20 Hz) the
 0.1 on a straight, and 0.3 on an arc of 500 m, where the slip is uncertain because the load is
 unknown.
 
-Errors of fixes are assumed white. Lasting errors (drift, bias) cannot be distinguished from the
-car's motion: the estimate follows them, smoothed, and its covariance is too small.
+Without `stated` errors, those of fixes are assumed white. Lasting errors (drift, bias) would then
+be followed, smoothed, and the covariance would be too small. With the error model that the receiver
+states, its lasting errors are estimated as well; a receiver that states a wrong accuracy still
+misleads the filter.
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from math import nan
 from typing import Final
 
 from vehicles.car.dead_reckoning import DriftModel, SlipModel
@@ -23,29 +25,12 @@ from vehicles.car.gnss import Fix
 from vehicles.car.imu import InertialNoise, Motion
 from vehicles.car.parameters import VehicleParameters
 from vehicles.car.positioning.noise import GnssNoise
-from vehicles.driver.ego.covariance import AcrossCovariance, AlongCovariance
+from vehicles.car.positioning.stated_errors import StatedErrors
 from vehicles.driver.ego.own_state import Pose
-from vehicles.geometry.geodesy import wrap_angle
-from vehicles.schedule import SECOND
-
-GATE: Final = 6.0
-"""Innovations beyond this number of standard deviations are outliers."""
-
-JUMP_DISTANCE: Final = 0.5
-JUMP_GROWTH: Final = 3.0
-"""Largest distance of a sliding car from dead reckoning (m, and m/s times the age of the last fix).
-"""
-
-JUMP_HEADING: Final = 0.1
-JUMP_TURNING: Final = 0.5
-"""The same for its heading (rad, rad/s)."""
+from vehicles.driver.ego.own_track import OwnTrack, TrackModel
 
 JUMPS_ACCEPTED: Final = 3
 """After this number of consecutive outliers that agree with one another the filter restarts."""
-
-ACCELERATION: Final = 3.0
-YAW_ACCELERATION: Final = 1.0
-"""Assumed rates of change (m/s², rad/s²) of speed and yaw rate since the last reading."""
 
 
 class PoseEstimator:
@@ -53,7 +38,8 @@ class PoseEstimator:
 
     `imu_rate_hz` is the rate of the readings. Before the first reading, speed and yaw rate are
     those of the first fix. `by_accuracy` weights each fix by the accuracy stated by its receiver,
-    instead of `gnss`. `start` serves as the first fix if the pose is requested before there is one.
+    instead of `gnss`. `stated` is the error model of the receiver, if its errors may last. `start`
+    serves as the first fix if the pose is requested before there is one.
     """
 
     def __init__(
@@ -64,16 +50,17 @@ class PoseEstimator:
         imu_rate_hz: float = 50.0,
         *,
         by_accuracy: bool = False,
+        stated: StatedErrors | None = None,
         start: Fix | None = None,
     ) -> None:
         slip, noise = SlipModel(parameters), imu or InertialNoise()
         drift = DriftModel(slip, noise, imu_rate_hz)
-        self._model = _Model(slip, drift, gnss or GnssNoise(), noise, by_accuracy)
+        self._model = TrackModel(slip, drift, gnss or GnssNoise(), noise, by_accuracy, stated)
         self._parameters, self._imu_rate_hz = parameters, imu_rate_hz
         self._start = start
         self._motion: Motion | None = None
-        self._track: _Track | None = None
-        self._rival: _Track | None = None
+        self._track: OwnTrack | None = None
+        self._rival: OwnTrack | None = None
 
     def update(self, now: int, fix: Fix | None, motion: Motion | Body | None) -> None:
         """Process the measurements at `now` (ns): first the reading, then the fix."""
@@ -119,12 +106,18 @@ class PoseEstimator:
         if not math.isfinite(fix.east + fix.north + fix.yaw + fix.speed + fix.yaw_rate):
             return
         if self._track is None:
-            motion = self._motion or Motion(fix.speed, fix.yaw_rate)
-            self._track = _Track.from_fix(fix, motion, self._model)
+            self._track = OwnTrack.from_fix(fix, self._motion_at(fix), self._model)
         elif fix.measured_at > self._track.fixed_at and fix.measured_at >= self._track.at:
             self._correct(self._track, fix)
 
-    def _correct(self, track: "_Track", fix: Fix) -> None:
+    def begin(self, start: Fix) -> None:
+        """Initialise by a known pose with white errors, which is not from the receiver."""
+        self._track = OwnTrack.from_known(start, self._motion_at(start), self._model)
+
+    def _motion_at(self, fix: Fix) -> Motion:
+        return self._motion or Motion(fix.speed, fix.yaw_rate)
+
+    def _correct(self, track: OwnTrack, fix: Fix) -> None:
         if track.correct(fix):
             self._rival = None
             return
@@ -136,7 +129,7 @@ class PoseEstimator:
     def at(self, now: int) -> Pose:
         """Pose at `now` (ns) by dead reckoning; ValueError before the first fix."""
         if self._track is None and self._start is not None:
-            self.correct(self._start)
+            self.begin(self._start)
         if self._track is None:
             raise ValueError("no pose before the first fix")
         return self._track.pose(now)
@@ -149,184 +142,9 @@ class PoseEstimator:
         """
         if self._track is None:
             raise ValueError("no pose before the first fix")
-        along, across = self._track.along, self._track.across
-        return math.sqrt(along.aa), math.sqrt(across.cc), math.sqrt(across.hh)
+        return self._track.deviations
 
-
-@dataclass(slots=True)
-class _Model:
-    """Models of the car's slip, of the drift of dead reckoning, and of the sensor noise."""
-
-    slip: SlipModel
-    drift: DriftModel
-    gnss: GnssNoise
-    imu: InertialNoise
-    by_accuracy: bool
-    heading: float = field(init=False)
-    speed: float = field(init=False)
-    yaw_rate: float = field(init=False)
-
-    def __post_init__(self) -> None:
-        gnss, imu = self.gnss, self.imu
-        self.heading = gnss.heading**2
-        self.speed = gnss.speed**2 + imu.speed**2
-        self.yaw_rate = gnss.yaw_rate**2 + imu.yaw_rate**2
-
-    def position(self, fix: Fix) -> float:
-        return fix.accuracy if self.by_accuracy else self.gnss.position
-
-
-@dataclass(slots=True, eq=False, kw_only=True)
-class _Track:
-    """An estimate, its instant (ns), its covariance and its number of fixes."""
-
-    at: int
-    fixed_at: int
-    read_at: int
-    fixes: int = 1
-    east: float
-    north: float
-    yaw: float
-    along: AlongCovariance
-    across: AcrossCovariance
-    _model: _Model
-    _speed: float
-    _yaw_rate: float
-    _lateral_speed: float
-    _speed_bias: float = 0.0
-    _yaw_rate_bias: float = 0.0
-
-    @classmethod
-    def from_fix(cls, fix: Fix, motion: Motion, model: _Model) -> "_Track":
-        place = model.position(fix) ** 2
-        gnss, imu = model.gnss, model.imu
-        return cls(
-            at=fix.measured_at,
-            fixed_at=fix.measured_at,
-            read_at=fix.measured_at,
-            east=fix.east,
-            north=fix.north,
-            yaw=wrap_angle(fix.yaw),
-            along=AlongCovariance(place, imu.speed_bias**2),
-            across=AcrossCovariance(place, gnss.heading**2, imu.yaw_rate_bias**2),
-            _model=model,
-            _speed=motion.speed,
-            _yaw_rate=motion.yaw_rate,
-            _lateral_speed=model.slip.steady(motion.speed, motion.yaw_rate),
-        )
-
-    def copy(self) -> "_Track":
-        return replace(self, along=replace(self.along), across=replace(self.across))
-
-    def restarted(self, fix: Fix) -> "_Track":
-        """Start another track at `fix`, keeping the sensor biases."""
-        other = _Track.from_fix(fix, Motion(self._speed, self._yaw_rate), self._model)
-        other._speed_bias, other._yaw_rate_bias = self._speed_bias, self._yaw_rate_bias
-        other.along.ss, other.across.gg = self.along.ss, self.across.gg
-        other.read_at = self.read_at
-        return other
-
-    def read(self, now: int, speed: float, yaw_rate: float) -> None:
-        self.move(now, speed, yaw_rate)
-        self.read_at = now
-
-    def pose(self, now: int) -> Pose:
-        speed = self._speed - self._speed_bias
-        speed = speed if speed > 0.0 else 0.0
-        yaw_rate = self._yaw_rate - self._yaw_rate_bias
-        span = (now - self.at) / SECOND
-        if span <= 0.0:
-            return Pose(self.east, self.north, self.yaw, speed, yaw_rate)
-        sideways = 0.5 * (
-            self._lateral_speed
-            + self._model.slip.after(span, speed, yaw_rate, yaw_rate, self._lateral_speed)
-        )
-        return Pose(*self._moved(span, speed, sideways, yaw_rate), speed, yaw_rate)
-
-    def move(self, now: int, speed: float, yaw_rate: float) -> None:
-        """Predict pose and covariance to a reading at `now` (ns)."""
-        span = (now - self.at) / SECOND
-        if span > 0.0:
-            slip, drift = self._model.slip, self._model.drift
-            forward = 0.5 * (self._speed + speed) - self._speed_bias
-            forward = forward if forward > 0.0 else 0.0
-            first, last = self._yaw_rate - self._yaw_rate_bias, yaw_rate - self._yaw_rate_bias
-            turning = 0.5 * (first + last)
-            before = self._lateral_speed
-            self._lateral_speed = slip.after(span, forward, first, last, before)
-            sideways = 0.5 * (before + self._lateral_speed)
-            self.east, self.north, self.yaw = self._moved(span, forward, sideways, turning)
-            self.along.grow(span, drift.along)
-            across = drift.across(forward, turning)
-            lever = slip.steady(forward, 1.0)
-            self.across.grow(span, forward * span, lever, across, drift.heading)
-            self.at = now
-        self._speed, self._yaw_rate = speed, yaw_rate
-
-    def _moved(
-        self, span: float, speed: float, sideways: float, yaw_rate: float
-    ) -> tuple[float, float, float]:
-        """East, north, yaw after `span` (s) at constant speeds and yaw rate, exactly."""
-        half = 0.5 * yaw_rate * span
-        # At a constant yaw rate the displacement is the chord, turned by half the change of yaw.
-        chord = span * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
-        cos, sin = math.cos(self.yaw + half), math.sin(self.yaw + half)
-        return (
-            self.east + chord * (speed * cos - sideways * sin),
-            self.north + chord * (speed * sin + sideways * cos),
-            wrap_angle(self.yaw + 2.0 * half),
-        )
-
-    def correct(self, fix: Fix) -> bool:
-        """Correct by `fix`, which is not older; returns False, uncorrected, for an outlier."""
-        since = (fix.measured_at - self.fixed_at) / SECOND
-        self.move(fix.measured_at, self._speed, self._yaw_rate)
-        east, north = fix.east - self.east, fix.north - self.north
-        turned = wrap_angle(fix.yaw - self.yaw)
-        variance = self._model.position(fix) ** 2
-        if not self._is_plausible(math.hypot(east, north), turned, since, variance):
-            return False
-        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
-        along = self._correct_along(east * cos + north * sin, fix, variance)
-        across = self._correct_across(north * cos - east * sin, turned, fix, variance)
-        self.east += along * cos - across * sin
-        self.north += along * sin + across * cos
-        self.fixed_at = fix.measured_at
-        self.fixes += 1
-        return True
-
-    def _is_plausible(self, away: float, turned: float, since: float, variance: float) -> bool:
-        """Whether a fix of this position variance (m²) may be `away` (m) and `turned` (rad)."""
-        position = self.along.aa + self.across.cc + 2.0 * variance
-        heading = self.across.hh + self._model.heading
-        reach = JUMP_DISTANCE + JUMP_GROWTH * since + GATE * math.sqrt(position)
-        turn = JUMP_HEADING + JUMP_TURNING * since + GATE * math.sqrt(heading)
-        return away <= reach and abs(turned) <= turn
-
-    def _correct_along(self, innovation: float, fix: Fix, variance: float) -> float:
-        """Correct the speed bias; returns the correction (m) of the position along the body."""
-        position, bias = self.along.by_position(innovation, variance)
-        self._speed_bias += bias
-        age = (self.at - self.read_at) / SECOND
-        residual = self._speed - fix.speed - self._speed_bias
-        variance = self._model.speed + (ACCELERATION * age) ** 2
-        if residual * residual <= GATE**2 * (variance + self.along.ss):
-            more, bias = self.along.by_bias(residual, variance)
-            self._speed_bias += bias
-            position += more
-        return position
-
-    def _correct_across(self, innovation: float, turned: float, fix: Fix, variance: float) -> float:
-        """Correct yaw and gyroscope bias; returns the correction (m) across the body."""
-        position, heading, bias = self.across.by_position(innovation, variance)
-        more = self.across.by_heading(turned - heading, self._model.heading)
-        position, heading, bias = position + more[0], heading + more[1], bias + more[2]
-        age = (self.at - self.read_at) / SECOND
-        residual = self._yaw_rate - fix.yaw_rate - self._yaw_rate_bias - bias
-        variance = self._model.yaw_rate + (YAW_ACCELERATION * age) ** 2
-        if residual * residual <= GATE**2 * (variance + self.across.gg):
-            more = self.across.by_bias(residual, variance)
-            position, heading, bias = position + more[0], heading + more[1], bias + more[2]
-        self.yaw = wrap_angle(self.yaw + heading)
-        self._yaw_rate_bias += bias
-        return position
+    @property
+    def lateral_deviation(self) -> float:
+        """Standard deviation (m) across the body at the last measurement; NaN before the first."""
+        return nan if self._track is None else self._track.lateral_deviation

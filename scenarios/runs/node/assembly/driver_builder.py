@@ -5,6 +5,7 @@ from scenarios.definition.scenario import Scenario
 from scenarios.runs.node.phases import Car, VehicleContext
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
+from vehicles.car.positioning.stated_errors import stated_errors
 from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Driver
 from vehicles.driver.degradation.innovation_gate import InnovationGate
@@ -120,11 +121,12 @@ class DriverBuilder:
             setup.imu.noise,
             setup.imu_rate_hz,
             by_accuracy=True,
+            stated=stated_errors(gnss),
             start=start,
         )
         if gnss.has_fix_every_instant and now == context.start_at:
             return estimator
-        estimator.correct(start)
+        estimator.begin(start)
         if not gnss.latency:
             return estimator
         return LatePoseEstimator(estimator, gnss.latency)

@@ -50,8 +50,11 @@ WHEELS_STRAIGHT = Fault("vehicles.driver.follower.Follower._steer", _wheels_stra
 WHEELS_ASKEW = Fault("vehicles.driver.follower.Follower._steer", _wheels_askew)
 """A follower without data steers two degrees to the left of its command."""
 TRUSTS_ALL = Fault("vehicles.driver.degradation.innovation_gate.InnovationGate.judge", _trust)
-ALL_EXACT = Fault("vehicles.driver.ego.pose_estimator._Model.position", lambda *_: 0.01)
-"""The car assumes fixes with an error of one centimetre."""
+NO_LASTING_ERRORS = Fault(
+    "vehicles.driver.ego.joint_covariance.JointCovariance._active",
+    lambda _joint, axis, _state: [axis],
+)
+"""The own-state filter ignores the errors of fixes that last."""
 NEEDS_MANY = Fault(
     "vehicles.driver.degradation.source.reaches_ahead",
     lambda window: len(window.station) >= 60,
@@ -122,7 +125,7 @@ PLANTS = (
     Plant("ghost_vehicle", ("distrusts_max",), ("control.degradation.gate_deviations=1.0",)),
     Plant("overconfident_gnss", (ERROR,), WEAKER),
     Plant("overconfident_gnss", ("recovery[0]",), (SLOW,)),
-    Plant("rtk_lost", (ERROR, SELF_ESTIMATE), fault=ALL_EXACT),
+    Plant("rtk_lost", (ERROR, SELF_ESTIMATE), fault=NO_LASTING_ERRORS),
     Plant("clock_off", (ERROR,), (WEAK,)),
     Plant("clock_off", ("distrusts_max",), ("control.degradation.gate_deviations=1.0",)),
     Plant("clock_off", (GAP,), ("speed.gap.headway_s=0.3",)),

@@ -1,0 +1,91 @@
+"""Errors of the own-state filter over its own deviations (NEES), with an emulated receiver."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from tests.made.vehicles.driving import advance
+from vehicles.car.dynamics import Actuation, Body
+from vehicles.car.gnss import Fix, GnssReceiver
+from vehicles.car.imu import InertialNoise, InertialSensor
+from vehicles.car.parameters import LINCOLN_MKZ as CAR
+from vehicles.car.parameters import VehicleParameters
+from vehicles.car.positioning.error_term import ReceiverContext
+from vehicles.car.positioning.gnss_errors import ReceiverErrors
+from vehicles.car.positioning.gnss_settings import GnssSettings
+from vehicles.car.positioning.stated_errors import stated_errors
+from vehicles.driver.ego.late_fixes import LatePoseEstimator
+from vehicles.driver.ego.pose_estimator import PoseEstimator
+from vehicles.geometry.geodesy import wrap_angle
+
+MS = 1_000_000
+WARM_UP_S = 2.0
+
+
+@dataclass(frozen=True)
+class Course:
+    """Initial state of a car, and its commands over time (s)."""
+
+    body: Body
+    command: Callable[[float], Actuation]
+
+
+@dataclass(frozen=True)
+class EstimatedDrive:
+    """A car with a receiver, driven along a course for `seconds`; the first 2 s are left out.
+
+    The filter assumes an empty car. With `white_only` it ignores the receiver's error model.
+    """
+
+    gnss: GnssSettings
+    course: Course
+    seconds: float = 30.0
+    car: VehicleParameters = CAR
+    white_only: bool = False
+
+    def normalised_squares(self, seed: int) -> np.ndarray:
+        """Squared errors over variances, (n, 3): along, across, heading, once per 100 ms."""
+        rows = [row for at, row in self._run(seed) if at >= WARM_UP_S]
+        return np.array(rows)
+
+    def _run(self, seed: int) -> Iterator[tuple[float, list[float]]]:
+        settings, body = self.gnss, self.course.body
+        gnss = GnssReceiver(
+            settings.noise, settings.rate, 0, np.random.default_rng([seed, 0]),
+            ReceiverErrors(settings, receiver_context(seed)),
+        )  # fmt: skip
+        imu = InertialSensor(InertialNoise(), 50.0, 0, np.random.default_rng([seed, 1]))
+        own_state = self._estimator(body)
+        for k in range(round(self.seconds * 100)):
+            now = k * 10 * MS
+            own_state.update(now, gnss.measure(body, now), imu.measure(body, now))
+            if k % 10 == 0:
+                yield k * 0.01, _normalised(own_state, body, now)
+            body = advance(body, self.course.command(k * 0.01), 0.01, self.car)
+
+    def _estimator(self, body: Body) -> PoseEstimator | LatePoseEstimator:
+        gnss = self.gnss
+        start = Fix(0, 0, body.east, body.north, wrap_angle(body.yaw), body.speed, body.yaw_rate)
+        stated = None if self.white_only else stated_errors(gnss)
+        estimator = PoseEstimator(CAR, gnss.noise, by_accuracy=True, stated=stated, start=start)
+        if gnss.has_fix_every_instant:
+            return estimator
+        estimator.begin(start)
+        return LatePoseEstimator(estimator, gnss.latency) if gnss.latency else estimator
+
+
+def receiver_context(seed: int) -> ReceiverContext:
+    def stream(purpose: str, kind: int) -> np.random.Generator:
+        return np.random.default_rng([seed, kind, *purpose.encode()])
+
+    return ReceiverContext(0, 0.0, lambda p: stream(p, 2), lambda p: stream(p, 3))
+
+
+def _normalised(own_state: PoseEstimator | LatePoseEstimator, body: Body, now: int) -> list[float]:
+    pose, deviations = own_state.at(now), own_state.deviations
+    east, north = pose.east - body.east, pose.north - body.north
+    cos, sin = math.cos(body.yaw), math.sin(body.yaw)
+    errors = east * cos + north * sin, north * cos - east * sin, wrap_angle(pose.yaw - body.yaw)
+    return [(error / deviation) ** 2 for error, deviation in zip(errors, deviations, strict=True)]
