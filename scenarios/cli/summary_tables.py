@@ -11,7 +11,7 @@ from rich.text import Text
 
 from scenarios.cli.columns import Column, figure, print_whole, table_of, worst_rows
 from scenarios.cli.display_options import Tables
-from scenarios.results.channel.link_summary import LinkSummary
+from scenarios.results.channel.link_summary import LinkSummary, lost_in_transport
 from scenarios.results.events.encounters import EventKind
 from scenarios.results.events.run_event import RunEvent, road_known
 from scenarios.results.holes import hole_lines
@@ -74,6 +74,11 @@ def _link_name(row: LinkSummary) -> str:
 
 def _dropped(row: LinkSummary) -> str:
     return _counts(row.dropped) or "0"
+
+
+def _not_arrived(row: LinkSummary) -> str:
+    causes = {word.replace("_", " "): count for word, count in row.not_arrived.items()}
+    return _counts(causes) or "0"
 
 
 def _altered(row: LinkSummary) -> str:
@@ -198,7 +203,10 @@ MESSAGE_COLUMNS: Sequence[Column[LinkSummary]] = (
     Column("late", lambda row: row.late, wraps=True),
     Column("reordered", lambda row: row.reordered, wraps=True),
     Column("dropped", _dropped, wraps=True),
+    Column("not arrived", _not_arrived, wraps=True),
+    Column("in flight", lambda row: row.in_flight, wraps=True),
 )
+"""Each sent message is delivered, dropped, not arrived, in flight at the end or unrecorded."""
 FRESHNESS_COLUMNS: Sequence[Column[LinkSummary]] = (
     Column("link", _link_name, left=True),
     Column(
@@ -214,6 +222,9 @@ FRESHNESS_COLUMNS: Sequence[Column[LinkSummary]] = (
     *map(_fresh_column, SHOWN_AGES_MS),
 )
 """How often messages arrived over each link, and how old data was when it was used."""
+UNRECORDED_COLUMN: Column[LinkSummary] = Column(
+    "unrecorded", lambda row: row.unrecorded, wraps=True
+)
 ALTERED_COLUMN: Column[LinkSummary] = Column("copied or\naltered", _altered, wraps=True)
 ALARM_COLUMN: Column[LinkSummary] = Column(
     "false\nlosses of\nsource", lambda row: row.false_alarms.counted
@@ -260,14 +271,19 @@ def _tables(summary: RunSummary, tables: Tables) -> Iterator[tuple[bool, Table]]
     if summary.links:
         is_news = any(_has_link_news(row, summary.warnings) for row in summary.links)
         yield is_news, _link_table(summary, LINK_COLUMNS, "links: loss and latency")
-        altered = [ALTERED_COLUMN] if any(row.copies or row.false for row in summary.links) else []
-        yield is_news, _link_table(summary, (*MESSAGE_COLUMNS, *altered), "links: messages")
+        yield is_news, _link_table(summary, _message_columns(summary.links), "links: messages")
         counts = any(row.false_alarms.counted is not None for row in summary.links)
         freshness = (*FRESHNESS_COLUMNS, *([ALARM_COLUMN] if counts else []))
         title = "arrivals and age of data: mean / 95th percentile / max"
         yield False, _link_table(summary, freshness, title)
     if summary.events:
         yield True, event_table(summary, MOST_EVENTS if tables == "all" else MOST_NEW_EVENTS)
+
+
+def _message_columns(rows: Sequence[LinkSummary]) -> Sequence[Column[LinkSummary]]:
+    unrecorded = [UNRECORDED_COLUMN] if any(row.unrecorded for row in rows) else []
+    altered = [ALTERED_COLUMN] if any(row.copies or row.false for row in rows) else []
+    return *MESSAGE_COLUMNS, *unrecorded, *altered
 
 
 def _has_process_news(row: VehicleSummary) -> bool:
@@ -278,11 +294,11 @@ def _has_process_news(row: VehicleSummary) -> bool:
 
 
 def _has_link_news(row: LinkSummary, warnings: Sequence[str]) -> bool:
-    """Whether a link was cut, altered messages, was late, or deviated from its request."""
+    """Whether a link was cut, altered messages or lacks some, was late, or not as requested."""
     deviates = any(line.startswith(f"{_link_name(row)}: ") for line in warnings)
-    return bool(
-        deviates or row.false or "cut" in row.dropped or row.late > LATE_NEWS_RATIO * row.judged
-    )
+    missed = lost_in_transport(row) or row.unrecorded
+    is_late = row.late > LATE_NEWS_RATIO * row.judged
+    return bool(deviates or row.false or missed or "cut" in row.dropped or is_late)
 
 
 def _all_reasons(summary: RunSummary) -> Sequence[str]:

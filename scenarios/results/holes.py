@@ -69,6 +69,12 @@ class EdgeInstants:
         if self._newest is None or number > self._newest[0]:
             self._newest = number, at
 
+    def instant(self, number: int, otherwise: int) -> int:
+        """Instant (ns) of a message next to a hole, or `otherwise`."""
+        if self._newest is not None and number == self._newest[0]:
+            return self._newest[1]
+        return self._at.get(number, otherwise)
+
     def holes(self, vehicle: str, numbers: MessageNumbers, start_at: int) -> Iterator[RecordHole]:
         """Yield the holes in `numbers` of a run from `start_at` (ns), none at its end."""
         for first, last in numbers.missing(0):

@@ -7,6 +7,7 @@ from typing import Any
 from scenarios.definition.changing.vehicle_changes import VEHICLE_CHANGES, is_changed
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.link_tables import LinkTable
+from scenarios.results.channel.account import Link, LinkAccount, absence_lines
 from scenarios.results.channel.link_figures import LinkFigures
 from scenarios.results.channel.link_summary import LinkSummary
 from scenarios.results.events.bodies import BodySize
@@ -87,11 +88,12 @@ class Metrics:
             )
             for name in vehicles
         }
-        self._links = LinkFigures(self._names, requested)
+        self._links = LinkFigures(self._names, requested, control_rate_hz)
         self.links = self._links.tallies
         self.deadlines = deadlines or Deadlines()
         self._changes = ChangeLog()
         self._has_deadlines = bool(self.deadlines)
+        self._recorded_at = 0
         takes: Mapping[type[Message], Callable[[VehicleFigures, Any, int], None]] = {
             TruePose: self._add_truth,
             Tracking: self._add_tracking,
@@ -137,6 +139,7 @@ class Metrics:
             figures = self.vehicles.get(message.vehicle)
             if figures is not None:
                 take, instant_of = handler
+                self._recorded_at = at
                 valid_at: int = instant_of(message)
                 if valid_at > figures.last_at:  # noqa: PLR1730 - twice as fast as max
                     figures.last_at = valid_at
@@ -146,6 +149,7 @@ class Metrics:
         elif isinstance(message, RunStart):
             self.stream.listen(at, message)
             self.deadlines.begin(message.start_at_ns)
+            self._links.begin(message.start_at_ns)
 
     def _add_text(self, text: LogText) -> None:
         if text.doubts_figures and len(self.warnings) < MOST_WARNINGS:
@@ -183,6 +187,7 @@ class Metrics:
 
     def _add_tracking(self, figures: VehicleFigures, tracking: Tracking, at: int) -> None:
         figures.add_tracking(tracking)
+        self._links.add_decision(tracking)
         if not figures.is_lead:
             self.stream.add_tracking(tracking)
             self._links.add_tracking(tracking, at)
@@ -191,6 +196,7 @@ class Metrics:
 
     def _add_pose(self, figures: VehicleFigures, pose: GpsPose, _at: int) -> None:
         figures.add_pose(pose)
+        self._links.sent[pose.vehicle].add(pose.seq, pose.sent_at_ns, self._recorded_at)
 
     def _add_health(self, figures: VehicleFigures, health: Health, _at: int) -> None:
         figures.add_health(health)
@@ -228,15 +234,33 @@ class Metrics:
     def _span(self, ran_ns: int) -> RunSpan:
         return RunSpan(self.start_at, ran_ns, self._duration_ns)
 
-    def link_summaries(self) -> tuple[LinkSummary, ...]:
-        sent = {name: (figures.poses, figures.last_at) for name, figures in self.vehicles.items()}
-        return self._links.summaries(sent)
+    def accounts(self, ran_ns: int = 0) -> dict[Link, LinkAccount]:
+        """Account of the messages of each link in a run of `ran_ns`."""
+        span = self._span(ran_ns)
+        figures = self.vehicles.items()
+        return self._links.accounts(
+            {name: one.scheduled_poses(span) for name, one in figures},
+            {name: one.health for name, one in figures},
+            start_at=self.start_at,
+            end_at=max([one.last_at for _, one in figures]),
+        )
+
+    def link_summaries(self, ran_ns: int = 0) -> tuple[LinkSummary, ...]:
+        last_at = {name: figures.last_at for name, figures in self.vehicles.items()}
+        return self._links.summaries(self.accounts(ran_ns), last_at)
 
     def changes(self) -> tuple[RunChange, ...]:
         return self._changes.changes(self.stream.seconds)
 
-    def request_deviations(self) -> Iterator[str]:
-        return self._links.request_deviations()
+    def channel_warnings(self, ran_ns: int = 0) -> Iterator[str]:
+        """Yield lines on messages that did not arrive and on deviations from the requests."""
+        accounts = self.accounts(ran_ns)
+        yield from absence_lines(accounts, self.stream.seconds)
+        yield from self._links.request_deviations(accounts)
+
+    def contradictions(self, ran_ns: int = 0) -> list[str]:
+        """Lines on links whose messages are not accounted for."""
+        return [one.problem for one in self.accounts(ran_ns).values() if one.problem]
 
 
 def _steady_rate_hz(scenario: Scenario, name: str) -> float | None:

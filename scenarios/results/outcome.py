@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from scenarios.results.channel.link_summary import lost_in_transport
 from scenarios.results.events.encounters import EventKind
 from scenarios.results.events.run_event import RunEvent
 from scenarios.results.summary import RunSummary
@@ -81,6 +82,9 @@ def _caveats(summary: RunSummary) -> Iterator[str]:
     missing = sum(hole.poses for hole in summary.holes)
     if missing:
         yield f"{missing} {'pose' if missing == 1 else 'poses'} not recorded"
+    absent = sum(map(lost_in_transport, summary.links))
+    if absent:
+        yield f"{absent} {'message' if absent == 1 else 'messages'} did not arrive"
     late = late_ratio(summary.vehicles)
     if late > LATE_RATIO:
         yield f"{100.0 * late:.2g} % of the ticks late"

@@ -51,7 +51,8 @@ def summarise(
     vehicles, events = metrics.vehicle_summaries(ran_ns), metrics.events.events()
     deadlines = metrics.deadlines.figures(ran_ns)
     limits = limit_figures(scenario.tables.limits, events, vehicles, deadlines)
-    reason = failure_reason(reason, [limit.message for limit in limits if limit.broken])
+    broken = [limit.message for limit in limits if limit.broken]
+    reason = failure_reason(reason, [*broken, *metrics.contradictions(ran_ns)])
     summary = RunSummary(
         identity=identity,
         outcome="failed" if reason else "completed",
@@ -60,7 +61,7 @@ def summarise(
         ran_s=ran_ns / SECOND,
         recorder_rejected_messages=dict(sorted(rejected.items())),
         vehicles=vehicles,
-        links=metrics.link_summaries(),
+        links=metrics.link_summaries(ran_ns),
         events=events,
         holes=metrics.holes(ran_ns),
         limits=limits,
@@ -68,7 +69,7 @@ def summarise(
             *late_lines(vehicles),
             *metrics.warnings,
             *metrics.out_of_linear.values(),
-            *metrics.request_deviations(),
+            *metrics.channel_warnings(ran_ns),
         ),
         changes=metrics.changes(),
     )

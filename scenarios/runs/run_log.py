@@ -105,12 +105,13 @@ class RunLog:
             self.recorder.log_news(at)
             for line in hole_lines(self.metrics.holes(self._ran_ns), MOST_HOLE_LINES):
                 self.recorder.log(at, line, "warning")
-            for row in self.metrics.link_summaries()[:MOST_LINK_LINES]:
+            for row in self.metrics.link_summaries(self._ran_ns)[:MOST_LINK_LINES]:
                 if row.judged:
                     self.recorder.log(at, describe_link(row), "debug")  # for the log only
             silent = silent_links(self.metrics, self._replayed, self._scenario.off_links)
             broken = self._limits.broken(self._ran_ns)
-            self._reason = failure_reason(reason or self.early_end_reason or silent, broken)
+            wrong = [*broken, *self.metrics.contradictions(self._ran_ns)]
+            self._reason = failure_reason(reason or self.early_end_reason or silent, wrong)
             return self.recorder.end(at, self._reason)
         except LogError as error:
             self._reason = reason or self.early_end_reason or str(error)

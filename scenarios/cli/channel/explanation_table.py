@@ -46,7 +46,8 @@ def print_explanation(explanation: Explanation, console: Console) -> None:
 def _missing(sender: str, message: MissingMessage) -> str:
     name = f"{sender} message {message.number}, sent at {message.sent_at_s:.2f} s"
     if message.fate == IN_TRANSIT:
-        return f"{name}: in transit, due at {message.due_at_s:.2f} s"
+        due = "after the end" if message.due_at_s is None else f"at {message.due_at_s:.2f} s"
+        return f"{name}: in transit, due {due}"
     cause = f" ({cause_of(message)})" if message.cause else ""
     due = "" if message.due_at_s is None else f", would have arrived at {message.due_at_s:.2f} s"
     return f"{name}: {fate_of(message)}{cause}{due}"

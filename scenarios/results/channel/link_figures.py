@@ -6,6 +6,7 @@ from itertools import pairwise
 
 from scenarios.definition.changing.live_change import changed_links
 from scenarios.definition.schema.link_tables import LinkTable
+from scenarios.results.channel.account import Accounts, Link, LinkAccount
 from scenarios.results.channel.link_summary import (
     AlarmSummary,
     LinkSummary,
@@ -13,10 +14,12 @@ from scenarios.results.channel.link_summary import (
     request_deviations,
 )
 from scenarios.results.channel.link_tally import AlarmTally, LinkTally
-from vehicles.messages import Change, LinkVerdict, Tracking
+from scenarios.results.channel.transport_records import ReceiverRecord, SentPoses
+from vehicles.messages import Change, Health, LinkVerdict, Tracking
+from vehicles.schedule import SECOND
 
-Link = tuple[str, str]
-"""Sender and receiver."""
+LONGEST_STEP = 1.5
+"""Time, in control periods, between two decisions of software that runs."""
 _Source = tuple[LinkTally, AlarmTally]
 """Counts of the link from one source of a follower."""
 
@@ -24,11 +27,16 @@ _Source = tuple[LinkTally, AlarmTally]
 class LinkFigures:
     """Gathers verdicts, data ages and false alarms of each directed link."""
 
-    def __init__(self, names: Sequence[str], requested: Mapping[Link, LinkTable]) -> None:
+    def __init__(
+        self, names: Sequence[str], requested: Mapping[Link, LinkTable], control_rate_hz: float
+    ) -> None:
         self._names = list(names)
         self._requested = requested
         self._ahead = {behind: ahead for ahead, behind in pairwise(self._names)}
         self.tallies: defaultdict[Link, LinkTally] = defaultdict(LinkTally)
+        self.sent = {name: SentPoses() for name in names}
+        longest_step_ns = round(LONGEST_STEP * SECOND / control_rate_hz)
+        self._receivers = {name: ReceiverRecord(longest_step_ns) for name in names}
         self._alarms: defaultdict[Link, AlarmTally] = defaultdict(AlarmTally)
         self._sources: dict[str, tuple[_Source | None, _Source | None]] = {}
 
@@ -36,6 +44,16 @@ class LinkFigures:
         link = verdict.sender, verdict.vehicle
         if link in self._requested:
             self.tallies[link].add(verdict)
+        self._receivers[verdict.vehicle].add_verdict(verdict)
+
+    def begin(self, start_at: int) -> None:
+        """Set the start of the run (ns)."""
+        for reception in self._receivers.values():
+            reception.begin(start_at)
+
+    def add_decision(self, tracking: Tracking) -> None:
+        """Take a decision of any vehicle, which shows that its software runs."""
+        self._receivers[tracking.vehicle].add_tracking(tracking)
 
     def add_tracking(self, tracking: Tracking, at: int) -> None:
         """Take the ages of a follower's data at instant `at` (ns)."""
@@ -65,29 +83,44 @@ class LinkFigures:
         for link in changed_links(change.table, self._names, self._requested):
             self.tallies[link].changed |= link[1] == change.vehicle
 
-    def summaries(self, sent: Mapping[str, tuple[int, int]]) -> tuple[LinkSummary, ...]:
+    def accounts(
+        self,
+        counts: Mapping[str, int],
+        health: Mapping[str, Health | None],
+        *,
+        start_at: int | None,
+        end_at: int,
+    ) -> dict[Link, LinkAccount]:
+        """Accounts of the messages of each link, see `Accounts`."""
+        links = {link: self.tallies[link] for link in self._in_order()}
+        accounts = Accounts(
+            links, self.sent, self._receivers, counts, health, start_at=start_at, end_at=end_at
+        )
+        return accounts.of_links()
+
+    def summaries(
+        self, accounts: Mapping[Link, LinkAccount], last_at: Mapping[str, int]
+    ) -> tuple[LinkSummary, ...]:
         """Figures per link, by receiver and then sender from the lead on.
 
-        `sent` holds each vehicle's recorded poses and the instant (ns) of its last message, up to
-        which alarms are false.
+        `last_at` is the instant (ns) of each vehicle's last message, up to which alarms are false.
         """
         summaries = []
         for link in self._in_order():
-            poses, last_at = sent[link[0]]
-            alarms = AlarmSummary(counted=self._alarms[link].counted(last_at))
-            summaries.append(
-                link_summary(link, self._requested[link], poses, self.tallies[link], alarms)
-            )
+            alarms = AlarmSummary(counted=self._alarms[link].counted(last_at[link[0]]))
+            requested, tally = self._requested[link], self.tallies[link]
+            summaries.append(link_summary(link, requested, accounts[link], tally, alarms))
         return tuple(summaries)
 
     def _in_order(self) -> list[Link]:
         place = self._names.index
         return sorted(self._requested, key=lambda link: (place(link[1]), place(link[0])))
 
-    def request_deviations(self) -> Iterator[str]:
+    def request_deviations(self, accounts: Mapping[Link, LinkAccount]) -> Iterator[str]:
         """Yield deviations from the requests beyond sampling error."""
         for link in self._in_order():
-            yield from request_deviations(link, self._requested[link], self.tallies[link])
+            absent = accounts[link].absent_numbers
+            yield from request_deviations(link, self._requested[link], self.tallies[link], absent)
         changed = [f"{a} → {b}" for (a, b), tally in sorted(self.tallies.items()) if tally.changed]
         if changed:
             these = "all" if len(changed) == len(self._requested) else ", ".join(changed)

@@ -1,11 +1,15 @@
 """The figures of one directed link, requested and achieved."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
 
 from scenarios.definition.channel.expected import ExpectedChannel, expected_channel
 from scenarios.definition.schema.link_tables import LinkTable
+from scenarios.results.channel.account import CAUSE_WORDS, TRANSPORT_CAUSES, LinkAccount
 from scenarios.results.channel.estimates import (
     CERTAINTY,
     CONFIDENCE,
@@ -73,13 +77,21 @@ class LinkSummary:
     requested_latency_ms_deviation: float | None = None
     """Standard deviation of the same."""
     sent: int
-    """Messages of the sender in the log."""
+    """Messages sent over the link: delivered, dropped, not arrived, in flight and unrecorded."""
     judged: int
     """Messages that reached the link's receiver."""
     delivered: int
     """Messages delivered."""
     dropped: Mapping[str, int]
     """Messages dropped, by reason."""
+    not_arrived: Mapping[str, int] = field(default_factory=dict)
+    """Messages that did not reach the receiver, by cause: receiver_down (its software did not run),
+    late_start (sent before the transport was ready), cut_off (one of the vehicles was out of reach
+    of the recorder), router_away (all vehicles were), or unknown."""
+    in_flight: int = 0
+    """Messages that were not due before the end of the run."""
+    unrecorded: int = 0
+    """Messages whose fate is missing in the log; they are not part of the loss."""
     copies: int = 0
     """Duplicates that the channel added."""
     false: Mapping[str, int]
@@ -89,7 +101,8 @@ class LinkSummary:
     late: int
     """Messages received after the tick that needed them."""
     loss_ratio: float
-    """Achieved loss, of the messages that the link carries."""
+    """Achieved loss, of the messages that the link carries: dropped ones and those that the real
+    transport lost (late_start, cut_off, router_away, unknown)."""
     loss_ratio_low: float = 0.0
     """Lower end of its 95 % interval, which allows for bursts."""
     loss_ratio_high: float = 1.0
@@ -134,16 +147,21 @@ class LinkSummary:
     """Share of the steering commands whose data is no older than KEY milliseconds."""
 
 
+def lost_in_transport(row: LinkSummary) -> int:
+    """Count the messages that the real transport lost."""
+    return sum([count for cause, count in row.not_arrived.items() if cause in TRANSPORT_CAUSES])
+
+
 def link_summary(
     link: tuple[str, str],
     requested: LinkTable,
-    sent: int,
+    account: LinkAccount,
     tally: LinkTally,
     alarms: AlarmSummary = NO_ALARMS,
 ) -> LinkSummary:
-    """Summarise a link (sender, receiver) over which `sent` recorded messages went."""
+    """Summarise a link (sender, receiver)."""
     expected = _expected(requested, tally)
-    loss, burst, longest = _losses(tally, CONFIDENCE)
+    loss, burst, longest = _losses(tally.lost(account.absent_numbers), CONFIDENCE)
     milliseconds = RESOLUTION_NS / MILLISECOND
     latency = spread(tally.latencies, milliseconds)
     mean = tally.latency_ns_sum / tally.delivered / MILLISECOND if tally.delivered else 0.0
@@ -157,10 +175,13 @@ def link_summary(
         requested_burst_messages=expected.burst_messages,
         requested_latency_ms_mean=expected.latency_ms_mean,
         requested_latency_ms_deviation=expected.latency_ms_deviation,
-        sent=sent,
+        sent=account.sent,
         judged=tally.delivered + tally.dropped.total(),
         delivered=tally.delivered,
         dropped=dict(sorted(tally.dropped.items())),
+        not_arrived=dict(account.not_arrived),
+        in_flight=account.in_flight,
+        unrecorded=account.unrecorded,
         copies=tally.copies,
         false=dict(sorted(tally.false.items())),
         reordered=tally.reordered,
@@ -218,6 +239,11 @@ def describe_link(row: LinkSummary) -> str:
         f"({100 * row.loss_ratio_low:.1f} to {100 * row.loss_ratio_high:.1f}) of its messages, "
         f"requested {'-' if requested_loss is None else f'{100 * requested_loss:.3g} %'}"
     ]
+    parts += [
+        f"{row.not_arrived[cause]} not arrived ({words})"
+        for cause, words in CAUSE_WORDS.items()
+        if cause in row.not_arrived
+    ]
     if row.burst_messages_mean is not None:
         parts.append(f"{row.burst_messages_mean:.2f} in a row, {row.burst_messages_max} at most")
     if row.latency_ms_low is not None and row.latency_ms_high is not None:
@@ -232,10 +258,9 @@ def describe_link(row: LinkSummary) -> str:
 
 
 def _losses(
-    tally: LinkTally, confidence: float
+    lost: NDArray[np.bool_], confidence: float
 ) -> tuple[ConfidenceInterval, ConfidenceInterval | None, int]:
     """Loss and mean burst length with their intervals, and the longest burst."""
-    lost = tally.lost
     lengths = bursts(lost)
     burst = mean_length(lengths, confidence)
     count, of = int(lost.sum()), len(lost)
@@ -262,16 +287,18 @@ def _safe_time(tally: LinkTally) -> dict[str, float]:
 
 
 def request_deviations(
-    link: tuple[str, str], requested: LinkTable, tally: LinkTally
+    link: tuple[str, str], requested: LinkTable, tally: LinkTally, absent: Sequence[int] = ()
 ) -> Iterator[str]:
     """Yield a line per figure of a link that deviates beyond sampling error from its request.
 
-    Intervals are of 99.99 %, so one of ten thousand correct figures lies outside.
+    Intervals are of 99.99 %, so one of ten thousand correct figures lies outside. `absent` are the
+    numbers of messages that the real transport lost.
     """
     expected, name = _expected(requested, tally), f"{link[0]} → {link[1]}"
-    loss, burst, _ = _losses(tally, CERTAINTY)
+    lost = tally.lost(absent)
+    loss, burst, _ = _losses(lost, CERTAINTY)
     requested_loss = expected.loss_ratio if expected.settles else None
-    count = len(tally.lost)
+    count = len(lost)
     least = max(LEAST_MESSAGES, LEAST_INDEPENDENT * expected.loss_inflation)
     if requested_loss is not None and count >= least:
         wide = share(loss.value * count, count, CERTAINTY, expected.loss_inflation)
@@ -282,19 +309,19 @@ def request_deviations(
                 f"{100 * low:.2f} to {100 * high:.2f} %), requested {100 * requested_loss:g} %"
             )
         if expected.burst_messages is not None and burst is not None:
-            yield from _burst_miss(name, expected, burst, tally)
+            yield from _burst_miss(name, expected, burst, lost)
     yield from _latency_miss(name, expected, tally)
 
 
 def _burst_miss(
-    name: str, expected: ExpectedChannel, burst: ConfidenceInterval, tally: LinkTally
+    name: str, expected: ExpectedChannel, burst: ConfidenceInterval, lost: NDArray[np.bool_]
 ) -> Iterator[str]:
     """Compare mean bursts. Where losses are clustered, their count varies as well.
 
     The mean is the number of losses over that of bursts, so it varies at least as the former does.
     """
     requested, loss = expected.burst_messages or 1.0, expected.loss_ratio or 1.0
-    number, count = len(bursts(tally.lost)), len(tally.lost)
+    number, count = len(bursts(lost)), len(lost)
     of_lengths = max(requested * (requested - 1.0), 0.0) / number
     of_losses = requested * requested * expected.loss_inflation * (1.0 - loss) / (loss * count)
     clustered = expected.loss_inflation > 1.0
@@ -310,14 +337,16 @@ def _burst_miss(
 
 def _latency_miss(name: str, expected: ExpectedChannel, tally: LinkTally) -> Iterator[str]:
     mean, deviation = expected.latency_ms_mean, expected.latency_ms_deviation
-    if mean is None or deviation is None or tally.delivered < LEAST_MESSAGES or tally.late:
-        return  # the machine delayed late messages
+    if mean is None or deviation is None or tally.delivered < LEAST_MESSAGES:
+        return
     achieved = tally.latency_ns_sum / tally.delivered / MILLISECOND
     sample = spread(tally.latencies, RESOLUTION_NS / MILLISECOND)
     widest = max(deviation, sample.deviation if sample else 0.0)  # of laws with long tails
     error = widest * sqrt(expected.latency_inflation / tally.delivered)
     half = quantile_of_normal(CERTAINTY) * error + ROUNDING_MS
     if abs(achieved - mean) > half:
+        late = f"; {tally.late} of {tally.delivered} were late" if tally.late else ""
         yield (
             f"{name}: delayed by {achieved:.3f} ms on average, requested {mean:.3f} ± {half:.3f} ms"
+            f"{late}"
         )

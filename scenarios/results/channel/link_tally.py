@@ -1,6 +1,7 @@
 """Counts of one directed link during a run."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -83,21 +84,22 @@ class LinkTally:
             self.ages[int(age_s * SECOND) // RESOLUTION_NS] += 1
 
     @property
-    def lost(self) -> NDArray[np.bool_]:
+    def fates(self) -> NDArray[np.uint8]:
+        """Fate of each message by number, 0 without a verdict."""
+        return np.frombuffer(bytes(self._fates), dtype=np.uint8)
+
+    def lost(self, absent: Sequence[int] = ()) -> NDArray[np.bool_]:
         """Whether each carried message was lost, in the order of numbers.
 
-        Messages without a verdict and those held back by the link's rate are left out.
+        `absent` are the numbers that the real transport lost. Other messages without a verdict and
+        those held back by the link's rate are left out.
         """
-        fates = np.frombuffer(bytes(self._fates), dtype=np.uint8)
+        fates = self.fates
+        if absent:
+            fates = np.pad(fates, (0, max(absent[-1] + 1 - len(fates), 0)))
+            fates[list(absent)] = _LOST
         lost: NDArray[np.bool_] = fates[(fates == _LOST) | (fates == _DELIVERED)] == _LOST
         return lost
-
-    @property
-    def numbers(self) -> NDArray[np.int_]:
-        """Numbers of the messages of `lost`."""
-        fates = np.frombuffer(bytes(self._fates), dtype=np.uint8)
-        numbers: NDArray[np.int_] = np.flatnonzero((fates == _LOST) | (fates == _DELIVERED))
-        return numbers
 
     def _keep(self, number: int, fate: int) -> None:
         if number >= MOST_NUMBERS:

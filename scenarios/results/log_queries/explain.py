@@ -2,7 +2,7 @@
 
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import hypot, isfinite
 from pathlib import Path
@@ -10,7 +10,9 @@ from pathlib import Path
 from scenarios.definition.channel.origins import origin
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.topology import senders_to
+from scenarios.results.channel.account import FATE_WORDS, Fate, MissingVerdict
 from scenarios.results.log_summary import scenario_in
+from scenarios.results.metrics import Metrics
 from transport.log.reader import LogReader
 from transport.log.records import LogError
 from transport.reasons import counts_as_loss
@@ -18,8 +20,11 @@ from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import GpsPose, LinkVerdict, RunStart, Tracking, TruePose
 from vehicles.schedule import SECOND
 
-IN_TRANSIT, NOT_JUDGED = "in transit", "not judged"
-"""Fates of messages without a drop: not due yet, or without a recorded verdict."""
+IN_TRANSIT, NOT_ARRIVED, NOT_RECORDED = "in transit", "not arrived", "not recorded"
+"""Fates of messages without a drop: not due yet, without a verdict, or with one that the log
+lacks."""
+FATES: Mapping[Fate, str] = {"in_flight": IN_TRANSIT, "unrecorded": NOT_RECORDED}
+"""Fates of the account of a link; the others are causes why a message did not arrive."""
 MOST_OFF_PATH_M = 20.0
 """Largest distance of a vehicle from the path that it follows."""
 SHOWN = 8
@@ -30,7 +35,7 @@ SHOWN = 8
 class MissingMessage:
     """A message sent after the newest received one of its sender, and why it is missing.
 
-    `fate` is a drop reason, IN_TRANSIT or NOT_JUDGED.
+    `fate` is a drop reason, IN_TRANSIT, NOT_ARRIVED or NOT_RECORDED.
     """
 
     number: int
@@ -105,13 +110,13 @@ def _known_path(source: KnownSource) -> str:
 
 def fate_of(message: MissingMessage) -> str:
     """Fate of a message in words, without the cause."""
-    if message.fate in {IN_TRANSIT, NOT_JUDGED}:
+    if message.fate in {IN_TRANSIT, NOT_ARRIVED, NOT_RECORDED}:
         return message.fate
     return "lost" if counts_as_loss(message.fate) else "skipped"
 
 
 def cause_of(message: MissingMessage) -> str:
-    """Cause of a drop in words; empty for other fates."""
+    """Why a message was dropped or did not arrive, in words; empty for other fates."""
     return "link cut" if message.cause == "cut" else message.cause
 
 
@@ -145,6 +150,7 @@ class RecordedKnowledge:
     places: dict[int, tuple[float, float]] = field(default_factory=dict)
     poses: dict[str, dict[int, GpsPose]] = field(default_factory=dict)
     verdicts: dict[str, dict[int, LinkVerdict]] = field(default_factory=dict)
+    without: dict[str, dict[int, MissingVerdict]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, log: Path, vehicle: str) -> "RecordedKnowledge":
@@ -196,7 +202,10 @@ def _read(reader: LogReader, record: RecordedKnowledge, senders: Sequence[str]) 
     for sender in senders:
         record.poses[sender], record.verdicts[sender] = {}, {}
     reader.require_all("verdict", "tracking", "truth")
-    for _, source, message in reader.messages(("gps", "verdict", "tracking", "truth", "start")):
+    metrics = Metrics.of(record.scenario)
+    topics = ("gps", "verdict", "tracking", "truth", "start", "health")
+    for at, source, message in reader.messages(topics):
+        metrics.listen(at, message)
         match message:
             case RunStart():
                 record.start_at = message.start_at_ns
@@ -210,6 +219,10 @@ def _read(reader: LogReader, record: RecordedKnowledge, senders: Sequence[str]) 
                 record.places[message.true_at_ns] = message.east_m, message.north_m
     if not record.decisions:
         raise LogError(f"{reader.path}: no decisions of {vehicle}")
+    accounts = metrics.accounts(reader.last_at - record.start_at)
+    for sender in senders:
+        missing = accounts[sender, vehicle].missing if (sender, vehicle) in accounts else ()
+        record.without[sender] = {message.number: message for message in missing}
 
 
 def _known(record: RecordedKnowledge, link: tuple[str, str], now: int) -> KnownSource:
@@ -230,7 +243,7 @@ def _known(record: RecordedKnowledge, link: tuple[str, str], now: int) -> KnownS
         received_at_s=_seconds(record, newest.received_at_ns) if newest else None,
         age_s=_age(record, link[1], newest, now) if newest else None,
         path_left_m=_path_left(record, link[0], received, now),
-        received_ratio=_received(verdicts.values(), now),
+        received_ratio=_received(verdicts.values(), record.without[link[0]].values(), now),
         missing=tuple(missing),
     )
 
@@ -249,7 +262,10 @@ def _missing(record: RecordedKnowledge, link: tuple[str, str], number: int) -> M
     sent_at_s = _seconds(record, record.poses[link[0]][number].sent_at_ns)
     verdict = record.verdicts[link[0]].get(number)
     if verdict is None:
-        return MissingMessage(number=number, sent_at_s=sent_at_s, fate=NOT_JUDGED, cause="")
+        message = record.without[link[0]].get(number)
+        fate = FATES.get(message.fate, NOT_ARRIVED) if message else NOT_ARRIVED
+        cause = FATE_WORDS[message.fate] if message and fate == NOT_ARRIVED else ""
+        return MissingMessage(number=number, sent_at_s=sent_at_s, fate=fate, cause=cause)
     dropped = verdict.outcome == "dropped"
     return MissingMessage(
         number=number,
@@ -260,10 +276,17 @@ def _missing(record: RecordedKnowledge, link: tuple[str, str], number: int) -> M
     )
 
 
-def _received(verdicts: Iterable[LinkVerdict], now: int) -> float | None:
-    """Delivered share of the messages due within the last second, None without any."""
+def _received(
+    verdicts: Iterable[LinkVerdict], without: Iterable[MissingVerdict], now: int
+) -> float | None:
+    """Delivered share of the messages due within the last second, None without any.
+
+    Messages that the transport lost are due when they were sent.
+    """
     due = [verdict for verdict in verdicts if now - SECOND < verdict.received_at_ns <= now]
-    return sum(message.outcome == "delivered" for message in due) / len(due) if due else None
+    absent = [one for one in without if one.is_lost and now - SECOND < one.sent_at <= now]
+    delivered = sum(message.outcome == "delivered" for message in due)
+    return delivered / (len(due) + len(absent)) if due or absent else None
 
 
 def _path_left(

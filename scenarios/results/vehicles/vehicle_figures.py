@@ -190,13 +190,19 @@ class VehicleFigures:
         """
         if self.rate_hz is None:
             return list(self.edges.holes(self.name, self.numbers, span.start_at or 0))
-        expected = 0
-        if span.start_at is not None and self.health and self.health.final:
-            until = min(span.ran_ns, self.health.reported_at_ns - span.start_at)
-            if until < span.planned_ns:  # stopped early: its last poses were not sent
-                until -= SILENT_NS
-            expected = expected_poses(until, self.rate_hz)
+        expected = self.scheduled_poses(span)
         return list(holes_of(self.name, self.numbers, self.rate_hz, expected))
+
+    def scheduled_poses(self, span: RunSpan) -> int:
+        """Count the poses due until its end or that of the run; 0 if that is unknown."""
+        if self.rate_hz is None or span.start_at is None:
+            return 0
+        if self.health is None or not self.health.final:
+            return 0
+        until = min(span.ran_ns, self.health.reported_at_ns - span.start_at)
+        if until < span.planned_ns:  # stopped early: its last poses were not sent
+            until -= SILENT_NS
+        return expected_poses(until, self.rate_hz)
 
     def true_holes(self, holes: Sequence[RecordHole]) -> Iterator[RecordHole]:
         """Holes in the record of its true poses outside of `holes`."""

@@ -270,7 +270,8 @@ def test_figures_of_a_link_follow_from_its_verdicts() -> None:
     assert row.requested == ASKED["v2", "v3"]
     assert (row.sent, row.judged, row.delivered, row.late) == (6, 5, 3, 1)
     assert row.dropped == {"loss": 2}
-    assert row.loss_ratio == pytest.approx(2 / 5)
+    assert row.not_arrived == {"unknown": 1}
+    assert row.loss_ratio == pytest.approx(3 / 6)
     # A late message took as long as it really took.
     assert row.latency_ms_mean == pytest.approx((30 + 50 + 100) / 3)
     assert row.latency_ms_max == pytest.approx(100.0)
@@ -339,6 +340,6 @@ def test_links_that_were_changed_are_named_and_not_judged(
     )
     metrics.listen(0, change)
     assert {pair for pair, one in metrics.links.items() if one.changed} == changed
-    reported = " ".join(metrics.request_deviations())
+    reported = " ".join(metrics.channel_warnings())
     assert all(f"{sender} → {receiver}" in reported for sender, receiver in changed)
     assert bool(reported) == bool(changed)

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.schema.link_tables import LinkTable
+from scenarios.results.channel.account import LinkAccount
 from scenarios.results.channel.link_figures import LinkFigures
 from scenarios.results.channel.link_summary import (
     LinkSummary,
@@ -31,7 +32,7 @@ def tallied(*verdicts: LinkVerdict) -> LinkTally:
 
 
 def account(requested: LinkTable, tally: LinkTally, sent: int = 0) -> LinkSummary:
-    return link_summary(LINK, requested, sent, tally)
+    return link_summary(LINK, requested, LinkAccount.of_verdicts(tally, sent), tally)
 
 
 def fates(text: str, latency_ms: float = 20.0) -> list[LinkVerdict]:
@@ -145,10 +146,11 @@ def test_a_changed_link_is_not_compared_with_its_request() -> None:
 
 def test_changed_links_are_named_as_without_requested_values() -> None:
     links = {("v1", "v2"): LinkTable(), ("v2", "v3"): LinkTable()}
-    figures = LinkFigures(("v1", "v2", "v3"), links)
+    figures = LinkFigures(("v1", "v2", "v3"), links, 50.0)
+    accounts = dict.fromkeys(links, LinkAccount(0))
     figures.tallies["v1", "v2"].changed = True
-    (line,) = figures.request_deviations()
+    (line,) = figures.request_deviations(accounts)
     assert line == "no requested values are shown for links changed during the run: v1 → v2"
     figures.tallies["v2", "v3"].changed = True
-    (line,) = figures.request_deviations()
+    (line,) = figures.request_deviations(accounts)
     assert line.endswith(": all")

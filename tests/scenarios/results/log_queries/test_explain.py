@@ -20,7 +20,7 @@ from scenarios.cli.log_commands import explain as explain_command
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.log_queries.explain import (
     IN_TRANSIT,
-    NOT_JUDGED,
+    NOT_ARRIVED,
     Explanation,
     MissingMessage,
     RecordedKnowledge,
@@ -109,7 +109,7 @@ def check_source(
         for missing in source.missing:
             fate = fates.get(missing.number)
             if fate is None:
-                assert missing.fate == NOT_JUDGED
+                assert missing.fate == IN_TRANSIT
             elif fate.outcome == "dropped":
                 assert missing.fate == fate.reason
                 assert missing.cause == cause(source.sender, vehicle, fate.reason)
@@ -193,7 +193,7 @@ def test_later_messages_are_counted_by_their_fate() -> None:
     loss = missing("loss", "links.loss_ratio = 0.4")
     assert counts_of([loss, missing(IN_TRANSIT)]) == "1 lost (links.loss_ratio = 0.4), 1 in transit"
     cut, skipped = missing("cut", "cut"), missing("rate", "links.rate_hz = 5")
-    assert counts_of([cut, cut, missing(NOT_JUDGED)]) == "2 lost (link cut), 1 not judged"
+    assert counts_of([cut, cut, missing(NOT_ARRIVED)]) == "2 lost (link cut), 1 not arrived"
     assert counts_of([skipped]) == "1 skipped (links.rate_hz = 5)"
 
 

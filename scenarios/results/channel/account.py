@@ -1,0 +1,276 @@
+"""The account of a link: where each message that was sent over it has remained.
+
+sent = delivered + dropped + not arrived + in flight + unrecorded. Messages without a verdict are
+attributed by the record: to holes in it, to the end of the run, to times in which a vehicle did not
+run or was out of reach.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from scenarios.results.channel.link_tally import LinkTally
+from scenarios.results.channel.transport_records import FOREVER, ReceiverRecord, SentPoses
+from vehicles.messages import Health
+from vehicles.schedule import SECOND
+
+Link = tuple[str, str]
+"""Sender and receiver."""
+Cause = Literal["receiver_down", "late_start", "cut_off", "router_away", "unknown"]
+Fate = Cause | Literal["in_flight", "unrecorded"]
+CAUSE_WORDS: dict[Fate, str] = {
+    "receiver_down": "receiver did not run",
+    "late_start": "late start",
+    "cut_off": "cut off",
+    "router_away": "router away",
+    "unknown": "unknown cause",
+}
+"""Causes of messages that did not arrive, in words."""
+FATE_WORDS: Mapping[Fate, str] = {
+    **CAUSE_WORDS,
+    "in_flight": "in flight at the end",
+    "unrecorded": "its fate is not in the log",
+}
+TRANSPORT_CAUSES: frozenset[Fate] = frozenset(CAUSE_WORDS) - {"receiver_down"}
+"""Causes that lie in the real transport: such messages are lost."""
+LATE_START_NS = 5 * SECOND
+"""Time from the start in which messages before the first received one are due to a late start."""
+MOST_LINKS = 4
+"""Links named in one line."""
+NEIGHBOURHOOD = 3
+"""Number of messages around an instant by which a vehicle was away or not."""
+TRANSIT_NS = SECOND // 10
+"""Time that a message may take in addition to the link's largest delay."""
+
+
+@dataclass(frozen=True, slots=True)
+class MissingVerdict:
+    """A message without a recorded verdict; `vehicle` is the one that was cut off."""
+
+    number: int
+    sent_at: int
+    fate: Fate
+    vehicle: str = ""
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether the real transport lost it."""
+        return self.fate in TRANSPORT_CAUSES
+
+
+@dataclass(frozen=True, slots=True)
+class LinkAccount:
+    """Messages of one link by their fate.
+
+    `missing` are those without a verdict, in order. `problem` describes counts that contradict each
+    other, empty if the account balances.
+    """
+
+    sent: int
+    delivered: int = 0
+    dropped: int = 0
+    not_arrived: Mapping[str, int] = field(default_factory=dict)
+    in_flight: int = 0
+    unrecorded: int = 0
+    missing: Sequence[MissingVerdict] = ()
+    problem: str = ""
+
+    @property
+    def absent(self) -> list[MissingVerdict]:
+        """Messages that the real transport lost."""
+        return [message for message in self.missing if message.is_lost]
+
+    @property
+    def absent_numbers(self) -> list[int]:
+        return [message.number for message in self.absent]
+
+    @classmethod
+    def of_verdicts(cls, tally: LinkTally, sent: int) -> "LinkAccount":
+        """Account in which every message without a verdict is in flight."""
+        judged = tally.delivered + tally.dropped.total()
+        return cls(sent, tally.delivered, tally.dropped.total(), in_flight=max(sent - judged, 0))
+
+
+class Accounts:
+    """Accounts of all links, by the records of their vehicles."""
+
+    def __init__(
+        self,
+        links: Mapping[Link, LinkTally],
+        sent: Mapping[str, SentPoses],
+        receivers: Mapping[str, ReceiverRecord],
+        counts: Mapping[str, int],
+        health: Mapping[str, Health | None],
+        *,
+        start_at: int | None,
+        end_at: int,
+    ) -> None:
+        """`counts` are the messages that each vehicle sent by its schedule, 0 without one.
+
+        `health` are the last counters of each vehicle; the record ends at `end_at` (ns).
+        """
+        self._links = links
+        self._sent = sent
+        self._receivers = receivers
+        self._counts = counts
+        self._health = health
+        self._start_at = start_at
+        self._end_at = end_at
+        self._is_physical = any(poses.is_physical for poses in sent.values())
+        self._away = {name: _AwayTimes(poses) for name, poses in sent.items() if len(poses)}
+
+    def of_links(self) -> dict[Link, LinkAccount]:
+        accounts: dict[Link, LinkAccount] = {}
+        for receiver in dict.fromkeys([receiver for _, receiver in self._links]):
+            own = [link for link in self._links if link[1] == receiver]
+            missing = {link: self._missing(link) for link in own}
+            hidden = self._unrecorded(receiver, missing)
+            for link in own:
+                accounts[link] = self._account(link, missing[link], hidden[link])
+        return accounts
+
+    def _count(self, link: Link) -> int:
+        """Count the messages sent over a link.
+
+        Those after the sender's last recorded pose are known by its schedule or, without its final
+        counters, by verdicts.
+        """
+        sender, newest = link[0], len(self._links[link].fates)
+        count = max(len(self._sent[sender]), self._counts[sender])
+        health = self._health[sender]
+        return count if health is not None and health.final else max(count, newest)
+
+    def _missing(self, link: Link) -> list[tuple[int, int]]:
+        """Numbers and instants of sending of the messages without a verdict."""
+        count, fates = self._count(link), self._links[link].fates
+        judged = np.zeros(count, dtype=np.bool_)
+        judged[: len(fates)] = fates[:count] > 0
+        (numbers,) = np.nonzero(~judged)
+        if not len(numbers):
+            return []
+        instants = self._sent[link[0]].instants(count)[numbers]
+        return list(zip(numbers.tolist(), instants.tolist(), strict=True))
+
+    def _largest_delay(self, link: Link) -> int:
+        return self._links[link].latency_ns_max + TRANSIT_NS
+
+    def _unrecorded(
+        self, receiver: str, missing: Mapping[Link, Sequence[tuple[int, int]]]
+    ) -> dict[Link, set[int]]:
+        """Messages whose verdicts are missing in the log, by the numbers of the verdicts."""
+        hidden: dict[Link, set[int]] = {link: set() for link in missing}
+        health = self._health[receiver]
+        count = health.received + health.dropped if health is not None and health.final else 0
+        for begin, end, number in self._receivers[receiver].holes(count):
+            due = sorted(
+                (at, link, one)
+                for link, messages in missing.items()
+                for one, at in messages
+                if one not in hidden[link] and begin - self._largest_delay(link) <= at < end
+            )
+            for _, link, one in due[:number]:
+                hidden[link].add(one)
+        return hidden
+
+    def _account(
+        self, link: Link, missing: Sequence[tuple[int, int]], hidden: set[int]
+    ) -> LinkAccount:
+        tally, causes = self._links[link], Counter[Fate]()
+        (judged,) = np.nonzero(tally.fates)
+        first = int(judged[0]) if len(judged) else 0
+        without = list[MissingVerdict]()
+        for number, at in missing:
+            fate, vehicle = self._fate(link, at, is_before_first=number < first)
+            if number in hidden:
+                fate, vehicle = "unrecorded", ""
+            without.append(MissingVerdict(number, at, fate, vehicle))
+            causes[fate] += 1
+        account = LinkAccount(
+            sent=self._count(link),
+            delivered=tally.delivered,
+            dropped=tally.dropped.total(),
+            not_arrived={cause: causes[cause] for cause in CAUSE_WORDS if causes[cause]},
+            in_flight=causes["in_flight"],
+            unrecorded=causes["unrecorded"],
+            missing=without,
+        )
+        return replace(account, problem=_problem(link, account, int((judged < account.sent).sum())))
+
+    def _fate(self, link: Link, at: int, *, is_before_first: bool) -> tuple[Fate, str]:
+        """Fate of a message without a verdict, and the vehicle that was cut off, if any."""
+        reception, due_at = self._receivers[link[1]], at + self._largest_delay(link)
+        if self._is_down(reception, at, due_at):
+            return "receiver_down", ""
+        if not self._is_physical or due_at >= self._end_at - TRANSIT_NS:
+            return "in_flight", ""
+        if reception.decided_at is not None and due_at >= reception.decided_at:
+            return "unrecorded", ""
+        begun_at = self._end_at if self._start_at is None else self._start_at
+        if is_before_first and at < begun_at + LATE_START_NS:
+            return "late_start", ""
+        return self._transport_cause(link, at)
+
+    def _transport_cause(self, link: Link, at: int) -> tuple[Cause, str]:
+        """Cause of a loss by the vehicles that were away at an instant (ns) of sending."""
+        away = [name for name, times in self._away.items() if times.is_away(at)]
+        if len(away) == len(self._away) > 1:
+            return "router_away", ""
+        for name in reversed(link):
+            if name in away:
+                return "cut_off", name
+        return "unknown", ""
+
+    def _is_down(self, reception: ReceiverRecord, at: int, due_at: int) -> bool:
+        """Whether a message sent at an instant found software that did not run."""
+        latest = due_at if self._is_physical else FOREVER
+        if any(begin <= latest and at < end for begin, end in reception.down):
+            return True
+        if reception.decided_at is None:
+            return not reception.verdicts.count
+        allowed = SECOND if self._is_physical else reception.longest_step_ns
+        return self._end_at - reception.decided_at > allowed and reception.decided_at <= latest
+
+
+def _problem(link: Link, account: LinkAccount, judged: int) -> str:
+    """Describe counts that contradict each other; empty if the account balances."""
+    verdicts = account.delivered + account.dropped
+    found = verdicts + sum(account.not_arrived.values()) + account.in_flight + account.unrecorded
+    if found == account.sent and judged == verdicts:
+        return ""
+    return (
+        f"{link[0]} → {link[1]}: the account does not balance: {account.sent} messages sent, "
+        f"{found} accounted for ({verdicts} verdicts on {judged} of them)"
+    )
+
+
+class _AwayTimes:
+    """When a vehicle was out of reach of the recorder, by its poses."""
+
+    def __init__(self, poses: SentPoses) -> None:
+        self._away = poses.away()
+        self._sent_at = poses.instants(len(poses))
+
+    def is_away(self, at: int) -> bool:
+        """Whether one of the poses around an instant (ns) was missing or late at the recorder."""
+        place = int(np.searchsorted(self._sent_at, at))
+        return bool(self._away[max(place - NEIGHBOURHOOD, 0) : place + NEIGHBOURHOOD].any())
+
+
+def absence_lines(
+    accounts: Mapping[Link, LinkAccount], seconds: Callable[[int], float]
+) -> Iterator[str]:
+    """Yield a line per cause and culprit of messages that the real transport lost."""
+    lost: dict[tuple[Fate, str], list[tuple[Link, int]]] = {}
+    for link, account in accounts.items():
+        for message in account.absent:
+            lost.setdefault((message.fate, message.vehicle), []).append((link, message.sent_at))
+    for (fate, vehicle), messages in lost.items():
+        links = [f"{a} → {b}" for a, b in dict.fromkeys(link for link, _ in messages)]
+        over = ", ".join(links[:MOST_LINKS]) + (", …" if len(links) > MOST_LINKS else "")
+        begin, end = (seconds(pick(at for _, at in messages)) for pick in (min, max))
+        words = f"{vehicle} {FATE_WORDS[fate]}" if vehicle else FATE_WORDS[fate]
+        count = "1 message" if len(messages) == 1 else f"{len(messages)} messages"
+        yield f"{count} did not arrive over {over}, sent {begin:.2f} to {end:.2f} s: {words}"

@@ -1,0 +1,291 @@
+"""Every message that was sent over a link is accounted for, by what the log holds."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+
+import pytest
+
+from scenarios.definition.channel.presets import presets
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.library import drills, library
+from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
+from scenarios.definition.schema.link_tables import LinkTable
+from scenarios.results.channel.link_summary import LinkSummary
+from scenarios.results.metrics import Metrics
+from scenarios.runs.observer import listeners_by_kind
+from scenarios.runs.virtual.drive import ObservedSink
+from scenarios.runs.virtual.virtual_convoy import VirtualConvoy
+from tests.made.scenarios.messages import MS, STRAIGHT, at, gps, health, start, tracking, verdict
+from transport.links.content_stage import Transmission
+from transport.links.gate import GPS
+from transport.links.inbox import Inbox
+from transport.topics import key
+from vehicles.messages import Health, LinkVerdict, Message, RunStart
+from vehicles.schedule import SECOND
+
+NAMES = ("v1", "v2", "v3")
+LINKS = [("v1", "v2"), ("v1", "v3"), ("v2", "v3")]
+SECONDS = 10
+POSES = 20 * SECONDS
+TRANSIT = 3 * MS
+Recorded = tuple[int, Message]
+
+
+class MadeRun:
+    """The messages of a run on the wall clock as the recorder receives them.
+
+    `lost` messages reached no receiver, `unrecorded` poses and verdicts not the recorder. `transit`
+    are the times (ns) that poses took to the recorder.
+    """
+
+    def __init__(self) -> None:
+        self.lost: set[tuple[str, str, int]] = set()
+        self.unrecorded: set[tuple[str, int]] = set()
+        self.unrecorded_verdicts: set[tuple[str, str, int]] = set()
+        self.decided: dict[str, Sequence[int]] = dict.fromkeys(NAMES, range(50 * SECONDS))
+        self.transit: dict[tuple[str, int], int] = {}
+
+    def cut_off(self, name: str, begin: int, end: int) -> None:
+        """Cut a vehicle off from all others and the recorder, between two numbers of poses."""
+        self.lost |= {(a, b, k) for a, b in LINKS if name in {a, b} for k in range(begin, end)}
+        self.unrecorded |= {(name, k) for k in range(begin, end)}
+
+    def recorded(self) -> Iterator[Recorded]:
+        yield at(0.0), start()
+        for name in NAMES:
+            for k in range(POSES):
+                if (name, k) not in self.unrecorded:
+                    pose = gps(name, k)
+                    yield pose.sent_at_ns + self.transit.get((name, k), TRANSIT), pose
+            for seq, k in enumerate(self.decided[name]):
+                yield at(k / 50), replace(tracking(name, seq), decided_at_ns=at(k / 50))
+            verdicts = self._verdicts(name)
+            for one in verdicts:
+                if (one.sender, name, one.pose_seq) not in self.unrecorded_verdicts:
+                    yield one.received_at_ns, one
+            yield (
+                at(SECONDS),
+                health(name, seconds=SECONDS, final=True, received=len(verdicts)),
+            )
+
+    def _verdicts(self, receiver: str) -> list[LinkVerdict]:
+        """Verdicts of a receiver on the messages that reached it and were due before the end."""
+        arrived = [
+            verdict(sender, receiver, k)
+            for k in range(POSES)
+            for sender, to in LINKS
+            if to == receiver and (sender, receiver, k) not in self.lost
+        ]
+        due = [one for one in arrived if one.visible_at_ns < at(SECONDS)]
+        return [replace(one, seq=number) for number, one in enumerate(due)]
+
+
+def metrics_of(messages: Iterable[Recorded]) -> Metrics:
+    metrics = Metrics(NAMES, dict.fromkeys(LINKS, LinkTable()), duration_ns=SECONDS * SECOND)
+    for recorded_at, message in messages:
+        metrics.listen(recorded_at, message)
+    return metrics
+
+
+def accounts_of(made: MadeRun) -> dict[tuple[str, str], LinkSummary]:
+    metrics = metrics_of(made.recorded())
+    rows = metrics.link_summaries(SECONDS * SECOND)
+    assert metrics.contradictions(SECONDS * SECOND) == []
+    for row in rows:
+        assert_balanced(row)
+    return {(row.sender, row.receiver): row for row in rows}
+
+
+def assert_balanced(row: LinkSummary) -> None:
+    parts = row.delivered, *row.dropped.values(), *row.not_arrived.values()
+    assert row.sent == sum(parts) + row.in_flight + row.unrecorded
+
+
+def test_loss_is_the_share_of_sent_messages() -> None:
+    """57 of 200 messages never arrive: a loss of 28.5 %, not of 0."""
+    made = MadeRun()
+    made.lost = {("v1", "v2", k) for k in range(40, 97)}
+    row = accounts_of(made)["v1", "v2"]
+    assert (row.sent, row.delivered, row.not_arrived) == (POSES, POSES - 57, {"unknown": 57})
+    assert row.loss_ratio == pytest.approx(57 / POSES)
+    assert row.burst_messages_max == 57
+
+
+def test_a_run_without_trouble_has_lost_nothing() -> None:
+    for row in accounts_of(MadeRun()).values():
+        assert (row.delivered, row.not_arrived, row.loss_ratio) == (POSES, {}, 0.0)
+
+
+def test_the_vehicle_that_was_cut_off_is_named() -> None:
+    made = MadeRun()
+    made.cut_off("v2", 60, 120)
+    rows = accounts_of(made)
+    assert rows["v1", "v2"].not_arrived == {"cut_off": 60} == rows["v2", "v3"].not_arrived
+    assert rows["v1", "v3"].not_arrived == {}
+    lines = list(metrics_of(made.recorded()).channel_warnings(SECONDS * SECOND))
+    assert any("v2 cut off" in line and "3.00 to 5.95 s" in line for line in lines)
+
+
+def test_a_router_that_was_away_cut_everybody_off() -> None:
+    made = MadeRun()
+    for name in NAMES:
+        made.cut_off(name, 60, 120)
+    for row in accounts_of(made).values():
+        assert row.not_arrived == {"router_away": 60}
+
+
+def test_poses_that_reach_the_recorder_late_show_a_router_that_was_away() -> None:
+    made = MadeRun()
+    made.lost = {(a, b, k) for a, b in LINKS for k in range(60, 100)}
+    made.transit = {(name, k): at(7.0) - at(k / 20) for name in NAMES for k in range(60, 110)}
+    for row in accounts_of(made).values():
+        assert row.not_arrived == {"router_away": 40}
+
+
+def test_messages_before_the_first_received_one_are_due_to_a_late_start() -> None:
+    made = MadeRun()
+    made.lost = {("v1", "v2", k) for k in range(7)}
+    assert accounts_of(made)["v1", "v2"].not_arrived == {"late_start": 7}
+
+
+def test_messages_to_software_that_does_not_run_are_no_loss_of_the_link() -> None:
+    made = MadeRun()
+    made.lost = {(a, "v3", k) for a in ("v1", "v2") for k in range(40, 80)}
+    made.decided["v3"] = [k for k in range(50 * SECONDS) if not 100 <= k < 200]
+    row = accounts_of(made)["v1", "v3"]
+    assert (row.not_arrived, row.loss_ratio) == ({"receiver_down": 40}, 0.0)
+
+
+def test_missing_verdicts_are_no_losses() -> None:
+    """Verdicts that the receiver numbered and the log lacks: nothing is known of these messages."""
+    made = MadeRun()
+    made.unrecorded_verdicts = {(a, "v3", k) for a in ("v1", "v2") for k in range(40, 60)}
+    rows = accounts_of(made)
+    for sender in ("v1", "v2"):
+        row = rows[sender, "v3"]
+        assert (row.unrecorded, row.not_arrived, row.loss_ratio) == (20, {}, 0.0)
+
+
+def test_verdicts_missing_at_the_end_are_known_by_the_final_counters() -> None:
+    made = MadeRun()
+    made.unrecorded_verdicts = {("v1", "v2", k) for k in range(170, POSES)}
+    row = accounts_of(made)["v1", "v2"]
+    assert (row.unrecorded, row.in_flight, row.not_arrived) == (30, 0, {})
+
+
+def test_losses_next_to_missing_verdicts_stay_losses() -> None:
+    made = MadeRun()
+    made.unrecorded_verdicts = {("v1", "v2", k) for k in range(40, 45)}
+    made.lost = {("v1", "v2", k) for k in range(45, 55)}
+    row = accounts_of(made)["v1", "v2"]
+    assert (row.unrecorded, row.not_arrived) == (5, {"unknown": 10})
+
+
+def test_messages_due_after_the_end_are_in_flight() -> None:
+    slow = [
+        (when, replace(one, visible_at_ns=one.sent_at_ns + 400 * MS))
+        if isinstance(one, LinkVerdict)
+        else (when, one)
+        for when, one in MadeRun().recorded()
+        if not (isinstance(one, LinkVerdict) and one.pose_seq >= POSES - 8)
+    ]
+    metrics = metrics_of(
+        (when, replace(one, received=0)) if isinstance(one, Health) else (when, one)
+        for when, one in slow
+    )
+    for row in metrics.link_summaries(SECONDS * SECOND):
+        assert (row.in_flight, row.not_arrived) == (8, {})
+        assert_balanced(row)
+
+
+@pytest.mark.parametrize("pose_seq", [7, POSES + 50])
+def test_verdicts_that_contradict_the_account_fail_the_run(pose_seq: int) -> None:
+    """A second verdict on one message, and one on a message that was never sent."""
+    forged = verdict("v1", "v2", pose_seq, number=10_000)
+    metrics = metrics_of([*MadeRun().recorded(), (at(5.0), forged)])
+    (line,) = metrics.contradictions(SECONDS * SECOND)
+    assert line.startswith("v1 → v2: the account does not balance")
+
+
+# ---- Virtual runs
+
+CHANGES = """
+[[change]]
+kind = "crash"
+at_s = 1.33
+vehicle = "v2"
+for_s = 1.0
+[[change]]
+kind = "leave"
+at_s = 2.0
+vehicle = "v3"
+[[change]]
+kind = "join"
+at_s = 3.51
+vehicle = "v3"
+[[change]]
+kind = "stall"
+at_s = 2.6
+vehicle = "v4"
+for_s = 1.1
+"""
+
+
+def virtual_rows(scenario: Scenario) -> tuple[tuple[LinkSummary, ...], dict[str, Inbox]]:
+    """Account of a virtual run, and the inboxes at its end."""
+    metrics, convoy = Metrics.of(scenario), VirtualConvoy(scenario)
+    listeners = listeners_by_kind([metrics])
+    now = convoy.clock.now
+    metrics.listen(now(), RunStart(vehicle="run", seq=0, start_at_ns=now(), run_id="made"))
+    nodes = convoy.build(lambda name: ObservedSink(name, convoy.bus, now, listeners))
+    convoy.run()
+    for node in nodes.values():
+        node.outbox.publish_health(now(), final=True)
+    ran_ns = now() - scenario.start_at_ns
+    assert metrics.contradictions(ran_ns) == []
+    return metrics.link_summaries(ran_ns), {name: node.inbox for name, node in nodes.items()}
+
+
+def waiting_in(inbox: Inbox, sender: str) -> int:
+    """Count the messages of a sender that its receiver has and has not yet decided on."""
+    waiting = sum(
+        isinstance(item, Transmission) and name == sender for _, name, _, _, item in inbox._waiting
+    )
+    arrived = sum(sender_key == key(sender, GPS) for sender_key, _ in inbox._arrived)
+    return waiting + len(inbox.links[sender].pending) + arrived
+
+
+def assert_all_arrive(scenario: Scenario) -> None:
+    rows, inboxes = virtual_rows(scenario)
+    for row in rows:
+        assert_balanced(row)
+        assert set(row.not_arrived) <= {"receiver_down"}
+        assert (row.in_flight, row.unrecorded) == (
+            waiting_in(inboxes[row.receiver], row.sender),
+            0,
+        )
+
+
+@pytest.mark.parametrize("name", [*library(), *drills()])
+def test_the_account_of_shipped_scenarios_balances(name: str) -> None:
+    try:
+        scenario = load_scenario(name, ["duration_s=6"])
+    except ScenarioError:  # its limits are about later instants
+        scenario = load_scenario(name)
+    assert_all_arrive(scenario)
+
+
+@pytest.mark.parametrize("preset", presets())
+def test_the_account_of_presets_balances(preset: str) -> None:
+    assert_all_arrive(load_scenario("lane_change", ["duration_s=5", f'links.preset="{preset}"']))
+
+
+def test_the_account_balances_with_software_that_does_not_run() -> None:
+    text = f"{STRAIGHT}{CHANGES}".replace("duration_s = 20.0", "duration_s = 5.0")
+    slow = scenario_from_text(text, overrides=["links.latency_ms=120", "links.jitter_ms=80"])
+    rows, inboxes = virtual_rows(slow)
+    down = {row.receiver for row in rows if row.not_arrived}
+    assert down == {"v2", "v3"}
+    for row in rows:
+        assert_balanced(row)
+        assert row.in_flight == waiting_in(inboxes[row.receiver], row.sender)
