@@ -105,8 +105,8 @@ def _drivers(report: CheckReport) -> Iterator[Row]:
 
 def _controller(settings: Mapping[str, Any]) -> str:
     gains = ", ".join(f"{gain:g}" for gain in settings["gains"].values())
-    load = "knows" if settings["knows_loading"] else "does not know"
-    load = "learns" if settings["estimate_slip"] else load
+    load = "learns" if settings["estimate_slip"] else "does not know"
+    load = "knows" if settings["knows_loading"] else load
     return f"{settings['controller']}, gains {gains}, {load} the load"
 
 

@@ -130,7 +130,7 @@ class SteeringTable(Table):
     preview_s: float = Field(default=FIT.preview_time, ge=0.1, le=10)
     tolerance_m: float = Field(default=FIT.tolerance, gt=0, le=10)
     knows_loading: bool = False
-    estimate_slip: bool = False
+    estimate_slip: bool = True
     own_state: Literal["estimated", "exact"] = "estimated"
     gains: GainsTable = GainsTable()
     degradation: SettingsTable[DegradationSettings] = SettingsTable[DegradationSettings]()

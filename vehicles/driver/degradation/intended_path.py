@@ -1,9 +1,9 @@
-"""The lead's path, reconstructed by a follower that receives only its predecessor.
+"""The lead's path, reconstructed from the positions of the predecessor.
 
 A vehicle that follows the path driven by its predecessor repeats its errors and adds its own. The
-error grows along the convoy, although each self-estimate is small (Section V-D.1). Therefore each
-follower announces its offset from the lead's path, and a follower without lead data moves the
-predecessor's positions back by it.
+error grows along the convoy, although each self-estimate is small (Section V-D.1). Composite data
+halve an error at each vehicle, so that errors double in the end. Therefore each follower announces
+its offset from the lead's path, and the next one moves the predecessor's positions back by it.
 
 The offset is measured from the lead's samples (or from corrected samples), not from the curve
 fitted to them: a curve that rounds off bends would do so again for each vehicle. It is the offset
@@ -20,6 +20,7 @@ from typing import Final
 import numpy as np
 
 from vehicles.car.gnss import Fix
+from vehicles.driver.degradation.settings import PredecessorPath
 from vehicles.messages import Mode
 from vehicles.preview.samples import Window
 from vehicles.preview.trajectory import LEAD, PREDECESSOR, Fit
@@ -96,20 +97,23 @@ class IntendedPath:
 
 
 class IntendedShare:
-    """Share of the offsets that is applied (0 to 1): 1 once only the predecessor is followed.
+    """Share of the offsets that is applied (0 to 1).
 
-    It changes over `span` (s), so that the path does not jump when the mode changes, and stays 0
-    unless `enabled`.
+    It is 1 for an `always_intended` path and 0 for a `driven` one. For an `intended` path it is 1
+    once only the predecessor is followed, and changes over `span` (s), so that the path does not
+    jump when the mode changes.
     """
 
-    def __init__(self, span: float, *, enabled: bool) -> None:
-        self.value = 0.0
+    def __init__(self, span: float, path: PredecessorPath) -> None:
+        self.value = 1.0 if path == "always_intended" else 0.0
         self._span = span
-        self._enabled = enabled
+        self._changes = path == "intended"
 
     def advance(self, mode: Mode, span: float) -> None:
         """Update after `span` (s) in `mode`; unchanged while no source is followed."""
-        if mode == "predecessor" and self._enabled:
+        if not self._changes:
+            return
+        if mode == "predecessor":
             self.value = min(self.value + span / self._span, 1.0)
         elif self.value and mode in ("composite", "lead"):
             self.value = max(self.value - span / self._span, 0.0)

@@ -14,11 +14,12 @@ extrapolate  continue along the last trajectory at full speed
 hold         keep the last steering command, at full speed
 straight     turn the wheels straight, at full speed, as one production system does
 """
-PredecessorPath = Literal["intended", "driven"]
-"""Path that a follower follows while it receives its predecessor alone.
+PredecessorPath = Literal["always_intended", "intended", "driven"]
+"""Path that the samples of the predecessor stand for.
 
-intended  the lead's path, reconstructed from the offset that the predecessor announces
-driven    the predecessor's own path, with its errors, which add up along the convoy
+always_intended  the lead's path, reconstructed from the offset that the predecessor announces
+intended         the same while the lead is lost, else the predecessor's own path
+driven           the predecessor's own path, with its errors, which add up along the convoy
 """
 
 
@@ -100,10 +101,12 @@ class DegradationSettings:
     predecessor_path: Annotated[
         PredecessorPath,
         Setting(
-            'path followed while the lead is lost. "intended": path of the lead, reconstructed '
-            'from the offset that the predecessor announces. "driven": path of the predecessor'
+            'path of the samples of the predecessor. "always_intended": path of the lead, '
+            'reconstructed from the offset that the predecessor announces. "intended": the same '
+            'while the lead is lost, else the path of the predecessor. "driven": the path of the '
+            "predecessor"
         ),
-    ] = "intended"
+    ] = "always_intended"
     comfortable_deceleration: Annotated[
         float, Setting("comfortable braking", "mps2", 0.1, 12, name="comfortable")
     ] = 1.0

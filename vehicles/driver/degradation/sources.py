@@ -42,10 +42,10 @@ class SourcePair:
         if lead is not predecessor:
             self.used["predecessor"] = predecessor
             predecessor.may_leave_path = len(self.used) > 1 and settings.reaction == "degrade"
-        enabled = predecessor.may_leave_path and settings.predecessor_path == "intended"
-        if enabled:
+        path = settings.predecessor_path if predecessor.may_leave_path else "driven"
+        if path != "driven":
             predecessor.intended = IntendedPath()
-        self._intended = IntendedShare(settings.probation, enabled=enabled)
+        self._intended = IntendedShare(settings.probation, path)
         self._degrades = settings.reaction == "degrade"
         self._comfortable, self._firm = settings.comfortable, settings.firm
         self._emergency = settings.emergency

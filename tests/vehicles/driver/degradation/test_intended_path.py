@@ -20,6 +20,7 @@ from vehicles.driver.degradation.intended_path import (
     IntendedShare,
     path_offset,
 )
+from vehicles.driver.degradation.settings import PredecessorPath
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.messages import Mode
 from vehicles.preview.curve_fit import FitSettings
@@ -234,7 +235,7 @@ def test_a_trace_knows_the_instants_of_a_window() -> None:
 
 
 def test_the_share_changes_without_a_step() -> None:
-    share, seen = IntendedShare(1.0, enabled=True), []
+    share, seen = IntendedShare(1.0, "intended"), []
     spells: list[tuple[Mode, float]] = [
         ("composite", 1.0), ("predecessor", 0.6), ("composite", 0.2), ("predecessor", 2.0),
         ("coast", 1.0), ("stop", 1.0), ("predecessor", 0.5), ("lead", 2.0),
@@ -246,10 +247,13 @@ def test_the_share_changes_without_a_step() -> None:
     assert seen == pytest.approx([0.0, 0.6, 0.4, 1.0, 1.0, 1.0, 1.0, 0.0])
 
 
-def test_a_disabled_share_stays_zero() -> None:
-    share = IntendedShare(1.0, enabled=False)
-    share.advance("predecessor", 5.0)
-    assert share.value == 0.0
+@pytest.mark.parametrize(("path", "value"), [("driven", 0.0), ("always_intended", 1.0)])
+def test_the_share_of_other_paths_stays(path: PredecessorPath, value: float) -> None:
+    share = IntendedShare(1.0, path)
+    modes: tuple[Mode, ...] = ("composite", "predecessor", "lead")
+    for mode in modes:
+        share.advance(mode, 5.0)
+        assert share.value == value
 
 
 def test_memory_is_bounded() -> None:

@@ -25,8 +25,10 @@ EXACT = (
     "gnss.yaw_rate_noise_radps=0.0", "imu.speed_noise_mps=0.0", "imu.speed_bias_mps=0.0",
     "imu.yaw_rate_noise_radps=0.0", "imu.yaw_rate_bias_radps=0.0",
 )  # fmt: skip
+PAPER_LAW = "control.controller='feedforward_feedback'", "control.estimate_slip=false"
 FROM_THE_START, FOR_GOOD, FOR_A_WHILE = "at_s=0.0", "at_s=1.0", "at_s=2.0, for_s=2.0"
 DRIVEN = "control.degradation.predecessor_path='driven'"
+WITHOUT_LEAD = "control.degradation.predecessor_path='intended'"
 
 
 def convoy(cut: str, *more: str, vehicles: int = 8, seed: int = 1) -> Scenario:
@@ -101,7 +103,7 @@ def driven(cut: str, *more: str, **rest: Any) -> Driven:
 
 
 def test_without_noise_the_error_of_the_law_is_that_of_one_vehicle() -> None:
-    run = driven(FROM_THE_START, *EXACT, "control.controller='slip_compensated'")
+    run = driven(FROM_THE_START, *EXACT, "control.estimate_slip=false")
     assert {run.modes[f"v{place}"][-1] for place in range(3, 9)} == {"predecessor"}
     errors = run.errors()
     assert 0.02 < errors["v2"] < 0.04
@@ -120,7 +122,7 @@ def test_the_error_does_not_grow_along_eight_vehicles(case: int) -> None:
 
 
 def test_it_grows_where_the_way_driven_is_followed() -> None:
-    errors = driven(FOR_GOOD, *EXACT, DRIVEN, vehicles=4).errors()
+    errors = driven(FOR_GOOD, *PAPER_LAW, *EXACT, DRIVEN, vehicles=4).errors()
     assert errors["v4"] > errors["v3"] + 0.04 > errors["v2"] + 0.08
 
 
@@ -140,9 +142,16 @@ def test_no_command_steps_when_the_lead_is_lost_and_comes_back() -> None:
     assert run.largest_step() < received.largest_step() + 1e-3
 
 
-def test_announcements_change_no_command_while_the_lead_is_received() -> None:
+def test_announcements_for_a_lost_lead_change_no_command_while_it_is_received() -> None:
     followed = driven("", DRIVEN, *EXACT, vehicles=4)
-    assert followed.steering == driven("", *EXACT, vehicles=4).steering
+    assert followed.steering == driven("", WITHOUT_LEAD, *EXACT, vehicles=4).steering
+
+
+def test_composite_data_double_an_error_unless_announcements_remove_it() -> None:
+    errors = driven("", *PAPER_LAW, *EXACT, vehicles=6).errors()
+    assert max(errors.values()) < errors["v2"] + 0.01
+    doubled = driven("", *PAPER_LAW, *EXACT, WITHOUT_LEAD, vehicles=6).errors()
+    assert doubled["v6"] > doubled["v2"] + 0.02
 
 
 def test_a_follower_of_a_false_predecessor_drives_where_it_drove() -> None:
