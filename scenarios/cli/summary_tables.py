@@ -103,6 +103,7 @@ VEHICLE_COLUMNS: Sequence[Column[VehicleSummary]] = (
         ".1f",
         100.0,
     ),
+    Column("road\nerror\nmax, cm", lambda row: row.road_error_m_max, ".1f", 100.0),
     Column("true\ngap, m\nmin", lambda row: row.true_gap_m_min, ".1f"),
     Column(
         "self-estimated\nerror, cm\nmax / rms",
@@ -114,9 +115,6 @@ VEHICLE_COLUMNS: Sequence[Column[VehicleSummary]] = (
     Column("friction\nused, %\nmax", lambda row: row.friction_ratio_max, ".0f", 100.0),
 )
 """True figures of each vehicle next to its estimates."""
-MODES_COLUMN: Column[VehicleSummary] = Column(
-    "mode\nchanges", lambda row: None if row.role == "lead" else row.reaction.mode_changes
-)
 DETAIL_COLUMNS: Sequence[Column[VehicleSummary]] = (
     Column("vehicle", lambda row: row.name, left=True),
     Column("largest\nerror\nat, s", lambda row: row.cross_track_error_max_at_s, ".2f"),
@@ -259,10 +257,7 @@ def _print_line(line: str, console: Console) -> None:
 def _tables(summary: RunSummary, tables: Tables) -> Iterator[tuple[bool, Table]]:
     """Yield the tables of a summary, each with whether it carries news."""
     followers = [row for row in summary.vehicles if row.role != "lead"]
-    vehicle_columns = list(VEHICLE_COLUMNS)
-    if any(row.reaction.mode_changes > 1 for row in followers):  # the first one begins the drive
-        vehicle_columns.append(MODES_COLUMN)
-    yield True, table_of(vehicle_columns, summary.vehicles)
+    yield True, table_of(VEHICLE_COLUMNS, summary.vehicles)
     yield False, table_of(DETAIL_COLUMNS, summary.vehicles, title="vehicles, details")
     yield any(map(_has_process_news, summary.vehicles)), table_of(PROCESS_COLUMNS, summary.vehicles)
     if any(row.reaction != NO_REACTION for row in followers):

@@ -52,6 +52,7 @@ from transport.links.laws.link_law import LinkSetting
 from vehicles.car.clock_error import VehicleClock
 from vehicles.driver.speed import GapLimits, SpacingPolicy
 from vehicles.geometry.geodesy import LocalPlane, Origin
+from vehicles.geometry.sampled_path import SampledPath
 from vehicles.schedule import MILLISECOND, SECOND
 
 __all__ = [
@@ -209,6 +210,15 @@ class Scenario:
             for name, own in self.tables.vehicle.items()
             if own.replay is not None
         }
+
+    def road_of(self, name: str) -> tuple[SampledPath, float]:
+        """Return the road of a vehicle and the station (m) from which its distance counts.
+
+        The road is the lead's path, or the vehicle's own drive if it is replayed.
+        """
+        if (drive := self.replays.get(name)) is not None:
+            return drive.road.path, drive.stations[0]
+        return self.route.path, self.route.start_station(self.vehicle_names.index(name))
 
     @cached_property
     def least_spacings(self) -> tuple[float, ...]:

@@ -15,7 +15,7 @@ from scenarios.results.events.run_event import EventLog
 from scenarios.results.holes import RecordHole
 from scenarios.results.limits.deadlines import Deadlines
 from scenarios.results.run_changes import ChangeLog, RunChange
-from scenarios.results.stream import FigureStream
+from scenarios.results.stream import FigureStream, RoadError
 from scenarios.results.vehicles.vehicle_figures import (
     USUAL_CONTROL_RATE_HZ,
     USUAL_RATE_HZ,
@@ -74,6 +74,7 @@ class Metrics:
         )
         self.events = EventLog(self.stream.seconds)
         self.stream.on_error(self._add_error)
+        self.stream.on_road_error(self._add_road_error)
         self.stream.on_event(self.events.add)
         self.warnings: list[str] = []
         self.out_of_linear: dict[str, str] = {}
@@ -184,6 +185,9 @@ class Metrics:
         self.vehicles[foot.vehicle].add_error(foot)
         if self._has_deadlines:
             self.deadlines.add_error(foot.vehicle, foot.at_ns, foot.lateral)
+
+    def _add_road_error(self, error: RoadError) -> None:
+        self.vehicles[error.vehicle].road_error.add(error.lateral, error.at_ns)
 
     def _add_tracking(self, figures: VehicleFigures, tracking: Tracking, at: int) -> None:
         figures.add_tracking(tracking)

@@ -4,9 +4,9 @@ The messages of each vehicle come in order; how those of different vehicles are 
 matter.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from itertools import zip_longest
-from typing import get_args
+from typing import NamedTuple, get_args
 
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.scenario_tables import EventsTable
@@ -22,11 +22,23 @@ from scenarios.results.events.watches import (
 )
 from vehicles.car.tyres import SLIDING_SHARE
 from vehicles.geometry.driven_path import CrossTrack, CrossTrackError
+from vehicles.geometry.path_offsets import PathWalk
 from vehicles.messages import Message, RunStart, Tracking, TruePose
 from vehicles.schedule import SECOND
 
 ALL_EVENTS: tuple[EventKind, ...] = get_args(EventKind)
+
+
+class RoadError(NamedTuple):
+    """Distance (m, left positive) of a vehicle from its road at an instant (ns)."""
+
+    vehicle: str
+    at_ns: int
+    lateral: float
+
+
 TakeError = Callable[[CrossTrack], None]
+TakeRoadError = Callable[[RoadError], None]
 TakeGap = Callable[[TrueGap], None]
 TakeEvent = Callable[[Episode], None]
 
@@ -43,13 +55,20 @@ class FigureStream:
         sizes: Mapping[str, BodySize],
         rules: EventsTable | None = None,
         road_yaw: float | None = None,
+        roads: Mapping[str, PathWalk] | None = None,
+        replayed: Collection[str] = (),
     ) -> None:
-        """Bodies, lead first, thresholds, and the yaw (rad) of the road at the start."""
+        """Bodies, lead first, thresholds, and the yaw (rad) of the road at the start.
+
+        `roads` are those of the vehicles, as far as known: the path of the scenario, and for
+        `replayed` vehicles their own drive.
+        """
         self.kinds: frozenset[type[Message]] = frozenset({RunStart, Tracking, TruePose})
         self._sizes = sizes
         self._lead, *self.followers = sizes
         self._rules = rules or EventsTable()
-        self._path = CrossTrackError(self._lead, road_yaw)
+        self._path = CrossTrackError(self._lead, road_yaw, replayed=replayed)
+        self._roads = roads or {}
         self._lane: LaneWatch | None = None
         self._encounters: Encounters | None = None
         self._slides = SlideWatch()
@@ -59,6 +78,7 @@ class FigureStream:
             TrustWatch(list(sizes)),
         )
         self._on_error: list[TakeError] = []
+        self._on_road_error: list[TakeRoadError] = []
         self._on_gap: list[TakeGap] = []
         self._on_excess: list[TakeExcess] = []
         self._on_event: dict[EventKind, list[TakeEvent]] = {kind: [] for kind in ALL_EVENTS}
@@ -70,13 +90,23 @@ class FigureStream:
 
     @classmethod
     def of(cls, scenario: Scenario) -> "FigureStream":
-        return cls(sizes_of(scenario), scenario.tables.events, scenario.route.start_yaw)
+        return cls(
+            sizes_of(scenario),
+            scenario.tables.events,
+            scenario.route.start_yaw,
+            {name: PathWalk(*scenario.road_of(name)) for name in scenario.vehicle_names},
+            scenario.replays.keys(),
+        )
 
     def on_error(self, take: TakeError) -> None:
         """Subscribe to the true error of each follower, its foot point on the lead's path."""
         if not self._on_error:
             self._path.follow(self.followers)
         self._on_error.append(take)
+
+    def on_road_error(self, take: TakeRoadError) -> None:
+        """Subscribe to the true error of each vehicle with a known road."""
+        self._on_road_error.append(take)
 
     def on_gap(self, take: TakeGap) -> None:
         """Subscribe to the true gap of each follower, once per instant of both vehicles."""
@@ -132,6 +162,10 @@ class FigureStream:
             self._first_at = at
         self._places[name] = (pose.east_m, pose.north_m)
         lane, encounters = self._lane, self._encounters
+        if self._on_road_error and (road := self._roads.get(name)) is not None:
+            offset = road.offset(pose.east_m, pose.north_m, pose.distance_m)
+            for take in self._on_road_error:
+                take(RoadError(name, at, offset))
         feet: list[CrossTrack] = []
         if self._on_error or (lane is not None and name == self._lead):
             feet = self._path.add(pose)

@@ -1,7 +1,7 @@
 """True cross-track error: the distance of each vehicle from the path driven by the lead."""
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 from math import cos, hypot, sin
 from typing import Final, NamedTuple
@@ -85,16 +85,23 @@ class CrossTrackError:
     The path is the polyline through the lead's poses, without standstills. Followers start behind
     the lead, so an infinite straight precedes its first pose. Its direction is `road_yaw` (rad), or
     the yaw of the first pose if `road_yaw` is None or the lead's record does not begin at its
-    start. If `followers` are given, chords that all of them have passed are dropped.
+    start. If `followers` are given, chords that all of them have passed are dropped. Points of
+    `replayed` vehicles have no foot point on that straight: they start where their own drive does.
 
     The poses of each vehicle must be in order of time, but vehicles may be interleaved in any
     order: a pose beyond the end of the lead's path is stored until the path reaches it.
     """
 
     def __init__(
-        self, lead: str, road_yaw: float | None = None, followers: Iterable[str] = ()
+        self,
+        lead: str,
+        road_yaw: float | None = None,
+        followers: Iterable[str] = (),
+        replayed: Collection[str] = (),
     ) -> None:
+        """`replayed` are names of vehicles; their points are called by them, or by them and `/`."""
         self._lead = lead
+        self._replayed = replayed
         self._road_yaw = road_yaw
         self._chords: list[_Chord] = []
         self._end = (0.0, 0.0)
@@ -137,7 +144,13 @@ class CrossTrackError:
             follower.waiting.append(point)
             self._has_waiting = True
             return []
-        return [] if self._chords[follower.index].is_hole else [foot]
+        return [foot] if self._counts(follower, foot) else []
+
+    def _counts(self, follower: _Follower, foot: CrossTrack) -> bool:
+        """Whether the lead's path is known beside the foot point."""
+        if foot.station < 0.0 and foot.vehicle.partition("/")[0] in self._replayed:
+            return False
+        return not self._chords[follower.index].is_hole
 
     def _extend(self, pose: TruePose) -> bool:
         """Extend the lead's path to `pose`, unless the lead stood still."""
@@ -189,7 +202,7 @@ class CrossTrackError:
             if foot is None:
                 break
             follower.waiting.popleft()
-            if not self._chords[follower.index].is_hole:
+            if self._counts(follower, foot):
                 feet.append(foot)
         return feet
 

@@ -53,6 +53,13 @@ class VehicleSummary:
     """Root mean square of the same."""
     cross_track_error_max_at_s: float | None = None
     """Time of the largest cross-track error."""
+    road_error_m_max: float | None = None
+    """Largest true distance from the road: the path of the scenario, or the vehicle's own drive if
+    it is replayed; null in runs before 0.4."""
+    road_error_m_rms: float | None = None
+    """Root mean square of the same."""
+    road_error_max_at_s: float | None = None
+    """Time of the largest road error."""
     self_estimate_error_m_max: float | None = None
     """Largest difference between the self-estimated and the true lateral error, once the vehicle
     has a trajectory."""
@@ -131,7 +138,7 @@ class VehicleFigures:
         self.mode = ""
         self.modes: Counter[str] = Counter()
         self.lateral_error, self.heading_error = Extremes(), Extremes()
-        self.cross_track_error = Extremes()
+        self.cross_track_error, self.road_error = Extremes(), Extremes()
         self.self_estimate = SelfEstimateErrors()
         self.tyres = TyreFigures()
         self.estimated_gap_min = inf
@@ -244,6 +251,7 @@ class VehicleFigures:
         start of the run.
         """
         health, true, tyres = self.health, self.cross_track_error, self.tyres
+        road = self.road_error
         own, estimate = self.lateral_error, self.self_estimate.difference
         if gap is not None and not isfinite(gap.min_m):
             gap = None
@@ -260,6 +268,9 @@ class VehicleFigures:
             cross_track_error_m_max=true.largest if true.count else None,
             cross_track_error_m_rms=true.rms if true.count else None,
             cross_track_error_max_at_s=seconds(true.largest_at) if true.count else None,
+            road_error_m_max=road.largest if road.count else None,
+            road_error_m_rms=road.rms if road.count else None,
+            road_error_max_at_s=seconds(road.largest_at) if road.count else None,
             self_estimate_error_m_max=estimate.largest if estimate.count else None,
             true_gap_m_min=gap.min_m if gap else None,
             true_gap_min_at_s=seconds(gap.min_at_ns) if gap else None,

@@ -86,12 +86,24 @@ def row(text: str, begin: str, table: int = 0) -> list[str]:
 def test_a_vehicle_s_row_has_true_figures_next_to_estimates() -> None:
     text = printed(summary())
     assert "trial, seed 11, wall clock, 1.0 s" in text
-    assert row(text, "v2 ") == ["v2", "12.5", "/", "12.5", "10.1", "9.0", "/", "9.0", "14.0", "0"]
+    assert row(text, "v2 ") == [
+        "v2",
+        "12.5",
+        "/",
+        "12.5",
+        "-",
+        "10.1",
+        "9.0",
+        "/",
+        "9.0",
+        "14.0",
+        "0",
+    ]
     headings = [re.split(r"  +", line.strip()) for line in text.splitlines()[2:5]]
     assert headings == [
-        ["true", "true", "self-estimated", "estimated", "friction"],
-        ["error, cm", "gap, m", "error, cm", "gap, m", "used, %"],
-        ["vehicle", "max / rms", "min", "max / rms", "min", "max"],
+        ["true", "road", "true", "self-estimated", "estimated", "friction"],
+        ["error, cm", "error", "gap, m", "error, cm", "gap, m", "used, %"],
+        ["vehicle", "max / rms", "max, cm", "min", "max / rms", "min", "max"],
     ]
 
 
@@ -110,12 +122,12 @@ def test_a_vehicle_without_a_trajectory_estimates_no_error() -> None:
 
 def test_a_lead_has_no_distance_from_its_own_path() -> None:
     text = printed(summary())
-    assert row(text, "v1 ") == ["v1", "-", "-", "-", "-", "0"]
+    assert row(text, "v1 ") == ["v1", "-", "-", "-", "-", "-", "0"]
     assert row(text, "v1 ", 2) == ["v1", "21", "0", "0", "0", "-", "-"]
 
 
 def test_a_follower_without_true_poses_has_no_error() -> None:
-    assert row(printed(summary()), "v3 ") == ["v3", "-", "-", "-", "-", "-"]
+    assert row(printed(summary()), "v3 ") == ["v3", "-", "-", "-", "-", "-", "-"]
 
 
 def test_the_title_is_the_run_s_own_and_printed_as_it_is() -> None:

@@ -98,7 +98,7 @@ def test_a_car_that_spins_ever_faster_fails_the_run(tmp_path: Path) -> None:
     ]
     summary = run_virtual(load_scenario("lane_change", unstable[1:]), tmp_path, Stop())
     assert summary.outcome == "failed"
-    assert summary.reason.startswith("v2: the car spins: it is unstable at 30.")
+    assert summary.reason.startswith("v2: the car spins: it is unstable at 2")
 
 
 @pytest.mark.parametrize(
