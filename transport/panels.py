@@ -32,9 +32,10 @@ class Series:
     Its values are those of `field` in the log's messages of `topic`. The picture itself computes
     the values of series without a field and of topics that the bus does not carry. `name`
     distinguishes the series of a vehicle; `label`, `colour` and `width` are those of its curve, by
-    default the vehicle's colour times `brightness_ratio`. A state becomes "<state>, <flag>" while
-    the Boolean field `flag` is true. `first_follower` is False for series that the first follower
-    lacks: its predecessor is the lead.
+    default the vehicle's colour times `brightness_ratio`. The field `deviation` is the standard
+    deviation of the value; a band of three of them is drawn. A state becomes "<state>, <flag>"
+    while the Boolean field `flag` is true. `first_follower` is False for series that the first
+    follower lacks: its predecessor is the lead.
     """
 
     topic: str = ""
@@ -45,6 +46,7 @@ class Series:
     brightness_ratio: float = 1.0
     width: float = 1.5
     flag: str = ""
+    deviation: str = ""
     first_follower: bool = True
 
     def colour_at(self, place: int) -> Colour:
@@ -149,8 +151,9 @@ ROWS = (
             marked=True, plain_row=1, foxglove=True,
         ),
         Panel(
-            name="tracking", title="Self-estimated error", unit="m",
-            kind="plot", series=(Series("tracking", "lateral_error_m"),),
+            name="tracking", title="Self-estimated error, ± 3σ of the position", unit="m",
+            kind="plot",
+            series=(Series("tracking", "lateral_error_m", deviation="lateral_deviation_m"),),
             lead="shown", plain_row=2, foxglove=True,
         ),
         Panel(

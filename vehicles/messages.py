@@ -153,6 +153,8 @@ class Tracking:
     predecessor's weight in the trajectory. `hazard`: the vehicle warns its followers.
     `estimated_gap_m` is along the path from the predecessor's rear bumper to the own front bumper;
     the lengths of both cars are those of the scenario. Logs before version 0.2 lack it.
+    `lateral_deviation_m` is the estimated standard deviation of the own position across the body of
+    the car. Logs before version 0.4 lack it.
     """
 
     vehicle: str
@@ -181,6 +183,7 @@ class Tracking:
     predecessor_weight_ratio: FloatOrNan
     hazard: bool
     estimated_gap_m: FloatOrNan = float("nan")
+    lateral_deviation_m: FloatOrNan = float("nan")
 
 
 @dataclass(slots=True, kw_only=True)

@@ -118,13 +118,14 @@ VEHICLE_COLUMNS: Sequence[Column[VehicleSummary]] = (
 DETAIL_COLUMNS: Sequence[Column[VehicleSummary]] = (
     Column("vehicle", lambda row: row.name, left=True),
     Column("largest\nerror\nat, s", lambda row: row.cross_track_error_max_at_s, ".2f"),
-    Column("smallest\ngap\nat, s", lambda row: row.true_gap_min_at_s, ".2f"),
+    Column("least\ngap\nat, s", lambda row: row.true_gap_min_at_s, ".2f"),
     Column(
-        "self-estimate\nminus true\nerror, cm",
+        "estimate\nminus true\nerror, cm",
         lambda row: row.self_estimate_error_m_max,
         ".1f",
         100.0,
     ),
+    Column("own\n3σ\ncm", lambda row: row.lateral_deviation_m_max, ".1f", 300.0),
     Column(
         "lateral\nacceleration\nmax, m/s²", lambda row: row.lateral_acceleration_mps2_max, ".1f"
     ),

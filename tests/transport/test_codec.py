@@ -191,6 +191,7 @@ def test_the_longest_message_fits() -> None:
 NOT_FINITE = (math.nan, math.inf, -math.inf)
 MAY_BE_NAN = {
     "estimated_gap_m",
+    "lateral_deviation_m",
     "lead_age_s",
     "predecessor_age_s",
     "lead_period_s",

@@ -7,13 +7,20 @@ import numpy as np
 import rerun as rr
 
 from transport.colours import Colour, colour_of
-from transport.panels import PANELS, Panel, Series, flagged, panels_of
+from transport.panels import PANELS, SLOW_CURVE_NS, Panel, Series, flagged, panels_of
 from transport.picture.blueprint import TIMELINE
 from transport.picture.detail import Detail
 from transport.picture.link_states import LinkStates, message_state
 from transport.topics import valid_at
 from vehicles.messages import LinkVerdict, Message
 from vehicles.schedule import Timer
+
+SIGMAS = 3.0
+"""Half-width of a band in standard deviations."""
+BAND_ALPHA = 70
+"""Opacity (of 255) of a band's line; its area is fainter. Bands of several vehicles overlap."""
+BAND = "/band"
+"""Suffix of the name of a band."""
 
 
 class Curves:
@@ -25,6 +32,7 @@ class Curves:
     def __init__(self, recording: rr.RecordingStream) -> None:
         self._recording = recording
         self._curves: dict[str, tuple[list[int], list[float]]] = {}
+        self._variances: dict[str, list[float]] = {}
         self._extents: dict[str, tuple[float, float]] = {}
 
     def has(self, quantity: str, name: str) -> bool:
@@ -38,6 +46,21 @@ class Curves:
         self._curves[entity] = ([], [])
         style = rr.SeriesLines(colors=[colour], names=[label], widths=[width])
         self._recording.log(entity, style, static=True)
+
+    def start_band(self, quantity: str, name: str, label: str, colour: Colour) -> None:
+        """Set label and colour of a band around a curve, before its first value."""
+        entity = f"plots/{quantity}/{name}"
+        self._curves[entity], self._variances[entity] = ([], []), []
+        style = rr.Measurements.from_fields(
+            colors=[(*colour, BAND_ALPHA)], names=[label], widths=[0.5]
+        )
+        self._recording.log(entity, style, static=True)
+
+    def add_band(self, quantity: str, name: str, at: int, value: float, width: float) -> None:
+        """Add a value and the half-width of its band."""
+        self.add(quantity, name, at, value)
+        # The viewer draws one standard deviation.
+        self._variances[f"plots/{quantity}/{name}"].append(width * width)
 
     def add(self, quantity: str, name: str, at: int, value: float) -> None:
         times, values = self._curves[f"plots/{quantity}/{name}"]
@@ -54,10 +77,17 @@ class Curves:
                     rr.TimeColumn(TIMELINE, duration=since_start),
                     rr.TimeColumn("time", timestamp=at.astype("datetime64[ns]")),
                 ]
-                scalars = rr.Scalars.columns(scalars=values)
+                variances = self._variances.get(entity)
+                if variances is None:
+                    scalars, width = rr.Scalars.columns(scalars=values), 0.0
+                else:
+                    scalars = rr.Measurements.columns(values=values, variances=variances)
+                    width = math.sqrt(max(variances))
+                    variances.clear()
                 self._recording.send_columns(entity, columns, scalars)
                 low, high = self._extents.get(entity, (math.inf, -math.inf))
-                self._extents[entity] = (min(low, *values), max(high, *values))
+                low, high = min(low, min(values) - width), max(high, max(values) + width)
+                self._extents[entity] = low, high
                 times.clear()
                 values.clear()
 
@@ -119,16 +149,16 @@ class PanelSeries:
         for panel in panels:
             if not (in_detail or panel.every_vehicle) or (not place and panel.lead == "absent"):
                 continue
-            if panel.period_ns and not self._is_due(panel, vehicle, at):
+            if panel.period_ns and not self._is_due(panel.name, vehicle, panel.period_ns, at):
                 continue
             for series in panel.series:
                 if series.first_follower or place > 1:
                     self._add(panel, series, message, place, at)
 
-    def _is_due(self, panel: Panel, vehicle: str, at: int) -> bool:
-        timer = self._timers.get((vehicle, panel.name))
+    def _is_due(self, panel: str, name: str, period_ns: int, at: int) -> bool:
+        timer = self._timers.get((name, panel))
         if timer is None:
-            timer = self._timers[vehicle, panel.name] = Timer(panel.period_ns)
+            timer = self._timers[name, panel] = Timer(period_ns)
         return timer.is_due(at)
 
     def _add(self, panel: Panel, series: Series, message: Message, place: int, at: int) -> None:
@@ -146,6 +176,22 @@ class PanelSeries:
             label, colour = series.label_of(message.vehicle), series.colour_at(place)
             self._curves.start(panel.name, name, label, colour, series.width)
         self._curves.add(panel.name, name, at, value)
+        if series.deviation:
+            self._add_band(panel, series, message, place, value)
+
+    def _add_band(
+        self, panel: Panel, series: Series, message: Message, place: int, value: float
+    ) -> None:
+        """Draw three standard deviations around a value, if known."""
+        vehicle, at = message.vehicle, valid_at(message)
+        width = SIGMAS * panel.factor * getattr(message, series.deviation)
+        name = vehicle + BAND
+        if not (math.isfinite(width) and self._is_due(panel.name, name, SLOW_CURVE_NS, at)):
+            return
+        if not self._curves.has(panel.name, name):
+            colour = series.colour_at(place)
+            self._curves.start_band(panel.name, name, f"{vehicle} ± {SIGMAS:.0f}σ", colour)
+        self._curves.add_band(panel.name, name, at, value, width)
 
     def count(self, verdict: LinkVerdict) -> None:
         """Show the state of a message, and count it for the state of its link."""

@@ -26,7 +26,8 @@ from vehicles.received_pose import ReceivedPose
 class Decision:
     """Commands for steering and drive, and their inputs (Fig. 1, Sections III-A to III-C).
 
-    Units: target_speed m/s; estimated_gap m, between bumpers. `path_offset` (m, left positive) is
+    Units: target_speed m/s; estimated_gap m, between bumpers; lateral_deviation m, of the own
+    position. `path_offset` (m, left positive) is
     the offset of the last own fix from the lead's path, NaN if unknown. `fresh` is False between
     two control instants, where the last decision is held. `fit` is the trajectory if it was
     refitted. `remarks` are lines for the log.
@@ -40,6 +41,7 @@ class Decision:
     fit: Fit | None = None
     target_speed: float = 0.0
     estimated_gap: float = nan
+    lateral_deviation: float = nan
     path_offset: float = nan
     situation: Situation = field(default_factory=Situation)
     remarks: tuple[str, ...] = ()
@@ -56,6 +58,7 @@ class Decision:
         fit: Fit | None = None,
         target_speed: float = 0.0,
         estimated_gap: float = nan,
+        lateral_deviation: float = nan,
         path_offset: float = nan,
         situation: Situation | None = None,
         remarks: tuple[str, ...] = (),
@@ -69,6 +72,7 @@ class Decision:
         self.fit = fit
         self.target_speed = target_speed
         self.estimated_gap = estimated_gap
+        self.lateral_deviation = lateral_deviation
         self.path_offset = path_offset
         self.situation = Situation() if situation is None else situation
         self.remarks = remarks
@@ -88,6 +92,7 @@ class Decision:
             yaw_rate_error_radps=self.errors.yaw_rate,
             curvature_per_m=self.errors.curvature,
             estimated_gap_m=self.estimated_gap,
+            lateral_deviation_m=self.lateral_deviation,
             lead_age_s=lead.age,
             predecessor_age_s=ahead.age,
             lead_period_s=lead.period,
@@ -130,6 +135,7 @@ class Decision:
             fit=self.fit,
             target_speed=self.target_speed,
             estimated_gap=self.estimated_gap,
+            lateral_deviation=self.lateral_deviation,
             situation=self.situation,
             remarks=self.remarks,
             fresh=False,

@@ -196,6 +196,7 @@ class Follower:
             fit=self._trajectories[0][1] if refit and self._fitted else None,
             target_speed=speed.target_speed,
             estimated_gap=ahead.spacing - self._least_spacing,
+            lateral_deviation=self._own_state.lateral_deviation,
             situation=situation,
             remarks=remarks,
         )

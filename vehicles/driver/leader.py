@@ -197,6 +197,7 @@ class Leader:
             mode="path",
             reason=self._reason,
             target_speed=speed.target_speed,
+            lateral_deviation=self._own_state.lateral_deviation,
         )
         return self._decision
 

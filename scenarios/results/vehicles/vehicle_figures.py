@@ -63,6 +63,8 @@ class VehicleSummary:
     self_estimate_error_m_max: float | None = None
     """Largest difference between the self-estimated and the true lateral error, once the vehicle
     has a trajectory."""
+    lateral_deviation_m_max: float | None = None
+    """Largest estimated standard deviation of its own lateral position; null in runs before 0.4."""
     true_gap_m_min: float | None = None
     """Smallest true gap to the predecessor: shortest distance between the bodies, 0 in a
     collision."""
@@ -142,6 +144,7 @@ class VehicleFigures:
         self.self_estimate = SelfEstimateErrors()
         self.tyres = TyreFigures()
         self.estimated_gap_min = inf
+        self.lateral_deviation_max = -1.0
         self.reaction = Reaction()
         self.health: Health | None = None
         self._memory_max = 0
@@ -174,6 +177,8 @@ class VehicleFigures:
         self.modes[mode] += 1
         if -inf < tracking.estimated_gap_m < self.estimated_gap_min:  # false for NaN: no gap
             self.estimated_gap_min = tracking.estimated_gap_m
+        if tracking.lateral_deviation_m > self.lateral_deviation_max:  # noqa: PLR1730 - NaN
+            self.lateral_deviation_max = tracking.lateral_deviation_m
 
     def add_pose(self, pose: GpsPose) -> None:
         self.numbers.add(pose.seq)
@@ -272,6 +277,9 @@ class VehicleFigures:
             road_error_m_rms=road.rms if road.count else None,
             road_error_max_at_s=seconds(road.largest_at) if road.count else None,
             self_estimate_error_m_max=estimate.largest if estimate.count else None,
+            lateral_deviation_m_max=self.lateral_deviation_max
+            if self.lateral_deviation_max >= 0.0
+            else None,
             true_gap_m_min=gap.min_m if gap else None,
             true_gap_min_at_s=seconds(gap.min_at_ns) if gap else None,
             estimated_gap_m_min=self.estimated_gap_min

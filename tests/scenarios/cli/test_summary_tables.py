@@ -42,7 +42,16 @@ def summary(reason: str = "", clock: ClockName = "wall") -> RunSummary:
     for seq in range(21):
         metrics.listen(0, truth("v1", seq, 0.6 * seq, 0.0))
         metrics.listen(0, truth("v2", seq, 0.6 * seq - 15.0, 0.125))
-        metrics.listen(0, tracking("v2", seq, lateral_error_m=-0.09, estimated_gap_m=14.0 + seq))
+        metrics.listen(
+            0,
+            tracking(
+                "v2",
+                seq,
+                lateral_error_m=-0.09,
+                estimated_gap_m=14.0 + seq,
+                lateral_deviation_m=0.04,
+            ),
+        )
         metrics.listen(0, gps("v1", seq))
         metrics.listen(
             0, verdict("v1", "v2", seq, latency_ms=42.0, dropped="" if seq % 3 else "loss")
@@ -109,7 +118,7 @@ def test_a_vehicle_s_row_has_true_figures_next_to_estimates() -> None:
 
 def test_further_tables_have_details_and_figures_of_the_process() -> None:
     text = printed(summary())
-    assert row(text, "v2 ", 1)[3:5] == ["21.5", "0.0"]
+    assert row(text, "v2 ", 1)[3:6] == ["21.5", "12.0", "0.0"]
     assert row(text, "v2 ", 2) == ["v2", "1", "2", "12", "7", "64", "4.3"]
 
 

@@ -142,6 +142,15 @@ def test_modes_are_counted_and_the_smallest_gap_kept() -> None:
     assert alone.estimated_gap_m_min is None
 
 
+def test_the_largest_deviation_of_the_own_position_is_kept() -> None:
+    deviations = (math.nan, 0.05, 0.08, math.nan, 0.02)
+    row = vehicle(
+        "v2", *(tracking("v2", k, lateral_deviation_m=d) for k, d in enumerate(deviations))
+    )
+    assert row.lateral_deviation_m_max == 0.08
+    assert vehicle("v2", tracking("v2", 0)).lateral_deviation_m_max is None
+
+
 def lead_and_follower(aside: float) -> Sequence[Message]:
     """The lead drives 60 m east, v2 15 m behind and `aside` to its left."""
     return [

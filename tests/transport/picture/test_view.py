@@ -132,6 +132,18 @@ def test_a_picture_that_breaks_off_holds_all_that_was_drawn(tmp_path: Path) -> N
     assert len([value for value in curve["Scalars:scalars"] if value]) == 30
 
 
+def test_the_band_of_an_error_is_three_deviations_wide(drawn: Table) -> None:
+    band = drawn["/plots/tracking/v3/band"]
+    variances = [value[0] for value in band["Measurements:variances"] if value]
+    assert variances == pytest.approx([0.06**2] * len(variances))
+    assert len(variances) >= 9  # 100 ticks of 20 ms, drawn every 200 ms
+    curve = drawn["/plots/tracking/v3"]
+    known = dict(zip(curve["run_time"], curve["Scalars:scalars"], strict=True))
+    for at, value in zip(band["run_time"], band["Measurements:values"], strict=True):
+        if value:
+            assert value == known[at]
+
+
 def test_curves_are_those_of_the_messages(drawn: Table) -> None:
     steering = drawn["/plots/steering/v3"]["Scalars:scalars"]
     assert [v[0] for v in steering if v] == pytest.approx([3.0] * 50)  # degrees

@@ -36,6 +36,7 @@ DECISION = Decision(
     fit=FIT,
     target_speed=29.5,
     estimated_gap=14.8,
+    lateral_deviation=0.04,
     path_offset=-0.12,
     situation=Situation(
         lead=SourceFreshness(
@@ -67,6 +68,7 @@ def test_a_decision_logs_tracking_and_command() -> None:
         yaw_rate_error_radps=0.003,
         curvature_per_m=0.004,
         estimated_gap_m=14.8,
+        lateral_deviation_m=0.04,
         lead_age_s=0.07,
         predecessor_age_s=0.02,
         lead_period_s=0.05,
