@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from math import ceil
 from typing import Any
 
 from scenarios.cli.common_options import zenoh_from
@@ -22,6 +23,12 @@ ANSWER_TIMEOUT_S = 1.0
 """Timeout of an answer, which usually takes a few milliseconds."""
 PARALLEL_REQUESTS_MAX = 32
 """Maximum number of simultaneous requests."""
+AHEAD_S = (0.1, 0.3, 1.0, 3.0)
+"""Time from the first possible instant to the change, one for each attempt..."""
+PASSES = 3
+"""...and this multiple of the time that all vehicles take to answer."""
+GRID_S = 0.02
+"""Changes take effect at multiples of this time, which most control rates meet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,35 +84,52 @@ def joined(run_name: str | None, flags: dict[str, Any]) -> Iterator[tuple[Bus, s
 def request_change(bus: Bus, run: str, entry: Mapping[str, Any]) -> list[VehicleAnswer]:
     """Request a change, an entry of `[[change]]` without `at_s`; raises BusError.
 
-    The request goes to the vehicle that the entry names, or to all vehicles.
+    The request goes to the vehicle that the entry names, or to all vehicles. Each promises the
+    change for one instant and makes it when that is confirmed; if one refuses, none makes it.
     """
+    vehicles = _concerned(bus, run, entry)
+    started, at_s = time.monotonic(), 0.0
+    with ThreadPoolExecutor(min(len(vehicles), PARALLEL_REQUESTS_MAX)) as pool:
+
+        def answers(request: ChangeRequest) -> list[VehicleAnswer]:
+            return list(
+                pool.map(lambda name: _request_of_vehicle(bus, name, request, started), vehicles)
+            )
+
+        for margin_s in AHEAD_S:
+            asked_at = time.monotonic()
+            offers = [each.answer.from_s for each in answers(ChangeRequest()) if each.answer]
+            ahead_s = margin_s + PASSES * (time.monotonic() - asked_at)
+            at_s = ceil((max(offers, default=0.0) + ahead_s) / GRID_S) * GRID_S
+            promises = answers(ChangeRequest(dict(entry), at_s))
+            if not any(each.answer and each.answer.can_be_later for each in promises):
+                break
+        if any(each.answer and each.answer.refused for each in promises):
+            return promises
+        confirmed = answers(ChangeRequest({}, at_s, confirms=True))
+    return [
+        confirmation if promise.answer else promise
+        for promise, confirmation in zip(promises, confirmed, strict=True)
+    ]
+
+
+def _concerned(bus: Bus, run: str, entry: Mapping[str, Any]) -> list[str]:
     present = sorted({member.name for member in bus.members() if member.role == VEHICLE})
     if not present:
         raise BusError(f"run {run}: has no vehicle")
     named = entry.get("vehicle")
-    if named is not None and named not in present:
+    if named is None:
+        return present
+    if named not in present:
         known = ", ".join(map(shown, present))
         raise BusError(f"run {run}: has no vehicle {printable(str(named))}, allowed {known}")
-    vehicles = present if named is None else [named]
-    started = time.monotonic()
-    # All vehicles change at the earliest time that the first one offers.
-    first = (
-        _request_of_vehicle(bus, vehicles[0], ChangeRequest(), started).answer
-        if len(vehicles) > 1
-        else None
-    )
-    at_s = first.from_s if first and not first.refused else None
-    question = ChangeRequest(dict(entry), at_s)
-    with ThreadPoolExecutor(min(len(vehicles), PARALLEL_REQUESTS_MAX)) as pool:
-        return list(
-            pool.map(lambda name: _request_of_vehicle(bus, name, question, started), vehicles)
-        )
+    return [named]
 
 
 def _request_of_vehicle(
-    bus: Bus, vehicle: str, question: ChangeRequest, started: float
+    bus: Bus, vehicle: str, request: ChangeRequest, started: float
 ) -> VehicleAnswer:
-    answer = bus.query(control_key(vehicle), ANSWER_TIMEOUT_S, question.text)
+    answer = bus.query(control_key(vehicle), ANSWER_TIMEOUT_S, request.text)
     took_ms = 1000.0 * (time.monotonic() - started)
     try:
         confirmation = None if answer is None else Confirmation.of(answer)

@@ -52,17 +52,18 @@ def describe_change(change: AnyChange) -> str:
 class ChangeRequest:
     """A request to a vehicle: a change as an entry without `at_s`, or an empty entry.
 
-    `at_s` is the requested time, so that several vehicles make the change together. A vehicle may
-    make it later and reports when.
+    `at_s` is the instant at which several vehicles make the change together (s after the start). A
+    vehicle promises a change and makes it once a request with the same `at_s` `confirms` it.
     """
 
     entry: dict[str, Any] = field(default_factory=dict)
     at_s: float | None = None
+    confirms: bool = False
 
     @property
     def text(self) -> bytes:
         wanted = {} if self.at_s is None else {"at_s": self.at_s}
-        return json.dumps({**self.entry, **wanted}).encode()
+        return json.dumps({**self.entry, **wanted, "confirms": self.confirms}).encode()
 
     @classmethod
     def of(cls, text: bytes) -> "ChangeRequest":
@@ -74,9 +75,9 @@ class ChangeRequest:
             raise ScenarioError([f"no JSON: {error}"]) from error
         if not isinstance(entry, dict):
             raise ScenarioError(["allowed one entry of [[change]], as JSON"])
-        at_s = entry.pop("at_s", None)
+        at_s, confirms = entry.pop("at_s", None), entry.pop("confirms", False)
         wanted = isinstance(at_s, int | float) and 0.0 <= at_s <= LATEST_S
-        return cls(entry, float(at_s) if wanted else None)
+        return cls(entry, float(at_s) if wanted else None, confirms is True)
 
 
 def read_change(

@@ -1,17 +1,20 @@
 """Answers of a vehicle to change requests, and their effects."""
 
 import json
+import time
 from math import ceil
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from scenarios.cli.live import change_requests
 from scenarios.definition.changing.live_change import ChangeRequest, change_from_json, change_json
 from scenarios.definition.scenario import load_scenario
 from scenarios.definition.schema.change_tables import CutTable
 from scenarios.runs.control.live_control import Confirmation, LiveControl, first_instant
 from scenarios.runs.node.pending_changes import PendingChanges
+from scenarios.runs.processes.membership import VEHICLE
 from transport.bus.memory_bus import MemoryBus, MemoryNetwork
 from transport.topics import control_key
 from vehicles.schedule import SECOND, nanoseconds
@@ -36,6 +39,9 @@ class Vehicle:
     def ask(self, at_s: float | None = None, **entry: object) -> Confirmation:
         return self.control.answer(ChangeRequest(entry, at_s).text)
 
+    def confirm(self, at_s: float) -> Confirmation:
+        return self.control.answer(ChangeRequest({}, at_s, confirms=True).text)
+
 
 @given(st.integers(0, 10**12), st.sampled_from([5.0, 30.0, 50.0, 333.0, 500.0]))
 def test_it_takes_effect_at_the_first_tick_two_periods_ahead(since: int, rate_hz: float) -> None:
@@ -45,32 +51,76 @@ def test_it_takes_effect_at_the_first_tick_two_periods_ahead(since: int, rate_hz
     assert at == min(one for one in near if one >= START + since + round(2 * SECOND / rate_hz))
 
 
-def test_a_change_is_confirmed_and_due_at_the_confirmed_instant() -> None:
+def test_a_promised_change_is_due_once_it_is_confirmed() -> None:
     vehicle = Vehicle("v3", START + 7 * PERIOD + 1).begun()
-    reported = vehicle.ask(kind="cut", sender="v1", for_s=0.5)
-    assert reported == Confirmation("v3", 10 / 50, "cut for 0.5 s")
+    promised = vehicle.ask(kind="cut", sender="v1", for_s=0.5)
+    assert promised == Confirmation("v3", 10 / 50, "cut for 0.5 s")
+    assert vehicle.pending_changes.pending == ()
+    assert vehicle.confirm(10 / 50) == promised
     assert vehicle.pending_changes.take(START + 10 * PERIOD - 1) == []
     (due,) = vehicle.pending_changes.take(START + 10 * PERIOD)
     assert (due.at, due.by_hand) == (START + 10 * PERIOD, True)
     assert due.change == CutTable(kind="cut", at_s=0.2, sender="v1", for_s=0.5)
+    assert vehicle.confirm(10 / 50).does == ""  # a second time
 
 
-@pytest.mark.parametrize(
-    ("wanted_s", "from_s"),
-    [
-        (0.14, 0.18),  # less than a period ahead
-        (0.16, 0.16),
-        (0.18, 0.18),
-        (0.2, 0.2),
-        (0.21, 0.18),  # no instant of control
-        (1.0, 1.0),
-        (4.0, 0.18),  # too far ahead
-        (float("nan"), 0.18),
-    ],
-)
-def test_an_instant_can_be_requested(wanted_s: float, from_s: float) -> None:
+@pytest.mark.parametrize("wanted_s", [0.16, 0.18, 0.21, 1.0])
+def test_an_instant_can_be_requested(wanted_s: float) -> None:
     vehicle = Vehicle("v3", START + 7 * PERIOD).begun()
-    assert vehicle.ask(at_s=wanted_s, kind="heal").from_s == from_s
+    assert vehicle.ask(wanted_s, kind="heal") == Confirmation("v3", wanted_s, "as in the scenario")
+    other = vehicle.ask(wanted_s, kind="cut")  # one change at an instant
+    assert other.can_be_later
+    assert wanted_s < other.from_s < wanted_s + 0.1
+
+
+@pytest.mark.parametrize("wanted_s", [0.0, 0.14, 15.0])
+def test_an_impossible_instant_is_refused_with_a_possible_one(wanted_s: float) -> None:
+    vehicle = Vehicle("v3", START + 7 * PERIOD, "duration_s=30").begun()
+    refused = vehicle.ask(wanted_s, kind="heal")
+    assert refused.can_be_later
+    assert refused.from_s == 0.18
+
+
+def test_a_late_confirmation_changes_nothing() -> None:
+    now = [START]
+    vehicle = Vehicle("v3", START).begun()
+    vehicle.control = LiveControl(load_scenario("lane_change"), "v3", lambda: now[0])
+    vehicle.begun()
+    assert not vehicle.ask(0.5, kind="cut").refused
+    now[0] += nanoseconds(0.49)
+    assert vehicle.confirm(0.5).refused
+    assert vehicle.confirm(0.9).refused  # never promised
+    assert vehicle.pending_changes.pending == ()
+
+
+@pytest.mark.parametrize("takes_s", [(0.0, 0.0, 0.0), (0.0, 0.25, 0.01), (0.9, 0.0, 0.3)])
+def test_all_vehicles_make_the_same_changes_in_the_same_order(
+    takes_s: tuple[float, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Commands within one tick, and vehicles that answer slowly."""
+    network, clock = MemoryNetwork(), [START]
+    monkeypatch.setattr(time, "monotonic", lambda: clock[0] / SECOND)
+    pending = []
+    for k, takes in enumerate(takes_s, start=2):
+
+        def read(takes: float = takes) -> int:
+            clock[0] += nanoseconds(takes)
+            return clock[0]
+
+        control = LiveControl(load_scenario("lane_change", ["duration_s=35"]), f"v{k}", read)
+        pending.append(PendingChanges())
+        control.begin(START, pending[-1])
+        bus = MemoryBus(network)
+        bus.announce(VEHICLE, f"v{k}", "run")
+        control.listen(bus)
+    kinds = ["cut", "heal", "cut"]
+    for kind in kinds:
+        answers = change_requests.request_change(MemoryBus(network), "run", {"kind": kind})
+        assert all(each.answer and each.answer.does for each in answers), answers
+    made = [[(due.at, due.change.kind) for due in one.pending] for one in pending]
+    assert made[0] == made[1] == made[2]
+    assert [kind for _, kind in made[0]] == kinds
+    assert len({at for at, _ in made[0]}) == len(kinds)
 
 
 def test_without_a_change_the_answer_is_the_first_possible_instant() -> None:
@@ -97,7 +147,9 @@ def test_each_vehicle_carries_out_the_changes_that_concern_it(
     name: str, entry: dict[str, object], does: str
 ) -> None:
     vehicle = Vehicle(name, START).begun()
-    assert vehicle.control.answer(ChangeRequest(entry).text).does == does
+    promised = vehicle.control.answer(ChangeRequest(entry).text)
+    assert promised.does == does
+    vehicle.confirm(promised.from_s)
     assert len(vehicle.pending_changes.take(START + SECOND)) == bool(does)
 
 
