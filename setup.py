@@ -19,13 +19,14 @@ NEEDS = ["mypy[mypyc]==2.4.1", "numpy>=2.0"]
 """The compiler whose bits were compared, and the types of arrays."""
 MODULES = {
     "vehicles": "received_pose schedule",
-    "vehicles/geometry": "arc_spline driven_path geodesy path_point sampled_path trajectory_points",
+    "vehicles/geometry": "arc_spline driven_path geodesy path_point sampled_path sparse_path"
+    " trajectory_points",
     "vehicles/preview": "curve_fit fit_arc fit_clothoid fit_joined local_curves outliers polyline"
     " samples trace trajectory",
     "vehicles/car": "brush_motion clock_error dead_reckoning dynamics gnss imu integration"
     " path_keeping tyres",
     "vehicles/car/positioning": "noise",
-    "vehicles/car/sending": "sender",
+    "vehicles/car/sending": "path_history sender",
     "vehicles/driver": "command_limit decision follower leader speed",
     "vehicles/driver/degradation": "innovation innovation_gate intended_path modes reception"
     " situation source sources speed_guard stopping trust",

@@ -57,6 +57,9 @@ class GpsPose(_message.Message):
     ACCELERATION_MPS2_FIELD_NUMBER: _builtins.int
     PATH_OFFSET_M_FIELD_NUMBER: _builtins.int
     STOPS_AT_NS_FIELD_NUMBER: _builtins.int
+    HISTORY_LATITUDE_E7DEG_FIELD_NUMBER: _builtins.int
+    HISTORY_LONGITUDE_E7DEG_FIELD_NUMBER: _builtins.int
+    HISTORY_AGE_CS_FIELD_NUMBER: _builtins.int
     vehicle: _builtins.str
     seq: _builtins.int
     measured_at_ns: _builtins.int
@@ -77,6 +80,12 @@ class GpsPose(_message.Message):
     acceleration_mps2: _builtins.float
     path_offset_m: _builtins.float
     stops_at_ns: _builtins.int
+    @_builtins.property
+    def history_latitude_e7deg(self) -> _containers.RepeatedScalarFieldContainer[_builtins.int]: ...
+    @_builtins.property
+    def history_longitude_e7deg(self) -> _containers.RepeatedScalarFieldContainer[_builtins.int]: ...
+    @_builtins.property
+    def history_age_cs(self) -> _containers.RepeatedScalarFieldContainer[_builtins.int]: ...
     def __init__(
         self,
         *,
@@ -100,10 +109,13 @@ class GpsPose(_message.Message):
         acceleration_mps2: _builtins.float | None = ...,
         path_offset_m: _builtins.float | None = ...,
         stops_at_ns: _builtins.int | None = ...,
+        history_latitude_e7deg: _abc.Iterable[_builtins.int] | None = ...,
+        history_longitude_e7deg: _abc.Iterable[_builtins.int] | None = ...,
+        history_age_cs: _abc.Iterable[_builtins.int] | None = ...,
     ) -> None: ...
     _HasFieldArgType: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2", "_altitude_m", b"_altitude_m", "_fix", b"_fix", "_hazard", b"_hazard", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_mode", b"_mode", "_path_offset_m", b"_path_offset_m", "_position_accuracy_m", b"_position_accuracy_m", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_stops_at_ns", b"_stops_at_ns", "_true_distance_m", b"_true_distance_m", "_true_east_m", b"_true_east_m", "_true_north_m", b"_true_north_m", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "acceleration_mps2", b"acceleration_mps2", "altitude_m", b"altitude_m", "fix", b"fix", "hazard", b"hazard", "heading_deg", b"heading_deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "mode", b"mode", "path_offset_m", b"path_offset_m", "position_accuracy_m", b"position_accuracy_m", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "stops_at_ns", b"stops_at_ns", "true_distance_m", b"true_distance_m", "true_east_m", b"true_east_m", "true_north_m", b"true_north_m", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2", "_altitude_m", b"_altitude_m", "_fix", b"_fix", "_hazard", b"_hazard", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_mode", b"_mode", "_path_offset_m", b"_path_offset_m", "_position_accuracy_m", b"_position_accuracy_m", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_stops_at_ns", b"_stops_at_ns", "_true_distance_m", b"_true_distance_m", "_true_east_m", b"_true_east_m", "_true_north_m", b"_true_north_m", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "acceleration_mps2", b"acceleration_mps2", "altitude_m", b"altitude_m", "fix", b"fix", "hazard", b"hazard", "heading_deg", b"heading_deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "mode", b"mode", "path_offset_m", b"path_offset_m", "position_accuracy_m", b"position_accuracy_m", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "stops_at_ns", b"stops_at_ns", "true_distance_m", b"true_distance_m", "true_east_m", b"true_east_m", "true_north_m", b"true_north_m", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2", "_altitude_m", b"_altitude_m", "_fix", b"_fix", "_hazard", b"_hazard", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_mode", b"_mode", "_path_offset_m", b"_path_offset_m", "_position_accuracy_m", b"_position_accuracy_m", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_stops_at_ns", b"_stops_at_ns", "_true_distance_m", b"_true_distance_m", "_true_east_m", b"_true_east_m", "_true_north_m", b"_true_north_m", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "acceleration_mps2", b"acceleration_mps2", "altitude_m", b"altitude_m", "fix", b"fix", "hazard", b"hazard", "heading_deg", b"heading_deg", "history_age_cs", b"history_age_cs", "history_latitude_e7deg", b"history_latitude_e7deg", "history_longitude_e7deg", b"history_longitude_e7deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "mode", b"mode", "path_offset_m", b"path_offset_m", "position_accuracy_m", b"position_accuracy_m", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "stops_at_ns", b"stops_at_ns", "true_distance_m", b"true_distance_m", "true_east_m", b"true_east_m", "true_north_m", b"true_north_m", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     _WhichOneofReturnType__acceleration_mps2: _TypeAlias = _typing.Literal["acceleration_mps2"]  # noqa: Y015
     _WhichOneofArgType__acceleration_mps2: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2"]  # noqa: Y015

@@ -65,6 +65,11 @@ class GpsPose:
     `stops_at_ns` is the instant from which the vehicle brakes to a stop unless it receives more
     poses; 0 if no stop is planned. The true position of the antenna and the true distance driven
     are for the emulated channel only; vehicles do not use them.
+
+    The history is the path just driven (SAE J2735, path history): positions whose chords lie within
+    5 cm of the measured ones, newest first. Each is a difference from the previous position in the
+    list, the first one from the pose: latitude and longitude in 1e-7 degrees, age in 10 ms. It
+    restarts while the vehicle announces a hazard or a mode in which it slows down.
     """
 
     vehicle: str
@@ -87,6 +92,9 @@ class GpsPose:
     acceleration_mps2: float
     path_offset_m: FloatOrNan = float("nan")
     stops_at_ns: int = 0
+    history_latitude_e7deg: tuple[int, ...] = ()
+    history_longitude_e7deg: tuple[int, ...] = ()
+    history_age_cs: tuple[int, ...] = ()
 
 
 @dataclass(slots=True, kw_only=True)

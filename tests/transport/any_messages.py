@@ -30,7 +30,11 @@ def single(name: str, kind: Any) -> st.SearchStrategy[Any]:
 @st.composite
 def messages(draw: st.DrawFn, kind: type[Message]) -> Message:
     """Messages of one class; lists of one table have equal lengths."""
-    lengths = {"piece": draw(st.integers(0, 5)), "sample": draw(st.integers(0, 20))}
+    lengths = {
+        "piece": draw(st.integers(0, 5)),
+        "sample": draw(st.integers(0, 20)),
+        "history": draw(st.integers(0, 23)),
+    }
     values: dict[str, Any] = {}
     for field in fields(kind):
         if get_origin(field.type) is tuple:

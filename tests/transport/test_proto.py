@@ -21,7 +21,12 @@ KINDS = {
     str: {FieldDescriptor.TYPE_STRING},
     float: {FieldDescriptor.TYPE_DOUBLE},
     bool: {FieldDescriptor.TYPE_BOOL},
-    int: {FieldDescriptor.TYPE_INT64, FieldDescriptor.TYPE_UINT64, FieldDescriptor.TYPE_UINT32},
+    int: {
+        FieldDescriptor.TYPE_INT64,
+        FieldDescriptor.TYPE_UINT64,
+        FieldDescriptor.TYPE_UINT32,
+        FieldDescriptor.TYPE_SINT32,
+    },
 }
 
 

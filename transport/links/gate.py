@@ -8,6 +8,7 @@ and speeds of single messages; whether a pose contradicts earlier ones is checke
 from collections import Counter
 from dataclasses import dataclass, field
 from functools import lru_cache
+from math import cos, radians
 from operator import attrgetter
 from typing import Final, cast
 
@@ -15,13 +16,26 @@ from transport.codec import RefusedMessageError, decode
 from transport.reasons import REASONS
 from transport.topics import TOPICS
 from vehicles.geometry.geodesy import LocalPlane
+from vehicles.geometry.sparse_path import TIME_UNIT
 from vehicles.messages import GpsPose
 from vehicles.received_pose import ReceivedPose, receive
 from vehicles.schedule import SECOND
 
 GPS = TOPICS["gps"]
-LONGEST_POSE_BYTES: Final = 512
-"""Maximum size of a pose, for vehicle names of up to 400 letters."""
+LONGEST_POSE_BYTES: Final = 1024
+"""Maximum size of a pose, for vehicle names of up to 400 letters and the longest path history."""
+MAX_HISTORY_POINTS: Final = 40
+MAX_HISTORY_LENGTH: Final = 1500.0
+"""Limits of a path history: positions, and length (m, the sum of its parts to the north and to the
+east, which is up to 1.42 times the largest length that can be configured)."""
+MAX_HISTORY_AGE: Final = 24 * 3600 * 100
+"""Maximum age (10 ms) of its oldest position: the longest run."""
+FASTEST: Final = 330.0
+NOISE_ALLOWANCE: Final = 6.0
+"""Between two of its positions a vehicle covers less than this speed (m/s) times the time between
+them, plus this distance (m)."""
+METRES_PER_UNIT: Final = 0.0112
+"""Upper bound (m) of 1e-7 degrees."""
 CACHED_POSES: Final = 64
 """Number of cached poses; in virtual time all receivers of a pose are in one process."""
 HORIZON_NS: Final = 60 * SECOND
@@ -59,6 +73,23 @@ def _absurd(pose: GpsPose) -> str:
     for (name, (least, most)), value in zip(_LIMITS.items(), _numbers(pose), strict=True):
         if not least <= value <= most:  # refuses NaN, too
             return f"{name} is {value}, allowed {least} to {most}"
+    return _absurd_history(pose) if pose.history_age_cs else ""
+
+
+def _absurd_history(pose: GpsPose) -> str:
+    """Describe why no vehicle can have driven a path history; empty if one can."""
+    ages = pose.history_age_cs
+    if len(ages) > MAX_HISTORY_POINTS:
+        return f"history has {len(ages)} positions, allowed {MAX_HISTORY_POINTS}"
+    age = sum(ages)
+    if min(ages) <= 0 or age > MAX_HISTORY_AGE:
+        return "history is not in order of time or too old"
+    north = sum([abs(units) for units in pose.history_latitude_e7deg])
+    east = sum([abs(units) for units in pose.history_longitude_e7deg])
+    length = METRES_PER_UNIT * (north + east * cos(radians(pose.latitude_deg)))
+    drivable = FASTEST * age * TIME_UNIT / SECOND + NOISE_ALLOWANCE * len(ages)
+    if length > MAX_HISTORY_LENGTH or length > drivable:
+        return f"history is {length:.0f} m long"
     return ""
 
 

@@ -17,6 +17,7 @@ from vehicles.car.positioning.fix_states import NO_END, ForcedStates, ReceiverSt
 from vehicles.car.positioning.gnss_errors import ReceiverErrors
 from vehicles.car.positioning.noise import GnssNoise
 from vehicles.geometry.geodesy import LocalPlane, heading_from_yaw, wrap_angle
+from vehicles.geometry.sparse_path import NO_HISTORY, HistoryDeltas
 from vehicles.messages import NO_ANNOUNCEMENT, Announcement, FixState, GpsPose
 from vehicles.schedule import Cadence
 
@@ -181,6 +182,7 @@ def to_message(
     sent_at: int,
     true_position: tuple[float, float, float],
     announcement: Announcement = NO_ANNOUNCEMENT,
+    history: HistoryDeltas = NO_HISTORY,
 ) -> GpsPose:
     """Convert a fix to message `seq` (WGS84, compass course), sent at `sent_at` (ns).
 
@@ -210,4 +212,7 @@ def to_message(
         true_east_m=true_position[0],
         true_north_m=true_position[1],
         true_distance_m=true_position[2],
+        history_latitude_e7deg=history[0],
+        history_longitude_e7deg=history[1],
+        history_age_cs=history[2],
     )

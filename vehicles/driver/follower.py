@@ -143,7 +143,7 @@ class Follower:
             trace = self._sources.receive(pose)
             if not trace.joined:
                 own = self._own_state.at(now)
-                trace.bridge(own.east, own.north)
+                trace.bridge(own.east, own.north, own.yaw)
             self._refit.due_at = now
         if self._decision is not None and not self._control.due(now):
             self._decision = self._decision.held()

@@ -2,9 +2,11 @@
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
-from math import cos, hypot, inf, remainder, sin, tau
+from itertools import pairwise
+from math import atan2, cos, hypot, inf, remainder, sin, tau
 from typing import Final
 
+from vehicles.geometry.bridges import UnbridgedError, curve_between
 from vehicles.schedule import SECOND
 
 LONG_STEP: Final = 6.0
@@ -120,6 +122,36 @@ class Polyline:
                 best = away
                 station = stations[k] + share * (stations[k + 1] - stations[k])
         return station
+
+
+def spaced(points: Sequence[Point], spacing: float) -> list[Point]:
+    """Those of the `points` that are at least `spacing` (m) apart; the last one is kept."""
+    kept = [points[-1]]
+    for point in points[-2::-1]:
+        if step(point, kept[-1]) >= spacing:
+            kept.append(point)
+    kept.reverse()
+    return kept
+
+
+def bridge(before: Point, after: Point, spacing: float, most: int) -> list[Point]:
+    """Up to `most` points on a cubic with the positions and headings of both ends.
+
+    The points are about `spacing` (m) apart, and their instants evenly distributed. Empty if no
+    such curve joins the ends.
+    """
+    length = hypot(after[1] - before[1], after[2] - before[2])
+    try:
+        places = curve_between(before[1:4], after[1:4], max(spacing, length / most))
+    except UnbridgedError:
+        return []
+    count, span = places.shape[1], after[0] - before[0]
+    ends = [*places.T.tolist(), [after[1], after[2]]]
+    points: list[Point] = []
+    for k, ((east, north), (next_east, next_north)) in enumerate(pairwise(ends)):
+        yaw = atan2(next_north - north, next_east - east)
+        points.append((before[0] + span * (k + 1) // (count + 1), east, north, yaw))
+    return points
 
 
 def step(start: Point, end: Point) -> float:

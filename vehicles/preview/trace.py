@@ -12,23 +12,45 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from vehicles.geometry.bridges import UnbridgedError, curve_between
-from vehicles.preview.polyline import Point, Polyline, step
+from vehicles.geometry.sparse_path import (
+    ReceivedCurve,
+    curve_through,
+    has_passed,
+    received_curve,
+)
+from vehicles.preview.polyline import Point, Polyline, bridge, spaced, step
 from vehicles.preview.samples import TraceSettings, Window, drivable
 from vehicles.received_pose import ReceivedPose
+from vehicles.schedule import SECOND
 
 BRIDGE_AT: Final = -1
 """Instant of bridge points: before any sample."""
 MAX_BRIDGE_POINTS: Final = 500
 """Largest number of points that bridge a hole."""
-MAX_HOLES: Final = 8
-"""Number of the last holes that late samples can still fill."""
+MAX_HOLES: Final = 64
+"""Largest number of holes, and of stretches closed by path histories, that are remembered."""
+MIN_MISSING: Final = 2
+"""Number of missing messages from which on a path history closes a shorter hole."""
+HISTORY_TOLERANCE: Final = 0.5
+HISTORY_DEVIATIONS: Final = 4.0
+"""A path history is ignored if the last sample lies further off it than this distance (m) plus this
+number of standard deviations, as stated."""
+HARDEST: Final = 8.0
+"""Acceleration (m/s²) by which a car may have been faster within a hole than at its ends."""
+ASIDE: Final = 10.0
+"""Largest distance (m) from the ego at which a path history passes it."""
+KEPT_BEHIND: Final = 20
+"""Number of points behind the ego that are kept of a path history."""
+NOTHING_RECEIVED: Final = ReceivedCurve([], covers=False, places=0)
 DROP_CHUNK: Final = 64
 """Number of samples behind the ego that are dropped at once."""
 
 
 class _Hole(NamedTuple):
-    """A bridged hole: the point before it, the speed (m/s) and instant (ns) after it."""
+    """A hole without received positions: the point before it, speed (m/s) and instant (ns) after.
+
+    A curve bridges it, unless no curve joins its ends.
+    """
 
     before: Point
     speed: float
@@ -40,17 +62,24 @@ class Trace:
 
     `newest` is the newest pose, `sample_count` the number of samples since the line began. `joined`
     is True once no bridge from the ego to the line is needed any more.
+
+    A path history sent with a pose closes holes: its positions are received ones, and further
+    points follow the curve through them. Holes that no history covers are bridged by a guess.
     """
 
-    def __init__(self, settings: TraceSettings | None = None) -> None:
+    def __init__(self, settings: TraceSettings | None = None, *, closes_holes: bool = True) -> None:
+        """Without `closes_holes` path histories are ignored."""
         self.settings = settings or TraceSettings()
+        self._closes_holes = closes_holes
+        self._first: ReceivedPose | None = None
+        self._closed: list[tuple[int, int]] = []
         self.newest: ReceivedPose | None = None
         self.sample_count = 0
         self.joined = False
         self._line = Polyline()
         self._first_yaw = 0.0
         self._dropped_until = BRIDGE_AT
-        self._bridged_from: tuple[float, float] | None = None
+        self._bridged_from: tuple[float, float, float] | None = None
         self._ego_station: float | None = None
         self._located_at: tuple[float, float] | None = None
         self._changed = False
@@ -64,18 +93,19 @@ class Trace:
     ) -> None:
         """Insert a pose in the order of travel (Section III-A).
 
-        `after_hole` bridges the missing stretch by a curve. `at_new_place` starts another line at a
-        position to which no car can have driven.
+        `after_hole` closes the missing stretch by the pose's history, or bridges it by a curve.
+        `at_new_place` starts another line at a position to which no car can have driven.
         """
         newest = self.newest
         if newest is None or at_new_place:
             self._start(pose)
+            self._first = None if at_new_place else pose
         elif pose.measured_at <= newest.measured_at:
             self._insert(pose)
         else:
             point = (pose.measured_at, pose.east, pose.north, pose.yaw)
-            if after_hole:
-                self._fill(point, pose.speed)
+            if after_hole or pose.message.seq > newest.message.seq + MIN_MISSING:
+                self._fill(point, pose, bridges=after_hole)
             self.newest = pose
             self.sample_count += 1
             line = self._line
@@ -106,44 +136,76 @@ class Trace:
         self.joined = False
         self._ego_station = None
         self._holes.clear()
+        self._closed.clear()
 
-    def _fill(self, after: Point, speed: float) -> None:
-        """Bridge the hole before `after` by a cubic with the positions and headings of both ends.
+    @property
+    def holes(self) -> list[tuple[float, float]]:
+        """Begin and end (station, m) of the holes that no received position covers, in order."""
+        return [
+            (self._station_at(hole.before[0]), self._station_at(hole.end)) for hole in self._holes
+        ]
 
-        The points are about `bridge_spacing` apart, and their instants evenly distributed.
+    def _fill(self, after: Point, pose: ReceivedPose, *, bridges: bool) -> None:
+        """Close the hole before `after` by the history of `pose`; bridge the rest if it `bridges`.
+
+        A curve closes or bridges a hole, with points about `bridge_spacing` apart.
         """
         before = self._line.point(-1)
         length = hypot(after[1] - before[1], after[2] - before[2])
         if length < self.settings.hole:
             return
-        spacing = max(self.settings.bridge_spacing, length / MAX_BRIDGE_POINTS)
-        try:
-            points = curve_between(before[1:4], after[1:4], spacing)
-        except UnbridgedError:  # no such curve: keep the straight step
+        curve = self._received_curve(before, pose) if self._closes_holes else NOTHING_RECEIVED
+        if bridges and not curve.covers:
+            self._bridge(before, curve.points[0] if curve.points else after, pose.speed)
+        if not curve.points:
             return
-        count = points.shape[1]
-        span = after[0] - before[0]
-        ends = [*points.T.tolist(), [after[1], after[2]]]
-        for k, ((east, north), (next_east, next_north)) in enumerate(pairwise(ends)):
-            yaw = atan2(next_north - north, next_east - east)
-            point = (before[0] + span * (k + 1) // (count + 1), east, north, yaw)
-            last = self._line.point(-1)
-            self._line.append(point, hypot(east - last[1], north - last[2]))
-        self._holes = [*self._holes[1 - MAX_HOLES :], _Hole(before, speed, after[0])]
+        self._closed = [*self._closed[1 - MAX_HOLES :], (curve.points[0][0], after[0])]
+        self.sample_count += curve.places
+        for point in curve.points:
+            distance = step(self._line.point(-1), point)
+            if distance >= self.settings.spacing:
+                self._line.append(point, distance)
 
-    def _insert_in_hole(self, hole: _Hole, point: Point, speed: float) -> None:
-        """Insert a late sample into a hole and bridge both sides of the sample."""
+    def _received_curve(self, before: Point, pose: ReceivedPose) -> ReceivedCurve:
+        """Curve along the history of `pose` from the point `before` on."""
+        history = pose.path_history()
+        if not history:
+            return NOTHING_RECEIVED
+        newest = self.newest
+        after = pose.measured_at, pose.east, pose.north
+        tolerance = HISTORY_TOLERANCE + HISTORY_DEVIATIONS * pose.accuracy
+        curve = received_curve(history, before[:3], after, self.settings.bridge_spacing, tolerance)
+        seconds = (pose.measured_at - before[0]) / SECOND
+        speed = max(pose.speed, 0.0 if newest is None else newest.speed) + HARDEST * seconds
+        for start, end in pairwise([before, *curve.points, (*after, pose.yaw)]):
+            if not _is_drivable(start, end, speed):
+                return NOTHING_RECEIVED
+        return curve
+
+    def _bridge(self, before: Point, after: Point, speed: float) -> None:
+        """Bridge a hole by a guess: a cubic, or the straight step if none is possible."""
+        if hypot(after[1] - before[1], after[2] - before[2]) < self.settings.hole:
+            return
+        self._holes = [*self._holes[1 - MAX_HOLES :], _Hole(before, speed, after[0])]
+        for point in bridge(before, after, self.settings.bridge_spacing, MAX_BRIDGE_POINTS):
+            last = self._line.point(-1)
+            self._line.append(point, hypot(point[1] - last[1], point[2] - last[2]))
+
+    def _insert_in_hole(self, hole: _Hole, point: Point, pose: ReceivedPose) -> None:
+        """Insert a late sample into a hole and close or bridge both sides of the sample."""
         line, before = self._line, hole.before
         first, last = bisect_right(line.at, before[0]), bisect_left(line.at, hole.end)
-        if not 0 < first < last < len(line.at) or not _is_drivable(
-            before, point, max(hole.speed, speed)
+        if not 0 < first <= last < len(line.at) or not _is_drivable(
+            before, point, max(hole.speed, pose.speed)
         ):
             return
         self._holes.remove(hole)
         station, tail = line.station[last], line.cut(last)
         line.cut(first)
-        self._append(point, speed)
-        self._append(tail[0], speed)
+        self._fill(point, pose, bridges=True)
+        self._append(point)
+        self._bridge(point, tail[0], pose.speed)
+        self._append(tail[0])
         shift = line.station[-1] - station
         for later in tail[1:]:
             line.append(later, step(line.point(-1), later))
@@ -151,8 +213,7 @@ class Trace:
             self._ego_station += shift
         self._changed = True
 
-    def _append(self, point: Point, speed: float) -> None:
-        self._fill(point, speed)
+    def _append(self, point: Point) -> None:
         self._line.append(point, max(step(self._line.point(-1), point), self.settings.spacing))
 
     def _insert(self, pose: ReceivedPose) -> None:
@@ -163,7 +224,7 @@ class Trace:
             return
         hole = next((hole for hole in self._holes if hole.before[0] < at < hole.end), None)
         if hole is not None:
-            self._insert_in_hole(hole, point, pose.speed)
+            self._insert_in_hole(hole, point, pose)
             return
         index = bisect_left(line.at, at)
         steps = [0.0, 0.0]
@@ -197,13 +258,16 @@ class Trace:
         if start is not None:
             self.bridge(*start)
 
-    def bridge(self, east: float, north: float) -> None:
-        """Join the ego's position to the first sample by a straight line, if that lies ahead.
+    def bridge(self, east: float, north: float, yaw: float) -> None:
+        """Join the ego's pose to the first sample: by its path history, or by a straight line.
 
-        The source's path before its first message is unknown, but a convoy starts on a straight.
-        With points on it the fit interpolates, instead of extrapolating a few noisy samples
-        backwards over 15 to 60 m. Does nothing once `joined`, or before the first sample.
+        Without a history the source's path before its first message is unknown, but a convoy starts
+        on a straight. With points on it the fit interpolates, instead of extrapolating a few noisy
+        samples backwards over 15 to 60 m. Does nothing once `joined`, or before the first sample.
         """
+        first, self._first = self._first, None
+        if first is not None and self._closes_holes:
+            self._prepend_history(first, east, north, yaw)
         line = self._line
         if not line.at or self.joined:
             return
@@ -214,15 +278,35 @@ class Trace:
             return
         count = ceil(length / self.settings.bridge_spacing)
         shares = [k / count for k in range(count)]
-        yaw = atan2(ahead_north, ahead_east)
+        course = atan2(ahead_north, ahead_east)
         line.prepend(
             [
-                (BRIDGE_AT, east + share * ahead_east, north + share * ahead_north, yaw)
+                (BRIDGE_AT, east + share * ahead_east, north + share * ahead_north, course)
                 for share in shares
             ]
         )
-        self._bridged_from = (east, north)
+        self._bridged_from = (east, north, yaw)
         self.joined = True
+        self._ego_station = None
+
+    def _prepend_history(self, pose: ReceivedPose, east: float, north: float, yaw: float) -> None:
+        """Begin the line with the path that the source drove since it was at the ego's pose."""
+        history = [place for place in pose.path_history() if place[0] < pose.measured_at]
+        line = self._line
+        if not history or line.at[0] != pose.measured_at:  # an older pose was received since
+            return
+        places = [*history, (pose.measured_at, pose.east, pose.north)]
+        points = curve_through(places, 0, len(history), self.settings.bridge_spacing)
+        begin = 0
+        for k in range(len(points) - 1, -1, -1):
+            if has_passed(points[k], east, north, yaw, ASIDE):
+                begin, self.joined = max(k - KEPT_BEHIND, 0), True
+                break
+        kept = points[begin:]
+        line.prepend(spaced([*kept, line.point(0)], self.settings.spacing)[:-1])
+        self._first_yaw = line.yaw[0]
+        self.sample_count += len([place for place in history if place[0] >= kept[0][0]])
+        self._closed.append((kept[0][0], pose.measured_at))
         self._ego_station = None
 
     def without_bridges(self, window: Window) -> Window:
@@ -237,7 +321,10 @@ class Trace:
         return Window(*(values[keep] for values in window))
 
     def has_bridge_points(self, window: Window) -> bool:
-        """Whether the last `window` contains bridge points (not in Section III-A)."""
+        """Whether the last `window` contains constructed points (not in Section III-A).
+
+        These are points of a bridge, or of the curve along a path history.
+        """
         line, ego = self._line, self._ego_station
         if ego is None:
             return False
@@ -246,7 +333,13 @@ class Trace:
             received_from = line.station[first] if first < len(line.at) else inf
             if window.station.item(0) + ego < received_from - 1e-6:
                 return True
-        return bool(self._holes) and len(self.without_bridges(window).station) < len(window.station)
+        if self._holes and len(self.without_bridges(window).station) < len(window.station):
+            return True
+        low, high = window.station.item(0) + ego, window.station.item(-1) + ego
+        for begin, end in self._closed:
+            if self._station_at(begin) < high and self._station_at(end) > low:
+                return True
+        return False
 
     def instants(self, window: Window) -> list[int]:
         """Instants (ns) of the samples of the last `window` (time stamps, Section III-B)."""
@@ -334,6 +427,8 @@ class Trace:
     def _drop_oldest(self) -> None:
         self._dropped_until = max(self._dropped_until, self._line.at[DROP_CHUNK - 1])
         self._line.drop(DROP_CHUNK)
+        self._holes = [hole for hole in self._holes if hole.end > self._dropped_until]
+        self._closed = [one for one in self._closed if one[1] > self._dropped_until]
         self.joined = True
 
 

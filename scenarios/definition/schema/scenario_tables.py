@@ -7,7 +7,7 @@ Headings are compass courses. Curvature and lateral offsets are positive to the 
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import AwareDatetime, Field, StringConstraints
+from pydantic import AwareDatetime, BeforeValidator, Field, StringConstraints
 
 from scenarios.definition.schema.base_table import Name, NotNegative, Ratio, Speed, Table
 from scenarios.definition.schema.change_tables import Changes
@@ -311,6 +311,13 @@ class VehicleTable(Table):
     loading: SettingsTable[Loading] | None = None
 
 
+def _with_rule(given: object) -> object:
+    """Each fix is sent unless the table has another rule."""
+    if isinstance(given, dict) and "kind" not in given:
+        return {"kind": "every_fix", **given}
+    return given
+
+
 class ScenarioTables(Table):
     """A scenario file.
 
@@ -353,7 +360,7 @@ class ScenarioTables(Table):
     convoy: ConvoyTable = ConvoyTable()
     control: ControlTable = ControlTable()
     gnss: GnssTable = GnssTable()
-    sending: SendingTable = table_with(EveryFix(), RULES)
+    sending: Annotated[SendingTable, BeforeValidator(_with_rule)] = table_with(EveryFix(), RULES)
     imu: SettingsTable[ImuSettings] = SettingsTable[ImuSettings]()
     speed: SpeedTable = SpeedTable()
     path: PathTable

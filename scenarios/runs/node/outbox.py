@@ -14,9 +14,11 @@ from vehicles.car.clock_error import VehicleClock
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix, to_message
 from vehicles.car.parameters import VehicleParameters
+from vehicles.car.sending.path_history import PathHistory
 from vehicles.car.tyres import TyreUse, axle_loads, rolling_use, tyre_use
 from vehicles.driver.decision import Decision
 from vehicles.geometry.geodesy import LocalPlane
+from vehicles.geometry.sparse_path import NO_HISTORY
 from vehicles.messages import NO_ANNOUNCEMENT, Announcement, Message
 from vehicles.schedule import SECOND, Timer
 
@@ -78,11 +80,21 @@ class Outbox:
     def next_pose(self) -> int:
         return self._next[messages.GpsPose]
 
-    def publish(self, now: int, body: Body, fix: Fix | None, decision: Decision) -> None:
-        """Send a fix, if any, and the verdicts and the decision of the tick at `now` (ns)."""
+    def publish(
+        self,
+        now: int,
+        body: Body,
+        fix: Fix | None,
+        decision: Decision,
+        path: PathHistory | None = None,
+    ) -> None:
+        """Send a fix, if any, and the verdicts and the decision of the tick at `now` (ns).
+
+        `path` is the path history up to the fix.
+        """
         self._ticks += 1
         if fix is not None:
-            self._add_pose(now, body, fix, decision.announcement)
+            self._add_pose(now, body, fix, decision.announcement, path)
         for verdict in self._inbox.verdicts():
             self._add(verdict)
         if decision.fresh:
@@ -122,11 +134,13 @@ class Outbox:
         """Write a line into the log; sent with the messages of this tick."""
         self._add_text(now, text, level)
 
-    def publish_replayed(self, now: int, body: Body, fix: Fix | None, *, fresh: bool) -> None:
+    def publish_replayed(
+        self, now: int, body: Body, fix: Fix | None, path: PathHistory | None, *, fresh: bool
+    ) -> None:
         """Send the measurements of a replayed vehicle; `fresh` at instants of control."""
         self._ticks += 1
         if fix is not None:
-            self._add_pose(now, body, fix, NO_ANNOUNCEMENT)
+            self._add_pose(now, body, fix, NO_ANNOUNCEMENT, path)
         if fresh:
             self._add_truth(now, body, rolling_use(body, self._parameters))
         if self._health.is_due(now):
@@ -181,7 +195,14 @@ class Outbox:
             )
         )
 
-    def _add_pose(self, now: int, body: Body, fix: Fix, announcement: Announcement) -> None:
+    def _add_pose(
+        self,
+        now: int,
+        body: Body,
+        fix: Fix,
+        announcement: Announcement,
+        path: PathHistory | None,
+    ) -> None:
         stamped_at = self._clock.reading(fix.measured_at)
         if stamped_at != fix.measured_at:  # few clocks are wrong
             fix = replace(fix, measured_at=stamped_at)
@@ -194,6 +215,7 @@ class Outbox:
                 sent_at=now,
                 true_position=(body.east, body.north, body.distance),
                 announcement=announcement,
+                history=NO_HISTORY if path is None else path.deltas(),
             )
         )
 

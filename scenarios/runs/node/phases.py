@@ -171,7 +171,9 @@ class Driving(VehiclePhase):
         received = context.clock.restamped(now, context.inbox.take(now, car.position))
         fix, motion = car.measure(now)
         decision = self.software.driver.step(now, fix, motion, received)
-        context.outbox.publish(now, car.body, self.software.sender.send(now, fix), decision)
+        sender = self.software.sender
+        sent = sender.send(now, fix, on_path=decision.keeps_to_path)
+        context.outbox.publish(now, car.body, sent, decision, sender.path)
         return decision.actuation
 
     def replan(self, now: int) -> None:

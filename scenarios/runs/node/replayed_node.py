@@ -36,7 +36,8 @@ class ReplayedNode:
         change_receiver(self.pending_changes, self.gnss, self.outbox, tick.at)
         body = self._body(tick.at)
         fix = self.sender.send(tick.at, self.gnss.measure(body, tick.at))
-        self.outbox.publish_replayed(tick.at, body, fix, fresh=self.control.due(tick.at))
+        fresh = self.control.due(tick.at)
+        self.outbox.publish_replayed(tick.at, body, fix, self.sender.path, fresh=fresh)
 
     def handover(self, now: int) -> None:
         """No software, no handover."""

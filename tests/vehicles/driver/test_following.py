@@ -46,7 +46,7 @@ def test_a_car_follows_the_leg_that_was_driven(name: str) -> None:
         east, north, yaw = place(gap + speed * 0.05 * k)
         noise = 0.02 * random.standard_normal(2)
         trace.add(received((k + 1) * TICK, east + noise[0], north + noise[1], yaw, speed))
-        trace.bridge(body.east, body.north)
+        trace.bridge(body.east, body.north, body.yaw)
         seen = trace.window(body.east, body.north, settings.behind(speed), settings.ahead(speed))
         fit = fit_composite(seen, None, alpha=0.5, settings=settings) or fit
         for _ in range(2):

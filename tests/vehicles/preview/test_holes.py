@@ -138,7 +138,7 @@ def test_bridge_points_before_the_first_sample_are_detected() -> None:
     assert not trace.has_bridge_points(Window(*np.zeros((3, 0))))
     for seq in range(100):
         trace.add(received(seq * PERIOD, 30.0 + seq, 0.0, 0.0, SPEED))
-    trace.bridge(0.0, 0.0)
+    trace.bridge(0.0, 0.0, 0.0)
     for station in range(100):
         seen = trace.window(float(station), 0.0, 5.0, 20.0)
         assert trace.has_bridge_points(seen) == (station < 35), station

@@ -220,9 +220,9 @@ def test_a_dense_trace_is_thinned_consistently() -> None:
 def test_a_bridge_joins_the_ego_to_the_first_sample() -> None:
     trace = Trace()
     send(trace, 0, (30.0, 10.0, 0.3))
-    trace.bridge(0.0, 0.0)
+    trace.bridge(0.0, 0.0, 0.0)
     send(trace, 1, (31.0, 10.3, 0.3))
-    trace.bridge(1.0, 0.5)  # ignored: the bridge exists
+    trace.bridge(1.0, 0.5, 0.0)  # ignored: the bridge exists
     seen = trace.window(0.0, 0.0, 5.0, 40.0)
     assert np.diff(seen.station)[:-1].max() <= 1.0
     assert np.allclose(seen.north[:-1], seen.east[:-1] / 3.0)
@@ -234,14 +234,14 @@ def test_a_bridge_joins_the_ego_to_the_first_sample() -> None:
 def test_no_bridge_to_samples_beside_behind_or_far_away(ego: tuple[float, float]) -> None:
     trace = Trace()
     send(trace, 0, (30.0, 0.0, 0.0))
-    trace.bridge(*ego)
+    trace.bridge(*ego, 0.0)
     assert len(trace) == 1
 
 
 def test_a_late_first_sample_shortens_the_bridge() -> None:
     trace = Trace()
     send(trace, 1, (30.0, 3.0, 0.0))
-    trace.bridge(0.0, 0.0)
+    trace.bridge(0.0, 0.0, 0.0)
     send(trace, 0, (29.5, 0.0, 0.0))
     seen = trace.window(0.0, 0.0, 5.0, 40.0)
     assert seen.east[-2:].tolist() == [29.5, 30.0]

@@ -10,5 +10,6 @@ profile        at a changing rate
 awareness      as cooperative awareness messages
 intervals      at random intervals
 sending_rules  all rules by their kind
+path_history   the path history that a vehicle sends with its pose
 sender         a vehicle's sender
 """

@@ -47,6 +47,15 @@ class SendingRule(ABC):
         CongestionControl | None,
         Setting("reactive congestion control (ETSI TS 102 687 V1.2.1, A.1), for any rule"),
     ] = None
+    path_history: Annotated[
+        float,
+        Setting(
+            "length of the driven path that each pose carries (SAE J2735); 0: none", "m", 0, 1000
+        ),
+    ] = 300.0
+    path_history_points: Annotated[
+        int, Setting("largest number of its positions; bends need more of them", "", 1, 40)
+    ] = 23
 
     @property
     def is_periodic(self) -> bool:

@@ -55,7 +55,7 @@ class Source:
     ) -> None:
         """`period` (s) between messages and `delay` (s) of the first one are the expected ones."""
         self.name = name
-        self.trace = Trace()
+        self.trace = Trace(closes_holes=settings.reaction == "degrade")
         self.intended: IntendedPath | None = None
         self.weight = 1.0
         self.usable = False

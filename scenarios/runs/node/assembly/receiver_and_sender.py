@@ -12,8 +12,10 @@ from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.car.gnss import GnssReceiver
 from vehicles.car.positioning.error_term import ReceiverContext, Streams
 from vehicles.car.positioning.gnss_errors import ReceiverErrors
+from vehicles.car.sending.path_history import PathHistory
 from vehicles.car.sending.rule import SendingContext
 from vehicles.car.sending.sender import Sender
+from vehicles.geometry.geodesy import LocalPlane
 from vehicles.schedule import instants
 
 RECEIVER_STREAM = 2
@@ -45,7 +47,8 @@ def white_noise(seed: int, place: int) -> Generator:
 def make_sender(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Sender:
     rule = setup.sending
     control = None if rule.dcc is None else rule.dcc.begin(start_at)
-    return Sender(rule.begin(_sending_start(scenario, setup, start_at)), control)
+    path = PathHistory(LocalPlane(scenario.origin), rule.path_history, rule.path_history_points)
+    return Sender(rule.begin(_sending_start(scenario, setup, start_at)), control, path)
 
 
 def extra_instants(

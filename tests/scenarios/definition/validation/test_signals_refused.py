@@ -11,7 +11,9 @@ LIST = "gnss.fix_states={kind='schedule', entries=[%s]}"
 UNEVEN = ("links.rate_hz=10", "sending.kind=cam")
 BROKEN = {
     "no such rule": (("sending.kind='often'",), "sending.kind", 'given "often"', '"every_fix"'),
-    "a rule without its kind": (("sending={rate_hz=5}",), "sending.kind", "missing", '"cam"'),
+    "a rule without its kind": (
+        ("sending={rate_hz=5}",), "sending.rate_hz", "unknown key", '"fixed"',
+    ),
     "a rate without a rule": (
         ("sending={kind='fixed'}",), "sending.rate_hz", "missing", "rate_hz",
     ),
