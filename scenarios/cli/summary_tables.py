@@ -167,7 +167,7 @@ REACTION_COLUMNS: Sequence[Column[VehicleSummary]] = (
 )
 """Reaction of each follower to missing messages."""
 EVENT_COLUMNS: Sequence[Column[RunEvent]] = (
-    Column("at, s", lambda event: event.at_s, ".2f"),
+    Column("at, s", lambda event: event.period.removesuffix(" s")),
     Column("event", lambda event: NAMES[event.kind][0], left=True),
     Column("vehicles", lambda event: ", ".join(event.vehicles), left=True, wraps=True),
     Column("figures", _figures_of, left=True, wraps=True),

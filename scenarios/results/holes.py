@@ -5,10 +5,12 @@ from dataclasses import dataclass
 from math import ceil
 from typing import Literal
 
-from transport.message_numbers import MessageNumbers
+from transport.message_numbers import MAX_RANGES, MessageNumbers
 from vehicles.schedule import SECOND, instant
 
 HoleKind = Literal["pose", "true pose"]
+RecordKind = Literal["true pose", "decision"]
+"""Messages of which figures, events and limits are made."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,6 +37,97 @@ class RecordHole:
     def covers(self, other: "RecordHole", slack_s: float) -> bool:
         """Whether another hole lies within this one, up to `slack_s` (s) at each end."""
         return other.from_s >= self.from_s - slack_s and other.to_s <= self.to_s + slack_s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnseenSpan:
+    """Time in which nothing is known of a vehicle: messages of a kind are missing in the log.
+
+    `from_s` and `to_s` are the instants of the messages before and after; `missing_s` is the time
+    that the missing ones cover.
+    """
+
+    vehicle: str
+    kind: RecordKind
+    from_s: float
+    to_s: float
+    missing_s: float
+
+
+@dataclass(slots=True)
+class _NumberHole:
+    """Missing numbers, and the instants (ns) of the messages before and after."""
+
+    first: int
+    last: int
+    from_at: int
+    to_at: int
+
+
+class RecordedSeries:
+    """Messages of one kind of a vehicle: their last instant, and the holes between them."""
+
+    def __init__(self) -> None:
+        self._next = 0
+        self.last_at: int | None = None
+        self._holes: list[_NumberHole] = []
+
+    @property
+    def count(self) -> int:
+        """Number of the newest message, and one."""
+        return self._next
+
+    def add(self, number: int, at: int) -> None:
+        """Take the number of a message and its instant (ns)."""
+        if number == self._next:  # the usual case
+            self._next += 1
+            self.last_at = at
+        elif number > self._next:
+            if len(self._holes) < MAX_RANGES:
+                before = at if self.last_at is None else self.last_at
+                self._holes.append(_NumberHole(self._next, number - 1, before, at))
+            self._next, self.last_at = number + 1, at
+        else:
+            self._fill(number, at)
+
+    def _fill(self, number: int, at: int) -> None:
+        """Take a message that comes after later ones."""
+        for place, hole in enumerate(self._holes):
+            if hole.first <= number <= hole.last:
+                parts = [
+                    _NumberHole(hole.first, number - 1, hole.from_at, at),
+                    _NumberHole(number + 1, hole.last, at, hole.to_at),
+                ]
+                self._holes[place : place + 1] = [one for one in parts if one.first <= one.last]
+                return
+
+    def missing(self, expected: int) -> Iterator[tuple[int, int]]:
+        """Yield the first and the last number of each hole, up to `expected` numbers."""
+        yield from ((hole.first, hole.last) for hole in self._holes)
+        if expected > self._next:
+            yield self._next, expected - 1
+
+    def seen_before(self, at: int, start_at: int) -> int | None:
+        """Instant (ns) before the hole that ends at `at` or later, None if it lies in no hole."""
+        for hole in self._holes:
+            begin = hole.from_at if hole.first else start_at
+            if begin < at <= hole.to_at:
+                return begin
+        return None
+
+    def unseen(self, vehicle: str, kind: RecordKind, start_at: int) -> Iterator[UnseenSpan]:
+        """Yield the holes in a run from `start_at` (ns), without its end."""
+        for hole in self._holes:
+            begin = hole.from_at if hole.first else start_at
+            count = hole.last - hole.first + 1
+            span = (hole.to_at - begin) / SECOND
+            yield UnseenSpan(
+                vehicle=vehicle,
+                kind=kind,
+                from_s=(begin - start_at) / SECOND,
+                to_s=(hole.to_at - start_at) / SECOND,
+                missing_s=span * count / (count + 1) if hole.first else span,
+            )
 
 
 def hole_lines(holes: Sequence[RecordHole], most: int) -> Iterator[str]:
@@ -98,7 +191,7 @@ def expected_poses(ran_ns: int, rate_hz: float) -> int:
 
 def holes_of(
     vehicle: str,
-    numbers: MessageNumbers,
+    numbers: MessageNumbers | RecordedSeries,
     rate_hz: float,
     expected: int,
     kind: HoleKind = "pose",

@@ -1,18 +1,23 @@
 """Gathers the figures of a run: live, in virtual time, or from a log."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from operator import attrgetter
 from typing import Any
 
+from pydantic import ValidationError
+
 from scenarios.definition.changing.vehicle_changes import VEHICLE_CHANGES, is_changed
 from scenarios.definition.scenario import Scenario
+from scenarios.definition.schema.change_tables import CrashTable
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.channel.account import Link, LinkAccount, absence_lines
 from scenarios.results.channel.link_figures import LinkFigures
 from scenarios.results.channel.link_summary import LinkSummary
 from scenarios.results.events.bodies import BodySize
-from scenarios.results.events.run_event import EventLog
-from scenarios.results.holes import RecordHole
+from scenarios.results.events.encounters import Episode
+from scenarios.results.events.run_event import OF_DECISIONS, EventLog
+from scenarios.results.holes import RecordHole, UnseenSpan
 from scenarios.results.limits.deadlines import Deadlines
 from scenarios.results.run_changes import ChangeLog, RunChange
 from scenarios.results.stream import FigureStream, RoadError
@@ -72,7 +77,7 @@ class Metrics:
         self.stream = stream or FigureStream(
             dict.fromkeys(vehicles, BodySize.of(LINCOLN_MKZ)), road_yaw=road_yaw
         )
-        self.events = EventLog(self.stream.seconds)
+        self.events = EventLog(self.stream.seconds, self._seen_before)
         self.stream.on_error(self._add_error)
         self.stream.on_road_error(self._add_road_error)
         self.stream.on_event(self.events.add)
@@ -153,6 +158,8 @@ class Metrics:
             self._links.begin(message.start_at_ns)
 
     def _add_text(self, text: LogText) -> None:
+        if text.ends_vehicle and text.vehicle in self.vehicles:
+            self.vehicles[text.vehicle].ends_early = True
         if text.doubts_figures and len(self.warnings) < MOST_WARNINGS:
             self.warnings.append(f"{text.vehicle}: {text.text}")
 
@@ -208,6 +215,7 @@ class Metrics:
     def _add_change(self, figures: VehicleFigures, change: Change, _at: int) -> None:
         if change.kind in VEHICLE_CHANGES:
             figures.rate_hz = None
+        figures.ends_early |= _crashes_for_good(change)
         self._links.add_change(change)
         self._changes.add(change)
 
@@ -231,9 +239,26 @@ class Metrics:
             hole
             for figures in self.vehicles.values()
             for holes in [figures.holes(self._span(ran_ns))]
-            for hole in (*holes, *figures.true_holes(holes))
+            for hole in (*holes, *figures.true_holes(holes, self._span(ran_ns)))
         ]
         return tuple(sorted(missing, key=lambda hole: hole.from_s))
+
+    def unseen(self, ran_ns: int = 0) -> tuple[UnseenSpan, ...]:
+        """Times of a run of `ran_ns` in which nothing is known of a vehicle."""
+        span = self._span(ran_ns)
+        return tuple(one for figures in self.vehicles.values() for one in figures.unseen(span))
+
+    def _seen_before(self, episode: Episode) -> int | None:
+        """Instant (ns) before the hole in which an event began, None if its beginning was seen."""
+        *_, follower = episode.vehicles
+        if episode.kind in OF_DECISIONS:
+            series = [self.vehicles[follower].decisions]
+        else:
+            lead = [self._lead] if episode.kind == "lane_departure" else []
+            series = [self.vehicles[name].truth for name in (*episode.vehicles, *lead)]
+        start_at = self.start_at or 0
+        seen = [one.seen_before(episode.at_ns, start_at) for one in series]
+        return min([at for at in seen if at is not None], default=None)
 
     def _span(self, ran_ns: int) -> RunSpan:
         return RunSpan(self.start_at, ran_ns, self._duration_ns)
@@ -265,6 +290,13 @@ class Metrics:
     def contradictions(self, ran_ns: int = 0) -> list[str]:
         """Lines on links whose messages are not accounted for."""
         return [one.problem for one in self.accounts(ran_ns).values() if one.problem]
+
+
+def _crashes_for_good(change: Change) -> bool:
+    with suppress(ValidationError):  # messages from the bus may be malformed
+        if change.kind == "crash":
+            return CrashTable.model_validate_json(change.table).for_s is None
+    return False
 
 
 def _steady_rate_hz(scenario: Scenario, name: str) -> float | None:

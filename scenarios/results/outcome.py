@@ -70,7 +70,8 @@ def _reasons(reason: str) -> str:
 def _limits(summary: RunSummary) -> str:
     """State of the limits of a run that broke none."""
     names = dict.fromkeys(limit.limit for limit in summary.limits)
-    measured = {limit.limit for limit in summary.limits if limit.value is not None}
+    judged = [limit for limit in summary.limits if limit.judged]
+    measured = {limit.limit for limit in judged if limit.value is not None}
     if not names:
         return "none set"
     missing = len(names) - len(measured)
@@ -141,7 +142,7 @@ def _incidents(summary: RunSummary) -> Iterator[str]:
 def _collided(summary: RunSummary) -> Iterator[str]:
     if events := _of(summary, "collision"):
         first = events[0]
-        pair = f"{' and '.join(first.vehicles)} at {first.at_s:.2f} s"
+        pair = f"{' and '.join(first.vehicles)} {first.when}"
         many = f"{len(events)} collisions, first {pair}"
         yield many if len(events) > 1 else f"1 collision, {pair}"
 
@@ -177,8 +178,8 @@ def _stopped(summary: RunSummary) -> Iterator[str]:
     blind = max((vehicle.reaction.blind_m for vehicle in summary.vehicles), default=0.0)
     beyond = f", up to {blind:.1f} m blind" if blind >= 0.05 else ""
     yield (
-        f"{_share(summary, stopped)} braked for lack of data, first {first.vehicles[0]} at "
-        f"{first.at_s:.2f} s{beyond}"
+        f"{_share(summary, stopped)} braked for lack of data, first {first.vehicles[0]} "
+        f"{first.when}{beyond}"
     )
 
 
@@ -188,5 +189,5 @@ def _nearly_collided(summary: RunSummary) -> Iterator[str]:
         closest = min(events, key=lambda event: event.figures.get("gap_m_min", 0.0))
         gap = closest.figures.get("gap_m_min", 0.0)
         count = "1 near miss" if len(events) == 1 else f"{len(events)} near misses"
-        pair = f"{' and '.join(closest.vehicles)} at {closest.at_s:.2f} s"
+        pair = f"{' and '.join(closest.vehicles)} {closest.when}"
         yield f"{count}, closest {gap:.2f} m, {pair}"

@@ -50,7 +50,9 @@ def summarise(
     ran_ns = min(ran_ns, nanoseconds(scenario.duration_s))
     vehicles, events = metrics.vehicle_summaries(ran_ns), metrics.events.events()
     deadlines = metrics.deadlines.figures(ran_ns)
-    limits = limit_figures(scenario.tables.limits, events, vehicles, deadlines)
+    limits = limit_figures(
+        scenario.tables.limits, events, vehicles, deadlines, metrics.unseen(ran_ns)
+    )
     broken = [limit.message for limit in limits if limit.broken]
     reason = failure_reason(reason, [*broken, *metrics.contradictions(ran_ns)])
     summary = RunSummary(

@@ -128,7 +128,10 @@ class LimitFigure:
     action: str = ""
     """Action that a deadline requires; else empty."""
     message: str = ""
-    """How the limit was broken; empty if it was kept."""
+    """How the limit was broken, or why it was not judged; empty if it was kept."""
+    judged: bool = True
+    """Whether the log holds what the limit judges, up to limits.holes_s_max; if not, the run has
+    failed."""
 
     @property
     def broken(self) -> bool:

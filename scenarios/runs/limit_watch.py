@@ -32,4 +32,5 @@ class LimitWatch:
             self._metrics.events.events(),
             self._metrics.vehicle_summaries(ran_ns),
             self._metrics.deadlines.figures(ran_ns),
+            self._metrics.unseen(ran_ns),
         )

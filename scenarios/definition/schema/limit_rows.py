@@ -11,6 +11,8 @@ from typing import Literal
 
 Live = Literal["", "lane_excess", "gap", "silence", "error"]
 """Figure of a running simulation that approaches a limit as it grows (a gap: shrinks)."""
+Witness = Literal["own", "lead", "predecessor", "all"]
+"""Whose messages a limit on a vehicle needs besides its own."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,7 +23,8 @@ class LimitRow:
     follower. `of_lead` limits apply to the lead as well. `word` is the name for `--limit`, if there
     is one. A breach is reported as `breach`, where `at` is the field with its instant. `most` is
     the largest bound that makes sense. `live` is the figure by which studies watch a running
-    simulation; a limit with a `word` needs it. `doc` and `example` are for the template.
+    simulation; a limit with a `word` needs it. `witness`, `by_truth` and `by_decisions` tell which
+    messages the limit judges. `doc` and `example` are for the template.
     """
 
     key: str
@@ -35,6 +38,9 @@ class LimitRow:
     at: str = ""
     most: float = inf
     live: Live = ""
+    witness: Witness = "own"
+    by_truth: bool = True
+    by_decisions: bool = False
 
     @property
     def is_least(self) -> bool:
@@ -45,23 +51,30 @@ class LimitRow:
 # fmt: off
 _ROWS = (
     LimitRow(key="collisions_max", doc="collisions of two vehicles",
-             example=0, word="collision", event="collision", of_lead=True, live="gap"),
+             example=0, word="collision", event="collision", of_lead=True, live="gap",
+             witness="all"),
     LimitRow(key="lane_departures_max", doc="times that a follower leaves the lane",
-             example=0, word="lane", event="lane_departure", live="lane_excess"),
+             example=0, word="lane", event="lane_departure", live="lane_excess",
+             witness="lead"),
     LimitRow(key="near_misses_max", doc="times that two vehicles nearly collide",
-             example=0, word="near_miss", event="near_miss", of_lead=True, live="gap"),
+             example=0, word="near_miss", event="near_miss", of_lead=True, live="gap",
+             witness="all"),
     LimitRow(key="paths_lost_max",
              doc="times that a follower has no usable path for events.path_lost_s",
-             example=0, word="path_lost", event="path_lost", live="silence"),
+             example=0, word="path_lost", event="path_lost", live="silence",
+             by_truth=False, by_decisions=True),
     LimitRow(key="stops_max", doc="times that a follower begins to stop for lack of data",
-             example=0, event="stop"),
+             example=0, event="stop",
+             by_truth=False, by_decisions=True),
     LimitRow(key="distrusts_max", doc="times that a follower rejects a source as implausible",
-             example=0, event="distrust"),
+             example=0, event="distrust",
+             by_truth=False, by_decisions=True),
     LimitRow(key="cross_track_error_m_max",
              doc="largest true distance of a follower from the path the lead drove",
              example=0.5, word="error_m", live="error",
              figure="cross_track_error_m_max", at="cross_track_error_max_at_s",
-             breach="was {figure:.2f} m off the lead's path, {at:.2f} s after the start"),
+             breach="was {figure:.2f} m off the lead's path, {at:.2f} s after the start",
+             witness="lead"),
     LimitRow(key="road_error_m_max",
              doc="largest true distance of a vehicle from the road",
              example=0.5, figure="road_error_m_max", at="road_error_max_at_s", of_lead=True,
@@ -70,14 +83,17 @@ _ROWS = (
              doc="smallest true gap to the predecessor",
              example=1.0, word="gap_m", live="gap",
              figure="true_gap_m_min", at="true_gap_min_at_s",
-             breach="was {figure:.2f} m from the vehicle ahead, {at:.2f} s after the start"),
+             breach="was {figure:.2f} m from the vehicle ahead, {at:.2f} s after the start",
+             witness="predecessor"),
     LimitRow(key="self_estimate_error_m_max",
              doc="largest error of a follower's self-estimate of its error",
              example=0.3, figure="self_estimate_error_m_max",
-             breach="was {figure:.2f} m wrong about its error"),
+             breach="was {figure:.2f} m wrong about its error",
+             witness="lead", by_decisions=True),
     LimitRow(key="blind_m_max", doc="distance that a follower drives beyond its known path",
              example=5.0, figure="reaction.blind_m",
-             breach="drove {figure:.2f} m beyond its known path"),
+             breach="drove {figure:.2f} m beyond its known path",
+             by_decisions=True),
     LimitRow(key="friction_ratio_max", doc="largest share of the friction that a vehicle uses",
              example=0.8, figure="friction_ratio_max", of_lead=True, most=1,
              breach="used {figure:.2f} of the friction"),

@@ -16,7 +16,9 @@ class RunEvent:
     data, which ends early if data returns), or distrust (the follower rejects a source as
     implausible)."""
     at_s: float
-    """When the event began."""
+    """When the event began, or was first seen."""
+    after_s: float | None = None
+    """Set for an event that began in a hole of the log: it began between this time and at_s."""
     vehicles: tuple[str, ...]
     """Vehicles involved, in the order of the convoy."""
     figures: Mapping[str, float]
@@ -28,7 +30,18 @@ class RunEvent:
     @property
     def line(self) -> str:
         name = self.kind.replace("_", " ")
-        return f"{name}: {_what(self)}, {self.at_s:.2f} s after the start"
+        return f"{name}: {_what(self)}, {self.period} after the start"
+
+    @property
+    def period(self) -> str:
+        """When the event began; an interval if that lies in a hole of the log."""
+        if self.after_s is None:
+            return f"{self.at_s:.2f} s"
+        return f"between {self.after_s:.2f} and {self.at_s:.2f} s"
+
+    @property
+    def when(self) -> str:
+        return f"at {self.period}" if self.after_s is None else self.period
 
     @property
     def level(self) -> Level:
@@ -67,15 +80,27 @@ def road_known(known: float) -> str:
     return f"known path ended {-known:.1f} m behind the car"
 
 
+OF_DECISIONS: frozenset[EventKind] = frozenset({"path_lost", "stop", "distrust"})
+"""Events in the decisions of a follower; the others are in true poses."""
+
+
 class EventLog:
     """Events of a run in the order of detection; `collisions` counts those so far.
 
     Figures of a continuing event still grow.
     """
 
-    def __init__(self, seconds: Callable[[int], float]) -> None:
-        """`seconds` converts an instant (ns) to seconds from the start of the run."""
+    def __init__(
+        self,
+        seconds: Callable[[int], float],
+        seen_before: Callable[[Episode], int | None] = lambda _: None,
+    ) -> None:
+        """`seconds` converts an instant (ns) to seconds from the start of the run.
+
+        `seen_before` returns the instant (ns) before the hole in which an event began, if any.
+        """
         self._seconds = seconds
+        self._seen_before = seen_before
         self._episodes: list[Episode] = []
         self._reported = 0
         self.collisions = 0
@@ -99,9 +124,11 @@ class EventLog:
         return tuple(sorted(events, key=lambda event: (event.at_s, event.kind, event.vehicles)))
 
     def _event(self, episode: Episode) -> RunEvent:
+        seen_before = self._seen_before(episode)
         return RunEvent(
             kind=episode.kind,
             at_s=self._seconds(episode.at_ns),
+            after_s=None if seen_before is None else self._seconds(seen_before),
             vehicles=episode.vehicles,
             figures=dict(episode.figures),
         )

@@ -8,7 +8,9 @@ from scenarios.definition.run_limits import Limit, limits_of
 from scenarios.definition.schema.limit_rows import LimitRow
 from scenarios.definition.schema.limit_tables import LimitsTable
 from scenarios.results.events.run_event import RunEvent
+from scenarios.results.holes import UnseenSpan
 from scenarios.results.limits.deadlines import DeadlineFigure
+from scenarios.results.limits.unjudged import judged_by_record
 from scenarios.results.summary import LimitFigure, RunSummary
 from scenarios.results.vehicles.vehicle_figures import VehicleSummary
 
@@ -26,11 +28,13 @@ def limit_figures(
     events: Sequence[RunEvent],
     vehicles: Sequence[VehicleSummary],
     deadlines: Sequence[DeadlineFigure] = (),
+    unseen: Sequence[UnseenSpan] = (),
 ) -> tuple[LimitFigure, ...]:
-    """Return the figure of each limit, kept or broken; `events` are in order of time.
+    """Return the figure of each limit, kept, broken or not judged; `events` are in order of time.
 
     A limit on a figure of vehicles is there once for each of them that has that figure, or without
-    one where no vehicle has it. A limit of one vehicle replaces that of the convoy for it.
+    one where no vehicle has it. A limit of one vehicle replaces that of the convoy for it. Limits
+    over messages that are missing in the log, in the times `unseen`, are not judged.
     """
     known = list(limits_of(limits))
     counts = [_count(limit, events) for limit in known if limit.row.event]
@@ -39,7 +43,9 @@ def limit_figures(
     figures = [
         result for limit in known if limit.row.figure for result in _figures(limit, known, vehicles)
     ]
-    return (*counts, *figures, *map(_deadline, deadlines))
+    every = (*counts, *figures, *map(_deadline, deadlines))
+    names = [vehicle.name for vehicle in vehicles]
+    return judged_by_record(every, names, unseen, limits.holes_s_max)
 
 
 def broken_limits(
@@ -47,9 +53,10 @@ def broken_limits(
     events: Sequence[RunEvent],
     vehicles: Sequence[VehicleSummary],
     deadlines: Sequence[DeadlineFigure] = (),
+    unseen: Sequence[UnseenSpan] = (),
 ) -> list[str]:
-    """List the broken limits, a line each; `events` are in order of time."""
-    results = limit_figures(limits, events, vehicles, deadlines)
+    """List limits broken or not judged, a line each; `events` are in order of time."""
+    results = limit_figures(limits, events, vehicles, deadlines, unseen)
     return [result.message for result in results if result.broken]
 
 

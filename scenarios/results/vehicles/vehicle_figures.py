@@ -11,15 +11,24 @@ from math import inf, isfinite
 from typing import Literal, NamedTuple
 
 from scenarios.results.events.encounters import TrueGap
-from scenarios.results.holes import EdgeInstants, RecordHole, expected_poses, holes_of
+from scenarios.results.holes import (
+    EdgeInstants,
+    RecordedSeries,
+    RecordHole,
+    UnseenSpan,
+    expected_poses,
+    holes_of,
+)
 from scenarios.results.vehicles.accumulators import Extremes, SelfEstimateErrors, TyreFigures
 from scenarios.results.vehicles.reaction import NO_REACTION, Reaction, ReactionSummary
-from transport.message_numbers import MAX_RANGES, MessageNumbers
+from transport.message_numbers import MessageNumbers
 from vehicles.geometry.driven_path import CrossTrack
 from vehicles.messages import GpsPose, Health, Tracking, TruePose
 from vehicles.schedule import SECOND
 
 USUAL_RATE_HZ, USUAL_CONTROL_RATE_HZ = 20.0, 50.0
+LONGEST_STEP = 1.5
+"""Time, in control periods, between two recorded true poses without a hole."""
 SILENT_NS = SECOND
 """A vehicle without records for this time before the end had left; messages in transit at a stop
 take less."""
@@ -132,7 +141,8 @@ class VehicleFigures:
         self.rate_hz = rate_hz
         self._control_rate_hz = control_rate_hz
         self.numbers = MessageNumbers()
-        self.true_numbers = MessageNumbers(MAX_RANGES)
+        self.truth, self.decisions = RecordedSeries(), RecordedSeries()
+        self.ends_early = False
         self.edges = EdgeInstants()
         self._first_sent_at: int | None = None
         self.last_at = 0
@@ -156,7 +166,7 @@ class VehicleFigures:
 
     def add_truth(self, pose: TruePose) -> None:
         self.distance, self.speed = pose.distance_m, pose.speed_mps
-        self.true_numbers.add(pose.seq)
+        self.truth.add(pose.seq, pose.true_at_ns)
         self.tyres.add(pose)
         if not self.is_lead:
             self.reaction.add_truth(pose)
@@ -167,6 +177,7 @@ class VehicleFigures:
 
     def add_tracking(self, tracking: Tracking) -> None:
         mode, error = tracking.mode, tracking.lateral_error_m
+        self.decisions.add(tracking.seq, tracking.decided_at_ns)
         if mode not in {"path", "straight"}:  # without a trajectory there is no error
             self.self_estimate.add_estimate(tracking.decided_at_ns, error)
         if not self.is_lead:
@@ -207,19 +218,59 @@ class VehicleFigures:
 
     def scheduled_poses(self, span: RunSpan) -> int:
         """Count the poses due until its end or that of the run; 0 if that is unknown."""
-        if self.rate_hz is None or span.start_at is None:
-            return 0
-        if self.health is None or not self.health.final:
-            return 0
+        return 0 if self.rate_hz is None else self._scheduled(span, self.rate_hz)
+
+    def _scheduled(self, span: RunSpan, rate_hz: float) -> int:
+        until = self._ran_until(span)
+        return 0 if until is None else expected_poses(until, rate_hz)
+
+    def _ran_until(self, span: RunSpan) -> int | None:
+        """Time (ns) up to which its messages are due, None if that is unknown.
+
+        A vehicle without final counters that was silent at the end of a complete run for a short
+        time was cut off or the last messages are missing; one that was silent for longer may have
+        failed.
+        """
+        if span.start_at is None or self.health is None or self.ends_early:
+            return None
+        if not self.health.final:
+            is_silent = self._silent_from_s(span) is not None
+            return None if is_silent or span.ran_ns < span.planned_ns else span.ran_ns
         until = min(span.ran_ns, self.health.reported_at_ns - span.start_at)
         if until < span.planned_ns:  # stopped early: its last poses were not sent
             until -= SILENT_NS
-        return expected_poses(until, self.rate_hz)
+        return until
 
-    def true_holes(self, holes: Sequence[RecordHole]) -> Iterator[RecordHole]:
+    def unseen(self, span: RunSpan) -> list[UnseenSpan]:
+        """Times in which nothing is known of it, up to its end or that of the run."""
+        start_at = span.start_at or 0
+        spans = [
+            *self.truth.unseen(self.name, "true pose", start_at),
+            *self.decisions.unseen(self.name, "decision", start_at),
+        ]
+        is_silent = self._silent_from_s(span) is not None
+        cut_off = is_silent and self.health is not None and not self.health.final
+        until = span.ran_ns if cut_off and not self.ends_early else self._ran_until(span)
+        last_s = ((self.truth.last_at or start_at) - start_at) / SECOND
+        if until is not None and until / SECOND - last_s > LONGEST_STEP / self._control_rate_hz:
+            missing_s = until / SECOND - last_s
+            spans.append(
+                UnseenSpan(
+                    vehicle=self.name,
+                    kind="true pose",
+                    from_s=last_s,
+                    to_s=until / SECOND,
+                    missing_s=missing_s,
+                )
+            )
+        return spans
+
+    def true_holes(self, holes: Sequence[RecordHole], span: RunSpan) -> Iterator[RecordHole]:
         """Holes in the record of its true poses outside of `holes`."""
         slack_s = 1.0 / (self.rate_hz or USUAL_RATE_HZ)
-        missing = holes_of(self.name, self.true_numbers, self._control_rate_hz, 0, "true pose")
+        rate_hz = self._control_rate_hz
+        expected = self._scheduled(span, rate_hz) if self.truth.count else 0
+        missing = holes_of(self.name, self.truth, rate_hz, expected, "true pose")
         for hole in missing:
             if not any(known.covers(hole, slack_s) for known in holes):
                 yield hole
