@@ -83,9 +83,9 @@ def _vehicles(tables: ScenarioTables, names: Sequence[str]) -> Iterator[Problem]
 def _links(tables: ScenarioTables) -> Iterator[Problem]:
     names = vehicle_names(tables)
     for index, link in enumerate(tables.link):
-        for key, why in end_problems(link, names, lead_waits=tables.speed.lead_waits):
+        for key, why in end_problems(link, names, lead_receives=tables.speed.lead_receives):
             yield f"link[{index}]{key}", why
-    for first, later, key in ties(tables.link, names, lead_waits=tables.speed.lead_waits):
+    for first, later, key in ties(tables.link, names, lead_receives=tables.speed.lead_receives):
         yield (
             f"link[{later}].{key}",
             f"given by link[{first}] too, which is equally specific for a link, allowed in one of "
@@ -95,7 +95,7 @@ def _links(tables: ScenarioTables) -> Iterator[Problem]:
 
 
 def _laws(tables: ScenarioTables, names: Sequence[str]) -> Iterator[Problem]:
-    for pair in directed_links(names, lead_waits=tables.speed.lead_waits):
+    for pair in directed_links(names, lead_receives=tables.speed.lead_receives):
         about = [entry for _, entry in entries_about(tables.link, names, *pair)]
         link = requested_link(tables, names, *pair)
         merged = {"loss": link.loss, "collisions": link.collisions, "radio": link.radio}
@@ -155,7 +155,7 @@ def _senders(tables: ScenarioTables) -> Iterator[Problem]:
     yield from result
     if result:
         return
-    for sender, receiver in directed_links(names, lead_waits=tables.speed.lead_waits):
+    for sender, receiver in directed_links(names, lead_receives=tables.speed.lead_receives):
         setup = vehicle_setup(tables, sender)
         rate_hz = requested_link(tables, names, sender, receiver).rate_hz
         if rate_hz is None or setup.even_rate_hz is not None:

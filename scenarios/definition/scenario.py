@@ -31,6 +31,7 @@ from scenarios.definition.road.replayed_drive import (
 )
 from scenarios.definition.road.route import (
     Route,
+    is_closed,
     plan_route,
     vehicle_names,
 )
@@ -253,7 +254,9 @@ class Scenario:
         """Settings of each link by (sender, receiver), without links to replayed vehicles."""
         return {
             pair: requested_link(self.tables, self.vehicle_names, *pair)
-            for pair in directed_links(self.vehicle_names, lead_waits=self.tables.speed.lead_waits)
+            for pair in directed_links(
+                self.vehicle_names, lead_receives=self.tables.speed.lead_receives
+            )
             if pair[1] not in self.replays
         }
 
@@ -409,7 +412,7 @@ def _read(
     raw = with_presets(given.raw, problems)
     tables: ScenarioTables | None
     try:
-        tables = ScenarioTables.model_validate(raw)
+        tables = _with_lead_gap(ScenarioTables.model_validate(raw), recorded=file.recorded)
         problems += contradictions.between_keys(tables)
     except ValidationError as error:
         problems += error_lines(error)
@@ -420,6 +423,17 @@ def _read(
     if tables is None or problems or given.invalid_overrides:
         raise _scenario_error(given, problems)
     return given, tables
+
+
+def _with_lead_gap(tables: ScenarioTables, *, recorded: bool) -> ScenarioTables:
+    """Let the lead of a closed path keep its gap to members ahead, unless the key is given.
+
+    A scenario `recorded` by an earlier version has no such links.
+    """
+    if tables.speed.lead_keeps_gap is not None or recorded or not is_closed(tables.path):
+        return tables
+    speed = tables.speed.model_copy(update={"lead_keeps_gap": True})
+    return tables.model_copy(update={"speed": speed})
 
 
 def _with_files(

@@ -101,7 +101,7 @@ def vehicle_setup(tables: ScenarioTables, name: str) -> VehicleSetup:
         place=place,
         lead=names[0],
         predecessor=predecessor,
-        senders=senders_to(names, name, lead_waits=tables.speed.lead_waits),
+        senders=senders_to(names, name, lead_receives=tables.speed.lead_receives),
         lateral_offset_m=own.lateral_offset_m if own else 0.0,
         heading_offset_rad=math.radians(own.heading_offset_deg) if own else 0.0,
         parameters=full,

@@ -7,6 +7,8 @@ steering        from errors to a steering command: the paper's law and others
 command_limit   limits of the steering angle and its rate
 speed           from gaps and profiles to an acceleration
 degradation/    reactions to missing and to false messages
-leader          the lead, and its wait for lost followers
+convoy_ahead    the lead's distance from members of its convoy ahead of it on its path
+convoy_watch    whether the lead waits for lost followers
+leader          the lead, along its own path
 follower        a follower: from received poses to steering and speed
 """

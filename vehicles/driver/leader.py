@@ -1,16 +1,20 @@
-"""The lead: it drives its own path and, if configured, slows down while a follower is lost."""
+"""The lead: it drives its own path, keeps its distance from members of its convoy ahead, and waits.
 
-from collections.abc import Mapping, Sequence
-from math import inf, sqrt
+It waits, if configured, while a follower is lost or has fallen behind.
+"""
+
+from collections.abc import Sequence
+from math import sqrt
 from typing import Final
 
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix
 from vehicles.car.imu import Motion
 from vehicles.driver.command_limit import CommandLimit
+from vehicles.driver.convoy_ahead import ConvoyAhead
+from vehicles.driver.convoy_watch import ConvoyWatch
 from vehicles.driver.decision import Decision
-from vehicles.driver.degradation.settings import Braking, DegradationSettings
-from vehicles.driver.degradation.situation import SLOWING
+from vehicles.driver.degradation.settings import Braking
 from vehicles.driver.ego.own_state import OwnState, Pose
 from vehicles.driver.ego.slip_estimator import LoadWatch
 from vehicles.driver.speed import (
@@ -35,60 +39,11 @@ SLOWEST: Final = 1.0
 """Below this speed (m/s) the pace changes as at this speed."""
 
 
-class ConvoyWatch:
-    """Decides whether the lead `waits` for followers that are lost or announce trouble.
-
-    A follower is lost after the silence after which a source is lost, counted from the start. The
-    lead waits until no follower has been in trouble for the duration of the probation.
-    """
-
-    def __init__(
-        self, settings: DegradationSettings, periods: Mapping[str, float], start_at: int
-    ) -> None:
-        """`periods` (s) between messages are by follower; the run starts at `start_at` (ns)."""
-        self._allowed = {
-            name: settings.lost_after_silence(period) for name, period in periods.items()
-        }
-        self._probation = settings.probation
-        self._received_at = dict.fromkeys(periods, start_at)
-        self._measured_at = dict.fromkeys(periods, -1)
-        self._troubled: dict[str, str] = {}
-        self._trouble_at: int | None = None
-        self.waits = False
-        self.reason = ""
-
-    def observe(self, now: int, received: Sequence[ReceivedPose]) -> None:
-        for pose in received:
-            self._receive(pose)
-        troubles = [why for name in self._received_at if (why := self._trouble_of(now, name))]
-        if troubles:
-            self._trouble_at, self.waits = now, True
-            self.reason = f"waiting: {', '.join(troubles)}"
-        if self._trouble_at is None or now - self._trouble_at > self._probation * SECOND:
-            self.waits, self.reason = False, ""
-
-    def _receive(self, pose: ReceivedPose) -> None:
-        message = pose.message
-        name = message.vehicle
-        if pose.measured_at <= self._measured_at.get(name, inf):
-            return  # older than the last one, or not from a follower
-        self._received_at[name], self._measured_at[name] = pose.received_at, pose.measured_at
-        self._troubled.pop(name, None)
-        if message.hazard or message.mode in SLOWING:
-            self._troubled[name] = message.mode
-
-    def _trouble_of(self, now: int, name: str) -> str | None:
-        silence = (now - self._received_at[name]) / SECOND
-        if silence > self._allowed[name]:
-            return f"{name} silent for {silence:.1f} s"
-        return f"{name} in mode {self._troubled[name]}" if name in self._troubled else None
-
-
 class WaitingProfile(ProfileSpeed):
-    """Follows a speed profile, slower while the lead `waits` for a follower.
+    """Follows a speed profile, slower while the lead `waits` for a follower or is restrained.
 
-    While it waits, its time passes more slowly, so the lead is never faster than the profile at the
-    same position, for example in a bend. Otherwise it equals `ProfileSpeed`.
+    While it is slower, its time passes more slowly, so the lead is never faster than the profile at
+    the same position, for example in a bend. Otherwise it equals `ProfileSpeed`.
     """
 
     def __init__(
@@ -101,18 +56,31 @@ class WaitingProfile(ProfileSpeed):
         self._change = 0.0
         self._behind = 0.0
         self._at = start_at
+        self._planned = 0.0
         self.waits = False
 
     def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:  # noqa: ARG002
         self._behind += (1.0 - self._pace) * (now - self._at) / SECOND
         self._at = now
         seconds = (now - self._start_at) / SECOND - self._behind
-        speed = self._pace * self._profile.at(seconds)[0]
+        self._planned = self._profile.at(seconds)[0]
+        speed = self._pace * self._planned
         after = seconds + self._pace * self._period
-        self._change_pace(self._profile.at(seconds)[0])
+        self._change_pace(self._planned)
         next_speed = self._pace * self._profile.at(after)[0]
         wanted = (next_speed - speed) / self._period
         return SpeedCommand(wanted + profile_correction(speed, pose.speed), next_speed)
+
+    def restrained(self, planned: SpeedCommand, most: float, speed: float) -> SpeedCommand:
+        """Replace the `planned` command by the acceleration `most` (m/s²) at `speed` (m/s).
+
+        Afterwards the profile continues from there.
+        """
+        speed = max(speed, 0.0)
+        if speed < self._planned:
+            self._pace = speed / self._planned
+        self._change = min(max(most, 0.0), self._braking.deceleration)
+        return SpeedCommand(most, min(planned.target_speed, speed))
 
     def _change_pace(self, speed: float) -> None:
         target = WAITING_SHARE if self.waits else 1.0
@@ -128,13 +96,13 @@ class WaitingProfile(ProfileSpeed):
         pace = self._pace + self._change * self._period / full
         if abs(left) <= abs(self._change) * self._period or (target - pace) * left <= 0.0:
             pace, self._change = target, 0.0
-        self._pace = min(max(pace, WAITING_SHARE), 1.0)
+        self._pace = min(max(pace, 0.0), 1.0)
 
 
 class Leader:
     """Tracks a path from a given station (m) on (Section V-C, Fig. 8).
 
-    It receives the poses of its followers only if it waits for them.
+    It receives the poses of its followers if it waits for them or keeps its distance from them.
     """
 
     def __init__(
@@ -148,11 +116,13 @@ class Leader:
         station: float,
         limit: CommandLimit | None = None,
         load: LoadWatch | None = None,
-        waiting: tuple[ConvoyWatch, WaitingProfile] | None = None,
+        watch: ConvoyWatch | None = None,
+        ahead: ConvoyAhead | None = None,
     ) -> None:
         """`station` (m) is the initial arc length, `limit` that of the steering command.
 
-        `waiting` are the watch over the followers and the speed law to slow down, if configured.
+        `watch` decides whether it waits for its followers, `ahead` keeps its distance from them,
+        each if configured and with a `WaitingProfile` as the speed law.
         """
         self._own_state = own_state
         self._controller = controller
@@ -162,8 +132,9 @@ class Leader:
         self._near = station
         self._limit = limit or CommandLimit()
         self._load = load or LoadWatch()
-        self._waiting = waiting
-        self._reason = ""
+        self._watch = watch
+        self._ahead = ahead
+        self._waiting = speed_law if isinstance(speed_law, WaitingProfile) else None
         self._decision: Decision | None = None
 
     def step(
@@ -179,27 +150,45 @@ class Leader:
         """
         self._load.observe(now, motion)
         self._own_state.update(now, fix, motion)
-        if self._waiting is not None:
-            watch, law = self._waiting
-            watch.observe(now, received)
-            self._reason, law.waits = watch.reason, watch.waits
+        if self._watch is not None:
+            self._watch.observe(now, received, self._near)
+        if self._ahead is not None:
+            self._ahead.observe(received)
         if self._decision is not None and not self._control.due(now):
             return self._decision.held()
         pose = self._own_state.at(now)
         errors = self._track(pose)
         steering = self._limit.limited(self._controller.steer(errors, pose.speed))
         self._load.record_command(steering.steering)
-        speed = self._speed_law.command(now, pose, VehiclesAhead())
+        speed, reason = self._speed(now, pose, errors.station)
         self._decision = Decision(
             actuation=Actuation(steering.steering, speed.acceleration),
             steering=steering,
             errors=errors,
             mode="path",
-            reason=self._reason,
+            reason=reason,
             target_speed=speed.target_speed,
             lateral_deviation=self._own_state.lateral_deviation,
         )
         return self._decision
+
+    def _speed(self, now: int, pose: Pose, station: float) -> tuple[SpeedCommand, str]:
+        """Planned speed, unless the lead waits or must keep its distance, and the reason."""
+        law, watch, ahead = self._waiting, self._watch, self._ahead
+        if law is None:
+            return self._speed_law.command(now, pose, VehiclesAhead()), ""
+        reason = ""
+        if watch is not None:
+            law.waits, reason = watch.waits, watch.reason
+        planned = law.command(now, pose, VehiclesAhead())
+        if ahead is None:
+            return planned, reason
+        last = self._decision.actuation.acceleration if self._decision else 0.0
+        most = ahead.acceleration(now, station, pose.speed, last)
+        if most >= planned.acceleration:
+            return planned, reason
+        reason = f"{ahead.reason}; {reason}" if reason else ahead.reason
+        return law.restrained(planned, most, pose.speed), reason
 
     def _track(self, pose: Pose) -> TrackingErrors:
         foot = self._path.project(pose.east, pose.north, self._near)

@@ -132,7 +132,7 @@ def _with_earlier_runs(tables: ScenarioTables, folder_of: FolderOf) -> ScenarioT
     replayed = {name for name, own in tables.vehicle.items() if own.replay is not None}
     records: dict[tuple[str, str], EarlierRun] = {}
     read = cache(_links_of)
-    for pair in directed_links(names, lead_waits=tables.speed.lead_waits):
+    for pair in directed_links(names, lead_receives=tables.speed.lead_receives):
         loss = requested_link(tables, names, *pair).loss
         if isinstance(loss, EarlierRun) and loss.file is not None and pair[1] not in replayed:
             key = _giver(tables, loss, pair)

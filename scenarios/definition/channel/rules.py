@@ -49,7 +49,7 @@ def _end(given: str, vehicle: str, names: Sequence[str], receiver: str) -> int |
 
 
 def end_problems(
-    entry: Ends, names: Sequence[str], *, lead_waits: bool = False
+    entry: Ends, names: Sequence[str], *, lead_receives: bool = False
 ) -> Iterator[tuple[str, str]]:
     """Yield ends that name no vehicle, by ".sender" or ".receiver"; by "" if no link matches."""
     known = list(dict.fromkeys((*names, *ROLES, ANY)))
@@ -57,7 +57,7 @@ def end_problems(
     unknown = {key: end for key, end in given.items() if end not in known}
     for key, end in unknown.items():
         yield key, f"given {toml_repr(end)}, allowed {', '.join(map(toml_repr, known))}"
-    links = directed_links(names, lead_waits=lead_waits)
+    links = directed_links(names, lead_receives=lead_receives)
     if not unknown and all(specificity(entry, names, *pair) is None for pair in links):
         yield (
             "",
@@ -89,11 +89,11 @@ def entries_about(
 
 
 def ties(
-    entries: Sequence[LinkEntry], names: Sequence[str], *, lead_waits: bool = False
+    entries: Sequence[LinkEntry], names: Sequence[str], *, lead_receives: bool = False
 ) -> Iterator[tuple[int, int, str]]:
     """Yield the numbers of two entries that are equally specific for a link, and a key of both."""
     seen: set[tuple[int, int]] = set()
-    for sender, receiver in directed_links(names, lead_waits=lead_waits):
+    for sender, receiver in directed_links(names, lead_receives=lead_receives):
         graded = [specificity(entry, names, sender, receiver) for entry in entries]
         for later, grade in enumerate(graded):
             for first in range(later):

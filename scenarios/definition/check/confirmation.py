@@ -2,11 +2,10 @@
 
 import os
 from collections.abc import Iterator
-from math import cos, hypot
 
+from scenarios.definition.check.lap import longer_than_lap
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.schema.path_tables import SegmentsPath
 
 VEHICLES_PER_CORE = 20
 """A core carries ten vehicles in real time, and twenty with compiled modules (measured)."""
@@ -14,13 +13,10 @@ VEHICLES_PER_CORE = 20
 LATENCY_MS_MIN = 1.0
 """Messages between two processes take about this long."""
 
-CLOSED_M = 1.0
-"""A lap ends within this distance of its beginning."""
-
 
 def confirmation_lines(scenario: Scenario, *, wall_clock: bool) -> tuple[str, ...]:
     """Return a line for each setting of a run that needs `--yes`."""
-    lines = [*_too_few_vehicles(scenario), *_longer_than_lap(scenario)]
+    lines = [*_too_few_vehicles(scenario), *longer_than_lap(scenario)]
     if wall_clock:
         lines += [*_too_many_vehicles(scenario), *_too_little_latency(scenario)]
     return tuple(lines)
@@ -78,36 +74,3 @@ def _small_latency(scenario: Scenario) -> Iterator[tuple[str, float, str]]:
     if pair is not None and (latency := links[pair]) < LATENCY_MS_MIN:
         hint = f" (did you mean {1000.0 * latency:g}?)" if latency else ""
         yield f"{pair[0]} → {pair[1]}", latency, hint
-
-
-def _longer_than_lap(scenario: Scenario) -> Iterator[str]:
-    """Report a convoy whose lead catches up with its last vehicle on a closed path."""
-    lap = _lap_length(scenario)
-    route, vehicles = scenario.route, len(scenario.vehicle_names)
-    if not lap or route.profile.distance(scenario.duration_s) < lap:
-        return
-    length = route.start - route.start_station(vehicles - 1)
-    if scenario.tables.speed.followers == "gap":
-        first, fastest = route.profile.at(0.0)[0], max(route.profile.speeds)
-        length += (vehicles - 1) * scenario.tables.speed.gap.headway_s * (fastest - first)
-    if length >= lap:
-        most = int(lap * (vehicles - 1) / length)
-        yield (
-            f"the convoy is {length:.0f} m long and a lap {lap:.0f} m: its lead runs into its last "
-            f"vehicle; set convoy.vehicles = {max(most, 2)} or less, smaller gaps, or path.laps = 1"
-        )
-
-
-def _lap_length(scenario: Scenario) -> float:
-    """Length (m) of a lap of a closed path that is driven several times; 0 for other paths."""
-    table, route = scenario.tables.path, scenario.route
-    if table.laps == 1:
-        return 0.0
-    if route.smoothed is not None:
-        return route.smoothed.lap_length
-    if not isinstance(table, SegmentsPath):
-        return 0.0
-    lap = sum(segment.length_m for segment in table.segments)
-    begin, end = route.path.at(route.start), route.path.at(route.start + lap)
-    is_closed = hypot(end.east - begin.east, end.north - begin.north) < CLOSED_M
-    return lap if is_closed and cos(end.yaw - begin.yaw) > 0.99 else 0.0

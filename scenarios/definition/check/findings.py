@@ -12,6 +12,7 @@ import numpy as np
 from scenarios.definition.check.confirmation import confirmation_lines
 from scenarios.definition.check.drive_warnings import drive_warnings
 from scenarios.definition.check.hard_braking import HeldBraking, braking_warnings, held_braking
+from scenarios.definition.check.lap import lap_warnings
 from scenarios.definition.check.link_forecast import laws_in_brief
 from scenarios.definition.check.preview import preview_warnings
 from scenarios.definition.check.receivers import receiver_warnings
@@ -253,6 +254,7 @@ def _held(scenario: Scenario, run: _Run) -> HeldBraking | None:
 def _warnings(scenario: Scenario, run: _Run, held: HeldBraking | None) -> tuple[str, ...]:
     result = (
         *drive_warnings(scenario),
+        *lap_warnings(scenario),
         *_vehicle_warnings(scenario),
         *preview_warnings(scenario, run.speed_range),
         *receiver_warnings(scenario),

@@ -1,5 +1,6 @@
 """The lead's path and speed, and the start of each vehicle."""
 
+import cmath
 import math
 from dataclasses import dataclass
 from functools import lru_cache
@@ -30,6 +31,12 @@ RUN_UP = 10.0
 STRAIGHT = 1e-6
 """Curvature (1/m) below which a path counts as straight."""
 
+CLOSED = 1.0
+"""A closed path of segments ends within this distance (m) of its beginning."""
+
+SAME_DIRECTION = 0.99
+"""Cosine of the largest angle between both ends of a closed path: 8 degrees."""
+
 SLOW = 5.0
 """Initial speed (m/s) below which a recorded drive starts at its first point, after a straight that
 does not bend into the drive. At such speeds the step causes no error."""
@@ -47,7 +54,8 @@ class Route:
     between centres of mass; both are 0 for the lead. `profile` is the lead's speed from the start
     on, with all changes, `plan` without. `smoothed` is None for segments. `speed_ratio` is the
     factor by which recorded speeds were scaled to cover the path. The lead reaches the first point
-    of a recorded drive `run_in` s after the start.
+    of a recorded drive `run_in` s after the start. `lap` (m) is the length of a lap of a closed
+    path, 0 of any other.
     """
 
     path: SampledPath
@@ -59,6 +67,7 @@ class Route:
     speed_ratio: float
     plan: SpeedPlan
     run_in: float = 0.0
+    lap: float = 0.0
 
     def start_station(self, place: int) -> float:
         """Station (m) on the path at which the vehicle at `place` (0 is the lead) starts."""
@@ -120,7 +129,35 @@ def plan_route(tables: ScenarioTables) -> Route:
         speed_ratio=ratio,
         plan=plan,
         run_in=profile.time_to(smoothed.start - start) if smoothed else 0.0,
+        lap=_lap(tables.path, smoothed),
     )
+
+
+def is_closed(table: PathTable) -> bool:
+    """Whether the path returns to its beginning: `closed` points, or segments that do so."""
+    return _segments_lap(table) > 0.0 if isinstance(table, SegmentsPath) else table.closed
+
+
+def _lap(table: PathTable, smoothed: SmoothedPath | None) -> float:
+    if isinstance(table, SegmentsPath):
+        return _segments_lap(table)
+    return smoothed.lap_length if smoothed and table.closed else 0.0
+
+
+def _segments_lap(table: SegmentsPath) -> float:
+    """Length (m) after which repeated segments first end where they began; 0 if they never do."""
+    once, turned = 0j, 0.0
+    for segment in table.segments:
+        angle = segment.length_m * curvature(segment)
+        chord = segment.length_m * (math.sin(0.5 * angle) / (0.5 * angle) if angle else 1.0)
+        once += cmath.rect(chord, turned + 0.5 * angle)
+        turned += angle
+    end = 0j
+    for count in range(1, table.laps + 1):
+        end += once * cmath.exp(1j * (count - 1) * turned)
+        if abs(end) < CLOSED and math.cos(count * turned) > SAME_DIRECTION:
+            return count * sum(segment.length_m for segment in table.segments)
+    return 0.0
 
 
 def _first_speed_at_most(tables: ScenarioTables) -> float:

@@ -176,7 +176,10 @@ class SpeedTable(Table):
 
     lead                           "set" speed, "profile", or "recorded" in the trace
     lead_waits                     whether the lead slows down while it receives nothing from a
-                                   follower
+                                   follower, or a follower falls behind
+    lead_keeps_gap                 whether the lead keeps the gap of [speed.gap] to members of its
+                                   convoy that are ahead of it on its path; default: on a closed
+                                   path
     set_mps                        set speed
     profile                        points of the profile
     followers                      "same" speed as the lead at the same time, or keep a "gap"
@@ -188,6 +191,7 @@ class SpeedTable(Table):
 
     lead: Literal["set", "profile", "recorded"] = "set"
     lead_waits: bool = False
+    lead_keeps_gap: bool | None = None
     set_mps: float = Field(default=20.0, ge=0.1, le=100)
     profile: Annotated[tuple[ProfilePoint, ...], Field(strict=False)] = ()
     followers: Literal["same", "gap"] = "same"
@@ -195,6 +199,11 @@ class SpeedTable(Table):
     acceleration_mps2_max: float = Field(default=1.5, ge=0.1, le=10)
     braking_mps2_max: float = Field(default=2.5, ge=0.1, le=12)
     gap: GapTable = GapTable()
+
+    @property
+    def lead_receives(self) -> bool:
+        """Whether the lead receives the poses of its followers."""
+        return self.lead_waits or bool(self.lead_keeps_gap)
 
 
 class ParametersTable(Table):

@@ -162,7 +162,9 @@ class RecordedKnowledge:
             raise LogError(f"{log}: no vehicle {vehicle!r}, allowed {', '.join(names)}")
         record = cls(log, scenario, vehicle, reader.last_at)
         _read(
-            reader, record, senders_to(names, vehicle, lead_waits=scenario.tables.speed.lead_waits)
+            reader,
+            record,
+            senders_to(names, vehicle, lead_receives=scenario.tables.speed.lead_receives),
         )
         return record
 

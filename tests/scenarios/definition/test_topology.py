@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.scenario import load_scenario
+from scenarios.definition.scenario import load_scenario, scenario_from_text
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.definition.topology import directed_links, senders_to
 from transport.links.laws.basic import Decimation, Jitter, Latency, Loss
@@ -28,10 +28,10 @@ def test_followers_listen_to_the_lead_and_to_the_vehicle_ahead(names: list[str])
 
 @given(st.lists(st.text("abcdef", min_size=1), min_size=2, max_size=8, unique=True))
 def test_a_lead_that_waits_listens_to_all_others(names: list[str]) -> None:
-    found, usual = directed_links(names, lead_waits=True), directed_links(names)
+    found, usual = directed_links(names, lead_receives=True), directed_links(names)
     assert set(found) == {*usual, *((follower, names[0]) for follower in names[1:])}
     assert len(found) == len(usual) + len(names) - 1
-    assert senders_to(names, names[-1], lead_waits=True) == senders_to(names, names[-1])
+    assert senders_to(names, names[-1], lead_receives=True) == senders_to(names, names[-1])
 
 
 def test_an_entry_about_a_link_to_the_lead_counts_only_where_it_waits() -> None:
@@ -41,6 +41,45 @@ def test_an_entry_about_a_link_to_the_lead_counts_only_where_it_waits() -> None:
     links = load_scenario("lane_change", [entry, "speed.lead_waits=true"]).links
     assert links["v3", "v1"].loss_ratio == 0.5
     assert links["v2", "v1"].loss_ratio == 0.0
+
+
+QUARTER = "{length_m=20}, {length_m=15.708, radius_m=10, turn='left'}"
+
+
+@pytest.mark.parametrize(
+    ("name", "overrides", "receives"),
+    [
+        ("church_lot", (), True),
+        ("church_lot", ("path.laps=1",), True),
+        ("church_lot", ("speed.lead_keeps_gap=false",), False),
+        ("church_lot", ("path.closed=false", "path.laps=1"), False),
+        ("lane_change", (), False),
+        ("lane_change", ("speed.lead_keeps_gap=true",), True),
+        ("paper_field", (), False),
+        ("lane_change", (f"path={{kind='segments', laps=4, segments=[{QUARTER}]}}",), True),
+        ("lane_change", (f"path={{kind='segments', laps=3, segments=[{QUARTER}]}}",), False),
+    ],
+)
+def test_the_lead_of_a_closed_path_receives_its_followers(
+    name: str, overrides: tuple[str, ...], receives: bool
+) -> None:
+    if "path=" in "".join(overrides):
+        overrides = (*overrides, "duration_s=5", "speed.set_mps=5")
+    scenario = load_scenario(name, overrides)
+    lead, follower = scenario.vehicle_names[0], scenario.vehicle_names[-1]
+    assert ((follower, lead) in scenario.links) == receives
+    assert scenario_from_text(scenario.text).tables == scenario.tables
+
+
+def test_the_lead_of_an_earlier_log_received_nobody() -> None:
+    scenario = load_scenario("church_lot")
+    text = scenario.text.replace("lead_keeps_gap = true\n", "")
+    assert text != scenario.text
+    earlier = scenario_from_text(text, recorded=True)
+    assert (
+        senders_to(earlier.vehicle_names, "v1", lead_receives=earlier.tables.speed.lead_receives)
+        == ()
+    )
 
 
 ENTRIES = (

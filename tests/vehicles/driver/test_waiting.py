@@ -1,14 +1,17 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
+from math import pi
 
 import pytest
 
 from tests.made.transport.received_poses import received
+from vehicles.driver.convoy_watch import ConvoyBehind, ConvoyWatch
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.ego.own_state import Pose
-from vehicles.driver.leader import WAITING_SHARE, ConvoyWatch, WaitingProfile
-from vehicles.driver.speed import ProfileSpeed, SpeedProfile, VehiclesAhead
+from vehicles.driver.leader import WAITING_SHARE, WaitingProfile
+from vehicles.driver.speed import ProfileSpeed, SpacingPolicy, SpeedProfile, VehiclesAhead
+from vehicles.geometry.sampled_path import Segment, path_from_segments
 from vehicles.messages import Announcement, Mode
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import MILLISECOND, SECOND
@@ -16,6 +19,8 @@ from vehicles.schedule import MILLISECOND, SECOND
 TICK = 20 * MILLISECOND
 SETTINGS = DegradationSettings()
 PROFILE = SpeedProfile((0.0, 10.0, 20.0, 30.0), (20.0, 20.0, 8.0, 24.0))
+CIRCLE = path_from_segments([Segment(6.0 * pi * 20.0, 1.0 / 20.0)])
+SPACING = SpacingPolicy(10.0)
 
 
 def pose_of(
@@ -121,3 +126,38 @@ def test_while_waiting_it_is_never_faster_than_the_profile_at_that_position() ->
         assert (there - here) / 0.02 <= max(speeds[max(k - 2, 0) : k + 3]) + 0.1
     half = [(b - a) / 0.02 for (_, a, _), (_, b, _) in pairwise(states)]
     assert min(half) >= WAITING_SHARE * 8.0 - 0.1
+
+
+def pose_at(name: str, station: float, at: float) -> ReceivedPose:
+    place = CIRCLE.at(station)
+    return received(round(at * SECOND), place.east, place.north, place.yaw, 13.0, vehicle=name)
+
+
+def behind_lead() -> ConvoyBehind:
+    return ConvoyBehind(CIRCLE, [("v2", SPACING, 40.0), ("v3", SPACING, 30.0)], 0)
+
+
+@pytest.mark.parametrize(("behind", "is_far"), [(28.0, False), (32.0, True), (90.0, True)])
+def test_a_spacing_of_more_than_twice_the_desired_one_is_far(behind: float, is_far: bool) -> None:
+    followers, time, found = behind_lead(), 0.0, list[str]()
+    for step in range(200):
+        time = 0.05 * step
+        lead = 50.0 + 10.0 * time
+        slow = max(lead - 10.0 - behind, 30.0)  # v3 stands until it is that far behind
+        found = followers.observe(
+            [pose_at("v2", lead - 10.0, time), pose_at("v3", slow, time)], lead
+        )
+    assert [text.split()[0] for text in found] == ["v3"] * is_far
+
+
+def test_it_has_caught_up_at_half_of_the_excess() -> None:
+    followers = behind_lead()
+    for step, (spacing, is_far) in enumerate(
+        [(10.0, False), (32.0, True), (25.0, True), (19.0, False), (25.0, False)]
+    ):
+        time = 5.0 * step
+        lead = 50.0 + 10.0 * time
+        found = followers.observe(
+            [pose_at("v2", lead - 10.0, time), pose_at("v3", lead - 10.0 - spacing, time)], lead
+        )
+        assert bool(found) == is_far, spacing

@@ -1,12 +1,15 @@
 """Builds the driver of a vehicle: its software, or a human."""
 
 from scenarios.definition.channel.build import usual_delay_ms
+from scenarios.definition.road.spacing import spacing_policy
 from scenarios.definition.scenario import Scenario
 from scenarios.runs.node.phases import Car, VehicleContext
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
 from vehicles.car.positioning.stated_errors import stated_errors
 from vehicles.driver.command_limit import CommandLimit
+from vehicles.driver.convoy_ahead import ConvoyAhead
+from vehicles.driver.convoy_watch import ConvoyBehind, ConvoyWatch
 from vehicles.driver.decision import Driver
 from vehicles.driver.degradation.innovation_gate import InnovationGate
 from vehicles.driver.degradation.speed_guard import GuardedCar, SpeedGuard
@@ -15,7 +18,7 @@ from vehicles.driver.ego.own_state import ExactState, OwnState
 from vehicles.driver.ego.pose_estimator import PoseEstimator
 from vehicles.driver.ego.slip_estimator import LoadWatch, ParameterUser, SlipEstimator
 from vehicles.driver.follower import Follower
-from vehicles.driver.leader import ConvoyWatch, Leader, WaitingProfile
+from vehicles.driver.leader import Leader, WaitingProfile
 from vehicles.driver.speed import GapKeeping, ProfileSpeed, SpacingPolicy, SpeedLaw
 from vehicles.driver.steering import LateralController, load_controller
 from vehicles.geometry.geodesy import wrap_angle
@@ -69,14 +72,13 @@ class DriverBuilder:
         controller = self._controller()
         load = self._load_watch(own_state, controller)
         if setup.predecessor is None:
-            waiting = None
-            if isinstance(speed_law, WaitingProfile):
-                waiting = self._convoy_watch(now), speed_law
+            speed = self._scenario.tables.speed
             return Leader(
                 own_state=own_state,
                 controller=controller,
                 speed_law=speed_law,
-                waiting=waiting,
+                watch=self._convoy_watch(now, context.car.body) if speed.lead_waits else None,
+                ahead=self._convoy_ahead() if speed.lead_keeps_gap else None,
                 control=control,
                 path=self._route.path,
                 station=self.station(context.car.body),
@@ -202,22 +204,47 @@ class DriverBuilder:
         """Build the guard that overrides `law` while messages fail."""
         scenario, setup = self._scenario, self._setup
         initial_spacing = self._route.spacings[setup.place]
-        common = scenario.tables.speed.followers == "same"
         car = GuardedCar(
             least_spacing=scenario.least_spacings[setup.place],
             friction=setup.parameters.friction,
-            policy=SpacingPolicy(initial_spacing)
-            if common
-            else scenario.spacing_policy(setup.place),
+            policy=self._kept_spacing(setup.place),
             limits=scenario.gap_limits,
             initial_spacing=initial_spacing,
             period=self._usual_period(predecessor),
         )
         return SpeedGuard(law, setup.degradation, car)
 
-    def _convoy_watch(self, now: int) -> ConvoyWatch:
-        periods = {name: self._usual_period(name) for name in self._setup.senders}
-        return ConvoyWatch(self._setup.degradation, periods, now)
+    def _convoy_watch(self, now: int, body: Body) -> ConvoyWatch:
+        senders, route = self._setup.senders, self._route
+        periods = {name: self._usual_period(name) for name in senders}
+        station, followers = self.station(body), list[tuple[str, SpacingPolicy, float]]()
+        for place, name in enumerate(senders, 1):
+            station -= route.spacings[place]
+            followers.append((name, self._kept_spacing(place), station))
+        behind = ConvoyBehind(route.path, followers, now)
+        return ConvoyWatch(self._setup.degradation, periods, now, behind)
+
+    def _kept_spacing(self, place: int) -> SpacingPolicy:
+        """Spacing that the follower at `place` keeps; at a common speed that of the start."""
+        if self._scenario.tables.speed.followers == "same":
+            return SpacingPolicy(self._route.spacings[place])
+        return self._scenario.spacing_policy(place)
+
+    def _convoy_ahead(self) -> ConvoyAhead:
+        scenario, setup, route = self._scenario, self._setup, self._route
+        members = {
+            name: (scenario.vehicle(name).parameters, self._usual_period(name))
+            for name in setup.senders
+        }
+        return ConvoyAhead(
+            path=route.path,
+            lap=route.lap,
+            car=setup.parameters,
+            members=members,
+            settings=setup.degradation,
+            policy=spacing_policy(scenario.tables, 0.0),
+            limits=scenario.gap_limits,
+        )
 
     def _least_period(self, sender: str) -> float:
         """Shortest possible time (s) between two messages of `sender`."""

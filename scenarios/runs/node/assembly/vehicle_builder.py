@@ -100,7 +100,7 @@ class VehicleBuilder:
         receives only from vehicles before it, so none loses time for its messages. All begin at
         once if the lead waits for followers.
         """
-        if self._scenario.tables.speed.lead_waits:
+        if self._scenario.tables.speed.lead_receives:
             return 0
         vehicles = len(self._scenario.vehicle_names)
         return round(self._setup.place * SECOND / (self.control_rate_hz * vehicles))

@@ -59,7 +59,7 @@ def test_a_virtual_run_warns_of_seconds_in_place_of_milliseconds() -> None:
     [
         ("church_lot", ("convoy.vehicles=8",)),
         ("church_lot", ("convoy.vehicles=20", "duration_s=10")),
-        ("lane_change", (*LOOP, "convoy.vehicles=7")),
+        ("lane_change", (*LOOP, "convoy.vehicles=6")),
         ("lane_change", (*LOOP, "convoy.vehicles=10", "duration_s=30")),
         ("lane_change", ("convoy.vehicles=2", "links.latency_ms=1")),
         ("lane_change", ("convoy.vehicles=80",)),

@@ -63,6 +63,10 @@ NEEDS_MANY = Fault(
 
 NO_STOP_ASSUMED = Fault("vehicles.driver.degradation.source.Source._assumed_stop", lambda *_: 0)
 """A silent predecessor continues at its speed."""
+IGNORES_CONVOY = Fault(
+    "vehicles.driver.convoy_ahead.ConvoyAhead.observe", lambda _ahead, _received: None
+)
+"""The lead ignores the poses of its followers."""
 CONSTANT_SPEED = Fault(
     "vehicles.driver.degradation.situation.SourceFreshness.predicted_motion",
     lambda source: (source.speed * source.age, source.speed, 0.0),
@@ -144,5 +148,7 @@ PLANTS = (
     Plant("emergency_braking", ("collisions_max", GAP), SOFT),
     Plant("hard_braking", ("collisions_max", GAP), ("speed.gap.braking_mps2_max=5.0",)),
     Plant("hard_braking", (GAP,), fault=CONSTANT_SPEED),
+    Plant("lapped_convoy", ("collisions_max",), ("speed.lead_keeps_gap=false",)),
+    Plant("lapped_convoy", ("collisions_max",), fault=IGNORES_CONVOY),
     Plant("host_cut", ("collisions_max", GAP), fault=NO_STOP_ASSUMED),
 )

@@ -32,6 +32,7 @@ EXPECTED = {
     "emergency_braking",
     "hard_braking",
     "host_cut",
+    "lapped_convoy",
 }
 SEEDS = 5
 CASES = [(name, seed) for seed in range(1, SEEDS + 1) for name in drills()]

@@ -1,0 +1,63 @@
+"""The lead of a convoy that is longer than its lap does not drive into its own last cars."""
+
+import pytest
+
+from scenarios.definition.scenario import load_scenario
+from scenarios.runs.observer import OnMessage
+from scenarios.runs.virtual.unlogged_run import run_unlogged
+from tests.scenarios.studies.drills.planted_faults import IGNORES_CONVOY
+from vehicles.messages import Command, Message, Tracking, TruePose
+
+LOSSY = ("convoy.vehicles=3", 'links.preset="bursty"', "duration_s=36")
+"""With seed 3 the last car stands from 27 s on."""
+SEEDS = 5
+CASES = [(vehicles, seed) for vehicles in range(3, 9) for seed in range(1, SEEDS + 1)]
+
+
+def hits_of_lead(overrides: tuple[str, ...], seed: int = 3) -> int:
+    events = run_unlogged(load_scenario("church_lot", overrides, seed)).events
+    return len([one for one in events if one.kind == "collision" and "v1" in one.vehicles])
+
+
+def test_the_lead_stops_behind_its_last_car() -> None:
+    reasons, speeds = set[str](), list[float]()
+
+    def listen(_at: int, message: Message) -> None:
+        if message.vehicle != "v1":
+            return
+        if isinstance(message, Tracking):
+            reasons.add(message.reason)
+        elif isinstance(message, TruePose):
+            speeds.append(message.speed_mps)
+
+    scenario = load_scenario("church_lot", LOSSY, 3)
+    summary = run_unlogged(scenario, [OnMessage(listen, frozenset({Tracking, TruePose}))])
+    assert [one for one in summary.events if one.kind == "collision"] == []
+    assert any("v3" in reason for reason in reasons)
+    assert speeds[-1] < 0.5
+
+
+def test_without_its_followers_poses_it_collides(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert hits_of_lead((*LOSSY, "speed.lead_keeps_gap=false")) > 0
+    monkeypatch.setattr(IGNORES_CONVOY.place, IGNORES_CONVOY.by)
+    assert hits_of_lead(LOSSY) > 0
+
+
+@pytest.mark.campaign(1, len(CASES))
+def test_the_lead_touches_nobody(case: int) -> None:
+    vehicles, seed = CASES[case]
+    assert hits_of_lead((f"convoy.vehicles={vehicles}", 'links.preset="bursty"'), seed) == 0
+
+
+def commands(*overrides: str) -> list[Message]:
+    found: list[Message] = []
+    scenario = load_scenario("lane_change", ("duration_s=6", "convoy.vehicles=3", *overrides))
+    run_unlogged(
+        scenario,
+        [OnMessage(lambda _at, message: found.append(message), frozenset({Command, TruePose}))],
+    )
+    return sorted(found, key=repr)
+
+
+def test_on_an_open_path_nobody_drives_differently() -> None:
+    assert commands("speed.lead_keeps_gap=true") == commands()

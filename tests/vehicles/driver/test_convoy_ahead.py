@@ -1,0 +1,205 @@
+"""The lead keeps its distance from members of its convoy on its path ahead."""
+
+from math import cos, inf, pi, sin
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scenarios.results.events.bodies import CarBody, overlap
+from tests.made.transport.received_poses import received
+from vehicles.car.parameters import LINCOLN_MKZ
+from vehicles.driver.convoy_ahead import ConvoyAhead, Lane, Outline, approach_acceleration
+from vehicles.driver.degradation.settings import DegradationSettings
+from vehicles.driver.speed import GapLimits, SpacingPolicy, VehiclesAhead, gap_acceleration
+from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
+from vehicles.messages import Announcement
+from vehicles.received_pose import ReceivedPose
+from vehicles.schedule import SECOND
+
+CAR = LINCOLN_MKZ
+FRONT = 0.5 * CAR.length + CAR.body_offset
+REAR = 0.5 * CAR.length - CAR.body_offset
+POLICY, LIMITS, SETTINGS = SpacingPolicy(2.0, 0.5), GapLimits(), DegradationSettings()
+PERIOD = 0.05
+TICK = SECOND // 50
+
+TURNED = 0.6
+"""Distance (m) by which a front corner is further along a bend of 6 m radius than the bumper."""
+
+STRAIGHT = path_from_segments([Segment(300.0, 0.0)])
+RADIUS = 6.0
+HAIRPIN = path_from_segments(
+    [Segment(40.0, 0.0), Segment(pi * RADIUS, 1.0 / RADIUS), Segment(40.0, 0.0)]
+)
+"""Out to the east, a left turn, and back 12 m further north."""
+CIRCLE = path_from_segments([Segment(6.0 * pi * 20.0, 1.0 / 20.0)])
+"""Three laps to the left."""
+LAP = 2.0 * pi * 20.0
+EIGHT = path_from_segments(
+    [
+        Segment(30.0, 0.0),
+        Segment(1.5 * pi * 15.0, 1.0 / 15.0),
+        Segment(30.0, 0.0),
+        Segment(1.5 * pi * 15.0, -1.0 / 15.0),
+    ]
+)
+"""It crosses its first straight at (15, 0), heading south, at station 30 + 1.5 π 15 + 15."""
+CROSSING, SECOND_LEG = 15.0, 30.0 + 22.5 * pi + 15.0
+
+
+def contact(path: SampledPath, body: Outline, low: float = 0.0) -> float | None:
+    return Lane(path, CAR).first_contact(body, low, float(path.station[-1]))
+
+
+def car_at(path: SampledPath, station: float, left: float = 0.0, turned: float = 0.0) -> Outline:
+    place = path.at(station)
+    east, north = place.east - left * sin(place.yaw), place.north + left * cos(place.yaw)
+    return Outline.of(CAR, east, north, place.yaw + turned)
+
+
+def pose_on(
+    path: SampledPath, station: float, at: int = 0, speed: float = 0.0, acceleration: float = 0.0
+) -> ReceivedPose:
+    place = path.at(station)
+    announced = Announcement(acceleration_mps2=acceleration)
+    return received(
+        at, place.east, place.north, place.yaw, speed, vehicle="v5", announced=announced
+    )
+
+
+def convoy(path: SampledPath, lap: float = 0.0) -> ConvoyAhead:
+    members = {"v5": (CAR, PERIOD)}
+    return ConvoyAhead(path, lap, CAR, members, SETTINGS, POLICY, LIMITS)
+
+
+def test_a_car_ahead_begins_at_its_rear_bumper() -> None:
+    assert contact(STRAIGHT, car_at(STRAIGHT, 50.0)) == pytest.approx(50.0 - REAR, abs=0.01)
+
+
+@pytest.mark.parametrize(("left", "meets"), [(1.0, True), (-2.0, True), (2.3, False), (4.0, False)])
+def test_a_car_beside_the_path_counts_if_its_body_reaches_into_the_lane(
+    left: float, meets: bool
+) -> None:
+    assert (contact(STRAIGHT, car_at(STRAIGHT, 50.0, left)) is not None) == meets
+
+
+def test_across_the_road_a_body_reaches_further() -> None:
+    beside = car_at(STRAIGHT, 50.0, 2.8, turned=0.5 * pi)
+    assert contact(STRAIGHT, beside) == pytest.approx(50.0 - 0.5 * CAR.width, abs=0.02)
+
+
+def test_on_the_other_leg_of_a_hairpin_a_car_is_as_far_as_the_road() -> None:
+    other_leg = 40.0 + pi * RADIUS + 20.0
+    found = contact(HAIRPIN, car_at(HAIRPIN, other_leg), 15.0)
+    assert found == pytest.approx(other_leg - REAR, abs=0.02)
+    assert contact(HAIRPIN, car_at(HAIRPIN, 12.0), 15.0 + FRONT) is None
+
+
+def test_in_a_tight_bend_a_car_right_behind_is_not_ahead() -> None:
+    for station in (44.0, 50.0, 56.0, 60.0, 64.0):
+        behind = car_at(HAIRPIN, station - REAR - FRONT - 0.5)
+        assert contact(HAIRPIN, behind, station) is None
+
+
+def test_a_car_that_stands_on_the_crossing_blocks_both_legs() -> None:
+    standing = car_at(EIGHT, SECOND_LEG)
+    first = contact(EIGHT, standing)
+    assert first == pytest.approx(CROSSING - 0.5 * CAR.width, abs=0.02)
+    later = contact(EIGHT, standing, 40.0)
+    assert later == pytest.approx(SECOND_LEG - REAR, abs=0.02)
+    assert contact(EIGHT, car_at(EIGHT, SECOND_LEG + 6.0), 0.0) == pytest.approx(
+        SECOND_LEG + 6.0 - REAR, abs=0.02
+    )
+
+
+def test_after_the_end_of_a_closed_path_its_lap_is_searched() -> None:
+    end, ahead = 3.0 * LAP, convoy(CIRCLE, LAP)
+    ahead.observe([pose_on(CIRCLE, 4.0)])
+    assert ahead.acceleration(0, end - 4.0, 5.0, 0.0) < 0.0
+    assert "from v5, 3.0 m ahead" in ahead.reason
+    openly = convoy(CIRCLE)
+    openly.observe([pose_on(CIRCLE, 4.0)])
+    assert openly.acceleration(0, end - 4.0, 5.0, 0.0) == inf
+
+
+@given(
+    st.sampled_from([HAIRPIN, CIRCLE, EIGHT]),
+    st.floats(0.0, 1.0),
+    st.floats(-6.0, 6.0),
+    st.floats(-pi, pi),
+    st.floats(0.0, 1.0),
+)
+@settings(max_examples=150, deadline=None)
+def test_up_to_the_contact_the_lead_touches_nobody(
+    path: SampledPath, share: float, left: float, turned: float, start: float
+) -> None:
+    """Independent evidence: the lead's body, placed along the path, and a test of overlap."""
+    length = min(float(path.station[-1]), LAP)
+    body = car_at(path, share * length, left, turned)
+    there = _rectangle(body)
+    station = start * length
+    if overlap(_rectangle(car_at(path, station)), there):
+        return  # it begins inside
+    found = contact(path, body, station)
+    until = min(length if found is None else found - FRONT - TURNED, length - FRONT)
+    while station < until:
+        assert not overlap(_rectangle(car_at(path, station)), there)
+        station += 0.3
+
+
+def _rectangle(body: Outline) -> CarBody:
+    ux, uy = cos(body.yaw), sin(body.yaw)
+    return CarBody(body.east, body.north, ux, uy, body.half_length, body.half_width, 0.0, 0.0)
+
+
+@given(st.floats(2.0, 60.0), st.floats(0.0, 15.0), st.floats(0.0, 15.0), st.floats(-6.0, 2.0))
+def test_near_the_desired_gap_the_law_is_that_of_followers(
+    gap: float, its_speed: float, speed: float, acceleration: float
+) -> None:
+    ahead = VehiclesAhead(gap, its_speed, predecessor_acceleration=acceleration)
+    wanted = approach_acceleration(ahead, speed, POLICY, LIMITS)
+    usual = gap_acceleration(ahead, speed, POLICY, LIMITS)
+    assert -LIMITS.deceleration <= wanted <= LIMITS.acceleration
+    if gap - POLICY.desired(speed) <= 2.5:
+        assert wanted == usual
+
+
+def approached(gap: float, speed: float, until: float, ahead: ConvoyAhead) -> tuple[float, float]:
+    """Smallest gap (m) and hardest braking (m/s²) of a lead that approaches v5 on a straight."""
+    station, least, hardest, last = 100.0 - REAR - FRONT - gap, inf, 0.0, 0.0
+    for now in range(0, round(until * SECOND), TICK):
+        last = min(ahead.acceleration(now, station, speed, last), 0.0)
+        hardest = min(hardest, last)
+        after = max(speed + last * TICK / SECOND, 0.0)
+        station += 0.5 * (speed + after) * TICK / SECOND
+        speed = after
+        least = min(least, 100.0 - REAR - FRONT - station)
+    return least, -hardest
+
+
+@pytest.mark.parametrize("speed", [2.0, 5.0, 15.0])
+def test_it_stops_comfortably_behind_a_car_that_was_last_received_standing(speed: float) -> None:
+    ahead = convoy(STRAIGHT)
+    ahead.observe([pose_on(STRAIGHT, 100.0)])
+    gap, braking = approached(90.0, speed, 90.0, ahead)
+    assert 1.9 < gap < 2.5
+    assert braking < 2.5
+    assert "silent for" in ahead.reason
+
+
+def test_a_silent_car_that_drove_may_have_stopped_hard_until_it_is_received() -> None:
+    ahead = convoy(STRAIGHT)
+    ahead.observe([pose_on(STRAIGHT, 100.0, speed=5.0)])
+    gap, _ = approached(12.0, 5.0, 20.0, ahead)
+    stop = 5.0**2 / (2.0 * SETTINGS.emergency_deceleration)
+    assert 1.0 - stop - 0.2 < gap < 0.0
+    ahead.observe([pose_on(STRAIGHT, 160.0, at=20 * SECOND, speed=5.0)])
+    assert ahead.acceleration(20 * SECOND, 95.0, 0.0, 0.0) > 0.0
+
+
+def test_a_pose_older_than_the_newest_changes_nothing() -> None:
+    ahead = convoy(STRAIGHT)
+    ahead.observe([pose_on(STRAIGHT, 100.0, at=SECOND), pose_on(STRAIGHT, 92.0, at=0)])
+    ahead.acceleration(SECOND, 80.0, 5.0, 0.0)
+    assert f"{20.0 - REAR - FRONT:.1f} m ahead" in ahead.reason
