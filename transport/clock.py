@@ -6,7 +6,7 @@ scheduled instants, never readings of the clock.
 
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Protocol
 
@@ -14,6 +14,10 @@ from vehicles.schedule import MILLISECOND, SECOND, instants
 
 LATE_SHARE_OF_PERIOD = 0.5
 """A tick is late if it begins more than this share of a control period after its instant."""
+SLEW_NS = SECOND
+"""Shortest time over which a correction of the clock is spread."""
+LARGEST_SLEW = 0.1
+"""Largest share by which a correction changes the speed of the clock."""
 _LONGEST_SLEEP_NS = 50 * MILLISECOND
 
 
@@ -34,6 +38,44 @@ class Clock(Protocol):
         """Wait for instant `at` and return the lateness in ns, negative if the clock stopped."""
 
 
+@dataclass(frozen=True, slots=True)
+class ClockSetting:
+    """Unix time by the monotonic clock (ns), as a line from `begun` (monotonic ns) on.
+
+    offset      Unix time minus monotonic time at `begun`
+    corrected   part of `offset` by which the clock was corrected
+    rate        share by which the clock runs faster than the monotonic clock, until corrected again
+    slew        further share, until `slewed_until` (monotonic ns)
+    """
+
+    offset: int
+    corrected: int = 0
+    begun: int = 0
+    rate: float = 0.0
+    slew: float = 0.0
+    slewed_until: int = 0
+
+    def gained(self, monotonic: int) -> int:
+        """Gain (ns) over the monotonic clock since `begun`."""
+        if not self.rate and not self.slew:
+            return 0
+        slewed = min(monotonic, self.slewed_until) - self.begun
+        return round((monotonic - self.begun) * self.rate + slewed * self.slew)
+
+    def slewing(self, monotonic: int, correction: int, rate: float) -> "ClockSetting":
+        """Add a correction (ns), spread over `SLEW_NS` or longer, and a rate."""
+        gained = self.gained(monotonic)
+        slewed_ns = max(SLEW_NS, round(abs(correction) / LARGEST_SLEW))
+        return ClockSetting(
+            offset=self.offset + gained,
+            corrected=self.corrected + gained,
+            begun=monotonic,
+            rate=self.rate + rate,
+            slew=correction / slewed_ns,
+            slewed_until=monotonic + slewed_ns,
+        )
+
+
 class WallClock:
     """Unix time, read once and continued by the monotonic clock.
 
@@ -41,22 +83,56 @@ class WallClock:
     """
 
     def __init__(
-        self, is_stopped: Callable[[], bool] = lambda: False, offset: int | None = None
+        self,
+        is_stopped: Callable[[], bool] = lambda: False,
+        setting: ClockSetting | None = None,
+        *,
+        monotonic: Callable[[], int] = time.monotonic_ns,
+        unix: Callable[[], int] = time.time_ns,
+        sleep: Callable[[float], object] = time.sleep,
     ) -> None:
-        """`is_stopped` ends a wait; `offset` (ns) is Unix time minus monotonic time.
+        """`is_stopped` ends a wait; a restarted process takes the `setting` of its predecessor.
 
-        A restarted process takes the offset of its predecessor.
+        `monotonic` and `unix` (ns) and `sleep` (s) are those of the system.
         """
         self._is_stopped = is_stopped
-        self.offset = time.time_ns() - time.monotonic_ns() if offset is None else offset
+        self.monotonic = monotonic
+        self._sleep = sleep
+        # Replaced as a whole: other threads read the clock.
+        self.setting = ClockSetting(unix() - monotonic()) if setting is None else setting
 
     def now(self) -> int:
-        return time.monotonic_ns() + self.offset
+        return self.at(self.monotonic())
+
+    def at(self, monotonic: int) -> int:
+        """Unix time (ns) at an instant of the monotonic clock (ns)."""
+        setting = self.setting
+        return monotonic + setting.offset + setting.gained(monotonic)
+
+    @property
+    def corrected(self) -> int:
+        """Sum of all corrections so far (ns)."""
+        setting = self.setting
+        return setting.corrected + setting.gained(self.monotonic())
+
+    def set_back(self, error: int) -> None:
+        """Set the clock back by `error` (ns) at once, as before a run."""
+        setting = self.setting
+        self.setting = replace(
+            setting, offset=setting.offset - error, corrected=setting.corrected - error
+        )
+
+    def slew(self, error: int, drift: float) -> None:
+        """Remove an `error` (ns) gradually, and a `drift` (share) from now on.
+
+        The clock never stops or leaps.
+        """
+        self.setting = self.setting.slewing(self.monotonic(), -error, -drift)
 
     def wait_until(self, at: int) -> int:
         # Sleep in slices: a signal handler cannot end an Event.wait() without taking its lock.
         while (remaining := at - self.now()) > 0 and not self._is_stopped():
-            time.sleep(min(remaining, _LONGEST_SLEEP_NS) / SECOND)
+            self._sleep(min(remaining, _LONGEST_SLEEP_NS) / SECOND)
         return -remaining
 
 

@@ -812,6 +812,8 @@ class Health(_message.Message):
     MEMORY_BYTES_FIELD_NUMBER: _builtins.int
     CPU_RATIO_FIELD_NUMBER: _builtins.int
     FINAL_FIELD_NUMBER: _builtins.int
+    CLOCK_OFFSET_MS_FIELD_NUMBER: _builtins.int
+    CLOCK_UNCERTAINTY_MS_FIELD_NUMBER: _builtins.int
     vehicle: _builtins.str
     seq: _builtins.int
     reported_at_ns: _builtins.int
@@ -826,6 +828,8 @@ class Health(_message.Message):
     memory_bytes: _builtins.int
     cpu_ratio: _builtins.float
     final: _builtins.bool
+    clock_offset_ms: _builtins.float
+    clock_uncertainty_ms: _builtins.float
     def __init__(
         self,
         *,
@@ -843,11 +847,17 @@ class Health(_message.Message):
         memory_bytes: _builtins.int | None = ...,
         cpu_ratio: _builtins.float | None = ...,
         final: _builtins.bool | None = ...,
+        clock_offset_ms: _builtins.float | None = ...,
+        clock_uncertainty_ms: _builtins.float | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _typing.Literal["_cpu_ratio", b"_cpu_ratio", "_dropped", b"_dropped", "_final", b"_final", "_late_messages", b"_late_messages", "_late_ticks", b"_late_ticks", "_lateness_ms_max", b"_lateness_ms_max", "_memory_bytes", b"_memory_bytes", "_published", b"_published", "_received", b"_received", "_rejected_messages", b"_rejected_messages", "_reported_at_ns", b"_reported_at_ns", "_seq", b"_seq", "_ticks", b"_ticks", "_vehicle", b"_vehicle", "cpu_ratio", b"cpu_ratio", "dropped", b"dropped", "final", b"final", "late_messages", b"late_messages", "late_ticks", b"late_ticks", "lateness_ms_max", b"lateness_ms_max", "memory_bytes", b"memory_bytes", "published", b"published", "received", b"received", "rejected_messages", b"rejected_messages", "reported_at_ns", b"reported_at_ns", "seq", b"seq", "ticks", b"ticks", "vehicle", b"vehicle"]  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_clock_offset_ms", b"_clock_offset_ms", "_clock_uncertainty_ms", b"_clock_uncertainty_ms", "_cpu_ratio", b"_cpu_ratio", "_dropped", b"_dropped", "_final", b"_final", "_late_messages", b"_late_messages", "_late_ticks", b"_late_ticks", "_lateness_ms_max", b"_lateness_ms_max", "_memory_bytes", b"_memory_bytes", "_published", b"_published", "_received", b"_received", "_rejected_messages", b"_rejected_messages", "_reported_at_ns", b"_reported_at_ns", "_seq", b"_seq", "_ticks", b"_ticks", "_vehicle", b"_vehicle", "clock_offset_ms", b"clock_offset_ms", "clock_uncertainty_ms", b"clock_uncertainty_ms", "cpu_ratio", b"cpu_ratio", "dropped", b"dropped", "final", b"final", "late_messages", b"late_messages", "late_ticks", b"late_ticks", "lateness_ms_max", b"lateness_ms_max", "memory_bytes", b"memory_bytes", "published", b"published", "received", b"received", "rejected_messages", b"rejected_messages", "reported_at_ns", b"reported_at_ns", "seq", b"seq", "ticks", b"ticks", "vehicle", b"vehicle"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["_cpu_ratio", b"_cpu_ratio", "_dropped", b"_dropped", "_final", b"_final", "_late_messages", b"_late_messages", "_late_ticks", b"_late_ticks", "_lateness_ms_max", b"_lateness_ms_max", "_memory_bytes", b"_memory_bytes", "_published", b"_published", "_received", b"_received", "_rejected_messages", b"_rejected_messages", "_reported_at_ns", b"_reported_at_ns", "_seq", b"_seq", "_ticks", b"_ticks", "_vehicle", b"_vehicle", "cpu_ratio", b"cpu_ratio", "dropped", b"dropped", "final", b"final", "late_messages", b"late_messages", "late_ticks", b"late_ticks", "lateness_ms_max", b"lateness_ms_max", "memory_bytes", b"memory_bytes", "published", b"published", "received", b"received", "rejected_messages", b"rejected_messages", "reported_at_ns", b"reported_at_ns", "seq", b"seq", "ticks", b"ticks", "vehicle", b"vehicle"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_clock_offset_ms", b"_clock_offset_ms", "_clock_uncertainty_ms", b"_clock_uncertainty_ms", "_cpu_ratio", b"_cpu_ratio", "_dropped", b"_dropped", "_final", b"_final", "_late_messages", b"_late_messages", "_late_ticks", b"_late_ticks", "_lateness_ms_max", b"_lateness_ms_max", "_memory_bytes", b"_memory_bytes", "_published", b"_published", "_received", b"_received", "_rejected_messages", b"_rejected_messages", "_reported_at_ns", b"_reported_at_ns", "_seq", b"_seq", "_ticks", b"_ticks", "_vehicle", b"_vehicle", "clock_offset_ms", b"clock_offset_ms", "clock_uncertainty_ms", b"clock_uncertainty_ms", "cpu_ratio", b"cpu_ratio", "dropped", b"dropped", "final", b"final", "late_messages", b"late_messages", "late_ticks", b"late_ticks", "lateness_ms_max", b"lateness_ms_max", "memory_bytes", b"memory_bytes", "published", b"published", "received", b"received", "rejected_messages", b"rejected_messages", "reported_at_ns", b"reported_at_ns", "seq", b"seq", "ticks", b"ticks", "vehicle", b"vehicle"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
+    _WhichOneofReturnType__clock_offset_ms: _TypeAlias = _typing.Literal["clock_offset_ms"]  # noqa: Y015
+    _WhichOneofArgType__clock_offset_ms: _TypeAlias = _typing.Literal["_clock_offset_ms", b"_clock_offset_ms"]  # noqa: Y015
+    _WhichOneofReturnType__clock_uncertainty_ms: _TypeAlias = _typing.Literal["clock_uncertainty_ms"]  # noqa: Y015
+    _WhichOneofArgType__clock_uncertainty_ms: _TypeAlias = _typing.Literal["_clock_uncertainty_ms", b"_clock_uncertainty_ms"]  # noqa: Y015
     _WhichOneofReturnType__cpu_ratio: _TypeAlias = _typing.Literal["cpu_ratio"]  # noqa: Y015
     _WhichOneofArgType__cpu_ratio: _TypeAlias = _typing.Literal["_cpu_ratio", b"_cpu_ratio"]  # noqa: Y015
     _WhichOneofReturnType__dropped: _TypeAlias = _typing.Literal["dropped"]  # noqa: Y015
@@ -876,6 +886,10 @@ class Health(_message.Message):
     _WhichOneofArgType__ticks: _TypeAlias = _typing.Literal["_ticks", b"_ticks"]  # noqa: Y015
     _WhichOneofReturnType__vehicle: _TypeAlias = _typing.Literal["vehicle"]  # noqa: Y015
     _WhichOneofArgType__vehicle: _TypeAlias = _typing.Literal["_vehicle", b"_vehicle"]  # noqa: Y015
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__clock_offset_ms) -> _WhichOneofReturnType__clock_offset_ms | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__clock_uncertainty_ms) -> _WhichOneofReturnType__clock_uncertainty_ms | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__cpu_ratio) -> _WhichOneofReturnType__cpu_ratio | None: ...
     @_typing.overload

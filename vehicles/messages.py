@@ -235,7 +235,11 @@ class LinkVerdict:
 
 @dataclass(slots=True, kw_only=True)
 class Health:
-    """State of a vehicle's process. Counters run from the start; the last message has `final`."""
+    """State of a vehicle's process. Counters run from the start; the last message has `final`.
+
+    `clock_offset_ms` is how far the process's clock was ahead of the recorder's, which is
+    corrected up to `clock_uncertainty_ms`.
+    """
 
     vehicle: str
     seq: int
@@ -251,6 +255,8 @@ class Health:
     memory_bytes: int
     cpu_ratio: float
     final: bool
+    clock_offset_ms: float = 0.0
+    clock_uncertainty_ms: float = 0.0
 
 
 @dataclass(slots=True, kw_only=True)

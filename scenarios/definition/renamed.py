@@ -8,6 +8,7 @@ from typing import Any
 
 KEYS: Mapping[str, str] = {
     "convoy.when_a_vehicle_dies": "on_vehicle_failure",
+    "convoy.clock_offset_ms_max": "clock_uncertainty_ms_max",
     "control.degradation.hardest_mps2": "emergency_mps2",
     "control.degradation.hardest_jerk_mps3": "emergency_jerk_mps3",
     "control.degradation.trusted_share_ratio": "probation_delivery_ratio",

@@ -56,6 +56,9 @@ from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.geometry.sampled_path import SampledPath
 from vehicles.schedule import MILLISECOND, SECOND
 
+LEAST_CLOCK_UNCERTAINTY_MS = 5.0
+"""Required of clocks where a link has no latency to speak of; its messages are late anyway."""
+
 __all__ = [
     "Scenario",
     "drills",
@@ -302,6 +305,20 @@ class Scenario:
     def text(self) -> str:
         """The scenario as one self-contained TOML file for `scenario_from_text`."""
         return _text_of(self.tables)
+
+    @property
+    def clock_uncertainty_ns_max(self) -> int:
+        """Largest uncertainty (ns) of a process's clock with which a wall-clock run starts.
+
+        By default half the smallest latency of the links: what clocks are off and the transport
+        takes then stays below it.
+        """
+        given = self.tables.convoy.clock_uncertainty_ms_max
+        floors = [
+            link.latency_ms for pair, link in self.links.items() if pair not in self.off_links
+        ]
+        default = max(min(floors, default=0.0) / 2.0, LEAST_CLOCK_UNCERTAINTY_MS)
+        return round((default if given is None else given) * MILLISECOND)
 
     @property
     def controllers(self) -> list[str]:

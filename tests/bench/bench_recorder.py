@@ -27,7 +27,7 @@ from mcap.writer import Writer
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.files import LOG_NAME
 from scenarios.runs.node.sink import BATCH_NS, BusSink
-from scenarios.runs.processes.clock_offset import serve_clock
+from scenarios.runs.processes.clock_sync import ClockOffset
 from scenarios.runs.processes.membership import VEHICLE, Fingerprint
 from scenarios.runs.virtual.virtual_convoy import VirtualConvoy
 from tests.bench.bench_run import Row, plain_loop, print_rows, timed, used_s
@@ -38,7 +38,7 @@ from transport.clock import WallClock
 from transport.codec import PROTOBUF, decode
 from transport.log.reader import LogReader
 from transport.telemetry import BatchRecord, packed, records_key
-from transport.topics import RUN_SENDER, TOPICS, Topic, key
+from transport.topics import RUN_SENDER, TOPICS, Topic, clock_key, key
 from vehicles.messages import Health, Message, RunStart
 from vehicles.schedule import SECOND
 
@@ -113,7 +113,6 @@ class Sender:
         bus.subscribe(key(RUN_SENDER, TOPICS["end"]), self._on_end)
         chunk = Fingerprint.of(scenario).chunk
         for vehicle in scenario.vehicle_names:
-            serve_clock(bus, vehicle, self._clock.now)
             bus.announce(VEHICLE, vehicle, chunk)
 
     def _on_start(self, _: str, data: bytes) -> None:
@@ -124,9 +123,16 @@ class Sender:
     def _on_end(self, _key: str, _data: bytes) -> None:
         self._ended = True
 
+    def _has_started(self) -> bool:
+        """Report the clocks of all vehicles; whether the recorder has started the run."""
+        for vehicle in self._scenario.vehicle_names:
+            report = ClockOffset(vehicle, 0, 0).pack()
+            self._bus.request(clock_key(RUN_SENDER), lambda _: None, 1.0, report)
+        return self._start_at > 0
+
     def send_all(self) -> float:
         """Send all messages; return the largest delay (s) of the sender."""
-        assert until(lambda: self._start_at > 0), "the recorder does not start the run"
+        assert until(self._has_started), "the recorder does not start the run"
         shifter = Shifter(self._start_at - self._scenario.start_at_ns)
         batches: dict[str, list[BatchRecord]] = {name: [] for name in self._scenario.vehicle_names}
         latest, step, position = 0, 0, 0

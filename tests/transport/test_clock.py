@@ -84,11 +84,48 @@ def test_wall_clock_is_unix_time() -> None:
     assert abs(WallClock().now() - time.time_ns()) < 50 * MS
 
 
-def test_a_clock_goes_on_from_another_one_s_offset() -> None:
+def test_a_clock_goes_on_from_another_one_s_setting() -> None:
     """Even if the system clock was set in between."""
     clock = WallClock()
-    off = WallClock(offset=clock.offset + 5 * SECOND)
-    assert abs(off.now() - clock.now() - 5 * SECOND) < 50 * MS
+    later = WallClock(setting=clock.setting, unix=lambda: 0)
+    assert abs(later.now() - clock.now()) < 50 * MS
+
+
+def clock_at(reading: list[int]) -> WallClock:
+    """A clock over a monotonic clock that shows the only entry of `reading` (ns)."""
+    return WallClock(monotonic=lambda: reading[0], unix=lambda: START)
+
+
+def test_a_clock_is_set_back_at_once() -> None:
+    clock = clock_at([7 * SECOND])
+    clock.set_back(3 * SECOND)
+    assert clock.now() == START - 3 * SECOND
+    assert clock.corrected == -3 * SECOND
+
+
+def test_a_correction_is_spread_over_a_second_or_a_tenth_of_the_time() -> None:
+    reading = [0]
+    clock = clock_at(reading)
+    clock.slew(-10 * MS, 0.0)  # behind
+    assert clock.now() == START
+    reading[0] = SECOND // 2
+    assert clock.now() == START + SECOND // 2 + 5 * MS
+    reading[0] = 3 * SECOND
+    assert clock.now() == START + 3 * SECOND + 10 * MS
+    clock.slew(SECOND, 0.0)  # ahead
+    reading[0] = 8 * SECOND
+    assert clock.now() == START + 8 * SECOND + 10 * MS - SECOND // 2
+    reading[0] = 20 * SECOND
+    assert clock.now() == START + 20 * SECOND + 10 * MS - SECOND
+    assert clock.corrected == 10 * MS - SECOND
+
+
+def test_a_drift_is_removed_from_then_on() -> None:
+    reading = [100 * SECOND]
+    clock = clock_at(reading)
+    clock.slew(0, 500e-6)
+    reading[0] += 1000 * SECOND
+    assert clock.now() == START + 1000 * SECOND - SECOND // 2
 
 
 def test_a_step_of_the_system_clock_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -66,6 +66,14 @@ class Bus(Protocol):
     def query(self, key: str, timeout_s: float, payload: bytes = b"") -> bytes | None:
         """Answer to a query for `key`; None after `timeout_s` without an answer."""
 
+    def request(
+        self, key: str, handler: Callable[[bytes], None], timeout_s: float, payload: bytes = b""
+    ) -> None:
+        """Send a query for `key` without waiting; `handler` takes the answer, if one comes.
+
+        It is called on a thread of the bus; must be quick and never raise.
+        """
+
     def announce(self, role: str, name: str, fingerprint: str) -> None:
         """Announce a member as alive until this bus closes or its process ends."""
 

@@ -1,6 +1,7 @@
 """Bus within one process, synchronous and deterministic, for virtual time and tests."""
 
 from collections import deque
+from collections.abc import Callable
 from itertools import count
 
 from transport.bus.bus import AliveHandler, Answer, Fetch, Handler, Member
@@ -119,6 +120,17 @@ class MemoryBus(Closing):
 
     def query(self, key: str, timeout_s: float, payload: bytes = b"") -> bytes | None:  # noqa: ARG002
         return self._network.query(key, payload)
+
+    def request(
+        self,
+        key: str,
+        handler: Callable[[bytes], None],
+        timeout_s: float,  # noqa: ARG002
+        payload: bytes = b"",
+    ) -> None:
+        answer = self._network.query(key, payload)
+        if answer is not None:
+            handler(answer)
 
     def announce(self, role: str, name: str, fingerprint: str) -> None:
         self._network.announce(self, Member(role, name, fingerprint, self.zid))

@@ -9,7 +9,7 @@ import logging
 import os
 import re
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
@@ -139,6 +139,20 @@ class ZenohBus(Closing):
                 if reply.ok is not None:
                     return reply.ok.payload.to_bytes()
         return None
+
+    def request(
+        self, key: str, handler: Callable[[bytes], None], timeout_s: float, payload: bytes = b""
+    ) -> None:
+        """As `Bus.request`; errors and timeouts are no answers."""
+
+        def receive(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                handler(reply.ok.payload.to_bytes())
+
+        with _as_bus_error(f"cannot query {key}"):
+            self._session.get(
+                key, receive, timeout=timeout_s, priority=_URGENT, payload=payload or None
+            )
 
     def announce(self, role: str, name: str, fingerprint: str) -> None:
         token = alive_key(role, name, fingerprint, self.zid)

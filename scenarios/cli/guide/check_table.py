@@ -162,7 +162,7 @@ def _link(settings: Mapping[str, Any]) -> str:
 def _ends(report: CheckReport) -> Iterator[Row]:
     policy = report.on_vehicle_failure.replace("_", " ")
     yield "on vehicle failure", policy if policy != "end" else "the run ends"
-    yield "clock offset", f"at most {report.clock_offset_ms_max:g} ms from the recorder's clock"
+    yield "clocks", f"corrected to the recorder's, within {report.clock_uncertainty_ms_max:g} ms"
     events = report.events
     yield "lane", f"{events['lane_width_m']:g} m wide"
     near = f"below {events['near_miss_gap_m']:g} m or {events['near_miss_time_s']:g} s"

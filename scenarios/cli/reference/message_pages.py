@@ -88,7 +88,11 @@ def wire_messages() -> Iterator[Row]:
 def wire_queries() -> Iterator[Row]:
     token = alive_key("ROLE", "NAME", "FINGERPRINT", "SESSION")
     yield f"RUN/{token}", "liveliness token of a process; ROLE is vehicle or recorder"
-    yield f"RUN/{clock_key('VEHICLE')}", "query: the vehicle's clock in ns, as decimal digits"
+    yield (
+        f"RUN/{clock_key(RUN_SENDER)}",
+        "query: the recorder's clock in ns, as decimal digits; a payload reports "
+        '"VEHICLE OFFSET UNCERTAINTY" of the sender\'s clock in ns',
+    )
     yield f"RUN/{control_key('VEHICLE')}", "query: change a running vehicle"
     yield f"RUN/{control_key(RUN_SENDER)}", "query: status of the run, from the recorder"
 

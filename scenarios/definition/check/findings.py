@@ -28,6 +28,7 @@ from vehicles.car.parameters import VehicleParameters
 from vehicles.car.sending.sending_rules import RULES
 from vehicles.car.tyres import GRAVITY
 from vehicles.geometry.sampled_path import FloatArray
+from vehicles.schedule import MILLISECOND
 
 USUAL_GNSS_RATE = 20.0
 """Highest rate (Hz) of receivers for driving (paper, Section III-A)."""
@@ -71,7 +72,7 @@ class CheckReport:
     links: dict[str, dict[str, Any]]
     laws: dict[str, str]
     on_vehicle_failure: str
-    clock_offset_ms_max: float
+    clock_uncertainty_ms_max: float
     events: dict[str, float]
     limits: dict[str, Any]
     path_length_m: float
@@ -157,7 +158,7 @@ def report_of(scenario: Scenario) -> CheckReport:
         offsets=_offsets(tables),
         replays=_replays(scenario),
         on_vehicle_failure=tables.convoy.on_vehicle_failure,
-        clock_offset_ms_max=tables.convoy.clock_offset_ms_max,
+        clock_uncertainty_ms_max=scenario.clock_uncertainty_ns_max / MILLISECOND,
         events=tables.events.model_dump(),
         limits=tables.limits.model_dump(),
         links={

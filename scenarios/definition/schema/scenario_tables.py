@@ -68,19 +68,19 @@ class ConvoyTable(Table):
     A gap is measured from bumper to bumper. A configured or estimated gap is along the path; a true
     gap is the shortest distance between the bodies.
 
-    vehicles             number of vehicles
-    names                names, the lead first; default v1, v2, …
-    gap_m                initial gaps; default 10 m, or the gap that followers keep
-    on_vehicle_failure   "end" the run, or "continue" without the failed vehicle
-    clock_offset_ms_max  largest offset of a vehicle's clock from the recorder's at the start of a
-                         wall-clock run
+    vehicles                  number of vehicles
+    names                     names, the lead first; default v1, v2, …
+    gap_m                     initial gaps; default 10 m, or the gap that followers keep
+    on_vehicle_failure        "end" the run, or "continue" without the failed vehicle
+    clock_uncertainty_ms_max  how exactly clocks are known when a wall-clock run starts; default
+                              half the smallest links.latency_ms, at least 5 ms
     """
 
     vehicles: int = Field(default=4, ge=1, le=200)
     names: Annotated[tuple[Name, ...], Field(strict=False)] = ()
     gap_m: float | None = Field(default=None, gt=0, le=1000)
     on_vehicle_failure: Literal["end", "continue"] = "end"
-    clock_offset_ms_max: float = Field(default=50.0, gt=0, le=60_000)
+    clock_uncertainty_ms_max: float | None = Field(default=None, gt=0, le=60_000)
 
     @property
     def vehicle_names(self) -> tuple[str, ...]:

@@ -192,6 +192,8 @@ class Outbox:
                 memory_bytes=usage.memory_bytes,
                 cpu_ratio=usage.cpu_ratio,
                 final=final,
+                clock_offset_ms=usage.clock_offset_ms,
+                clock_uncertainty_ms=usage.clock_uncertainty_ms,
             )
         )
 

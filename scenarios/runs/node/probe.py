@@ -6,12 +6,17 @@ from typing import Protocol
 
 @dataclass(frozen=True, slots=True)
 class Usage:
-    """Resident memory, share of one core since the start, and late ticks."""
+    """Resident memory, share of one core since the start, late ticks, and the process's clock.
+
+    The offset of its clock from the recorder's was removed, up to the uncertainty.
+    """
 
     memory_bytes: int = 0
     cpu_ratio: float = 0.0
     late_ticks: int = 0
     lateness_ms_max: float = 0.0
+    clock_offset_ms: float = 0.0
+    clock_uncertainty_ms: float = 0.0
 
 
 class Probe(Protocol):

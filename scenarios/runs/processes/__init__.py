@@ -9,7 +9,7 @@ arrivals          messages that wait for the recorder
 conductor         decides when the run starts and ends
 router_watch      how long the router has been out of reach
 membership        members of a run: unique names, equal scenario, seed and version
-clock_offset      offsets of the vehicles' clocks from the recorder's
+clock_sync        keeps the vehicles' clocks on the recorder's
 vehicle_process   one vehicle
 restart           restarts the process of a vehicle after a requested crash
 """

@@ -11,7 +11,7 @@ from scenarios.runs.control.run_status import StatusBoard
 from scenarios.runs.node.sink import BATCH_NS
 from scenarios.runs.observer import Observer, ThrottledObservers
 from scenarios.runs.processes.arrivals import Arrival, Arrivals, SendingOrder
-from scenarios.runs.processes.clock_offset import measure, serve_clock
+from scenarios.runs.processes.clock_sync import ClockOffset, ClockServer
 from scenarios.runs.processes.conductor import RETURN_NS, Conductor, Phase
 from scenarios.runs.processes.membership import Membership
 from scenarios.runs.processes.router_watch import ROUTER_LOST_AFTER_NS
@@ -23,7 +23,7 @@ from transport.codec import RefusedMessageError
 from transport.log.records import LogError
 from transport.telemetry import MAX_RECORDS_BYTES, records_key
 from transport.topics import RUN_SENDER, TOPICS, key
-from vehicles.schedule import SECOND, Timer
+from vehicles.schedule import MILLISECOND, SECOND, Timer
 
 POLL_S = 0.02
 FLUSH_NS = SECOND // 5
@@ -72,7 +72,9 @@ class RecorderProcess:
         self._membership = membership
         self._present: set[str] = set()
         self._settled_at = 0
-        self._clock_offset_ms_max = scenario.tables.convoy.clock_offset_ms_max
+        self._clock_uncertainty_ns_max = scenario.clock_uncertainty_ns_max
+        self._clock_server = ClockServer(bus, self._clock.now, scenario.vehicle_names)
+        self._clock_offsets: dict[str, ClockOffset] = {}
         self._conductor = Conductor(
             scenario.vehicle_names,
             duration_ns=round(scenario.duration_s * SECOND),
@@ -102,7 +104,6 @@ class RecorderProcess:
         )
         self._in_order = SendingOrder(batches)
         self._reported_behind = False
-        serve_clock(bus, RUN_SENDER, self._clock.now)
         self._board.serve(bus)
         bus.subscribe(EVERYTHING, self._arrive)
 
@@ -168,27 +169,50 @@ class RecorderProcess:
         if self._conductor.awaits_final_counters():  # the router may hang
             self._bus.close_timeout_s = SHORT_TIMEOUT_S
 
-    def _compare_clocks(self) -> None:
-        """Log the offsets of the vehicles' clocks; a large one ends the run."""
-        too_far = []
-        for vehicle in sorted(self._present):
-            offset = measure(self._bus, vehicle, self._clock.now)
-            if offset is None:  # it has left or hangs, which its token shows
+    def _log_clocks(self, now: int) -> None:
+        """Log the offsets of the vehicles' clocks, and warn of one that moved."""
+        for vehicle, offset in sorted(self._clock_server.offsets.items()):
+            before = self._clock_offsets.get(vehicle)
+            if offset is before:
                 continue
-            self._run.recorder.log(self._clock.now(), str(offset), "debug")
-            if offset.exceeds(self._clock_offset_ms_max):
-                too_far.append(str(offset))
-        if too_far:
-            allowed = f"convoy.clock_offset_ms_max = {self._clock_offset_ms_max:g}"
-            self._conductor.stop(f"{allowed}: {', '.join(too_far)}")
+            self._clock_offsets[vehicle] = offset
+            self._run.recorder.log(now, str(offset), "debug")
+            moved = 0 if before is None else offset.offset - before.offset
+            if abs(moved) > self._clock_uncertainty_ns_max:
+                text = (
+                    f"the clock of {vehicle} moved by {moved / MILLISECOND:.1f} ms during the run"
+                )
+                self._run.recorder.log(now, f"{text}: messages may be late", "alert")
+
+    def _unready(self, vehicle: str) -> str:
+        """Why a vehicle that takes part cannot start; empty if it can."""
+        offset = self._clock_server.offsets.get(vehicle)
+        if offset is None:
+            return "its clock is not measured yet"
+        if offset.uncertainty > self._clock_uncertainty_ns_max:
+            allowed_ms = self._clock_uncertainty_ns_max / MILLISECOND
+            return (
+                f"its clock is known within {offset.uncertainty / MILLISECOND:.1f} ms, "
+                f"needed are {allowed_ms:g} ms: half of links.latency_ms, "
+                "or convoy.clock_uncertainty_ms_max"
+            )
+        return ""
 
     def _note_presences(self, now: int) -> None:
         """Note which vehicles take part, and what excludes others from the run."""
-        present = self._membership.vehicles
+        members = self._membership.vehicles
+        excluded = self._membership.excluded()
+        present = members
+        if self._conductor.phase is Phase.GATHERING:
+            for vehicle in self._clock_server.offsets.keys() - members:
+                self._clock_server.offsets.pop(vehicle, None)
+            unready = {name: why for name in members if (why := self._unready(name))}
+            excluded |= unready
+            present = members - unready.keys()
         for vehicle in sorted(present ^ self._present):
             self._conductor.note_presence(vehicle, alive=vehicle in present, at=now)
         self._present = present
-        self._conductor.excluded = self._membership.excluded()
+        self._conductor.excluded = excluded
 
     def _own_message(self, topic: str, data: bytes) -> tuple[str, bytes]:
         """Return a message of the run with its key; it is not recorded again from the bus."""
@@ -224,8 +248,6 @@ class RecorderProcess:
         now = self._clock.now()
         self._note_presences(now)
         self._note_requests(now)
-        if self._conductor.phase is Phase.GATHERING and not self._conductor.missing():
-            self._compare_clocks()
         recorded_until = self._arrivals.came_first_at or self._clock.now()
         now = self._clock.now()
         connected = self._bus.connected()
@@ -235,6 +257,7 @@ class RecorderProcess:
             self._run.recorder.log(now, line)
         if self._conductor.phase is Phase.RUNNING:
             self._warn_if_behind(now, now - recorded_until)
+            self._log_clocks(now)
             if not self._own:
                 self._own_message("start", self._run.start(now, self._conductor.start_at))
             if self._announcing.is_due(now):

@@ -13,6 +13,7 @@ from typing import IO, Any, NoReturn, cast
 
 from scenarios.runs.node.node import SoftwareHandover
 from scenarios.runs.node.process_probe import Lateness
+from transport.clock import ClockSetting
 
 VARIABLE = "CONVOY_HANDOVER"
 """Environment variable with the descriptor of the file of the handover."""
@@ -22,12 +23,12 @@ VARIABLE = "CONVOY_HANDOVER"
 class ProcessHandover:
     """State that a vehicle's process passes to its successor.
 
-    `start_at` (ns) is that of the run, `clock_offset` (ns) that of Unix time against the machine's
-    monotonic clock, `lateness` that of its ticks so far.
+    `start_at` (ns) is that of the run, `clock` the setting of the process's clock, `lateness` that
+    of its ticks so far.
     """
 
     start_at: int
-    clock_offset: int
+    clock: ClockSetting
     lateness: Lateness
     node: SoftwareHandover
 

@@ -12,7 +12,7 @@ from scenarios.runs.node.node import Node, VehicleFaultError, step_with_faults
 from scenarios.runs.node.process_probe import ProcessProbe
 from scenarios.runs.node.replayed_node import ReplayedNode
 from scenarios.runs.node.sink import BatchingSink
-from scenarios.runs.processes.clock_offset import measure, serve_clock
+from scenarios.runs.processes.clock_sync import ClockSync
 from scenarios.runs.processes.membership import VEHICLE, Fingerprint, Membership, RecorderWatch
 from scenarios.runs.processes.restart import (
     ProcessHandover,
@@ -160,8 +160,15 @@ class VehicleProcess:
         self._membership = membership
         self._stop = stop
         self._before = before
-        self._clock = WallClock(lambda: stop.requested, before.clock_offset if before else None)
-        self._joined_at = self._clock.now()
+        self._clock = WallClock(lambda: stop.requested, before.clock if before else None)
+        self._clock_sync = ClockSync(
+            bus,
+            builder.name,
+            self._clock,
+            sufficient_ns=builder.scenario.clock_uncertainty_ns_max,
+            running=before is not None,
+        )
+        self._joined_at = self._clock.monotonic()
         self._announced = RunAnnouncements(bus, self._clock.now)
         self._recorder = RecorderWatch(membership, bus)
         self._router = RouterWatch()
@@ -169,7 +176,6 @@ class VehicleProcess:
         self._final_counters: tuple[str, bytes] | None = None
         self._fetches: list[Fetch] = []
         self.exit_code = 0
-        serve_clock(bus, builder.name, self._clock.now)
         self._control = LiveControl(builder.scenario, builder.name, self._clock.now)
         self._control.listen(bus)
         membership.join()
@@ -198,10 +204,14 @@ class VehicleProcess:
         if refusal := self._membership.refusal():
             raise BusError(f"{self._run}: {refusal}")
         if not came:
-            raise RunCancelledError(f"{self._run} did not start within {wait_s:g} s")
+            unmeasured = start is not None or self._membership.recorder_is_present
+            why = ": its recorder's clock gave no answer" if unmeasured else ""
+            why = "" if self._clock_sync.is_measured else why
+            raise RunCancelledError(f"{self._run} did not start within {wait_s:g} s{why}")
         if start is not None:
-            if start.start_at_ns <= self._joined_at:
-                raise RunCancelledError(self._late_join_reason(self._joined_at - start.start_at_ns))
+            if start.start_at_ns <= self._clock.at(self._joined_at):
+                raise RunCancelledError(f"{self._run} had started before this vehicle joined")
+            self._clock_sync.running = True
         elif end is not None:
             raise RunCancelledError(
                 f"{self._run} was cancelled: {end.reason or 'it is over'}", announced=True
@@ -214,19 +224,12 @@ class VehicleProcess:
         for line in self._membership.new_warnings():
             report(f"{self._builder.name}: {line}")
         self._membership.check()
+        self._clock_sync.advance()
         return (
-            self._announced.start is not None
+            (self._announced.start is not None and self._clock_sync.is_measured)
             or self.is_cancelled
             or self._recorder.has_left(self._clock.now())
         )
-
-    def _late_join_reason(self, late_ns: int) -> str:
-        """Explain a start that lies `late_ns` before this vehicle joined."""
-        clock = measure(self._bus, RUN_SENDER, self._clock.now)
-        if clock is not None and late_ns < -clock.offset:  # by the recorder's clock it was in time
-            ahead = f"{-clock.offset / SECOND:.1f} s ahead of the recorder's"
-            return f"{self._run} rejects this vehicle: its clock is {ahead}"
-        return f"{self._run} had started before this vehicle joined"
 
     def drive(self, report: Report) -> None:
         """Drive to the end of the run, send the final counters, wait for the recorder's end.
@@ -241,7 +244,11 @@ class VehicleProcess:
         before = self._before
         end_at = start_at + self._builder.duration_ns
         late_after_ns = late_threshold(self._builder.control_rate_hz)
-        probe = ProcessProbe(late_after_ns, before.lateness if before else None)
+        probe = ProcessProbe(
+            late_after_ns,
+            before.lateness if before else None,
+            lambda: (self._clock_sync.offset, self._clock_sync.uncertainty),
+        )
         sink = BatchingSink(
             self._builder.name,
             self._bus,
@@ -295,6 +302,7 @@ class VehicleProcess:
                     break
                 self._fetch(node.inbox)
                 step(tick)
+                self._clock_sync.advance()
                 if tick.at >= back_at:
                     self._restart_if_down(node, tick.at, probe)
                 if self._watching.is_due(now := self._clock.now()):
@@ -320,7 +328,7 @@ class VehicleProcess:
             raise RestartRequestedError(
                 ProcessHandover(
                     start_at=self._start_at or 0,
-                    clock_offset=self._clock.offset,
+                    clock=self._clock.setting,
                     lateness=probe.lateness,
                     node=handover,
                 )

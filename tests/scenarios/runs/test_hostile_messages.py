@@ -20,7 +20,7 @@ from scenarios.runs.node.node import Node
 from scenarios.runs.node.replayed_node import ReplayedNode
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.observer import Observer, OnMessage
-from scenarios.runs.processes.clock_offset import measure
+from scenarios.runs.processes.clock_sync import ClockSync
 from scenarios.runs.processes.conductor import Conductor, Phase
 from scenarios.runs.processes.membership import VEHICLE, Fingerprint, Membership
 from scenarios.runs.processes.vehicle_process import RunAnnouncements
@@ -29,6 +29,7 @@ from scenarios.runs.virtual.virtual_convoy import VirtualConvoy
 from tests.made.scenarios.hostile_messages import TEXTS, Put, Stranger
 from transport.bus.bus import Bus, BusError
 from transport.bus.memory_bus import MemoryBus, MemoryNetwork
+from transport.clock import WallClock
 from transport.codec import encode
 from transport.log.reader import LogReader
 from transport.reasons import REASONS
@@ -225,7 +226,9 @@ def test_plausible_messages_are_used_or_counted(tmp_path: Path, campaign: int) -
     with observers(trial(), metrics, display, tmp_path) as watchers:
         run = drive(tmp_path, anything, campaign, metrics, watchers)
     came = run.honest.total() + run.hostile.total()
-    assert run.recorded + sum(run.summary.recorder_rejected_messages.values()) == came
+    counted = run.recorded + sum(run.summary.recorder_rejected_messages.values())
+    # A stranger may repeat the last counters of a vehicle as the vehicle does.
+    assert came - campaign // 1000 <= counted <= came
     assert run.recorded >= 0.9 * run.honest.total()
     assert_inboxes_add_up(run)
     log = LogReader(run.folder / "run.mcap")
@@ -242,10 +245,13 @@ ODD_ANSWERS = (
 
 
 @pytest.mark.parametrize("answer", ODD_ANSWERS, ids=range(len(ODD_ANSWERS)))
-def test_a_clock_that_answers_nonsense_is_none(answer: bytes) -> None:
+def test_a_clock_that_answers_nonsense_measures_nothing(answer: bytes) -> None:
     bus = MemoryBus()
-    bus.answer(clock_key("v1"), lambda _: answer)
-    assert measure(bus, "v1", lambda: 5) is None
+    bus.answer(clock_key(RUN_SENDER), lambda _: answer)
+    sync = ClockSync(bus, "v1", WallClock(), sufficient_ns=SECOND)
+    for _ in range(20):
+        sync.advance()
+    assert not sync.is_measured
 
 
 def test_unknown_members_are_ignored_or_named_in_one_line() -> None:
