@@ -1,51 +1,71 @@
-"""Random cuts, simulated with each reaction, and their figures."""
+"""Random cuts, simulated with each variant, and their figures."""
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict
 from functools import partial
 from math import isfinite
 from pathlib import Path
-from statistics import median
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import TypeAdapter
 
 from scenarios.results.versions import current_stamp
-from scenarios.studies.cuts.cut import CutFigures, LinkCut, run_cut
+from scenarios.studies.cuts.cut import LINKS, Fix, LinkCut, Variant
+from scenarios.studies.cuts.cut_figures import CutFigures, run_cut
+from scenarios.studies.cuts.roads import ROADS, Road
+from scenarios.studies.cuts.run_figures import VariantFigures, figures_of_runs, summary_of_variant
 from scenarios.studies.engine.engine import Engine, study_engine
 from scenarios.studies.engine.job import Job
 from scenarios.studies.engine.results import write_files
 from scenarios.studies.engine.workers import open_workers
-from vehicles.driver.degradation.settings import Reaction
 
-SCHEMA = "convoy.cuts/1"
+SCHEMA = "convoy.cuts/2"
 PICTURE, JSON_FILE = "cuts", "cuts.json"
-REACTIONS: tuple[Reaction, ...] = ("degrade", "extrapolate", "hold", "straight")
+FAILURES = "failures"
+"""Folder with the scenarios of runs that failed."""
+Comparison = Literal["history", "reaction"]
+VARIANTS: Mapping[Comparison, tuple[Variant, ...]] = {
+    "history": ("history", "no_history"),
+    "reaction": ("degrade", "extrapolate", "hold", "straight"),
+}
+VEHICLES = 3, 8
 SPEEDS_MPS = 8.0, 30.0
 CUT_AT_S = 3.0, 17.0
 """From when the convoy has formed until its last car has left both lane changes."""
-SHORT_S, LONG_S = (0.3, 4.0), 14.0
-"""Half of the cuts are short, from a range; the other half last until all cars have stopped."""
+CUT_FOR_S = 0.2, 8.0
+FOR_GOOD, FLAPPING = 0.2, 0.2
+"""Shares of cuts for good, and of flapping links."""
+FIXES: tuple[Fix, ...] = ("", "", "", "float", "none")
 
 
-def draw_cuts(count: int, reaction: Reaction, seed: int = 1) -> Iterator[LinkCut]:
-    """Draw cuts at random times and speeds, the same for each reaction."""
-    random = np.random.Generator(np.random.PCG64(seed))
+def draw_cuts(
+    count: int, variant: Variant, roads: Sequence[Road] = ROADS, seed: int = 1
+) -> Iterator[LinkCut]:
+    """Draw cuts over the roads in turn, the same for each variant and any count."""
     for number in range(count):
+        random = np.random.Generator(np.random.PCG64([seed, number]))
+        vehicles = int(random.integers(*VEHICLES, endpoint=True))
+        for_s = round(float(random.uniform(*CUT_FOR_S)), 3)
         yield LinkCut(
-            reaction=reaction,
+            variant=variant,
+            road=roads[number % len(roads)],
             speed_mps=round(float(random.uniform(*SPEEDS_MPS)), 2),
             at_s=round(float(random.uniform(*CUT_AT_S)), 3),
-            for_s=LONG_S if number % 2 else round(float(random.uniform(*SHORT_S)), 3),
+            for_s=None if random.random() < FOR_GOOD else for_s,
             seed=number + 1,
+            vehicles=vehicles,
+            links=LINKS[random.integers(len(LINKS))],
+            flapping=bool(random.random() < FLAPPING),
+            vehicle=int(random.integers(2, vehicles, endpoint=True)),
+            fix=FIXES[random.integers(len(FIXES))],
         )
 
 
 def run_cuts(cuts: Sequence[LinkCut], engine: Engine) -> list[CutFigures]:
     """Simulate all cuts; return a row per follower, in the order of `cuts`."""
     jobs = [
-        Job(key=f"{cut.reaction} {cut.seed}", work=partial(_fields, cut), command=str(cut))
+        Job(key=f"{cut.variant} {cut.seed}", work=partial(_fields, cut), command=str(cut))
         for cut in cuts
     ]
     engine.progress.total = len(jobs)
@@ -57,76 +77,57 @@ def _fields(cut: LinkCut) -> list[dict[str, Any]]:
     return [asdict(row) for row in run_cut(cut)]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReactionFigures:
-    """Figures of all followers with one reaction."""
-
-    reaction: Reaction
-    cuts: int
-    error_m_median: float
-    error_m_max: float
-    error_on_known_path_m_max: float
-    blind_m_max: float
-    stopped_ratio: float
-    friction_ratio_max: float
-    resumed_ratio: float
-
-
-def summary_of_reaction(rows: Sequence[CutFigures]) -> ReactionFigures:
-    return ReactionFigures(
-        reaction=rows[0].cut.reaction,
-        cuts=len({row.cut for row in rows}),
-        error_m_median=median(row.error for row in rows),
-        error_m_max=max(row.error for row in rows),
-        error_on_known_path_m_max=max(row.error_on_known_path for row in rows),
-        blind_m_max=max(row.blind for row in rows),
-        stopped_ratio=sum(row.stopped for row in rows) / len(rows),
-        friction_ratio_max=max(row.friction for row in rows),
-        resumed_ratio=sum(isfinite(row.resumed_after) for row in rows) / len(rows),
-    )
-
-
 def run_campaign(
     count: int,
     out: Path,
     progress: Callable[[str], None],
     *,
+    comparison: Comparison = "history",
+    roads: Sequence[Road] = ROADS,
     workers: int | None = None,
     picture_format: str = "png",
-) -> list[ReactionFigures]:
-    """Simulate `count` cuts with each reaction; write plot and JSON into `out`.
+) -> list[VariantFigures]:
+    """Simulate `count` cuts with each variant; write plot, JSON and failures into `out`.
 
-    Uses all cores by default. Raises ScenarioError if one of both files exists.
+    Uses all cores by default. Raises ScenarioError if the plot or the JSON exists.
     """
     from scenarios.studies.cuts.error_plots import drawn_figure  # noqa: PLC0415 - matplotlib
 
     picture = f"{PICTURE}.{picture_format}"
-    cuts = [cut for reaction in REACTIONS for cut in draw_cuts(count, reaction)]
+    variants = VARIANTS[comparison]
+    cuts = [cut for variant in variants for cut in draw_cuts(count, variant, roads)]
     with study_engine(
         partial(open_workers, workers),
         progress,
         out=out,
         files=(picture, JSON_FILE),
-        identity={"--cuts": count, **asdict(current_stamp())},
+        identity={"--cuts": count, "--road": list(roads), **asdict(current_stamp())},
     ) as engine:
         rows = run_cuts(cuts, engine)
-        by_reaction = {
-            reaction: [row for row in rows if row.cut.reaction == reaction]
-            for reaction in REACTIONS
+        by_variant = {
+            variant: [row for row in rows if row.cut.variant == variant] for variant in variants
         }
-        summaries = [summary_of_reaction(own) for own in by_reaction.values()]
+        summaries = [summary_of_variant(own) for own in by_variant.values()]
         write_files(
-            out, {JSON_FILE: machine_readable(summaries, rows), picture: drawn_figure(by_reaction)}
+            out, {JSON_FILE: machine_readable(summaries, rows), picture: drawn_figure(by_variant)}
         )
+        write_files(out / FAILURES, dict(failures(rows)))
     return summaries
 
 
+def failures(rows: Sequence[CutFigures]) -> Iterator[tuple[str, str]]:
+    """Yield the file name and the scenario of each run that failed."""
+    for run in figures_of_runs(rows):
+        if run.failed:
+            yield f"{run.cut.variant}_{run.cut.seed}.toml", run.cut.text()
+
+
 def machine_readable(
-    summaries: Sequence[ReactionFigures], rows: Sequence[CutFigures]
+    summaries: Sequence[VariantFigures], rows: Sequence[CutFigures]
 ) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
-        "reactions": [asdict(summary) for summary in summaries],
+        "variants": [asdict(summary) for summary in summaries],
         "rows": [
             {
                 key: None if isinstance(value, float) and not isfinite(value) else value

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scenarios.definition.changing.link_changes import LinkChange, course, links_of
 from scenarios.definition.channel.build import link_effects, link_stages
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.scenario import scenario_from_text
+from scenarios.definition.scenario import load_scenario, scenario_from_text
 from scenarios.definition.schema.change_tables import CutTable, HealTable, LinkChangeTable
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.definition.topology import directed_links
@@ -179,6 +179,14 @@ def test_a_queue_behind_a_changed_link_does_not_depend_on_when_bytes_came(
         for judged, verdict in line.resolve(tick):
             settled[judged.seq] = verdict, tick
     assert [settled[seq][0] for seq in range(100)] == at_once
+
+
+def test_a_link_to_a_lead_that_receives_can_be_changed() -> None:
+    change = 'change=[{kind="cut", at_s=1.0, sender="v4"}]'
+    with pytest.raises(ScenarioError, match="no such link"):
+        load_scenario("lane_change", [change])
+    assert load_scenario("lane_change", [change, "speed.lead_waits=true"]).tables.change
+    assert load_scenario("church_lot", [change]).tables.change
 
 
 def scenario(text: str) -> None:

@@ -1,0 +1,37 @@
+"""Each shipped scenario on each shipped channel with 3 to 8 vehicles, three seeds each.
+
+`pytest --campaign` simulates all of them. The scenarios of the paper drive as in the paper.
+"""
+
+from itertools import product
+from random import Random
+
+import pytest
+
+from scenarios.definition.channel.presets import presets
+from scenarios.definition.scenario import library, load_scenario
+from scenarios.results.stream import FigureStream
+from scenarios.runs.virtual.drive import drive
+from scenarios.studies.cuts.road_record import RoadObserver
+
+SCENARIOS = [name for name in library() if not name.startswith("paper")]
+CASES = list(product(SCENARIOS, presets(), range(3, 9), (1, 2, 3)))
+Random(1).shuffle(CASES)  # the few that run by default differ in all respects
+
+
+@pytest.mark.campaign(4, len(CASES))
+def test_a_convoy_drives_on_a_shipped_channel(case: int) -> None:
+    """No collision, no departure from the lane that was avoidable."""
+    name, preset, vehicles, seed = CASES[case]
+    overrides = (f"convoy.vehicles={vehicles}", f"links.preset={preset}")
+    scenario = load_scenario(name, overrides, seed)
+    stream = FigureStream.of(scenario)
+    road = RoadObserver(stream)
+    drive(scenario, [stream, road]).raise_fault()
+    assert sum(car.collisions for car in road.cars.values()) == 0
+    assert sum(road.avoidable_departures().values()) == 0
+
+
+def test_the_matrix_is_complete() -> None:
+    assert len(set(CASES)) == len(CASES) == 18 * len(presets()) * len(SCENARIOS)
+    assert {"lane_change", "church_lot", "highway"} <= set(SCENARIOS)
