@@ -128,3 +128,53 @@ def test_refused_time_stamps_are_reported_at_a_hundred_and_each_tenfold() -> Non
 def test_other_reasons_do_not_blame_the_clocks(reason: str) -> None:
     counted = TimestampRefusals()
     assert not any(counted.count("v1", reason) for _ in range(1000))
+
+
+def with_history(
+    latitudes: tuple[int, ...], longitudes: tuple[int, ...], ages: tuple[int, ...]
+) -> GpsPose:
+    return replace(
+        gps("v1", 0),
+        history_latitude_e7deg=latitudes,
+        history_longitude_e7deg=longitudes,
+        history_age_cs=ages,
+    )
+
+
+def test_a_driven_history_is_admitted_with_its_positions() -> None:
+    pose = with_history((-900,) * 3, (0, 90, -90), (50, 50, 3000))
+    back = GATE.admit(encode(pose), START).path_history()
+    here = PLANE.to_plane(pose.latitude_deg, pose.longitude_deg, pose.altitude_m)
+    at = pose.measured_at_ns
+    assert [at - place[0] for place in back] == [31_000_000_000, 1_000_000_000, 500_000_000]
+    assert [place[2] - here[1] for place in back] == pytest.approx([-29.9, -19.95, -9.98], abs=0.1)
+    assert [place[1] - here[0] for place in back] == pytest.approx([0.0, 0.86, 0.0], abs=0.02)
+
+
+@pytest.mark.parametrize(
+    "history",
+    [
+        ((0, 0), (0,), (50, 50)),
+        ((-900,) * 41, (0,) * 41, (50,) * 41),
+        ((-900,), (0,), (0,)),
+        ((-900, -900), (0, 0), (60, -5)),
+        ((-900,), (0,), (2**31 - 1,)),
+        ((-20_000,) * 10, (0,) * 10, (500,) * 10),
+        ((2**31 - 1,), (-(2**31),), (8_000_000,)),
+        ((-5000,), (0,), (10,)),
+    ],
+    ids=["columns", "points", "no time", "backwards", "old", "long", "largest", "fast"],
+)
+def test_an_impossible_history_is_refused(history: tuple[tuple[int, ...], ...]) -> None:
+    latitudes, longitudes, ages = history
+    with pytest.raises(RefusedMessageError, match="histor"):
+        GATE.admit(encode(with_history(latitudes, longitudes, ages)), START)
+
+
+def test_a_history_beyond_the_plane_ends_at_its_edge() -> None:
+    edge = PLANE.to_geodetic(0.0, REACH - 100.0)
+    pose = replace(
+        with_history((900,) * 20, (0,) * 20, (50,) * 20),
+        latitude_deg=edge[0], longitude_deg=edge[1], altitude_m=edge[2],
+    )  # fmt: skip
+    assert 0 < len(GATE.check(pose, START).path_history()) < 20

@@ -452,3 +452,23 @@ def test_a_refusal_states_the_number_and_the_reason() -> None:
         link.register(0)
     with pytest.raises(RefusedMessageError, match=f"^duplicate: number {WINDOW} "):
         link.register(WINDOW)
+
+
+def test_a_path_history_counts_in_the_bytes_of_a_queue() -> None:
+    long = replace(
+        pose(0),
+        history_latitude_e7deg=(-900,) * 20,
+        history_longitude_e7deg=(0,) * 20,
+        history_age_cs=(50,) * 20,
+    )
+    extra = len(encode(long)) - len(encode(pose(0)))
+    assert extra > 20 * 3
+    visible = []
+    for message in (pose(0), long):
+        queue = LinkTable(queue={"bytes_per_s": 1000.0, "depth_messages": 5})
+        box = make_inbox({"lead": queue})
+        send(box, message)
+        box.take(START)
+        box.take(START + SECOND)
+        visible += [verdict.visible_at_ns for verdict in box.verdicts()]
+    assert visible[1] - visible[0] == extra * MS

@@ -1,0 +1,155 @@
+"""The path history that a vehicle sends: its chords, its limits, and when it restarts."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.made.examples import examples
+from tests.made.vehicles.sent_paths import PLANE, fixes, message, sent
+from transport.codec import encode
+from vehicles.car.gnss import Fix
+from vehicles.car.sending.path_history import PathHistory
+from vehicles.geometry.geodesy import LocalPlane, Origin
+from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
+from vehicles.received_pose import ReceivedPose, receive
+
+STRAIGHT = path_from_segments([Segment(3000.0, 0.0)], yaw=1.0)
+BENDS = st.lists(
+    st.tuples(st.floats(5.0, 60.0), st.floats(-0.2, 0.2)).map(lambda pair: Segment(*pair)),
+    min_size=1,
+    max_size=8,
+)
+
+
+def clothoid(length: float, curvature: float) -> SampledPath:
+    """A bend whose curvature grows linearly, in pieces of half a metre."""
+    pieces = round(2.0 * length)
+    return path_from_segments([Segment(0.5, curvature * (k + 0.5) / pieces) for k in range(pieces)])
+
+
+def worst_distance(pose: ReceivedPose, driven: Sequence[Fix]) -> float:
+    """Largest distance (m) of fixes from the chord of the history around their instant."""
+    places = [*pose.path_history(), (pose.measured_at, pose.east, pose.north)]
+    worst = 0.0
+    for (begin, *start), (end, *stop) in pairwise(places):
+        a, b = np.array(start), np.array(stop)
+        within = [fix for fix in driven if begin <= fix.measured_at <= end]
+        points = np.array([(fix.east, fix.north) for fix in within])
+        share = np.clip((points - a) @ (b - a) / max((b - a) @ (b - a), 1e-12), 0.0, 1.0)
+        off = points - a - share[:, None] * (b - a)
+        worst = max(worst, float(np.hypot(*off.T).max()))
+    return worst
+
+
+def last(driven: Sequence[Fix], **limits: float) -> ReceivedPose:
+    *_, pose = sent(driven, **limits)  # type: ignore[arg-type]
+    return pose
+
+
+def length_of(pose: ReceivedPose) -> float:
+    places = [*pose.path_history(), (pose.measured_at, pose.east, pose.north)]
+    return sum(
+        float(np.hypot(end[1] - start[1], end[2] - start[2])) for start, end in pairwise(places)
+    )
+
+
+@examples(40, 400)
+@given(bends=BENDS, speed=st.floats(10.0, 40.0), noise=st.sampled_from([0.0, 0.02, 0.05]))
+def test_chords_are_within_5_cm_of_all_fixes(
+    bends: list[Segment], speed: float, noise: float
+) -> None:
+    path = path_from_segments(bends, 100.0, -2000.0, 2.0)
+    stations = np.arange(0.0, path.station[-1], speed / 20.0)
+    driven = list(fixes(path, stations, noise))
+    for pose in list(sent(driven))[::29]:
+        assert worst_distance(pose, driven) <= 0.05
+
+
+@pytest.mark.parametrize("speed", [0.4, 1.4, 5.0, 30.0])
+@pytest.mark.parametrize("curvature", [0.0, 1 / 500, -1 / 50, 1 / 6])
+def test_chords_of_growing_bends_are_within_5_cm(speed: float, curvature: float) -> None:
+    path = clothoid(min(200.0, speed * 40.0), curvature)
+    stations = np.arange(0.0, path.station[-1], speed / 20.0)
+    driven = list(fixes(path, stations))
+    for pose in list(sent(driven))[::7]:
+        assert worst_distance(pose, driven) <= 0.05
+
+
+def test_on_a_straight_few_positions_cover_the_length() -> None:
+    pose = last(list(fixes(STRAIGHT, np.arange(0.0, 1000.0, 1.5))))
+    assert 250.0 <= length_of(pose) <= 300.0
+    assert len(pose.path_history()) <= 8
+    short = last(list(fixes(STRAIGHT, np.arange(0.0, 1000.0, 1.5))), length=40.0)
+    assert 30.0 <= length_of(short) <= 40.0
+
+
+@pytest.mark.parametrize("points", [1, 2, 5, 23])
+def test_the_number_of_positions_is_limited(points: int) -> None:
+    circle = path_from_segments([Segment(300.0, 1 / 20.0)])
+    driven = list(fixes(circle, np.arange(0.0, 290.0, 0.5), 0.02))
+    for pose in sent(driven, points=points):
+        assert len(pose.path_history()) <= points
+    assert len(pose.path_history()) == points
+    assert worst_distance(pose, driven) <= 0.05
+
+
+def test_a_length_of_zero_switches_it_off() -> None:
+    driven = list(fixes(STRAIGHT, np.arange(0.0, 100.0, 1.0)))
+    assert last(driven, length=0.0).message.history_age_cs == ()
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02, 0.5])
+def test_standing_adds_no_positions(noise: float) -> None:
+    stations = [*np.arange(0.0, 60.0, 0.5), *([60.0] * 4000)]
+    poses = list(sent(list(fixes(STRAIGHT, stations, noise))))
+    moving, standing = ([at for at, _, _ in poses[k].path_history()] for k in (119, -1))
+    assert len(standing) <= len(moving) + 4
+    if noise < 0.1:
+        assert standing[: len(moving) - 2] == moving[: len(moving) - 2]
+
+
+def test_noise_of_half_a_metre_is_bounded_by_the_number_of_positions() -> None:
+    for pose in sent(list(fixes(STRAIGHT, np.arange(0.0, 300.0, 0.5), 0.5))):
+        assert len(pose.path_history()) <= 23
+
+
+def test_it_restarts_while_the_car_is_off_its_path() -> None:
+    history = PathHistory(PLANE, 300.0, 23)
+    driven = list(fixes(STRAIGHT, np.arange(0.0, 100.0, 1.0)))
+    for fix in driven:
+        history.record(fix, on_path=not 40 <= fix.seq < 50)
+        oldest = receive(message(fix, history), PLANE, 0).path_history()[:1]
+        if 40 <= fix.seq < 50:
+            assert not oldest
+        elif fix.seq > 50:
+            assert oldest[0][0] == driven[50].measured_at
+
+
+def test_it_restarts_where_fixes_are_missing_or_jump() -> None:
+    driven = list(fixes(STRAIGHT, np.arange(0.0, 100.0, 1.0)))
+    missing = last(driven[:40] + driven[55:]).path_history()
+    assert missing[0][0] == driven[55].measured_at
+    jumped = [fix if fix.seq < 60 else replace(fix, north=fix.north + 30.0) for fix in driven]
+    assert last(jumped).path_history()[0][0] == driven[60].measured_at
+    few = last(driven[:40] + driven[45:]).path_history()
+    assert few[0][0] == driven[0].measured_at
+
+
+def test_it_crosses_the_date_line() -> None:
+    plane = LocalPlane(Origin(-17.0, 179.9999, 0.0))
+    *_, pose = sent(fixes(STRAIGHT, np.arange(0.0, 200.0, 1.0)), plane=plane)
+    first = pose.path_history()[0]
+    assert (first[1], first[2]) == pytest.approx((0.0, 0.0), abs=0.02)
+
+
+@given(st.integers(1, 22))
+def test_each_position_costs_few_bytes(extra: int) -> None:
+    circle = path_from_segments([Segment(600.0, 1 / 100.0)])
+    driven = list(fixes(circle, np.arange(0.0, 590.0, 1.0)))
+    sizes = [len(encode(last(driven[-400:], points=n).message)) for n in (1, 1 + extra)]
+    assert 0 < sizes[1] - sizes[0] <= 9 * extra
