@@ -84,8 +84,8 @@ def _absurd_history(pose: GpsPose) -> str:
     age = sum(ages)
     if min(ages) <= 0 or age > MAX_HISTORY_AGE:
         return "history is not in order of time or too old"
-    north = sum([abs(units) for units in pose.history_latitude_e7deg])
-    east = sum([abs(units) for units in pose.history_longitude_e7deg])
+    north = sum(map(abs, pose.history_latitude_e7deg))
+    east = sum(map(abs, pose.history_longitude_e7deg))
     length = METRES_PER_UNIT * (north + east * cos(radians(pose.latitude_deg)))
     drivable = FASTEST * age * TIME_UNIT / SECOND + NOISE_ALLOWANCE * len(ages)
     if length > MAX_HISTORY_LENGTH or length > drivable:

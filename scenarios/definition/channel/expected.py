@@ -13,8 +13,8 @@ from transport.links.laws.moments import Losses
 from transport.links.laws.vehicles_between import no_vehicles
 from vehicles.schedule import MILLISECOND
 
-USUAL_MESSAGE_BYTES = 124
-"""Size of nearly all poses on the wire."""
+USUAL_MESSAGE_BYTES = 240
+"""Mean size of poses with the default path history; without a history they have 160 bytes."""
 FASTEST_HZ = 1000.0
 """Highest rate of a source, so that the rate of a link is always an upper bound."""
 _ROUNDING = 1e-9

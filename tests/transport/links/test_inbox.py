@@ -18,6 +18,7 @@ from transport.codec import RefusedMessageError, encode
 from transport.links.gate import HORIZON_NS, LONGEST_POSE_BYTES
 from transport.links.inbox import QUEUE, WINDOW, Inbox, IncomingLink
 from transport.links.laws.effect import UNKNOWN_POSITION, TransmissionContext
+from transport.links.laws.queue import Queue
 from transport.topics import TOPICS, key
 from vehicles.messages import GpsPose, LinkVerdict, LogText
 from vehicles.schedule import SECOND, instant
@@ -465,8 +466,7 @@ def test_a_path_history_counts_in_the_bytes_of_a_queue() -> None:
     assert extra > 20 * 3
     visible = []
     for message in (pose(0), long):
-        queue = LinkTable(queue={"bytes_per_s": 1000.0, "depth_messages": 5})
-        box = make_inbox({"lead": queue})
+        box = make_inbox({"lead": LinkTable(queue=Queue(bytes_per_s=1000.0, depth_messages=5))})
         send(box, message)
         box.take(START)
         box.take(START + SECOND)
