@@ -57,3 +57,9 @@ def clear_errors() -> Iterator[None]:
     else:
         return
     raise SystemExit(exit_code)
+
+
+def warn_of_log(faults: str) -> None:
+    """Print damage and holes of a log, if any, to standard error."""
+    if faults:
+        click.echo(f"warning: {faults}", err=True)

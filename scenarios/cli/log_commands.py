@@ -1,13 +1,12 @@
 """Commands that read recorded runs: review, report, explain."""
 
-from functools import partial
 from pathlib import Path
 
 import click
 
 from scenarios.cli.common_options import json_option, rerun_option, tables_option, time_option
 from scenarios.cli.display_options import Tables
-from scenarios.cli.error_lines import clear_errors, require
+from scenarios.cli.error_lines import clear_errors, require, warn_of_log
 
 
 @click.command(
@@ -63,8 +62,7 @@ def report(log: Path, *, as_json: bool, tables: Tables) -> None:
     with clear_errors():
         log = log_in(log)
         running = log.name == LOG_NAME and is_claimed(log.parent)
-        warn = partial(click.echo, err=True)
-        summary = summary_of(log, lambda line: warn(f"warning: {line}"), running=running)
+        summary = summary_of(log, warn_of_log, running=running)
         if as_json:
             click.echo(to_json(summary), nl=False)
         else:
@@ -99,6 +97,7 @@ def explain(log: Path, *, vehicle: str, at_s: float, as_json: bool) -> None:
 
     with clear_errors():
         explanation = explaining.explain(log_in(log), vehicle, at_s)
+        warn_of_log(explanation.log_faults)
         if as_json:
             fields = asdict(explanation) | {"sentence": explanation.sentence}
             click.echo(json.dumps(fields, indent=2))

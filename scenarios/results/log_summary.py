@@ -13,8 +13,7 @@ from scenarios.results.outcome import with_outcome_line
 from scenarios.results.summarise import METADATA_NAME, summarise
 from scenarios.results.summary import RunIdentity, RunSummary, from_json
 from transport.log.reader import LogReader
-from transport.log.records import LogError
-from transport.log.repair import REPAIRED
+from transport.log.records import REPAIRED, LogError
 from vehicles.messages import RunStart
 
 SHOWN_RUNS = 3
@@ -39,17 +38,20 @@ def summary_of(
 ) -> RunSummary:
     """The summary inside `log`; for an incomplete or repaired log, computed from its messages.
 
-    `warn` gets a line about damage. The log of a `running` run is still being written.
+    `warn` gets a line about damage and holes, which the summary holds too. The log of a `running`
+    run is still being written.
     """
     reader = LogReader(log)
     attachments = reader.attachments()
     if reader.damage and not {SUMMARY_NAME, ATTACHED_AS} & attachments.keys():
         raise LogError(f"{reader.damage}; with it the scenario")
-    if reader.damage:
-        warn(reader.damage)
+    faults = "" if running else reader.faults
+    if faults:
+        warn(faults)
     if SUMMARY_NAME in attachments and REPAIRED not in reader.metadata():
         try:
-            return with_outcome_line(from_json(attachments[SUMMARY_NAME].decode()))
+            written = from_json(attachments[SUMMARY_NAME].decode())
+            return with_outcome_line(replace(written, log_faults=faults))
         except ValueError as error:
             raise LogError(f"{log} ({SUMMARY_NAME}): {error}") from error
     scenario = scenario_in(reader)
@@ -80,7 +82,9 @@ def summary_of(
     if "truth" in thinned:  # thinned true poses are no holes
         holes = tuple(hole for hole in holes if hole.kind == "pose")
     outcome = "running" if running else summary.outcome
-    return with_outcome_line(replace(summary, outcome=outcome, outcome_line="", holes=holes))
+    return with_outcome_line(
+        replace(summary, outcome=outcome, outcome_line="", holes=holes, log_faults=faults)
+    )
 
 
 def scenario_of(log: Path) -> Scenario:

@@ -165,7 +165,10 @@ class RunSummary:
     changes: tuple[RunChange, ...] = field(default=())
     warnings: tuple[str, ...] = field(default=())
     """Vehicles that refused 100, 1000, ... messages because of their time stamps; tyres beyond
-    their linear range; links that deviate from their request; more than 1 % late ticks."""
+    their linear range; messages that did not arrive; links that deviate from their request; more
+    than 1 % late ticks."""
+    log_faults: str = ""
+    """Damage and holes of the log in one line, by `convoy report`; else empty."""
 
 
 ENTRIES: Mapping[str, type] = {

@@ -3,7 +3,7 @@
 import struct
 import zlib
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import IO, cast
@@ -14,6 +14,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.reader import SeekingReader
 from mcap.stream_reader import get_chunk_data_stream
+from mcap.summary import Summary
 
 from transport.log.records import (
     ATTACHMENT,
@@ -31,6 +32,7 @@ from transport.log.records import (
     messages_in,
     metadata,
     scan,
+    sequences_in,
 )
 
 SECOND = 1_000_000_000
@@ -128,11 +130,9 @@ class McapFile:
     def channels(self) -> tuple[dict[int, str], Mapping[int, int]]:
         """Topics and message counts of the channels, by channel number."""
         topics: dict[int, str] = {}
-        if self.layout.summary.end:
-            summary = SeekingReader(cast("IO[bytes]", self.bytes)).get_summary()
-            if summary:
-                topics = {number: channel.topic for number, channel in summary.channels.items()}
-            if summary and summary.statistics and not self._damaged:
+        if summary := self._summary():
+            topics = {number: channel.topic for number, channel in summary.channels.items()}
+            if summary.statistics and not self._damaged:
                 return topics, summary.statistics.channel_message_counts
         for _, head in self.chunks:
             chunk = self.unpack(head)
@@ -141,6 +141,25 @@ class McapFile:
                     channel = records.Channel.read(ReadDataStream(BytesIO(chunk[start:end])))
                     topics[channel.id] = channel.topic
         return topics, Counter(channel for channel, _, _ in self.messages())
+
+    def totals(self, numbered: Container[int]) -> dict[int, int]:
+        """Messages of each channel, by the statistics of the file.
+
+        Those of `numbered` channels are counted by their largest sequence number as well.
+        """
+        summary, totals = self._summary(), Counter[int]()
+        if summary and summary.statistics:
+            totals.update(summary.statistics.channel_message_counts)
+        for _, head in self.chunks:
+            for channel, sequence in sequences_in(self.unpack(head)):
+                if sequence >= totals[channel] and channel in numbered:
+                    totals[channel] = sequence + 1
+        return totals
+
+    def _summary(self) -> Summary | None:
+        if not self.layout.summary.end:
+            return None
+        return SeekingReader(cast("IO[bytes]", self.bytes)).get_summary()
 
 
 def _joined(spans: list[Span]) -> list[Span]:

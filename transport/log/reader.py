@@ -1,13 +1,17 @@
 """Reads the messages of a log, complete or truncated."""
 
 from collections.abc import Collection, Iterator
+from functools import cached_property
 from pathlib import Path
 
 from transport.codec import RefusedMessageError, decode
 from transport.log.mcap_file import McapFile
-from transport.log.records import THINNED_NAME, LogError
+from transport.log.records import REPAIRED, THINNED_NAME, LogError
 from transport.topics import TOPICS, Topic, key
 from vehicles.messages import Message
+
+OF_DECISIONS = {"trajectory"}
+"""Topics whose messages have the numbers of decisions, not of each of which there is one."""
 
 
 class LogReader:
@@ -28,6 +32,7 @@ class LogReader:
         if self.damage and nameless:
             self.damage += f"; the topics of {nameless} messages are lost"
         self._sources = {number: _source(name) for number, name in channels.items()}
+        self._counts = counts
         self.counts: dict[tuple[str, str], int] = {
             (source[0], source[1].name): counts.get(number, 0)
             for number, source in self._sources.items()
@@ -68,6 +73,44 @@ class LogReader:
                 except RefusedMessageError as error:
                     raise LogError(f"{self.path}: /{key(vehicle, topic)}: {error}") from error
                 yield log_time, vehicle, message
+
+    @cached_property
+    def missing(self) -> dict[tuple[str, str], tuple[int, int]]:
+        """Numbers of missing messages and of all, by (vehicle, topic), where some are missing.
+
+        Messages are missing that have been numbered and are not in the log: it is damaged, or they
+        did not reach the recorder. Thinned topics are left out.
+        """
+        thinned, counts = self.thinned, self._counts
+        names = {
+            number: (source[0], source[1].name)
+            for number, source in self._sources.items()
+            if source and source[1].name not in thinned
+        }
+        numbered = {number for number, (_, topic) in names.items() if topic not in OF_DECISIONS}
+        totals = self._file.totals(numbered)
+        return {
+            name: (total - counts.get(number, 0), total)
+            for number, name in names.items()
+            for total in [totals.get(number, 0)]
+            if total > counts.get(number, 0)
+        }
+
+    @property
+    def faults(self) -> str:
+        """Damage, interruption and holes of the log in one line; empty if it is complete."""
+        lines = [self.damage.removeprefix(f"{self.path}: ")]
+        if self.truncated:
+            lines.append("was not completed")
+        elif REPAIRED in self.metadata():
+            lines.append("was not completed, and repaired")
+        topics = dict.fromkeys(topic for _, topic in self.missing)
+        for topic in topics:
+            of_topic = [figures for (_, name), figures in self.missing.items() if name == topic]
+            lacking, total = (sum(column) for column in zip(*of_topic, strict=True))
+            lines.append(f"{lacking} of {total} {topic} messages are missing")
+        found = "; ".join(filter(None, lines))
+        return f"{self.path}: {found}" if found else ""
 
     @property
     def thinned(self) -> dict[str, str]:

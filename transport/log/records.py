@@ -39,6 +39,8 @@ _BEGINNING = re.compile(rb"[\x06\x07\x09\x0c\x0f](?=.{4}\x00{4})", re.DOTALL)
 
 THINNED_NAME = "thinned"
 """Name of the metadata record with the maximum rates of thinned topics."""
+REPAIRED = "repaired"
+"""Name of the metadata record of a repaired log."""
 
 
 class LogError(Exception):
@@ -297,3 +299,12 @@ def messages_in(chunk: bytes) -> Iterator[tuple[int, int, bytes]]:
         if opcode == MESSAGE:
             channel, _, log_time, _ = unpack(chunk, start)
             yield channel, log_time, chunk[start + head : end]
+
+
+def sequences_in(chunk: bytes) -> Iterator[tuple[int, int]]:
+    """Yield (channel, sequence number) of the messages in an unpacked chunk."""
+    unpack = _MESSAGE_HEAD.unpack_from
+    for opcode, start, _ in entries_in(chunk):
+        if opcode == MESSAGE:
+            channel, sequence, _, _ = unpack(chunk, start)
+            yield channel, sequence

@@ -29,6 +29,7 @@ from transport.log.records import (
     MESSAGE,
     MESSAGE_INDEX,
     METADATA,
+    REPAIRED,
     SCHEMA,
     ChunkHead,
     LogError,
@@ -39,8 +40,6 @@ from transport.log.records import (
     message_index_of,
 )
 
-REPAIRED = "repaired"
-"""Name of the metadata record of a repaired log."""
 _MESSAGE_START = struct.Struct("<HIQ")  # channel, sequence, log time
 _ENTRY = struct.Struct("<QQ")  # log time, offset in the chunk
 

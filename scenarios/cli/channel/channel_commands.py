@@ -14,7 +14,7 @@ from scenarios.cli.common_options import (
     print_or_write,
     setting_options,
 )
-from scenarios.cli.error_lines import clear_errors, require
+from scenarios.cli.error_lines import clear_errors, require, warn_of_log
 from scenarios.cli.guide import completion
 
 if TYPE_CHECKING:
@@ -182,6 +182,7 @@ def fit(log: Path, *, link: str | None, as_json: bool, output: Path | None) -> N
     with clear_errors():
         found = {(one.sender, one.receiver): one for one in fit_log(log_in(log))}
         chosen = tuple(found[pair] for pair in _selected_links(link, found, str(log)))
+        warn_of_log(chosen[0].log_faults)
         print_or_write(_as_json(chosen) if as_json else as_toml(chosen), output)
 
 

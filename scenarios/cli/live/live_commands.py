@@ -15,7 +15,7 @@ from scenarios.cli.common_options import (
     print_or_write,
     time_option,
 )
-from scenarios.cli.error_lines import clear_errors, print_error
+from scenarios.cli.error_lines import clear_errors, print_error, warn_of_log
 from scenarios.runs.stop import EXIT_BAD_INPUT, EXIT_FAILED
 
 REFRESH_S = 0.5
@@ -272,4 +272,8 @@ def scenario_from(log: Path, *, output: Path | None) -> None:
     from scenarios.results.log_summary import log_in
 
     with clear_errors():
-        print_or_write(session_of(log_in(log)).text, output)
+        faults: list[str] = []
+        text = session_of(log_in(log), faults.append).text
+        for line in faults:
+            warn_of_log(line)
+        print_or_write("".join([*(f"# {line}\n" for line in faults), text]), output)

@@ -4,7 +4,9 @@ mcap is imported where it is needed, so that a vehicle's process never loads it.
 """
 
 import csv
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from itertools import groupby
 from pathlib import Path
@@ -28,6 +30,8 @@ COLUMNS = ["number", "received"]
 RECEIVED = {"1": True, "true": True, "0": False, "false": False}
 MOST_LINES = 10_000_000
 """Longest pattern: six days at 20 Hz."""
+
+UNKNOWN_FATES = "; messages of unknown fate count as delivered"
 
 AnyLink = TypeVar("AnyLink", bound=LinkTable)
 FolderOf = Callable[[str], Path]
@@ -158,44 +162,68 @@ def _giver(tables: ScenarioTables, loss: EarlierRun, pair: tuple[str, str]) -> s
     return "links.loss.file"
 
 
-def _links_of(path: Path) -> dict[tuple[str, str], dict[int, LinkVerdict]]:
+@dataclass(frozen=True, slots=True)
+class _RecordedVerdicts:
+    """Verdicts in a log by link and number of the message, and the faults of the log.
+
+    `numbers` are the verdicts' own numbers by receiver, in order: gaps in them are holes.
+    """
+
+    links: dict[tuple[str, str], dict[int, LinkVerdict]]
+    numbers: dict[str, list[int]]
+    faults: str
+
+    def missing_between(self, receiver: str, before: int, after: int) -> int:
+        """Count the verdicts of a receiver that the log lacks between two numbers."""
+        numbers = self.numbers[receiver]
+        present = bisect_left(numbers, after) - bisect_right(numbers, before)
+        return max(after - before - 1 - present, 0)
+
+
+def _links_of(path: Path) -> _RecordedVerdicts:
     from transport.log.reader import LogReader  # noqa: PLC0415 - not in a vehicle's process
     from transport.log.records import LogError  # noqa: PLC0415
 
     result: dict[tuple[str, str], dict[int, LinkVerdict]] = {}
+    numbers: dict[str, set[int]] = {}
     try:
         reader = LogReader(path)
         reader.require_all("verdict")
         for _, receiver, message in reader.messages(("verdict",)):
             verdict = cast("LinkVerdict", message)
             result.setdefault((verdict.sender, receiver), {})[verdict.pose_seq] = verdict
+            numbers.setdefault(receiver, set()).add(verdict.seq)
+        faults = reader.faults.removeprefix(f"{path}: ")
     except LogError as error:
         raise ValueError(str(error).removeprefix(f"{path}: ")) from error
     except OSError:
         raise
     except Exception as error:
         raise ValueError("damaged log") from error
-    return result
+    return _RecordedVerdicts(
+        result, {receiver: sorted(found) for receiver, found in numbers.items()}, faults
+    )
 
 
-def _record(
-    loss: EarlierRun, result: dict[tuple[str, str], dict[int, LinkVerdict]], pair: tuple[str, str]
-) -> EarlierRun:
+def _record(loss: EarlierRun, recorded: _RecordedVerdicts, pair: tuple[str, str]) -> EarlierRun:
     """Replace the file by the verdicts of a link; raises ValueError without verdicts.
 
-    A message without a verdict never arrived: it is lost, with the delay of the previous one.
+    A message without a verdict never arrived and is lost, with the delay of the previous one; if
+    its verdict is missing in the log, its fate is unknown and it counts as delivered.
     """
     link = loss.sender or pair[0], loss.receiver or pair[1]
-    if link not in result:
-        known = ", ".join(f"{sender} → {receiver}" for sender, receiver in sorted(result))
+    if link not in recorded.links:
+        known = ", ".join(f"{sender} → {receiver}" for sender, receiver in sorted(recorded.links))
         raise ValueError(f"no verdicts of {link[0]} → {link[1]}, allowed {known or 'none'}")
-    verdicts, delays = result[link], list[int]()
+    verdicts, delays = recorded.links[link], list[int]()
+    unknown = _without_record(recorded, link)
     dropped: dict[str, list[int]] = {}
     for number in range(max(verdicts) + 1):
         verdict = verdicts.get(number)
         if verdict is None:
             delays.append(delays[-1] if delays else 0)
-            dropped.setdefault("pattern", []).append(number)
+            if number not in unknown:
+                dropped.setdefault("pattern", []).append(number)
             continue
         # Old logs have 0 as the time of sending.
         delays.append(verdict.visible_at_ns - (verdict.sent_at_ns or verdict.measured_at_ns))
@@ -205,6 +233,7 @@ def _record(
         update={
             "file": None,
             "source": loss.file,
+            "log_faults": recorded.faults + (UNKNOWN_FATES if unknown else ""),
             "delays_ns": run_lengths(delays),
             "dropped_numbers": {
                 word: str(NumberSet.of((one, one) for one in numbers))
@@ -212,6 +241,19 @@ def _record(
             },
         }
     )
+
+
+def _without_record(recorded: _RecordedVerdicts, link: tuple[str, str]) -> set[int]:
+    """Numbers of messages whose verdicts are missing in the log, by gaps in the verdicts."""
+    verdicts, unknown = recorded.links[link], set[int]()
+    before, before_seq = -1, -1
+    for number in sorted(verdicts):
+        seq = verdicts[number].seq
+        if number > before + 1:
+            hidden = recorded.missing_between(link[1], before_seq, seq)
+            unknown.update(range(before + 1, min(number, before + 1 + hidden)))
+        before, before_seq = number, max(seq, before_seq)
+    return unknown
 
 
 def run_lengths(delays: Sequence[int]) -> str:

@@ -24,6 +24,7 @@ from scenarios.definition.schema.path_tables import PointsPath
 from scenarios.definition.schema.scenario_tables import ScenarioTables, SteeringTable
 from scenarios.definition.schema.settings_table import table_with
 from scenarios.definition.vehicle_setup import VehicleSetup
+from transport.links.laws.loss.earlier_run import EarlierRun
 from vehicles.car.parameters import VehicleParameters
 from vehicles.car.sending.sending_rules import RULES
 from vehicles.car.tyres import GRAVITY
@@ -257,6 +258,7 @@ def _warnings(scenario: Scenario, run: _Run, held: HeldBraking | None) -> tuple[
         *drive_warnings(scenario),
         *lap_warnings(scenario),
         *_vehicle_warnings(scenario),
+        *_recording_warnings(scenario),
         *preview_warnings(scenario, run.speed_range),
         *receiver_warnings(scenario),
         *sampled_loop_warnings(scenario, run.speed_range),
@@ -265,6 +267,12 @@ def _warnings(scenario: Scenario, run: _Run, held: HeldBraking | None) -> tuple[
         *slip_warnings(scenario, run.speeds, run.curvatures),
     )
     return tuple(dict.fromkeys(result))  # one file may be the path and replayed as well
+
+
+def _recording_warnings(scenario: Scenario) -> Iterator[str]:
+    for link in scenario.links.values():
+        if isinstance(link.loss, EarlierRun) and link.loss.log_faults:
+            yield f"{link.loss.source}: {link.loss.log_faults}"
 
 
 def _vehicle_warnings(scenario: Scenario) -> Iterator[str]:

@@ -66,13 +66,17 @@ class KnownSource:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Explanation:
-    """What `vehicle` knew at its last decision until the requested instant."""
+    """What `vehicle` knew at its last decision until the requested instant.
+
+    `log_faults` describes damage and holes of the log in one line.
+    """
 
     vehicle: str
     decided_at_s: float
     mode: str
     reason: str
     sources: tuple[KnownSource, ...]
+    log_faults: str = ""
 
     @property
     def sentence(self) -> str:
@@ -145,6 +149,7 @@ class RecordedKnowledge:
     scenario: Scenario
     vehicle: str
     last_at: int
+    faults: str = ""
     start_at: int = 0
     decisions: list[Tracking] = field(default_factory=list)
     places: dict[int, tuple[float, float]] = field(default_factory=dict)
@@ -160,7 +165,7 @@ class RecordedKnowledge:
         names = scenario.vehicle_names
         if vehicle not in names:
             raise LogError(f"{log}: no vehicle {vehicle!r}, allowed {', '.join(names)}")
-        record = cls(log, scenario, vehicle, reader.last_at)
+        record = cls(log, scenario, vehicle, reader.last_at, reader.faults)
         _read(
             reader,
             record,
@@ -184,6 +189,7 @@ class RecordedKnowledge:
             decided_at_s=_seconds(self, decision.decided_at_ns),
             mode=decision.mode,
             reason=decision.reason,
+            log_faults=self.faults,
             sources=tuple(
                 _known(self, (sender, self.vehicle), decision.decided_at_ns)
                 for sender in self.poses

@@ -1,6 +1,6 @@
 """The scenario that repeats a recorded run, including the changes made by hand."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -23,12 +23,15 @@ class _LiveChange:
     by: list[str] = field(default_factory=list)
 
 
-def session_of(log: Path) -> Scenario:
+def session_of(log: Path, warn: Callable[[str], None] = lambda _: None) -> Scenario:
     """The scenario in `log` with the changes made by hand; raises LogError.
 
-    Equal changes of several receivers at one instant are one change.
+    Equal changes of several receivers at one instant are one change. `warn` gets a line about
+    damage and holes of the log, because changes may be missing.
     """
     reader = LogReader(log)
+    if faults := reader.faults:
+        warn(faults)
     scenario = scenario_in(reader)
     start_at: int | None = None
     done: dict[tuple[int, str], _LiveChange] = {}

@@ -38,10 +38,8 @@ def review(
     returns, which is called with its address when all is drawn. Raises LogError or ViewerError.
     """
     reader = LogReader(log)
-    if reader.truncated:
-        warn(f"{log}: truncated; all data before the end are shown")
-    if reader.damage:
-        warn(reader.damage)
+    if faults := reader.faults:
+        warn(faults)
     scenario = _scenario_in(reader, warn)
     with _layout(log, scenario), _open(reader, option, scenario) as view:
         count = 0

@@ -58,8 +58,11 @@ def _read_run(log: "LogReader", vehicle: str | None) -> RecordedDrive:
     poses = [m for _, _, m in log.messages(("gps",), (name,)) if isinstance(m, GpsPose)]
     poses.sort(key=lambda pose: pose.measured_at_ns)
     left_out = LeftOutRecords()
-    if log.damage:
-        reason = log.damage.removeprefix(f"{log.path}: ")
+    missing, total = log.missing.get((name, "gps"), (0, 0))
+    if log.damage or missing:
+        damage = log.damage.removeprefix(f"{log.path}: ")
+        holes = f"{missing} of {total} poses of {name} are missing" if missing else ""
+        reason = "; ".join(filter(None, (damage, holes)))
         left_out.add(LeftOut(poses[0].seq if poses else 0, DAMAGE, reason))
     rows = [(pose.latitude_deg, pose.longitude_deg, pose.altitude_m) for pose in poses]
     return _drive(

@@ -10,6 +10,7 @@ from scenarios.studies.channel.fitting.estimate import Estimate
 from scenarios.studies.channel.fitting.fit_delay import fit_delay
 from scenarios.studies.channel.fitting.fit_loss import fit_losses
 from scenarios.studies.channel.fitting.recorded import RecordedLink, recorded_links
+from transport.log.reader import LogReader
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,13 +24,15 @@ class FittedLink:
     estimates: tuple[Estimate, ...]
     delay: str
     notes: tuple[str, ...] = ()
+    log_faults: str = ""
+    """Damage and holes of the log in one line: messages without a verdict are not fitted."""
 
     @property
     def entry(self) -> dict[str, Any]:
         return {"sender": self.sender, "receiver": self.receiver, **self.keys}
 
 
-def fit_link(link: RecordedLink) -> FittedLink:
+def fit_link(link: RecordedLink, log_faults: str = "") -> FittedLink:
     loss_keys, estimates, notes = fit_losses(link)
     delivered = link.delivered
     chosen = delivered if delivered.any() else ~delivered
@@ -42,17 +45,21 @@ def fit_link(link: RecordedLink) -> FittedLink:
         estimates=(*estimates, *delay.estimates),
         delay=delay.description,
         notes=tuple(notes),
+        log_faults=log_faults,
     )
 
 
 def fit_log(log: Path) -> tuple[FittedLink, ...]:
     """Fit the laws of each link of a log; raises LogError."""
-    return tuple(map(fit_link, recorded_links(log)))
+    links, faults = recorded_links(log), LogReader(log).faults
+    return tuple(fit_link(link, faults) for link in links)
 
 
 def as_toml(links: tuple[FittedLink, ...]) -> str:
     """Format the TOML block, with the estimates of each entry as comments above it."""
-    blocks = []
+    blocks = [
+        f"# {faults}" for faults in dict.fromkeys(link.log_faults for link in links) if faults
+    ]
     for link in links:
         head = f"# {link.sender} → {link.receiver}, {link.messages} messages; 95 % intervals:"
         lines = [head, *(f"#   {line}" for line in (*link.estimates, *link.notes))]

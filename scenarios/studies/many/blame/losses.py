@@ -103,6 +103,9 @@ class RecordedRun:
                 self.messages.append(message)
 
 
+READ_TOPICS = ("start", "gps", "verdict", "truth", "tracking")
+
+
 def read_run(log: Path) -> RecordedRun:
     """Read poses and their fates from a log.
 
@@ -112,13 +115,15 @@ def read_run(log: Path) -> RecordedRun:
     if reader.damage:
         raise LogError(reader.damage)
     reader.require_all("verdict", "tracking", "truth")
+    if any(topic in READ_TOPICS for _, topic in reader.missing):
+        raise LogError(f"{reader.faults}; blame needs a log without holes")
     if reader.truncated:
         raise LogError(f"{log}: truncated; blame needs the log of a complete run")
     run = RecordedRun(log, session_of(log))
     if run.scenario.replays:
         names = ", ".join(run.scenario.replays)
         raise LogError(f"{log}: {names} replayed a recorded drive; blame needs simulated vehicles")
-    for _, _, message in reader.messages(("start", "gps", "verdict", "truth", "tracking")):
+    for _, _, message in reader.messages(READ_TOPICS):
         run.add(message)
     if not run.start_at:
         raise LogError(f"{log}: has no start of the run")

@@ -40,6 +40,7 @@ class EarlierRun(LinkLaw):
     delays_ns        delays in order, in place of a file, such as "20000000x700, 23000000"
     dropped_numbers  numbers of dropped messages by reason, such as { loss = "3, 7" }
     source           name of the file they were read from
+    log_faults       damage and holes of that file, in one line
 
     The record replaces all keys of the link except `latency_ms`, which applies after the end of the
     record with "pass".
@@ -55,6 +56,7 @@ class EarlierRun(LinkLaw):
     receiver: str | None = None
     after_end: AfterEnd = "repeat"
     source: str = ""
+    log_faults: str = ""
     delays_ns: str | None = None
     dropped_numbers: dict[str, str] = Field(default_factory=dict)
 

@@ -1,0 +1,162 @@
+"""Every command that reads a log names its damage and holes, in one line and in its JSON."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from scenarios.cli.main import cli
+from scenarios.definition.check.findings import warnings
+from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
+from tests.made.scenarios.shipped import whole_run
+from transport.links.laws.loss.earlier_run import EarlierRun
+from transport.log.mcap_file import McapFile
+from transport.log.reader import LogReader
+from transport.log.repair import repair
+from transport.log.writer import LogWriter
+from vehicles.messages import LinkVerdict
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return whole_run("lossy_lane_change", tmp_path_factory) / "run.mcap"
+
+
+@pytest.fixture
+def damaged(whole: Path, tmp_path: Path) -> Path:
+    """The log with one flipped bit in the chunk in its middle."""
+    log = tmp_path / "damaged" / "run.mcap"
+    log.parent.mkdir()
+    data = bytearray(whole.read_bytes())
+    chunks = McapFile(whole).chunks
+    _, head = chunks[len(chunks) // 2]
+    data[(head.packed.start + head.packed.end) // 2] ^= 1
+    log.write_bytes(data)
+    return log
+
+
+@pytest.fixture
+def interrupted(whole: Path, tmp_path: Path) -> Path:
+    """The log of a recorder that was killed after two thirds of the run, repaired."""
+    log = tmp_path / "interrupted" / "run.mcap"
+    log.parent.mkdir()
+    chunks = McapFile(whole).chunks
+    end = chunks[2 * len(chunks) // 3][0].start + 100
+    log.write_bytes(whole.read_bytes()[:end])
+    assert repair(log)
+    return log
+
+
+def run(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(cli, [str(argument) for argument in arguments])
+
+
+def test_a_complete_log_has_no_faults(whole: Path) -> None:
+    reader = LogReader(whole)
+    assert (reader.faults, reader.missing) == ("", {})
+
+
+def test_faults_count_the_missing_messages_of_each_topic(whole: Path, damaged: Path) -> None:
+    before, after = LogReader(whole), LogReader(damaged)
+    for key, count in before.counts.items():
+        gone = count - after.counts.get(key, 0)
+        assert after.missing.get(key, (0, count)) == (gone, count)
+    gone = sum(lost for (_, topic), (lost, _) in after.missing.items() if topic == "verdict")
+    total = sum(count for (_, topic), count in before.counts.items() if topic == "verdict")
+    assert f"{gone} of {total} verdict messages are missing" in after.faults
+    assert "\n" not in after.faults
+
+
+COMMANDS = {
+    "report": ["--json"],
+    "explain": ["--vehicle", "v3", "--at", "2", "--json"],
+    "channel fit": ["--json"],
+}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("fault", ["damaged", "interrupted"])
+def test_commands_name_faults_in_a_line_and_in_their_json(
+    command: str, fault: str, request: pytest.FixtureRequest
+) -> None:
+    log: Path = request.getfixturevalue(fault)
+    done = run(*command.split(), log, *COMMANDS[command])
+    faults = LogReader(log).faults
+    assert faults
+    assert f"warning: {faults}" in done.stderr.splitlines()
+    found = json.loads(done.stdout)
+    for entry in found if isinstance(found, list) else [found]:
+        assert entry["log_faults"] == faults
+
+
+def test_a_complete_log_needs_no_warning(whole: Path) -> None:
+    for command, options in COMMANDS.items():
+        done = run(*command.split(), whole, *options)
+        assert (done.exit_code, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("command", ["scenario-from", "channel fit"])
+def test_files_made_of_a_damaged_log_name_its_damage(command: str, damaged: Path) -> None:
+    done = run(*command.split(), damaged)
+    faults = LogReader(damaged).faults
+    assert done.exit_code == 0
+    assert f"warning: {faults}" in done.stderr.splitlines()
+    assert done.stdout.startswith(f"# {faults}\n")
+
+
+def test_blame_refuses_a_damaged_log(damaged: Path, tmp_path: Path) -> None:
+    assert run("blame", damaged, "--limit", "error_m=0.5", "--out", tmp_path / "why").exit_code == 2
+
+
+# ---- Logs as channels
+
+
+def as_channel(log: Path) -> Scenario:
+    return load_scenario("lane_change", [f'links.loss={{kind="log", file="{log}"}}'])
+
+
+def losses(scenario: Scenario) -> dict[tuple[str, str], int]:
+    laws = {pair: link.loss for pair, link in scenario.links.items()}
+    return {pair: len(law.lost) for pair, law in laws.items() if isinstance(law, EarlierRun)}
+
+
+def test_holes_of_a_damaged_log_are_no_losses(whole: Path, damaged: Path) -> None:
+    """Every message of a hole counted as lost: now the losses are those that the log still has."""
+    remaining: dict[tuple[str, str], int] = {}
+    for _, receiver, message in LogReader(damaged).messages(("verdict",)):
+        assert isinstance(message, LinkVerdict)
+        pair = message.sender, receiver
+        remaining[pair] = remaining.get(pair, 0) + bool(message.reason)
+    assert losses(as_channel(damaged)) == remaining
+    assert sum(remaining.values()) < sum(losses(as_channel(whole)).values())
+
+
+def test_a_damaged_log_as_a_channel_is_named(whole: Path, damaged: Path) -> None:
+    assert warnings(as_channel(whole)) == ()
+    (line,) = warnings(as_channel(damaged))
+    assert re.search(r"damaged.*verdict messages are missing.*of unknown fate", line)
+    again = scenario_from_text(as_channel(damaged).text)
+    assert losses(again) == losses(as_channel(damaged))
+
+
+def test_messages_that_never_arrived_stay_losses(whole: Path, tmp_path: Path) -> None:
+    """Without verdicts 20 to 29: lost if their numbers were given to others, else unknown."""
+    found = {}
+    for shift in (0, 10):
+        log = tmp_path / f"{shift}.mcap"
+        with LogWriter(log) as writer:
+            for at, receiver, message in LogReader(whole).messages(("verdict",)):
+                assert isinstance(message, LinkVerdict)
+                if receiver != "v2" or 20 <= message.seq < 30:
+                    continue
+                seq = message.seq - shift * (message.seq >= 30)
+                one = replace(message, seq=seq, outcome="delivered", reason="")
+                writer.write(at, one)
+        scenario = load_scenario(
+            "lane_change", ["convoy.vehicles=2", f'links.loss={{kind="log", file="{log}"}}']
+        )
+        found[shift] = losses(scenario)["v1", "v2"]
+    assert found == {0: 0, 10: 10}
