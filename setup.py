@@ -27,7 +27,7 @@ MODULES = {
     " path_keeping tyres",
     "vehicles/car/positioning": "noise",
     "vehicles/car/sending": "path_history sender",
-    "vehicles/driver": "command_limit convoy_watch decision follower leader speed",
+    "vehicles/driver": "command_limit convoy_watch decision follower leader position_limit speed",
     "vehicles/driver/degradation": "innovation innovation_gate intended_path modes reception"
     " situation source sources speed_guard stopping trust",
     "vehicles/driver/ego": "covariance late_fixes own_state own_track pose_estimator",

@@ -6,6 +6,7 @@ tracking        errors against the trajectory, and the return to a path received
 steering        from errors to a steering command: the paper's law and others
 command_limit   limits of the steering angle and its rate
 speed           from gaps and profiles to an acceleration
+position_limit  speed limit of a car that is uncertain of its position
 degradation/    reactions to missing and to false messages
 convoy_ahead    the lead's distance from members of its convoy ahead of it on its path
 convoy_watch    whether the lead waits for lost followers

@@ -32,6 +32,7 @@ from vehicles.driver.degradation.speed_guard import SpeedGuard
 from vehicles.driver.degradation.trust import Trust
 from vehicles.driver.ego.own_state import OwnState, Pose
 from vehicles.driver.ego.slip_estimator import LoadWatch
+from vehicles.driver.position_limit import PositionLimit
 from vehicles.driver.speed import VehiclesAhead
 from vehicles.driver.steering import LateralController, SteeringCommand
 from vehicles.driver.tracking import PathBehind, Rejoining, TrackingErrors, track
@@ -101,6 +102,7 @@ class Follower:
         self._cautious, self._line_only = settings.cautious(), settings.line_only()
         self._limit = limit or CommandLimit()
         self._load = load or LoadWatch()
+        self._position_limit = PositionLimit(degradation)
         self._remarks: list[str] = []
         delays, gates = delays or {}, gates or {}
         named = {
@@ -180,7 +182,10 @@ class Follower:
         self._load.record_command(steering.steering)
         situation.predecessor_weight = sources.alpha(self._alpha)
         situation.hazard = self._mode == "stop" or self._rejoining.is_active
+        self._position_limit.observe(self._own_state.lateral_deviation)
+        self._speed_guard.is_slowed = self._position_limit.is_active
         speed = self._speed_guard.command(now, pose, ahead, situation, self._mode)
+        speed = self._position_limit.limited(speed, pose.speed, acceleration, self._period)
         situation.stops_at = sources.stops_at(self._mode, self._speed_guard.brakes_at)
         self._log_stop(situation)
         remarks: tuple[str, ...] = ()
@@ -192,7 +197,7 @@ class Follower:
             steering=steering,
             errors=errors,
             mode=self._mode,
-            reason=reason,
+            reason=self._position_limit.joined(reason),
             fit=self._trajectories[0][1] if refit and self._fitted else None,
             target_speed=speed.target_speed,
             estimated_gap=ahead.spacing - self._least_spacing,

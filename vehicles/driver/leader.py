@@ -4,7 +4,7 @@ It waits, if configured, while a follower is lost or has fallen behind.
 """
 
 from collections.abc import Sequence
-from math import sqrt
+from math import inf, sqrt
 from typing import Final
 
 from vehicles.car.dynamics import Actuation, Body
@@ -17,6 +17,7 @@ from vehicles.driver.decision import Decision
 from vehicles.driver.degradation.settings import Braking
 from vehicles.driver.ego.own_state import OwnState, Pose
 from vehicles.driver.ego.slip_estimator import LoadWatch
+from vehicles.driver.position_limit import PositionLimit
 from vehicles.driver.speed import (
     ProfileSpeed,
     SpeedCommand,
@@ -42,8 +43,9 @@ SLOWEST: Final = 1.0
 class WaitingProfile(ProfileSpeed):
     """Follows a speed profile, slower while the lead `waits` for a follower or is restrained.
 
-    While it is slower, its time passes more slowly, so the lead is never faster than the profile at
-    the same position, for example in a bend. Otherwise it equals `ProfileSpeed`.
+    It also keeps a `limit` (m/s). While it is slower, its time passes more slowly, so the lead is
+    never faster than the profile at the same position, for example in a bend. Otherwise it equals
+    `ProfileSpeed`.
     """
 
     def __init__(
@@ -58,6 +60,7 @@ class WaitingProfile(ProfileSpeed):
         self._at = start_at
         self._planned = 0.0
         self.waits = False
+        self.limit = inf
 
     def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:  # noqa: ARG002
         self._behind += (1.0 - self._pace) * (now - self._at) / SECOND
@@ -84,9 +87,11 @@ class WaitingProfile(ProfileSpeed):
 
     def _change_pace(self, speed: float) -> None:
         target = WAITING_SHARE if self.waits else 1.0
+        full, braking = max(speed, SLOWEST), self._braking
+        if self.limit < target * full:
+            target = self.limit / full
         if self._pace == target and not self._change:
             return
-        full, braking = max(speed, SLOWEST), self._braking
         left = (target - self._pace) * full
         # The change must be able to end at this jerk when the target is reached.
         fastest = min(braking.deceleration, sqrt(2.0 * braking.jerk * abs(left)))
@@ -118,10 +123,12 @@ class Leader:
         load: LoadWatch | None = None,
         watch: ConvoyWatch | None = None,
         ahead: ConvoyAhead | None = None,
+        position_limit: PositionLimit | None = None,
     ) -> None:
         """`station` (m) is the initial arc length, `limit` that of the steering command.
 
         `watch` decides whether it waits for its followers, `ahead` keeps its distance from them,
+        `position_limit` slows it down while its position is uncertain,
         each if configured and with a `WaitingProfile` as the speed law.
         """
         self._own_state = own_state
@@ -134,6 +141,7 @@ class Leader:
         self._load = load or LoadWatch()
         self._watch = watch
         self._ahead = ahead
+        self._position_limit = position_limit
         self._waiting = speed_law if isinstance(speed_law, WaitingProfile) else None
         self._decision: Decision | None = None
 
@@ -180,6 +188,10 @@ class Leader:
         reason = ""
         if watch is not None:
             law.waits, reason = watch.waits, watch.reason
+        if self._position_limit is not None:
+            self._position_limit.observe(self._own_state.lateral_deviation)
+            law.limit = self._position_limit.speed
+            reason = self._position_limit.joined(reason)
         planned = law.command(now, pose, VehiclesAhead())
         if ahead is None:
             return planned, reason

@@ -107,6 +107,16 @@ class DegradationSettings:
             "predecessor"
         ),
     ] = "always_intended"
+    lateral_deviation_max: Annotated[
+        float,
+        Setting(
+            "the car drives slower while the standard deviation of its own lateral position is "
+            "larger than this; three of the default are 0.3 m",
+            unit="m",
+            minimum=0,
+            maximum=1000,
+        ),
+    ] = 0.1
     comfortable_deceleration: Annotated[
         float, Setting("comfortable braking", "mps2", 0.1, 12, name="comfortable")
     ] = 1.0

@@ -101,8 +101,9 @@ class SpeedGuard:
     and catches up afterwards.
 
     `stops_behind` is True while the predecessor is assumed to stop as announced and this takes more
-    than comfortable braking. At `brakes_at` (ns, 0 for never) the car will brake hard unless the
-    predecessor is received.
+    than comfortable braking. While `is_slowed` is set, the car falls back for another reason, and
+    has to catch up. At `brakes_at` (ns, 0 for never) the car will brake hard unless the predecessor
+    is received.
     """
 
     def __init__(self, law: SpeedLaw, settings: DegradationSettings, car: GuardedCar) -> None:
@@ -125,6 +126,7 @@ class SpeedGuard:
         self._settled_at = 0
         self._was_safe = False
         self._announced = AnnouncedStop(self._emergency)
+        self.is_slowed = False
         self.stops_behind = False
         self.brakes_at = 0
         self._headway = 0.0
@@ -152,7 +154,7 @@ class SpeedGuard:
         blind = mode in SLOWING
         expects_stop = self._announced.is_expected(now, predecessor)
         alert = blind or warned or self._ages.is_recently_late(now)
-        self._update_following(tick, alert=alert)
+        self._update_following(tick, alert=alert or self.is_slowed)
         reserve, opening = self._reserve(tick), self._opening(tick)
         alone = self._headway > 0.0 or situation.lead.status in LOST
         if not (alert or self._following or self._held or opening or alone):

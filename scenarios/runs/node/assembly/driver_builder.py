@@ -19,6 +19,7 @@ from vehicles.driver.ego.pose_estimator import PoseEstimator
 from vehicles.driver.ego.slip_estimator import LoadWatch, ParameterUser, SlipEstimator
 from vehicles.driver.follower import Follower
 from vehicles.driver.leader import Leader, WaitingProfile
+from vehicles.driver.position_limit import PositionLimit
 from vehicles.driver.speed import GapKeeping, ProfileSpeed, SpacingPolicy, SpeedLaw
 from vehicles.driver.steering import LateralController, load_controller
 from vehicles.geometry.geodesy import wrap_angle
@@ -79,6 +80,7 @@ class DriverBuilder:
                 speed_law=speed_law,
                 watch=self._convoy_watch(now, context.car.body) if speed.lead_waits else None,
                 ahead=self._convoy_ahead() if speed.lead_keeps_gap else None,
+                position_limit=self._position_limit(),
                 control=control,
                 path=self._route.path,
                 station=self.station(context.car.body),
@@ -188,12 +190,24 @@ class DriverBuilder:
         }
 
     def _own_profile(self, start_at: int) -> ProfileSpeed:
-        """The planned speed, reduced while a lead waits for a follower."""
+        """The planned speed, reduced while a lead waits or is uncertain of its position."""
         setup = self._setup
-        if setup.predecessor is not None or not setup.senders:
+        slows = setup.senders or self._position_limit() is not None
+        if setup.predecessor is not None or not slows:
             return self._profile(start_at)
         period, braking = 1.0 / self._scenario.control_rate_hz, setup.degradation.comfortable
         return WaitingProfile(self._route.plan.profile, start_at, period, braking)
+
+    def _position_limit(self) -> PositionLimit | None:
+        """Speed limit of a lead that is uncertain of its position, if all followers adapt to it.
+
+        Followers at the common speed adapt only with the reaction "degrade".
+        """
+        if self._scenario.tables.speed.followers == "same":
+            setups = [self._scenario.vehicle(name) for name in self._scenario.vehicle_names[1:]]
+            if any(setup.degradation.reaction != "degrade" for setup in setups):
+                return None
+        return PositionLimit(self._setup.degradation)
 
     def _profile(self, start_at: int) -> ProfileSpeed:
         return ProfileSpeed(

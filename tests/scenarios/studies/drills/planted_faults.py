@@ -130,6 +130,7 @@ PLANTS = (
     Plant("overconfident_gnss", (ERROR,), WEAKER),
     Plant("overconfident_gnss", ("recovery[0]",), (SLOW,)),
     Plant("rtk_lost", (ERROR, SELF_ESTIMATE), fault=NO_LASTING_ERRORS),
+    Plant("drifting_receiver", (ERROR, SELF_ESTIMATE), fault=NO_LASTING_ERRORS),
     Plant("clock_off", (ERROR,), (WEAK,)),
     Plant("clock_off", ("distrusts_max",), ("control.degradation.gate_deviations=1.0",)),
     Plant("clock_off", (GAP,), ("speed.gap.headway_s=0.3",)),

@@ -23,6 +23,7 @@ EXPECTED = {
     "ghost_vehicle",
     "overconfident_gnss",
     "rtk_lost",
+    "drifting_receiver",
     "clock_off",
     "restarted_follower",
     "late_joiner",

@@ -1,0 +1,82 @@
+"""The speed limit of a car that is uncertain of its own position."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from math import inf, nan
+
+import pytest
+
+from vehicles.driver.degradation.settings import DegradationSettings
+from vehicles.driver.ego.own_state import Pose
+from vehicles.driver.leader import WaitingProfile
+from vehicles.driver.position_limit import WALKING_PACE, PositionLimit, speed_limit
+from vehicles.driver.speed import SpeedCommand, SpeedProfile, VehiclesAhead
+from vehicles.schedule import SECOND
+
+SETTINGS = DegradationSettings()
+SPAN = 0.02
+Deviation = Callable[[float], float]
+
+
+def test_the_limit_falls_with_the_deviation_to_a_walking_pace() -> None:
+    limits = [speed_limit(0.01 * step) for step in range(200)]
+    assert all(later <= earlier for earlier, later in pairwise(limits))
+    assert speed_limit(0.1) == pytest.approx(29.8, abs=0.1)
+    assert limits[-1] == WALKING_PACE
+
+
+@pytest.mark.parametrize("deviation", [0.0, 0.02, 0.1, nan])
+def test_small_and_unknown_deviations_change_nothing(deviation: float) -> None:
+    limit, command = PositionLimit(SETTINGS), SpeedCommand(1.5, 30.0)
+    limit.observe(deviation)
+    assert limit.limited(command, 30.0, 0.0, SPAN) is command
+    assert limit.joined("") == ""
+
+
+@pytest.mark.parametrize("reaction", ["extrapolate", "hold", "straight"])
+def test_baselines_drive_at_full_speed(reaction: str) -> None:
+    limit = PositionLimit(replace(SETTINGS, reaction=reaction))  # type: ignore[arg-type]
+    limit.observe(5.0)
+    assert limit.speed == inf
+
+
+def follower(deviation: Deviation, seconds: float) -> list[tuple[float, float]]:
+    """Speeds (m/s) and accelerations (m/s²) of a car whose usual command returns to 30 m/s."""
+    limit, speed, last, driven = PositionLimit(SETTINGS), 30.0, 0.0, []
+    for step in range(round(seconds / SPAN)):
+        limit.observe(deviation(step * SPAN))
+        usual = SpeedCommand(min(30.0 - speed, 2.0), 30.0)
+        last = limit.limited(usual, speed, last, SPAN).acceleration
+        speed += last * SPAN
+        driven.append((speed, last))
+    return driven
+
+
+def lead(deviation: Deviation, seconds: float) -> list[tuple[float, float]]:
+    """Speeds (m/s) and commands (m/s²) of a lead with a planned speed of 30 m/s."""
+    limit, speed, driven = PositionLimit(SETTINGS), 30.0, []
+    law = WaitingProfile(SpeedProfile((0.0,), (30.0,)), 0, SPAN, SETTINGS.comfortable)
+    for step in range(round(seconds / SPAN)):
+        limit.observe(deviation(step * SPAN))
+        law.limit = limit.speed
+        pose = Pose(0.0, 0.0, 0.0, speed, 0.0)
+        command = law.command(round(step * SPAN * SECOND), pose, VehiclesAhead())
+        speed += command.acceleration * SPAN
+        driven.append((speed, command.acceleration))
+    return driven
+
+
+@pytest.mark.parametrize("car", [follower, lead])
+@pytest.mark.parametrize(("deviation", "limit"), [(0.19, 14.3), (2.0, WALKING_PACE)])
+def test_a_car_slows_comfortably_and_recovers(
+    car: Callable[[Deviation, float], list[tuple[float, float]]], deviation: float, limit: float
+) -> None:
+    driven = car(lambda at: deviation if 1.0 < at < 60.0 else 0.02, 120.0)
+    speeds, accelerations = zip(*driven, strict=True)
+    assert min(accelerations) > -SETTINGS.comfortable.deceleration - 0.05
+    assert min(speeds) > limit - 0.1
+    assert speeds[round(60.0 / SPAN)] == pytest.approx(limit, abs=0.2)
+    assert speeds[-1] == pytest.approx(30.0, abs=0.1)
+    steps = [abs(b - a) for a, b in pairwise(accelerations) if min(a, b) < 0.0]
+    assert max(steps) < 0.1

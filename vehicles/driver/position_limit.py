@@ -1,0 +1,88 @@
+"""Speed limit of a car that is uncertain of its lateral position; SI units."""
+
+import math
+from math import inf
+from typing import Final
+
+from vehicles.driver.degradation.settings import DegradationSettings
+from vehicles.driver.speed import SpeedCommand
+
+LANE_MARGIN: Final = 0.82
+"""Distance (m) of a centred car from the edge of its lane: 1.86 m of width on 3.5 m."""
+HEADING_ERROR: Final = math.radians(1.0)
+REACTION_TIME: Final = 1.0
+"""A car that is HEADING_ERROR (rad) off its lane's direction needs REACTION_TIME (s) to correct it
+before it leaves the lane. Autoware's localisation monitor warns at the same 1 degree."""
+WALKING_PACE: Final = 3.0
+"""Least limit (m/s), so that no car stops because its position is uncertain."""
+APPROACH: Final = 0.25
+"""Deceleration per excess speed (1/s); more would need more than comfortable jerk at the end."""
+NO_EFFECT: Final = 2.0
+"""From this acceleration (m/s²) on a limit that ends has no effect; see `GapLimits`."""
+
+
+def speed_limit(deviation: float) -> float:
+    """Largest speed (m/s) at a standard deviation (m) of the lateral position.
+
+    The margin that is left in the lane, beside three standard deviations, must last for the
+    reaction time at the heading error: v = (margin - 3 σ) / (heading error × reaction time), at
+    least a walking pace. It is 30 m/s at 3 σ = 0.3 m, where Autoware's localisation monitor reports
+    an error, 14 m/s at 0.57 m (RTK float), and a walking pace from 0.77 m on.
+    """
+    left = LANE_MARGIN - 3.0 * deviation
+    return max(left / (HEADING_ERROR * REACTION_TIME), WALKING_PACE)
+
+
+class PositionLimit:
+    """Reduces the speed comfortably while the own lateral position is uncertain.
+
+    `speed` (m/s) is the limit, infinite while the deviation is at most the configured one or
+    unknown.
+    """
+
+    def __init__(self, settings: DegradationSettings) -> None:
+        self._allowed = settings.lateral_deviation_max if settings.reaction == "degrade" else inf
+        self._braking = settings.comfortable
+        self._acceleration = inf
+        self._deviation = 0.0
+        self.speed = inf
+
+    @property
+    def is_active(self) -> bool:
+        """Whether the speed is reduced, or returns to normal."""
+        return self._acceleration < inf
+
+    def joined(self, reason: str) -> str:
+        """Append the reason of the limit, if there is one, to another reason."""
+        if self.speed == inf:
+            return reason
+        width = 3.0 * self._deviation
+        own = f"lateral position uncertain by {width:.2f} m (3σ): at most {self.speed:.1f} m/s"
+        return f"{reason}; {own}" if reason else own
+
+    def observe(self, deviation: float) -> None:
+        """Set the limit by the lateral deviation (m) of the own position, NaN if unknown."""
+        self._deviation = deviation
+        self.speed = speed_limit(deviation) if deviation > self._allowed else inf
+
+    def limited(
+        self, command: SpeedCommand, speed: float, last: float, span: float
+    ) -> SpeedCommand:
+        """Limit a command at a speed (m/s), `span` (s) after the `last` acceleration (m/s²).
+
+        The limit of acceleration changes with comfortable jerk, and ends when it has no effect.
+        """
+        if self.speed == inf and not self.is_active:
+            return command
+        braking, step = self._braking, self._braking.jerk * span
+        wanted = NO_EFFECT
+        if self.speed < inf:
+            wanted = max(APPROACH * (self.speed - speed), -braking.deceleration)
+        before = self._acceleration if self.is_active else max(last, wanted)
+        self._acceleration = min(max(wanted, before - step), before + step)
+        allowed = self._acceleration
+        if self.speed == inf and allowed >= NO_EFFECT:
+            self._acceleration = inf
+        if command.acceleration <= allowed:
+            return command
+        return SpeedCommand(allowed, min(command.target_speed, self.speed))
