@@ -8,6 +8,7 @@ import json
 import logging
 import os
 import re
+import socket
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -17,7 +18,7 @@ from pathlib import Path
 import zenoh
 
 from transport.bus.bus import AliveHandler, Answer, BusError, Fetch, Handler, Member
-from transport.bus.zenoh_options import DEFAULT_ENDPOINT, DEFAULTS, VEHICLE_DEFAULTS, ZenohOptions
+from transport.bus.zenoh_options import DEFAULT_ENDPOINT, DEFAULTS, ZenohOptions
 from transport.closing import Closing
 from transport.topics import TOPICS, alive_key
 
@@ -38,12 +39,13 @@ ALL_MEMBERS = alive_key("*", "*", "*", "*")
 """Matches the liveliness tokens of all members."""
 MEMBERS_S = 2.0
 """Timeout of the query for members."""
+ANSWER_S = 2.0
+"""How long to wait for a connection that only shows whether a program is there."""
 
 _LOG_FILTER = "error,zenoh::api::session=off"
 """Zenoh's log filter, unless RUST_LOG is set. Sessions log errors for messages that arrive while
 they close."""
 _URGENT = zenoh.Priority.DATA_HIGH
-_SLICE_S = 1.0
 _SETTLE_S = 0.01
 """After the loss of the router all tokens disappear, and `connected()` is False within 3 ms
 (measured)."""
@@ -255,9 +257,9 @@ def _member(token: zenoh.KeyExpr) -> Member:
     return Member(*str(token).split("/")[2:])
 
 
-def open_bus(options: ZenohOptions, own: Mapping[str, str] = VEHICLE_DEFAULTS) -> ZenohBus:
-    """Open a session; raises BusError. `own` are the defaults of this kind of process."""
-    config = prepare_bus(options, own)
+def open_bus(options: ZenohOptions) -> ZenohBus:
+    """Open a session; raises BusError."""
+    config = prepare_bus(options)
     os.environ.setdefault("ZENOH_RUNTIME", _ONE_THREAD)
     zenoh.init_log_from_env_or(_LOG_FILTER)
     if config.get_json("mode") != '"client"':
@@ -267,35 +269,43 @@ def open_bus(options: ZenohOptions, own: Mapping[str, str] = VEHICLE_DEFAULTS) -
     endpoints = config.get_json("connect/endpoints").strip("[]").replace('"', "")
     if not endpoints:
         raise BusError(f"a client needs a router to connect to, such as {DEFAULT_ENDPOINT}")
-    longest = f"{options.connect_timeout_s:g} s"
-    with _as_bus_error(f"cannot join through {endpoints} within {longest}; is a router there?"):
-        return ZenohBus(_open_with_retries(config, options.connect_timeout_s))
+    # In one attempt: a connection takes three round trips. Zenoh releases the interpreter's lock.
+    config.insert_json5("connect/timeout_ms", str(max(1, round(options.connect_timeout_s * 1000))))
+    try:
+        return ZenohBus(zenoh.open(config))
+    except zenoh.ZError as error:
+        longest = f"{options.connect_timeout_s:g} s"
+        why = f"cannot join through {endpoints} within {longest}; {_refusal(endpoints, config)}"
+        raise BusError(f"{why}: {_reason(error)}") from None
 
 
-def prepare_bus(options: ZenohOptions, own: Mapping[str, str] = VEHICLE_DEFAULTS) -> zenoh.Config:
+def _refusal(endpoints: str, config: zenoh.Config) -> str:
+    """What to check after a router did not admit a client; Zenoh does not report it."""
+    if not any(map(_answers, endpoints.split(","))):
+        return "is a router there?"
+    user = config.get_json("transport/auth/usrpwd/user")
+    credentials = f"the password of user {user}" if user != "null" else "user and password"
+    return f"a program answers there but does not admit this process; check {credentials}, protocol"
+
+
+def _answers(endpoint: str) -> bool:
+    """Whether a program accepts TCP connections at an endpoint such as tls/host:7447."""
+    address = re.split(r"[?#]", endpoint)[0].partition("/")[2]
+    host, _, port = address.rpartition(":")
+    try:
+        with socket.create_connection((host.strip("[]"), int(port)), timeout=ANSWER_S):
+            return True
+    except (OSError, ValueError, OverflowError):
+        return False
+
+
+@lru_cache(maxsize=1)
+def prepare_bus(options: ZenohOptions) -> zenoh.Config:
     """Build the configuration of `open_bus` before processes are forked; raises BusError.
 
     This saves half a megabyte in each process.
     """
-    return _prepared(options, tuple(own.items()))
-
-
-@lru_cache(maxsize=1)
-def _prepared(options: ZenohOptions, own: tuple[tuple[str, str], ...]) -> zenoh.Config:
-    return configuration(options, {**DEFAULTS, **dict(own)})
-
-
-def _open_with_retries(config: zenoh.Config, timeout_s: float) -> zenoh.Session:
-    """Open a client in slices of time, between which signals are handled."""
-    give_up_at = time.monotonic() + timeout_s
-    while True:
-        left_s = min(give_up_at - time.monotonic(), _SLICE_S)
-        config.insert_json5("connect/timeout_ms", str(max(1, round(left_s * 1000))))
-        try:
-            return zenoh.open(config)
-        except zenoh.ZError:
-            if time.monotonic() >= give_up_at:
-                raise
+    return configuration(options, DEFAULTS)
 
 
 def open_router(

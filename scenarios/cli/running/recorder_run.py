@@ -17,7 +17,6 @@ from scenarios.runs.processes.recorder_process import RecorderProcess
 from scenarios.runs.run_folder import claimed
 from scenarios.runs.stop import EXIT_FAILED, Stop, ignore_signals
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
-from transport.bus.zenoh_options import RECORDER_DEFAULTS
 
 
 def record_run(
@@ -38,7 +37,7 @@ def record_run(
     folder = run_folder(scenario, out)
     with (
         nullcontext() if launched else claimed(folder, fresh=out is None),
-        open_bus(options, RECORDER_DEFAULTS) as bus,
+        open_bus(options) as bus,
     ):
         member = Membership(bus, options.run, RECORDER, "recorder", Fingerprint.of(scenario))
         member.join()

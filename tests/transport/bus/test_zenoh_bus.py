@@ -10,8 +10,10 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from queue import Queue
+from threading import Thread
 
 import pytest
 import zenoh
@@ -29,8 +31,6 @@ from transport.bus.zenoh_bus import (
 )
 from transport.bus.zenoh_options import (
     DEFAULTS,
-    RECORDER_DEFAULTS,
-    VEHICLE_DEFAULTS,
     ZenohOptions,
 )
 
@@ -82,15 +82,14 @@ def test_a_member_starts_with_the_prepared_configuration(
     made: list[str] = []
 
     def noted(requested: ZenohOptions, defaults: Mapping[str, str]) -> zenoh.Config:
-        made.append(defaults["transport/link/tx/lease"])
+        made.append(requested.run)
         return configuration(requested, defaults)
 
     monkeypatch.setattr(zenoh_bus, "configuration", noted)
     prepare_bus(options)
     with open_bus(options) as bus:
         assert bus.connected()
-    with open_bus(options, RECORDER_DEFAULTS):
-        assert made == ["2000", "10000"]
+    assert made == ["prepared"]
 
 
 def assert_one_clear_line(error: BusError) -> None:
@@ -121,6 +120,77 @@ def test_no_router() -> None:
     assert 0.2 < time.monotonic() - began < 2.0
     assert_one_clear_line(caught.value)
     assert endpoint in str(caught.value)
+
+
+def test_wrong_credentials_are_not_a_missing_router(tmp_path: Path) -> None:
+    users = tmp_path / "users.txt"
+    users.write_text("v2:right\n")
+    known = f'transport/auth/usrpwd:{{user:"router",password:"x",dictionary_file:"{users}"}}'
+    endpoint = free_endpoint()
+    with open_router((endpoint,), cfg=(known,)):
+        for password, word in (("right", ""), ("wrong", "password of user .*v2"), ("", "password")):
+            own = (
+                (f'transport/auth/usrpwd:{{user:"v2",password:"{password}"}}',) if password else ()
+            )
+            options = ZenohOptions(connect=(endpoint,), connect_timeout_s=0.5, cfg=own)
+            if not word:
+                open_bus(options).close()
+                continue
+            with pytest.raises(BusError, match=word) as caught:
+                open_bus(options)
+            assert "is a router there" not in str(caught.value)
+            assert_one_clear_line(caught.value)
+
+
+class SlowCable:
+    """A TCP connection to `endpoint` that delays each direction by `delay_s`."""
+
+    def __init__(self, endpoint: str, delay_s: float) -> None:
+        self._target = ("127.0.0.1", int(endpoint.rpartition(":")[2]))
+        self._delay_s = delay_s
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self.endpoint = f"tcp/127.0.0.1:{self._server.getsockname()[1]}"
+        Thread(target=self._accept, daemon=True).start()
+
+    def _accept(self) -> None:
+        with suppress(OSError):
+            while True:
+                near, _ = self._server.accept()
+                far = socket.create_connection(self._target)
+                for ends in ((near, far), (far, near)):
+                    Thread(target=self._carry, args=ends, daemon=True).start()
+
+    def _carry(self, source: socket.socket, sink: socket.socket) -> None:
+        pending: Queue[tuple[float, bytes]] = Queue()
+
+        def deliver() -> None:
+            with suppress(OSError):
+                while True:
+                    at, data = pending.get()
+                    time.sleep(max(0.0, at - time.monotonic()))
+                    sink.sendall(data)
+
+        Thread(target=deliver, daemon=True).start()
+        with suppress(OSError):
+            while data := source.recv(65536):
+                pending.put((time.monotonic() + self._delay_s, data))
+
+
+def test_a_process_joins_and_measures_its_clock_over_a_long_round_trip(router: Router) -> None:
+    cable = SlowCable(router.endpoints[0], 0.3)
+    answers: list[bytes] = []
+    with (
+        join(router) as recorder,
+        open_bus(ZenohOptions(connect=(cable.endpoint,), run="")) as vehicle,
+    ):
+        recorder.answer("convoy/@clock/run", lambda payload: payload + b"!")
+
+        def is_answered() -> bool:
+            vehicle.request("convoy/@clock/run", answers.append, 5.0, b"now")
+            return bool(answers)
+
+        assert until(is_answered)
+    assert answers[0] == b"now!"
 
 
 def test_a_client_waits_for_its_router() -> None:
@@ -165,7 +235,7 @@ def test_a_wrong_file(tmp_path: Path, text: str) -> None:
 
 
 def setting(options: ZenohOptions, name: str) -> object:
-    return json.loads(configuration(options, DEFAULTS | VEHICLE_DEFAULTS).get_json(name))
+    return json.loads(configuration(options, DEFAULTS).get_json(name))
 
 
 def test_members_of_other_networks_are_not_found() -> None:
@@ -193,13 +263,8 @@ def test_the_file_goes_over_defaults_flags_over_the_file_settings_over_all(tmp_p
     assert setting(by_settings, "connect/endpoints") == ["tcp/b:2"]
 
 
-def test_only_vehicles_are_found_frozen_early() -> None:
-    # With a short lease a recorder that is held up would be disconnected and lose poses,
-    # and a router would disconnect others.
-    name = "transport/link/tx/lease"
-    assert setting(ZenohOptions(), name) == 2000
-    for defaults in (DEFAULTS, DEFAULTS | RECORDER_DEFAULTS):
-        assert json.loads(configuration(ZenohOptions(), defaults).get_json(name)) == 10_000
+def test_pauses_of_five_seconds_disconnect_nobody() -> None:
+    assert setting(ZenohOptions(), "transport/link/tx/lease") == 10_000
 
 
 def test_runs_of_two_names_are_isolated(router: Router) -> None:
@@ -307,7 +372,7 @@ def test_an_exception_ends_the_process(router: Router) -> None:
 
 
 @pytest.mark.parametrize(
-    ("how", "seconds"), [(signal.SIGKILL, 1.0), (signal.SIGSTOP, 4.0)], ids=["killed", "frozen"]
+    ("how", "seconds"), [(signal.SIGKILL, 1.0), (signal.SIGSTOP, 15.0)], ids=["killed", "frozen"]
 )
 def test_a_suspended_vehicle_is_reported(
     router: Router, how: signal.Signals, seconds: float
@@ -323,6 +388,35 @@ def test_a_suspended_vehicle_is_reported(
         os.kill(child.pid, how)
         assert until(lambda: not alive["lead"], seconds)
         assert watcher.connected()
+
+
+def test_a_router_frozen_for_four_seconds_loses_nothing_and_nobody() -> None:
+    endpoint = free_endpoint()
+    code = (
+        "import sys, time; from transport.bus.zenoh_bus import *;"
+        "router = open_router((sys.argv[1],)); time.sleep(60)"
+    )
+    received, gone = ReceivedMessages(), list[str]()
+    options = ZenohOptions(connect=(endpoint,))
+    with subprocess.Popen([sys.executable, "-c", code, endpoint]) as router:
+        try:
+            with open_bus(options) as vehicle, open_bus(options) as recorder:
+                recorder.watch(lambda member, alive: None if alive else gone.append(member.name))
+                recorder.subscribe("convoy/**", received)
+                vehicle.announce("vehicle", "v1", "print")
+                connect(vehicle, received)
+                router.send_signal(signal.SIGSTOP)
+                for number in range(80):
+                    vehicle.publish("convoy/v1/gps", b"%d" % number)
+                    time.sleep(0.05)
+                router.send_signal(signal.SIGCONT)
+                last = ("convoy/v1/gps", b"79")
+                assert until(lambda: last in received)
+                assert [d for k, d in received if k == last[0]] == [b"%d" % n for n in range(80)]
+                assert gone == []
+        finally:
+            router.send_signal(signal.SIGCONT)
+            router.kill()
 
 
 def test_loss_of_the_router_is_no_failure_of_members() -> None:
