@@ -1,6 +1,7 @@
 """A scenario: read from a file, validated, and resolved to all that a run needs."""
 
 import hashlib
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
@@ -51,6 +52,7 @@ from scenarios.definition.validation.wording import toml_repr
 from scenarios.definition.vehicle_setup import VehicleSetup, vehicle_setup
 from transport.links.laws.link_law import LinkSetting
 from vehicles.car.clock_error import VehicleClock
+from vehicles.car.tyres import GRAVITY
 from vehicles.driver.speed import GapLimits, SpacingPolicy
 from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.geometry.sampled_path import SampledPath
@@ -236,7 +238,20 @@ class Scenario:
     def gap_limits(self) -> GapLimits:
         gap, speed = self.tables.speed.gap, self.tables.speed
         lateral = FOLLOWERS_LATERAL * speed.lateral_acceleration_mps2_max
-        return GapLimits(gap.acceleration_mps2_max, gap.braking_mps2_max, lateral)
+        before_bends = min(speed.braking_mps2_max, 0.5 * gap.braking_mps2_max)
+        return GapLimits(gap.acceleration_mps2_max, gap.braking_mps2_max, lateral, before_bends)
+
+    def usable_lateral(self, name: str) -> float:
+        """Lateral acceleration (m/s²) that the friction allows a follower; infinite for no limit.
+
+        It counts for bends that the follower has received. Followers that keep a gap also keep
+        their limit of `gap_limits`.
+        """
+        ratio = self.tables.speed.friction_ratio_max
+        friction = ratio * self.vehicle(name).parameters.friction * GRAVITY
+        if ratio == math.inf or self.tables.speed.followers == "same":
+            return friction
+        return min(friction, self.gap_limits.lateral)
 
     def vehicle(self, name: str) -> VehicleSetup:
         """Return the settings of a vehicle; raises ScenarioError for an unknown name."""

@@ -5,6 +5,7 @@ ego/            the own state
 tracking        errors against the trajectory, and the return to a path received again
 steering        from errors to a steering command: the paper's law and others
 command_limit   limits of the steering angle and its rate
+bends           speed in bends of the known path ahead
 speed           from gaps and profiles to an acceleration
 position_limit  speed limit of a car that is uncertain of its position
 degradation/    reactions to missing and to false messages

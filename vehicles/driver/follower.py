@@ -14,6 +14,7 @@ from typing import Final
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix
 from vehicles.car.imu import Motion
+from vehicles.driver.bends import BendsAhead
 from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Decision
 from vehicles.driver.degradation.innovation_gate import InnovationGate
@@ -33,7 +34,7 @@ from vehicles.driver.degradation.trust import Trust
 from vehicles.driver.ego.own_state import OwnState, Pose
 from vehicles.driver.ego.slip_estimator import LoadWatch
 from vehicles.driver.position_limit import PositionLimit
-from vehicles.driver.speed import VehiclesAhead
+from vehicles.driver.speed import NO_BEND, VehiclesAhead
 from vehicles.driver.steering import LateralController, SteeringCommand
 from vehicles.driver.tracking import PathBehind, Rejoining, TrackingErrors, track
 from vehicles.messages import Mode
@@ -81,12 +82,13 @@ class Follower:
         limit: CommandLimit | None = None,
         load: LoadWatch | None = None,
         gates: Mapping[str, InnovationGate] | None = None,
+        bends: Mapping[str, BendsAhead] | None = None,
     ) -> None:
         """`alpha` in [0, 1] is the weight of the predecessor, 1 - alpha that of the lead.
 
         `periods` (s) between messages, `delays` (s) of the first message and `gates` are by source;
-        without a gate only jumps are refused. `least_spacing` (m) to the predecessor is that at
-        which the bumpers touch.
+        without a gate only jumps are refused. `bends` by source limit the speed. `least_spacing`
+        (m) to the predecessor is that at which the bumpers touch.
         """
         self._own_state = own_state
         self._controller = controller
@@ -103,6 +105,7 @@ class Follower:
         self._limit = limit or CommandLimit()
         self._load = load or LoadWatch()
         self._position_limit = PositionLimit(degradation)
+        self._bends = bends or {}
         self._remarks: list[str] = []
         delays, gates = delays or {}, gates or {}
         named = {
@@ -143,6 +146,9 @@ class Follower:
         self._own_state.update(now, fix, motion)
         for pose in received:
             trace = self._sources.receive(pose)
+            bends = self._bends.get(pose.message.vehicle)
+            if bends is not None and trace.newest is pose:  # accepted
+                bends.add(pose)
             if not trace.joined:
                 own = self._own_state.at(now)
                 trace.bridge(own.east, own.north, own.yaw)
@@ -284,7 +290,7 @@ class Follower:
         """Motion of the vehicles ahead, each predicted by its last announced acceleration."""
         lead, predecessor = self._sources.lead.freshness, self._sources.predecessor.freshness
         if isnan(predecessor.age):
-            return VehiclesAhead(curvature_ahead=errors.curvature_ahead)
+            return VehiclesAhead(curvature_ahead=errors.curvature_ahead, bend=self._bend(pose))
         driven, speed, acceleration = predecessor.predicted_motion()
         closed = pose.speed * (now - self._spacing_at) / SECOND
         lead_speed = lead_acceleration = nan
@@ -297,7 +303,17 @@ class Follower:
             acceleration,
             lead_acceleration,
             errors.curvature_ahead,
+            self._bend(pose),
         )
+
+    def _bend(self, pose: Pose) -> tuple[float, float]:
+        """Bend of the received path that allows the lowest speed now (see `BendsAhead`)."""
+        lowest = NO_BEND
+        for bends in self._bends.values():
+            bend = bends.allowed(pose.east, pose.north)
+            if bend[0] < lowest[0]:
+                lowest = bend
+        return lowest
 
 
 def blended(

@@ -40,6 +40,12 @@ CATCH_UP_DISTANCE: Final = 5.0
 BEND_RATE: Final = 2.0
 """Deceleration per excess speed in a bend (1/s)."""
 
+NO_BEND: Final = (math.inf, math.inf)
+"""Squared speed (m²/s²) and distance (m) of `VehiclesAhead` without a bend."""
+
+BRAKING_BEFORE: Final = 0.5
+"""Driving time (s) before a bend over which a follower ends to brake for it."""
+
 BEND_TIMES = (0.0, 0.4, 0.8)
 """Times ahead (s) at which a follower evaluates the curvature, up to the paper's preview."""
 
@@ -128,12 +134,14 @@ class GapLimits:
 
     Both are positive. 2 m/s² is brisk driving; 6 m/s² is hard braking on a dry road with some grip
     in reserve, twice the braking of a lead, so that followers can compensate their delay. `lateral`
-    (m/s²) is the largest lateral acceleration in bends, infinite for no limit.
+    (m/s²) is the largest lateral acceleration in bends, infinite for no limit; `before_bends` is
+    the braking before bends of the known path.
     """
 
     acceleration: float = 2.0
     deceleration: float = 6.0
     lateral: float = math.inf
+    before_bends: float = 2.5
 
     def __post_init__(self) -> None:
         _require_not_negative(self)
@@ -151,7 +159,8 @@ class VehiclesAhead:
     """Motion of the vehicles ahead, predicted from their newest poses; NaN where unknown.
 
     `spacing` (m) to the predecessor is along its trace; speeds are in m/s, accelerations in m/s².
-    `curvature_ahead` maps a distance (m) ahead to the curvature (1/m) of the path.
+    `curvature_ahead` maps a distance (m) ahead to the curvature (1/m) of the path. `bend` is the
+    squared speed (m²/s²) that the received path allows, and the distance (m) of its bend.
     """
 
     spacing: float = math.nan
@@ -160,6 +169,7 @@ class VehiclesAhead:
     predecessor_acceleration: float = 0.0
     lead_acceleration: float = math.nan
     curvature_ahead: Callable[[float], float] | None = None
+    bend: tuple[float, float] = NO_BEND
 
     def __init__(  # noqa: PLR0917 - its fields
         self,
@@ -169,6 +179,7 @@ class VehiclesAhead:
         predecessor_acceleration: float = 0.0,
         lead_acceleration: float = math.nan,
         curvature_ahead: Callable[[float], float] | None = None,
+        bend: tuple[float, float] = NO_BEND,
     ) -> None:
         self.spacing = spacing
         self.predecessor_speed = predecessor_speed
@@ -176,6 +187,7 @@ class VehiclesAhead:
         self.predecessor_acceleration = predecessor_acceleration
         self.lead_acceleration = lead_acceleration
         self.curvature_ahead = curvature_ahead
+        self.bend = bend
 
     def replaced(
         self, spacing: float, lead_speed: float, lead_acceleration: float
@@ -188,6 +200,7 @@ class VehiclesAhead:
             self.predecessor_acceleration,
             lead_acceleration,
             self.curvature_ahead,
+            self.bend,
         )
 
 
@@ -250,6 +263,21 @@ def bend_acceleration(
     return max(BEND_RATE * (math.sqrt(allowed) - speed), -limits.deceleration)
 
 
+def known_bend_acceleration(speed: float, bend: tuple[float, float], limits: GapLimits) -> float:
+    """Largest acceleration (m/s²) of a follower before and in bends of the received path.
+
+    `bend` is that of `VehiclesAhead`. The allowed speed decreases at `limits.before_bends` on the
+    way to the bend, which the car brakes by in advance: an excess alone would leave it too fast.
+    """
+    squared, distance = bend
+    if squared == math.inf:
+        return math.inf
+    allowed = math.sqrt(squared) if squared > 0.0 else 0.0
+    share = distance / (BRAKING_BEFORE * speed) if speed > 0.0 else 0.0
+    braking = limits.before_bends * (share if share < 1.0 else 1.0)
+    return max(BEND_RATE * (allowed - speed) - braking, -limits.deceleration)
+
+
 @dataclass(slots=True)
 class SpeedCommand:
     """Acceleration (m/s²), dv_x/dt of Section IV-A, and target speed (m/s)."""
@@ -279,23 +307,35 @@ def profile_correction(wanted: float, speed: float) -> float:
 class ProfileSpeed:
     """Follows the same speed over time as all other vehicles (paper, Section V-C)."""
 
-    def __init__(self, profile: SpeedProfile, start_at: int, period: float) -> None:
-        """`period` (s) is the control period over which a command is held."""
+    def __init__(
+        self,
+        profile: SpeedProfile,
+        start_at: int,
+        period: float,
+        limits: GapLimits | None = None,
+    ) -> None:
+        """`period` (s) is the control period over which a command is held.
+
+        With `limits` a follower brakes before bends of the received path, and falls behind.
+        """
         self._profile = profile
         self._start_at = start_at
         self._period = period
+        self._limits = limits
 
     def follow(self, profile: SpeedProfile) -> None:
         """Replace the profile; its time still starts with the run."""
         self._profile = profile
 
-    def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:  # noqa: ARG002
+    def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:
         """Mean acceleration of the profile over the coming period, plus a mild correction."""
         seconds = (now - self._start_at) / SECOND
         speed, _ = self._profile.at(seconds)
         next_speed, _ = self._profile.at(seconds + self._period)
-        wanted = (next_speed - speed) / self._period
-        return SpeedCommand(wanted + profile_correction(speed, pose.speed), next_speed)
+        wanted = (next_speed - speed) / self._period + profile_correction(speed, pose.speed)
+        if self._limits is not None and ahead.bend is not NO_BEND:
+            wanted = min(wanted, known_bend_acceleration(pose.speed, ahead.bend, self._limits))
+        return SpeedCommand(wanted, next_speed)
 
 
 class GapKeeping:
@@ -311,4 +351,6 @@ class GapKeeping:
             return SpeedCommand(0.0, pose.speed)
         wanted = gap_acceleration(ahead, pose.speed, self._policy, self._limits)
         wanted = min(wanted, bend_acceleration(pose.speed, ahead.curvature_ahead, self._limits))
+        if ahead.bend is not NO_BEND:
+            wanted = min(wanted, known_bend_acceleration(pose.speed, ahead.bend, self._limits))
         return SpeedCommand(wanted, ahead.predecessor_speed)

@@ -186,6 +186,9 @@ class SpeedTable(Table):
     lateral_acceleration_mps2_max  set speeds and profiles are lowered in curves to keep it
     acceleration_mps2_max          acceleration of the lead after curves
     braking_mps2_max               braking of the lead before curves
+    friction_ratio_max             largest share of the friction that followers use in curves of the
+                                   path that they have received, or inf; with followers = "same"
+                                   they fall behind
     gap                            gap keeping
     """
 
@@ -198,6 +201,7 @@ class SpeedTable(Table):
     lateral_acceleration_mps2_max: float = Field(default=3.0, ge=0.1, le=20)
     acceleration_mps2_max: float = Field(default=1.5, ge=0.1, le=10)
     braking_mps2_max: float = Field(default=2.5, ge=0.1, le=12)
+    friction_ratio_max: float = Field(default=0.8, ge=0.1, allow_inf_nan=True)
     gap: GapTable = GapTable()
 
     @property

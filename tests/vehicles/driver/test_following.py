@@ -11,8 +11,11 @@ from tests.made.vehicles.driving import advance
 from tests.made.vehicles.laps import TICK, Place, bulb, eight, lap
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
+from vehicles.driver.bends import BendsAhead
+from vehicles.driver.speed import NO_BEND, GapLimits, known_bend_acceleration
 from vehicles.driver.steering import SlipCompensated
 from vehicles.driver.tracking import track
+from vehicles.geometry.sampled_path import Segment, path_from_segments
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.trace import Trace
 from vehicles.preview.trajectory import fit_composite
@@ -57,3 +60,81 @@ def test_a_car_follows_the_leg_that_was_driven(name: str) -> None:
         worst = max(worst, away)
     assert station == pytest.approx(length - gap, abs=6.0)
     assert worst < 0.4
+
+
+# ---- Bends of the received path
+
+LATERAL, BRAKING = 6.0, 2.5
+PATH = path_from_segments(
+    (Segment(100.0, 0.0), Segment(30.0, 1 / 40.0), Segment(50.0, 0.0), Segment(40.0, -1 / 15.0))
+)
+
+
+def driven_by_a_source(bends: BendsAhead, until: float, speed: float = 12.0) -> None:
+    """Send a pose every 0.6 m of the path up to `until` (m)."""
+    for k in range(int(until / 0.6) + 1):
+        place = PATH.at(0.6 * k)
+        bends.add(
+            received(
+                50_000_000 * (k + 1),
+                place.east,
+                place.north,
+                place.yaw,
+                speed,
+                yaw_rate=speed * place.curvature,
+            )
+        )
+
+
+def allowed_by_hand(station: float) -> float:
+    """Squared speed from which braking reaches that of each bend at its start."""
+    starts = {100.0: 40.0, 180.0: 15.0}
+    ends = {100.0: 130.0, 180.0: 220.0}
+    return min(
+        LATERAL * radius + 2.0 * BRAKING * max(start - station, 0.0)
+        for start, radius in starts.items()
+        if station < ends[start]
+    )
+
+
+@pytest.mark.parametrize("station", [10.0, 60.0, 99.0, 115.0, 140.0, 175.0, 200.0])
+def test_the_speed_allowed_now_is_that_from_which_a_car_can_brake(station: float) -> None:
+    bends = BendsAhead(LATERAL, BRAKING)
+    driven_by_a_source(bends, PATH.length)
+    place = PATH.at(station)
+    squared, distance = bends.allowed(place.east, place.north)
+    assert squared == pytest.approx(allowed_by_hand(station), abs=2.0 * BRAKING * 1.0)
+    assert distance >= 0.0
+
+
+def test_a_bend_that_was_not_received_allows_any_speed() -> None:
+    bends = BendsAhead(LATERAL, BRAKING)
+    assert bends.allowed(0.0, 0.0) == NO_BEND
+    driven_by_a_source(bends, 90.0)
+    assert bends.allowed(0.0, 0.0) == NO_BEND
+
+
+def test_a_passed_bend_no_longer_counts() -> None:
+    bends = BendsAhead(LATERAL, BRAKING)
+    driven_by_a_source(bends, 170.0)
+    for station in range(0, 150, 2):
+        place = PATH.at(float(station))
+        allowed = bends.allowed(place.east, place.north)
+    assert allowed == NO_BEND
+
+
+def test_a_car_that_brakes_in_time_enters_a_bend_no_faster_than_it_allows() -> None:
+    limits = GapLimits(lateral=LATERAL, before_bends=BRAKING)
+    bends = BendsAhead(LATERAL, BRAKING)
+    driven_by_a_source(bends, PATH.length)
+    station, speed, hardest = 0.0, 22.0, 0.0
+    while station < 110.0:
+        place = PATH.at(station)
+        bend = bends.allowed(place.east, place.north)
+        acceleration = min(known_bend_acceleration(speed, bend, limits), 0.0)
+        hardest = min(hardest, acceleration)
+        if 99.0 < station < 100.0:
+            assert speed < math.sqrt(LATERAL * 40.0) + 0.6
+        station += 0.02 * speed
+        speed += 0.02 * acceleration
+    assert -BRAKING - 1.0 < hardest < 0.0

@@ -1,5 +1,7 @@
 """Builds the driver of a vehicle: its software, or a human."""
 
+import math
+
 from scenarios.definition.channel.build import usual_delay_ms
 from scenarios.definition.road.spacing import spacing_policy
 from scenarios.definition.scenario import Scenario
@@ -7,6 +9,7 @@ from scenarios.runs.node.phases import Car, VehicleContext
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
 from vehicles.car.positioning.stated_errors import stated_errors
+from vehicles.driver.bends import BendsAhead
 from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.convoy_ahead import ConvoyAhead
 from vehicles.driver.convoy_watch import ConvoyBehind, ConvoyWatch
@@ -105,6 +108,7 @@ class DriverBuilder:
             limit=self._command_limit(context.car),
             load=load,
             gates=self._gates(),
+            bends=self._bends(),
         )
 
     def _own_state(self, now: int, context: VehicleContext) -> OwnState:
@@ -174,6 +178,14 @@ class DriverBuilder:
             trajectory=steering.trajectory,
         )
 
+    def _bends(self) -> dict[str, BendsAhead]:
+        """Bends of each source's path, unless friction does not limit the speed."""
+        lateral = self._scenario.usable_lateral(self._name)
+        if lateral == math.inf:
+            return {}
+        braking = self._scenario.gap_limits.before_bends
+        return {name: BendsAhead(lateral, braking) for name in self._setup.senders}
+
     def _gates(self) -> dict[str, InnovationGate]:
         """Gates of the sources; baseline reactions have none."""
         degradation = self._setup.degradation
@@ -211,7 +223,10 @@ class DriverBuilder:
 
     def _profile(self, start_at: int) -> ProfileSpeed:
         return ProfileSpeed(
-            self._route.plan.profile, start_at, 1.0 / self._scenario.control_rate_hz
+            self._route.plan.profile,
+            start_at,
+            1.0 / self._scenario.control_rate_hz,
+            self._scenario.gap_limits,
         )
 
     def _speed_guard(self, law: SpeedLaw, predecessor: str) -> SpeedGuard:

@@ -1,0 +1,53 @@
+"""Eight cars behind a lead that slides in a bend that is too tight for its speed."""
+
+from functools import lru_cache
+from typing import Literal
+
+import pytest
+
+from scenarios.definition.scenario import scenario_from_text
+from scenarios.results.summary import RunSummary
+from scenarios.runs.virtual.unlogged_run import run_unlogged
+
+SLIDE = """
+name = "slide"
+duration_s = 22.0
+[convoy]
+vehicles = 8
+[parameters]
+friction_ratio = 0.6
+[path]
+kind = "segments"
+segments = [
+    { length_m = 200.0 }, { length_m = 63.0, radius_m = 40.0, turn = "left" }, { length_m = 250.0 },
+]
+[speed]
+set_mps = 22.0
+lateral_acceleration_mps2_max = 20.0    # 12 m/s² in the bend, twice the friction
+"""
+Followers = Literal["gap", "same"]
+
+
+@lru_cache
+def slid(followers: Followers, *overrides: str) -> RunSummary:
+    own = [f"speed.followers={followers}", *overrides]
+    return run_unlogged(scenario_from_text(SLIDE, overrides=own))
+
+
+def errors(summary: RunSummary) -> list[float]:
+    return [row.cross_track_error_m_max or 0.0 for row in summary.vehicles[1:]]
+
+
+@pytest.mark.parametrize("followers", ["gap", "same"])
+def test_followers_take_the_bend_at_a_speed_that_the_friction_allows(followers: Followers) -> None:
+    summary = slid(followers)
+    lead, *cars = summary.vehicles
+    assert (lead.road_error_m_max or 0.0) > 5.0  # it slid off the road
+    assert max(errors(summary)) < 0.3  # its followers know where it drove
+    assert min(car.true_gap_m_min or 0.0 for car in cars) > 5.0
+    assert not [event for event in summary.events if event.kind == "collision"]
+
+
+@pytest.mark.parametrize(("followers", "off"), [("gap", 3.0), ("same", 5.0)])
+def test_without_a_limit_they_slide_too(followers: Followers, off: float) -> None:
+    assert max(errors(slid(followers, "speed.friction_ratio_max=inf"))) > off
