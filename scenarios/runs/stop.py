@@ -45,6 +45,8 @@ class Stop:
 
     def __init__(self) -> None:
         self._requests: list[tuple[str, int]] = []
+        self.signals: list[int] = []
+        """Numbers of received signals; handlers append to it and do nothing else."""
         self.begun = False
         self.launched = False
         self.orphaned = False
@@ -52,18 +54,29 @@ class Stop:
 
     @property
     def requested(self) -> bool:
-        return bool(self._requests)
+        return bool(self._requests or self.signals)
 
     @property
     def reason(self) -> str:
-        return self._requests[0][0] if self._requests else ""
+        return self._first[0]
 
     @property
     def exit_code(self) -> int:
-        return self._requests[0][1] if self._requests else 0
+        return self._first[1]
+
+    @property
+    def _first(self) -> tuple[str, int]:
+        """The request that decides: the first signal, unless there was a request before."""
+        if self._requests:
+            return self._requests[0]
+        if self.signals:
+            return _reason(self.signals[0]), exit_code_of_signal(self.signals[0])
+        return "", 0
 
     def request(self, reason: str, exit_code: int) -> None:
         """Request a stop; the first request decides."""
+        if self.signals and not self._requests:
+            self._requests.append(self._first)
         self._requests.append((reason, exit_code))
 
 
@@ -181,11 +194,14 @@ def ignore_signals() -> None:
 
 
 def _handle_signals(stop: Stop) -> None:
-    def request_stop(number: int, _frame: FrameType | None) -> None:
-        stop.request(_reason(number), exit_code_of_signal(number))
+    signals = stop.signals
+
+    def note(number: int, _frame: FrameType | None) -> None:
+        # Nothing that takes a lock: the interrupted code may hold it.
+        signals.append(number)
 
     for number in STOP_SIGNALS:
-        signal.signal(number, request_stop)
+        signal.signal(number, note)
 
 
 def stop_with_launcher(stop: Stop) -> None:
