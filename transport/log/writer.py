@@ -8,12 +8,15 @@ and attachments, so that the file alone suffices to review and measure the run.
 import contextlib
 import errno
 import os
+import struct
 from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 from itertools import count
 from pathlib import Path
 from typing import NoReturn
 
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from transport.closing import Closing
@@ -31,6 +34,12 @@ SEQUENCE_MASK = 0xFFFF_FFFF
 """MCAP has sequence numbers of 32 bits; our message contains the full number."""
 CHUNK_NS = SECOND
 """Maximum duration of a chunk; a flipped bit costs the whole chunk."""
+
+
+TAIL_BYTES = 32
+"""Number of last flushed bytes that are compared before the next ones are written."""
+CHUNK = b"\x06"
+"""Opcode of a chunk in MCAP."""
 
 
 def library_name() -> str:
@@ -75,7 +84,7 @@ class LogWriter(Closing):
         self.broken = False
         """True once the file cannot be written."""
         try:
-            self._file = path.open("xb")
+            self._file = path.open("x+b")
             lock(self._file, path)
         except FileExistsError as error:
             raise LogError(f"{path}: exists; a log is never overwritten") from error
@@ -84,6 +93,8 @@ class LogWriter(Closing):
         self._writer = Writer(self._file)
         self._writer.start(profile="", library=library or library_name())
         self._file.flush()  # a log without messages is recognised, too
+        self._written = 0
+        self._flushed, self._tail = 0, b""
         self._twins = standard_messages(scene)
         self._deviations: dict[str, tuple[_Channel, Iterator[int]]] = {}
         self._channels: dict[tuple[str, str], _Channel] = {}
@@ -135,9 +146,10 @@ class LogWriter(Closing):
 
     def _add(self, channel: int, log_time: int, data: bytes, sent_at: int, number: int) -> None:
         """Write one message, into a new chunk after `CHUNK_NS`."""
+        self._written += 1
         try:
             if log_time >= self._chunk_ends_at:
-                self._writer.flush()  # type: ignore[no-untyped-call]  # ends the chunk
+                self._end_chunk()
                 self._chunk_ends_at = log_time + CHUNK_NS
             # MCAP's instants are unsigned.
             self._writer.add_message(
@@ -194,23 +206,59 @@ class LogWriter(Closing):
             return
         self._chunk_ends_at = 0  # the next message begins a chunk
         with self._named_failure():
-            self._writer.flush()  # type: ignore[no-untyped-call]
-            self._find_file()
+            self._end_chunk()
 
     def close(self) -> None:
-        """Complete the log with its index and summary; further calls have no effect."""
+        """Complete the log and write it to the disk; further calls have no effect."""
         if self._file.closed:
             return
         with self._named_failure():
+            self._check_file()
             self._writer.finish()  # type: ignore[no-untyped-call]
-            self._file.flush()
-            self._find_file()
+            self._note_end()
+            os.fsync(self._file.fileno())
+            self._compare_counts()
             self._file.close()
 
-    def _find_file(self) -> None:
-        """Raise OSError if the file is no longer at its path."""
-        if not os.path.samestat(os.fstat(self._file.fileno()), self._path.stat()):
+    def _end_chunk(self) -> None:
+        self._check_file()  # bytes written from now on would hide what is gone
+        self._writer.flush()  # type: ignore[no-untyped-call]
+        self._note_end()
+
+    def _note_end(self) -> None:
+        """Flush the file, and note its last bytes for the next check."""
+        self._file.flush()
+        self._flushed = self._file.tell()
+        self._tail = os.pread(self._file.fileno(), TAIL_BYTES, max(0, self._flushed - TAIL_BYTES))
+        self._check_file()
+
+    def _check_file(self) -> None:
+        """Raise OSError if the file is no longer at its path, or lost bytes that were flushed."""
+        status = os.fstat(self._file.fileno())
+        if not os.path.samestat(status, self._path.stat()):
             raise OSError(errno.ENOENT, "another file took its place")
+        if status.st_size < self._flushed:
+            raise OSError(errno.EIO, f"cut to {status.st_size} of {self._flushed} bytes")
+        start = max(0, self._flushed - TAIL_BYTES)
+        if os.pread(self._file.fileno(), self._flushed - start, start) != self._tail:
+            raise OSError(errno.EIO, "written bytes were changed or lost")
+
+    def _compare_counts(self) -> None:
+        """Raise OSError if the completed file does not hold all messages that were written."""
+        self._file.seek(0)
+        try:
+            summary = make_reader(self._file).get_summary()
+            held = 0
+            if summary is not None and summary.statistics is not None:
+                held = summary.statistics.message_count
+            for chunk in summary.chunk_indexes if summary is not None else ():
+                header = os.pread(self._file.fileno(), 9, chunk.chunk_start_offset)
+                if header != CHUNK + (chunk.chunk_length - 9).to_bytes(8, "little"):
+                    raise OSError(errno.EIO, f"no chunk at byte {chunk.chunk_start_offset}")
+        except (McapError, ValueError, struct.error) as error:
+            raise OSError(errno.EIO, f"it cannot be read: {error}") from error
+        if held != self._written:
+            raise OSError(errno.EIO, f"it holds {held} of {self._written} messages")
 
     @contextlib.contextmanager
     def _named_failure(self) -> Iterator[None]:

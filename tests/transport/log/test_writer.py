@@ -176,6 +176,60 @@ def test_a_log_that_was_removed_is_missed_at_the_next_flush(
     log.close()
 
 
+def cut(path: Path, size: int) -> None:
+    with path.open("r+b") as file:
+        file.truncate(size)
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.5, 0.99])
+@pytest.mark.parametrize("writes", [False, True])
+def test_a_log_that_is_truncated_while_it_is_written_is_an_error(
+    tmp_path: Path, kept: float, *, writes: bool
+) -> None:
+    path = tmp_path / "run.mcap"
+    log = LogWriter(path)
+    put_and_flush(log, 2 * TICKS)
+    log.flush()
+    put(log, drive.START + 50 * SECOND, drive.truth("v1", 0))
+    cut(path, round(kept * path.stat().st_size))
+    if writes:  # past the end: a hole of zeros
+        with path.open("ab") as file:
+            file.truncate(1_000_000)
+    with pytest.raises(LogError, match=f"{path}: cannot write the log: "):
+        log.close()
+    assert log.broken
+
+
+def test_bytes_that_vanish_before_the_last_flush_are_missed_at_the_end(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    log = LogWriter(path)
+    put_and_flush(log, 2 * TICKS)
+    with path.open("r+b") as file:
+        file.seek(path.stat().st_size // 3)
+        file.write(bytes(path.stat().st_size // 3))
+    with pytest.raises(LogError, match="cannot write the log: no chunk at byte"):
+        log.close()
+
+
+def test_a_message_that_is_not_in_the_completed_file_is_missed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = LogWriter(tmp_path / "run.mcap")
+    put_and_flush(log, TICKS)
+    with monkeypatch.context() as patch:
+        patch.setattr("mcap.writer.Writer.add_message", lambda *_: None)
+        put(log, drive.START + 99 * SECOND, drive.truth("v1", 0))
+    with pytest.raises(LogError, match=r"it holds \d+ of \d+ messages"):
+        log.close()
+
+
+def test_a_completed_log_is_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, synced = tmp_path / "run.mcap", list[int]()
+    monkeypatch.setattr("os.fsync", lambda _: synced.append(path.stat().st_size))
+    write(path)
+    assert synced == [path.stat().st_size]
+
+
 def put_and_flush(log: LogWriter, ticks: int) -> None:
     for number, (at, message) in enumerate(drive.drive(ticks)):
         put(log, at, message)
