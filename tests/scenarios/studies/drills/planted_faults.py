@@ -75,7 +75,6 @@ CONSTANT_SPEED = Fault(
 
 EXTRAPOLATE = "control.degradation.reaction=extrapolate"
 LATE = "control.degradation.lost_s=1.0"
-WEAK = "control.gains={lateral_rad_per_m=0.005, heading_rad_per_rad=0.3, yaw_rate_s=0.0}"
 WEAKER = ("control.gains={lateral_rad_per_m=0.002, heading_rad_per_rad=0.1, yaw_rate_s=0.0}",)
 HASTY = "control.degradation.lost_s=0.2", "control.degradation.lost_periods=2.0"
 SOFT = "speed.gap.braking_mps2_max=2.0", EXTRAPOLATE
@@ -125,13 +124,13 @@ PLANTS = (
     Plant("frozen_transmitter", (ERROR, "sources[0]"), fault=TRUSTS_ALL),
     Plant("frozen_transmitter", ("sources[0]",), (EXTRAPOLATE,)),
     Plant("frozen_transmitter", ("recovery[0]",), (SLOW,)),
-    Plant("ghost_vehicle", (ERROR,), (WEAK,)),
+    Plant("ghost_vehicle", (ERROR,), WEAKER),
     Plant("ghost_vehicle", ("distrusts_max",), ("control.degradation.gate_deviations=1.0",)),
     Plant("overconfident_gnss", (ERROR,), WEAKER),
     Plant("overconfident_gnss", ("recovery[0]",), (SLOW,)),
     Plant("rtk_lost", (ERROR, SELF_ESTIMATE), fault=NO_LASTING_ERRORS),
     Plant("drifting_receiver", (ERROR, SELF_ESTIMATE), fault=NO_LASTING_ERRORS),
-    Plant("clock_off", (ERROR,), (WEAK,)),
+    Plant("clock_off", (ERROR,), WEAKER),
     Plant("clock_off", ("distrusts_max",), ("control.degradation.gate_deviations=1.0",)),
     Plant("clock_off", (GAP,), ("speed.gap.headway_s=0.3",)),
     Plant("restarted_follower", ("collisions_max", GAP), (EXTRAPOLATE,)),

@@ -1,11 +1,28 @@
 """The error against the road along sixteen cars does not grow."""
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 
+from scenarios.definition.scenario import scenario_from_text
+from scenarios.results.vehicles.vehicle_figures import VehicleSummary
 from scenarios.runs.virtual.unlogged_run import run_unlogged
 from tests.made.scenarios.convoy_roads import ROADS, convoy_on_road
 
 GROWTH_M = 0.02
+JUMPS = """
+name = "jumps"
+[convoy]
+vehicles = 8
+[path]
+kind = "trace"
+file = "jumps.csv"
+smoothing_m = 3.0
+[speed]
+lead = "recorded"
+followers = "gap"
+"""
 
 
 def road_errors(name: str, seed: int, *overrides: str) -> list[float]:
@@ -28,3 +45,38 @@ def test_the_last_of_sixteen_cars_is_hardly_further_off_than_the_second(
 def test_it_grows_where_the_offset_of_the_predecessor_is_not_used() -> None:
     errors = road_errors(ROADS[0], 1, "control.degradation.predecessor_path=intended")
     assert errors[-1] > errors[1] + GROWTH_M, errors
+
+
+def behind_jumps(folder: Path, *overrides: str) -> tuple[VehicleSummary, ...]:
+    """Eight cars behind a lead whose recording jumps aside by 1.2 m twice, for 4 s, at 12 m/s."""
+    times = 0.1 * np.arange(300)
+    yaw = 0.3 * np.sin(12.0 * times / 90.0)
+    aside = np.zeros(times.size)
+    for at in (12.0, 20.0):
+        aside += 1.2 * np.clip((times - at) / 0.3, 0.0, 1.0)
+        aside -= 1.2 * np.clip((times - at - 4.0) / 0.3, 0.0, 1.0)
+    east = 1.2 * np.cumsum(np.cos(yaw)) - aside * np.sin(yaw)
+    north = 1.2 * np.cumsum(np.sin(yaw)) + aside * np.cos(yaw)
+    rows = np.column_stack([times, east, north]).tolist()
+    points = "\n".join(f"{t:.1f},{x:.3f},{y:.3f}" for t, x, y in rows)
+    (folder / "jumps.csv").write_text(f"t_s,x_m,y_m\n{points}\n")
+    return run_unlogged(scenario_from_text(JUMPS, folder=folder, overrides=overrides)).vehicles
+
+
+def test_errors_behind_a_lead_that_swerves_do_not_grow(tmp_path: Path) -> None:
+    lead, second, *others = behind_jumps(tmp_path)
+    assert (lead.friction_ratio_max or 0.0) > 0.95  # its recording has bends of 5 m radius
+    errors = [car.cross_track_error_m_max or 9.0 for car in others]
+    assert max(errors) < (second.cross_track_error_m_max or 0.0) + 0.05
+    assert max(car.friction_ratio_max or 9.0 for car in others) < 0.95
+
+
+def test_errors_behind_a_lead_that_swerves_grow_without_these_limits(tmp_path: Path) -> None:
+    without = (
+        "speed.friction_ratio_max=inf",
+        "control.degradation.predecessor_path=intended",
+        "control.estimate_slip=false",
+    )
+    _, second, *others = behind_jumps(tmp_path, *without)
+    errors = [car.cross_track_error_m_max or 0.0 for car in others]
+    assert max(errors) > (second.cross_track_error_m_max or 9.0) + 0.05
