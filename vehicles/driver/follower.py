@@ -149,6 +149,8 @@ class Follower:
             bends = self._bends.get(pose.message.vehicle)
             if bends is not None and trace.newest is pose:  # accepted
                 bends.add(pose)
+            if pose.message.vehicle == self._sources.predecessor.name:
+                self._position_limit.predecessor_accuracy = pose.message.position_accuracy_m
             if not trace.joined:
                 own = self._own_state.at(now)
                 trace.bridge(own.east, own.north, own.yaw)
@@ -184,11 +186,12 @@ class Follower:
             held = last.steering if last else command
             command = steering_without_sources(self._reaction, self._mode, command, held)
         steering = self._limit.limited(command)
-        ahead = self._vehicles_ahead(now, pose, errors)
+        self._position_limit.observe(self._own_state.lateral_deviation)
+        margin = self._position_limit.gap_margin(self._period)
+        ahead = self._vehicles_ahead(now, pose, errors, margin)
         self._load.record_command(steering.steering)
         situation.predecessor_weight = sources.alpha(self._alpha)
         situation.hazard = self._mode == "stop" or self._rejoining.is_active
-        self._position_limit.observe(self._own_state.lateral_deviation)
         self._speed_guard.is_slowed = self._position_limit.is_active
         speed = self._speed_guard.command(now, pose, ahead, situation, self._mode)
         speed = self._position_limit.limited(speed, pose.speed, acceleration, self._period)
@@ -206,7 +209,7 @@ class Follower:
             reason=self._position_limit.joined(reason),
             fit=self._trajectories[0][1] if refit and self._fitted else None,
             target_speed=speed.target_speed,
-            estimated_gap=ahead.spacing - self._least_spacing,
+            estimated_gap=ahead.spacing + margin - self._least_spacing,
             lateral_deviation=self._own_state.lateral_deviation,
             situation=situation,
             remarks=remarks,
@@ -286,8 +289,13 @@ class Follower:
         spacing = self._sources.predecessor.trace.spacing(pose.east, pose.north)
         return nan if spacing is None else spacing
 
-    def _vehicles_ahead(self, now: int, pose: Pose, errors: TrackingErrors) -> VehiclesAhead:
-        """Motion of the vehicles ahead, each predicted by its last announced acceleration."""
+    def _vehicles_ahead(
+        self, now: int, pose: Pose, errors: TrackingErrors, margin: float
+    ) -> VehiclesAhead:
+        """Motion of the vehicles ahead, each predicted by its last announced acceleration.
+
+        The spacing is reduced by a `margin` (m).
+        """
         lead, predecessor = self._sources.lead.freshness, self._sources.predecessor.freshness
         if isnan(predecessor.age):
             return VehiclesAhead(curvature_ahead=errors.curvature_ahead, bend=self._bend(pose))
@@ -297,7 +305,7 @@ class Follower:
         if not isnan(lead.age):
             _, lead_speed, lead_acceleration = lead.predicted_motion()
         return VehiclesAhead(
-            self._spacing + driven - closed,
+            self._spacing + driven - closed - margin,
             speed,
             lead_speed,
             acceleration,

@@ -21,6 +21,10 @@ NO_EFFECT: Final = 2.0
 """From this acceleration (m/s²) on a limit that ends has no effect; see `GapLimits`."""
 
 
+MARGIN_RATE: Final = 0.5
+"""Rate of change (m/s) of the margin of the gap, so that the gap widens gently."""
+
+
 def speed_limit(deviation: float) -> float:
     """Largest speed (m/s) at a standard deviation (m) of the lateral position.
 
@@ -37,7 +41,7 @@ class PositionLimit:
     """Reduces the speed comfortably while the own lateral position is uncertain.
 
     `speed` (m/s) is the limit, infinite while the deviation is at most the configured one or
-    unknown.
+    unknown. `predecessor_accuracy` (m) is that of the newest pose of the vehicle ahead.
     """
 
     def __init__(self, settings: DegradationSettings) -> None:
@@ -45,6 +49,8 @@ class PositionLimit:
         self._braking = settings.comfortable
         self._acceleration = inf
         self._deviation = 0.0
+        self._margin = 0.0
+        self.predecessor_accuracy = 0.0
         self.speed = inf
 
     @property
@@ -64,6 +70,20 @@ class PositionLimit:
         """Set the limit by the lateral deviation (m) of the own position, NaN if unknown."""
         self._deviation = deviation
         self.speed = speed_limit(deviation) if deviation > self._allowed else inf
+
+    def gap_margin(self, span: float) -> float:
+        """Distance (m) by which to widen the gap, `span` (s) after the last call.
+
+        It approaches three standard deviations of the distance, which is the difference of two
+        positions; both axes of a position have similar deviations.
+        """
+        target = 0.0
+        if self.speed < inf:
+            target = 3.0 * math.hypot(self._deviation, self.predecessor_accuracy)
+        step = MARGIN_RATE * span
+        if self._margin != target:
+            self._margin = min(max(target, self._margin - step), self._margin + step)
+        return self._margin
 
     def limited(
         self, command: SpeedCommand, speed: float, last: float, span: float

@@ -80,3 +80,16 @@ def test_a_car_slows_comfortably_and_recovers(
     assert speeds[-1] == pytest.approx(30.0, abs=0.1)
     steps = [abs(b - a) for a, b in pairwise(accelerations) if min(a, b) < 0.0]
     assert max(steps) < 0.1
+
+
+def test_the_margin_of_the_gap_covers_both_positions_and_ends() -> None:
+    limit = PositionLimit(SETTINGS)
+    limit.predecessor_accuracy = 0.4
+    limit.observe(0.02)
+    assert limit.gap_margin(SPAN) == 0.0
+    limit.observe(0.3)
+    margins = [limit.gap_margin(SPAN) for _ in range(500)]
+    assert margins[-1] == pytest.approx(3.0 * 0.5)
+    assert max(b - a for a, b in pairwise(margins)) < 0.6 * SPAN
+    limit.observe(0.02)
+    assert [limit.gap_margin(SPAN) for _ in range(500)][-1] == 0.0

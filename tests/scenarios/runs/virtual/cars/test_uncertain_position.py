@@ -61,6 +61,12 @@ def test_a_single_uncertain_follower_holds_up_those_behind() -> None:
     assert seen.speeds["v4"][-1] < 22.0
 
 
+def test_gaps_widen_with_the_uncertainty_of_both_positions() -> None:
+    """Without it there are two collisions: the receivers are off by more than half the gap."""
+    _, events = run("church_lot", "duration_s=18.0", "gnss.preset=single")
+    assert "collision" not in events
+
+
 def test_a_lead_keeps_its_speed_if_its_followers_cannot_adapt() -> None:
     seen, _ = run("lane_change", "duration_s=8.0", FLOAT, "control.degradation.reaction=hold")
     assert min(seen.speeds["v1"]) > 29.0
