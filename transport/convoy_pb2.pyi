@@ -814,6 +814,8 @@ class Health(_message.Message):
     FINAL_FIELD_NUMBER: _builtins.int
     CLOCK_OFFSET_MS_FIELD_NUMBER: _builtins.int
     CLOCK_UNCERTAINTY_MS_FIELD_NUMBER: _builtins.int
+    LATE_TICKS_AT_START_FIELD_NUMBER: _builtins.int
+    LATE_TICKS_BY_NETWORK_FIELD_NUMBER: _builtins.int
     vehicle: _builtins.str
     seq: _builtins.int
     reported_at_ns: _builtins.int
@@ -830,6 +832,8 @@ class Health(_message.Message):
     final: _builtins.bool
     clock_offset_ms: _builtins.float
     clock_uncertainty_ms: _builtins.float
+    late_ticks_at_start: _builtins.int
+    late_ticks_by_network: _builtins.int
     def __init__(
         self,
         *,
@@ -849,10 +853,12 @@ class Health(_message.Message):
         final: _builtins.bool | None = ...,
         clock_offset_ms: _builtins.float | None = ...,
         clock_uncertainty_ms: _builtins.float | None = ...,
+        late_ticks_at_start: _builtins.int | None = ...,
+        late_ticks_by_network: _builtins.int | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _typing.Literal["_clock_offset_ms", b"_clock_offset_ms", "_clock_uncertainty_ms", b"_clock_uncertainty_ms", "_cpu_ratio", b"_cpu_ratio", "_dropped", b"_dropped", "_final", b"_final", "_late_messages", b"_late_messages", "_late_ticks", b"_late_ticks", "_lateness_ms_max", b"_lateness_ms_max", "_memory_bytes", b"_memory_bytes", "_published", b"_published", "_received", b"_received", "_rejected_messages", b"_rejected_messages", "_reported_at_ns", b"_reported_at_ns", "_seq", b"_seq", "_ticks", b"_ticks", "_vehicle", b"_vehicle", "clock_offset_ms", b"clock_offset_ms", "clock_uncertainty_ms", b"clock_uncertainty_ms", "cpu_ratio", b"cpu_ratio", "dropped", b"dropped", "final", b"final", "late_messages", b"late_messages", "late_ticks", b"late_ticks", "lateness_ms_max", b"lateness_ms_max", "memory_bytes", b"memory_bytes", "published", b"published", "received", b"received", "rejected_messages", b"rejected_messages", "reported_at_ns", b"reported_at_ns", "seq", b"seq", "ticks", b"ticks", "vehicle", b"vehicle"]  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_clock_offset_ms", b"_clock_offset_ms", "_clock_uncertainty_ms", b"_clock_uncertainty_ms", "_cpu_ratio", b"_cpu_ratio", "_dropped", b"_dropped", "_final", b"_final", "_late_messages", b"_late_messages", "_late_ticks", b"_late_ticks", "_late_ticks_at_start", b"_late_ticks_at_start", "_late_ticks_by_network", b"_late_ticks_by_network", "_lateness_ms_max", b"_lateness_ms_max", "_memory_bytes", b"_memory_bytes", "_published", b"_published", "_received", b"_received", "_rejected_messages", b"_rejected_messages", "_reported_at_ns", b"_reported_at_ns", "_seq", b"_seq", "_ticks", b"_ticks", "_vehicle", b"_vehicle", "clock_offset_ms", b"clock_offset_ms", "clock_uncertainty_ms", b"clock_uncertainty_ms", "cpu_ratio", b"cpu_ratio", "dropped", b"dropped", "final", b"final", "late_messages", b"late_messages", "late_ticks", b"late_ticks", "late_ticks_at_start", b"late_ticks_at_start", "late_ticks_by_network", b"late_ticks_by_network", "lateness_ms_max", b"lateness_ms_max", "memory_bytes", b"memory_bytes", "published", b"published", "received", b"received", "rejected_messages", b"rejected_messages", "reported_at_ns", b"reported_at_ns", "seq", b"seq", "ticks", b"ticks", "vehicle", b"vehicle"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["_clock_offset_ms", b"_clock_offset_ms", "_clock_uncertainty_ms", b"_clock_uncertainty_ms", "_cpu_ratio", b"_cpu_ratio", "_dropped", b"_dropped", "_final", b"_final", "_late_messages", b"_late_messages", "_late_ticks", b"_late_ticks", "_lateness_ms_max", b"_lateness_ms_max", "_memory_bytes", b"_memory_bytes", "_published", b"_published", "_received", b"_received", "_rejected_messages", b"_rejected_messages", "_reported_at_ns", b"_reported_at_ns", "_seq", b"_seq", "_ticks", b"_ticks", "_vehicle", b"_vehicle", "clock_offset_ms", b"clock_offset_ms", "clock_uncertainty_ms", b"clock_uncertainty_ms", "cpu_ratio", b"cpu_ratio", "dropped", b"dropped", "final", b"final", "late_messages", b"late_messages", "late_ticks", b"late_ticks", "lateness_ms_max", b"lateness_ms_max", "memory_bytes", b"memory_bytes", "published", b"published", "received", b"received", "rejected_messages", b"rejected_messages", "reported_at_ns", b"reported_at_ns", "seq", b"seq", "ticks", b"ticks", "vehicle", b"vehicle"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_clock_offset_ms", b"_clock_offset_ms", "_clock_uncertainty_ms", b"_clock_uncertainty_ms", "_cpu_ratio", b"_cpu_ratio", "_dropped", b"_dropped", "_final", b"_final", "_late_messages", b"_late_messages", "_late_ticks", b"_late_ticks", "_late_ticks_at_start", b"_late_ticks_at_start", "_late_ticks_by_network", b"_late_ticks_by_network", "_lateness_ms_max", b"_lateness_ms_max", "_memory_bytes", b"_memory_bytes", "_published", b"_published", "_received", b"_received", "_rejected_messages", b"_rejected_messages", "_reported_at_ns", b"_reported_at_ns", "_seq", b"_seq", "_ticks", b"_ticks", "_vehicle", b"_vehicle", "clock_offset_ms", b"clock_offset_ms", "clock_uncertainty_ms", b"clock_uncertainty_ms", "cpu_ratio", b"cpu_ratio", "dropped", b"dropped", "final", b"final", "late_messages", b"late_messages", "late_ticks", b"late_ticks", "late_ticks_at_start", b"late_ticks_at_start", "late_ticks_by_network", b"late_ticks_by_network", "lateness_ms_max", b"lateness_ms_max", "memory_bytes", b"memory_bytes", "published", b"published", "received", b"received", "rejected_messages", b"rejected_messages", "reported_at_ns", b"reported_at_ns", "seq", b"seq", "ticks", b"ticks", "vehicle", b"vehicle"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     _WhichOneofReturnType__clock_offset_ms: _TypeAlias = _typing.Literal["clock_offset_ms"]  # noqa: Y015
     _WhichOneofArgType__clock_offset_ms: _TypeAlias = _typing.Literal["_clock_offset_ms", b"_clock_offset_ms"]  # noqa: Y015
@@ -868,6 +874,10 @@ class Health(_message.Message):
     _WhichOneofArgType__late_messages: _TypeAlias = _typing.Literal["_late_messages", b"_late_messages"]  # noqa: Y015
     _WhichOneofReturnType__late_ticks: _TypeAlias = _typing.Literal["late_ticks"]  # noqa: Y015
     _WhichOneofArgType__late_ticks: _TypeAlias = _typing.Literal["_late_ticks", b"_late_ticks"]  # noqa: Y015
+    _WhichOneofReturnType__late_ticks_at_start: _TypeAlias = _typing.Literal["late_ticks_at_start"]  # noqa: Y015
+    _WhichOneofArgType__late_ticks_at_start: _TypeAlias = _typing.Literal["_late_ticks_at_start", b"_late_ticks_at_start"]  # noqa: Y015
+    _WhichOneofReturnType__late_ticks_by_network: _TypeAlias = _typing.Literal["late_ticks_by_network"]  # noqa: Y015
+    _WhichOneofArgType__late_ticks_by_network: _TypeAlias = _typing.Literal["_late_ticks_by_network", b"_late_ticks_by_network"]  # noqa: Y015
     _WhichOneofReturnType__lateness_ms_max: _TypeAlias = _typing.Literal["lateness_ms_max"]  # noqa: Y015
     _WhichOneofArgType__lateness_ms_max: _TypeAlias = _typing.Literal["_lateness_ms_max", b"_lateness_ms_max"]  # noqa: Y015
     _WhichOneofReturnType__memory_bytes: _TypeAlias = _typing.Literal["memory_bytes"]  # noqa: Y015
@@ -900,6 +910,10 @@ class Health(_message.Message):
     def WhichOneof(self, oneof_group: _WhichOneofArgType__late_messages) -> _WhichOneofReturnType__late_messages | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__late_ticks) -> _WhichOneofReturnType__late_ticks | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__late_ticks_at_start) -> _WhichOneofReturnType__late_ticks_at_start | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__late_ticks_by_network) -> _WhichOneofReturnType__late_ticks_by_network | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__lateness_ms_max) -> _WhichOneofReturnType__lateness_ms_max | None: ...
     @_typing.overload

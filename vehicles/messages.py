@@ -238,7 +238,8 @@ class Health:
     """State of a vehicle's process. Counters run from the start; the last message has `final`.
 
     `clock_offset_ms` is how far the process's clock was ahead of the recorder's, which is
-    corrected up to `clock_uncertainty_ms`.
+    corrected up to `clock_uncertainty_ms`. Late ticks that are due neither to a late start nor to
+    the network, where sending blocked, are due to the processor.
     """
 
     vehicle: str
@@ -257,6 +258,8 @@ class Health:
     final: bool
     clock_offset_ms: float = 0.0
     clock_uncertainty_ms: float = 0.0
+    late_ticks_at_start: int = 0
+    late_ticks_by_network: int = 0
 
 
 @dataclass(slots=True, kw_only=True)

@@ -221,6 +221,14 @@ FRESHNESS_COLUMNS: Sequence[Column[LinkSummary]] = (
     *map(_fresh_column, SHOWN_AGES_MS),
 )
 """How often messages arrived over each link, and how old data was when it was used."""
+TRANSPORT_COLUMNS: Sequence[Column[LinkSummary]] = (
+    Column(
+        "real\ntransport, ms",
+        lambda row: (row.transport_ms_mean, row.transport_ms_p95, row.transport_ms_max),
+        ".1f",
+    ),
+    Column("above the\nfloor, %", lambda row: row.transport_above_floor_ratio, ".1f", 100.0),
+)
 UNRECORDED_COLUMN: Column[LinkSummary] = Column(
     "unrecorded", lambda row: row.unrecorded, wraps=True
 )
@@ -269,7 +277,12 @@ def _tables(summary: RunSummary, tables: Tables) -> Iterator[tuple[bool, Table]]
         yield is_news, _link_table(summary, LINK_COLUMNS, "links: loss and latency")
         yield is_news, _link_table(summary, _message_columns(summary.links), "links: messages")
         counts = any(row.false_alarms.counted is not None for row in summary.links)
-        freshness = (*FRESHNESS_COLUMNS, *([ALARM_COLUMN] if counts else []))
+        is_real = any(row.transport_ms_mean is not None for row in summary.links)
+        freshness = (
+            *FRESHNESS_COLUMNS,
+            *([ALARM_COLUMN] if counts else []),
+            *(TRANSPORT_COLUMNS if is_real else []),
+        )
         title = "arrivals and age of data: mean / 95th percentile / max"
         yield False, _link_table(summary, freshness, title)
     if summary.events:

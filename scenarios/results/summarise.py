@@ -5,6 +5,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from scenarios.definition.scenario import Scenario
+from scenarios.results.channel.link_summary import LinkSummary
 from scenarios.results.files import SUMMARY_NAME
 from scenarios.results.limits.evaluation import failure_reason, limit_figures
 from scenarios.results.metrics import Metrics
@@ -16,6 +17,8 @@ from vehicles.schedule import SECOND, nanoseconds
 
 METADATA_NAME = "convoy"
 """Name of the log's metadata that identify the run."""
+SLOW_RATIO = 0.05
+"""Share of poses above the floor latency from which the real transport was too slow."""
 SILENT_LINK_S = 1.0
 """A link without loss that delivers nothing for this time is reported."""
 
@@ -55,6 +58,7 @@ def summarise(
     )
     broken = [limit.message for limit in limits if limit.broken]
     reason = failure_reason(reason, [*broken, *metrics.contradictions(ran_ns)])
+    links = metrics.link_summaries(ran_ns)
     summary = RunSummary(
         identity=identity,
         outcome="failed" if reason else "completed",
@@ -63,12 +67,13 @@ def summarise(
         ran_s=ran_ns / SECOND,
         recorder_rejected_messages=dict(sorted(rejected.items())),
         vehicles=vehicles,
-        links=metrics.link_summaries(ran_ns),
+        links=links,
         events=events,
         holes=metrics.holes(ran_ns),
         limits=limits,
         warnings=(
             *late_lines(vehicles),
+            *transport_lines(links, vehicles),
             *metrics.warnings,
             *metrics.out_of_linear.values(),
             *metrics.channel_warnings(ran_ns),
@@ -86,10 +91,46 @@ def late_lines(vehicles: Sequence[VehicleSummary]) -> Iterator[str]:
     worst = max(vehicles, key=lambda vehicle: vehicle.lateness_ms_max)
     yield (
         f"{100.0 * late:.2g} % of the ticks began late, by up to "
-        f"{worst.lateness_ms_max:.0f} ms ({worst.name}), and so did messages and commands: the "
-        f"machine is too slow or too busy for {len(vehicles)} vehicles in real time. "
-        "Use --clock virtual"
+        f"{worst.lateness_ms_max:.0f} ms ({worst.name}), and so did messages and commands: "
+        f"{'; '.join(_late_causes(vehicles))}. Use --clock virtual"
     )
+
+
+def _late_causes(vehicles: Sequence[VehicleSummary]) -> Iterator[str]:
+    """Yield the causes of late ticks with their shares, the most frequent first."""
+    at_start = sum([vehicle.late_ticks_at_start for vehicle in vehicles])
+    by_network = sum([vehicle.late_ticks_by_network for vehicle in vehicles])
+    every = sum([vehicle.late_ticks for vehicle in vehicles])
+    busy = f"the machine is too slow or too busy for {len(vehicles)} vehicles in real time"
+    counts = {
+        busy: every - at_start - by_network,
+        "sending was blocked by the network": by_network,
+        "vehicles started late": at_start,
+    }
+    causes = sorted([(count, text) for text, count in counts.items() if count], reverse=True)
+    for count, text in causes:
+        yield text if len(causes) == 1 else f"{100.0 * count / every:.0f} %: {text}"
+
+
+def transport_lines(
+    links: Sequence[LinkSummary], vehicles: Sequence[VehicleSummary]
+) -> Iterator[str]:
+    """Warn of vehicles whose poses the network delayed beyond the floor latency of a link."""
+    ticks = {vehicle.name: vehicle for vehicle in vehicles}
+    slowest: dict[str, LinkSummary] = {}
+    for row in links:
+        above = row.transport_above_floor_ratio or 0.0
+        other = slowest.get(row.sender)
+        if above > SLOW_RATIO and above > (other.transport_above_floor_ratio or 0 if other else 0):
+            slowest[row.sender] = row
+    for sender, row in slowest.items():
+        above = row.transport_above_floor_ratio or 0.0
+        if late_ratio([ticks[sender]]) < 0.5 * above:  # else its late ticks delayed them
+            yield (
+                f"the network was slow: {100.0 * above:.0f} % of the poses of {sender} took longer "
+                f"than the floor latency of {row.requested.latency_ms:g} ms, "
+                f"{row.transport_ms_mean or 0.0:.0f} ms on average. Raise links.latency_ms"
+            )
 
 
 def silent_links(

@@ -109,7 +109,12 @@ class LinkFigures:
         for link in self._in_order():
             alarms = AlarmSummary(counted=self._alarms[link].counted(last_at[link[0]]))
             requested, tally = self._requested[link], self.tallies[link]
-            summaries.append(link_summary(link, requested, accounts[link], tally, alarms))
+            transport = self.sent[link[0]].delays
+            summaries.append(
+                link_summary(
+                    link, requested, accounts[link], tally, alarms=alarms, transport=transport
+                )
+            )
         return tuple(summaries)
 
     def _in_order(self) -> list[Link]:

@@ -100,6 +100,16 @@ class LinkSummary:
     """Messages delivered after one with a greater number."""
     late: int
     """Messages received after the tick that needed them."""
+    transport_ms_mean: float | None = None
+    """Mean time that the sender's poses took on the real transport, up to the recorder, from the
+    instant at which they were due; null in virtual time."""
+    transport_ms_p95: float | None = None
+    """95th percentile of the same."""
+    transport_ms_max: float | None = None
+    """Largest of the same."""
+    transport_above_floor_ratio: float | None = None
+    """Share of these poses that took longer than the link's smallest latency, so that a receiver
+    may have got them late."""
     loss_ratio: float
     """Achieved loss, of the messages that the link carries: dropped ones and those that the real
     transport lost (late_start, cut_off, router_away, unknown)."""
@@ -157,9 +167,15 @@ def link_summary(
     requested: LinkTable,
     account: LinkAccount,
     tally: LinkTally,
+    *,
     alarms: AlarmSummary = NO_ALARMS,
+    transport: Mapping[int, int] | None = None,
 ) -> LinkSummary:
-    """Summarise a link (sender, receiver)."""
+    """Summarise a link (sender, receiver).
+
+    `transport` counts the delays of the sender's poses on the real transport, in multiples of
+    RESOLUTION_NS.
+    """
     expected = _expected(requested, tally)
     loss, burst, longest = _losses(tally.lost(account.absent_numbers), CONFIDENCE)
     milliseconds = RESOLUTION_NS / MILLISECOND
@@ -167,6 +183,7 @@ def link_summary(
     mean = tally.latency_ns_sum / tally.delivered / MILLISECOND if tally.delivered else 0.0
     half = _half_of_mean(latency, expected)
     gap, age = spread(tally.arrival_gaps, milliseconds), spread(tally.ages, milliseconds)
+    real = spread(transport or {}, milliseconds)
     return LinkSummary(
         sender=link[0],
         receiver=link[1],
@@ -186,6 +203,10 @@ def link_summary(
         false=dict(sorted(tally.false.items())),
         reordered=tally.reordered,
         late=tally.late,
+        transport_ms_mean=real.mean if real else None,
+        transport_ms_p95=real.p95 if real else None,
+        transport_ms_max=real.largest if real else None,
+        transport_above_floor_ratio=_above_floor(transport, requested) if transport else None,
         loss_ratio=loss.value,
         loss_ratio_low=loss.low,
         loss_ratio_high=loss.high,
@@ -274,6 +295,13 @@ def _half_of_mean(latency: Spread | None, expected: ExpectedChannel) -> float:
         return 0.0
     error = latency.deviation * sqrt(expected.latency_inflation / latency.count)
     return quantile_of_normal(CONFIDENCE) * error
+
+
+def _above_floor(transport: Mapping[int, int], requested: LinkTable) -> float:
+    """Share of delays on the real transport above the smallest latency of a link."""
+    floor = round(requested.latency_ms * MILLISECOND / RESOLUTION_NS)
+    above = sum([count for delay, count in transport.items() if delay > floor])
+    return above / sum(transport.values())
 
 
 def _safe_time(tally: LinkTally) -> dict[str, float]:

@@ -104,6 +104,10 @@ class VehicleSummary:
     """Executed instants of the vehicle's schedule, for control or GNSS."""
     late_ticks: int
     """Ticks that began more than half a control period late."""
+    late_ticks_at_start: int = 0
+    """Late ticks from the first one on: the vehicle started late."""
+    late_ticks_by_network: int = 0
+    """Late ticks after sending blocked; the others are due to the processor."""
     lateness_ms_max: float
     """Largest delay of a tick."""
     rejected_messages: int
@@ -346,6 +350,8 @@ class VehicleFigures:
             reaction=self.reaction.summary,
             ticks=health.ticks if health else 0,
             late_ticks=health.late_ticks if health else 0,
+            late_ticks_at_start=health.late_ticks_at_start if health else 0,
+            late_ticks_by_network=health.late_ticks_by_network if health else 0,
             lateness_ms_max=health.lateness_ms_max if health else 0.0,
             rejected_messages=health.rejected_messages if health else 0,
             memory_bytes_max=self._memory_max,

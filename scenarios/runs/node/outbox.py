@@ -194,6 +194,8 @@ class Outbox:
                 final=final,
                 clock_offset_ms=usage.clock_offset_ms,
                 clock_uncertainty_ms=usage.clock_uncertainty_ms,
+                late_ticks_at_start=usage.late_ticks_at_start,
+                late_ticks_by_network=usage.late_ticks_by_network,
             )
         )
 

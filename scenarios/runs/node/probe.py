@@ -8,7 +8,8 @@ from typing import Protocol
 class Usage:
     """Resident memory, share of one core since the start, late ticks, and the process's clock.
 
-    The offset of its clock from the recorder's was removed, up to the uncertainty.
+    Late ticks with neither of the two causes are due to the processor. The offset of the clock from
+    the recorder's was removed, up to the uncertainty.
     """
 
     memory_bytes: int = 0
@@ -17,6 +18,8 @@ class Usage:
     lateness_ms_max: float = 0.0
     clock_offset_ms: float = 0.0
     clock_uncertainty_ms: float = 0.0
+    late_ticks_at_start: int = 0
+    late_ticks_by_network: int = 0
 
 
 class Probe(Protocol):

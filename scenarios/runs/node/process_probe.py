@@ -1,31 +1,72 @@
 """Memory, processor time and lateness of this process."""
 
+import os
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
-from time import monotonic, process_time
+from time import monotonic, monotonic_ns, process_time, thread_time_ns
+from typing import Literal, NamedTuple
 
 import psutil
 
 from scenarios.runs.node.probe import Usage
 from vehicles.schedule import MILLISECOND
 
+LateCause = Literal["start", "network", "processor"]
+
 
 @dataclass(frozen=True, slots=True)
 class Lateness:
-    """Number of late ticks, and the largest delay (ns)."""
+    """Number of late ticks, the largest delay (ns), and the number of those by two causes."""
 
     ticks: int = 0
     worst_ns: int = 0
+    at_start: int = 0
+    by_network: int = 0
+
+
+class ThreadTimes(NamedTuple):
+    """Time, time on a processor, and time of waiting for one (ns) of the calling thread."""
+
+    now: int
+    used: int
+    waited: int
+
+
+class SchedulerTimes:
+    """Reads the times of the calling thread; without Linux's figures it never waits."""
+
+    def __init__(self) -> None:
+        self._file = -1
+        with suppress(OSError):
+            self._file = os.open("/proc/thread-self/schedstat", os.O_RDONLY | os.O_CLOEXEC)
+
+    def __call__(self) -> ThreadTimes:
+        waited = 0
+        if self._file >= 0:
+            with suppress(OSError, ValueError, IndexError):
+                waited = int(os.pread(self._file, 100, 0).split()[1])
+        return ThreadTimes(monotonic_ns(), thread_time_ns(), waited)
+
+    def __del__(self) -> None:
+        if self._file >= 0:
+            os.close(self._file)
 
 
 class ProcessProbe:
-    """Measures this process and counts late ticks of its loop."""
+    """Measures this process and counts late ticks of its loop.
+
+    A backlog of late ticks has the cause of its first one: a late start, if that is the first tick
+    of the process; the network, if the step before was blocked for most of its time, as sending can
+    be; else the processor.
+    """
 
     def __init__(
         self,
         late_after_ns: int,
         before: Lateness | None = None,
         clock: Callable[[], tuple[int, int]] = lambda: (0, 0),
+        times: Callable[[], ThreadTimes] | None = None,
     ) -> None:
         """Ticks later than `late_after_ns` are late; `before` holds those of an earlier process.
 
@@ -38,14 +79,37 @@ class ProcessProbe:
         self._used, self._read_at = process_time(), monotonic()
         self._late_ticks = before.ticks
         self._lateness_ns_max = before.worst_ns
+        self._at_start, self._by_network = before.at_start, before.by_network
+        self._times = times or SchedulerTimes()
+        self._cause: LateCause | None = "start"
+        self._began: ThreadTimes | None = None
+        self._was_blocked = False
 
     @property
     def lateness(self) -> Lateness:
-        return Lateness(self._late_ticks, self._lateness_ns_max)
+        return Lateness(self._late_ticks, self._lateness_ns_max, self._at_start, self._by_network)
 
     def tick_began(self, lateness_ns: int) -> None:
-        self._late_ticks += lateness_ns > self._late_after_ns
+        if lateness_ns > self._late_after_ns:
+            self._late_ticks += 1
+            self._cause = self._cause or ("network" if self._was_blocked else "processor")
+            self._at_start += self._cause == "start"
+            self._by_network += self._cause == "network"
+        else:
+            self._cause = None
         self._lateness_ns_max = max(self._lateness_ns_max, lateness_ns)
+        self._began = self._times()
+
+    def tick_ended(self) -> None:
+        """Note whether the step was blocked: neither on a processor nor waiting for one."""
+        if self._began is None:  # a tick that does not count
+            return
+        spent, used, waited = (
+            end - begin for begin, end in zip(self._began, self._times(), strict=True)
+        )
+        blocked = spent - used - waited
+        self._was_blocked = blocked > max(used + waited, self._late_after_ns)
+        self._began = None
 
     def read(self) -> Usage:
         """Memory now, share of one core since the last reading, lateness since the start."""
@@ -60,4 +124,6 @@ class ProcessProbe:
             lateness_ms_max=self._lateness_ns_max / MILLISECOND,
             clock_offset_ms=offset / MILLISECOND,
             clock_uncertainty_ms=uncertainty / MILLISECOND,
+            late_ticks_at_start=self._at_start,
+            late_ticks_by_network=self._by_network,
         )

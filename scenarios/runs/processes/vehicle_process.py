@@ -388,3 +388,4 @@ def paced_ticks(
             sleep(SETTLING_S)
         was_held_up = is_held_up
         yield tick
+        probe.tick_ended()
