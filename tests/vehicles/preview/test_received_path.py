@@ -9,9 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from scenarios.definition.scenario import load_scenario
 from tests.made.examples import examples
 from tests.made.vehicles.sent_paths import fixes, sent, without_history
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
+from vehicles.preview.samples import Window
 from vehicles.preview.trace import Trace
 from vehicles.received_pose import ReceivedPose
 
@@ -39,11 +41,7 @@ def worst(road: SampledPath, trace: Trace, station: float, span: float = 80.0) -
     """Largest distance (m) from the road within `span` (m) of `station` as the car drives there."""
     for here in np.arange(0.0, station, 1.0):
         trace.window(*place(road, here), 5.0, 5.0)
-    window = trace.window(*place(road, station), span, span)
-    return max(
-        abs(road.project(east, north, station + along).lateral)
-        for east, north, along in zip(*(row.tolist() for row in window), strict=True)
-    )
+    return farthest(road, trace.window(*place(road, station), span, span), station)
 
 
 def place(road: SampledPath, station: float) -> tuple[float, float]:
@@ -68,6 +66,28 @@ def test_a_cut_of_3_s_leaves_no_hole(name: str, noise: float) -> None:
     trace = received(poses(road, noise))
     assert trace.holes == []
     assert worst(road, trace, CUT.start * STEP + 20.0) < 0.10
+
+
+@pytest.mark.parametrize("name", ["straight", "arc", "clothoids"])
+def test_between_received_positions_the_curve_follows_the_bend(name: str) -> None:
+    """Chords alone are up to 5 cm off."""
+    road = ROADS[name]
+    assert worst(road, received(poses(road)), CUT.start * STEP + 20.0) < 0.02
+
+
+@pytest.mark.parametrize("name", ["church_lot", "highway"])
+def test_cuts_on_recorded_roads_leave_no_hole(name: str) -> None:
+    road = load_scenario(name).route.path
+    for start in range(0, min(int(road.station[-1]), 2000) - 200, 75):
+        stations = np.arange(float(start), start + 200.0, 0.3)
+        source = list(sent(fixes(road, stations, 0.02)))
+        trace = received(source, range(250, 350))
+        assert trace.holes == []
+        here = start + 250 * 0.3
+        for passed in np.arange(start, here, 1.0):
+            trace.window(*place(road, passed), 5.0, 5.0)
+        window = trace.window(*place(road, here), 20.0, 60.0)
+        assert farthest(road, window, here) < 0.12
 
 
 @pytest.mark.parametrize("name", ["slalom", "clothoids", "corner"])
@@ -161,9 +181,12 @@ def test_a_late_joiner_receives_the_path_up_to_it(name: str) -> None:
         assert farthest(road, guessed.window(ego.east, ego.north, 10.0, 60.0)) > 0.3
 
 
-def farthest(road: SampledPath, window: Sequence[np.ndarray]) -> float:
+def farthest(road: SampledPath, window: Window, station: float = 222.0) -> float:
+    """Largest distance (m) from the road of samples around `station` (m)."""
     rows = zip(*(row.tolist() for row in window), strict=True)
-    return max(abs(road.project(east, north, 222.0 + along).lateral) for east, north, along in rows)
+    return max(
+        abs(road.project(east, north, station + along).lateral) for east, north, along in rows
+    )
 
 
 def test_a_history_that_does_not_reach_the_ego_is_joined_to_it() -> None:
