@@ -138,6 +138,7 @@ _MODES = {
     "predecessor": STATE_BROWN,
     "coast": STATE_AMBER,
     "stop": STATE_RED,
+    "creep": STATE_BLUE,
     "straight": STATE_PURPLE,
 }
 

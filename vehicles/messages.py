@@ -13,7 +13,7 @@ to construct.
 from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple
 
-Mode = Literal["path", "composite", "lead", "predecessor", "coast", "stop", "straight"]
+Mode = Literal["path", "composite", "lead", "predecessor", "coast", "stop", "creep", "straight"]
 """What a vehicle steers along; see `MODES`."""
 
 MODES: dict[Mode, str] = {
@@ -23,6 +23,7 @@ MODES: dict[Mode, str] = {
     "predecessor": "along the path from the poses of the predecessor only",
     "coast": 'along the known path without a source; slows down with reaction "degrade"',
     "stop": "along the known path without a source; brakes to a standstill",
+    "creep": "across a short hole in the known path, at walking pace",
     "straight": "straight ahead until the first poses give a trajectory",
 }
 """Meaning of each mode."""
@@ -157,7 +158,8 @@ class Tracking:
     second, length of its known path ahead of the car (negative if it ends behind), and status.
     `known_m` is the known path from all sources. The stop distances are those from the present
     speed with comfortable and with firm braking. `blind_m` is the distance the car would drive
-    beyond the known path if it stopped now as hard as it may. `predecessor_weight_ratio` is the
+    beyond the known path if it stopped now as hard as it may, or crossed the hole that it creeps
+    across. `predecessor_weight_ratio` is the
     predecessor's weight in the trajectory. `hazard`: the vehicle warns its followers.
     `estimated_gap_m` is along the path from the predecessor's rear bumper to the own front bumper;
     the lengths of both cars are those of the scenario. Logs before version 0.2 lack it.

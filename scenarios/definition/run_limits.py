@@ -150,7 +150,7 @@ def _about(tables: ScenarioTables, key: str, limit: DeadlineTable) -> Iterator[P
         yield (
             f"{key}.mode",
             f"given {toml_repr(limit.mode)}, but {limit.vehicle} receives from the lead only, "
-            'allowed "lead", "coast", "stop" or "straight"',
+            'allowed "lead", "coast", "stop", "creep" or "straight"',
         )
     if isinstance(limit, SourceLimit):
         yield from _source(names, key, limit)

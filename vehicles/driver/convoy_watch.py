@@ -5,7 +5,7 @@ from math import inf
 from typing import Final
 
 from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.degradation.situation import SLOWING
+from vehicles.driver.degradation.situation import OFF_PATH
 from vehicles.driver.speed import SpacingPolicy
 from vehicles.geometry.sampled_path import WINDOW, SampledPath
 from vehicles.received_pose import ReceivedPose
@@ -120,7 +120,7 @@ class ConvoyWatch:
             return  # older than the last one, or not from a follower
         self._received_at[name], self._measured_at[name] = pose.received_at, pose.measured_at
         self._troubled.pop(name, None)
-        if message.hazard or message.mode in SLOWING:
+        if message.hazard or message.mode in OFF_PATH:
             self._troubled[name] = message.mode
 
     def _trouble_of(self, now: int, name: str) -> str | None:

@@ -8,7 +8,7 @@ from typing import Protocol
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix
 from vehicles.car.imu import Motion
-from vehicles.driver.degradation.situation import SLOWING, Situation
+from vehicles.driver.degradation.situation import OFF_PATH, Situation
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
 from vehicles.messages import (
@@ -145,7 +145,7 @@ class Decision:
     @property
     def keeps_to_path(self) -> bool:
         """Whether it follows a path, without a hazard: such positions are others' path, too."""
-        return not self.situation.hazard and self.mode not in SLOWING
+        return not self.situation.hazard and self.mode not in OFF_PATH
 
     @property
     def announcement(self) -> Announcement:

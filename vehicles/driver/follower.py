@@ -128,7 +128,7 @@ class Follower:
         self._behind = PathBehind(), PathBehind()
         self._fitted = False
         self._stops_behind = False
-        self._rejoining = Rejoining()
+        self._rejoining = Rejoining(self._remarks, enabled=self._reaction == "degrade")
         self._mode: Mode = "straight"
         self._refit = Timer(REFIT_AFTER)
         self._spacing, self._spacing_at = nan, 0
@@ -182,9 +182,8 @@ class Follower:
         )
         sources.steer_along(self._mode, self._period)
         errors, command = self._steer(now, pose)
-        if self._mode == "coast":
-            held = last.steering if last else command
-            command = steering_without_sources(self._reaction, self._mode, command, held)
+        held = last.steering if last else command
+        command = steering_without_sources(self._reaction, self._mode, command, held)
         steering = self._limit.limited(command)
         self._position_limit.observe(self._own_state.lateral_deviation)
         margin = self._position_limit.gap_margin(self._period)
@@ -193,6 +192,7 @@ class Follower:
         situation.predecessor_weight = sources.alpha(self._alpha)
         situation.hazard = self._mode == "stop" or self._rejoining.is_active
         self._speed_guard.is_slowed = self._position_limit.is_active
+        situation.speed_limit = self._rejoining.speed_limit
         speed = self._speed_guard.command(now, pose, ahead, situation, self._mode)
         speed = self._position_limit.limited(speed, pose.speed, acceleration, self._period)
         situation.stops_at = sources.stops_at(self._mode, self._speed_guard.brakes_at)
@@ -236,8 +236,6 @@ class Follower:
             alpha=self._sources.alpha(self._alpha),
             settings=self._settings_for(windows),
         )
-        if slowing and along and not self._fitted:  # received again, after driving without a path
-            self._rejoining.begin()
         if degrades and self._fitted and not along:
             self._extrapolate(pose.speed)
         self._fitted = bool(along)

@@ -6,7 +6,7 @@ that run north; the signed form of `ArcSpline.project` holds for both turns and 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from math import ceil, sqrt
+from math import ceil, inf, sqrt
 from typing import Protocol
 
 from vehicles.car.dynamics import Body
@@ -21,10 +21,22 @@ MIN_STORED = 256
 """At least this number of curvatures is kept: 26 m."""
 REJOINING_LATERAL = 2.0
 """Limit (m/s²) of the lateral acceleration during the return to a path."""
+REJOINING_ANGLE = 0.2
+"""Largest angle (rad) between the return and the path."""
 SHORTEST_RETURN = 10.0
 """Shortest return to a path (m)."""
 SLOWEST_RETURN = 8.0
 """Speed (m/s) for which returns of slower cars are planned, as they will accelerate."""
+JUMP = 0.3
+"""A change of the lateral error by more than this (m) within a tick is a new path."""
+FAR = 1.75
+"""More than this (m) beside a path, half a lane, a car returns slowly."""
+SLOW = 3.0
+"""Speed (m/s) of a slow return."""
+FARTHEST = 10.0
+"""A car more than this (m) beside a path stops instead."""
+STEEPEST = 1.0
+"""So does a car whose heading differs by more than this (rad)."""
 
 
 class CurvedPath(Protocol):
@@ -131,60 +143,110 @@ def track(spline: ArcSpline, pose: Pose | Body) -> TrackingErrors:
 
 @dataclass(slots=True)
 class _Return:
-    """A return to a path: initial lateral error (m) and heading error (rad), and length (m)."""
+    """A return to a path: initial lateral error (m) and heading error (rad), and length (m).
+
+    It leads to a parallel of the path, `offset` (m) to its left.
+    """
 
     lateral: float
     heading: float
     length: float
+    offset: float
 
     def at(self, driven: float) -> tuple[float, float]:
-        """Lateral (m) and heading error (rad) after `driven` (m): a cubic that ends at zero."""
+        """Lateral (m) and heading error (rad) after `driven` (m): a cubic that ends at `offset`."""
+        if driven >= self.length:
+            return self.offset, 0.0
         u = driven / self.length
         rest = 1.0 - u
         level, slope = (1.0 + 2.0 * u) * rest * rest, u * rest * rest
         lateral = self.lateral * level + self.heading * self.length * slope
         bent = -6.0 * u * rest * self.lateral / self.length
-        return lateral, bent + self.heading * rest * (1.0 - 3.0 * u)
+        return self.offset + lateral, bent + self.heading * rest * (1.0 - 3.0 * u)
 
 
 class Rejoining:
-    """Returns the car smoothly to a path that is received again.
+    """Returns the car smoothly to a path that has jumped, as after driving without a known path.
 
     A steering law would react to the whole error at once. Therefore the error is measured from a
     Hermite cubic that leads from the car's position and heading to the path, long enough for a mild
-    lateral acceleration.
+    lateral acceleration and a small angle. A car that is far beside the path first drives parallel
+    to it and slows down. If it cannot return it stops.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, remarks: list[str], *, enabled: bool = True) -> None:
+        """A line for the log is appended to `remarks` when the car cannot return."""
+        self.speed_limit = inf
+        self._remarks = remarks
+        self._stays = False
+        self._enabled = enabled
         self._return: _Return | None = None
         self._driven = 0.0
         self._last_at = 0
-        self._requested = False
+        self._last: TrackingErrors | None = None
 
     @property
     def is_active(self) -> bool:
-        return self._requested or self._return is not None
-
-    def begin(self) -> None:
-        self._requested = True
+        return self._return is not None
 
     def corrected(self, now: int, errors: TrackingErrors, speed: float) -> TrackingErrors:
         """Errors relative to the return at `now` (ns) and `speed` (m/s), if there is one."""
+        if not self._enabled:
+            return errors
         span, self._last_at = (now - self._last_at) / SECOND, now
-        if self._requested:
-            self._return, self._driven, self._requested = _return_to(errors, speed), 0.0, False
+        last, self._last = self._last, errors
+        if last is not None and abs(errors.lateral - last.lateral) > JUMP:
+            self._plan(errors, speed)
         elif self._return is not None:
             self._driven += speed * span
-        if self._return is None or self._driven >= self._return.length:
-            self._return = None
+            self._continue(self._return, errors, speed)
+        if self._return is None:
             return errors
         lateral, heading = self._return.at(self._driven)
         return replace(errors, lateral=errors.lateral - lateral, heading=errors.heading - heading)
 
+    def _plan(self, errors: TrackingErrors, speed: float) -> None:
+        """Plan a return from the present errors, or a parallel while the car is too fast for it."""
+        away, offset = abs(errors.lateral), 0.0
+        self._stays = not _can_return(errors)
+        self.speed_limit = max(speed, SLOWEST_RETURN)
+        if self._stays:
+            place = f"{away:.1f} m beside it, at {abs(errors.heading):.1f} rad to it"
+            self._remarks.append(f"stops, as it cannot return to the path: {place}")
+            self.speed_limit, offset = 0.0, errors.lateral
+        elif away > FAR:
+            self.speed_limit = SLOW
+            offset = errors.lateral if speed > 1.1 * SLOW else 0.0
+        self._return = _return_to(offset, errors, speed)
+        self._driven = 0.0
 
-def _return_to(errors: TrackingErrors, speed: float) -> _Return:
-    """Shortest cubic whose curvature, at most 6 e / D² + 4 θ / D, is mild at this speed."""
+    def _continue(self, current: _Return, errors: TrackingErrors, speed: float) -> None:
+        """End the `current` return if it is complete, or plan the next part."""
+        away = abs(errors.lateral)
+        if self._stays:
+            if _can_return(errors):
+                self._plan(errors, speed)
+        elif current.offset:
+            if speed <= 1.1 * SLOW:
+                self._plan(errors, speed)
+        elif self._driven >= current.length:
+            self._return, self.speed_limit = None, inf
+        elif away <= FAR:
+            self.speed_limit = max(self.speed_limit, SLOWEST_RETURN)
+
+
+def _can_return(errors: TrackingErrors) -> bool:
+    return abs(errors.lateral) <= FARTHEST and abs(errors.heading) <= STEEPEST
+
+
+def _return_to(offset: float, errors: TrackingErrors, speed: float) -> _Return:
+    """Shortest cubic to a parallel of the path whose curvature and angle are mild at this speed.
+
+    The curvature is at most 6 e / D² + 4 θ / D, the angle 1.5 e / D beside the initial one.
+    """
+    lateral, heading = errors.lateral - offset, errors.heading
     most = REJOINING_LATERAL / max(speed, SLOWEST_RETURN) ** 2
-    slope, bend = 4.0 * abs(errors.heading), 6.0 * abs(errors.lateral)
+    slope, bend = 4.0 * abs(heading), 6.0 * abs(lateral)
     length = (slope + sqrt(slope * slope + 4.0 * most * bend)) / (2.0 * most)
-    return _Return(errors.lateral, errors.heading, max(length, SHORTEST_RETURN))
+    flat = 1.5 * abs(lateral) / REJOINING_ANGLE
+    return _Return(lateral, heading, max(length, flat, SHORTEST_RETURN), offset)

@@ -7,7 +7,7 @@ another lap) are therefore never considered.
 
 from bisect import bisect_left, bisect_right
 from itertools import pairwise
-from math import atan2, ceil, cos, hypot, inf, nan, sin
+from math import atan2, ceil, cos, hypot, inf, nan, remainder, sin, tau
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -55,6 +55,20 @@ class _Hole(NamedTuple):
     before: Point
     speed: float
     end: int
+
+
+class Stretch(NamedTuple):
+    """Received positions without a hole, from `start` to `end` (m from the ego's projection).
+
+    `first` is its first point. The source drove about `hole` (m) unobserved before it and turned by
+    `turn` (rad) there; 0 at the beginning of the trace.
+    """
+
+    start: float
+    end: float
+    first: Point
+    hole: float
+    turn: float
 
 
 class Trace:
@@ -401,6 +415,65 @@ class Trace:
         The metres left of the preview of Section III-A; NaN before the first sample.
         """
         return self._line.station[-1] - self._locate(east, north) if self._line.at else nan
+
+    @property
+    def has_holes(self) -> bool:
+        return bool(self._holes)
+
+    def stretches(self, east: float, north: float) -> list[Stretch]:
+        """Received stretches in order of travel, relative to the ego at (east, north)."""
+        line = self._line
+        if not line.at:
+            return []
+        ego = self._locate(east, north)
+        stretches: list[Stretch] = []
+        first, length, turn = 0, 0.0, 0.0
+        for hole in sorted(self._holes):
+            last = bisect_right(line.at, hole.before[0]) - 1
+            following = bisect_left(line.at, hole.end)
+            if last < first or following >= len(line.at):  # dropped, or no sample kept after it
+                continue
+            stretches.append(self._stretch(first, last, ego, length, turn))
+            length, turn = self._extent(last, following, hole.speed)
+            first = following
+        stretches.append(self._stretch(first, len(line.at) - 1, ego, length, turn))
+        return stretches
+
+    def _stretch(self, first: int, last: int, ego: float, hole: float, turn: float) -> Stretch:
+        line = self._line
+        start = line.station[first] - ego if hole else -inf
+        return Stretch(start, line.station[last] - ego, line.point(first), hole, turn)
+
+    def _extent(self, last: int, following: int, speed: float) -> tuple[float, float]:
+        """Distance (m) that the source drove between two points, and its least turn (rad)."""
+        line = self._line
+        _, east, north, yaw = line.point(last)
+        at, next_east, next_north, next_yaw = line.point(following)
+        span = (at - line.at[last]) / SECOND
+        if last and line.at[last - 1] != BRIDGE_AT:
+            driven = line.station[last] - line.station[last - 1]
+            taken = (line.at[last] - line.at[last - 1]) / SECOND
+            speed = 0.5 * (speed + driven / taken) if taken > 0.0 else speed
+        chord = hypot(next_east - east, next_north - north)
+        course = atan2(next_north - north, next_east - east)
+        turn = abs(remainder(course - yaw, tau)) + abs(remainder(next_yaw - course, tau))
+        return max(chord, speed * span), turn
+
+    def distance_from(self, east: float, north: float, start: float, end: float) -> float:
+        """Distance (m) of (east, north) from the line between `start` and `end` (m from the ego).
+
+        Requires a located ego.
+        """
+        line, ego = self._line, self._ego_station or 0.0
+        if len(line.at) < 2:
+            return hypot(east - line.east[0], north - line.north[0])
+        station = line.nearest(east, north, ego + start, ego + end)
+        index = min(max(bisect_right(line.station, station) - 1, 0), len(line.at) - 2)
+        share = station - line.station[index]
+        share /= line.station[index + 1] - line.station[index]
+        off_east = line.east[index] + share * (line.east[index + 1] - line.east[index]) - east
+        off_north = line.north[index] + share * (line.north[index + 1] - line.north[index]) - north
+        return hypot(off_east, off_north)
 
     def _locate(self, east: float, north: float) -> float:
         """Move the ego's station to the nearest point within reach of its last station."""

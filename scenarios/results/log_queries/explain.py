@@ -86,6 +86,7 @@ class Explanation:
             "path": "drove its own path",
             "straight": "drove straight, as it had received nothing",
             "coast": "extrapolated its last trajectory",
+            "creep": f"crossed a hole in {sources}",
             "stop": f"braked for lack of data, along {sources}",
         }.get(self.mode, f"followed {sources}")
         if self.mode == "composite" and len(self.sources) > 1:

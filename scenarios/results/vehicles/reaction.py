@@ -14,7 +14,7 @@ MICROMETRES = 1_000_000
 MOST_BEHIND = 250
 """Stored instants while one kind of message is behind the other: 5 s at 50 Hz."""
 WITHOUT_SOURCE: frozenset[Mode] = frozenset({"coast", "stop", "straight"})
-"""Modes of a follower that relies on none of its sources."""
+"""Modes of a follower that relies on none of its sources, or stops before a hole in its path."""
 NOT_RELIED_ON: frozenset[SourceStatus] = frozenset({"lost", "distrusted", "probation"})
 
 
@@ -22,8 +22,8 @@ NOT_RELIED_ON: frozenset[SourceStatus] = frozenset({"lost", "distrusted", "proba
 class ReactionSummary:
     """Figures of one follower; a recovery lasts from leaving a source until all are relied on.
 
-    `predicted_blind_m_max` is the largest that was predicted at the instant of stopping, None
-    without a stop.
+    `predicted_blind_m_max` is the largest that was predicted when a stop or a crossing of a hole
+    began, or when the known path ended although sources were received; None without any of these.
     """
 
     mode_changes: int = 0
@@ -37,9 +37,9 @@ class ReactionSummary:
     stops: int = 0
     """Number of emergency stops begun for lack of a known path; they end early if data returns."""
     blind_m: float = 0.0
-    """Distance driven beyond the known path."""
+    """Distance driven beyond the known path, in any mode."""
     predicted_blind_m_max: float | None = None
-    """Largest such distance that was predicted at the start of a stop."""
+    """Largest such distance that was predicted when it began."""
     hazards: int = 0
     """Number of warnings to the vehicles behind."""
 
@@ -53,7 +53,7 @@ def is_degraded(tracking: Tracking) -> bool:
     return (
         tracking.lead_status in NOT_RELIED_ON
         or tracking.predecessor_status in NOT_RELIED_ON
-        or tracking.mode in {"coast", "stop"}
+        or tracking.mode in {"coast", "stop", "creep"}
     )
 
 
@@ -70,6 +70,7 @@ class Reaction:
     _hazard: bool = False
     _hazards: int = 0
     _blind: int = 0
+    _is_blind: bool = False
     _beyond: dict[int, int] = field(default_factory=dict)
     _driven: dict[int, int] = field(default_factory=dict)
     _driven_before: int | None = None
@@ -88,7 +89,10 @@ class Reaction:
         elif self._since is not None:
             self._recoveries.append(at - self._since)
             self._since = None
-        blind = mode in WITHOUT_SOURCE and tracking.known_m < 0.0  # false for NaN
+        blind = tracking.known_m < 0.0  # false for NaN
+        if blind and not self._is_blind and mode not in WITHOUT_SOURCE:
+            self._predicted.append(tracking.blind_m)
+        self._is_blind = blind
         beyond = _whole(-tracking.known_m) if blind else 0
         driven = self._driven.pop(at, None)
         if driven is None:
@@ -100,8 +104,8 @@ class Reaction:
         self._mode_changes += self._mode is not None
         if tracking.mode == "stop":
             self._stops += 1
-            if isfinite(tracking.blind_m):
-                self._predicted.append(tracking.blind_m)
+        if tracking.mode in {"stop", "creep"} and isfinite(tracking.blind_m):
+            self._predicted.append(tracking.blind_m)
         self._mode = tracking.mode
 
     def add_truth(self, pose: TruePose) -> None:

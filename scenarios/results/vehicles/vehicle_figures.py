@@ -97,7 +97,7 @@ class VehicleSummary:
     """Time during which an axle used all of the available friction, or more."""
     ticks_by_mode: Mapping[str, int]
     """Number of steering commands by mode: path (the lead), composite, lead, predecessor, coast,
-    stop or straight."""
+    stop, creep or straight."""
     reaction: ReactionSummary = NO_REACTION
     """Reaction to missing messages, see vehicles[].reaction."""
     ticks: int

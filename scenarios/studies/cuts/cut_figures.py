@@ -189,7 +189,8 @@ class CutObserver:
         instants = (
             row.decided_at_ns
             for row in record.tracking
-            if row.decided_at_ns >= self._to and row.mode not in {"coast", "stop", "straight"}
+            if row.decided_at_ns >= self._to
+            and row.mode not in {"coast", "stop", "creep", "straight"}
         )
         driving = (at for at in instants if at in poses and poses[at].speed_mps >= resumed)
         at = next(driving, None)

@@ -9,10 +9,12 @@ from tests.made.vehicles.driving import advance
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix, to_message
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
+from vehicles.car.sending.path_history import PathHistory
 from vehicles.driver.decision import Decision, Driver
 from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.geometry.path_point import PathPoint
 from vehicles.geometry.sampled_path import SampledPath
+from vehicles.geometry.sparse_path import NO_HISTORY
 from vehicles.messages import GpsPose
 from vehicles.received_pose import ReceivedPose, receive
 from vehicles.schedule import SECOND, Cadence, instant
@@ -86,7 +88,8 @@ def point_at(point: PathPoint, left: float) -> tuple[float, float]:
 class Source:
     """A vehicle that drives exactly along `path`, received with a latency of `LATENCY_NS`.
 
-    `delivered` are the spans (s, from and until) in which its messages are delivered.
+    `delivered` are the spans (s, from and until) in which its messages are delivered. They carry
+    the path `history` if there is one.
     """
 
     name: str
@@ -94,6 +97,7 @@ class Source:
     station: float
     speed: float
     delivered: Sequence[tuple[float, float]] = ((0.0, math.inf),)
+    history: PathHistory | None = None
     _next: int = 0
 
     def place(self, now: int) -> float:
@@ -106,14 +110,21 @@ class Source:
         turning = self.speed * point.curvature
         fix = Fix(seq, at, point.east, point.north, point.yaw, self.speed, turning)
         place = point.east, point.north, 0.0
-        return to_message(fix, self.name, PLANE, seq=seq, sent_at=at, true_position=place)
+        history = NO_HISTORY
+        if self.history is not None:
+            self.history.record(fix, on_path=True)
+            history = self.history.deltas()
+        return to_message(
+            fix, self.name, PLANE, seq=seq, sent_at=at, true_position=place, history=history
+        )
 
     def messages_by(self, now: int) -> Iterator[GpsPose]:
         """Messages that became visible since the last call."""
         while (at := instant(START, self._next, GNSS_HZ)) + LATENCY_NS <= now:
             seconds = (at - START) / SECOND
+            message = self.message(self._next)
             if any(since <= seconds < until for since, until in self.delivered):
-                yield self.message(self._next)
+                yield message
             self._next += 1
 
 

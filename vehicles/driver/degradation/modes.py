@@ -9,13 +9,23 @@ from vehicles.driver.degradation.settings import DegradationSettings, Reaction
 from vehicles.driver.degradation.situation import LOST, SLOWING, Situation
 from vehicles.driver.degradation.source import RELIED_ON, Source
 from vehicles.driver.degradation.sources import SourcePair
-from vehicles.driver.degradation.stopping import needed_deceleration
+from vehicles.driver.degradation.stopping import (
+    CREEP_SPEED,
+    STANDSTILL,
+    STOP_MARGIN,
+    needed_deceleration,
+)
 from vehicles.driver.steering import SteeringCommand
 from vehicles.messages import Mode
 from vehicles.schedule import SECOND
 
 FALLEN_BACK: Final = 5.0
 """Known path (m) with which a follower that fell back behind all its samples follows again."""
+MILD: Final = 0.5
+"""A car slows for a hole once that needs more than this share of comfortable braking."""
+BEFORE_HOLE: Final = 20.0
+"""A car that has stopped drives on towards a hole that it cannot cross only from this distance (m)
+on."""
 NOTHING_RECEIVED: Final = "nothing received yet"
 NO_TRAJECTORY: Final = "no trajectory through the received samples"
 
@@ -44,7 +54,8 @@ class ModeMachine:
     The car steers along the sources that it relies on. Without any it coasts while a stop within
     the known path needs no more than comfortable braking, and otherwise stops until a source is
     relied on again. It also stops if no first message arrives in time. If sources are received, but
-    their known path ends behind the car, it coasts until enough lies ahead.
+    their known path ends behind the car, it coasts until enough lies ahead. If it ends at a hole,
+    the car creeps across it, or stops before it until the hole is filled.
 
     A lost source is dropped at once and relied on again only after its probation (`Source`). A
     worse mode is kept for the same time, so that no mode is entered twice within it.
@@ -72,12 +83,19 @@ class ModeMachine:
         relied = list(pair.relied.values())
         soon = (now - self._worse_at) / SECOND < self._dwell
         outrun = self._is_outrun(now, pair, situation)
-        mode = self._next(pair, situation, speed, has_path=has_path, outrun=outrun, soon=soon)
+        mode = None
+        if relied and has_path and situation.hole > 0.0:
+            mode = self._at_hole(situation, speed)
+        if mode is None:
+            mode = self._next(pair, situation, speed, has_path=has_path, outrun=outrun, soon=soon)
         why = ""
         if len(relied) < len(pair.used):
             why = "; ".join([_missing_reason(s) for s in pair.used.values() if s not in relied])
         if mode == "straight":
             why = why if has_path else NOTHING_RECEIVED
+        elif mode == "creep":
+            situation.blind = max(situation.blind, situation.hole)
+            why = "; ".join(filter(None, [why, f"crosses a hole of {situation.hole:.1f} m"]))
         elif mode in SLOWING:
             why = "; ".join(filter(None, [why, _stopping_reason(situation, speed)]))
         if mode != self._mode:
@@ -132,6 +150,22 @@ class ModeMachine:
         if self._mode == "stop" or needed_deceleration(speed, known) > self._comfortable:
             return "stop"
         return "coast"
+
+    def _at_hole(self, situation: Situation, speed: float) -> Mode | None:
+        """Mode before or in a hole of the known path, None while the hole is far away."""
+        left = situation.known - STOP_MARGIN
+        near = 0.0
+        if self._mode in SLOWING:
+            near = FALLEN_BACK if situation.crossable else BEFORE_HOLE
+        final = CREEP_SPEED if situation.crossable else 0.0
+        needed = 0.0
+        if speed > final:
+            needed = needed_deceleration(speed, left) * (1.0 - (final / speed) ** 2)
+        if left > near and needed <= MILD * self._comfortable:
+            return None
+        if situation.crossable:
+            return "creep"
+        return "stop" if self._mode == "stop" or needed > self._comfortable else "coast"
 
     def _recovery_reason(self, source: Source) -> str:
         freshness, event = source.freshness, "received"
@@ -217,7 +251,11 @@ def _path_end(known: float) -> str:
 def _stopping_reason(situation: Situation, speed: float) -> str:
     if isnan(situation.known):
         return "no known path"
+    if situation.hole > 0.0 and speed < STANDSTILL:
+        return f"waits before a hole of {situation.hole:.1f} m"
     known = f"{max(situation.known, 0.0):.1f} m of known path"
+    if situation.hole > 0.0:
+        known = f"{known} before a hole of {situation.hole:.1f} m"
     if situation.blind > 0.0:
         return f"{known}, {situation.blind:.1f} m too short to stop"
     return f"{known}: a stop needs {needed_deceleration(speed, situation.known):.1f} m/s²"

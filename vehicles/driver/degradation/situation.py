@@ -1,7 +1,7 @@
 """Freshness of a follower's data, in seconds and metres; SI units, NaN where unknown."""
 
 from dataclasses import dataclass, field
-from math import nan
+from math import inf, nan
 from typing import Final
 
 from vehicles.messages import Mode, SourceStatus
@@ -10,6 +10,8 @@ LOST: tuple[SourceStatus, ...] = ("lost", "distrusted")
 """Statuses of a source that has been silent for too long, or whose poses are refused."""
 SLOWING: tuple[Mode, ...] = ("coast", "stop")
 """Modes without a source to follow, in which a follower that degrades slows down."""
+OFF_PATH: tuple[Mode, ...] = (*SLOWING, "creep")
+"""Modes in which a follower may be beside the path, so that no other vehicle follows its poses."""
 PREDICTED_FOR: Final = 0.5
 """Age (s) of a sample up to which its acceleration is assumed to last."""
 
@@ -89,7 +91,9 @@ class Situation:
     from all sources; `comfortable_stop` and `firm_stop` are braking distances (m), `blind` (m) the
     distance driven beyond the known path in an emergency stop. `predecessor_weight` is the
     predecessor's weight in the trajectory; `hazard` warns the followers behind. `stops_at` (ns, 0
-    for never) is the announced instant at which the car begins to stop without new data.
+    for never) is the announced instant at which the car begins to stop without new data. The known
+    path ends at a hole of about `hole` (m), 0 without one, which the car can cross if it is
+    `crossable`. A return to the path requires at most `speed_limit` (m/s).
     """
 
     lead: SourceFreshness = field(default_factory=SourceFreshness)
@@ -101,6 +105,9 @@ class Situation:
     predecessor_weight: float = nan
     hazard: bool = False
     stops_at: int = 0
+    hole: float = 0.0
+    crossable: bool = False
+    speed_limit: float = inf
 
     def __init__(  # noqa: PLR0917 - its fields
         self,
@@ -113,6 +120,9 @@ class Situation:
         predecessor_weight: float = nan,
         hazard: bool = False,
         stops_at: int = 0,
+        hole: float = 0.0,
+        crossable: bool = False,
+        speed_limit: float = inf,
     ) -> None:
         self.lead = SourceFreshness() if lead is None else lead
         self.predecessor = SourceFreshness() if predecessor is None else predecessor
@@ -123,3 +133,6 @@ class Situation:
         self.predecessor_weight = predecessor_weight
         self.hazard = hazard
         self.stops_at = stops_at
+        self.hole = hole
+        self.crossable = crossable
+        self.speed_limit = speed_limit

@@ -11,6 +11,7 @@ from vehicles.driver.degradation.stopping import stopping_distance
 from vehicles.driver.ego.own_state import Pose
 from vehicles.messages import Mode
 from vehicles.preview.curve_fit import FitSettings
+from vehicles.preview.known_path import PathHole, known_path
 from vehicles.preview.samples import Window
 from vehicles.preview.trace import Trace
 from vehicles.preview.trajectory import Fusion
@@ -50,6 +51,8 @@ class SourcePair:
         self._comfortable, self._firm = settings.comfortable, settings.firm
         self._emergency = settings.emergency
         self._assessed_at = 0
+        self._hole: PathHole | None = None
+        self._hole_ahead = 0.0
         self._all_lost_at = 0
 
     def receive(self, pose: ReceivedPose) -> Trace:
@@ -62,9 +65,12 @@ class SourcePair:
         """Preview data (Section III-A) of the sources that reach ahead of the ego.
 
         While the known path `runs_out`, the window extends behind by what is missing ahead, so that
-        the fit stays equally certain.
+        the fit stays equally certain. It ends before a hole that the car cannot cross.
         """
         behind, ahead = settings.behind(pose.speed), settings.ahead(pose.speed)
+        self._find_hole(pose)
+        if self._hole is not None and self._hole_ahead > 0.0 and not self._crossable:
+            ahead = min(ahead, self._hole_ahead)
         windows: dict[Mode, Window] = {}
         for mode, source in self.used.items():
             known = source.freshness.known
@@ -148,12 +154,35 @@ class SourcePair:
                 known = freshness.known
             if source.usable and freshness.status in RELIED_ON:
                 self.relied[mode] = source
+        hole = self._hole
+        if hole is not None:
+            self._hole_ahead -= 0.0 if refit else speed * span
+            known = self._hole_ahead
         comfortable = _stop(speed, acceleration, self._comfortable)
         firm = _stop(speed, acceleration, self._firm)
         blind = _stop(speed, acceleration, self._emergency, period=span) - known
         blind = 0.0 if blind < 0.0 else blind
         lead, predecessor = self.lead.freshness, self.predecessor.freshness
-        return Situation(lead, predecessor, known, comfortable, firm, blind)
+        situation = Situation(lead, predecessor, known, comfortable, firm, blind)
+        if hole is not None:
+            situation.hole, situation.crossable = hole.length, self._crossable
+        return situation
+
+    @property
+    def _crossable(self) -> bool:
+        return self._hole is not None and self._hole.is_certain(self.bend)
+
+    def _find_hole(self, pose: Pose) -> None:
+        """Find the hole at which the known path of both sources ends, if there is one."""
+        self._hole = None
+        traces = [
+            source.trace
+            for source in self.used.values()
+            if len(source.trace) and source.freshness.status != "distrusted"
+        ]
+        if [trace for trace in traces if trace.has_holes]:
+            path = known_path(traces, pose.east, pose.north)
+            self._hole_ahead, self._hole = path.end, path.hole
 
     @property
     def path_runs_out(self) -> bool:

@@ -1,14 +1,23 @@
 """Speed of a follower while messages fail; SI units."""
 
 from dataclasses import dataclass, replace
-from math import inf, isfinite, isnan, nan
+from math import inf, isfinite, isnan, nan, sqrt
 from typing import Final
 
 from vehicles.car.tyres import GRAVITY
 from vehicles.driver.degradation.reception import AgeWatch
 from vehicles.driver.degradation.settings import Braking, DegradationSettings
-from vehicles.driver.degradation.situation import LOST, SLOWING, Situation, SourceFreshness
+from vehicles.driver.degradation.situation import (
+    LOST,
+    OFF_PATH,
+    SLOWING,
+    Situation,
+    SourceFreshness,
+)
 from vehicles.driver.degradation.stopping import (
+    CREEP_SPEED,
+    STANDSTILL,
+    STOP_MARGIN,
     AnnouncedStop,
     friction_left,
     needed_deceleration,
@@ -49,11 +58,8 @@ CAUGHT_UP: Final = 0.5
 CLOSER: Final = 0.5
 """Gap keeping replaces the common speed if the spacing shrinks by more than this (m)."""
 
-STOP_MARGIN: Final = 0.5
-"""Distance (m) before the end of the known path at which a stop ends."""
-
-STANDSTILL: Final = 0.2
-"""Below this speed (m/s) a car is held by its brake."""
+LIMIT_TIME: Final = 0.5
+"""Time constant (s) with which a car slows to a speed limit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,11 +143,7 @@ class SpeedGuard:
     ) -> SpeedCommand:
         """Command at `now` (ns) while the car steers along `mode`, once per control instant."""
         usual = self._law.command(now, pose, ahead)
-        if self._first_at is None:
-            self._first_at, self._first_speed, self._at = now, pose.speed, now
-        span = (now - self._at) / SECOND
-        self._at = now
-        self._driven += pose.speed * span
+        span = self._advance(now, pose.speed)
         if not self._degrades:
             return usual
         self.stops_behind = False
@@ -149,11 +151,11 @@ class SpeedGuard:
         sample = self._sample(now, ahead, predecessor)
         tick = _Instant(now, span, pose, ahead, situation, usual, emergency, *sample)
         self._ages.observe(now, tick.age, predecessor)
-        warned = predecessor.hazard or predecessor.mode in SLOWING
-        warned = warned or 0 < predecessor.stops_at <= now
+        warned = _warns(predecessor, now)
         blind = mode in SLOWING
         expects_stop = self._announced.is_expected(now, predecessor)
-        alert = blind or warned or self._ages.is_recently_late(now)
+        limit = self._speed_limit(situation, mode)
+        alert = blind or warned or limit < inf or self._ages.is_recently_late(now)
         self._update_following(tick, alert=alert or self.is_slowed)
         reserve, opening = self._reserve(tick), self._opening(tick)
         alone = self._headway > 0.0 or situation.lead.status in LOST
@@ -173,13 +175,23 @@ class SpeedGuard:
         ):
             wanted = min(wanted, predecessor.acceleration)
         if alert:
-            wanted = min(wanted, self._safe_acceleration(tick, reserve))
+            safe = self._safe_acceleration(tick, reserve)
+            wanted = min(wanted, safe, self._within_limit(tick, limit))
         if expects_stop:
             wanted = min(wanted, self._stop_behind(tick))
         self.stops_behind = expects_stop and wanted < -self._comfortable.deceleration
         if blind:
             wanted = min(wanted, self._stop_within_known(tick, firmly=mode == "stop"))
         return self._release_brake(tick, wanted, free)
+
+    def _advance(self, now: int, speed: float) -> float:
+        """Add the distance driven at `speed` (m/s); returns the time (s) since the last instant."""
+        if self._first_at is None:
+            self._first_at, self._first_speed, self._at = now, speed, now
+        span = (now - self._at) / SECOND
+        self._at = now
+        self._driven += speed * span
+        return span
 
     def _sample(
         self, now: int, ahead: VehiclesAhead, predecessor: SourceFreshness
@@ -253,6 +265,24 @@ class SpeedGuard:
             return tick.now
         needed = tick.now + round(max(reserve, 0.0) / max(tick.pose.speed, 0.1) * SECOND)
         return max(needed, predecessor.lost_at) if waits else needed
+
+    def _speed_limit(self, situation: Situation, mode: Mode) -> float:
+        """Speed (m/s) that a return to the path or a hole ahead permits, infinite without them."""
+        if mode != "creep":
+            return situation.speed_limit
+        left = max(situation.known - STOP_MARGIN, 0.0)
+        creep = sqrt(CREEP_SPEED**2 + 2.0 * self._comfortable.deceleration * left)
+        return min(creep, situation.speed_limit)
+
+    def _within_limit(self, tick: _Instant, limit: float) -> float:
+        """Mildest acceleration (m/s²) that keeps to a speed `limit` (m/s), if it is finite."""
+        if tick.pose.speed < STANDSTILL and limit < STANDSTILL:
+            return -self._comfortable.deceleration
+        wanted = (limit - tick.pose.speed) / LIMIT_TIME
+        if wanted == inf:
+            return inf
+        firm = self._settings.firm if tick.situation.known > 0.0 else tick.emergency
+        return max(wanted, -firm.deceleration, self._last - firm.jerk * tick.span)
 
     def _stop_within_known(self, tick: _Instant, *, firmly: bool) -> float:
         """Mildest acceleration (m/s²) that stops within the known path."""
@@ -364,3 +394,9 @@ class SpeedGuard:
         if wanted == usual.acceleration:
             return usual
         return SpeedCommand(wanted, min(usual.target_speed, tick.pose.speed))
+
+
+def _warns(predecessor: SourceFreshness, now: int) -> bool:
+    """Whether the predecessor announced trouble, or a stop that has begun at `now` (ns)."""
+    announced = predecessor.hazard or predecessor.mode in OFF_PATH
+    return announced or 0 < predecessor.stops_at <= now

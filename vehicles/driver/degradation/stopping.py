@@ -11,6 +11,13 @@ from vehicles.driver.degradation.settings import Braking
 from vehicles.driver.degradation.situation import LOST, SourceFreshness
 from vehicles.schedule import SECOND
 
+STOP_MARGIN: Final = 0.5
+"""Distance (m) before the end of the known path at which a stop ends."""
+STANDSTILL: Final = 0.2
+"""Below this speed (m/s) a car is held by its brake."""
+CREEP_SPEED: Final = 2.0
+"""Largest speed (m/s) across a hole in the known path."""
+
 HARDEST: Final = 100.0
 """Upper end (m/s²) of the bisection, ten times the limit of tyres."""
 

@@ -99,10 +99,18 @@ def test_blind_metres_are_those_beyond_the_known_path(
     assert found == pytest.approx(max(driven - known, 0.0), abs=1e-6 * len(drive))
 
 
-def test_blind_distance_excludes_following_and_the_time_before_messages() -> None:
+def test_blind_distance_counts_in_every_mode_but_not_before_messages() -> None:
     drive = [truth("v2", seq, 0.6 * seq, 0.0, distance=0.6 * seq) for seq in range(20)]
     nan = float("nan")
-    assert figures(*states((20, {"known_m": -2.0, "mode": "lead"})), *drive).blind_m == 0.0
+    assert figures(*states((20, {"known_m": 2.0, "mode": "lead"})), *drive).blind_m == 0.0
     assert figures(*states((20, {"known_m": nan, "mode": "straight"})), *drive).blind_m == 0.0
-    lost = figures(*states((20, {"known_m": -50.0, "mode": "coast"})), *drive)
-    assert lost.blind_m == pytest.approx(19 * 0.6)
+    for mode in ("lead", "coast", "stop", "creep"):
+        blind = figures(*states((20, {"known_m": -50.0, "mode": mode})), *drive)
+        assert blind.blind_m == pytest.approx(19 * 0.6)
+
+
+@pytest.mark.parametrize("mode", ["lead", "stop", "creep"])
+def test_blind_distance_is_predicted_when_it_begins(mode: str) -> None:
+    blind = {"known_m": -1.0, "mode": mode, "blind_m": 7.0}
+    rows = states((5, {"known_m": 1.0}), (5, blind))
+    assert figures(*rows).predicted_blind_m_max == 7.0

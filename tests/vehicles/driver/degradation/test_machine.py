@@ -1,12 +1,13 @@
 """Modes of followers in a bend behind exact sources that fall silent, and their reasons."""
 
 import math
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 
 import pytest
 
-from tests.made.vehicles.exact_drives import Step, drive, on, received_from
+from tests.made.vehicles.exact_drives import PLANE, Step, drive, on, received_from
 from tests.made.vehicles.followers import (
     BEND,
     follower,
@@ -15,6 +16,7 @@ from tests.made.vehicles.followers import (
     modes,
     predecessor_of,
 )
+from vehicles.car.sending.path_history import PathHistory
 from vehicles.driver.degradation.settings import DegradationSettings, Reaction
 from vehicles.driver.degradation.stopping import needed_deceleration, stopping_distance
 from vehicles.messages import Mode
@@ -32,7 +34,12 @@ def cut(reaction: Reaction = "degrade", speed: float = 10.0) -> list[Step]:
         follower(speed=speed, degradation=DegradationSettings(reaction=reaction)),
         on(BEND, 0.0, speed),
         18.0,
-        received_from(lead_of(BEND, speed, SILENT), predecessor_of(BEND, speed, SILENT)),
+        received_from(
+            *(
+                replace(source, history=PathHistory(PLANE, 300.0, 23))
+                for source in (lead_of(BEND, speed, SILENT), predecessor_of(BEND, speed, SILENT))
+            )
+        ),
     )
 
 

@@ -1,0 +1,174 @@
+"""A follower whose known path ends at a hole, or behind it because messages arrive late."""
+
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import isfinite
+
+import pytest
+
+from scenarios.definition.scenario import load_scenario
+from scenarios.results.summary import RunSummary
+from scenarios.runs.observer import OnMessage
+from scenarios.runs.virtual.unlogged_run import run_unlogged
+from tests.made.interpreted import interpreted_only
+from vehicles.driver.degradation.sources import SourcePair
+from vehicles.driver.degradation.stopping import CREEP_SPEED
+from vehicles.driver.tracking import Rejoining
+from vehicles.messages import Message, Tracking, TruePose
+
+NO_HISTORY = "sending.path_history_m=0"
+LOOP = [
+    "duration_s=34",
+    "convoy.vehicles=3",
+    "speed.profile=[{at_s=0.0, speed_mps=1.4}, {at_s=3.0, speed_mps=6.0}]",
+    "change=[{kind='cut', at_s=20.27, for_s=7.04}]",
+]
+"""The lead drives round most of a car park's loop while nobody receives anything."""
+CONTROL_S = 0.02
+
+
+@dataclass
+class Driven:
+    """Summary of a run, with true poses and tracking by vehicle."""
+
+    summary: RunSummary
+    truth: dict[str, list[TruePose]]
+    tracking: dict[str, list[Tracking]]
+
+
+def drive(name: str, requested: list[str]) -> Driven:
+    truth: dict[str, list[TruePose]] = defaultdict(list)
+    tracking: dict[str, list[Tracking]] = defaultdict(list)
+
+    def take(_: int, message: Message) -> None:
+        if isinstance(message, TruePose):
+            truth[message.vehicle].append(message)
+        elif isinstance(message, Tracking):
+            tracking[message.vehicle].append(message)
+
+    kinds = frozenset[type[Message]]({TruePose, Tracking})
+    summary = run_unlogged(load_scenario(name, requested), [OnMessage(take, kinds)])
+    return Driven(summary, truth, tracking)
+
+
+def errors(summary: RunSummary) -> list[float]:
+    return [one.cross_track_error_m_max or 0.0 for one in summary.vehicles[1:]]
+
+
+def cut(start: float, length: float, sender: str = "*") -> str:
+    return f"change=[{{kind='cut', at_s={start}, for_s={length}, sender='{sender}'}}]"
+
+
+@pytest.fixture(scope="module")
+def before_hole() -> Driven:
+    return drive("church_lot", [*LOOP, NO_HISTORY, "speed.lead_keeps_gap=false"])
+
+
+def test_before_a_long_hole_it_stands_and_states_why(before_hole: Driven) -> None:
+    assert max(errors(before_hole.summary)) < 0.5
+    last = before_hole.tracking["v2"][-1]
+    assert "hole" in last.reason
+    assert last.known_m > 0.0
+    assert before_hole.truth["v2"][-1].speed_mps < 0.01
+
+
+def test_with_path_history_it_drives_on_along_the_path() -> None:
+    driven = drive("church_lot", LOOP)
+    assert max(errors(driven.summary)) < 0.5
+    assert driven.truth["v2"][-1].speed_mps > 1.0
+
+
+@interpreted_only
+def test_if_a_bridge_counted_as_known_it_would_leave_the_path(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(SourcePair, "_find_hole", lambda *_: None)
+    monkeypatch.setattr(Rejoining, "corrected", lambda _, __, errors, ___: errors)
+    requested = [*LOOP, NO_HISTORY, "speed.lead_keeps_gap=false"]
+    assert max(errors(run_unlogged(load_scenario("church_lot", requested)))) > 2.0
+
+
+def creeping(rows: list[Tracking]) -> Iterator[Tracking]:
+    return (row for row in rows if row.mode == "creep")
+
+
+def test_a_short_hole_on_a_gentle_road_is_crossed_at_walking_pace() -> None:
+    requested = ["duration_s=40", NO_HISTORY, "convoy.vehicles=2", cut(12.0, 2.5)]
+    driven = drive("highway", requested)
+    speeds = {pose.true_at_ns: pose.speed_mps for pose in driven.truth["v2"]}
+    creeps = list(creeping(driven.tracking["v2"]))
+    inside = [speeds[row.decided_at_ns] for row in creeps if row.known_m < 0.0]
+    assert inside
+    assert max(inside) < 1.25 * CREEP_SPEED
+    assert max(errors(driven.summary)) < 0.5
+    assert driven.truth["v2"][-1].speed_mps > 5.0
+    figures = driven.summary.vehicles[1].reaction
+    assert figures.blind_m > 1.0
+    assert figures.predicted_blind_m_max is not None
+    assert figures.blind_m <= max(1.05 * figures.predicted_blind_m_max, 0.5)
+    assert all(isfinite(row.blind_m) and row.blind_m > 0.0 for row in creeps)
+
+
+@pytest.mark.parametrize("case", [(4.6, 4.0), (6.0, 5.0), (19.5, 4.0)])
+def test_a_car_beside_the_path_returns_slowly(case: tuple[float, float]) -> None:
+    """All links fail during a lane change at 30 m/s."""
+    driven = drive("lane_change", ["duration_s=34", cut(*case)])
+    end_at = driven.truth["v2"][0].true_at_ns + round((case[0] + case[1]) * 1e9)
+    for name in ("v2", "v3", "v4"):
+        lateral = {row.decided_at_ns: row.lateral_error_m for row in driven.tracking[name]}
+        heading = {row.decided_at_ns: row.heading_error_rad for row in driven.tracking[name]}
+        for pose in driven.truth[name]:
+            beside = abs(lateral.get(pose.true_at_ns, 0.0))
+            if pose.true_at_ns > end_at and beside > 0.3:
+                assert abs(heading[pose.true_at_ns]) < 0.25
+                assert abs(pose.lateral_acceleration_mps2) < 3.5
+        assert abs(lateral[max(lateral)]) < 0.3
+
+
+@pytest.mark.parametrize("name", ["lane_change", "church_lot"])
+def test_after_flapping_links_no_car_stands_for_long(name: str) -> None:
+    cuts = ", ".join(f"{{kind='cut', at_s={8.0 + 2.2 * k:.1f}, for_s=1.2}}" for k in range(8))
+    driven = drive(name, ["duration_s=34", f"change=[{cuts}]"])
+    for vehicle in ("v2", "v3", "v4"):
+        speeds = {pose.true_at_ns: pose.speed_mps for pose in driven.truth[vehicle]}
+        standing = 0.0
+        for row in driven.tracking[vehicle]:
+            received = min(row.lead_received_ratio, row.predecessor_received_ratio) >= 0.8
+            free = row.estimated_gap_m > 6.0
+            stands = speeds.get(row.decided_at_ns, 9.0) < 0.1
+            standing = standing + CONTROL_S if received and free and stands else 0.0
+            assert standing <= 3.0
+
+
+# ---- Where a gap takes less time to drive than a message takes to come
+
+LATE = (
+    *("convoy.vehicles=3", "gnss.rate_hz=10", "duration_s=11", "links.jitter_ms=0"),
+    *("convoy.gap_m=3", "links.latency_ms=300"),
+)
+"""At 30 m/s the received path of a lead 8 m ahead ends a metre behind the first follower."""
+
+
+@pytest.mark.parametrize(("loss_ratio", "seed"), [(0.0, 1), (0.2, 1), (0.2, 8), (0.2, 9)])
+def test_a_follower_that_knows_only_road_behind_falls_back_and_then_follows(
+    loss_ratio: float, seed: int
+) -> None:
+    scenario = load_scenario("lossy_lane_change", (*LATE, f"links.loss_ratio={loss_ratio}"), seed)
+    summary = run_unlogged(scenario)
+    first = summary.vehicles[1]
+    assert first.ticks_by_mode["coast"] > 20
+    assert first.ticks_by_mode["lead"] > 0.5 * first.ticks
+    for row in summary.vehicles[1:]:
+        assert row.cross_track_error_m_max is not None
+        assert row.cross_track_error_m_max < 0.5, row.name  # it was up to 3.8 m
+    assert not [event for event in summary.events if event.kind in ("lane_departure", "slide")]
+
+
+def test_a_follower_that_knows_road_ahead_does_not_fall_back() -> None:
+    requested = (*LATE, "convoy.gap_m=10", "links.loss_ratio=0")
+    summary = run_unlogged(load_scenario("lossy_lane_change", requested, 1))
+    for row in summary.vehicles[1:]:
+        assert "coast" not in row.ticks_by_mode
+        assert row.cross_track_error_m_max is not None
+        assert row.cross_track_error_m_max < 0.2
