@@ -2,12 +2,16 @@
 
 import io
 import os
+import select
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, TextIO
 
 from scenarios.runs.stop import EXIT_FAILED
+
+ERROR_PATIENCE_S = 0.5
+"""How long progress and errors wait for a reader that does not read, before they are dropped."""
 
 
 def open_standard_files() -> None:
@@ -31,25 +35,38 @@ class Output(io.FileIO):
     """A standard file that drops bytes it cannot write, so that the command continues.
 
     `failure` is the first error. A reader that has ended, as in `convoy run | head -1`, is none.
+    `patience_s` limits the wait for a reader that does not read; None is for ever.
     """
 
     failure: OSError | None = None
+    patience_s: float | None = None
+    _is_stuck = False
 
     def write(self, data: Any, /) -> int:
         """Write, and report all bytes as written."""
+        left = memoryview(data).cast("B")
+        size = left.nbytes
         try:
-            return super().write(data)
+            while left.nbytes and self._is_ready():
+                # In parts that a pipe takes as a whole; None if the file would block after all.
+                left = left[super().write(left[: select.PIPE_BUF]) or 0 :]
         except BrokenPipeError:
             pass
         except OSError as error:
             self.failure = self.failure or error
-        return memoryview(data).nbytes
+        return size
+
+    def _is_ready(self) -> bool:
+        """Wait until the file takes bytes; a reader that was stuck gets no further time."""
+        timeout_s = 0.0 if self._is_stuck else self.patience_s
+        self._is_stuck = not select.select([], [self], [], timeout_s)[1]
+        return not self._is_stuck
 
 
 def keep_output_going() -> None:
     """Make printing raise no error; the encoding's missing characters become question marks."""
-    sys.stdout = _lenient(sys.__stdout__ and sys.stdout, 1)
-    sys.stderr = _lenient(sys.__stderr__ and sys.stderr, 2)
+    sys.stdout = _lenient(sys.__stdout__ and sys.stdout, 1, None)
+    sys.stderr = _lenient(sys.__stderr__ and sys.stderr, 2, ERROR_PATIENCE_S)
 
 
 @contextmanager
@@ -66,10 +83,12 @@ def unwritable_output_reported() -> Iterator[None]:
         raise SystemExit(EXIT_FAILED) from None
 
 
-def _lenient(stream: TextIO | None, number: int) -> TextIO:
+def _lenient(stream: TextIO | None, number: int, patience_s: float | None) -> TextIO:
     if stream is not None:
         stream.flush()
         number = stream.fileno()
-    output = io.BufferedWriter(Output(number, "wb", closefd=False))
+    raw = Output(number, "wb", closefd=False)
+    raw.patience_s = patience_s
+    output = io.BufferedWriter(raw)
     encoding = stream.encoding if stream is not None else "utf-8"
     return io.TextIOWrapper(output, encoding=encoding, errors="replace", line_buffering=True)

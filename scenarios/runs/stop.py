@@ -10,6 +10,7 @@ import signal
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from select import select
 from threading import Lock, Thread
 from types import FrameType
 
@@ -32,6 +33,13 @@ EXIT_CODES: Mapping[int, str] = {
 """Meaning of each exit code; `convoy reference exit-codes` prints it."""
 END_OF_WATCH = 0
 """No signal's number: it ends the watch thread."""
+
+
+def write_error(text: bytes) -> None:
+    """Write a few bytes to the standard error, if that is open and its reader reads."""
+    with suppress(OSError):
+        if select([], [2], [], 0.0)[1]:
+            os.write(2, text)
 
 
 class Stop:
@@ -110,8 +118,7 @@ class _Watch:
                 continue
             if self._say and not self.stop.launched:
                 self._say = False
-                with suppress(OSError):  # closed
-                    os.write(2, f"{_reason(number)}\n".encode())
+                write_error(f"{_reason(number)}\n".encode())
             if not self.stop.begun:
                 if self.stop.folder is not None:
                     with suppress(OSError):  # not empty

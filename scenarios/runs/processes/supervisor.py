@@ -16,6 +16,7 @@ from scenarios.runs.processes.forking import (
     fork_all,
 )
 from scenarios.runs.processes.router import LISTENING
+from scenarios.runs.stop import write_error
 from transport.bus.bus import BusError
 from transport.clock import poll
 
@@ -41,12 +42,6 @@ def describe(child: Child) -> str:
     if code < 0:
         return f"{child.name} was killed by signal {-code}"
     return f"{child.name} ended with exit code {code}"
-
-
-def write_error(logged: bytes) -> None:
-    """Write bytes to the standard error, if that is open."""
-    with suppress(OSError):
-        os.write(2, logged)
 
 
 def spawn(arguments: Sequence[str], *, piped: bool) -> "subprocess.Popen[bytes]":

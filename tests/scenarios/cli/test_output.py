@@ -1,12 +1,17 @@
 """Commands with a standard output that is closed, full or not UTF-8."""
 
 import os
+import select
 import subprocess
 import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
 
+from scenarios.cli.output import Output
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.runs.stop import EXIT_BAD_INPUT, EXIT_FAILED
 from transport.log.reader import LogReader
@@ -93,3 +98,52 @@ def test_a_refusal_keeps_its_exit_code_with_any_output(redirection: str) -> None
 @pytest.mark.parametrize("command", PRINTING)
 def test_no_command_needs_utf_8(command: str) -> None:
     assert shell(f"{CONVOY} {command}", PYTHONIOENCODING="ascii").returncode == 0
+
+
+@contextmanager
+def stuck_pipe(*, blocking: bool) -> Iterator[tuple[int, int]]:
+    """A full pipe that nobody reads: its reading and its writing end."""
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    with suppress(BlockingIOError):
+        while True:
+            os.write(writing, bytes(4096))
+    os.set_blocking(writing, blocking)
+    try:
+        yield reading, writing
+    finally:
+        os.close(reading)
+        os.close(writing)
+
+
+@pytest.mark.parametrize("blocking", [False, True], ids=["non-blocking", "blocking"])
+def test_progress_that_nobody_reads_is_dropped(*, blocking: bool) -> None:
+    with stuck_pipe(blocking=blocking) as (reading, writing):
+        output = Output(writing, "wb", closefd=False)
+        output.patience_s = 0.2
+        began = time.monotonic()
+        for _ in range(100):
+            assert output.write(b"x" * 100_000) == 100_000
+        assert 0.1 < time.monotonic() - began < 5.0
+        assert output.failure is None
+        while select.select([reading], [], [], 0.0)[0]:
+            os.read(reading, 65536)
+        assert output.write(b"back") == 4
+        assert os.read(reading, 10) == b"back"
+
+
+@pytest.mark.parametrize("blocking", [False, True], ids=["non-blocking", "blocking"])
+def test_a_run_ends_whose_errors_nobody_reads(tmp_path: Path, *, blocking: bool) -> None:
+    arguments = ("--set=duration_s=1", "--set=convoy.vehicles=2", "--out=run")
+    with stuck_pipe(blocking=blocking) as (_, writing):
+        done = subprocess.run(
+            [sys.executable, "-m", "scenarios.cli", "run", "lane_change", *arguments],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+            stdout=subprocess.PIPE,
+            stderr=writing,
+            timeout=60.0,
+            check=False,
+        )
+    assert done.returncode == 0
+    assert b"OK" in done.stdout
