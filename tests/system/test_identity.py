@@ -254,6 +254,17 @@ def test_a_wrong_clock_is_corrected(
         assert f"{abs(offset_ms)}." in lines[0] or f"{abs(offset_ms) - 1}." in lines[0]
 
 
+def test_a_run_does_not_start_while_a_clock_is_uncertain(hub: SharedRouter, tmp_path: Path) -> None:
+    exact = (*SHORT, "--set=convoy.clock_uncertainty_ms_max=1e-6")
+    recorder = hub.start("record", *exact, "--out=run", "--wait=8")
+    vehicles = [hub.start("vehicle", *exact, "--name", name) for name in NAMES]
+    assert recorder.wait() == 1
+    reason = Run(tmp_path / "run").summary["reason"]
+    assert reason.startswith("not present in time: v1 (its clock is known within")
+    for vehicle in vehicles:
+        assert vehicle.wait() == 1
+
+
 def test_a_suspended_recorder_loses_nothing(hub: SharedRouter, tmp_path: Path) -> None:
     duration_s = 5.0
     recorder, *vehicles = hub.convoy((*TWO, f"--set=duration_s={duration_s}"), "run")

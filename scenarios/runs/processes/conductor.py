@@ -57,6 +57,8 @@ class Conductor:
         self.start_at = 0
         self.excluded: Mapping[str, str] = {}
         """Why vehicles do not take part although their processes are there."""
+        self.delivery_ns = 0
+        """How long the announcement of the start may take to the vehicles (ns)."""
         self._vehicles = tuple(vehicles)
         self._duration_ns = duration_ns
         self._continues = continues_without_failed
@@ -161,7 +163,7 @@ class Conductor:
         missing = self.missing()
         if not missing:
             self.phase = Phase.RUNNING
-            self.start_at = now + LEAD_TIME_NS
+            self.start_at = now + LEAD_TIME_NS + self.delivery_ns
             return [f"all {len(self._vehicles)} vehicles are present"]
         if now > self._gather_until:
             self.stop(f"not present in time: {self._named(missing)}")

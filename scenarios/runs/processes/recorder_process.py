@@ -206,6 +206,8 @@ class RecorderProcess:
         if self._conductor.phase is Phase.GATHERING:
             for vehicle in self._clock_server.offsets.keys() - members:
                 self._clock_server.offsets.pop(vehicle, None)
+            offsets = self._clock_server.offsets.values()
+            self._conductor.delivery_ns = 2 * max((o.uncertainty for o in offsets), default=0)
             unready = {name: why for name in members if (why := self._unready(name))}
             excluded |= unready
             present = members - unready.keys()

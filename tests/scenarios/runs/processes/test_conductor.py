@@ -510,3 +510,20 @@ def test_a_vehicle_that_restarts_at_the_end_has_time_for_final_counters() -> Non
     conductor.advance(at(ENDED + 5.0), connected=True)
     assert conductor.phase is Phase.OVER
     assert conductor.reason == ""
+
+
+def test_the_start_waits_for_slow_announcements_and_missing_vehicles_have_reasons() -> None:
+    conductor = Conductor(
+        ("v1", "v2"),
+        duration_ns=SECOND,
+        continues_without_failed=False,
+        gather_until=at(GATHER_S),
+    )
+    conductor.note_presence("v1", alive=True, at=at(0.0))
+    conductor.excluded = {"v2": "runs other sources"}
+    assert conductor.advance(at(0.0), connected=True) == []
+    assert conductor.advance(at(5.0), connected=True) == ["waiting for v2 (runs other sources)"]
+    conductor.delivery_ns = 2 * SECOND
+    conductor.note_presence("v2", alive=True, at=at(6.0))
+    conductor.advance(at(6.0), connected=True)
+    assert conductor.start_at == at(6.0) + LEAD_TIME_NS + 2 * SECOND
