@@ -86,6 +86,10 @@ def _caveats(summary: RunSummary) -> Iterator[str]:
     absent = sum(map(lost_in_transport, summary.links))
     if absent:
         yield f"{absent} {'message' if absent == 1 else 'messages'} did not arrive"
+    late_messages = sum([row.late for row in summary.links])
+    share = late_messages / max(sum([row.judged for row in summary.links]), 1)
+    if share > LATE_RATIO:
+        yield f"{100.0 * share:.2g} % of the messages late"
     late = late_ratio(summary.vehicles)
     if late > LATE_RATIO:
         yield f"{100.0 * late:.2g} % of the ticks late"

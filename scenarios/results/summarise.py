@@ -129,7 +129,8 @@ def transport_lines(
             yield (
                 f"the network was slow: {100.0 * above:.0f} % of the poses of {sender} took longer "
                 f"than the floor latency of {row.requested.latency_ms:g} ms, "
-                f"{row.transport_ms_mean or 0.0:.0f} ms on average. Raise links.latency_ms"
+                f"{row.transport_ms_mean or 0.0:.0f} ms on average and up to "
+                f"{row.transport_ms_max or 0.0:.0f} ms. Raise links.latency_ms"
             )
 
 

@@ -46,6 +46,7 @@ SETTLING_S = 0.02
 """Time for the transport to deliver messages after a hold-up."""
 WAITING_S = 10.0
 """Time for which poses are queued while this process does not fetch them."""
+LIMITS_NOT_JUDGED = "the router was lost before the end, so that limits are not judged"
 Report = Callable[[str], None]
 
 
@@ -352,13 +353,20 @@ class VehicleProcess:
             return False
         self._router.look(now, connected=self._bus.connected())
         if self._router.was_lost_near_end(end_at):  # the recorder decides alike
-            return self._router.is_lost_for_good(now)
+            is_over = self._router.is_lost_for_good(now)
+            if is_over and self._router.was_lost_before(end_at) and self._has_limits:
+                raise RunCancelledError(f"{self._run} failed: {LIMITS_NOT_JUDGED}")
+            return is_over
         self._check_router_and_recorder(now)
         if now > max(end_at, self._router.back_at, self._announced.last_received_at) + END_NS:
             raise RunCancelledError(f"{self._run} failed: the recorder announced no end")
         if self._final_counters is not None:
             self._bus.publish(*self._final_counters)
         return False
+
+    @property
+    def _has_limits(self) -> bool:
+        return bool(self._builder.scenario.tables.limits.model_fields_set)
 
     def _keep_final_counters(self, topic: Topic, data: bytes, message: Message) -> None:
         if isinstance(message, Health) and message.final:
