@@ -4,7 +4,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tests.made.examples import examples
-from tests.made.vehicles.random_cars import CAR, CARS, GAINS, SPEEDS
+from tests.made.vehicles.theory.random_cars import CAR, CARS, GAINS, SPEEDS
 from vehicles.car.parameters import NOMINAL_GAINS, Gains, VehicleParameters, all_loadings, loaded
 from vehicles.theory.constant_speed import exact_coefficients, guaranteed_decay, is_stable_over
 from vehicles.theory.gain_sets import abscissa

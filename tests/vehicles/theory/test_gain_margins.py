@@ -3,7 +3,7 @@ import pytest
 from hypothesis import assume, given
 
 from tests.made.examples import examples
-from tests.made.vehicles.random_cars import CAR, CARS, GAINS, SPEEDS
+from tests.made.vehicles.theory.random_cars import CAR, CARS, GAINS, SPEEDS
 from vehicles.car.parameters import NOMINAL_GAINS, Gains, VehicleParameters, all_loadings, loaded
 from vehicles.theory.gain_margins import common_ball, gain_interval, stability_ball
 from vehicles.theory.gain_sets import PAPER_SPEEDS, abscissa, boundary_curve, is_stabilising

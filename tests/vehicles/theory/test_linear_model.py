@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given
 
 from tests.made.examples import examples
-from tests.made.vehicles.error_model import curvature_input, curvature_rate_input
-from tests.made.vehicles.random_cars import CAR, CARS, GAINS, SPEEDS
+from tests.made.vehicles.theory.error_model import curvature_input, curvature_rate_input
+from tests.made.vehicles.theory.random_cars import CAR, CARS, GAINS, SPEEDS
 from vehicles.car.parameters import (
     NOMINAL_GAINS,
     Gains,

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tests.made.vehicles.random_cars import CAR
+from tests.made.vehicles.theory.random_cars import CAR
 from vehicles.car.parameters import NOMINAL_GAINS, Gains, all_loadings, loaded
 from vehicles.theory.propagation import SteeringModel, propagation
 from vehicles.theory.simulated_chain import SIMULATED_FREQUENCIES, simulated_propagation

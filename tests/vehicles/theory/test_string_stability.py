@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.signal import impulse, lsim
 
 from tests.made.examples import examples
-from tests.made.vehicles.random_cars import CAR, CARS, GAINS, SPEEDS
+from tests.made.vehicles.theory.random_cars import CAR, CARS, GAINS, SPEEDS
 from vehicles.car.parameters import (
     NOMINAL_GAINS,
     Gains,

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
-from tests.made.vehicles.random_cars import CAR
+from tests.made.vehicles.theory.random_cars import CAR
 from vehicles.car.parameters import NOMINAL_GAINS, Gains, all_loadings, loaded
 from vehicles.theory.linear_model import closed_loop, closed_loop_at, speed_change_matrix
 from vehicles.theory.varying_speed import (
