@@ -20,9 +20,10 @@ PERIOD_NS = 10 * SECOND
 WAITING_PERIOD_NS = SECOND
 """Between two measurements before the run."""
 PATIENCE_NS = 5 * SECOND
-"""How long to wait for an answer before the next query."""
-RETRY_NS = SECOND // 20
-"""Between two queries before the recorder is there."""
+"""How long an answer may take."""
+RETRY_NS, LONGEST_RETRY_NS = SECOND // 20, SECOND
+"""Between two queries without an answer, doubled each time: a query before the recorder is there
+ends without one. Answers count whenever they come."""
 AGEING = 100e-6
 """How fast a measured offset becomes uncertain: drift of common clocks."""
 LARGEST_DRIFT = 1e-3
@@ -111,7 +112,7 @@ class ClockSync:
         self.running = running
         self._answers: deque[tuple[int, int, bytes]] = deque()
         self._rounds: list[_Round] = []
-        self._asked_at: int | None = None
+        self._retry_ns = RETRY_NS
         self._due_at = clock.monotonic()
         self._measured_at: int | None = None
         self.uncertainty = 0
@@ -133,19 +134,18 @@ class ClockSync:
             self._take(*self._answers.popleft())
         if len(self._rounds) >= ROUNDS:
             self._finish(now)
-        if self._asked_at is not None and now - self._asked_at < PATIENCE_NS:
-            return
         if now >= self._due_at:
-            self._asked_at = now
-            self._due_at = now + RETRY_NS
+            self._due_at = now + self._retry_ns
+            self._retry_ns = min(2 * self._retry_ns, LONGEST_RETRY_NS)
             self._query(lambda data: self._answers.append((now, self._clock.monotonic(), data)))
 
     def _query(self, receive: Callable[[bytes], None], payload: bytes = b"") -> None:
         self._bus.request(clock_key(RUN_SENDER), receive, PATIENCE_NS / SECOND, payload)
 
     def _take(self, asked_at: int, came_at: int, answer: bytes) -> None:
-        if asked_at == self._asked_at:
-            self._asked_at, self._due_at = None, came_at
+        if self._measured_at is not None and asked_at <= self._measured_at:
+            return  # of a measurement that is over
+        self._retry_ns, self._due_at = RETRY_NS, came_at
         theirs = _integer(answer)
         if theirs is not None and theirs >= 0:
             trip = came_at - asked_at
@@ -157,6 +157,7 @@ class ClockSync:
         best = min(self._rounds, key=lambda each: each.uncertainty)
         self._rounds.clear()
         before, self._measured_at = self._measured_at, now
+        self._retry_ns = RETRY_NS
         elapsed = 0 if before is None else now - before
         if abs(best.error) > best.uncertainty:
             self._correct(best.error, elapsed)
