@@ -57,14 +57,12 @@ def _length(scenario: Scenario, speed: float, *, whole: bool) -> float:
 
     All gaps include that of the lead to the last vehicle ahead of it.
     """
-    tables, route, names = scenario.tables, scenario.route, scenario.vehicle_names
+    tables, names = scenario.tables, scenario.vehicle_names
     if tables.speed.followers == "gap":
-        first = route.profile.at(0.0)[0]
-        length = sum(route.spacings) + (len(names) - 1) * tables.speed.gap.headway_s * (
-            speed - first
-        )
+        places = range(1, len(names))
+        length = sum(scenario.spacing_policy(place).desired(speed) for place in places)
     else:
-        length = sum(route.spacings)
+        length = sum(scenario.route.spacings)
     if not whole:
         return length
     cars = [scenario.vehicle(name).parameters for name in (names[-1], names[0])]
