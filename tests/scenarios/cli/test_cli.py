@@ -596,12 +596,15 @@ def test_a_cut_log_is_reported_or_refused_in_one_line(
     whole = (finished / "run.mcap").read_bytes()
     cut = tmp_path / "run.mcap"
     summary = json.loads((finished / "summary.json").read_text(encoding="utf-8"))
+    assert summary.pop("log_faults") == ""
     chance = random.Random(12)
     for length in (0, *(chance.randrange(len(whole)) for _ in range(campaign))):
         cut.write_bytes(whole[:length])
         result = convoy("report", cut, "--json")
         if result.exit_code == 0:  # the summary lies near the end and may be whole
             found = json.loads(result.stdout)
+            faults = found.pop("log_faults")
+            assert result.stderr == f"warning: {faults}\n"
             assert found["reason"] == "the log breaks off" or found == summary
         else:
             assert str(cut) in refused(result)
@@ -623,9 +626,10 @@ def test_a_damaged_log_is_reported_with_a_warning(finished: Path, tmp_path: Path
     log = with_a_bit_flipped(finished / "run.mcap", tmp_path)
     result = convoy("report", log, "--json")
     assert result.exit_code == 0
-    assert result.stdout == (finished / "summary.json").read_text(encoding="utf-8")
     (line,) = result.stderr.splitlines()
     assert line.startswith(f"warning: {log}: damaged, ")
+    summary = json.loads((finished / "summary.json").read_text(encoding="utf-8"))
+    assert json.loads(result.stdout) == summary | {"log_faults": line.removeprefix("warning: ")}
 
 
 @pytest.mark.campaign(10, 500)
