@@ -8,7 +8,7 @@ from vehicles.driver.degradation.intended_path import IntendedPath
 from vehicles.driver.degradation.reception import RECENT, Probation, Reception
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import LOST, OFF_PATH, SourceFreshness
-from vehicles.driver.degradation.stopping import STANDSTILL
+from vehicles.driver.degradation.stopping import CREEP_SPEED
 from vehicles.driver.degradation.trust import Trust
 from vehicles.driver.ego.own_state import Pose
 from vehicles.messages import SourceStatus
@@ -23,9 +23,9 @@ OVERDUE_AFTER: Final = 1.5
 """A message is overdue after this multiple of the usual time between two received ones."""
 MIN_SHARE: Final = 0.05
 """Smallest share of its messages that a source is expected to deliver."""
-STANDING_PROBATION: Final = 2.0
-"""Longest probation (s) while the car stands, where relying on a source too early costs least."""
-STANDING_DELIVERY: Final = 0.8
+CREEPING_PROBATION: Final = 2.0
+"""Longest probation (s) while the car stands or creeps, where relying too early costs least."""
+CREEPING_DELIVERY: Final = 0.8
 """Share of all messages that ends this probation."""
 MIN_SAMPLES: Final = 3
 """Fewer samples of a source determine no trajectory."""
@@ -73,7 +73,7 @@ class Source:
         self.freshness = SourceFreshness()
         self.probation = Probation(settings)
         self._trust = trust or Trust(name)
-        self._off_path = self._moved = self._stands = False
+        self._off_path = self._moved = self._creeps = False
         self._settings = settings
         self._reception = Reception(period)
         self._degrades = settings.reaction == "degrade"
@@ -184,7 +184,7 @@ class Source:
         reception, message = self._reception, announced.message
         silence, share, period = reception.silence(now), reception.share(now), reception.period
         after = self._settings.lost_after_silence(period)
-        self._stands = pose.speed < STANDSTILL
+        self._creeps = pose.speed < CREEP_SPEED
         self._update_status(now, silence, share, after)
         stops_at = message.stops_at_ns or self._assumed_stop(announced, after)
         self.stop_is_assumed = stops_at != message.stops_at_ns
@@ -247,9 +247,9 @@ class Source:
             self._reception.update_usual_share(now, share)
         length = self.probation.length
         delivers = self._reception.delivers(now, self._settings.probation_delivery)
-        if self._stands:
-            length = min(length, STANDING_PROBATION)
-            delivers = delivers or share >= STANDING_DELIVERY
+        if self._creeps:
+            length = min(length, CREEPING_PROBATION)
+            delivers = delivers or share >= CREEPING_DELIVERY
         if served >= length and delivers:
             self.probation.end(now)
             self.status = "fresh"
