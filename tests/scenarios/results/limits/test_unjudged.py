@@ -104,6 +104,15 @@ def test_only_limits_that_need_the_missing_messages_are_not_judged() -> None:
     }  # fmt: skip
 
 
+def test_errors_of_followers_need_the_lead_s_poses() -> None:
+    limits = scenario_with("cross_track_error_m_max = 0.5", "friction_ratio_max = 0.9")
+    summary = run_of(limits, lacks(TruePose, ("v1",), 150, 160))
+    assert {(one.limit, one.vehicle) for one in summary.limits if not one.judged} == {
+        *(("cross_track_error_m_max", name) for name in NAMES[1:]),
+        ("friction_ratio_max", "v1"),
+    }
+
+
 def test_missing_decisions_hide_stops() -> None:
     summary = run_of(scenario_with("stops_max = 0"), lacks(Tracking, ("v3",), 150, 350))
     assert "limits.stops_max = 0: not judged" in summary.reason
