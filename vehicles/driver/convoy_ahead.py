@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from vehicles.car.parameters import VehicleParameters
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import SourceFreshness
-from vehicles.driver.degradation.speed_guard import GUARD_MARGIN, GUARD_TIME
+from vehicles.driver.degradation.speed_guard import GUARD_MARGIN, braking_share
 from vehicles.driver.degradation.stopping import stopping_distance
 from vehicles.driver.speed import (
     DAMPING,
@@ -145,9 +145,9 @@ class Lane:
             (dy * ux - dx * uy, np.cos(turned), body.half_width),
         ):
             steep = np.where(np.abs(slope) < 1e-12, 1e-12, slope)
-            one, other = (-size - place) / steep, (size - place) / steep
-            enters = np.maximum(enters, np.minimum(one, other))
-            leaves = np.minimum(leaves, np.maximum(one, other))
+            near, far = (-size - place) / steep, (size - place) / steep
+            enters = np.maximum(enters, np.minimum(near, far))
+            leaves = np.minimum(leaves, np.maximum(near, far))
         return enters <= leaves
 
     def _half_widths(self, curvature: FloatArray) -> FloatArray:
@@ -352,7 +352,5 @@ class ConvoyAhead:
         its_speed = max(pose.speed, 0.0) * member.along
         stands = gap + its_speed * its_speed / (2.0 * emergency.deceleration)
         reserve = stands - GUARD_MARGIN - stopping_distance(speed, last, emergency)
-        left = reserve / max(speed, 0.1)
-        if left >= GUARD_TIME:
-            return inf
-        return -(1.0 - max(left, 0.0) / GUARD_TIME) * emergency.deceleration
+        share = braking_share(reserve, speed)
+        return -share * emergency.deceleration if share > 0.0 else inf

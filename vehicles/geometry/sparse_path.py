@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from math import atan, atan2, ceil, cos, hypot, remainder, sin, tau
 from typing import Final, NamedTuple
 
-from vehicles.schedule import MILLISECOND
+from vehicles.schedule import MILLISECOND, SECOND
 
 CHORD_TOLERANCE: Final = 0.05
 """Largest distance (m) of the driven path from the chord between two successive positions."""
@@ -17,6 +17,9 @@ NEIGHBOUR_SHARE: Final = 0.3
 turn a long chord."""
 STEEPEST: Final = 0.5
 """Largest slope of a curve against its chord."""
+REACH_RATIO: Final = 1.5
+REACH_MARGIN: Final = 3.0
+"""A car covers at most this ratio times speed times duration, plus this margin (m)."""
 
 Place = tuple[int, float, float]
 """Instant (ns) and position (m, m)."""
@@ -26,6 +29,11 @@ PlacedPose = tuple[int, float, float, float]
 HistoryDeltas = tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]
 """Differences of latitude, longitude (1e-7 deg) and age (10 ms) of a path history, as sent."""
 NO_HISTORY: Final[HistoryDeltas] = ((), (), ())
+
+
+def drivable(distance: float, span: int, speed: float) -> bool:
+    """Whether a car at `speed` (m/s) can have covered `distance` (m) in `span` (ns)."""
+    return distance <= REACH_RATIO * speed * (span / SECOND) + REACH_MARGIN
 
 
 def distance_from_segment(start: Place, end: Place, east: float, north: float) -> float:

@@ -2,18 +2,15 @@
 
 from dataclasses import dataclass
 from math import hypot
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vehicles.geometry.sparse_path import drivable
 from vehicles.received_pose import ReceivedPose
-from vehicles.schedule import SECOND
 
 Floats = NDArray[np.float64]
-REACH_RATIO: Final = 1.5
-REACH_MARGIN: Final = 3.0
-"""A car reaches at most this ratio times speed times duration, plus this margin (m)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,8 +56,3 @@ def reachable(first: ReceivedPose, second: ReceivedPose) -> bool:
     distance = hypot(second.east - first.east, second.north - first.north)
     speed = max(abs(first.speed), abs(second.speed))
     return drivable(distance, abs(second.measured_at - first.measured_at), speed)
-
-
-def drivable(distance: float, span: int, speed: float) -> bool:
-    """Whether a car at `speed` (m/s) can have covered `distance` (m) in `span` (ns)."""
-    return distance <= REACH_RATIO * speed * (span / SECOND) + REACH_MARGIN

@@ -15,11 +15,12 @@ import numpy as np
 from vehicles.geometry.sparse_path import (
     ReceivedCurve,
     curve_through,
+    drivable,
     has_passed,
     received_curve,
 )
 from vehicles.preview.polyline import Point, Polyline, bridge, spaced, step
-from vehicles.preview.samples import TraceSettings, Window, drivable
+from vehicles.preview.samples import TraceSettings, Window
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 

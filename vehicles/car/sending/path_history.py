@@ -15,6 +15,7 @@ from vehicles.geometry.sparse_path import (
     HistoryDeltas,
     Place,
     distance_from_segment,
+    drivable,
 )
 from vehicles.schedule import SECOND
 
@@ -31,9 +32,6 @@ MAX_TAIL: Final = 10
 """Number of fixes after the last possible end of a chord that are examined for a later end."""
 LONGEST_GAP: Final = SECOND // 2
 """Missing fixes over more than this (ns) restart the history."""
-REACH_RATIO: Final = 1.5
-REACH_MARGIN: Final = 3.0
-"""So does a fix further away than this ratio times speed times duration, plus this margin (m)."""
 TURN_UNITS: Final = 3_600_000_000
 """Units of longitude in a turn."""
 
@@ -188,9 +186,9 @@ class PathHistory:
         count = max(min(self._points - len(first), within - 1), 0)
         latitudes, longitudes, ages = self._deltas
         return (
-            tuple([one[0] for one in first]) + latitudes[:count],
-            tuple([one[1] for one in first]) + longitudes[:count],
-            tuple([one[2] for one in first]) + ages[:count],
+            tuple([delta[0] for delta in first]) + latitudes[:count],
+            tuple([delta[1] for delta in first]) + longitudes[:count],
+            tuple([delta[2] for delta in first]) + ages[:count],
         )
 
 
@@ -222,7 +220,7 @@ def _is_apart(before: Fix, fix: Fix) -> bool:
         return True
     moved = hypot(fix.east - before.east, fix.north - before.north)
     speed = fix.speed if fix.speed > before.speed else before.speed
-    return not moved <= REACH_RATIO * speed * span / SECOND + REACH_MARGIN
+    return not drivable(moved, span, speed)
 
 
 def _units(latitude: float, longitude: float, at: int) -> _Units:

@@ -234,10 +234,9 @@ class SpeedGuard:
         to brake is never missed. A convoy that is already closer opens gently, so that followers
         can react, unless the predecessor was never received.
         """
-        time = reserve / max(tick.pose.speed, 0.1)
-        if time >= GUARD_TIME:
+        share = braking_share(reserve, tick.pose.speed)
+        if share == 0.0:
             return inf
-        share = 1.0 - max(time, 0.0) / GUARD_TIME
         most, jerk = tick.emergency.deceleration, tick.emergency.jerk
         if tick.pose.speed < STANDSTILL:
             most = self._comfortable.deceleration
@@ -394,6 +393,15 @@ class SpeedGuard:
         if wanted == usual.acceleration:
             return usual
         return SpeedCommand(wanted, min(usual.target_speed, tick.pose.speed))
+
+
+def braking_share(reserve: float, speed: float) -> float:
+    """Share of the hardest braking when the distance left (m, RSS) lasts for less than GUARD_TIME.
+
+    It increases from 0 to 1 while the reserve is used up at `speed` (m/s).
+    """
+    time = reserve / max(speed, 0.1)
+    return 0.0 if time >= GUARD_TIME else 1.0 - max(time, 0.0) / GUARD_TIME
 
 
 def _warns(predecessor: SourceFreshness, now: int) -> bool:
