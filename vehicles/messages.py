@@ -159,8 +159,8 @@ class Tracking:
     `known_m` is the known path from all sources. The stop distances are those from the present
     speed with comfortable and with firm braking. `blind_m` is the distance the car would drive
     beyond the known path if it stopped now as hard as it may, or crossed the hole that it creeps
-    across. `predecessor_weight_ratio` is the
-    predecessor's weight in the trajectory. `hazard`: the vehicle warns its followers.
+    across. `predecessor_weight_ratio` is the predecessor's weight in the trajectory. `hazard`: the
+    vehicle warns its followers.
     `estimated_gap_m` is along the path from the predecessor's rear bumper to the own front bumper;
     the lengths of both cars are those of the scenario. Logs before version 0.2 lack it.
     `lateral_deviation_m` is the estimated standard deviation of the own position across the body of

@@ -11,7 +11,7 @@ from typing import Any, TextIO
 from scenarios.runs.stop import EXIT_FAILED
 
 ERROR_PATIENCE_S = 0.5
-"""How long progress and errors wait for a reader that does not read, before they are dropped."""
+"""How long progress and errors wait for a reader that does not read; then they are dropped."""
 
 
 def open_standard_files() -> None:
@@ -34,8 +34,8 @@ def open_standard_files() -> None:
 class Output(io.FileIO):
     """A standard file that drops bytes it cannot write, so that the command continues.
 
-    `failure` is the first error. A reader that has ended, as in `convoy run | head -1`, is none.
-    `patience_s` limits the wait for a reader that does not read; None is for ever.
+    `failure` is the first error. A closed pipe, as in `convoy run | head -1`, is not a failure.
+    `patience_s` limits the wait for a reader that does not read; None is no limit.
     """
 
     failure: OSError | None = None
@@ -48,7 +48,7 @@ class Output(io.FileIO):
         size = left.nbytes
         try:
             while left.nbytes and self._is_ready():
-                # In parts that a pipe takes as a whole; None if the file would block after all.
+                # A pipe takes a part of this size completely, or none of it.
                 left = left[super().write(left[: select.PIPE_BUF]) or 0 :]
         except BrokenPipeError:
             pass
@@ -57,7 +57,7 @@ class Output(io.FileIO):
         return size
 
     def _is_ready(self) -> bool:
-        """Wait until the file takes bytes; a reader that was stuck gets no further time."""
+        """Wait until the file takes bytes, but not again for a reader that was stuck."""
         timeout_s = 0.0 if self._is_stuck else self.patience_s
         self._is_stuck = not select.select([], [self], [], timeout_s)[1]
         return not self._is_stuck

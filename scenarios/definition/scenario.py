@@ -59,7 +59,7 @@ from vehicles.geometry.sampled_path import SampledPath
 from vehicles.schedule import MILLISECOND, SECOND
 
 LEAST_CLOCK_UNCERTAINTY_MS = 5.0
-"""Required of clocks where a link has no latency to speak of; its messages are late anyway."""
+"""Least required uncertainty of clocks: without latency, messages are late anyway."""
 
 __all__ = [
     "Scenario",
@@ -325,8 +325,8 @@ class Scenario:
     def clock_uncertainty_ns_max(self) -> int:
         """Largest uncertainty (ns) of a process's clock with which a wall-clock run starts.
 
-        By default half the smallest latency of the links: what clocks are off and the transport
-        takes then stays below it.
+        By default half the smallest latency of the links, so that clock errors and the delay of
+        the transport together stay below that latency.
         """
         given = self.tables.convoy.clock_uncertainty_ms_max
         floors = [

@@ -74,7 +74,7 @@ class RecordedSeries:
 
     @property
     def count(self) -> int:
-        """Number of the newest message, and one."""
+        """Messages up to the newest one, received or missing."""
         return self._next
 
     def add(self, number: int, at: int) -> None:
@@ -91,14 +91,14 @@ class RecordedSeries:
             self._fill(number, at)
 
     def _fill(self, number: int, at: int) -> None:
-        """Take a message that comes after later ones."""
+        """Take a message that is out of order."""
         for place, hole in enumerate(self._holes):
             if hole.first <= number <= hole.last:
                 parts = [
                     _NumberHole(hole.first, number - 1, hole.from_at, at),
                     _NumberHole(number + 1, hole.last, at, hole.to_at),
                 ]
-                self._holes[place : place + 1] = [one for one in parts if one.first <= one.last]
+                self._holes[place : place + 1] = [part for part in parts if part.first <= part.last]
                 return
 
     def missing(self, expected: int) -> Iterator[tuple[int, int]]:

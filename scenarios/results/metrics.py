@@ -246,7 +246,7 @@ class Metrics:
     def unseen(self, ran_ns: int = 0) -> tuple[UnseenSpan, ...]:
         """Times of a run of `ran_ns` in which nothing is known of a vehicle."""
         span = self._span(ran_ns)
-        return tuple(one for figures in self.vehicles.values() for one in figures.unseen(span))
+        return tuple(time for figures in self.vehicles.values() for time in figures.unseen(span))
 
     def _seen_before(self, episode: Episode) -> int | None:
         """Instant (ns) before the hole in which an event began, None if its beginning was seen."""
@@ -257,7 +257,7 @@ class Metrics:
             lead = [self._lead] if episode.kind == "lane_departure" else []
             series = [self.vehicles[name].truth for name in (*episode.vehicles, *lead)]
         start_at = self.start_at or 0
-        seen = [one.seen_before(episode.at_ns, start_at) for one in series]
+        seen = [numbers.seen_before(episode.at_ns, start_at) for numbers in series]
         return min([at for at in seen if at is not None], default=None)
 
     def _span(self, ran_ns: int) -> RunSpan:
@@ -268,10 +268,10 @@ class Metrics:
         span = self._span(ran_ns)
         figures = self.vehicles.items()
         return self._links.accounts(
-            {name: one.scheduled_poses(span) for name, one in figures},
-            {name: one.health for name, one in figures},
+            {name: vehicle.scheduled_poses(span) for name, vehicle in figures},
+            {name: vehicle.health for name, vehicle in figures},
             start_at=self.start_at,
-            end_at=max([one.last_at for _, one in figures]),
+            end_at=max([vehicle.last_at for _, vehicle in figures]),
         )
 
     def link_summaries(self, ran_ns: int = 0) -> tuple[LinkSummary, ...]:
@@ -289,7 +289,7 @@ class Metrics:
 
     def contradictions(self, ran_ns: int = 0) -> list[str]:
         """Lines on links whose messages are not accounted for."""
-        return [one.problem for one in self.accounts(ran_ns).values() if one.problem]
+        return [link.problem for link in self.accounts(ran_ns).values() if link.problem]
 
 
 def _crashes_for_good(change: Change) -> bool:

@@ -1,6 +1,6 @@
 """Identity of the program: versions, and digests of its sources and of the user's controllers.
 
-The log and the summary have them, the processes of a run and the workers of a study compare them.
+The log and the summary contain them. Processes of a run and workers of a study compare them.
 """
 
 import ast
@@ -27,7 +27,7 @@ HASHED_SUFFIXES = {".py", ".toml", ".csv"}
 """Suffixes of files that a run depends on: code, library scenarios, traces. Compiled installations
 ship the sources, too."""
 DIGITS = 12
-"""Digits of a digest: 48 bits, enough against mistakes."""
+"""Digits of a digest: 48 bits, enough to detect accidental differences."""
 
 
 @cache

@@ -40,7 +40,7 @@ ALL_MEMBERS = alive_key("*", "*", "*", "*")
 MEMBERS_S = 2.0
 """Timeout of the query for members."""
 ANSWER_S = 2.0
-"""How long to wait for a connection that only shows whether a program is there."""
+"""How long to wait for a connection that only shows whether a program listens."""
 
 _LOG_FILTER = "error,zenoh::api::session=off"
 """Zenoh's log filter, unless RUST_LOG is set. Sessions log errors for messages that arrive while

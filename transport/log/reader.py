@@ -11,7 +11,7 @@ from transport.topics import TOPICS, Topic, key
 from vehicles.messages import Message
 
 OF_DECISIONS = {"trajectory"}
-"""Topics whose messages have the numbers of decisions, not of each of which there is one."""
+"""Topics whose messages have the numbers of decisions, but not every decision has one."""
 
 
 class LogReader:
@@ -78,8 +78,8 @@ class LogReader:
     def missing(self) -> dict[tuple[str, str], tuple[int, int]]:
         """Numbers of missing messages and of all, by (vehicle, topic), where some are missing.
 
-        Messages are missing that have been numbered and are not in the log: it is damaged, or they
-        did not reach the recorder. Thinned topics are left out.
+        A message is missing if its number was used but the log lacks it: the log is damaged, or the
+        message did not reach the recorder. Thinned topics are left out.
         """
         thinned, counts = self.thinned, self._counts
         names = {
@@ -109,8 +109,8 @@ class LogReader:
             of_topic = [figures for (_, name), figures in self.missing.items() if name == topic]
             lacking, total = (sum(column) for column in zip(*of_topic, strict=True))
             lines.append(f"{lacking} of {total} {topic} messages are missing")
-        found = "; ".join(filter(None, lines))
-        return f"{self.path}: {found}" if found else ""
+        faults = "; ".join(filter(None, lines))
+        return f"{self.path}: {faults}" if faults else ""
 
     @property
     def thinned(self) -> dict[str, str]:

@@ -27,8 +27,8 @@ class Decision:
     """Commands for steering and drive, and their inputs (Fig. 1, Sections III-A to III-C).
 
     Units: target_speed m/s; estimated_gap m, between bumpers; lateral_deviation m, of the own
-    position. `path_offset` (m, left positive) is
-    the offset of the last own fix from the lead's path, NaN if unknown. `fresh` is False between
+    position. `path_offset` (m, left positive) is the offset of the last own fix from the lead's
+    path, NaN if unknown. `fresh` is False between
     two control instants, where the last decision is held. `fit` is the trajectory if it was
     refitted. `remarks` are lines for the log.
     """

@@ -128,8 +128,8 @@ class Leader:
         """`station` (m) is the initial arc length, `limit` that of the steering command.
 
         `watch` decides whether it waits for its followers, `ahead` keeps its distance from them,
-        `position_limit` slows it down while its position is uncertain,
-        each if configured and with a `WaitingProfile` as the speed law.
+        and `position_limit` slows it down while its position is uncertain. All three are optional
+        and require a `WaitingProfile` as the speed law.
         """
         self._own_state = own_state
         self._controller = controller

@@ -19,8 +19,6 @@ APPROACH: Final = 0.25
 """Deceleration per excess speed (1/s); more would need more than comfortable jerk at the end."""
 NO_EFFECT: Final = 2.0
 """From this acceleration (m/s²) on a limit that ends has no effect; see `GapLimits`."""
-
-
 MARGIN_RATE: Final = 0.5
 """Rate of change (m/s) of the margin of the gap, so that the gap widens gently."""
 
@@ -28,7 +26,7 @@ MARGIN_RATE: Final = 0.5
 def speed_limit(deviation: float) -> float:
     """Largest speed (m/s) at a standard deviation (m) of the lateral position.
 
-    The margin that is left in the lane, beside three standard deviations, must last for the
+    The margin in the lane, less three standard deviations, must last for the
     reaction time at the heading error: v = (margin - 3 σ) / (heading error × reaction time), at
     least a walking pace. It is 30 m/s at 3 σ = 0.3 m, where Autoware's localisation monitor reports
     an error, 14 m/s at 0.57 m (RTK float), and a walking pace from 0.77 m on.

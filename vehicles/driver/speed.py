@@ -44,7 +44,7 @@ NO_BEND: Final = (math.inf, math.inf)
 """Squared speed (m²/s²) and distance (m) of `VehiclesAhead` without a bend."""
 
 BRAKING_BEFORE: Final = 0.5
-"""Driving time (s) before a bend over which a follower ends to brake for it."""
+"""Driving time (s) before a bend within which braking for the bend fades out."""
 
 BEND_TIMES = (0.0, 0.4, 0.8)
 """Times ahead (s) at which a follower evaluates the curvature, up to the paper's preview."""
@@ -266,8 +266,8 @@ def bend_acceleration(
 def known_bend_acceleration(speed: float, bend: tuple[float, float], limits: GapLimits) -> float:
     """Largest acceleration (m/s²) of a follower before and in bends of the received path.
 
-    `bend` is that of `VehiclesAhead`. The allowed speed decreases at `limits.before_bends` on the
-    way to the bend, which the car brakes by in advance: an excess alone would leave it too fast.
+    `bend` is that of `VehiclesAhead`. The allowed speed decreases at `limits.before_bends`
+    towards the bend. The car brakes by that in advance, because correcting an excess lags behind.
     """
     squared, distance = bend
     if squared == math.inf:

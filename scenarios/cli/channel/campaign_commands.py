@@ -53,12 +53,12 @@ def figure(*, quick: bool, out: Path, picture_format: str) -> None:
 
 
 COST_COLUMNS: "Sequence[Column[Cost]]" = (
-    Column("gap\nm", lambda one: one.channel.gap_m, "g"),
-    Column("lost\n%", lambda one: one.channel.loss_ratio, "g", 100.0),
-    Column("latency\nms", lambda one: one.channel.latency_ms, "g"),
-    Column("in a row,\nmean", lambda one: one.channel.burst_messages, "g"),
-    Column("error m\nmedian", lambda one: one.median_m, ".2f"),
-    Column("largest", lambda one: one.largest_m, ".2f"),
+    Column("gap\nm", lambda row: row.channel.gap_m, "g"),
+    Column("lost\n%", lambda row: row.channel.loss_ratio, "g", 100.0),
+    Column("latency\nms", lambda row: row.channel.latency_ms, "g"),
+    Column("in a row,\nmean", lambda row: row.channel.burst_messages, "g"),
+    Column("error m\nmedian", lambda row: row.median_m, ".2f"),
+    Column("largest", lambda row: row.largest_m, ".2f"),
 )
 
 
@@ -107,7 +107,7 @@ def cuts(
     """Cut links at random, compare the followers.
 
     Convoys of 3 to 8 cars lose all links, those of the lead, one link or one car, once or flapping,
-    for 0.2 to 8 s or for good; some have a failing GNSS receiver. Departures from the lane are
+    for 0.2 to 8 s or permanently; some have a failing GNSS receiver. Departures from the lane are
     avoidable if the path that the car had received sufficed to stop.
     """
     with clear_errors():
@@ -141,16 +141,16 @@ def outcome_of(summary: "VariantFigures") -> str:
 
 
 VARIANT_COLUMNS: "Sequence[Column[VariantFigures]]" = (
-    Column("variant", lambda one: one.variant, left=True, wraps=True),
-    Column("runs", lambda one: one.runs, "d"),
-    Column("colli-\nsions", lambda one: one.collided, "d"),
-    Column("left\nlane", lambda one: one.departed, "d"),
-    Column("avoid-\nably", lambda one: one.departed_avoidably, "d"),
-    Column("error, m\nmedian", lambda one: one.error_m_median, ".2f"),
-    Column("95 %", lambda one: one.error_m_95, ".2f"),
-    Column("max", lambda one: one.error_m_max, ".2f"),
-    Column("blind, m\nmax", lambda one: one.blind_m_max, ".1f"),
-    Column("mis-\npredicted", lambda one: one.blind_mispredicted, "d"),
-    Column("stood, s\nmax", lambda one: one.stood_s_max, ".1f"),
-    Column("resumed\n%", lambda one: one.resumed_ratio, ".0f", 100.0),
+    Column("variant", lambda row: row.variant, left=True, wraps=True),
+    Column("runs", lambda row: row.runs, "d"),
+    Column("colli-\nsions", lambda row: row.collided, "d"),
+    Column("left\nlane", lambda row: row.departed, "d"),
+    Column("avoid-\nably", lambda row: row.departed_avoidably, "d"),
+    Column("error, m\nmedian", lambda row: row.error_m_median, ".2f"),
+    Column("95 %", lambda row: row.error_m_95, ".2f"),
+    Column("max", lambda row: row.error_m_max, ".2f"),
+    Column("blind, m\nmax", lambda row: row.blind_m_max, ".1f"),
+    Column("mis-\npredicted", lambda row: row.blind_mispredicted, "d"),
+    Column("stood, s\nmax", lambda row: row.stood_s_max, ".1f"),
+    Column("resumed\n%", lambda row: row.resumed_ratio, ".0f", 100.0),
 )

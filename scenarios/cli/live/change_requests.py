@@ -24,9 +24,9 @@ ANSWER_TIMEOUT_S = 1.0
 PARALLEL_REQUESTS_MAX = 32
 """Maximum number of simultaneous requests."""
 AHEAD_S = (0.1, 0.3, 1.0, 3.0)
-"""Time from the first possible instant to the change, one for each attempt..."""
+"""Time of each attempt from the first possible instant to the change."""
 PASSES = 3
-"""...and this multiple of the time that all vehicles take to answer."""
+"""The change lies at least this multiple of the vehicles' answering time ahead."""
 GRID_S = 0.02
 """Changes take effect at multiples of this time, which most control rates meet."""
 

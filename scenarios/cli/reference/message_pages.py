@@ -63,8 +63,8 @@ def wire_page() -> None:
     print_text(
         f"FINGERPRINT is {parts}: name, seed, "
         "version of the program, digests of the scenario's content, of the program's sources and "
-        "of the modules of user-defined controllers, versions of Python and NumPy. All but these "
-        "two are equal in all processes of a run. SESSION is the Zenoh identifier of the process."
+        "of the modules of user-defined controllers, versions of Python and NumPy. Only the last "
+        "two may differ between processes of a run. SESSION is the Zenoh identifier of the process."
     )
     click.echo()
     print_text(

@@ -201,15 +201,15 @@ def _links_of(path: Path) -> _RecordedVerdicts:
     except Exception as error:
         raise ValueError("damaged log") from error
     return _RecordedVerdicts(
-        result, {receiver: sorted(found) for receiver, found in numbers.items()}, faults
+        result, {receiver: sorted(judged) for receiver, judged in numbers.items()}, faults
     )
 
 
 def _record(loss: EarlierRun, recorded: _RecordedVerdicts, pair: tuple[str, str]) -> EarlierRun:
     """Replace the file by the verdicts of a link; raises ValueError without verdicts.
 
-    A message without a verdict never arrived and is lost, with the delay of the previous one; if
-    its verdict is missing in the log, its fate is unknown and it counts as delivered.
+    A message without a verdict did not arrive: it is lost, with the delay of the previous message.
+    If the log lacks its verdict, its fate is unknown and it counts as delivered.
     """
     link = loss.sender or pair[0], loss.receiver or pair[1]
     if link not in recorded.links:

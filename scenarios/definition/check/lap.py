@@ -17,7 +17,7 @@ def longer_than_lap(scenario: Scenario) -> Iterator[str]:
     length = _length(scenario, speed, whole=keeps_gap)
     if length < lap:
         return
-    end = "stands for good behind" if keeps_gap else "runs into"
+    end = "stops permanently behind" if keeps_gap else "runs into"
     cars = vehicles if keeps_gap else vehicles - 1
     most = max(int(lap * cars / length), 2)
     several = ", or path.laps = 1" if scenario.tables.path.laps > 1 else ""

@@ -12,7 +12,7 @@ from typing import Literal
 Live = Literal["", "lane_excess", "gap", "silence", "error"]
 """Figure of a running simulation that approaches a limit as it grows (a gap: shrinks)."""
 Witness = Literal["own", "lead", "predecessor", "all"]
-"""Whose messages a limit on a vehicle needs besides its own."""
+"""Vehicles whose messages a limit needs in addition to those of its own vehicle."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

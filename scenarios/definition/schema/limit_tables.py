@@ -98,8 +98,8 @@ class LimitsTable(VehicleLimits):
     modes            deadlines for modes of followers
     sources          deadlines for the status of sources
     recovery         deadlines for recovery after a failure
-    holes_s_max      longest time in all for which the messages that a limit judges may be missing
-                     in the log of a vehicle (s), else the limit is not judged and the run has
+    holes_s_max      largest total time (s) for which messages that a limit judges may be missing
+                     in the log of a vehicle; beyond it the limit is not judged and the run has
                      failed; by default 0
     after_collision  "end" the run with the collision that breaks the limit, or with the first
                      without a limit; or "continue". Default: "end" if collisions_max is given

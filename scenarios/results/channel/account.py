@@ -1,8 +1,8 @@
-"""The account of a link: where each message that was sent over it has remained.
+"""The account of a link: the fate of each message that was sent over it.
 
 sent = delivered + dropped + not arrived + in flight + unrecorded. Messages without a verdict are
-attributed by the record: to holes in it, to the end of the run, to times in which a vehicle did not
-run or was out of reach.
+attributed to holes in the record, to the end of the run, or to times at which a vehicle did not run
+or was out of reach.
 """
 
 from collections import Counter
@@ -41,7 +41,7 @@ LATE_START_NS = 5 * SECOND
 MOST_LINKS = 4
 """Links named in one line."""
 NEIGHBOURHOOD = 3
-"""Number of messages around an instant by which a vehicle was away or not."""
+"""Number of messages around an instant that show whether a vehicle was away."""
 TRANSIT_NS = SECOND // 10
 """Time that a message may take in addition to the link's largest delay."""
 
@@ -164,15 +164,15 @@ class Accounts:
         hidden: dict[Link, set[int]] = {link: set() for link in missing}
         health = self._health[receiver]
         count = health.received + health.dropped if health is not None and health.final else 0
-        for begin, end, number in self._receivers[receiver].holes(count):
+        for begin, end, lacking in self._receivers[receiver].holes(count):
             due = sorted(
-                (at, link, one)
+                (at, link, number)
                 for link, messages in missing.items()
-                for one, at in messages
-                if one not in hidden[link] and begin - self._largest_delay(link) <= at < end
+                for number, at in messages
+                if number not in hidden[link] and begin - self._largest_delay(link) <= at < end
             )
-            for _, link, one in due[:number]:
-                hidden[link].add(one)
+            for _, link, number in due[:lacking]:
+                hidden[link].add(number)
         return hidden
 
     def _account(
@@ -224,7 +224,7 @@ class Accounts:
         return "unknown", ""
 
     def _is_down(self, reception: ReceiverRecord, at: int, due_at: int) -> bool:
-        """Whether a message sent at an instant found software that did not run."""
+        """Whether the receiver's software did not run when a message should have arrived."""
         latest = due_at if self._is_physical else FOREVER
         if any(begin <= latest and at < end for begin, end in reception.down):
             return True
@@ -237,12 +237,12 @@ class Accounts:
 def _problem(link: Link, account: LinkAccount, judged: int) -> str:
     """Describe counts that contradict each other; empty if the account balances."""
     verdicts = account.delivered + account.dropped
-    found = verdicts + sum(account.not_arrived.values()) + account.in_flight + account.unrecorded
-    if found == account.sent and judged == verdicts:
+    total = verdicts + sum(account.not_arrived.values()) + account.in_flight + account.unrecorded
+    if total == account.sent and judged == verdicts:
         return ""
     return (
         f"{link[0]} → {link[1]}: the account does not balance: {account.sent} messages sent, "
-        f"{found} accounted for ({verdicts} verdicts on {judged} of them)"
+        f"{total} accounted for ({verdicts} verdicts on {judged} of them)"
     )
 
 
@@ -262,7 +262,7 @@ class _AwayTimes:
 def absence_lines(
     accounts: Mapping[Link, LinkAccount], seconds: Callable[[int], float]
 ) -> Iterator[str]:
-    """Yield a line per cause and culprit of messages that the real transport lost."""
+    """Yield a line per cause and vehicle for messages that the real transport lost."""
     lost: dict[tuple[Fate, str], list[tuple[Link, int]]] = {}
     for link, account in accounts.items():
         for message in account.absent:

@@ -28,9 +28,9 @@ def judged_by_record(
         spans[span.vehicle, span.kind].append(span)
     allowed = allowed_s or 0.0
     too_many = {
-        needed: found
-        for needed, found in spans.items()
-        if sum([span.missing_s for span in found]) > allowed + ROUNDING_S
+        needed: missed
+        for needed, missed in spans.items()
+        if sum([span.missing_s for span in missed]) > allowed + ROUNDING_S
     }
     result = [_judged(figure, names, too_many) for figure in figures] if too_many else [*figures]
     if allowed_s is not None:
@@ -41,7 +41,7 @@ def judged_by_record(
 def _judged(
     figure: LimitFigure, names: Sequence[str], spans: Mapping[Needed, Sequence[UnseenSpan]]
 ) -> LimitFigure:
-    """Return a figure, marked if it is kept and not all of its messages are there."""
+    """Return a figure, marked as not judged if it is kept but messages are missing."""
     if figure.broken:
         return figure
     for needed in _needed(figure, names):
@@ -61,8 +61,8 @@ def _words(spans: Sequence[UnseenSpan]) -> str:
 
 
 def _holes(spans: Mapping[Needed, Sequence[UnseenSpan]], allowed: float) -> LimitFigure:
-    """Return the limit on holes itself: the longest time that one vehicle lacks."""
-    missing = {needed: sum([one.missing_s for one in found]) for needed, found in spans.items()}
+    """Return the figure of the limit on holes: the largest missing time of one vehicle."""
+    missing = {needed: sum([span.missing_s for span in missed]) for needed, missed in spans.items()}
     worst = max(missing, key=missing.__getitem__, default=None)
     value, line = (0.0, "") if worst is None else (missing[worst], "")
     if worst is not None and value > allowed + ROUNDING_S:

@@ -293,7 +293,7 @@ def _received(
     Messages that the transport lost are due when they were sent.
     """
     due = [verdict for verdict in verdicts if now - SECOND < verdict.received_at_ns <= now]
-    absent = [one for one in without if one.is_lost and now - SECOND < one.sent_at <= now]
+    absent = [lost for lost in without if lost.is_lost and now - SECOND < lost.sent_at <= now]
     delivered = sum(message.outcome == "delivered" for message in due)
     return delivered / (len(due) + len(absent)) if due or absent else None
 

@@ -25,8 +25,8 @@ FARTHEST_NS = 10 * SECOND
 class Confirmation:
     """Answer of a vehicle to a request: what it does, and from when on (s after the start).
 
-    `does` is empty if the change is not about the vehicle; `refused` lists why nothing is done. If
-    only the instant is refused, `from_s` is the first possible one.
+    `does` is empty if the change does not concern the vehicle. `refused` lists the reasons of a
+    refusal. If only the instant is refused, `from_s` is the first possible one.
     """
 
     vehicle: str

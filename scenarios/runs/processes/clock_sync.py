@@ -16,16 +16,18 @@ from vehicles.schedule import MILLISECOND, SECOND
 ROUNDS = 5
 """Number of round trips, of which the fastest counts: delays are rarely symmetric."""
 PERIOD_NS = 10 * SECOND
-"""Between two measurements during the run."""
+"""Time between two measurements during the run."""
 WAITING_PERIOD_NS = SECOND
-"""Between two measurements before the run."""
+"""Time between two measurements before the run."""
 PATIENCE_NS = 5 * SECOND
 """How long an answer may take."""
 RETRY_NS, LONGEST_RETRY_NS = SECOND // 20, SECOND
-"""Between two queries without an answer, doubled each time: a query before the recorder is there
-ends without one. Answers count whenever they come."""
+"""Time between two queries without an answer, doubled each time; late answers count too.
+
+Queries before the recorder has joined have no answer.
+"""
 AGEING = 100e-6
-"""How fast a measured offset becomes uncertain: drift of common clocks."""
+"""Growth of the uncertainty of a measured offset: drift of common clocks."""
 LARGEST_DRIFT = 1e-3
 """A faster change of the offset is a step, not a drift to be continued."""
 LONGEST_NUMBER = 20

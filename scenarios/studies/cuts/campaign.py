@@ -35,7 +35,7 @@ CUT_AT_S = 3.0, 17.0
 """From when the convoy has formed until its last car has left both lane changes."""
 CUT_FOR_S = 0.2, 8.0
 FOR_GOOD, FLAPPING = 0.2, 0.2
-"""Shares of cuts for good, and of flapping links."""
+"""Shares of permanent cuts, and of flapping links."""
 FIXES: tuple[Fix, ...] = ("", "", "", "float", "none")
 
 

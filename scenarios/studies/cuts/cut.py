@@ -22,14 +22,14 @@ Fix = Literal["", "float", "none"]
 AFTERWARDS_S = 15.0
 """Duration of the run after the cut."""
 FOR_GOOD_S = 14.0
-"""Duration of the run from a cut for good on: all cars have stopped."""
+"""Duration of the run after a permanent cut begins: all cars have stopped by then."""
 FLAPPING_S = 0.2, 1.2
 """Range of the times for which flapping links are cut, and restored."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkCut:
-    """Links of a convoy are cut at `at_s` (after the start) for `for_s`, or for good if None.
+    """Links of a convoy are cut at `at_s` (after the start) for `for_s`, or permanently if None.
 
     `flapping` links are cut and restored at random times meanwhile. `vehicle` is the number of the
     car that is cut off, or that receives nothing from its predecessor, and of the one whose
@@ -50,7 +50,7 @@ class LinkCut:
 
     @property
     def ends_at_s(self) -> float:
-        """End of the cut; that of the run if it is for good."""
+        """End of the cut; that of the run if the cut is permanent."""
         return self.at_s + (FOR_GOOD_S if self.for_s is None else self.for_s)
 
     def scenario(self) -> Scenario:

@@ -20,10 +20,10 @@ SETTLED_S = 5.0
 STANDING = 0.05
 """Speed (m/s) below which a car has stopped."""
 RESUMED = 0.5
-"""Share of the speed before the cut from which on a car has resumed."""
+"""A car has resumed once it reaches this share of its speed before the cut."""
 NO_SOURCE: frozenset[Mode] = frozenset({"coast", "stop"})
 REASON_M = 2.0
-"""A car that stands has a reason to if its gap is at most this much above that at a standstill."""
+"""A standing car has a reason if its gap exceeds the standstill gap by at most this distance."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +79,7 @@ class _FollowerRecord:
     steering: list[float] = field(default_factory=list)
     received_at: dict[str, int] = field(default_factory=dict)
     near: set[int] = field(default_factory=set)
-    """Instants at which the car is as near to its predecessor as when standing behind it."""
+    """Instants at which the gap to the predecessor is about the standstill gap."""
 
 
 class CutObserver:

@@ -32,7 +32,7 @@ LEAST_M = 0.01
 HALF_LANE_M = 0.82
 """A car 1.86 m wide leaves a lane of 3.5 m this far from its middle."""
 LENGTHS_S = 0.2, 1.0, 2.0, 4.0, 6.0, 8.0, inf
-"""Edges of the classes of cuts by length; the last class are cuts for good."""
+"""Edges of the classes of cuts by length; the last class is permanent cuts."""
 EDGE: Any = {"color": GREY, "linewidth": 0.9, "linestyle": ":"}
 
 

@@ -1,7 +1,7 @@
 """The error model that a receiver states: what an estimator may know of its errors.
 
-It is that of the settings, scaled by the reported accuracy over the true one. So a receiver that
-reports a wrong accuracy misleads its estimator.
+It is that of the settings, scaled by the ratio of the reported accuracy to the true one. A receiver
+that reports a wrong accuracy therefore misleads its estimator.
 """
 
 from collections.abc import Mapping

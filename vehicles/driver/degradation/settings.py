@@ -15,7 +15,7 @@ hold         keep the last steering command, at full speed
 straight     turn the wheels straight, at full speed, as one production system does
 """
 PredecessorPath = Literal["always_intended", "intended", "driven"]
-"""Path that the samples of the predecessor stand for.
+"""Path that the samples of the predecessor represent.
 
 always_intended  the lead's path, reconstructed from the offset that the predecessor announces
 intended         the same while the lead is lost, else the predecessor's own path

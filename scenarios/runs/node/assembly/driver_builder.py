@@ -163,8 +163,7 @@ class DriverBuilder:
     def _fit_settings(self) -> FitSettings:
         """Settings of the fit by the largest assumed noise of the sources' receivers.
 
-        The tolerance is at least five times that noise, as the paper's 10 cm are of the 2 cm of
-        RTK.
+        The tolerance is at least five times that noise, like the paper's 10 cm for 2 cm of RTK.
         """
         steering = self._setup.steering
         receivers = (self._scenario.vehicle(name).gnss for name in self._setup.senders)
