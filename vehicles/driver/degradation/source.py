@@ -8,7 +8,6 @@ from vehicles.driver.degradation.intended_path import IntendedPath
 from vehicles.driver.degradation.reception import RECENT, Probation, Reception
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import LOST, OFF_PATH, SourceFreshness
-from vehicles.driver.degradation.stopping import CREEP_SPEED
 from vehicles.driver.degradation.trust import Trust
 from vehicles.driver.ego.own_state import Pose
 from vehicles.messages import SourceStatus
@@ -23,9 +22,11 @@ OVERDUE_AFTER: Final = 1.5
 """A message is overdue after this multiple of the usual time between two received ones."""
 MIN_SHARE: Final = 0.05
 """Smallest share of its messages that a source is expected to deliver."""
-CREEPING_PROBATION: Final = 2.0
-"""Longest probation (s) while the car stands or creeps, where relying too early costs least."""
-CREEPING_DELIVERY: Final = 0.8
+SLOW_SPEED: Final = 5.0
+"""Speed (m/s) below which a car stops within 4 m: relying on a source too early costs least."""
+SLOW_PROBATION: Final = 2.0
+"""Longest probation (s) of a source of a slow car."""
+SLOW_DELIVERY: Final = 0.8
 """Share of all messages that ends this probation."""
 MIN_SAMPLES: Final = 3
 """Fewer samples of a source determine no trajectory."""
@@ -73,7 +74,7 @@ class Source:
         self.freshness = SourceFreshness()
         self.probation = Probation(settings)
         self._trust = trust or Trust(name)
-        self._off_path = self._moved = self._creeps = False
+        self._off_path = self._moved = self._is_slow = False
         self._settings = settings
         self._reception = Reception(period)
         self._degrades = settings.reaction == "degrade"
@@ -184,7 +185,7 @@ class Source:
         reception, message = self._reception, announced.message
         silence, share, period = reception.silence(now), reception.share(now), reception.period
         after = self._settings.lost_after_silence(period)
-        self._creeps = pose.speed < CREEP_SPEED
+        self._is_slow = pose.speed < SLOW_SPEED
         self._update_status(now, silence, share, after)
         stops_at = message.stops_at_ns or self._assumed_stop(announced, after)
         self.stop_is_assumed = stops_at != message.stops_at_ns
@@ -247,9 +248,9 @@ class Source:
             self._reception.update_usual_share(now, share)
         length = self.probation.length
         delivers = self._reception.delivers(now, self._settings.probation_delivery)
-        if self._creeps:
-            length = min(length, CREEPING_PROBATION)
-            delivers = delivers or share >= CREEPING_DELIVERY
+        if self._is_slow:
+            length = min(length, SLOW_PROBATION)
+            delivers = delivers or share >= SLOW_DELIVERY
         if served >= length and delivers:
             self.probation.end(now)
             self.status = "fresh"

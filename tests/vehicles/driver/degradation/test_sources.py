@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tests.made.transport.received_poses import received
 from tests.made.vehicles.exact_drives import GNSS_HZ, START
 from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.degradation.source import CREEPING_PROBATION, Source
+from vehicles.driver.degradation.source import SLOW_PROBATION, SLOW_SPEED, Source
 from vehicles.driver.ego.own_state import Pose
 from vehicles.messages import SourceStatus
 from vehicles.schedule import SECOND, instant
@@ -132,7 +132,7 @@ def test_the_status_does_not_flap_and_the_weight_has_no_steps(
             assert before.status != "unheard"
             given_up.append(look.seconds)
         if before.status == "probation" and look.status in ("fresh", "late"):
-            served = min(look.probation, CREEPING_PROBATION if own_speed < 2.0 else math.inf)
+            served = min(look.probation, math.inf if own_speed >= SLOW_SPEED else SLOW_PROBATION)
             assert look.seconds - given_up[-1] >= served - 1e-9
         assert look.status not in ("fresh", "late") or before.status != "lost"
         assert 0.0 <= look.weight <= 1.0
