@@ -189,8 +189,7 @@ class CutObserver:
         instants = (
             row.decided_at_ns
             for row in record.tracking
-            if row.decided_at_ns >= self._to
-            and row.mode not in {"coast", "stop", "creep", "straight"}
+            if row.decided_at_ns >= self._to and row.mode not in NO_SOURCE | {"creep", "straight"}
         )
         driving = (at for at in instants if at in poses and poses[at].speed_mps >= resumed)
         at = next(driving, None)
@@ -212,9 +211,10 @@ def _blind(
     stops, that with the largest difference.
     """
     stops = []
-    for without_source, rows in groupby(tracking, lambda row: row.mode in NO_SOURCE):
-        first, *others = [row for row in rows if row.decided_at_ns in poses]
-        if not without_source or isnan(first.known_m):
+    rows_with_pose = [row for row in tracking if row.decided_at_ns in poses]
+    for stopping, rows in groupby(rows_with_pose, _is_stopping):
+        first, *others = rows
+        if not stopping or isnan(first.known_m) or _stands(poses[first.decided_at_ns]):
             continue
         later = (poses[row.decided_at_ns] for row in others)
         stands = next((pose for pose in later if _stands(pose)), None)
@@ -222,6 +222,11 @@ def _blind(
             driven = stands.distance_m - poses[first.decided_at_ns].distance_m
             stops.append((max(driven - first.known_m, 0.0), first.blind_m))
     return max(stops, key=lambda stop: abs(stop[0] - stop[1]), default=(None, None))
+
+
+def _is_stopping(row: Tracking) -> bool:
+    """Whether a car has no source or, in any mode but "creep", no known path."""
+    return row.mode in NO_SOURCE or (row.mode != "creep" and row.known_m < 0.0)
 
 
 def _stands(pose: TruePose) -> bool:

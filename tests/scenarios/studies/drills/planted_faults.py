@@ -14,10 +14,10 @@ from vehicles.received_pose import ReceivedPose
 
 @dataclass(frozen=True)
 class Fault:
-    """A replacement of a function of `vehicles/`, by dotted name."""
+    """A replacement of a function or constant of `vehicles/`, by dotted name."""
 
     place: str
-    by: Callable[..., Any]
+    by: Callable[..., Any] | float
 
 
 _steer = Follower._steer
@@ -73,7 +73,13 @@ CONSTANT_SPEED = Fault(
 )
 """Received accelerations are not used."""
 
+NO_HOLES = Fault("vehicles.driver.degradation.sources.SourcePair._find_hole", lambda *_: None)
+"""A curve over a hole in the received positions counts as a known path."""
+NEVER_SLOW = Fault("vehicles.driver.degradation.source.SLOW_SPEED", 0.0)
+"""A slow car relies on a source as late as a fast one."""
+
 EXTRAPOLATE = "control.degradation.reaction=extrapolate"
+NO_HISTORY = "sending.path_history_m=0"
 LATE = "control.degradation.lost_s=1.0"
 WEAKER = ("control.gains={lateral_rad_per_m=0.002, heading_rad_per_rad=0.1, yaw_rate_s=0.0}",)
 HASTY = "control.degradation.lost_s=0.2", "control.degradation.lost_periods=2.0"
@@ -151,4 +157,8 @@ PLANTS = (
     Plant("lapped_convoy", ("collisions_max",), ("speed.lead_keeps_gap=false",)),
     Plant("lapped_convoy", ("collisions_max",), fault=IGNORES_CONVOY),
     Plant("host_cut", ("collisions_max", GAP), fault=NO_STOP_ASSUMED),
+    Plant("guessed_road", (ERROR, "lane_departures_max"), (NO_HISTORY,), NO_HOLES),
+    Plant("guessed_road", ("recovery[0]",), (NO_HISTORY,)),
+    Plant("flapping_links", (ERROR,), fault=WHEELS_STRAIGHT),
+    Plant("flapping_links", ("recovery[0]", "recovery[1]"), fault=NEVER_SLOW),
 )

@@ -33,6 +33,8 @@ EXPECTED = {
     "emergency_braking",
     "hard_braking",
     "host_cut",
+    "guessed_road",
+    "flapping_links",
     "lapped_convoy",
 }
 SEEDS = 5
