@@ -53,6 +53,7 @@ DECISION = Decision(
     mode="lead",
     reason="v2 never received",
     estimated_gap=14.0,
+    lateral_deviation=0.03,
     situation=Situation(
         lead=SourceFreshness(
             status="fresh", age=0.02, silence=0.01, period=0.05, share=1.0, known=28.0
