@@ -14,12 +14,13 @@ import click
 from scenarios.cli.display_options import DisplayOptions, start_line
 from scenarios.cli.error_lines import error_line
 from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.runs.node.sink import BatchingSink
 from scenarios.runs.processes.forking import Task
 from scenarios.runs.processes.launcher import LaunchPlan, launch
 from scenarios.runs.processes.membership import Fingerprint
 from scenarios.runs.processes.supervisor import Supervisor
-from scenarios.runs.stop import stop_on_signals
+from scenarios.runs.stop import EXIT_DONE, stop_on_signals
 from scenarios.runs.virtual.virtual_convoy import VirtualConvoy
 from transport.log.records import LogError
 
@@ -45,6 +46,8 @@ def run_processes(
         _complete,
         on_router=lambda endpoint: _print_start(plan, endpoint, display),
     )
+    if outcome.recorder_killed and not outcome.repaired and _completed(plan.folder, display):
+        return EXIT_DONE
     if outcome.reason and not outcome.is_reported:
         from rich.console import Console
         from rich.text import Text
@@ -61,6 +64,24 @@ def run_processes(
 def _print_start(plan: LaunchPlan, endpoint: str, display: DisplayOptions) -> None:
     if not display.quiet:
         click.echo(start_line(plan.run, plan.folder, endpoint), err=True)
+
+
+def _completed(folder: Path, display: DisplayOptions) -> bool:
+    """Whether the recorder had completed the log of a completed run before it was killed.
+
+    Writes the summary that is in the log if the recorder could not.
+    """
+    from scenarios.cli.running.recorder_run import summarise_repaired_log
+    from scenarios.results.log_summary import summary_of
+
+    try:
+        if summary_of(folder / LOG_NAME).outcome != "completed":
+            return False
+        if not (folder / SUMMARY_NAME).exists():
+            summarise_repaired_log(folder, display)
+    except LogError:
+        return False
+    return True
 
 
 def _complete(log: Path) -> bool:

@@ -36,13 +36,15 @@ class LaunchPlan:
 class RunOutcome:
     """How a run ended: exit code, and the reason of a failure.
 
-    `repaired`: the launcher completed the log that the recorder could not. `router_ended`: the run
+    `repaired`: the launcher completed the log that the recorder could not. `recorder_killed`: by a
+    signal, perhaps after its log was complete. `router_ended`: the run
     failed by that, unless its recorder knows better. `is_reported`: the reason is printed already.
     """
 
     exit_code: int = 0
     reason: str = ""
     repaired: bool = False
+    recorder_killed: bool = False
     router_ended: bool = False
     is_reported: bool = False
 
@@ -67,6 +69,7 @@ def launch(
     `on_router` gets the router's endpoint.
     """
     outcome = RunOutcome()
+    recorder: Child | None = None
     try:
         endpoint = supervisor.start_router()
         on_router(endpoint)
@@ -93,8 +96,9 @@ def launch(
             sleep(NOTICED_S)
         _stop_all(plan, supervisor, outcome)
         outcome.repaired = complete(plan.folder / LOG_NAME)
-    if outcome.router_ended and recorder.exit_code == 0:  # in the last second of the run
+    if recorder is not None and recorder.exit_code == 0:  # the run was complete before the failure
         outcome.reason, outcome.exit_code = "", 0
+    outcome.recorder_killed = recorder is not None and (recorder.exit_code or 0) < 0
     return outcome
 
 
