@@ -1093,10 +1093,12 @@ class RunEnd(_message.Message):
     SEQ_FIELD_NUMBER: _builtins.int
     END_AT_NS_FIELD_NUMBER: _builtins.int
     REASON_FIELD_NUMBER: _builtins.int
+    SECRET_FIELD_NUMBER: _builtins.int
     vehicle: _builtins.str
     seq: _builtins.int
     end_at_ns: _builtins.int
     reason: _builtins.str
+    secret: _builtins.str
     def __init__(
         self,
         *,
@@ -1104,15 +1106,18 @@ class RunEnd(_message.Message):
         seq: _builtins.int | None = ...,
         end_at_ns: _builtins.int | None = ...,
         reason: _builtins.str | None = ...,
+        secret: _builtins.str | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _typing.Literal["_end_at_ns", b"_end_at_ns", "_reason", b"_reason", "_seq", b"_seq", "_vehicle", b"_vehicle", "end_at_ns", b"end_at_ns", "reason", b"reason", "seq", b"seq", "vehicle", b"vehicle"]  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_end_at_ns", b"_end_at_ns", "_reason", b"_reason", "_secret", b"_secret", "_seq", b"_seq", "_vehicle", b"_vehicle", "end_at_ns", b"end_at_ns", "reason", b"reason", "secret", b"secret", "seq", b"seq", "vehicle", b"vehicle"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["_end_at_ns", b"_end_at_ns", "_reason", b"_reason", "_seq", b"_seq", "_vehicle", b"_vehicle", "end_at_ns", b"end_at_ns", "reason", b"reason", "seq", b"seq", "vehicle", b"vehicle"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_end_at_ns", b"_end_at_ns", "_reason", b"_reason", "_secret", b"_secret", "_seq", b"_seq", "_vehicle", b"_vehicle", "end_at_ns", b"end_at_ns", "reason", b"reason", "secret", b"secret", "seq", b"seq", "vehicle", b"vehicle"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     _WhichOneofReturnType__end_at_ns: _TypeAlias = _typing.Literal["end_at_ns"]  # noqa: Y015
     _WhichOneofArgType__end_at_ns: _TypeAlias = _typing.Literal["_end_at_ns", b"_end_at_ns"]  # noqa: Y015
     _WhichOneofReturnType__reason: _TypeAlias = _typing.Literal["reason"]  # noqa: Y015
     _WhichOneofArgType__reason: _TypeAlias = _typing.Literal["_reason", b"_reason"]  # noqa: Y015
+    _WhichOneofReturnType__secret: _TypeAlias = _typing.Literal["secret"]  # noqa: Y015
+    _WhichOneofArgType__secret: _TypeAlias = _typing.Literal["_secret", b"_secret"]  # noqa: Y015
     _WhichOneofReturnType__seq: _TypeAlias = _typing.Literal["seq"]  # noqa: Y015
     _WhichOneofArgType__seq: _TypeAlias = _typing.Literal["_seq", b"_seq"]  # noqa: Y015
     _WhichOneofReturnType__vehicle: _TypeAlias = _typing.Literal["vehicle"]  # noqa: Y015
@@ -1121,6 +1126,8 @@ class RunEnd(_message.Message):
     def WhichOneof(self, oneof_group: _WhichOneofArgType__end_at_ns) -> _WhichOneofReturnType__end_at_ns | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__reason) -> _WhichOneofReturnType__reason | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__secret) -> _WhichOneofReturnType__secret | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__seq) -> _WhichOneofReturnType__seq | None: ...
     @_typing.overload

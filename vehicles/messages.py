@@ -313,12 +313,17 @@ class RunStart:
 
 @dataclass(slots=True, kw_only=True)
 class RunEnd:
-    """End of the run, sent when its log is complete; `reason` is empty after a planned end."""
+    """End of the run, sent when its log is complete; `reason` is empty after a planned end.
+
+    `secret` proves that the run's recorder sent it: its SHA-256 is the recorder's name. It is empty
+    in virtual runs.
+    """
 
     vehicle: str
     seq: int
     end_at_ns: int
     reason: str
+    secret: str = ""
 
 
 Message = (

@@ -100,9 +100,9 @@ class Recorder:
         }
         return self._put(RunStart, at, start_at_ns=start_at, run_id=run_id)
 
-    def end(self, at: int, reason: str) -> bytes:
+    def end(self, at: int, reason: str, secret: str = "") -> bytes:
         """Log that the run is over; returns the announcement for the bus."""
-        return self._put(RunEnd, at, end_at_ns=at, reason=reason)
+        return self._put(RunEnd, at, end_at_ns=at, reason=reason, secret=secret)
 
     def accept(self, key_expression: str, data: bytes, at: int) -> bool:
         """Take one message received at instant `at` (ns); return whether it was recorded.

@@ -93,7 +93,7 @@ class RunLog:
         """Log the start (ns); returns the announcement for the bus."""
         return self.recorder.begin(at, start_at, self._identity.run_id)
 
-    def end(self, at: int, reason: str) -> bytes:
+    def end(self, at: int, reason: str, secret: str = "") -> bytes:
         """Log that the run is over; an empty `reason` means as planned.
 
         Returns the announcement for the bus; messages can be recorded until `close`. A failed log
@@ -112,10 +112,10 @@ class RunLog:
             broken = self._limits.broken(self._ran_ns)
             wrong = [*broken, *self.metrics.contradictions(self._ran_ns)]
             self._reason = failure_reason(reason or self.early_end_reason or silent, wrong)
-            return self.recorder.end(at, self._reason)
+            return self.recorder.end(at, self._reason, secret)
         except LogError as error:
             self._reason = reason or self.early_end_reason or str(error)
-            return self.recorder.end(at, self._reason)
+            return self.recorder.end(at, self._reason, secret)
 
     @property
     def early_end_reason(self) -> str:

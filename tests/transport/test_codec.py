@@ -28,12 +28,10 @@ from vehicles.messages import (
     GpsPose,
     LogText,
     Message,
-    RunEnd,
     RunStart,
 )
 
 any_topic = st.sampled_from(list(TOPICS.values()))
-ALIKE = (RunStart, RunEnd)
 """Messages whose fields differ only in their names."""
 
 
@@ -145,7 +143,7 @@ def test_off_a_bus_no_message_passes_for_another(message: Message, topic: Topic)
     data = encode(message)
     if type(message) is topic.message:
         assert decode(topic, data, exact=True) == message
-    elif not (isinstance(message, ALIKE) and topic.message in ALIKE):
+    else:
         with pytest.raises(RefusedMessageError, match="garbage"):
             decode(topic, data, exact=True)
 

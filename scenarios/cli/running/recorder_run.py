@@ -2,6 +2,7 @@
 
 from contextlib import nullcontext
 from pathlib import Path
+from secrets import token_hex
 
 from scenarios.cli.display_options import DisplayOptions
 from scenarios.cli.error_lines import print_error
@@ -12,7 +13,7 @@ from scenarios.results.files import LOG_NAME
 from scenarios.results.log_summary import summary_of
 from scenarios.results.metrics import Metrics
 from scenarios.results.summarise import write_summary
-from scenarios.runs.processes.membership import RECORDER, Fingerprint, Membership
+from scenarios.runs.processes.membership import RECORDER, Fingerprint, Membership, recorder_name
 from scenarios.runs.processes.recorder_process import RecorderProcess
 from scenarios.runs.run_folder import claimed
 from scenarios.runs.stop import EXIT_FAILED, Stop, ignore_signals
@@ -39,7 +40,9 @@ def record_run(
         nullcontext() if launched else claimed(folder, fresh=out is None),
         open_bus(options) as bus,
     ):
-        member = Membership(bus, options.run, RECORDER, "recorder", Fingerprint.of(scenario))
+        secret = token_hex()
+        name, fingerprint = recorder_name(secret), Fingerprint.of(scenario)
+        member = Membership(bus, options.run, RECORDER, name, fingerprint)
         member.join()
         if not launched:
             print_start(options.run, folder, display, ", ".join(options.connect))
@@ -55,6 +58,7 @@ def record_run(
                 folder,
                 stop,
                 member,
+                secret=secret,
                 metrics=metrics,
                 gather_s=gather_s,
                 observers=watchers,
@@ -64,7 +68,8 @@ def record_run(
         # Last of all: the vehicles wait for it, and the end of one container may stop all others.
         # Signals are ignored from here, as the result is complete.
         ignore_signals()
-        recorder.announce_completion()
+        if remaining := recorder.announce_completion():
+            print_error(f"the run is over, but {', '.join(remaining)} did not end")
     if display.quiet and summary.reason not in {"", stop.reason}:
         print_error(summary.reason)
     return (stop.exit_code or EXIT_FAILED) if summary.reason else 0

@@ -20,6 +20,12 @@ The launcher needs up to a second to notice the end of the process and send the 
 """
 RETURN_NS = SECOND
 """How much later than the recorder a vehicle may reconnect to a router."""
+CUT_OFF_AFTER_NS = 3 * SECOND
+"""A vehicle whose last report is older when its token disappears did not end: it was cut off.
+
+Vehicles report once a second. The token of a process that ends disappears at once, that of one that
+is cut off or suspended after the lease of its session.
+"""
 FINAL_COUNTERS_NS = 3 * SECOND
 """How long to wait for final counters after the end, an outage of the router or a hold-up."""
 HELD_UP_NS = SECOND
@@ -65,6 +71,9 @@ class Conductor:
         self._gather_until = gather_until
         self._alive: set[str] = set()
         self._gone_since: dict[str, int] = {}
+        self._reported_at: dict[str, int] = {}
+        self._silent_from: dict[str, int] = {}
+        self._new_lines: list[str] = []
         self._failed: set[str] = set()
         self._finished: set[str] = set()
         self._early: dict[str, int] = {}
@@ -101,6 +110,8 @@ class Conductor:
         """Note vehicles that have finished or failed."""
         if isinstance(message, LogText) and message.ends_vehicle:
             self._faults.setdefault(message.vehicle, message.text)
+        if isinstance(message, Health) and message.vehicle in self._vehicles:
+            self._note_report(message.vehicle, at)
         if isinstance(message, Health) and message.final and message.vehicle in self._vehicles:
             self._finished.add(message.vehicle)
             if message.reported_at_ns < self.end_at:
@@ -108,6 +119,14 @@ class Conductor:
 
         if isinstance(message, Change):
             self._excuse(message)
+
+    def _note_report(self, vehicle: str, at: int) -> None:
+        """Note a report; a failed vehicle that reports again is back."""
+        self._reported_at[vehicle] = at
+        if vehicle in self._failed and vehicle in self._alive:
+            self._failed.remove(vehicle)
+            away_s = (at - self._silent_from[vehicle]) / SECOND
+            self._new_lines.append(f"{vehicle} is back after {away_s:.1f} s")
 
     def _excuse(self, change: Change) -> None:
         """Allow a vehicle to be absent for the time of a requested crash."""
@@ -132,25 +151,15 @@ class Conductor:
         A recorder that is behind knows only messages that arrived until `recorded_until` (ns).
         """
         if self._advanced_at is not None and now - self._advanced_at > HELD_UP_NS:
-            self._patient_from = now
+            held_up_s = (now - self._advanced_at) / SECOND
+            self._new_lines.append(f"the recorder was held up for {held_up_s:.1f} s")
+            self._await_return(now)
         self._advanced_at = now
         if self.phase is Phase.GATHERING:
             return self._gather(now)
         if self.phase is Phase.RUNNING:
             known_until = now if recorded_until is None else min(now, recorded_until)
             return self._run(now, known_until, connected=connected)
-        return []
-
-    def handle_stop_request(self, reason: str, now: int, *, connected: bool) -> list[str]:
-        """End the run on request; it counts as completed if the router was lost at its very end.
-
-        A launcher whose router has ended requests a stop at once. Returns lines as `advance` does.
-        """
-        self._router.look(now, connected=connected)
-        if self.phase is Phase.RUNNING and self._router.was_lost_near_end(self.end_at):
-            self.stop("")
-            return [self._when_lost()]
-        self.stop(reason)
         return []
 
     def stop(self, reason: str) -> None:
@@ -185,18 +194,17 @@ class Conductor:
         )
 
     def _run(self, now: int, known_until: int, *, connected: bool) -> list[str]:
-        lines: list[str] = []
+        lines, self._new_lines = self._new_lines, []
         outage = self._router.look(now, connected=connected)
         if self._router.lost_at is not None:
-            if self._router.is_lost_for_good(now):
-                completed = self._router.was_lost_near_end(self.end_at)
-                self.stop("" if completed else "the router was lost")
-                lines.append(self._when_lost())
+            if not self._awaited():
+                self._end_as_planned()
+            elif self._router.is_lost_for_good(now):
+                self.stop(self._when_lost())
             return lines
         if outage:
             lines.append(f"the router was out of reach for {outage / SECOND:.1f} s")
-            self._patient_from = now
-            self._gone_since = dict.fromkeys(self._gone_since, now + RETURN_NS)
+            self._await_return(now)
         if not self._continues:
             for vehicle, why in self._faults.items():
                 self.stop(f"{vehicle}: {why}")
@@ -204,6 +212,11 @@ class Conductor:
         lines += self._count_early(known_until)
         self._end_if_over(known_until)
         return lines
+
+    def _await_return(self, now: int) -> None:
+        """Give vehicles time to return after an outage of the router or of the recorder itself."""
+        self._patient_from = now
+        self._gone_since = dict.fromkeys(self._gone_since, now + RETURN_NS)
 
     def _when_lost(self) -> str:
         before_end = self.end_at - (self._router.lost_at or 0)
@@ -216,11 +229,18 @@ class Conductor:
             self.stop("all vehicles failed")
         elif self._failed | self._left >= vehicles:
             self.stop("all vehicles failed or left")
-        elif not (awaited := vehicles - self._finished - self._failed):
-            if self._left == self._early.keys():  # else the reason of the last one is not known yet
-                self.stop("")
+        elif not (awaited := self._awaited()):
+            self._end_as_planned()
         elif now > max(self.end_at, self._patient_from) + FINAL_COUNTERS_NS:
             self.stop(f"no final counters from {', '.join(sorted(awaited))}")
+
+    def _awaited(self) -> set[str]:
+        """Vehicles of which the final counters are missing."""
+        return set(self._vehicles) - self._finished - self._failed
+
+    def _end_as_planned(self) -> None:
+        if self._left == self._early.keys():  # else the reason of the last one is not known yet
+            self.stop("")
 
     def _count_failed(self, now: int) -> list[str]:
         lines: list[str] = []
@@ -230,12 +250,20 @@ class Conductor:
             if now < self._excused.get(name, now):
                 continue
             self._failed.add(name)
-            line = f"{name} failed {self._when(since)}"
+            self._silent_from[name] = min(since, self._reported_at.get(name, since))
+            line = self._failure(name, since)
             if self._continues:
                 lines.append(f"{line}; the convoy continues without it")
             else:
                 self.stop(line)
         return lines
+
+    def _failure(self, name: str, since: int) -> str:
+        """Describe the loss of a vehicle whose token has been absent since an instant (ns)."""
+        silent_from = self._silent_from[name]
+        if since - silent_from < CUT_OFF_AFTER_NS:
+            return f"{name} failed {self._when(since)}"
+        return f"{name} was cut off or stopped responding {self._when(silent_from)}"
 
     def _count_early(self, now: int) -> list[str]:
         lines: list[str] = []

@@ -4,6 +4,7 @@ import re
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import astuple, dataclass, fields
+from hashlib import sha256
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.versions import controller_digests, current_stamp
@@ -14,8 +15,11 @@ from vehicles.schedule import SECOND
 RECORDER, VEHICLE = "recorder", "vehicle"
 SETTLE_S = 0.2
 """Time after which two joining processes see each other's announcement."""
-LEFT_AFTER_NS = 2 * SECOND
-"""The recorder has left when its token has been absent this long with the router in reach."""
+LEFT_AFTER_NS = 5 * SECOND
+"""The recorder has left when its token has been absent this long with the router in reach.
+
+A recorder that was suspended needs up to a second to return.
+"""
 LONGEST_SHOWN = 60
 """Length of text from other processes in messages."""
 MOST_WARNINGS = 20
@@ -31,6 +35,11 @@ def checked_run_name(name: str) -> str:
             f"--run {name!r}: allowed are up to 100 letters, digits, underscores and hyphens"
         )
     return name
+
+
+def recorder_name(secret: str) -> str:
+    """Name under which the recorder takes part that ends its run with `secret`."""
+    return sha256(secret.encode()).hexdigest()
 
 
 def shown(text: str) -> str:
@@ -117,8 +126,24 @@ class Membership:
     refused. Other processes under the name of the run are reported and have no effect.
     """
 
-    def __init__(self, bus: Bus, run: str, role: str, name: str, fingerprint: Fingerprint) -> None:
-        """Start to watch members; `join` announces this process."""
+    def __init__(
+        self,
+        bus: Bus,
+        run: str,
+        role: str,
+        name: str,
+        fingerprint: Fingerprint,
+        *,
+        recorder: str = "",
+    ) -> None:
+        """Start to watch members; `join` announces this process.
+
+        `recorder` is the name of the recorder of a run that this process continues.
+        """
+        self.recorder = recorder
+        """Name of the run's recorder: the one that was present first, until the run has started
+        also its successor."""
+        self._has_started = bool(recorder)
         self.run = run
         self.name = name
         self._bus = bus
@@ -147,9 +172,16 @@ class Membership:
         """
         self._refuse_namesake([other for other in self._others if other.session < self._bus.zid])
 
+    def keep_recorder(self) -> None:
+        """Accept no other recorder from now on, as the run has started."""
+        self._has_started = True
+
     @property
     def recorder_is_present(self) -> bool:
-        return any(other.role == RECORDER for other in self._mine())
+        return bool(self.recorder) and self.recorder in self._recorders()
+
+    def _recorders(self) -> list[str]:
+        return [other.name for other in self._mine() if other.role == RECORDER]
 
     @property
     def vehicles(self) -> set[str]:
@@ -193,6 +225,11 @@ class Membership:
         if member.session == self._bus.zid:
             return
         self._others = self._others | {member} if alive else self._others - {member}
+        if self.recorder and self._has_started:
+            return
+        recorders = self._recorders()
+        if recorders and self.recorder not in recorders:
+            self.recorder = recorders[0]
 
     def _refusal(self, others: Iterable[Member]) -> str:
         recorders = sorted((other for other in others if other.role == RECORDER), key=_order)

@@ -47,8 +47,11 @@ CANCELLED_NS = SECOND
 """How long the recorder of a run that ends early waits for the vehicles' final counters."""
 SHORT_TIMEOUT_S = 0.2
 """Patience with a router that brought no answer."""
-CONFIRM_NS = SECOND
-"""How long the recorder of a completed run waits for the vehicles to end."""
+CONFIRM_NS = 30 * SECOND
+"""How long the recorder of a completed run waits for the vehicles to end.
+
+A suspended vehicle is a member for 10 s, the lease of its session.
+"""
 
 
 class RecorderProcess:
@@ -62,14 +65,17 @@ class RecorderProcess:
         stop: Stop,
         membership: Membership,
         *,
+        secret: str = "",
         metrics: Metrics | None = None,
         gather_s: float = GATHER_S,
         observers: Sequence[Observer] = (),
     ) -> None:
+        """Prepare to record; `secret` is the one by which vehicles recognise the end of the run."""
         self._clock = WallClock()
         self._bus = bus
         self._stop = stop
         self._membership = membership
+        self._secret = secret
         self._present: set[str] = set()
         self._settled_at = 0
         self._clock_uncertainty_ns_max = scenario.clock_uncertainty_ns_max
@@ -119,7 +125,7 @@ class RecorderProcess:
             self._record_arrivals()
         if skipped_line := self._watchers.skipped_line():
             self._run.recorder.log(self._clock.now(), skipped_line, "warning")
-        end = self._run.end(self._clock.now(), self._conductor.reason)
+        end = self._run.end(self._clock.now(), self._conductor.reason, self._secret)
         self._own_message("end", end)
         if self._conductor.reason:
             self._announce_end()
@@ -127,18 +133,20 @@ class RecorderProcess:
         self._run.recorder.rejected.update(self._arrivals.error_lines())
         return self._run.close(self._clock.now())
 
-    def announce_completion(self) -> None:
+    def announce_completion(self) -> list[str]:
         """Announce that the log is complete; vehicles wait for that before they end.
 
         The announcement of a completed run is repeated until the vehicles have ended, also while
-        the router is away. That of a failed run was sent before.
+        the router is away. That of a failed run was sent before. Returns the vehicles that have not
+        ended in time.
         """
         self._announce_end()
         if self._conductor.reason or self._conductor.router_is_lost:
-            return
+            return []
         begun = self._clock.now()
         self._settled_at = begun
         poll(lambda: self._stop.requested or self._all_ended(begun), every_s=POLL_S)
+        return [] if self._stop.requested else sorted(self._membership.vehicles)
 
     def _announce_end(self) -> None:
         """Publish the end of the run.
@@ -249,7 +257,7 @@ class RecorderProcess:
     def _advance(self) -> None:
         now = self._clock.now()
         self._note_presences(now)
-        self._note_requests(now)
+        self._note_requests()
         recorded_until = self._arrivals.came_first_at or self._clock.now()
         now = self._clock.now()
         connected = self._bus.connected()
@@ -280,13 +288,8 @@ class RecorderProcess:
             line = f"the log is {behind / SECOND:.1f} s behind; it is completed before the run ends"
             self._run.recorder.log(now, line, "warning")
 
-    def _note_requests(self, now: int) -> None:
+    def _note_requests(self) -> None:
         if self._stop.requested:
-            # A killed launcher takes its router with it, which does not complete a run.
-            connected = self._stop.orphaned or self._bus.connected()
-            for line in self._conductor.handle_stop_request(
-                self._stop.reason, now, connected=connected
-            ):
-                self._run.recorder.log(now, line)
+            self._conductor.stop(self._stop.reason)
         elif reason := self._run.early_end_reason:
             self._conductor.stop(reason)

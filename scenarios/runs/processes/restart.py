@@ -24,10 +24,11 @@ class ProcessHandover:
     """State that a vehicle's process passes to its successor.
 
     `start_at` (ns) is that of the run, `clock` the setting of the process's clock, `lateness` that
-    of its ticks so far.
+    of its ticks so far, `recorder` the name of the run's recorder.
     """
 
     start_at: int
+    recorder: str
     clock: ClockSetting
     lateness: Lateness
     node: SoftwareHandover

@@ -4,8 +4,6 @@ from vehicles.schedule import SECOND
 
 ROUTER_LOST_AFTER_NS = 5 * SECOND
 """The run is over when the router has been out of reach for this long."""
-LAST_MOMENT_NS = SECOND
-"""A run whose router was lost for good no earlier before its end than this is completed."""
 
 
 class RouterWatch:
@@ -27,11 +25,3 @@ class RouterWatch:
 
     def is_lost_for_good(self, now: int) -> bool:
         return self.lost_at is not None and now - self.lost_at > ROUTER_LOST_AFTER_NS
-
-    def was_lost_before(self, end_at: int) -> bool:
-        """Whether it was lost before `end_at`: the last messages did not reach the recorder."""
-        return self.lost_at is not None and self.lost_at < end_at
-
-    def was_lost_near_end(self, end_at: int) -> bool:
-        """Whether it was lost so late that a run until `end_at` counts as completed."""
-        return self.lost_at is not None and self.lost_at >= end_at - LAST_MOMENT_NS

@@ -13,7 +13,13 @@ from scenarios.runs.node.process_probe import ProcessProbe
 from scenarios.runs.node.replayed_node import ReplayedNode
 from scenarios.runs.node.sink import BatchingSink
 from scenarios.runs.processes.clock_sync import ClockSync
-from scenarios.runs.processes.membership import VEHICLE, Fingerprint, Membership, RecorderWatch
+from scenarios.runs.processes.membership import (
+    VEHICLE,
+    Fingerprint,
+    Membership,
+    RecorderWatch,
+    recorder_name,
+)
 from scenarios.runs.processes.restart import (
     ProcessHandover,
     RestartRequestedError,
@@ -38,15 +44,16 @@ LEFT_S = 3.0
 WATCH_NS = SECOND // 4
 """Between two checks of router and recorder, and after the end between two repetitions of the final
 counters."""
-END_NS = 8 * SECOND
-"""How long a finished vehicle waits for an announcement of the recorder."""
+END_NS = 60 * SECOND
+"""How long a finished vehicle waits for an announcement of a recorder that is present."""
+FAULT_S = 8.0
+"""How long a vehicle with a fault waits for the end of the run."""
 HELD_UP_NS = SECOND // 5
 """Lateness of a tick from which the whole process counts as held up."""
 SETTLING_S = 0.02
 """Time for the transport to deliver messages after a hold-up."""
 WAITING_S = 10.0
 """Time for which poses are queued while this process does not fetch them."""
-LIMITS_NOT_JUDGED = "the router was lost before the end, so that limits are not judged"
 Report = Callable[[str], None]
 
 
@@ -73,7 +80,14 @@ def run_vehicle(
             stop.begun = True
             if before is not None:
                 await_replaced_process(bus, name)
-            member = Membership(bus, options.run, VEHICLE, name, Fingerprint.of(scenario))
+            member = Membership(
+                bus,
+                options.run,
+                VEHICLE,
+                name,
+                Fingerprint.of(scenario),
+                recorder=before.recorder if before else "",
+            )
             vehicle = VehicleProcess(builder, bus, member, stop, before)
             vehicle.await_start(report, wait_s)
             vehicle.drive(report)
@@ -112,16 +126,17 @@ class RunCancelledError(Exception):
 class RunAnnouncements:
     """Start and end of the run as the recorder announced them.
 
-    Bytes of other messages may decode as a start or an end. They are recognised by the vehicle that
-    they name; a start under the end's key by its instant. An end without a start cancels the run.
+    Bytes of other messages may decode as a start: they are recognised by the vehicle that they
+    name. An end counts only with the secret of the recorder. Without a start it cancels the run.
     """
 
-    def __init__(self, bus: Bus, now: Callable[[], int]) -> None:
+    def __init__(self, bus: Bus, membership: Membership, now: Callable[[], int]) -> None:
         self.start: RunStart | None = None
         self.end: RunEnd | None = None
         self.last_received_at = 0
         """Instant (ns) of the last announcement; they are repeated while the run is on."""
         self._now = now
+        self._membership = membership
         for name in ("start", "end"):
             bus.subscribe(key(RUN_SENDER, TOPICS[name]), self._receive)
 
@@ -132,13 +147,14 @@ class RunAnnouncements:
             return
         if message.vehicle != RUN_SENDER:
             return
-        self.last_received_at = self._now()
         if isinstance(message, RunStart):
             self.start = self.start or message
-        elif isinstance(message, RunEnd) and (
-            self.start is None or message.end_at_ns != self.start.start_at_ns
-        ):
-            self.end = message
+            self._membership.keep_recorder()
+        elif isinstance(message, RunEnd):
+            if recorder_name(message.secret) != self._membership.recorder:
+                return
+            self.end = self.end or message
+        self.last_received_at = self._now()
 
 
 class VehicleProcess:
@@ -170,7 +186,7 @@ class VehicleProcess:
             running=before is not None,
         )
         self._joined_at = self._clock.monotonic()
-        self._announced = RunAnnouncements(bus, self._clock.now)
+        self._announced = RunAnnouncements(bus, membership, self._clock.now)
         self._recorder = RecorderWatch(membership, bus)
         self._router = RouterWatch()
         self._watching = Timer(WATCH_NS)
@@ -268,7 +284,9 @@ class VehicleProcess:
         self._clock.wait_until(0 if self._announced.end is not None else end_at)
         finished = not self._stop.requested
         node.outbox.publish_health(min(self._clock.now(), end_at), final=True)
-        poll(lambda: self.is_cancelled or self._has_waited_enough(end_at), every_s=POLL_S)
+        while not self.is_cancelled:
+            self._repeat_final_counters(end_at)
+            sleep(POLL_S)
         if not finished:
             self.exit_code = self._stop.exit_code
             return
@@ -315,7 +333,7 @@ class VehicleProcess:
         except VehicleFaultError as fault:
             sink.flush_all()
             node.outbox.publish_fault(self._clock.now(), fault.text)
-            poll(lambda: self.is_cancelled, every_s=POLL_S, at_most_s=END_NS / SECOND)
+            poll(lambda: self.is_cancelled, every_s=POLL_S, at_most_s=FAULT_S)
             raise
 
     def _fetch(self, inbox: Inbox) -> None:
@@ -329,6 +347,7 @@ class VehicleProcess:
             raise RestartRequestedError(
                 ProcessHandover(
                     start_at=self._start_at or 0,
+                    recorder=self._membership.recorder,
                     clock=self._clock.setting,
                     lateness=probe.lateness,
                     node=handover,
@@ -343,30 +362,16 @@ class VehicleProcess:
         if self._recorder.has_left(now):
             raise RunCancelledError(f"{self._run} failed: its recorder has left")
 
-    def _has_waited_enough(self, end_at: int) -> bool:
-        """Repeat the final counters; whether the vehicle may stop waiting for the end.
-
-        Raises RunCancelledError when no end will come.
-        """
+    def _repeat_final_counters(self, end_at: int) -> None:
+        """Repeat the final counters; raises RunCancelledError when no end will come."""
         now = self._clock.now()
         if not self._watching.is_due(now):
-            return False
-        self._router.look(now, connected=self._bus.connected())
-        if self._router.was_lost_near_end(end_at):  # the recorder decides alike
-            is_over = self._router.is_lost_for_good(now)
-            if is_over and self._router.was_lost_before(end_at) and self._has_limits:
-                raise RunCancelledError(f"{self._run} failed: {LIMITS_NOT_JUDGED}")
-            return is_over
+            return
         self._check_router_and_recorder(now)
         if now > max(end_at, self._router.back_at, self._announced.last_received_at) + END_NS:
             raise RunCancelledError(f"{self._run} failed: the recorder announced no end")
         if self._final_counters is not None:
             self._bus.publish(*self._final_counters)
-        return False
-
-    @property
-    def _has_limits(self) -> bool:
-        return bool(self._builder.scenario.tables.limits.model_fields_set)
 
     def _keep_final_counters(self, topic: Topic, data: bytes, message: Message) -> None:
         if isinstance(message, Health) and message.final:

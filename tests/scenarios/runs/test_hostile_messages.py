@@ -116,7 +116,8 @@ def drive(
             *watchers,
         ),
     )
-    announced = RunAnnouncements(bus, clock.now)
+    member = Membership(bus, "x", VEHICLE, "v1", Fingerprint.of(scenario))
+    announced = RunAnnouncements(bus, member, clock.now)
     bus.publish(key(RUN_SENDER, TOPICS["start"]), run.start(clock.now(), clock.now()))
     own.clear()
     before = run.recorder.recorded

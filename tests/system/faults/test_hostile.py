@@ -123,6 +123,8 @@ def false_starts_and_ends(others: dict[Topic, Message]) -> Iterator[Put]:
         RunStart(vehicle="v1", seq=0, start_at_ns=0, run_id="x"),
         RunEnd(vehicle="v1", seq=0, end_at_ns=at, reason="enough"),
         RunEnd(vehicle="ghost", seq=0, end_at_ns=at, reason="enough"),
+        RunEnd(vehicle=RUN_SENDER, seq=0, end_at_ns=at, reason=""),
+        RunEnd(vehicle=RUN_SENDER, seq=0, end_at_ns=at, reason="", secret="guessed"),
         text,
         replace(text, vehicle=RUN_SENDER),
         *others.values(),

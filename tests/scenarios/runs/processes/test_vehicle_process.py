@@ -11,7 +11,13 @@ from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
 from scenarios.runs.node.process_probe import Lateness, ProcessProbe
 from scenarios.runs.processes import vehicle_process as process
 from scenarios.runs.processes.clock_sync import ClockServer
-from scenarios.runs.processes.membership import RECORDER, VEHICLE, Fingerprint, Membership
+from scenarios.runs.processes.membership import (
+    RECORDER,
+    VEHICLE,
+    Fingerprint,
+    Membership,
+    recorder_name,
+)
 from scenarios.runs.processes.vehicle_process import RunCancelledError, VehicleProcess, paced_ticks
 from scenarios.runs.stop import Stop
 from tests.made.interpreted import interpreted_only
@@ -65,14 +71,14 @@ def test_a_recorder_that_catches_up_is_waited_for_as_long_as_it_gives_signs(
     recorder, bus = MemoryBus(network), MemoryBus(network)
     scenario = load_scenario("lane_change", ["duration_s=0.2"])
     fingerprint = Fingerprint.of(scenario)
-    Membership(recorder, "mine", RECORDER, "recorder", fingerprint).join()
+    Membership(recorder, "mine", RECORDER, recorder_name("mine only"), fingerprint).join()
     ClockServer(recorder, time.time_ns, ["v1"])
     membership = Membership(bus, "mine", VEHICLE, "v1", fingerprint)
     vehicle = VehicleProcess(VehicleBuilder(scenario, "v1"), bus, membership, Stop())
     start_at = time.time_ns() + SECOND // 5
     start = encode(RunStart(vehicle=RUN_SENDER, seq=0, start_at_ns=start_at, run_id="x"))
     ended_at = start_at + round((0.2 + needed_s) * SECOND)
-    end = encode(RunEnd(vehicle=RUN_SENDER, seq=0, end_at_ns=ended_at, reason=""))
+    end = encode(end_message(ended_at, "mine only"))
     recorder.publish(key(RUN_SENDER, TOPICS["start"]), start)
 
     def catch_up() -> None:
@@ -94,6 +100,65 @@ def test_a_recorder_that_catches_up_is_waited_for_as_long_as_it_gives_signs(
     finally:
         over.set()
         announcer.join()
+
+
+def end_message(at: int, secret: str) -> RunEnd:
+    return RunEnd(vehicle=RUN_SENDER, seq=0, end_at_ns=at, reason="", secret=secret)
+
+
+class Announcements:
+    """Announcements of a run that a vehicle has joined, with a recorder and a stranger."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.network = MemoryNetwork()
+        self.fingerprint = Fingerprint.of(scenario)
+        self.recorder, bus = MemoryBus(self.network), MemoryBus(self.network)
+        self.announce_recorder(self.recorder, "ours")
+        member = Membership(bus, "mine", VEHICLE, "v1", self.fingerprint)
+        member.join(sleep=lambda _: None)
+        self.received = process.RunAnnouncements(bus, member, lambda: 0)
+
+    def announce_recorder(self, bus: MemoryBus, secret: str) -> None:
+        bus.announce(RECORDER, recorder_name(secret), self.fingerprint.chunk)
+
+    def start(self) -> None:
+        start = RunStart(vehicle=RUN_SENDER, seq=0, start_at_ns=1, run_id="x")
+        self.recorder.publish(key(RUN_SENDER, TOPICS["start"]), encode(start))
+
+    def end(self, secret: str) -> RunEnd | None:
+        """Publish an end with a secret; returns the end that the vehicle accepts."""
+        end = encode(end_message(5, secret))
+        self.recorder.publish(key(RUN_SENDER, TOPICS["end"]), end)
+        return self.received.end
+
+
+@pytest.mark.parametrize("started", [False, True])
+def test_only_the_recorder_of_the_run_ends_it(scenario: Scenario, *, started: bool) -> None:
+    run = Announcements(scenario)
+    stranger = MemoryBus(run.network)
+    if started:
+        run.start()
+    run.announce_recorder(stranger, "theirs")
+    for forged in ("", "theirs", recorder_name("ours")):
+        assert run.end(forged) is None
+    assert run.end("ours") is not None
+
+
+def test_a_stranger_does_not_follow_the_recorder_of_a_started_run(scenario: Scenario) -> None:
+    run = Announcements(scenario)
+    run.start()
+    run.network.leave(run.recorder)
+    run.announce_recorder(MemoryBus(run.network), "theirs")
+    assert run.end("theirs") is None
+    assert run.end("ours") is not None
+
+
+def test_before_the_start_another_recorder_may_follow(scenario: Scenario) -> None:
+    run = Announcements(scenario)
+    run.network.leave(run.recorder)
+    run.announce_recorder(MemoryBus(run.network), "theirs")
+    assert run.end("ours") is None
+    assert run.end("theirs") is not None
 
 
 def test_a_tick_begins_at_the_vehicle_s_turn_and_is_late_from_then_on() -> None:
