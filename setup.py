@@ -21,8 +21,9 @@ MODULES = {
     "vehicles": "received_pose schedule",
     "vehicles/geometry": "arc_spline driven_path geodesy path_point sampled_path sparse_path"
     " trajectory_points",
-    "vehicles/preview": "curve_fit fit_arc fit_clothoid fit_joined known_path local_curves outliers"
-    " polyline samples trace trajectory",
+    "vehicles/preview": "curve_fit fit_arc fit_clothoid fit_joined local_curves outliers"
+    " trajectory",
+    "vehicles/preview/received": "holes known_path polyline samples trace",
     "vehicles/car": "brush_motion clock_error dead_reckoning dynamics gnss imu integration"
     " path_keeping tyres",
     "vehicles/car/positioning": "noise",

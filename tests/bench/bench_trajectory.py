@@ -22,8 +22,8 @@ from vehicles.driver.steering import SlipCompensated
 from vehicles.driver.tracking import track
 from vehicles.geometry import arc_spline
 from vehicles.preview.curve_fit import FitSettings
-from vehicles.preview.samples import Window
-from vehicles.preview.trace import Trace
+from vehicles.preview.received.samples import Window
+from vehicles.preview.received.trace import Trace
 from vehicles.preview.trajectory import Fit, fit_composite
 
 SHAPES = {

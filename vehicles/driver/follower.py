@@ -39,7 +39,7 @@ from vehicles.driver.steering import LateralController, SteeringCommand
 from vehicles.driver.tracking import PathBehind, Rejoining, TrackingErrors, track
 from vehicles.messages import Mode
 from vehicles.preview.curve_fit import MIN_WEIGHT_FOR_NOISE, FitSettings
-from vehicles.preview.samples import Window
+from vehicles.preview.received.samples import Window
 from vehicles.preview.trajectory import Fit, Fusion, fuse
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import MILLISECOND, SECOND, Cadence, Timer

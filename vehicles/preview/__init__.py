@@ -1,9 +1,6 @@
 """From received poses to the composite trajectory.
 
-samples       the window of samples around the ego, and reachability checks
-polyline      points in order of travel with their arc length
-trace         received samples of one source, in order of travel
-known_path    the path ahead that samples of both sources cover
+received/     received positions of each source, and the known path
 trajectory    the composite trajectory of both sources
 curve_fit     the curves that explain the samples, and their average
 fit_arc       least squares for a line and an arc, and the sums that all shapes share

@@ -17,7 +17,7 @@ from vehicles.preview.curve_fit import Curve, FitSettings, fit_curve
 from vehicles.preview.fit_arc import max_abs
 from vehicles.preview.outliers import without_jumps
 from vehicles.preview.paper_recipe import recipe_curve
-from vehicles.preview.samples import Window
+from vehicles.preview.received.samples import Window
 
 Floats = NDArray[np.float64]
 Fusion = Literal["composite", "predecessor", "blend"]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vehicles.preview.curve_fit import FitSettings
-from vehicles.preview.samples import Window
+from vehicles.preview.received.samples import Window
 from vehicles.preview.trajectory import fit_composite
 
 Floats = NDArray[np.float64]

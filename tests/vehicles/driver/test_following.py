@@ -17,7 +17,7 @@ from vehicles.driver.steering import SlipCompensated
 from vehicles.driver.tracking import track
 from vehicles.geometry.sampled_path import Segment, path_from_segments
 from vehicles.preview.curve_fit import FitSettings
-from vehicles.preview.trace import Trace
+from vehicles.preview.received.trace import Trace
 from vehicles.preview.trajectory import fit_composite
 
 COURSES: dict[str, tuple[Place, float]] = {

@@ -10,8 +10,8 @@ import pytest
 from tests.made.transport.received_poses import received
 from vehicles.geometry.arc_spline import ArcSpline, Piece
 from vehicles.preview.curve_fit import FitSettings
-from vehicles.preview.samples import Window
-from vehicles.preview.trace import Trace
+from vehicles.preview.received.samples import Window
+from vehicles.preview.received.trace import Trace
 from vehicles.preview.trajectory import fit_composite
 from vehicles.schedule import SECOND
 

@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 from tests.made.vehicles.arc_courses import course, fit_errors, point_at, window, with_noise
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.paper_recipe import circle_of_least_squares, recipe_curve
-from vehicles.preview.samples import Window
+from vehicles.preview.received.samples import Window
 from vehicles.preview.trajectory import Fit, fit_composite, fuse
 
 PAPER = FitSettings(trajectory="paper")

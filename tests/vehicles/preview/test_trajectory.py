@@ -12,7 +12,7 @@ from tests.made.examples import examples
 from tests.made.vehicles.arc_courses import course, fit_errors, point_at, window, with_noise
 from vehicles.geometry.arc_spline import ArcSpline
 from vehicles.preview.curve_fit import FitSettings
-from vehicles.preview.samples import Window
+from vehicles.preview.received.samples import Window
 from vehicles.preview.trajectory import Fit, fit_composite, fuse
 
 SETTINGS = FitSettings()

@@ -22,7 +22,7 @@ import numpy as np
 from vehicles.car.gnss import Fix
 from vehicles.driver.degradation.settings import PredecessorPath
 from vehicles.messages import Mode
-from vehicles.preview.samples import Window
+from vehicles.preview.received.samples import Window
 from vehicles.preview.trajectory import LEAD, PREDECESSOR, Fit
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND

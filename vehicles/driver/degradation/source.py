@@ -11,8 +11,8 @@ from vehicles.driver.degradation.situation import LOST, OFF_PATH, SourceFreshnes
 from vehicles.driver.degradation.trust import Trust
 from vehicles.driver.ego.own_state import Pose
 from vehicles.messages import SourceStatus
-from vehicles.preview.samples import Window
-from vehicles.preview.trace import Trace
+from vehicles.preview.received.samples import Window
+from vehicles.preview.received.trace import Trace
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 

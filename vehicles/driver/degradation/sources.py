@@ -11,9 +11,9 @@ from vehicles.driver.degradation.stopping import stopping_distance
 from vehicles.driver.ego.own_state import Pose
 from vehicles.messages import Mode
 from vehicles.preview.curve_fit import FitSettings
-from vehicles.preview.known_path import PathHole, known_path
-from vehicles.preview.samples import Window
-from vehicles.preview.trace import Trace
+from vehicles.preview.received.known_path import PathHole, known_path
+from vehicles.preview.received.samples import Window
+from vehicles.preview.received.trace import Trace
 from vehicles.preview.trajectory import Fusion
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
@@ -180,7 +180,7 @@ class SourcePair:
             for source in self.used.values()
             if len(source.trace) and source.freshness.status != "distrusted"
         ]
-        if [trace for trace in traces if trace.has_holes]:
+        if [trace for trace in traces if trace.holes]:
             path = known_path(traces, pose.east, pose.north)
             self._hole_ahead, self._hole = path.end, path.hole
 

@@ -16,7 +16,7 @@ from vehicles.driver.degradation.innovation_gate import (
     Distrust,
     InnovationGate,
 )
-from vehicles.preview.samples import reachable
+from vehicles.preview.received.samples import reachable
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 

@@ -24,8 +24,8 @@ from vehicles.driver.degradation.settings import PredecessorPath
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.messages import Mode
 from vehicles.preview.curve_fit import FitSettings
-from vehicles.preview.samples import Window
-from vehicles.preview.trace import Trace
+from vehicles.preview.received.samples import Window
+from vehicles.preview.received.trace import Trace
 from vehicles.preview.trajectory import Fit, fit_composite
 from vehicles.schedule import MILLISECOND
 

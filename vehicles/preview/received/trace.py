@@ -6,70 +6,33 @@ another lap) are therefore never considered.
 """
 
 from bisect import bisect_left, bisect_right
-from itertools import pairwise
-from math import atan2, ceil, cos, hypot, inf, nan, remainder, sin, tau
-from typing import Final, NamedTuple
+from math import atan2, ceil, cos, hypot, inf, nan, sin
+from typing import Final
 
 import numpy as np
 
-from vehicles.geometry.sparse_path import (
-    ReceivedCurve,
-    curve_through,
-    drivable,
-    has_passed,
-    received_curve,
+from vehicles.geometry.sparse_path import PlacedPose
+from vehicles.preview.received.holes import (
+    BRIDGE_AT,
+    NOTHING_RECEIVED,
+    Stretch,
+    TraceHole,
+    bridge,
+    curve_to,
+    is_drivable,
+    path_past,
+    stretches_of,
 )
-from vehicles.preview.polyline import Point, Polyline, bridge, spaced, step
-from vehicles.preview.samples import TraceSettings, Window
+from vehicles.preview.received.polyline import Polyline, spaced, step
+from vehicles.preview.received.samples import TraceSettings, Window, window_around
 from vehicles.received_pose import ReceivedPose
-from vehicles.schedule import SECOND
 
-BRIDGE_AT: Final = -1
-"""Instant of bridge points: before any sample."""
-MAX_BRIDGE_POINTS: Final = 500
-"""Largest number of points that bridge a hole."""
 MAX_HOLES: Final = 64
 """Largest number of holes, and of stretches closed by path histories, that are remembered."""
 MIN_MISSING: Final = 2
 """Number of missing messages from which on a path history closes a shorter hole."""
-HISTORY_TOLERANCE: Final = 0.5
-HISTORY_DEVIATIONS: Final = 4.0
-"""A path history is ignored if the last sample lies further off it than this distance (m) plus this
-number of standard deviations, as stated."""
-HARDEST: Final = 8.0
-"""Acceleration (m/s²) by which a car may have been faster within a hole than at its ends."""
-ASIDE: Final = 10.0
-"""Largest distance (m) from the ego at which a path history passes it."""
-KEPT_BEHIND: Final = 20
-"""Number of points behind the ego that are kept of a path history."""
-NOTHING_RECEIVED: Final = ReceivedCurve([], covers=False, places=0)
 DROP_CHUNK: Final = 64
 """Number of samples behind the ego that are dropped at once."""
-
-
-class _Hole(NamedTuple):
-    """A hole without received positions: the point before it, speed (m/s) and instant (ns) after.
-
-    A curve bridges it, unless no curve joins its ends.
-    """
-
-    before: Point
-    speed: float
-    end: int
-
-
-class Stretch(NamedTuple):
-    """Received positions without a hole, from `start` to `end` (m from the ego's projection).
-
-    `first` is its first point. The source drove about `hole` (m) unobserved before it and turned by
-    `turn` (rad) there; 0 at the beginning of the trace.
-    """
-
-    start: float
-    end: float
-    first: Point
-    hole: float
-    turn: float
 
 
 class Trace:
@@ -98,7 +61,7 @@ class Trace:
         self._ego_station: float | None = None
         self._located_at: tuple[float, float] | None = None
         self._changed = False
-        self._holes: list[_Hole] = []
+        self._holes: list[TraceHole] = []
 
     def __len__(self) -> int:
         return len(self._line.at)
@@ -160,7 +123,7 @@ class Trace:
             (self._station_at(hole.before[0]), self._station_at(hole.end)) for hole in self._holes
         ]
 
-    def _fill(self, after: Point, pose: ReceivedPose, *, bridges: bool) -> None:
+    def _fill(self, after: PlacedPose, pose: ReceivedPose, *, bridges: bool) -> None:
         """Close the hole before `after` by the history of `pose`; bridge the rest if it `bridges`.
 
         A curve closes or bridges a hole, with points about `bridge_spacing` apart.
@@ -169,7 +132,10 @@ class Trace:
         length = hypot(after[1] - before[1], after[2] - before[2])
         if length < self.settings.hole:
             return
-        curve = self._received_curve(before, pose) if self._closes_holes else NOTHING_RECEIVED
+        curve = NOTHING_RECEIVED
+        if self._closes_holes:
+            newest_speed = 0.0 if self.newest is None else self.newest.speed
+            curve = curve_to(pose, before, newest_speed, self.settings.bridge_spacing)
         if bridges and not curve.covers:
             self._bridge(before, curve.points[0] if curve.points else after, pose.speed)
         if not curve.points:
@@ -181,36 +147,20 @@ class Trace:
             if distance >= self.settings.spacing:
                 self._line.append(point, distance)
 
-    def _received_curve(self, before: Point, pose: ReceivedPose) -> ReceivedCurve:
-        """Curve along the history of `pose` from the point `before` on."""
-        history = pose.path_history()
-        if not history:
-            return NOTHING_RECEIVED
-        newest = self.newest
-        after = pose.measured_at, pose.east, pose.north
-        tolerance = HISTORY_TOLERANCE + HISTORY_DEVIATIONS * pose.accuracy
-        curve = received_curve(history, before[:3], after, self.settings.bridge_spacing, tolerance)
-        seconds = (pose.measured_at - before[0]) / SECOND
-        speed = max(pose.speed, 0.0 if newest is None else newest.speed) + HARDEST * seconds
-        for start, end in pairwise([before, *curve.points, (*after, pose.yaw)]):
-            if not _is_drivable(start, end, speed):
-                return NOTHING_RECEIVED
-        return curve
-
-    def _bridge(self, before: Point, after: Point, speed: float) -> None:
+    def _bridge(self, before: PlacedPose, after: PlacedPose, speed: float) -> None:
         """Bridge a hole by a guess: a cubic, or the straight step if none is possible."""
         if hypot(after[1] - before[1], after[2] - before[2]) < self.settings.hole:
             return
-        self._holes = [*self._holes[1 - MAX_HOLES :], _Hole(before, speed, after[0])]
-        for point in bridge(before, after, self.settings.bridge_spacing, MAX_BRIDGE_POINTS):
+        self._holes = [*self._holes[1 - MAX_HOLES :], TraceHole(before, speed, after[0])]
+        for point in bridge(before, after, self.settings.bridge_spacing):
             last = self._line.point(-1)
             self._line.append(point, hypot(point[1] - last[1], point[2] - last[2]))
 
-    def _insert_in_hole(self, hole: _Hole, point: Point, pose: ReceivedPose) -> None:
+    def _insert_in_hole(self, hole: TraceHole, point: PlacedPose, pose: ReceivedPose) -> None:
         """Insert a late sample into a hole and close or bridge both sides of the sample."""
         line, before = self._line, hole.before
         first, last = bisect_right(line.at, before[0]), bisect_left(line.at, hole.end)
-        if not 0 < first <= last < len(line.at) or not _is_drivable(
+        if not 0 < first <= last < len(line.at) or not is_drivable(
             before, point, max(hole.speed, pose.speed)
         ):
             return
@@ -228,7 +178,7 @@ class Trace:
             self._ego_station += shift
         self._changed = True
 
-    def _append(self, point: Point) -> None:
+    def _append(self, point: PlacedPose) -> None:
         self._line.append(point, max(step(self._line.point(-1), point), self.settings.spacing))
 
     def _insert(self, pose: ReceivedPose) -> None:
@@ -247,7 +197,7 @@ class Trace:
             if not 0 <= k < len(line.at) or line.at[k] == BRIDGE_AT:
                 continue
             neighbour = line.point(k)
-            if not _is_drivable(neighbour, point, pose.speed):
+            if not is_drivable(neighbour, point, pose.speed):
                 return
             steps[side] = step(point, neighbour) if side else step(neighbour, point)
             if steps[side] < self.settings.spacing:
@@ -262,7 +212,7 @@ class Trace:
         if self._ego_station is not None and self._ego_station > before:
             self._ego_station += shift
 
-    def _begin_earlier(self, point: Point, bridge_points: int) -> None:
+    def _begin_earlier(self, point: PlacedPose, bridge_points: int) -> None:
         """Start the line with a late sample that is older than the first received one."""
         start, self._bridged_from = self._bridged_from, None
         self.joined = self._dropped_until != BRIDGE_AT
@@ -311,13 +261,8 @@ class Trace:
         if not history or line.at[0] != pose.measured_at:  # an older pose was received since
             return
         places = [*history, (pose.measured_at, pose.east, pose.north)]
-        points = curve_through(places, 0, len(history), self.settings.bridge_spacing)
-        begin = 0
-        for k in range(len(points) - 1, -1, -1):
-            if has_passed(points[k], east, north, yaw, ASIDE):
-                begin, self.joined = max(k - KEPT_BEHIND, 0), True
-                break
-        kept = points[begin:]
+        kept, passes = path_past(places, self.settings.bridge_spacing, east, north, yaw)
+        self.joined = self.joined or passes
         line.prepend(spaced([*kept, line.point(0)], self.settings.spacing)[:-1])
         self._first_yaw = line.yaw[0]
         self.sample_count += len([place for place in history if place[0] >= kept[0][0]])
@@ -367,38 +312,9 @@ class Trace:
         return self._line.station[min(bisect_left(self._line.at, at), len(self._line.at) - 1)]
 
     def window(self, east: float, north: float, behind: float, ahead: float) -> Window:
-        """Samples from `behind` to `ahead` (m of travel) of the ego at (east, north).
-
-        The preview data of Section III-A, which sorts by distance and keeps none behind.
-
-        With `behind` > 0 the nearest sample behind the ego is always included: a curve through
-        samples ahead is extrapolated to the ego and may pass metres from it. Fewer than
-        `min_samples` are supplemented by the next ones on both sides. More than `max_samples` are
-        thinned to every second, fourth, … sample, always the same ones while the ego moves.
-        """
+        """Samples from `behind` to `ahead` (m) of the ego at (east, north), by `window_around`."""
         ego = self._locate(east, north)
-        line = self._line
-        first = bisect_left(line.station, ego - behind)
-        if behind > 0.0:
-            first = min(first, max(bisect_right(line.station, ego) - 1, 0))
-        last = bisect_right(line.station, ego + ahead)
-        if last - first < self.settings.min_samples:
-            first, last = self._widened(ego, first, last)
-        stride = 1 << (max(last - first - 1, 0) // self.settings.max_samples).bit_length()
-        first += -(first + line.dropped) % stride
-        chosen = slice(first, last, stride)
-        return Window(
-            np.array(line.east[chosen], dtype=np.float64),
-            np.array(line.north[chosen], dtype=np.float64),
-            np.array(line.station[chosen], dtype=np.float64) - ego,
-        )
-
-    def _widened(self, ego: float, first: int, last: int) -> tuple[int, int]:
-        """Include the next samples on either side of the ego."""
-        index = bisect_left(self._line.station, ego)
-        half = self.settings.min_samples // 2
-        last = max(last, min(index + half, len(self._line.at)))
-        return max(min(first, last - self.settings.min_samples, index - half), 0), last
+        return window_around(self._line, ego, behind, ahead, self.settings)
 
     def spacing(self, east: float, north: float) -> float | None:
         """Arc length (m) from the ego to the newest pose; None before the first one."""
@@ -417,64 +333,20 @@ class Trace:
         """
         return self._line.station[-1] - self._locate(east, north) if self._line.at else nan
 
-    @property
-    def has_holes(self) -> bool:
-        return bool(self._holes)
-
     def stretches(self, east: float, north: float) -> list[Stretch]:
         """Received stretches in order of travel, relative to the ego at (east, north)."""
-        line = self._line
-        if not line.at:
+        if not self._line.at:
             return []
         ego = self._locate(east, north)
-        stretches: list[Stretch] = []
-        first, length, turn = 0, 0.0, 0.0
-        for hole in sorted(self._holes):
-            last = bisect_right(line.at, hole.before[0]) - 1
-            following = bisect_left(line.at, hole.end)
-            if last < first or following >= len(line.at):  # dropped, or no sample kept after it
-                continue
-            stretches.append(self._stretch(first, last, ego, length, turn))
-            length, turn = self._extent(last, following, hole.speed)
-            first = following
-        stretches.append(self._stretch(first, len(line.at) - 1, ego, length, turn))
-        return stretches
-
-    def _stretch(self, first: int, last: int, ego: float, hole: float, turn: float) -> Stretch:
-        line = self._line
-        start = line.station[first] - ego if hole else -inf
-        return Stretch(start, line.station[last] - ego, line.point(first), hole, turn)
-
-    def _extent(self, last: int, following: int, speed: float) -> tuple[float, float]:
-        """Distance (m) that the source drove between two points, and its least turn (rad)."""
-        line = self._line
-        _, east, north, yaw = line.point(last)
-        at, next_east, next_north, next_yaw = line.point(following)
-        span = (at - line.at[last]) / SECOND
-        if last and line.at[last - 1] != BRIDGE_AT:
-            driven = line.station[last] - line.station[last - 1]
-            taken = (line.at[last] - line.at[last - 1]) / SECOND
-            speed = 0.5 * (speed + driven / taken) if taken > 0.0 else speed
-        chord = hypot(next_east - east, next_north - north)
-        course = atan2(next_north - north, next_east - east)
-        turn = abs(remainder(course - yaw, tau)) + abs(remainder(next_yaw - course, tau))
-        return max(chord, speed * span), turn
+        return stretches_of(self._line, self._holes, ego)
 
     def distance_from(self, east: float, north: float, start: float, end: float) -> float:
         """Distance (m) of (east, north) from the line between `start` and `end` (m from the ego).
 
         Requires a located ego.
         """
-        line, ego = self._line, self._ego_station or 0.0
-        if len(line.at) < 2:
-            return hypot(east - line.east[0], north - line.north[0])
-        station = line.nearest(east, north, ego + start, ego + end)
-        index = min(max(bisect_right(line.station, station) - 1, 0), len(line.at) - 2)
-        share = station - line.station[index]
-        share /= line.station[index + 1] - line.station[index]
-        off_east = line.east[index] + share * (line.east[index + 1] - line.east[index]) - east
-        off_north = line.north[index] + share * (line.north[index + 1] - line.north[index]) - north
-        return hypot(off_east, off_north)
+        ego = self._ego_station or 0.0
+        return self._line.distance_from(east, north, ego + start, ego + end)
 
     def _locate(self, east: float, north: float) -> float:
         """Move the ego's station to the nearest point within reach of its last station."""
@@ -502,10 +374,5 @@ class Trace:
         self._dropped_until = max(self._dropped_until, self._line.at[DROP_CHUNK - 1])
         self._line.drop(DROP_CHUNK)
         self._holes = [hole for hole in self._holes if hole.end > self._dropped_until]
-        self._closed = [one for one in self._closed if one[1] > self._dropped_until]
+        self._closed = [span for span in self._closed if span[1] > self._dropped_until]
         self.joined = True
-
-
-def _is_drivable(first: Point, second: Point, speed: float) -> bool:
-    distance = hypot(second[1] - first[1], second[2] - first[2])
-    return drivable(distance, abs(second[0] - first[0]), abs(speed))

@@ -2,20 +2,16 @@
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
-from itertools import pairwise
-from math import atan2, cos, hypot, inf, remainder, sin, tau
+from math import cos, hypot, inf, remainder, sin, tau
 from typing import Final
 
-from vehicles.geometry.bridges import UnbridgedError, curve_between
+from vehicles.geometry.sparse_path import PlacedPose
 from vehicles.schedule import SECOND
 
 LONG_STEP: Final = 6.0
 """Steps longer than this (m) are measured straight, because the car may have turned within."""
 LONG_DURATION: Final = SECOND
 """Steps that take longer than this (ns), likewise."""
-
-Point = tuple[int, float, float, float]
-"""Instant (ns), position (m, m), yaw (rad)."""
 
 
 class Polyline:
@@ -38,10 +34,10 @@ class Polyline:
     def __len__(self) -> int:
         return len(self.at)
 
-    def point(self, k: int) -> Point:
+    def point(self, k: int) -> PlacedPose:
         return self.at[k], self.east[k], self.north[k], self.yaw[k]
 
-    def append(self, point: Point, step: float) -> None:
+    def append(self, point: PlacedPose, step: float) -> None:
         self.station.append(self.station[-1] + step if self.station else 0.0)
         at, east, north, yaw = point
         self.at.append(at)
@@ -49,7 +45,7 @@ class Polyline:
         self.north.append(north)
         self.yaw.append(yaw)
 
-    def insert(self, index: int, point: Point, step: float, next_step: float) -> float:
+    def insert(self, index: int, point: PlacedPose, step: float, next_step: float) -> float:
         """Insert a point before `index` > 0, given the steps (m) to it and from it.
 
         Returns the shift of later stations (m).
@@ -67,7 +63,7 @@ class Polyline:
         self.yaw.insert(index, yaw)
         return shift
 
-    def prepend(self, points: Sequence[Point]) -> None:
+    def prepend(self, points: Sequence[PlacedPose]) -> None:
         """Insert `points` before the first one and restart the stations at 0."""
         kept = [self.point(k) for k in range(len(self))]
         dropped = self.dropped
@@ -81,7 +77,7 @@ class Polyline:
         del self.at[:count], self.east[:count], self.north[:count]
         del self.yaw[:count], self.station[:count]
 
-    def cut(self, count: int) -> list[Point]:
+    def cut(self, count: int) -> list[PlacedPose]:
         taken = [self.point(k) for k in range(count, len(self))]
         del self.at[count:], self.east[count:], self.north[count:]
         del self.yaw[count:], self.station[count:]
@@ -123,8 +119,20 @@ class Polyline:
                 station = stations[k] + share * (stations[k + 1] - stations[k])
         return station
 
+    def distance_from(self, east: float, north: float, low: float, high: float) -> float:
+        """Distance (m) of (east, north) from the line between the stations `low` and `high` (m)."""
+        if len(self.at) < 2:
+            return hypot(east - self.east[0], north - self.north[0])
+        station = self.nearest(east, north, low, high)
+        index = min(max(bisect_right(self.station, station) - 1, 0), len(self.at) - 2)
+        share = station - self.station[index]
+        share /= self.station[index + 1] - self.station[index]
+        off_east = self.east[index] + share * (self.east[index + 1] - self.east[index]) - east
+        off_north = self.north[index] + share * (self.north[index + 1] - self.north[index]) - north
+        return hypot(off_east, off_north)
 
-def spaced(points: Sequence[Point], spacing: float) -> list[Point]:
+
+def spaced(points: Sequence[PlacedPose], spacing: float) -> list[PlacedPose]:
     """Those of the `points` that are at least `spacing` (m) apart; the last one is kept."""
     kept = [points[-1]]
     for point in points[-2::-1]:
@@ -134,27 +142,7 @@ def spaced(points: Sequence[Point], spacing: float) -> list[Point]:
     return kept
 
 
-def bridge(before: Point, after: Point, spacing: float, most: int) -> list[Point]:
-    """Up to `most` points on a cubic with the positions and headings of both ends.
-
-    The points are about `spacing` (m) apart, and their instants evenly distributed. Empty if no
-    such curve joins the ends.
-    """
-    length = hypot(after[1] - before[1], after[2] - before[2])
-    try:
-        places = curve_between(before[1:4], after[1:4], max(spacing, length / most))
-    except UnbridgedError:
-        return []
-    count, span = places.shape[1], after[0] - before[0]
-    ends = [*places.T.tolist(), [after[1], after[2]]]
-    points: list[Point] = []
-    for k, ((east, north), (next_east, next_north)) in enumerate(pairwise(ends)):
-        yaw = atan2(next_north - north, next_east - east)
-        points.append((before[0] + span * (k + 1) // (count + 1), east, north, yaw))
-    return points
-
-
-def step(start: Point, end: Point) -> float:
+def step(start: PlacedPose, end: PlacedPose) -> float:
     """Distance (m) along the travel from `start` to a later `end`; negative if that lies behind."""
     east, north = end[1] - start[1], end[2] - start[2]
     distance = hypot(east, north)

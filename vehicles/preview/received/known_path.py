@@ -7,7 +7,8 @@ follower is blind within a hole, unless positions of the other source cover it.
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from vehicles.preview.trace import Stretch, Trace
+from vehicles.preview.received.holes import Stretch
+from vehicles.preview.received.trace import Trace
 
 LEAST_BEND: Final = 1.0 / 500.0
 """Bends of at least this curvature (1/m), the paper's lane change, must be expected anywhere."""
@@ -48,16 +49,16 @@ def known_path(traces: Sequence[Trace], east: float, north: float) -> KnownPath:
 
     A car within a hole has its known path behind it, where the hole begins.
     """
-    found = [(trace, one) for trace in traces for one in trace.stretches(east, north)]
-    here = [(trace, one) for trace, one in found if one.start <= 0.0 <= one.end]
+    known = [(trace, part) for trace in traces for part in trace.stretches(east, north)]
+    here = [(trace, part) for trace, part in known if part.start <= 0.0 <= part.end]
     if not here:
-        behind = [pair for pair in found if pair[1].end < 0.0]
+        behind = [pair for pair in known if pair[1].end < 0.0]
         here = [max(behind, key=lambda pair: pair[1].end)] if behind else []
     if not here:  # the car is before the first sample
-        here = [min(found, key=lambda pair: pair[1].start)]
+        here = [min(known, key=lambda pair: pair[1].start)]
     trace, reached = max(here, key=lambda pair: pair[1].end)
     while True:
-        later = [pair for pair in found if pair[1].end > reached.end]
+        later = [pair for pair in known if pair[1].end > reached.end]
         joined = [pair for pair in later if _continues(trace, reached, pair[1])]
         if not joined:
             break

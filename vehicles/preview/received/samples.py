@@ -1,5 +1,6 @@
 """The window of samples around the ego, the settings of a trace, and reachability checks."""
 
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
 from math import hypot
 from typing import NamedTuple
@@ -8,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vehicles.geometry.sparse_path import drivable
+from vehicles.preview.received.polyline import Polyline
 from vehicles.received_pose import ReceivedPose
 
 Floats = NDArray[np.float64]
@@ -56,3 +58,38 @@ def reachable(first: ReceivedPose, second: ReceivedPose) -> bool:
     distance = hypot(second.east - first.east, second.north - first.north)
     speed = max(abs(first.speed), abs(second.speed))
     return drivable(distance, abs(second.measured_at - first.measured_at), speed)
+
+
+def window_around(
+    line: Polyline, ego: float, behind: float, ahead: float, settings: TraceSettings
+) -> Window:
+    """Samples from `behind` to `ahead` (m of travel) of the ego's station (m).
+
+    The preview data of Section III-A, which sorts by distance and keeps none behind.
+
+    With `behind` > 0 the nearest sample behind the ego is always included: a curve through
+    samples ahead is extrapolated to the ego and may pass metres from it. Fewer than
+    `min_samples` are supplemented by the next ones on both sides. More than `max_samples` are
+    thinned to every second, fourth, … sample, always the same ones while the ego moves.
+    """
+    first = bisect_left(line.station, ego - behind)
+    if behind > 0.0:
+        first = min(first, max(bisect_right(line.station, ego) - 1, 0))
+    last = bisect_right(line.station, ego + ahead)
+    if last - first < settings.min_samples:
+        first, last = _widened(line, ego, first, last, settings.min_samples)
+    stride = 1 << (max(last - first - 1, 0) // settings.max_samples).bit_length()
+    first += -(first + line.dropped) % stride
+    chosen = slice(first, last, stride)
+    return Window(
+        np.array(line.east[chosen], dtype=np.float64),
+        np.array(line.north[chosen], dtype=np.float64),
+        np.array(line.station[chosen], dtype=np.float64) - ego,
+    )
+
+
+def _widened(line: Polyline, ego: float, first: int, last: int, count: int) -> tuple[int, int]:
+    """Include the next samples on either side of the ego, `count` in total if there are any."""
+    index, half = bisect_left(line.station, ego), count // 2
+    last = max(last, min(index + half, len(line.at)))
+    return max(min(first, last - count, index - half), 0), last
