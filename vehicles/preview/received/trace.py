@@ -262,6 +262,8 @@ class Trace:
             return
         places = [*history, (pose.measured_at, pose.east, pose.north)]
         kept, passes = path_past(places, self.settings.bridge_spacing, east, north, yaw)
+        if not kept:  # all places are equal
+            return
         self.joined = self.joined or passes
         line.prepend(spaced([*kept, line.point(0)], self.settings.spacing)[:-1])
         self._first_yaw = line.yaw[0]

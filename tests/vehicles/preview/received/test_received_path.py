@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from scenarios.definition.scenario import load_scenario
 from tests.made.examples import examples
-from tests.made.vehicles.sent_paths import fixes, sent, without_history
+from tests.made.vehicles.sent_paths import PLANE, fixes, sent, without_history
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.preview.received.samples import Window
 from vehicles.preview.received.trace import Trace
-from vehicles.received_pose import ReceivedPose
+from vehicles.received_pose import ReceivedPose, receive
 
 SPEED = 15.0
 STEP = SPEED / 20.0
@@ -231,3 +231,22 @@ def test_no_history_raises(deltas: list[tuple[int, int, int]], late: bool) -> No
     window = trace.window(source[30].east, source[30].north, 10.0, 40.0)
     assert all(np.isfinite(row).all() for row in window)
     assert (np.diff(window.station) > 0.0).all()
+
+
+def test_a_history_of_equal_positions_is_ignored() -> None:
+    """No sender records one, but the gate admits it."""
+    (fix,) = fixes(path_from_segments([Segment(600.0, 0.0)]), [50.0])
+    pose = next(sent([fix]))
+    message = replace(
+        pose.message,
+        latitude_deg=round(pose.message.latitude_deg, 7),
+        longitude_deg=round(pose.message.longitude_deg, 7),
+        history_latitude_e7deg=(0, 0),
+        history_longitude_e7deg=(0, 0),
+        history_age_cs=(5, 5),
+    )
+    trace = Trace()
+    trace.add(receive(message, PLANE, pose.received_at))
+    trace.bridge(10.0, 0.0, 0.0)
+    assert trace.joined
+    assert trace.sample_count == 1
