@@ -16,7 +16,7 @@ RECORDER, VEHICLE = "recorder", "vehicle"
 SETTLE_S = 0.2
 """Time after which two joining processes see each other's announcement."""
 LEFT_AFTER_NS = 5 * SECOND
-"""The recorder has left when its token has been absent this long with the router in reach.
+"""A recorder counts as gone once its token was absent this long while the router was in reach.
 
 A recorder that was suspended needs up to a second to return.
 """
@@ -38,7 +38,7 @@ def checked_run_name(name: str) -> str:
 
 
 def recorder_name(secret: str) -> str:
-    """Name under which the recorder takes part that ends its run with `secret`."""
+    """Name of the recorder that ends its run with `secret`."""
     return sha256(secret.encode()).hexdigest()
 
 
