@@ -225,6 +225,9 @@ def gap_acceleration(
     STABLE_HEADWAY. The feedforward fades out as 1 - (k_v + k_l) h, which leaves no spacing error in
     steady braking; from 0.25 s on the speed difference is enough.
 
+    The wider gap behind a predecessor that brakes as hard as the car can is not closed: the car
+    could no longer lose the speed for it. From half of the limit on, it is closed less.
+
     Motion of the lead that is NaN (nothing received) is replaced by the predecessor's. A lead that
     drives on while the predecessor brakes on its own, for example without data, moves the car at
     most `LEAD_PULL_DISTANCE` closer.
@@ -238,6 +241,9 @@ def gap_acceleration(
     if not math.isnan(ahead.lead_acceleration):
         pull += feedforward * LEAD_SHARE * (ahead.lead_acceleration - acceleration)
     error = min(ahead.spacing - policy.desired(own_speed), CATCH_UP_DISTANCE)
+    if error > 0.0 and 0.0 < limits.deceleration < -2.0 * acceleration:
+        left = max(2.0 * (1.0 + acceleration / limits.deceleration), 0.0)
+        error = min(error, CATCH_UP_DISTANCE * left)
     wanted = GAP_STIFFNESS * error + DAMPING * (speed - own_speed) + feedforward * acceleration
     wanted += min(pull, GAP_STIFFNESS * LEAD_PULL_DISTANCE)
     return min(max(wanted, -limits.deceleration), limits.acceleration)

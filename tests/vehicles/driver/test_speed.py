@@ -250,6 +250,15 @@ def test_no_collision_when_the_lead_brakes_to_a_stop(policy: SpacingPolicy) -> N
     assert all(later <= earlier for earlier, later in pairwise(string.worst()))
 
 
+def test_wider_gaps_are_kept_while_all_brake_as_hard_as_they_can() -> None:
+    """A gap of 4 m more covers the 2.7 m that the delay of poses and control costs at 30 m/s."""
+    string, limit = String(SpacingPolicy(standstill=8.0), 30.0), GapLimits().deceleration
+    string.places = [place - 4.0 * k for k, place in enumerate(string.places)]
+    for k in range(round(30.0 / limit / STEP)):
+        string.step(k, -limit)
+        assert min(a - b for a, b in pairwise(string.places)) > 8.0
+
+
 @pytest.mark.parametrize("policy", POLICIES)
 @pytest.mark.parametrize("period", [2.0, 5.0, 10.0, 20.0])
 def test_spacing_errors_do_not_amplify_when_the_lead_s_speed_oscillates(
