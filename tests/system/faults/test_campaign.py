@@ -3,6 +3,7 @@
 Three of a hundred by default; `test_supervision.py` kills processes in mid-run.
 """
 
+import json
 import re
 import signal
 import time
@@ -13,6 +14,7 @@ from random import Random
 import psutil
 import pytest
 
+from scenarios.results.files import SUMMARY_NAME
 from tests.system.processes import Process, start
 from transport.log.reader import LogReader
 from transport.log.records import LogError
@@ -71,6 +73,10 @@ def test_a_signal_at_any_instant_leaves_no_process_and_a_readable_log(
             assert code in {0, 1}, f"{label}: {code} {convoy.err}"
         if code == 1:
             assert convoy.err.strip(), f"{label}: failed without a message"
+    summary = tmp_path / "run" / SUMMARY_NAME
+    if summary.exists() and code != -signal.SIGKILL:
+        outcome = json.loads(summary.read_text(encoding="utf-8"))["outcome"]
+        assert (outcome == "completed") == (code == 0), f"{label}: {outcome}, exit code {code}"
     log = tmp_path / "run" / "run.mcap"
     if log.exists():
         assert_readable(log, signal_at, label)

@@ -20,7 +20,6 @@ from tests.system.logs import (
     assert_summary_is_in_the_log,
 )
 from tests.system.processes import Process, run_to_the_end, start, until
-from transport.topics import RUN_SENDER
 
 LONG_S = 35.0
 """Longer than any of these tests."""
@@ -82,20 +81,21 @@ def test_a_killed_process_ends_the_run(victim: str, tmp_path: Path) -> None:
     assert_reason_printed(convoy, run)
 
 
-def test_a_run_completes_if_its_router_is_killed_in_the_last_second(tmp_path: Path) -> None:
+def test_a_run_whose_router_is_killed_in_the_last_second_is_not_complete(tmp_path: Path) -> None:
+    """Its last poses are missing, unless a slow machine delayed the kill until after the end."""
     duration_s = 2.0
     with start(*three(tmp_path, duration_s=duration_s), folder=tmp_path) as convoy:
         router = convoy.part("router")
         convoy.drive(duration_s - 0.5)
         kill(router)
-        assert convoy.wait() == 0, convoy.err
+        code = convoy.wait()
         assert not convoy.remaining()
     run = Run(tmp_path / "run")
     assert_sound(run.log)
     assert_summary_is_in_the_log(run)
-    assert run.summary["outcome"] == "completed"
-    lost = any("the router was lost" in text for text in run.texts(RUN_SENDER))
-    assert lost or all(row["finished"] for row in run.summary["vehicles"])  # a slow machine
+    is_whole = all(row["finished"] for row in run.summary["vehicles"])
+    assert run.summary["outcome"] == ("completed" if is_whole else "failed")
+    assert code == (0 if is_whole else 1), convoy.err
 
 
 def test_all_processes_end_if_the_launcher_is_killed(tmp_path: Path) -> None:
