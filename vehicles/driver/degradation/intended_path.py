@@ -28,7 +28,10 @@ from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
 MAX_OFFSET: Final = 1.75
-"""Offsets beyond this (m), half a lane, are treated as unknown."""
+"""Offsets beyond this (m), half a lane, are treated as unknown. The error of the fix adds to it."""
+MAX_FIX_ERROR: Final = 3.0
+MAX_ADDED: Final = 3.5
+"""Largest error of a fix, in its standard deviations as stated, and in m."""
 MAX_OFFSET_SLOPE: Final = 0.2
 """Largest change of an offset per metre driven: a heading error of 11 degrees."""
 DEVIATIONS: Final = 7.0
@@ -58,7 +61,8 @@ class IntendedPath:
         """
         instants, numbers = self._instants, self._numbers
         index = bisect_left(instants, pose.measured_at)
-        if not abs(offset) <= MAX_OFFSET:  # also NaN
+        largest = MAX_OFFSET + min(MAX_FIX_ERROR * abs(pose.accuracy), MAX_ADDED)
+        if not abs(offset) <= largest:  # also NaN
             offset = 0.0
         if index < len(instants) and instants[index] == pose.measured_at:
             return
