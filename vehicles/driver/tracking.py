@@ -29,6 +29,10 @@ SLOWEST_RETURN = 8.0
 """Speed (m/s) for which returns of slower cars are planned, as they will accelerate."""
 JUMP = 0.3
 """A change of the lateral error by more than this (m) within a tick is a new path."""
+MOST_PLANS = 3
+"""A return is planned again after this number of further jumps at most: more of them are noise of
+the received positions, and a car that measured its error from each of them would never correct it.
+"""
 FAR = 1.75
 """More than this (m) beside a path, half a lane, a car returns slowly."""
 SLOW = 3.0
@@ -182,6 +186,7 @@ class Rejoining:
         self._enabled = enabled
         self._return: _Return | None = None
         self._driven = 0.0
+        self._plans = 0
         self._last_at = 0
         self._last: TrackingErrors | None = None
 
@@ -195,7 +200,9 @@ class Rejoining:
             return errors
         span, self._last_at = (now - self._last_at) / SECOND, now
         last, self._last = self._last, errors
-        if last is not None and abs(errors.lateral - last.lateral) > JUMP:
+        jumped = last is not None and abs(errors.lateral - last.lateral) > JUMP
+        if jumped and self._plans <= MOST_PLANS:
+            self._plans += 1
             self._plan(errors, speed)
         elif self._return is not None:
             self._driven += speed * span
@@ -230,7 +237,7 @@ class Rejoining:
             if speed <= 1.1 * SLOW:
                 self._plan(errors, speed)
         elif self._driven >= current.length:
-            self._return, self.speed_limit = None, inf
+            self._return, self.speed_limit, self._plans = None, inf, 0
         elif away <= FAR:
             self.speed_limit = max(self.speed_limit, SLOWEST_RETURN)
 

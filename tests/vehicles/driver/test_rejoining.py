@@ -120,3 +120,15 @@ def test_a_car_that_cannot_return_stops_and_reports_it(lateral: float, heading: 
     assert len(remarks) == 1
     rejoining.corrected(START + 2 * TICK, TrackingErrors(0.1, 0.0, 0.0, 0.0), 0.0)
     assert rejoining.speed_limit > 0.0
+
+
+def test_a_car_corrects_its_error_from_a_path_that_jumps_all_the_time() -> None:
+    """The positions behind the path have errors of decimetres; a cross wind moves the car."""
+    rejoining, lateral, largest = Rejoining([]), 0.0, 0.0
+    for k in range(3000):
+        noise = 0.25 if k % 2 else -0.25
+        errors = TrackingErrors(lateral + noise, 0.0, 0.0, 0.0)
+        left = rejoining.corrected(START + k * TICK, errors, 4.0)
+        lateral += (0.2 - left.lateral) * TICK / SECOND
+        largest = max(largest, abs(lateral))
+    assert largest < 1.0
