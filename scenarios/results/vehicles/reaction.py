@@ -143,7 +143,8 @@ class Reaction:
 
 
 def _whole(metres: float) -> int:
-    return round(metres * MICROMETRES) if isfinite(metres) else 0
+    scaled = metres * MICROMETRES
+    return round(scaled) if isfinite(scaled) else 0
 
 
 def _keep(waiting: dict[int, int], at: int, value: int) -> None:
