@@ -87,12 +87,6 @@ class LinkAccount:
     def absent_numbers(self) -> list[int]:
         return [message.number for message in self.absent]
 
-    @classmethod
-    def of_verdicts(cls, tally: LinkTally, sent: int) -> "LinkAccount":
-        """Account in which every message without a verdict is in flight."""
-        judged = tally.delivered + tally.dropped.total()
-        return cls(sent, tally.delivered, tally.dropped.total(), in_flight=max(sent - judged, 0))
-
 
 class Accounts:
     """Accounts of all links, by the records of their vehicles."""

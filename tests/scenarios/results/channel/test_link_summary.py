@@ -32,7 +32,11 @@ def tallied(*verdicts: LinkVerdict) -> LinkTally:
 
 
 def account(requested: LinkTable, tally: LinkTally, sent: int = 0) -> LinkSummary:
-    return link_summary(LINK, requested, LinkAccount.of_verdicts(tally, sent), tally)
+    """Summary of a link on which every message without a verdict is in flight."""
+    delivered, dropped = tally.delivered, tally.dropped.total()
+    in_flight = max(sent - delivered - dropped, 0)
+    counts = LinkAccount(sent, delivered, dropped, in_flight=in_flight)
+    return link_summary(LINK, requested, counts, tally)
 
 
 def fates(text: str, latency_ms: float = 20.0) -> list[LinkVerdict]:
