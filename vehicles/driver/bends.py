@@ -4,7 +4,6 @@ from collections import deque
 from math import cos, hypot, sin
 from typing import Final
 
-from vehicles.driver.speed import NO_BEND
 from vehicles.received_pose import ReceivedPose
 
 MIN_SPEED: Final = 1.0
@@ -52,21 +51,21 @@ class BendsAhead:
             bends.pop()
         bends.append((station, squared))
 
-    def allowed(self, east: float, north: float) -> tuple[float, float]:
+    def allowed(self, east: float, north: float) -> tuple[float, float] | None:
         """Squared speed (m²/s²) allowed at a position (m), and distance (m) of the bend.
 
-        Without a bend ahead both are infinite.
+        None without a bend ahead.
         """
         path, bends = self._path, self._bends
         if not path:
-            return NO_BEND
+            return None
         while len(path) > 1 and _along(path[1], east, north) >= 0.0:
             path.popleft()
         station = path[0][0] + _along(path[0], east, north)
         while bends and bends[0][0] < station:
             bends.popleft()
         if not bends:
-            return NO_BEND
+            return None
         at, squared = bends[0]
         return squared - 2.0 * self._braking * station, at - station
 

@@ -34,7 +34,7 @@ from vehicles.driver.degradation.trust import Trust
 from vehicles.driver.ego.own_state import OwnState, Pose
 from vehicles.driver.ego.slip_estimator import LoadWatch
 from vehicles.driver.position_limit import PositionLimit
-from vehicles.driver.speed import NO_BEND, VehiclesAhead
+from vehicles.driver.speed import VehiclesAhead
 from vehicles.driver.steering import LateralController, SteeringCommand
 from vehicles.driver.tracking import PathBehind, Rejoining, TrackingErrors, track
 from vehicles.messages import Mode
@@ -312,12 +312,12 @@ class Follower:
             self._bend(pose),
         )
 
-    def _bend(self, pose: Pose) -> tuple[float, float]:
+    def _bend(self, pose: Pose) -> tuple[float, float] | None:
         """Bend of the received path that allows the lowest speed now (see `BendsAhead`)."""
-        lowest = NO_BEND
+        lowest: tuple[float, float] | None = None
         for bends in self._bends.values():
             bend = bends.allowed(pose.east, pose.north)
-            if bend[0] < lowest[0]:
+            if bend is not None and (lowest is None or bend[0] < lowest[0]):
                 lowest = bend
         return lowest
 

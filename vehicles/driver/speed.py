@@ -40,9 +40,6 @@ CATCH_UP_DISTANCE: Final = 5.0
 BEND_RATE: Final = 2.0
 """Deceleration per excess speed in a bend (1/s)."""
 
-NO_BEND: Final = (math.inf, math.inf)
-"""Squared speed (m²/s²) and distance (m) of `VehiclesAhead` without a bend."""
-
 BRAKING_BEFORE: Final = 0.5
 """Driving time (s) before a bend within which braking for the bend fades out."""
 
@@ -160,7 +157,7 @@ class VehiclesAhead:
 
     `spacing` (m) to the predecessor is along its trace; speeds are in m/s, accelerations in m/s².
     `curvature_ahead` maps a distance (m) ahead to the curvature (1/m) of the path. `bend` is the
-    squared speed (m²/s²) that the received path allows, and the distance (m) of its bend.
+    squared speed (m²/s²) that the received path allows, and the distance (m) of its bend, if any.
     """
 
     spacing: float = math.nan
@@ -169,7 +166,7 @@ class VehiclesAhead:
     predecessor_acceleration: float = 0.0
     lead_acceleration: float = math.nan
     curvature_ahead: Callable[[float], float] | None = None
-    bend: tuple[float, float] = NO_BEND
+    bend: tuple[float, float] | None = None
 
     def __init__(  # noqa: PLR0917 - its fields
         self,
@@ -179,7 +176,7 @@ class VehiclesAhead:
         predecessor_acceleration: float = 0.0,
         lead_acceleration: float = math.nan,
         curvature_ahead: Callable[[float], float] | None = None,
-        bend: tuple[float, float] = NO_BEND,
+        bend: tuple[float, float] | None = None,
     ) -> None:
         self.spacing = spacing
         self.predecessor_speed = predecessor_speed
@@ -339,7 +336,7 @@ class ProfileSpeed:
         speed, _ = self._profile.at(seconds)
         next_speed, _ = self._profile.at(seconds + self._period)
         wanted = (next_speed - speed) / self._period + profile_correction(speed, pose.speed)
-        if self._limits is not None and ahead.bend is not NO_BEND:
+        if self._limits is not None and ahead.bend is not None:
             wanted = min(wanted, known_bend_acceleration(pose.speed, ahead.bend, self._limits))
         return SpeedCommand(wanted, next_speed)
 
@@ -357,6 +354,6 @@ class GapKeeping:
             return SpeedCommand(0.0, pose.speed)
         wanted = gap_acceleration(ahead, pose.speed, self._policy, self._limits)
         wanted = min(wanted, bend_acceleration(pose.speed, ahead.curvature_ahead, self._limits))
-        if ahead.bend is not NO_BEND:
+        if ahead.bend is not None:
             wanted = min(wanted, known_bend_acceleration(pose.speed, ahead.bend, self._limits))
         return SpeedCommand(wanted, ahead.predecessor_speed)

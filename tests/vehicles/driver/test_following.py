@@ -12,7 +12,7 @@ from tests.made.vehicles.laps import TICK, Place, bulb, eight, lap
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.bends import BendsAhead
-from vehicles.driver.speed import NO_BEND, GapLimits, known_bend_acceleration
+from vehicles.driver.speed import GapLimits, known_bend_acceleration
 from vehicles.driver.steering import SlipCompensated
 from vehicles.driver.tracking import track
 from vehicles.geometry.sampled_path import Segment, path_from_segments
@@ -102,16 +102,18 @@ def test_the_speed_allowed_now_is_that_from_which_a_car_can_brake(station: float
     bends = BendsAhead(LATERAL, BRAKING)
     driven_by_a_source(bends, PATH.length)
     place = PATH.at(station)
-    squared, distance = bends.allowed(place.east, place.north)
+    allowed = bends.allowed(place.east, place.north)
+    assert allowed is not None
+    squared, distance = allowed
     assert squared == pytest.approx(allowed_by_hand(station), abs=2.0 * BRAKING * 1.0)
     assert distance >= 0.0
 
 
 def test_a_bend_that_was_not_received_allows_any_speed() -> None:
     bends = BendsAhead(LATERAL, BRAKING)
-    assert bends.allowed(0.0, 0.0) == NO_BEND
+    assert bends.allowed(0.0, 0.0) is None
     driven_by_a_source(bends, 90.0)
-    assert bends.allowed(0.0, 0.0) == NO_BEND
+    assert bends.allowed(0.0, 0.0) is None
 
 
 def test_a_passed_bend_no_longer_counts() -> None:
@@ -120,7 +122,7 @@ def test_a_passed_bend_no_longer_counts() -> None:
     for station in range(0, 150, 2):
         place = PATH.at(float(station))
         allowed = bends.allowed(place.east, place.north)
-    assert allowed == NO_BEND
+    assert allowed is None
 
 
 def test_a_car_that_brakes_in_time_enters_a_bend_no_faster_than_it_allows() -> None:
@@ -131,6 +133,7 @@ def test_a_car_that_brakes_in_time_enters_a_bend_no_faster_than_it_allows() -> N
     while station < 110.0:
         place = PATH.at(station)
         bend = bends.allowed(place.east, place.north)
+        assert bend is not None
         acceleration = min(known_bend_acceleration(speed, bend, limits), 0.0)
         hardest = min(hardest, acceleration)
         if 99.0 < station < 100.0:
