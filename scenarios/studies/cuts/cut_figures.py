@@ -3,8 +3,8 @@
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import groupby, pairwise, takewhile
-from math import inf, isnan
+from itertools import pairwise, takewhile
+from math import inf
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.events.encounters import TrueGap
@@ -22,6 +22,8 @@ STANDING = 0.05
 RESUMED = 0.5
 """A car has resumed once it reaches this share of its speed before the cut."""
 NO_SOURCE: frozenset[Mode] = frozenset({"coast", "stop"})
+GROWN_M = 0.5
+"""A known path grows if its end moves ahead by more than this (m)."""
 REASON_M = 2.0
 """A standing car has a reason if its gap exceeds the standstill gap by at most this distance."""
 
@@ -207,20 +209,21 @@ def _blind(
 ) -> tuple[float, float] | tuple[None, None]:
     """Blind distance of a stop to a standstill, driven and predicted (m).
 
-    The driven distance is the true one, less the known path at the start of the stop. Of several
-    stops, that with the largest difference.
+    A stop begins when the known path grew last. The driven distance is the true one, less the known
+    path at its beginning. Of several stops, that with the largest difference.
     """
-    stops = []
-    rows_with_pose = [row for row in tracking if row.decided_at_ns in poses]
-    for stopping, rows in groupby(rows_with_pose, _is_stopping):
-        first, *others = rows
-        if not stopping or isnan(first.known_m) or _stands(poses[first.decided_at_ns]):
-            continue
-        later = (poses[row.decided_at_ns] for row in others)
-        stands = next((pose for pose in later if _stands(pose)), None)
-        if stands is not None:
-            driven = stands.distance_m - poses[first.decided_at_ns].distance_m
-            stops.append((max(driven - first.known_m, 0.0), first.blind_m))
+    stops: list[tuple[float, float]] = []
+    began: Tracking | None = None
+    path_end = -inf
+    for row in tracking:
+        pose = poses.get(row.decided_at_ns)
+        if pose is None or not _is_stopping(row):
+            began, path_end = None, -inf
+        elif pose.distance_m + row.known_m > path_end + GROWN_M:
+            began, path_end = None if _stands(pose) else row, pose.distance_m + row.known_m
+        elif began is not None and _stands(pose):
+            stops.append((max(pose.distance_m - path_end, 0.0), began.blind_m))
+            began = None
     return max(stops, key=lambda stop: abs(stop[0] - stop[1]), default=(None, None))
 
 

@@ -46,6 +46,8 @@ def drawn_figure(rows: Mapping[Variant, Sequence[CutFigures]]) -> Figure:
         _errors(errors, variant, runs)
         _share(shares, runs, lambda run: run.departures > 0, color=COLOURS[variant])
         _share(shares, runs, lambda run: run.collisions > 0, color=COLOURS[variant], ls="--")
+        ended = [run for run in runs if run.cut.for_s is not None]
+        _share(shares, ended, lambda run: not run.resumed, color=COLOURS[variant], ls=":")
     errors.axvline(HALF_LANE_M, label="edge of a lane of 3.5 m", **EDGE)
     errors.set(xscale="log", xlabel="largest true error, m", ylabel="share of runs, %")
     errors.set_ylim(0.0, 102.0)
@@ -56,6 +58,7 @@ def drawn_figure(rows: Mapping[Variant, Sequence[CutFigures]]) -> Figure:
     shares.set_ylim(bottom=0.0)
     shares.plot([], [], color=GREY, label="left the lane")
     shares.plot([], [], color=GREY, ls="--", label="collided")
+    shares.plot([], [], color=GREY, ls=":", label="a car did not resume")
     shares.legend()
     _blind(blind, rows)
     figure.legend(*errors.get_legend_handles_labels(), loc="outside upper center", ncols=5)

@@ -23,6 +23,8 @@ class RunFigures:
     departures_avoidable: int
     collisions: int
     stood: float
+    resumed: bool
+    """Whether all cars drove on after the cut; not after one for good."""
     blind: float
     blind_deviation: float
     """Largest difference of driven and predicted blind distance above the allowed one; 0 if none
@@ -47,6 +49,7 @@ def _figures_of_run(cut: LinkCut, rows: Sequence[CutFigures]) -> RunFigures:
         departures_avoidable=sum(row.departures_avoidable for row in rows),
         collisions=sum(row.collisions for row in rows),
         stood=max(row.stood for row in rows),
+        resumed=all(isfinite(row.resumed_after) for row in rows),
         blind=max(row.blind or 0.0 for row in rows),
         blind_deviation=max(blind_deviation(row) for row in rows),
     )
@@ -81,7 +84,7 @@ class VariantFigures:
 def summary_of_variant(rows: Sequence[CutFigures]) -> VariantFigures:
     runs = figures_of_runs(rows)
     errors = quantiles([run.error for run in runs], n=20, method="inclusive")
-    ended = [row for row in rows if row.cut.for_s is not None]
+    ended = [run for run in runs if run.cut.for_s is not None]
     return VariantFigures(
         variant=rows[0].cut.variant,
         runs=len(runs),
@@ -94,5 +97,5 @@ def summary_of_variant(rows: Sequence[CutFigures]) -> VariantFigures:
         error_m_max=max(run.error for run in runs),
         blind_m_max=max(run.blind for run in runs),
         stood_s_max=max(run.stood for run in runs),
-        resumed_ratio=sum(isfinite(row.resumed_after) for row in ended) / max(len(ended), 1),
+        resumed_ratio=sum(run.resumed for run in ended) / max(len(ended), 1),
     )
