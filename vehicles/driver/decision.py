@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import nan
-from typing import Protocol
+from typing import Final, Protocol
 
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix
 from vehicles.car.imu import Motion
 from vehicles.driver.degradation.situation import OFF_PATH, Situation
+from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
 from vehicles.messages import (
@@ -21,14 +22,18 @@ from vehicles.messages import (
 from vehicles.preview.trajectory import Fit
 from vehicles.received_pose import ReceivedPose
 
+DEAD_RECKONED_DEVIATION: Final = 0.35
+"""Standard deviation (m) of the own lateral position up to which it is certain enough for others
+to follow: a fifth of a lane at three standard deviations."""
+
 
 @dataclass(slots=True, kw_only=True)
 class Decision:
     """Commands for steering and drive, and their inputs (Fig. 1, Sections III-A to III-C).
 
     Units: target_speed m/s; estimated_gap m, between bumpers; lateral_deviation m, of the own
-    position. `path_offset` (m, left positive) is the offset of the last own fix from the lead's
-    path, NaN if unknown. `fresh` is False between
+    position; own_pose is its estimate at the control instant. `path_offset` (m, left positive) is
+    the offset of the last own fix from the lead's path, NaN if unknown. `fresh` is False between
     two control instants, where the last decision is held. `fit` is the trajectory if it was
     refitted. `remarks` are lines for the log.
     """
@@ -42,6 +47,7 @@ class Decision:
     target_speed: float = 0.0
     estimated_gap: float = nan
     lateral_deviation: float = nan
+    own_pose: Pose | None = None
     path_offset: float = nan
     situation: Situation = field(default_factory=Situation)
     remarks: tuple[str, ...] = ()
@@ -59,6 +65,7 @@ class Decision:
         target_speed: float = 0.0,
         estimated_gap: float = nan,
         lateral_deviation: float = nan,
+        own_pose: Pose | None = None,
         path_offset: float = nan,
         situation: Situation | None = None,
         remarks: tuple[str, ...] = (),
@@ -73,10 +80,18 @@ class Decision:
         self.target_speed = target_speed
         self.estimated_gap = estimated_gap
         self.lateral_deviation = lateral_deviation
+        self.own_pose = own_pose
         self.path_offset = path_offset
         self.situation = Situation() if situation is None else situation
         self.remarks = remarks
         self.fresh = fresh
+
+    def dead_reckoned(self, now: int) -> Fix | None:
+        """The own position at `now` (ns) as a fix, estimated without one; None if uncertain."""
+        own = self.own_pose
+        if own is None or not self.fresh or not self.lateral_deviation <= DEAD_RECKONED_DEVIATION:
+            return None
+        return Fix(0, now, own.east, own.north, own.yaw, own.speed, own.yaw_rate)
 
     def tracking(self, vehicle: str, seq: int, now: int) -> Tracking:
         """Message of the errors and the state of the sources (Sections III-A and III-B)."""

@@ -211,6 +211,7 @@ class Follower:
             target_speed=speed.target_speed,
             estimated_gap=ahead.spacing + margin - self._least_spacing,
             lateral_deviation=self._own_state.lateral_deviation,
+            own_pose=pose,
             situation=situation,
             remarks=remarks,
         )

@@ -177,6 +177,7 @@ class Leader:
             reason=reason,
             target_speed=speed.target_speed,
             lateral_deviation=self._own_state.lateral_deviation,
+            own_pose=pose,
         )
         return self._decision
 

@@ -172,7 +172,7 @@ class Driving(VehiclePhase):
         fix, motion = car.measure(now)
         decision = self.software.driver.step(now, fix, motion, received)
         sender = self.software.sender
-        sent = sender.send(now, fix, on_path=decision.keeps_to_path)
+        sent = sender.send(now, fix, decision.dead_reckoned, on_path=decision.keeps_to_path)
         context.outbox.publish(now, car.body, sent, decision, sender.path)
         return decision.actuation
 

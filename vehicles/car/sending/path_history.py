@@ -31,7 +31,9 @@ CHORDS_IN_LENGTH: Final = 4.0
 MAX_TAIL: Final = 10
 """Number of fixes after the last possible end of a chord that are examined for a later end."""
 LONGEST_GAP: Final = SECOND // 2
-"""Missing fixes over more than this (ns) restart the history."""
+"""Missing fixes over more than this (ns) restart the history, unless positions are estimated."""
+ESTIMATED_EVERY: Final = SECOND // 5
+"""Time (ns) after the last fix or estimate from which an estimated position is used."""
 TURN_UNITS: Final = 3_600_000_000
 """Units of longitude in a turn."""
 
@@ -98,6 +100,18 @@ class PathHistory:
                 self._tail.reverse()
                 waiting += self._tail
                 self._choose(end)
+
+    def misses_fixes(self, now: int) -> bool:
+        """Whether at `now` (ns) the path since the newest position needs an estimate."""
+        newest = self._newest
+        return newest is not None and now - newest.measured_at >= ESTIMATED_EVERY
+
+    def record_estimate(self, own: Fix, *, on_path: bool) -> None:
+        """Take a position by dead reckoning in place of missing fixes."""
+        newest = self._newest
+        if newest is not None:
+            own.seq = newest.seq
+            self.record(own, on_path=on_path)
 
     def _may_extend(self, fix: Fix) -> bool:
         """Whether a chord to `fix` or to a later fix may keep the tolerance."""

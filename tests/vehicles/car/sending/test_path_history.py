@@ -14,6 +14,7 @@ from tests.made.vehicles.sent_paths import PLANE, fixes, message, sent
 from transport.codec import encode
 from vehicles.car.gnss import Fix
 from vehicles.car.sending.path_history import PathHistory
+from vehicles.car.sending.sender import Sender
 from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.received_pose import ReceivedPose, receive
@@ -138,6 +139,24 @@ def test_it_restarts_where_fixes_are_missing_or_jump() -> None:
     assert last(jumped).path_history()[0][0] == driven[60].measured_at
     few = last(driven[:40] + driven[45:]).path_history()
     assert few[0][0] == driven[0].measured_at
+
+
+@pytest.mark.parametrize("certain", [True, False])
+def test_positions_by_dead_reckoning_stand_in_for_missing_fixes(certain: bool) -> None:
+    """The car drives on for 3 s without fixes, and then sends where it was."""
+    driven = list(fixes(clothoid(200.0, 0.02), np.arange(0.0, 100.0, 1.0)))
+    sender = Sender(path=PathHistory(PLANE, 300.0, 23))
+    own: list[Fix | None] = [None]
+    for fix in driven:
+        has_fix = not 20 <= fix.seq < 80
+        own[0] = replace(fix, seq=0) if certain else None
+        sender.send(fix.measured_at, fix if has_fix else None, lambda _: own[0])
+    assert sender.path is not None
+    pose = receive(message(driven[-1], sender.path), PLANE, 0)
+    first = driven[0] if certain else driven[80]
+    assert pose.path_history()[0][0] == first.measured_at
+    every_fourth = driven[:20] + driven[20:80:4] + driven[80:]
+    assert not certain or worst_distance(pose, every_fourth) < 0.05
 
 
 def test_it_crosses_the_date_line() -> None:
