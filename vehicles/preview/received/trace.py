@@ -52,6 +52,7 @@ class Trace:
         self._first: ReceivedPose | None = None
         self._closed: list[tuple[int, int]] = []
         self.newest: ReceivedPose | None = None
+        self._beyond: float | None = None
         self.sample_count = 0
         self.joined = False
         self._line = Polyline()
@@ -84,7 +85,7 @@ class Trace:
             point = (pose.measured_at, pose.east, pose.north, pose.yaw)
             if after_hole or pose.message.seq > newest.message.seq + MIN_MISSING:
                 self._fill(point, pose, bridges=after_hole)
-            self.newest = pose
+            self.newest, self._beyond = pose, None
             self.sample_count += 1
             line = self._line
             distance = step(line.point(-1), point)
@@ -99,12 +100,14 @@ class Trace:
 
         Preview data of Section III-A are those of a source that keeps to the path.
         """
-        newest = self.newest
+        newest, beyond = self.newest, self._beyond
         if newest is not None and pose.measured_at > newest.measured_at:
-            self.newest = pose
+            if beyond is None:
+                beyond = _along(newest, self._line.east[-1], self._line.north[-1])
+            self.newest, self._beyond = pose, beyond + _along(pose, newest.east, newest.north)
 
     def _start(self, pose: ReceivedPose) -> None:
-        self.newest = pose
+        self.newest, self._beyond = pose, None
         self.sample_count = 1
         self._line = Polyline()
         self._line.append((pose.measured_at, pose.east, pose.north, pose.yaw), 0.0)
@@ -319,13 +322,16 @@ class Trace:
         return window_around(self._line, ego, behind, ahead, self.settings)
 
     def spacing(self, east: float, north: float) -> float | None:
-        """Arc length (m) from the ego to the newest pose; None before the first one."""
+        """Arc length (m) from the ego to the newest pose; None before the first one.
+
+        Beyond the line it is the distance that the source has driven since it left the path.
+        """
         if self.newest is None:
             return None
         ego = self._locate(east, north)
-        beyond_east = self.newest.east - self._line.east[-1]
-        beyond_north = self.newest.north - self._line.north[-1]
-        beyond = beyond_east * cos(self.newest.yaw) + beyond_north * sin(self.newest.yaw)
+        beyond = self._beyond
+        if beyond is None:
+            beyond = _along(self.newest, self._line.east[-1], self._line.north[-1])
         return self._line.station[-1] + beyond - ego
 
     def known_ahead(self, east: float, north: float) -> float:
@@ -378,3 +384,8 @@ class Trace:
         self._holes = [hole for hole in self._holes if hole.end > self._dropped_until]
         self._closed = [span for span in self._closed if span[1] > self._dropped_until]
         self.joined = True
+
+
+def _along(pose: ReceivedPose, east: float, north: float) -> float:
+    """Distance (m) of a pose ahead of a position, in the direction of the pose."""
+    return (pose.east - east) * cos(pose.yaw) + (pose.north - north) * sin(pose.yaw)

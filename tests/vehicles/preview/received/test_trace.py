@@ -193,6 +193,17 @@ def test_after_a_silence_the_spacing_follows_the_newest_pose() -> None:
     assert trace.spacing(15.0, 0.0) == pytest.approx(104.5)
 
 
+def test_the_spacing_to_a_source_beside_its_path_is_the_distance_driven() -> None:
+    """A source whose samples are not followed drives half a circle of 20 m radius, and stands."""
+    trace = driven()
+    end = 49.5
+    for k in range(1, 141):
+        angle = min(k, 126) * 0.5 / 20.0
+        place = end + 20.0 * math.sin(angle), 20.0 - 20.0 * math.cos(angle), angle
+        trace.record_position(received((200 + k) * TICK, *place, 10.0))
+    assert trace.spacing(0.0, 0.0) == pytest.approx(end + 63.0, abs=0.2)
+
+
 def test_memory_is_bounded() -> None:
     trace = Trace()
     for k in range(20_000):
