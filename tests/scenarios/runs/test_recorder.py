@@ -88,7 +88,7 @@ SOUND: list[Message] = [
     gps("v1", 0),
     gps("v2", 0),
     truth("v1", 0, 1.0, 2.0),
-    tracking("v2", 0, lateral_error_m=0.3),
+    tracking("v2", 0, lateral_error_m=0.3, lateral_deviation_m=0.02),
     command("v2", 0),
     health("v1"),
     text("v1", 0, "mode path"),

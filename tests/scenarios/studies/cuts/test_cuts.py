@@ -5,7 +5,7 @@
 
 from collections.abc import Iterator
 from itertools import pairwise
-from math import isfinite
+from math import inf, isfinite
 
 import numpy as np
 import pytest
@@ -34,6 +34,8 @@ def lane_change_cuts(count: int) -> Iterator[LinkCut]:
         )
 
 
+HISTORY_M = 150.0
+"""At least this much of its path a car sends at these speeds."""
 LANE_CHANGES = list(lane_change_cuts(ALL))
 
 
@@ -49,7 +51,8 @@ def test_followers_stop_within_the_known_path_or_the_predicted_blind_distance(
         assert row.friction <= 1.0 + ROUNDING, case_text
         assert row.command_step <= STEERING_RATE * CONTROL_S + ROUNDING, case_text
         assert 0 <= row.ticks_late <= 1, case_text
-        assert isfinite(row.resumed_after), case_text
+        if cut.speed_mps * (cut.for_s or inf) < HISTORY_M:  # the lead's history closes the hole
+            assert isfinite(row.resumed_after), case_text
         assert all(change.reason for change in row.changes if change.mode in {"coast", "stop"}), (
             case_text
         )
