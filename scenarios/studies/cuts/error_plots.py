@@ -55,11 +55,11 @@ def drawn_figure(rows: Mapping[Variant, Sequence[CutFigures]]) -> Figure:
     names = [f"{short:g}–{long:g}" for short, long in pairwise(LENGTHS_S[:-1])]
     shares.set_xticks(range(len(names) + 1), [*names, "for\ngood"], fontsize=7.0)
     shares.set(xlabel="length of the cut, s", ylabel="share of runs, %")
-    shares.set_ylim(bottom=0.0)
+    shares.set_ylim(0.0, 105.0)
     shares.plot([], [], color=GREY, label="left the lane")
     shares.plot([], [], color=GREY, ls="--", label="collided")
     shares.plot([], [], color=GREY, ls=":", label="a car did not resume")
-    shares.legend()
+    shares.legend(loc="upper left", fontsize=6.5)
     _blind(blind, rows)
     figure.legend(*errors.get_legend_handles_labels(), loc="outside upper center", ncols=5)
     return figure
