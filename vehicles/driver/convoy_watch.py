@@ -54,7 +54,7 @@ class ConvoyBehind:
         }
 
     def observe(self, received: Sequence[ReceivedPose], station: float) -> list[str]:
-        """Followers that have fallen behind, in words; the lead is at `station` (m)."""
+        """Text about followers that have fallen behind the lead, which is at `station` (m)."""
         for pose in received:
             follower = self._followers.get(pose.message.vehicle)
             if follower is not None and pose.measured_at > follower.measured_at:

@@ -249,7 +249,7 @@ def _can_return(errors: TrackingErrors) -> bool:
 def _return_to(offset: float, errors: TrackingErrors, speed: float) -> _Return:
     """Shortest cubic to a parallel of the path whose curvature and angle are mild at this speed.
 
-    The curvature is at most 6 e / D² + 4 θ / D, the angle 1.5 e / D beside the initial one.
+    The curvature is at most 6 e / D² + 4 θ / D, the angle at most 1.5 e / D plus the initial one.
     """
     lateral, heading = errors.lateral - offset, errors.heading
     most = REJOINING_LATERAL / max(speed, SLOWEST_RETURN) ** 2

@@ -28,7 +28,7 @@ CAUSE_WORDS: dict[Fate, str] = {
     "router_away": "router away",
     "unknown": "unknown cause",
 }
-"""Causes of messages that did not arrive, in words."""
+"""Texts of the causes of messages that did not arrive."""
 FATE_WORDS: Mapping[Fate, str] = {
     **CAUSE_WORDS,
     "in_flight": "in flight at the end",

@@ -121,7 +121,7 @@ def fate_of(message: MissingMessage) -> str:
 
 
 def cause_of(message: MissingMessage) -> str:
-    """Why a message was dropped or did not arrive, in words; empty for other fates."""
+    """Text of the cause if a message was dropped or did not arrive, else empty."""
     return "link cut" if message.cause == "cut" else message.cause
 
 

@@ -46,10 +46,10 @@ def run_of(scenario: Scenario, keep: Keep = lambda _: True, **more: object) -> R
         if keep(message):
             metrics.listen(0, message)
     ran_ns = SECONDS * SECOND
-    told = LimitWatch(scenario.tables.limits, metrics).broken(ran_ns)
+    broken = LimitWatch(scenario.tables.limits, metrics).broken(ran_ns)
     summary = summarise(IDENTITY, scenario, metrics, ran_ns=ran_ns, reason="", rejected={})
     # The recorder announces the end by the same limits as the summary has.
-    assert told == [limit.message for limit in summary.limits if limit.message]
+    assert broken == [limit.message for limit in summary.limits if limit.message]
     read = from_json(to_json(summary))
     assert (read.limits, read.events) == (summary.limits, summary.events)
     return summary
