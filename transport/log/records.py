@@ -19,6 +19,7 @@ MAGIC = b"\x89MCAP0\r\n"
 _HEAD = struct.Struct("<BQ")  # opcode, length of the content
 HEAD_BYTES = _HEAD.size
 _MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
+MESSAGE_HEAD_BYTES = _MESSAGE_HEAD.size
 _CHUNK_HEAD = struct.Struct("<QQQII")  # first and last log time, size, CRC, length of a name
 _FOOTER_HEAD = struct.Struct("<BQQQI")  # opcode, length, summary, its offsets, CRC
 _U32 = struct.Struct("<I")
@@ -290,6 +291,19 @@ def entries_in(chunk: bytes) -> Iterator[tuple[int, int, int]]:
         if at > size:
             raise DamageError("a record goes beyond its chunk")
         yield opcode, start, at
+
+
+def starts_in(chunk: bytes) -> list[int]:
+    """Places of the records in an unpacked chunk."""
+    starts: list[int] = []
+    at, last = 0, len(chunk) - HEAD_BYTES
+    unpack = _U64.unpack_from
+    while at <= last:
+        starts.append(at)
+        at += HEAD_BYTES + unpack(chunk, at + 1)[0]
+    if at != len(chunk):
+        raise DamageError("a record goes beyond its chunk")
+    return starts
 
 
 def messages_in(chunk: bytes) -> Iterator[tuple[int, int, bytes]]:
