@@ -1,6 +1,14 @@
-"""Escape texts of other programs for terminals and log lines."""
+"""Texts for users: errors, and escaped texts of other programs for terminals and log lines."""
 
 from unicodedata import category
+
+
+class ConvoyError(Exception):
+    """An error that the user can correct; its text is what the command line prints.
+
+    The text has a line for each problem. In Python this class is `convoy.Error`.
+    """
+
 
 _CONTROL = {"Cc", "Cf", "Zl", "Zp"}
 """Unicode categories of control and formatting characters and line separators."""

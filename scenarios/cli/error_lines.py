@@ -3,22 +3,14 @@
 import errno
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib.util import find_spec
 
 import click
 
-from scenarios.definition.errors import ScenarioError
 from scenarios.runs.stop import EXIT_BAD_INPUT, EXIT_FAILED
-from transport.bus.bus import BusError
-from transport.log.records import LogError
-from transport.picture.viewer_process import ViewerError
+from transport.texts import ConvoyError
 
 UNWRITABLE = {errno.EACCES, errno.EDQUOT, errno.EIO, errno.ENOSPC, errno.EPERM, errno.EROFS}
 """Faults of the destination, not of the input."""
-
-
-class MissingExtraError(Exception):
-    """A missing optional package, in one line."""
 
 
 def error_line(text: str) -> str:
@@ -31,23 +23,13 @@ def print_error(text: str) -> None:
         click.echo(error_line(line), err=True)
 
 
-def require(feature: str, extra: str, *packages: str) -> None:
-    """Raise MissingExtraError if a package of `extra` that `feature` needs is missing."""
-    missing = [package for package in packages if find_spec(package) is None]
-    if missing:
-        raise MissingExtraError(
-            f"{feature}: needs {' and '.join(missing)}, not installed here: "
-            f"pip install 'convoy-emulator[{extra}]'"
-        )
-
-
 @contextmanager
 def clear_errors() -> Iterator[None]:
     """Print errors in the input to standard error and exit with their code."""
     exit_code = EXIT_BAD_INPUT
     try:
         yield
-    except (ScenarioError, BusError, LogError, ViewerError, MissingExtraError) as error:
+    except ConvoyError as error:
         print_error(str(error))
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""

@@ -6,7 +6,8 @@ import click
 
 from scenarios.cli.common_options import json_option, rerun_option, tables_option, time_option
 from scenarios.cli.display_options import Tables
-from scenarios.cli.error_lines import clear_errors, require, warn_of_log
+from scenarios.cli.error_lines import clear_errors, warn_of_log
+from scenarios.definition.errors import require
 
 
 @click.command(

@@ -1,15 +1,16 @@
-"""Exceptions for invalid scenarios; `error_messages` writes their lines."""
+"""Exceptions for invalid input; their texts are the lines that a user reads."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 
-from transport.texts import printable
+from transport.texts import ConvoyError, printable
 
 Problem = tuple[str, str]
 """A key, and what is wrong with its value."""
 
 
-class ScenarioError(ValueError):
+class ScenarioError(ConvoyError, ValueError):
     """An invalid scenario, with a line for each problem."""
 
     def __init__(self, lines: Iterable[str]) -> None:
@@ -38,3 +39,17 @@ def collected(problems: list[Problem]) -> Iterator[None]:
         yield
     except SettingError as error:
         problems.append((error.key, error.why))
+
+
+class MissingExtraError(ConvoyError):
+    """A missing optional package, in one line."""
+
+
+def require(feature: str, extra: str, *packages: str) -> None:
+    """Raise MissingExtraError if a package of `extra` that `feature` needs is missing."""
+    missing = [package for package in packages if find_spec(package) is None]
+    if missing:
+        raise MissingExtraError(
+            f"{feature}: needs {' and '.join(missing)}, not installed here: "
+            f"pip install 'convoy-emulator[{extra}]'"
+        )

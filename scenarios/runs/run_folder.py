@@ -8,17 +8,23 @@ import fcntl
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from datetime import datetime
+from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
 from tempfile import TemporaryFile
 
 from scenarios.definition.errors import ScenarioError
+from scenarios.definition.scenario import Scenario
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.runs.stop import remove_if_empty
 
 ROOM_BYTES = 1024 * 1024
 """Free space that a folder needs at the start."""
+
+
+def folder_of(scenario: Scenario, out: Path | None) -> Path:
+    """Folder of a run: `out`, or a new one that is named by the present time."""
+    return out or default_folder(scenario.slug, datetime.now(tz=UTC).astimezone())
 
 
 def default_folder(slug: str, started: datetime, root: Path = Path("runs")) -> Path:

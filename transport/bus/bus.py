@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Protocol, Self
 
+from transport.texts import ConvoyError
+
 Handler = Callable[[str, bytes], None]
 """Takes the key and payload of a message, on a thread of the bus; must be quick and never raise."""
 Fetch = Callable[[], bool]
@@ -33,7 +35,7 @@ AliveHandler = Callable[[Member, bool], None]
 """Takes a member and whether it is alive; may be called twice with the same arguments."""
 
 
-class BusError(Exception):
+class BusError(ConvoyError):
     """A failure of the bus, in one line."""
 
 

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, NamedTuple
 
+from transport.texts import ConvoyError
+
 MAGIC = b"\x89MCAP0\r\n"
 """An MCAP file begins and ends with these bytes (MCAP specification, section Magic)."""
 _HEAD = struct.Struct("<BQ")  # opcode, length of the content
@@ -44,7 +46,7 @@ REPAIRED = "repaired"
 """Name of the metadata record of a repaired log."""
 
 
-class LogError(Exception):
+class LogError(ConvoyError):
     """A log that cannot be written or read, in one line."""
 
 

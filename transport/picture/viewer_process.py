@@ -14,6 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from transport.clock import poll
+from transport.texts import ConvoyError
 
 START_S = 20.0
 """Time (s) after which a program that does not listen has failed."""
@@ -37,7 +38,7 @@ if os.getppid() == int(sys.argv[1]):
 # and exec.
 
 
-class ViewerError(Exception):
+class ViewerError(ConvoyError):
     """A viewer cannot be shown. The message is one line with the reason and an alternative."""
 
 

@@ -7,7 +7,8 @@ import click
 
 from scenarios.cli.columns import Column, table_of
 from scenarios.cli.common_options import folder_option, picture_format_option
-from scenarios.cli.error_lines import clear_errors, require
+from scenarios.cli.error_lines import clear_errors
+from scenarios.definition.errors import require
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

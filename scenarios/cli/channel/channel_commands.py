@@ -14,8 +14,9 @@ from scenarios.cli.common_options import (
     print_or_write,
     setting_options,
 )
-from scenarios.cli.error_lines import clear_errors, require, warn_of_log
+from scenarios.cli.error_lines import clear_errors, warn_of_log
 from scenarios.cli.guide import completion
+from scenarios.definition.errors import require
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -9,15 +9,14 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from scenarios.cli.error_lines import MissingExtraError, require
 from scenarios.cli.guide.check_table import print_report
 from scenarios.cli.guide.drive_table import print_drive
 from scenarios.cli.guide.link_settings import print_links
 from scenarios.definition.check.drive_report import drive_report
 from scenarios.definition.check.drive_warnings import recording_warnings
-from scenarios.definition.check.findings import report_of
+from scenarios.definition.check.findings import whole_report
 from scenarios.definition.check.link_forecast import link_forecasts
-from scenarios.definition.errors import ScenarioError
+from scenarios.definition.errors import ScenarioError, require
 from scenarios.definition.library import is_drive
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.path_tables import PointsPath
@@ -74,12 +73,11 @@ def _report(
     scenario: Scenario, drive: DriveInPlane | None, *, whole: bool, explain: bool, as_json: bool
 ) -> None:
     """Print the `whole` table of a scenario, or that of its drive."""
-    report = report_of(scenario)
-    warnings = (*report.warnings, *_certificate_warnings(scenario))
+    report = whole_report(scenario)
     links, receivers = link_forecasts(scenario) if explain else ((), ())
     facts = drive_report(drive, scenario) if drive is not None else None
     if as_json:
-        figures = asdict(report) | {"warnings": warnings}
+        figures = asdict(report)
         if facts is not None:
             figures["drive"] = asdict(facts)
         if explain:
@@ -95,7 +93,7 @@ def _report(
     else:
         print_drive(facts, report, Console())
         listed = _listed_faults(scenario)
-    for line in warnings:
+    for line in report.warnings:
         if line not in listed:
             click.echo(f"warning: {line}")
 
@@ -118,16 +116,3 @@ def _draw(
     draw_drive(drive, scenario, output)
     if not quiet:
         click.echo(f"written: {output}")
-
-
-def _certificate_warnings(scenario: Scenario) -> tuple[str, ...]:
-    """Warn if a change of speed has no certificate of the gains, or if SciPy is missing."""
-    try:
-        require("certificate of the gains", "studies", "scipy")
-    except MissingExtraError as error:
-        return (str(error),)
-    from scenarios.definition.check.steering_loop import (
-        certificate_warnings,
-    )
-
-    return tuple(certificate_warnings(scenario))

@@ -13,7 +13,7 @@ from scenarios.cli.common_options import (
     override_options,
     picture_format_option,
 )
-from scenarios.cli.error_lines import clear_errors, require
+from scenarios.cli.error_lines import clear_errors
 from scenarios.cli.guide import completion
 from scenarios.cli.many.study_options import (
     engine_options,
@@ -21,6 +21,7 @@ from scenarios.cli.many.study_options import (
     selected_workers,
     valid_variant,
 )
+from scenarios.definition.errors import require
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

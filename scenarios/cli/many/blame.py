@@ -7,13 +7,14 @@ import click
 
 from scenarios.cli.columns import Column, table_of
 from scenarios.cli.common_options import folder_option, picture_format_option
-from scenarios.cli.error_lines import clear_errors, require
+from scenarios.cli.error_lines import clear_errors
 from scenarios.cli.many.study_options import (
     engine_options,
     figure_option,
     limit_option,
     selected_workers,
 )
+from scenarios.definition.errors import require
 from scenarios.definition.schema.limit_rows import WORDS
 
 if TYPE_CHECKING:

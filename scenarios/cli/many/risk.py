@@ -7,7 +7,7 @@ import click
 
 from scenarios.cli.columns import Column, table_of
 from scenarios.cli.common_options import FiniteRange, folder_option, override_options
-from scenarios.cli.error_lines import clear_errors, require
+from scenarios.cli.error_lines import clear_errors
 from scenarios.cli.guide import completion
 from scenarios.cli.many.study_options import (
     engine_options,
@@ -15,6 +15,7 @@ from scenarios.cli.many.study_options import (
     selected_workers,
     valid_variant,
 )
+from scenarios.definition.errors import require
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

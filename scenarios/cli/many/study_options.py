@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from scenarios.cli.error_lines import require
 from scenarios.cli.guide import completion
+from scenarios.definition.errors import require
 from scenarios.definition.schema.limit_rows import WORDS, words_with_examples
 
 if TYPE_CHECKING:

@@ -9,13 +9,14 @@ import click
 
 from scenarios.cli.columns import Column, print_whole, table_of
 from scenarios.cli.common_options import folder_option, override_options, picture_format_option
-from scenarios.cli.error_lines import clear_errors, print_error, require
+from scenarios.cli.error_lines import clear_errors, print_error
 from scenarios.cli.guide import completion
 from scenarios.cli.many.study_options import (
     LIMIT_WORDS,
     engine_options,
     selected_workers,
 )
+from scenarios.definition.errors import require
 
 if TYPE_CHECKING:
     from rich.console import Console

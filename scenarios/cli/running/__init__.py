@@ -6,6 +6,6 @@ wall_clock_run  a run on the wall clock: its processes are prepared and started
 virtual_run     a run in virtual time
 recorder_run    convoy record
 display         display of a run during recording and at its end
-destination     folder of its files, destination of its picture
+destination     checks of the destination of its picture
 progress        the live table of a run
 """

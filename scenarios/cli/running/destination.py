@@ -1,18 +1,11 @@
-"""Folder of a run, and the checks of its picture's destination."""
+"""Checks of the destination of a run's picture."""
 
-from datetime import UTC, datetime
 from pathlib import Path
 
-from scenarios.cli.error_lines import require
-from scenarios.definition.scenario import Scenario
+from scenarios.definition.errors import require
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
-from scenarios.runs.run_folder import default_folder
 from transport.picture.option import parse_rerun_option, refuse_foreign_file
 from transport.picture.viewer_process import ViewerError, require_display
-
-
-def run_folder(scenario: Scenario, out: Path | None) -> Path:
-    return out or default_folder(scenario.slug, datetime.now(tz=UTC).astimezone())
 
 
 def refuse_picture(rerun: str, out: Path | None) -> None:

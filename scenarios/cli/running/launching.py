@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarios.cli.display_options import DisplayOptions
-from scenarios.cli.running.destination import refuse_picture, run_folder
+from scenarios.cli.running.destination import refuse_picture
 from scenarios.definition.check.confirmation import confirmed_lines
 from scenarios.definition.check.findings import warnings
 from scenarios.definition.scenario import load_scenario
 from scenarios.runs.processes.membership import checked_run_name
-from scenarios.runs.run_folder import claimed
+from scenarios.runs.run_folder import claimed, folder_of
 from scenarios.runs.stop import stop_on_signals
 
 if TYPE_CHECKING:  # virtual runs need none
@@ -42,7 +42,7 @@ def run_scenario(
     for line in (*unusual, *warnings(scenario)):
         click.echo(f"warning: {line}", err=True)
     refuse_picture(display.rerun, out)  # in one line here, before the recorder starts
-    folder = run_folder(scenario, out)
+    folder = folder_of(scenario, out)
     with claimed(folder, fresh=out is None):
         if clock == "virtual":
             stop = stop_on_signals()

@@ -6,7 +6,7 @@ from secrets import token_hex
 
 from scenarios.cli.display_options import DisplayOptions
 from scenarios.cli.error_lines import print_error
-from scenarios.cli.running.destination import refuse_picture, run_folder
+from scenarios.cli.running.destination import refuse_picture
 from scenarios.cli.running.display import layout, observers, print_start, show
 from scenarios.definition.scenario import Scenario
 from scenarios.results.files import LOG_NAME
@@ -15,7 +15,7 @@ from scenarios.results.metrics import Metrics
 from scenarios.results.summarise import write_summary
 from scenarios.runs.processes.membership import RECORDER, Fingerprint, Membership, recorder_name
 from scenarios.runs.processes.recorder_process import RecorderProcess
-from scenarios.runs.run_folder import claimed
+from scenarios.runs.run_folder import claimed, folder_of
 from scenarios.runs.stop import EXIT_FAILED, Stop, ignore_signals
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
 
@@ -35,7 +35,7 @@ def record_run(
     `launched` by `convoy run`, which holds the folder.
     """
     refuse_picture(display.rerun, out)
-    folder = run_folder(scenario, out)
+    folder = folder_of(scenario, out)
     with (
         nullcontext() if launched else claimed(folder, fresh=out is None),
         open_bus(options) as bus,

@@ -1,7 +1,7 @@
 """`convoy check`: figures and warnings of a scenario before it runs."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import inf
 from pathlib import Path
@@ -16,7 +16,11 @@ from scenarios.definition.check.lap import lap_warnings
 from scenarios.definition.check.link_forecast import laws_in_brief
 from scenarios.definition.check.preview import preview_warnings
 from scenarios.definition.check.receivers import receiver_warnings
-from scenarios.definition.check.steering_loop import sampled_loop_warnings, slip_warnings
+from scenarios.definition.check.steering_loop import (
+    certificate_warnings,
+    sampled_loop_warnings,
+    slip_warnings,
+)
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.change_tables import SpeedChangeTable
 from scenarios.definition.schema.link_tables import LinkTable
@@ -125,6 +129,12 @@ class _Run:
     def speed_range(self) -> tuple[float, float]:
         """Lowest and highest speed (m/s)."""
         return float(np.min(self.speeds)), float(np.max(self.speeds))
+
+
+def whole_report(scenario: Scenario) -> CheckReport:
+    """Report on a scenario, with the warnings that need SciPy."""
+    report = report_of(scenario)
+    return replace(report, warnings=(*report.warnings, *certificate_warnings(scenario)))
 
 
 def check(

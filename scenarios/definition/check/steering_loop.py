@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from scenarios.definition.errors import MissingExtraError, require
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.scenario_tables import CONTROLLERS
 from scenarios.definition.vehicle_setup import VehicleSetup
@@ -118,8 +119,14 @@ def certificate_warnings(scenario: Scenario) -> Iterator[str]:
 
     The certificate bounds the acceleration up to which the closed steering loop is provably stable
     (paper, Proposition 1; see `vehicles.theory.varying_speed`). It covers the linear loop with the
-    paper's law. Followers that keep a gap may accelerate a little more than the lead.
+    paper's law. Followers that keep a gap may accelerate a little more than the lead. Without SciPy
+    the only warning names the extra.
     """
+    try:
+        require("certificate of the gains", "studies", "scipy")
+    except MissingExtraError as error:
+        yield str(error)
+        return
     kinds: dict[tuple[VehicleParameters, Gains], str] = {}
     for name in scenario.vehicle_names:
         setup = scenario.vehicle(name)

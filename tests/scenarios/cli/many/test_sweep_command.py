@@ -218,7 +218,9 @@ def test_invalid_input_is_refused_in_one_line(given: list[str], fact: str, tmp_p
 def test_a_missing_package_is_one_line(
     option: list[str], package: str, extra: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("scenarios.cli.error_lines.find_spec", lambda name: name != package or None)
+    monkeypatch.setattr(
+        "scenarios.definition.errors.find_spec", lambda name: name != package or None
+    )
     done = convoy("sweep", "lane_change", *option)
     assert done.exit_code == 2
     (line,) = done.stderr.splitlines()
