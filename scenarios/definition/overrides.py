@@ -4,6 +4,7 @@ import json
 import re
 import tomllib
 from collections.abc import Iterable, Sequence
+from pathlib import PurePath
 from typing import Any
 
 Raw = dict[str, Any]
@@ -39,6 +40,49 @@ def parsed(text: str) -> Raw:
 def _inside(value: object) -> list[Any]:
     inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
     return [one for one in inner if isinstance(one, dict | list)]
+
+
+def override_text(key: str, value: object) -> str:
+    """Write `key=value` as on the command line; raises OverrideError for a value without TOML."""
+    try:
+        return f"{key}={value_text(value)}"
+    except TypeError as error:
+        raise OverrideError(f"{key}: {error}") from error
+
+
+def value_text(value: object) -> str:
+    """Write a value as TOML in one line, a plain text without quotes.
+
+    NumPy's numbers and paths are accepted. Raises TypeError for another type.
+    """
+    if isinstance(value, str | PurePath):
+        text = str(value)
+        return text if text and _reads_as_text(text) else json.dumps(text)
+    return _inline(value)
+
+
+def _reads_as_text(text: str) -> bool:
+    """Whether a text without quotes is read as itself, also in a list of values."""
+    return not re.search(r"[\s,\"'\[\]{}]", text) and parse_override(f"key={text}")[1] == text
+
+
+def _inline(value: object) -> str:
+    match getattr(value, "tolist", lambda: value)():
+        case bool(truth):
+            return "true" if truth else "false"
+        case int(number) | float(number):
+            return repr(number)
+        case str(text):
+            return json.dumps(text)
+        case PurePath() as path:
+            return json.dumps(str(path))
+        case list(entries) | tuple(entries):
+            return f"[{', '.join(map(_inline, entries))}]"
+        case dict(table):
+            entries = [f"{json.dumps(str(key))} = {_inline(entry)}" for key, entry in table.items()]
+            return f"{{{', '.join(entries)}}}"
+        case other:
+            raise TypeError(f"given {other!r}, allowed a number, text, truth value, list or table")
 
 
 def parse_override(text: str) -> tuple[tuple[str, ...], Any]:

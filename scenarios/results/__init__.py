@@ -16,6 +16,7 @@ summary       the typed summary, its JSON, and the documentation of its fields
 summarise     figures put together as a summary, and its file
 log_summary   summary and scenario from a log alone
 drives        the drive of each vehicle as arrays
+recorded/     a log as tables, by vehicle and link
 log_queries/  explain an instant, repeat a session
 pictures/     the picture of a run and of its log
 """

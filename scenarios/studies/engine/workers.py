@@ -27,6 +27,8 @@ Result = TypeVar("Result")
 
 BATCHES_PER_THREAD = 2
 """Queue depth of a remote worker, so that it does not wait for the next batch."""
+SAFE_PATH = "PYTHONSAFEPATH"
+"""Variable with which Python does not search the working folder."""
 POLL_INTERVAL_S = 1.0
 """Interval at which the workers of a scheduler are counted; they may join and leave."""
 CONNECT_TIMEOUT_S = 10.0
@@ -97,7 +99,8 @@ class WorkerPool(Executor):
 
     def _submit_to(self, place: int, work: Callable[[], Result]) -> Future[Result]:
         """Submit to one worker; replace it if it died."""
-        with delayed_exit(), _block_ctrl_c():  # workers inherit the mask and exit with their parent
+        # Workers inherit the mask, and exit with their parent.
+        with delayed_exit(), _block_ctrl_c(), _safe_path():
             for pause_s in RETRY_DELAYS_S:
                 try:
                     return self._processes[place].submit(work)
@@ -129,6 +132,22 @@ def _block_ctrl_c() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _safe_path() -> Iterator[None]:
+    """Let new processes import no packages from the working folder in place of the installed ones.
+
+    The fork server imports its packages before it gets the search path of this process.
+    """
+    before = os.environ.get(SAFE_PATH)
+    os.environ[SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        del os.environ[SAFE_PATH]
+        if before is not None:
+            os.environ[SAFE_PATH] = before
 
 
 def _end_with_parent() -> None:

@@ -147,19 +147,19 @@ def _runs_of(cases: Sequence[str], out: Path) -> Iterator[tuple[JobKey, Work]]:
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class ExperimentRun:
     """The drives of one run and, if it was logged, the samples that its followers fitted."""
 
     trial: Trial
     samples: SampleFigures | None = None
 
 
-def run_experiment(experiment: Experiment, folder: Path) -> Run:
+def run_experiment(experiment: Experiment, folder: Path) -> ExperimentRun:
     scenario = load_scenario(experiment.scenario, experiment.overrides, experiment.seed)
     if not experiment.logged:
-        return Run(drive_trial(scenario))
+        return ExperimentRun(drive_trial(scenario))
     counter = SampleCounter()
-    return Run(record_trial(scenario, folder, observers=(counter,)), counter.figures)
+    return ExperimentRun(record_trial(scenario, folder, observers=(counter,)), counter.figures)
 
 
 def _field(folder: Path, trajectory: Trajectory) -> FieldRuns:
@@ -177,7 +177,7 @@ def _gains(folder: Path, picture_format: str) -> tuple[str, ...]:
 
 def store_result(findings: Findings, key: RunKey | SineKey | Part, result: object) -> None:
     match key, result:
-        case RunKey(), Run():
+        case RunKey(), ExperimentRun():
             findings.trials[key] = result.trial
             if result.samples is not None:
                 findings.samples[key] = result.samples

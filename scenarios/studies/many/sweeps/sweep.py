@@ -23,7 +23,7 @@ HEAT_MAP, SEEDS = "sweep", "seeds"
 
 def run_sweep(
     plan: SweepPlan,
-    out: Path,
+    out: Path | None,
     open_workers: OpenWorkers,
     report: Callable[[str], None],
     *,
@@ -33,7 +33,7 @@ def run_sweep(
     """Simulate the runs that are not in the journal in `out`; return table and files.
 
     An interrupted sweep resumes with the same results. Without a `picture_format` there are no
-    plots. Raises ScenarioError if the folder holds other files.
+    plots, and without a folder no files. Raises ScenarioError if the folder holds other files.
     """
     plots = [f"{name}.{picture_format}" for name in (HEAT_MAP, SEEDS) if picture_format]
     files = (CELLS, RUNS, JSON_FILE, *plots, *PARQUET)
@@ -41,6 +41,8 @@ def run_sweep(
         open_workers, report, out=out, files=files, identity=plan.identity(), keep_journal=True
     ) as engine:
         table = table_of(plan, _entries(plan, engine))
+        if out is None:
+            return table, []
         contents = tables_of(table, parquet=parquet)
         if picture_format:
             contents |= drawn(table, report, picture_format)

@@ -31,7 +31,7 @@ from scenarios.studies.paper.keys import (
 )
 from scenarios.studies.paper.report.report import CLAIMS, all_pictures, write_report
 from scenarios.studies.paper.reproduce import (
-    Run,
+    ExperimentRun,
     chosen_cases,
     jobs_of,
     reproduce,
@@ -184,8 +184,8 @@ def test_a_failed_job_ends_the_reproduction(tmp_path: Path) -> None:
 def test_results_are_stored_by_key() -> None:
     source, findings = findings_with_all_claims_true(), Findings()
     field = FieldRuns(source.trials[FIELD_WITH], source.trials[FIELD_WITHOUT], ("run_1_v1",))
-    store_result(findings, BASE, Run(source.trials[BASE], source.samples[BASE]))
-    store_result(findings, A, Run(source.trials[A]))
+    store_result(findings, BASE, ExperimentRun(source.trials[BASE], source.samples[BASE]))
+    store_result(findings, A, ExperimentRun(source.trials[A]))
     store_result(findings, Part.FIELD, field)
     store_result(findings, Part.GAINS, ("one.png",))
     store_result(findings, SineKey(0.8, 0.25), source.sine_responses[0])

@@ -1,0 +1,8 @@
+"""Recorded runs as tables, for the Python interface and for export.
+
+run_record       a log as tables by vehicle and link
+data_table       tables of NumPy columns
+true_figures     true errors and gaps at each true pose
+link_outcomes    outcome of each sent message
+column_messages  messages made from columns
+"""

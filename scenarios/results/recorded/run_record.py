@@ -1,0 +1,278 @@
+"""A recorded run: the messages of its log as tables, by vehicle and by link."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.scenario import Scenario
+from scenarios.definition.topology import directed_links
+from scenarios.results.channel.account import Link, MissingVerdict
+from scenarios.results.log_summary import log_in, scenario_in, summary_of
+from scenarios.results.recorded.data_table import Compute, DataTable, UnknownNameError, Values
+from scenarios.results.recorded.link_outcomes import link_outcomes, missing_verdicts
+from scenarios.results.recorded.true_figures import PathErrors, path_errors, true_gaps
+from scenarios.results.summary import RunSummary
+from transport.log.columns import Columns
+from transport.log.reader import LogReader
+from transport.log.records import LogError
+from transport.topics import RUN_SENDER, TOPICS
+from vehicles.schedule import SECOND
+
+LARGE = {"trajectory"}
+"""Topics that are read alone; the others are read together, since each reading costs time."""
+Key = TypeVar("Key")
+Entry = TypeVar("Entry")
+
+
+class Named(Mapping[Key, Entry], Generic[Key, Entry]):
+    """Entries by name in order; an unknown name raises Error with those that exist."""
+
+    def __init__(self, kind: str, entries: Mapping[Key, Entry]) -> None:
+        self._kind, self._entries = kind, entries
+
+    def __getitem__(self, name: Key) -> Entry:
+        try:
+            return self._entries[name]
+        except (KeyError, TypeError):
+            raise UnknownNameError(self._kind, name, list(self._entries)) from None
+
+    def __iter__(self) -> Iterator[Key]:
+        return iter(self._entries)
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+    def __repr__(self) -> str:
+        return f"<{self._kind}s: {', '.join(map(str, self._entries))}>"
+
+
+class RunRecord:
+    """The log of a run, which may be incomplete or damaged; `faults` describes that in a line.
+
+    Tables are read when they are first used.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        """Open a log, or the log in the folder of a run; raises LogError."""
+        self.log = log_in(Path(path))
+        self._reader = LogReader(self.log)
+        self._columns: dict[str, dict[str, Columns]] = {}
+
+    @cached_property
+    def faults(self) -> str:
+        return self._reader.faults
+
+    @cached_property
+    def summary(self) -> RunSummary:
+        """Figures of the run, as in `summary.json`; those of an incomplete log are computed."""
+        return summary_of(self.log)
+
+    @cached_property
+    def scenario(self) -> Scenario:
+        """The scenario that the log holds; raises LogError if it is damaged."""
+        return scenario_in(self._reader)
+
+    @cached_property
+    def known_scenario(self) -> Scenario | None:
+        """The scenario; None if the log lacks it or it cannot be read by this version."""
+        try:
+            return self.scenario
+        except (LogError, ScenarioError):
+            return None
+
+    @cached_property
+    def start_at_ns(self) -> int:
+        """Instant of the start; without its record, that of the first true pose."""
+        starts = self.columns_of("start").get(RUN_SENDER)
+        if starts is not None and len(starts):
+            return int(starts.at_ns[0])
+        firsts = [truth.at_ns[0] for truth in self.columns_of("truth").values() if len(truth)]
+        return int(min(firsts, default=0))
+
+    @cached_property
+    def vehicle_names(self) -> Sequence[str]:
+        """Names of the vehicles, the lead first."""
+        if self.known_scenario is not None:
+            return self.known_scenario.vehicle_names
+        return [name for name in self._reader.vehicles if name != RUN_SENDER]
+
+    @cached_property
+    def vehicles(self) -> Named[str, "VehicleRecord"]:
+        """Tables of each vehicle, the lead first."""
+        return Named("vehicle", {name: VehicleRecord(self, name) for name in self.vehicle_names})
+
+    @cached_property
+    def links(self) -> Named[Link, "LinkRecord"]:
+        """Tables of each link, by (sender, receiver)."""
+        if self.known_scenario is not None:
+            links = tuple(self.known_scenario.links)
+        else:
+            links = directed_links(self.vehicle_names)
+        return Named("link", {link: LinkRecord(self, link) for link in links})
+
+    @cached_property
+    def texts(self) -> DataTable:
+        """Lines of text of all vehicles and of the recorder ("run"), in order of time."""
+        tables = self.columns_of("log")
+        names = [np.full(len(columns), name, object) for name, columns in tables.items()]
+        whole = {
+            field: np.concatenate([columns[field] for columns in tables.values()])
+            for field in ("logged_at_ns", "level", "text")
+        }
+        order = np.argsort(whole["logged_at_ns"], kind="stable")
+        return DataTable(
+            {
+                "t_s": self.seconds(whole["logged_at_ns"][order]),
+                "at_ns": whole["logged_at_ns"][order],
+                "vehicle": np.concatenate(names)[order],
+                "level": whole["level"][order],
+                "text": whole["text"][order],
+            }
+        )
+
+    def columns_of(self, topic: str) -> Mapping[str, Columns]:
+        """Messages of a topic by vehicle."""
+        if topic not in self._columns:
+            together = [topic] if topic in LARGE else [name for name in TOPICS if name not in LARGE]
+            self._columns |= {name: {} for name in together}
+            for (vehicle, name), columns in self._reader.columns(together).items():
+                self._columns[name][vehicle] = columns
+        return self._columns[topic]
+
+    def seconds(self, at_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Times (s) after the start of the run."""
+        return (at_ns - self.start_at_ns) / SECOND
+
+    def table(self, vehicle: str, topic: str) -> DataTable:
+        """Messages of a vehicle, a row each: time, instant, and the fields of the message."""
+        return DataTable(self._with_times(self._columns_of(vehicle, topic)))
+
+    def _columns_of(self, vehicle: str, topic: str) -> Columns:
+        columns = self.columns_of(topic).get(vehicle)
+        if columns is None:
+            raise LogError(f"{self.log}: no messages of topic {topic} of {vehicle}")
+        return columns
+
+    def _with_times(self, columns: Columns) -> dict[str, Values]:
+        times: dict[str, Values] = {"t_s": self.seconds(columns.at_ns), "at_ns": columns.at_ns}
+        order = list(TOPICS[columns.topic].message.__dataclass_fields__)
+        fields: dict[str, Values] = {**columns.fields, **columns.lists}
+        return times | {name: fields[name] for name in order if name in fields}
+
+    @cached_property
+    def _path_errors(self) -> Mapping[str, PathErrors]:
+        scenario = self.known_scenario
+        return {} if scenario is None else path_errors(scenario, self.columns_of("truth"))
+
+    def _gaps(self, vehicle: str) -> NDArray[np.float64]:
+        truth, names = self.columns_of("truth"), list(self.vehicle_names)
+        ahead = truth.get(names[names.index(vehicle) - 1]) if vehicle != names[0] else None
+        if self.known_scenario is None or ahead is None:
+            return np.full(len(truth[vehicle]), np.nan)
+        return true_gaps(self.known_scenario, ahead, truth[vehicle])
+
+    def true_table(self, vehicle: str) -> DataTable:
+        """True poses of a vehicle with its error, station and gap."""
+        columns = self._columns_of(vehicle, "truth")
+        unknown = np.full(len(columns), np.nan)
+        none = PathErrors(unknown, unknown)
+        figures: dict[str, Values | Compute] = {
+            "error_m": lambda: self._path_errors.get(vehicle, none).error_m,
+            "station_m": lambda: self._path_errors.get(vehicle, none).station_m,
+            "gap_m": lambda: self._gaps(vehicle),
+        }
+        return DataTable({**self._with_times(columns), **figures})
+
+    @cached_property
+    def _missing_verdicts(self) -> Mapping[Link, Sequence[MissingVerdict]]:
+        scenario = self.known_scenario
+        if scenario is None:
+            return {}
+        return missing_verdicts(scenario, self.columns_of, self._reader.last_at)
+
+    def outcomes(self, link: Link) -> DataTable:
+        """Outcomes of the messages of a link, see `LinkRecord.outcomes`."""
+        verdicts = self.columns_of("verdict").get(link[1])
+        rows = link_outcomes(link, verdicts, self._missing_verdicts.get(link, ()))
+        return DataTable(
+            {
+                "number": rows.number,
+                "t_s": self.seconds(rows.sent_at_ns),
+                "sent_at_ns": rows.sent_at_ns,
+                "outcome": rows.outcome,
+                "cause": rows.cause,
+                "delay_s": rows.delay_s,
+            }
+        )
+
+
+class VehicleRecord:
+    """Tables of one vehicle; each has the time `t_s` after the start and the instant `at_ns`."""
+
+    def __init__(self, run: RunRecord, name: str) -> None:
+        self._run, self.name = run, name
+
+    @cached_property
+    def true(self) -> DataTable:
+        """True states of the car, with `error_m`, `station_m` and `gap_m`."""
+        return self._run.true_table(self.name)
+
+    @cached_property
+    def gps(self) -> DataTable:
+        """Poses as broadcast."""
+        return self._run.table(self.name, "gps")
+
+    @cached_property
+    def tracking(self) -> DataTable:
+        """Errors, mode and sources as the vehicle estimates them."""
+        return self._run.table(self.name, "tracking")
+
+    @cached_property
+    def command(self) -> DataTable:
+        """Commands to steering and drive."""
+        return self._run.table(self.name, "command")
+
+    @cached_property
+    def trajectory(self) -> DataTable:
+        """Composite trajectories."""
+        return self._run.table(self.name, "trajectory")
+
+    @cached_property
+    def verdict(self) -> DataTable:
+        """Verdicts on messages that the vehicle received."""
+        return self._run.table(self.name, "verdict")
+
+    @cached_property
+    def health(self) -> DataTable:
+        """Counters of the process."""
+        return self._run.table(self.name, "health")
+
+    def __repr__(self) -> str:
+        return f"<vehicle {self.name}>"
+
+
+class LinkRecord:
+    """Messages of one link from sender to receiver."""
+
+    def __init__(self, run: RunRecord, link: Link) -> None:
+        self._run = run
+        self.sender, self.receiver = link
+
+    @cached_property
+    def outcomes(self) -> DataTable:
+        """A row for each message that was sent, in the order of their numbers.
+
+        `t_s` is the time of sending. `outcome` is "delivered", "dropped", "not_arrived",
+        "in_flight" at the end, or "unrecorded". `cause` is None unless the message was dropped or
+        did not arrive. `delay_s` is the time until the receiver could use it, NaN unless it was
+        delivered.
+        """
+        return self._run.outcomes((self.sender, self.receiver))
+
+    def __repr__(self) -> str:
+        return f"<link {self.sender} → {self.receiver}>"
