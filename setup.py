@@ -1,4 +1,6 @@
-"""Compile the modules that use most processor time if `CONVOY_COMPILE=1` is set.
+"""List the packages, and compile the modules that use most processor time on request.
+
+The request is `CONVOY_COMPILE=1` in the environment.
 
 Compiled modules give the same bits (`tests/system/test_compiled.py`); for that they sum lists, not
 generators, which mypyc would add up as Python did up to 3.11. Not compiled are protocols checked at
@@ -13,8 +15,13 @@ import os
 import sys
 from pathlib import Path
 
-from setuptools import Extension, setup
+from setuptools import Extension, find_packages, setup
 
+LAYOUT = {
+    "packages": [*find_packages(include=["vehicles*", "transport*", "scenarios*"]), "convoy"],
+    "package_dir": {"convoy": "scenarios/api"},
+}
+"""Installed packages: `convoy`, the Python interface, is the folder scenarios/api."""
 NEEDS = ["mypy[mypyc]==2.4.1", "numpy>=2.0"]
 """The compiler whose bits were compared, and the types of arrays."""
 MODULES = {
@@ -76,6 +83,6 @@ def extensions() -> list[Extension]:
 
 
 if os.environ.get("CONVOY_COMPILE", "0") not in {"", "0"}:
-    setup(setup_requires=NEEDS, ext_modules=extensions())
+    setup(**LAYOUT, setup_requires=NEEDS, ext_modules=extensions())
 else:
-    setup()
+    setup(**LAYOUT)

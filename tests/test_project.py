@@ -143,11 +143,13 @@ def test_tests_do_not_import_each_other() -> None:
         assert not re.search(r"^\s*(from|import) tests\.(\w+\.)*test_", text, re.MULTILINE), path
 
 
-def test_all_files_of_the_packages_are_distributed() -> None:
-    project = load_project()
-    expected = project["tool"]["setuptools"]["packages"]["find"]["include"]
-    assert sorted(expected) == sorted(f"{name}*" for name in PACKAGES)
-    package_data = project["tool"]["setuptools"]["package-data"]
+def test_all_files_of_the_packages_are_distributed(monkeypatch: pytest.MonkeyPatch) -> None:
+    layout = setup_values(monkeypatch)["LAYOUT"]
+    modules = (path for name in PACKAGES for path in (ROOT / name).rglob("*.py"))
+    expected = {".".join(path.parent.relative_to(ROOT).parts) for path in modules}
+    assert set(layout["packages"]) == {*expected, "convoy"}
+    assert layout["package_dir"] == {"convoy": "scenarios/api"}
+    package_data = load_project()["tool"]["setuptools"]["package-data"]
     for path in (path for name in PACKAGES for path in (ROOT / name).rglob("*") if path.is_file()):
         package, inside = path.relative_to(ROOT).parts[0], Path(*path.relative_to(ROOT).parts[1:])
         if path.suffix == ".so":  # compiled in place
@@ -156,17 +158,24 @@ def test_all_files_of_the_packages_are_distributed() -> None:
             assert "__pycache__" in inside.parts or (path.parent / "__init__.py").exists(), path
         else:
             patterns = [*package_data.get(package, []), *package_data["*"]]
-            assert any(fnmatch.fnmatch(str(inside), pattern) for pattern in patterns), path
+            of_package = [path.name] if (path.parent / "__init__.py").exists() else []
+            matching = [fnmatch.filter([str(inside), *of_package], text) for text in patterns]
+            assert any(matching), path
 
 
 # ---- Compiled modules
 
 
-def compiled_modules(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Paths of the modules that setup.py compiles on request."""
+def setup_values(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """Global names of setup.py."""
     monkeypatch.setattr("setuptools.setup", lambda **_: None)
     monkeypatch.chdir(ROOT)
-    paths: list[str] = runpy.run_path("setup.py")["compiled"]()
+    return runpy.run_path("setup.py")
+
+
+def compiled_modules(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Paths of the modules that setup.py compiles on request."""
+    paths: list[str] = setup_values(monkeypatch)["compiled"]()
     return paths
 
 
@@ -241,7 +250,7 @@ def names(requirements: Iterable[str]) -> set[str]:
 
 EXTRAS = ("viewer", "studies")
 """Extras of a developer, which containers of vehicles lack."""
-UNLOCKED_EXTRAS = ("dask", "tables")
+UNLOCKED_EXTRAS = ("dask", "tables", "pandas", "polars")
 """Extras in no lock, installed only on request."""
 LOCKS = {"requirements.lock": EXTRAS, "requirements-container.lock": ()}
 """Locks with their extras."""

@@ -5,7 +5,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from shutil import copyfile, copytree, ignore_patterns, which
+from shutil import copyfile, copytree, ignore_patterns, rmtree, which
 
 import pytest
 
@@ -106,6 +106,23 @@ def test_compiled_runs_have_the_same_bytes(
 ) -> None:
     expected = run_files(plain, tmp_path / "plain", *run)
     assert run_files(compiled, tmp_path / "compiled", *run) == expected
+
+
+def test_both_installations_have_the_python_interface(
+    compiled: Path, plain: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "scenarios").mkdir()
+    code = f"""
+import os, convoy
+os.chdir({str(tmp_path)!r})
+run = convoy.run(set={{"duration_s": 1.0}}, out="run")
+print(convoy.__file__, run.summary.outcome, max(run.vehicles["v3"].true.t_s))
+"""
+    for folder in (compiled, plain):
+        file, outcome, last_s = python(folder, "-c", code).split()
+        assert file == str(folder / "convoy" / "__init__.py")
+        assert (outcome, float(last_s)) == ("completed", 0.98)
+        rmtree(tmp_path / "run")
 
 
 def test_a_crashed_compiled_process_restarts(compiled: Path, tmp_path: Path) -> None:

@@ -1,0 +1,35 @@
+"""Run, open and study convoys from Python: the package `convoy`.
+
+    import convoy
+
+    run = convoy.run("lane_change", set={"links.loss_ratio": 0.4}, seed=3)
+    run.summary.outcome
+    run.vehicles["v4"].true.error_m          # a NumPy array; with times in true.t_s
+    run.links["v1", "v3"].outcomes.to_pandas()
+    run.plot()
+
+    old = convoy.open("runs/first")          # a folder, or a log
+    convoy.check("lane_change").warnings
+    convoy.sweep("lane_change", {"links.loss_ratio": [0.0, 0.4]}, seeds=5).cells
+
+Invalid input raises `convoy.Error`, with the sentences of the command line. Errors of the
+operating system, such as a full disk, are OSError as usual. Names and columns end in their units.
+
+home      the packages of this installation, which are imported first
+running   run and check
+recorded  open, and the class of recorded runs
+plots     the plot of a run
+sweeping  sweep
+"""
+
+from .home import import_own_packages
+
+import_own_packages()
+
+from scenarios.api.recorded import Run, open  # noqa: A004, E402
+from scenarios.api.running import check, run  # noqa: E402
+from scenarios.api.sweeping import Sweep, sweep  # noqa: E402
+from scenarios.results.recorded.data_table import DataTable  # noqa: E402
+from transport.texts import ConvoyError as Error  # noqa: E402
+
+__all__ = ["DataTable", "Error", "Run", "Sweep", "check", "open", "run", "sweep"]

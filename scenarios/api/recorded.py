@@ -1,0 +1,80 @@
+"""Open recorded runs."""
+
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from scenarios.definition.errors import require
+from scenarios.results.recorded.run_record import RunRecord
+from scenarios.results.vehicles.vehicle_figures import VehicleSummary
+
+if TYPE_CHECKING:  # an extra
+    from matplotlib.figure import Figure
+
+HEADINGS = (
+    "vehicle",
+    "largest true error, m",
+    "rms true error, m",
+    "smallest true gap, m",
+    "distance, m",
+)
+
+
+class Run(RunRecord):
+    """A recorded run.
+
+    - `run.summary`: its figures, as in `summary.json`.
+    - `run.vehicles["v4"]`: its tables `true`, `gps`, `tracking`, `command`, `trajectory`,
+      `verdict` and `health`.
+    - `run.links["v1", "v3"].outcomes`: the outcome of each sent message.
+    - `run.texts`: lines of text.
+    - `run.scenario`, `run.log`, `run.faults`: its scenario, the path of the log, and damage or
+      holes of the log in a line.
+
+    A column of a table is a NumPy array: `run.vehicles["v4"].true.error_m`. The first columns are
+    the time `t_s` (s) after the start and the instant `at_ns` (ns, Unix time).
+    """
+
+    def plot(self, vehicles: Sequence[str] | None = None) -> "Figure":
+        """Draw paths, true errors, gaps and speeds, by default of all vehicles.
+
+        Returns a Matplotlib figure. Raises Error without Matplotlib.
+        """
+        require("plot", "studies", "matplotlib")
+        from scenarios.api.plots import run_figure  # noqa: PLC0415 - an extra
+
+        return run_figure(self, [self.vehicles[name] for name in vehicles or self.vehicles])
+
+    def __repr__(self) -> str:
+        return f"<Run {self.log}: {self.summary.outcome_line or self.summary.outcome}>"
+
+    def _repr_html_(self) -> str:
+        """Show the outcome and the figures of each vehicle in a notebook."""
+        summary = self.summary
+        head = "".join(f"<th>{heading}</th>" for heading in HEADINGS)
+        rows = "".join(f"<tr>{_row(vehicle)}</tr>" for vehicle in summary.vehicles)
+        title = escape(summary.identity.title or summary.identity.scenario)
+        line = escape(summary.outcome_line or summary.outcome)
+        faults = f"<p>{escape(summary.log_faults)}</p>" if summary.log_faults else ""
+        return f"<p><b>{title}</b><br>{line}</p>{faults}<table><tr>{head}</tr>{rows}</table>"
+
+
+def open(path: str | Path) -> Run:  # noqa: A001 - as convoy.open
+    """Open the folder of a run, or a log.
+
+    The log may be incomplete or damaged, see `Run.faults`. Tables are read when they are used.
+    Raises Error if it is not the log of a run.
+    """
+    return Run(path)
+
+
+def _row(vehicle: VehicleSummary) -> str:
+    figures = (
+        vehicle.cross_track_error_m_max,
+        vehicle.cross_track_error_m_rms,
+        vehicle.true_gap_m_min,
+        vehicle.distance_m,
+    )
+    cells = [escape(vehicle.name), *("-" if value is None else f"{value:.3g}" for value in figures)]
+    return "".join(f"<td>{cell}</td>" for cell in cells)

@@ -1,0 +1,141 @@
+"""Run and check scenarios."""
+
+import os
+import signal
+import subprocess
+import sys
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from threading import current_thread, main_thread
+from types import FrameType
+from typing import Any
+
+from scenarios.api.home import INSTALLED_IN
+from scenarios.api.recorded import Run
+from scenarios.definition.check.confirmation import confirmed_lines
+from scenarios.definition.check.findings import CheckReport, whole_report
+from scenarios.definition.check.findings import warnings as scenario_warnings
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.overrides import OverrideError, override_text
+from scenarios.definition.scenario import load_scenario
+from scenarios.results.files import LOG_NAME
+from scenarios.results.summary import ClockName
+from scenarios.runs.run_folder import claimed, folder_of
+from scenarios.runs.stop import EXIT_BAD_INPUT, Stop
+from scenarios.runs.virtual.logged_run import run_virtual
+
+Settings = Mapping[str, Any]
+"""Values by key of the scenario, such as {"links.loss_ratio": 0.4, "convoy.vehicles": 6}."""
+
+
+def run(
+    scenario: str | Path = "lane_change",
+    *,
+    set: Settings | None = None,  # noqa: A002 - as on the command line
+    seed: int | None = None,
+    clock: ClockName = "virtual",
+    out: str | Path | None = None,
+    confirmed: bool = False,
+) -> Run:
+    """Run a scenario and open its log, like `convoy run`.
+
+    A run that broke a limit or failed is returned too: see `summary.outcome` and `summary.reason`.
+    Warnings of the scenario are warnings of Python. Ctrl-C completes the log before it raises
+    KeyboardInterrupt.
+
+    Args:
+        scenario: A shipped name, a TOML file, or a recorded drive, such as a GPX file.
+        set: Settings to override, by key.
+        seed: Replaces the scenario's seed.
+        clock: As fast as possible in this process ("virtual"), or in real time with a process per
+            vehicle ("wall").
+        out: Folder for the log and the summary; by default a new folder in `runs`.
+        confirmed: Also run settings that are hardly ever meant, as with `--yes`.
+
+    Raises:
+        Error: The scenario is refused.
+
+    """
+    overrides = overrides_of(set)
+    loaded = load_scenario(str(scenario), overrides, seed)
+    if clock not in {"virtual", "wall"}:
+        raise ScenarioError([f"clock: given {clock!r}, allowed 'virtual' or 'wall'"])
+    unusual = confirmed_lines(loaded, wall_clock=clock == "wall", confirmed=confirmed)
+    for line in (*unusual, *scenario_warnings(loaded)):
+        warnings.warn(line, stacklevel=2)
+    folder = folder_of(loaded, None if out is None else Path(out))
+    if clock == "virtual":
+        with claimed(folder, fresh=out is None), completed_on_ctrl_c() as stop:
+            run_virtual(loaded, folder, stop)
+    else:
+        _run_processes([str(scenario), *(f"--set={text}" for text in overrides)], seed, folder)
+    return Run(folder)
+
+
+def check(
+    scenario: str | Path = "lane_change",
+    *,
+    set: Settings | None = None,  # noqa: A002 - as on the command line
+    seed: int | None = None,
+) -> CheckReport:
+    """Report the settings, the figures and the warnings of a scenario, like `convoy check`.
+
+    Nothing is simulated. Raises Error if the scenario is refused.
+    """
+    return whole_report(load_scenario(str(scenario), overrides_of(set), seed))
+
+
+def overrides_of(settings: Settings | None) -> tuple[str, ...]:
+    """Settings as texts for `--set`; raises ScenarioError."""
+    try:
+        return tuple(override_text(key, value) for key, value in (settings or {}).items())
+    except OverrideError as error:
+        raise ScenarioError([f"set: {error}"]) from error
+
+
+@contextmanager
+def completed_on_ctrl_c() -> Iterator[Stop]:
+    """Turn Ctrl-C into a request to stop, and raise KeyboardInterrupt at the end of the block."""
+    stop = Stop()
+    if current_thread() is not main_thread():
+        yield stop
+        return
+
+    def note(number: int, _: FrameType | None) -> None:
+        stop.signals.append(number)
+
+    before = signal.signal(signal.SIGINT, note)
+    try:
+        yield stop
+    finally:
+        signal.signal(signal.SIGINT, before or signal.SIG_DFL)
+    if stop.signals:
+        raise KeyboardInterrupt
+
+
+def _run_processes(arguments: Sequence[str], seed: int | None, folder: Path) -> None:
+    """Run on the wall clock by the command line, whose processes are started from a small one."""
+    seeds = [] if seed is None else [f"--seed={seed}"]
+    options = ["--clock=wall", "--quiet", "--yes", f"--out={folder}"]
+    command = [sys.executable, "-P", "-m", "scenarios.cli", "run", *arguments, *seeds, *options]
+    paths = (str(INSTALLED_IN), os.environ.get("PYTHONPATH", ""))
+    with subprocess.Popen(  # noqa: S603 - this program
+        command,
+        stdin=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))},
+    ) as process:
+        try:
+            _, lines = process.communicate()
+        except KeyboardInterrupt:
+            process.send_signal(signal.SIGINT)
+            process.communicate()
+            raise
+    if process.returncode == EXIT_BAD_INPUT or not (folder / LOG_NAME).exists():
+        with suppress(OSError):  # not empty
+            folder.rmdir()
+        errors = [line.removeprefix("error: ") for line in lines.splitlines()]
+        raise ScenarioError([line for line in errors if not line.startswith("warning: ")])

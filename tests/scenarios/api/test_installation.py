@@ -1,0 +1,90 @@
+"""The package `convoy` as an installation has it, and runs with real processes from Python."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import scenarios.api as convoy
+
+ROOT = Path(__file__).parents[3]
+OWN = ("vehicles", "transport", "scenarios")
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Path:
+    """A folder in which the packages are arranged as in an installation."""
+    folder = tmp_path / "site"
+    folder.mkdir()
+    for name in OWN:
+        (folder / name).symlink_to(ROOT / name)
+    (folder / "convoy").symlink_to(ROOT / "scenarios" / "api")
+    return folder
+
+
+def python(code: str, site: Path, folder: Path) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(site)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize("is_package", [True, False])
+def test_folders_of_the_same_names_do_not_matter(
+    site: Path, tmp_path: Path, *, is_package: bool
+) -> None:
+    """Workers of a sweep are other processes, which import the packages too."""
+    work = tmp_path / "work"
+    for name in OWN:
+        (work / name).mkdir(parents=True)
+        if is_package:
+            (work / name / "__init__.py").write_text("raise SystemExit('imported')")
+    code = """
+import convoy, sys, scenarios.api
+assert convoy.Run is scenarios.api.Run
+run = convoy.run("lane_change", set={"duration_s": 0.2, "convoy.vehicles": 2}, out="run")
+print(run.summary.outcome)
+sweep = convoy.sweep(set={"duration_s": 0.2, "convoy.vehicles": 2}, seeds=2, workers=1)
+print(sweep.runs.error.tolist())
+"""
+    if is_package:
+        done = python(code, site, work)
+    else:  # as in an editable installation, whose packages are found last
+        finder = (
+            "import sys, importlib.machinery as m\n"
+            "class Last:\n"
+            "    @staticmethod\n"
+            "    def find_spec(name, path=None, target=None):\n"
+            f"        return m.PathFinder.find_spec(name, path or [{str(site)!r}])\n"
+            "sys.meta_path.append(Last)\n"
+        )
+        (tmp_path / "last").mkdir()
+        (tmp_path / "last" / "sitecustomize.py").write_text(finder)
+        done = python(code, tmp_path / "last", work)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == ["completed", "['', '']"]
+
+
+def test_a_package_that_took_the_name_before_is_reported(site: Path, tmp_path: Path) -> None:
+    work = tmp_path / "work"
+    (work / "scenarios").mkdir(parents=True)
+    (work / "scenarios" / "__init__.py").touch()
+    done = python("import scenarios, convoy", site, work)
+    assert done.returncode == 1
+    *_, line = done.stderr.splitlines()
+    assert line.startswith("ImportError: convoy")
+    assert str(work / "scenarios") in line
+
+
+def test_a_run_on_the_wall_clock(tmp_path: Path) -> None:
+    settings = {"duration_s": 1.0, "convoy.vehicles": 2}
+    run = convoy.run("lane_change", set=settings, clock="wall", out=tmp_path / "run")
+    assert run.summary.identity.clock == "wall"
+    assert run.summary.outcome == "completed"
+    assert len(run.vehicles["v2"].true) == 50
