@@ -179,7 +179,9 @@ def test_a_plot_has_the_vehicles(run: convoy.Run) -> None:
     figure = run.plot(["v1", "v3"])
     paths, errors, speeds, gaps = figure.axes
     assert [len(axes.lines) for axes in (paths, errors, speeds, gaps)] == [2, 1, 2, 1]
-    assert np.array(errors.lines[0].get_ydata()).tolist() == run.vehicles["v3"].true.error_m.tolist()
+    assert (
+        np.array(errors.lines[0].get_ydata()).tolist() == run.vehicles["v3"].true.error_m.tolist()
+    )
     assert figure._repr_png_().startswith(b"\x89PNG")  # type: ignore[attr-defined]
 
 
