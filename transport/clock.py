@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from math import inf
+from threading import Event
 from typing import Protocol
 
 from vehicles.schedule import MILLISECOND, SECOND, instants
@@ -36,6 +37,22 @@ class Clock(Protocol):
 
     def wait_until(self, at: int) -> int:
         """Wait for instant `at` and return the lateness in ns, negative if the clock stopped."""
+
+
+@dataclass(frozen=True, slots=True)
+class SystemTime:
+    """Reads the clocks of the system, `monotonic` and `unix` (ns), and waits.
+
+    `sleep` takes s; `wait` waits for an event, at most a number of s.
+    """
+
+    monotonic: Callable[[], int] = time.monotonic_ns
+    unix: Callable[[], int] = time.time_ns
+    sleep: Callable[[float], object] = time.sleep
+    wait: Callable[[Event, float], object] = Event.wait
+
+
+SYSTEM_TIME = SystemTime()
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,20 +103,16 @@ class WallClock:
         self,
         is_stopped: Callable[[], bool] = lambda: False,
         setting: ClockSetting | None = None,
-        *,
-        monotonic: Callable[[], int] = time.monotonic_ns,
-        unix: Callable[[], int] = time.time_ns,
-        sleep: Callable[[float], object] = time.sleep,
+        system: SystemTime = SYSTEM_TIME,
     ) -> None:
-        """`is_stopped` ends a wait; a restarted process takes the `setting` of its predecessor.
-
-        `monotonic` and `unix` (ns) and `sleep` (s) are those of the system.
-        """
+        """`is_stopped` ends a wait; a restarted process takes the `setting` of its predecessor."""
         self._is_stopped = is_stopped
-        self.monotonic = monotonic
-        self._sleep = sleep
+        self.monotonic = system.monotonic
+        self._sleep = system.sleep
         # Replaced as a whole: other threads read the clock.
-        self.setting = ClockSetting(unix() - monotonic()) if setting is None else setting
+        if setting is None:
+            setting = ClockSetting(system.unix() - system.monotonic())
+        self.setting = setting
 
     def now(self) -> int:
         return self.at(self.monotonic())
@@ -181,15 +194,15 @@ def poll(
     *,
     every_s: float,
     at_most_s: float = inf,
-    sleep: Callable[[float], object] = time.sleep,
+    system: SystemTime = SYSTEM_TIME,
 ) -> bool:
     """Wait until a condition holds; returns False after `at_most_s`.
 
     For conditions set by signal handlers, which must not take the lock of an event.
     """
-    give_up_at = time.monotonic() + at_most_s
+    begun = system.monotonic()
     while not holds():
-        if time.monotonic() >= give_up_at:
+        if system.monotonic() - begun >= at_most_s * SECOND:
             return False
-        sleep(every_s)
+        system.sleep(every_s)
     return True

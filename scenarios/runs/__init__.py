@@ -4,6 +4,7 @@ node/        one vehicle, the same on the wall clock and in virtual time
 processes/   a process per vehicle, router and recorder, and their supervision
 control/     find, observe and change a running convoy
 virtual/     all vehicles in one process, as fast as possible
+machine      what a process uses of its machine
 limit_watch  ends a run early when a limit requires it
 observer     receivers of the messages of a run, and those that yield to a late log
 recorder     writes every message into log, figures and picture

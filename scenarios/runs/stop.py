@@ -56,6 +56,7 @@ class Stop:
         self.signals: list[int] = []
         """Numbers of received signals; handlers append to it and do nothing else."""
         self.begun = False
+        self.handles_signals = False
         self.launched = False
         self.orphaned = False
         self.folder: Path | None = None
@@ -191,17 +192,18 @@ def ignore_hangup() -> None:
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
 
 
-def ignore_signals() -> None:
-    """Ignore SIGINT and SIGTERM between the end of the work and the exit.
+def ignore_signals(stop: Stop) -> None:
+    """Ignore the signals that `stop` handles, between the end of the work and the exit.
 
     The interpreter removes handlers as it exits; a signal would then kill a finished process.
     """
-    for number in STOP_SIGNALS:
-        signal.signal(number, signal.SIG_IGN)
+    if stop.handles_signals:
+        for number in STOP_SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
 
 
 def _handle_signals(stop: Stop) -> None:
-    signals = stop.signals
+    signals, stop.handles_signals = stop.signals, True
 
     def note(number: int, _frame: FrameType | None) -> None:
         # Nothing that takes a lock: the interrupted code may hold it.

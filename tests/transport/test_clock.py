@@ -9,7 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from transport.clock import Tick, VirtualClock, WallClock, late_threshold, poll, ticks
+from transport.clock import (
+    SystemTime,
+    Tick,
+    VirtualClock,
+    WallClock,
+    late_threshold,
+    poll,
+    ticks,
+)
 from vehicles.schedule import SECOND, instant, instants
 
 START = 1_790_000_000 * SECOND + 123_456_789
@@ -87,13 +95,13 @@ def test_wall_clock_is_unix_time() -> None:
 def test_a_clock_goes_on_from_another_one_s_setting() -> None:
     """Even if the system clock was set in between."""
     clock = WallClock()
-    later = WallClock(setting=clock.setting, unix=lambda: 0)
+    later = WallClock(setting=clock.setting, system=SystemTime(unix=lambda: 0))
     assert abs(later.now() - clock.now()) < 50 * MS
 
 
 def clock_at(reading: list[int]) -> WallClock:
     """A clock over a monotonic clock that shows the only entry of `reading` (ns)."""
-    return WallClock(monotonic=lambda: reading[0], unix=lambda: START)
+    return WallClock(system=SystemTime(lambda: reading[0], lambda: START))
 
 
 def test_a_clock_is_set_back_at_once() -> None:
@@ -173,9 +181,9 @@ def test_half_a_control_period_is_late() -> None:
 
 def test_polling_ends_as_soon_as_the_condition_holds() -> None:
     looked, slept = [False, False, True], list[float]()
-    assert poll(lambda: looked.pop(0), every_s=0.25, sleep=slept.append)
+    assert poll(lambda: looked.pop(0), every_s=0.25, system=SystemTime(sleep=slept.append))
     assert slept == [0.25, 0.25]
-    assert poll(lambda: True, every_s=9.0, sleep=slept.append)
+    assert poll(lambda: True, every_s=9.0, system=SystemTime(sleep=slept.append))
     assert len(slept) == 2
 
 

@@ -40,7 +40,12 @@ class BusError(ConvoyError):
 
 
 class Bus(Protocol):
-    """Publishes bytes by key, subscribes to them, and reports which members are alive."""
+    """Publishes bytes by key, subscribes to them, and reports which members are alive.
+
+    `close_timeout_s` limits the wait at closing for publications to be received.
+    """
+
+    close_timeout_s: float
 
     @property
     def zid(self) -> str:

@@ -93,6 +93,7 @@ class MemoryBus(Closing):
     def __init__(self, network: MemoryNetwork | None = None) -> None:
         self._network = network or MemoryNetwork()
         self.zid = self._network.new_session()
+        self.close_timeout_s = 0.0
 
     def connected(self) -> bool:
         return True

@@ -65,8 +65,7 @@ _INNER = re.compile(r'(?:Str\(|msg: )"(.*?)"[,)]')
 class ZenohBus(Closing):
     """A Zenoh session; open it with `open_bus` and close it with `with`.
 
-    `close_timeout_s` limits the wait at closing for publications to be received. An unclosed
-    session keeps the interpreter from exiting, also after an exception.
+    An unclosed session keeps the interpreter from exiting, also after an exception.
     """
 
     def __init__(self, session: zenoh.Session) -> None:

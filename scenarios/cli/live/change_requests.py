@@ -1,11 +1,11 @@
 """Requests to the vehicles of a run, and their answers."""
 
-import time
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from math import ceil
+from threading import Event
 from typing import Any
 
 from scenarios.cli.common_options import zenoh_from
@@ -16,13 +16,13 @@ from scenarios.runs.control.run_status import RunStatus
 from scenarios.runs.processes.membership import VEHICLE, checked_run_name, shown
 from transport.bus.bus import Bus, BusError
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
+from transport.clock import SYSTEM_TIME, SystemTime
 from transport.texts import printable
 from transport.topics import RUN_SENDER, control_key
+from vehicles.schedule import MILLISECOND, SECOND
 
 ANSWER_TIMEOUT_S = 1.0
 """Timeout of an answer, which usually takes a few milliseconds."""
-PARALLEL_REQUESTS_MAX = 32
-"""Maximum number of simultaneous requests."""
 AHEAD_S = (0.1, 0.3, 1.0, 3.0)
 """Time of each attempt from the first possible instant to the change."""
 PASSES = 3
@@ -81,32 +81,28 @@ def joined(run_name: str | None, flags: dict[str, Any]) -> Iterator[tuple[Bus, s
         yield bus, options.run
 
 
-def request_change(bus: Bus, run: str, entry: Mapping[str, Any]) -> list[VehicleAnswer]:
+def request_change(
+    bus: Bus, run: str, entry: Mapping[str, Any], system: SystemTime = SYSTEM_TIME
+) -> list[VehicleAnswer]:
     """Request a change, an entry of `[[change]]` without `at_s`; raises BusError.
 
     The request goes to the vehicle that the entry names, or to all vehicles. Each promises the
     change for one instant and makes it when that is confirmed; if one refuses, none makes it.
     """
     vehicles = _concerned(bus, run, entry)
-    started, at_s = time.monotonic(), 0.0
-    with ThreadPoolExecutor(min(len(vehicles), PARALLEL_REQUESTS_MAX)) as pool:
-
-        def answers(request: ChangeRequest) -> list[VehicleAnswer]:
-            return list(
-                pool.map(lambda name: _request_of_vehicle(bus, name, request, started), vehicles)
-            )
-
-        for margin_s in AHEAD_S:
-            asked_at = time.monotonic()
-            offers = [each.answer.from_s for each in answers(ChangeRequest()) if each.answer]
-            ahead_s = margin_s + PASSES * (time.monotonic() - asked_at)
-            at_s = ceil((max(offers, default=0.0) + ahead_s) / GRID_S) * GRID_S
-            promises = answers(ChangeRequest(dict(entry), at_s))
-            if not any(each.answer and each.answer.can_be_later for each in promises):
-                break
-        if any(each.answer and each.answer.refused for each in promises):
-            return promises
-        confirmed = answers(ChangeRequest({}, at_s, confirms=True))
+    started, at_s = system.monotonic(), 0.0
+    answers = partial(_answers, bus, vehicles, started, system)
+    for margin_s in AHEAD_S:
+        asked_at = system.monotonic()
+        offers = [each.answer.from_s for each in answers(ChangeRequest()) if each.answer]
+        ahead_s = margin_s + PASSES * (system.monotonic() - asked_at) / SECOND
+        at_s = ceil((max(offers, default=0.0) + ahead_s) / GRID_S) * GRID_S
+        promises = answers(ChangeRequest(dict(entry), at_s))
+        if not any(each.answer and each.answer.can_be_later for each in promises):
+            break
+    if any(each.answer and each.answer.refused for each in promises):
+        return promises
+    confirmed = answers(ChangeRequest({}, at_s, confirms=True))
     return [
         confirmation if promise.answer else promise
         for promise, confirmation in zip(promises, confirmed, strict=True)
@@ -126,16 +122,32 @@ def _concerned(bus: Bus, run: str, entry: Mapping[str, Any]) -> list[str]:
     return [named]
 
 
-def _request_of_vehicle(
-    bus: Bus, vehicle: str, request: ChangeRequest, started: float
-) -> VehicleAnswer:
-    answer = bus.query(control_key(vehicle), ANSWER_TIMEOUT_S, request.text)
-    took_ms = 1000.0 * (time.monotonic() - started)
-    try:
-        confirmation = None if answer is None else Confirmation.of(answer)
-    except ValueError:
+def _answers(
+    bus: Bus, vehicles: Sequence[str], started: int, system: SystemTime, request: ChangeRequest
+) -> list[VehicleAnswer]:
+    """Send a request to vehicles at once and wait for their answers."""
+    received: dict[str, VehicleAnswer] = {}
+    complete = Event()
+
+    def elapsed_ms() -> float:
+        return (system.monotonic() - started) / MILLISECOND
+
+    def receive(vehicle: str, answer: bytes) -> None:
         confirmation = None
-    return VehicleAnswer(vehicle, confirmation, took_ms)
+        with suppress(ValueError):
+            confirmation = Confirmation.of(answer)
+        received[vehicle] = VehicleAnswer(vehicle, confirmation, elapsed_ms())
+        if len(received) == len(vehicles):
+            complete.set()
+
+    for vehicle in vehicles:
+        handler = partial(receive, vehicle)
+        bus.request(control_key(vehicle), handler, ANSWER_TIMEOUT_S, request.text)
+    system.wait(complete, ANSWER_TIMEOUT_S)
+    absent_ms = elapsed_ms()
+    return [
+        received.get(vehicle) or VehicleAnswer(vehicle, None, absent_ms) for vehicle in vehicles
+    ]
 
 
 def status(bus: Bus, run: str) -> RunStatus | None:

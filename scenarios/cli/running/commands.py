@@ -163,6 +163,7 @@ def vehicle(
     from scenarios.definition.scenario import load_scenario
     from scenarios.runs.processes.forking import name_process
     from scenarios.runs.processes.membership import checked_run_name
+    from scenarios.runs.processes.restart import restarted_on_request
     from scenarios.runs.processes.vehicle_process import run_vehicle
 
     name_process(name)
@@ -171,8 +172,8 @@ def vehicle(
         # A forked process inherits the scenario.
         convoy = known or load_scenario(scenario, overrides, seed)
         options = zenoh_from(flags, checked_run_name(run_name or convoy.name))
-        sys.exit(
-            run_vehicle(
+        with restarted_on_request() as before:
+            exit_code = run_vehicle(
                 convoy,
                 name,
                 options,
@@ -181,8 +182,9 @@ def vehicle(
                 report_error=print_error,
                 launched=launched,
                 wait_s=wait_s,
+                before=before,
             )
-        )
+        sys.exit(exit_code)
 
 
 @click.command(

@@ -1,5 +1,6 @@
 """`convoy record`, with a picture and tables."""
 
+from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
 from secrets import token_hex
@@ -13,11 +14,12 @@ from scenarios.results.files import LOG_NAME
 from scenarios.results.log_summary import summary_of
 from scenarios.results.metrics import Metrics
 from scenarios.results.summarise import write_summary
+from scenarios.runs.machine import THIS_MACHINE, Machine
 from scenarios.runs.processes.membership import RECORDER, Fingerprint, Membership, recorder_name
 from scenarios.runs.processes.recorder_process import RecorderProcess
 from scenarios.runs.run_folder import claimed, folder_of
 from scenarios.runs.stop import EXIT_FAILED, Stop, ignore_signals
-from transport.bus.zenoh_bus import ZenohOptions, open_bus
+from transport.bus.zenoh_bus import ZenohOptions
 
 
 def record_run(
@@ -29,6 +31,8 @@ def record_run(
     display: DisplayOptions,
     gather_s: float,
     launched: bool,
+    machine: Machine = THIS_MACHINE,
+    make_secret: Callable[[], str] = token_hex,
 ) -> int:
     """Gather and record the vehicles of a run; returns the exit code.
 
@@ -38,12 +42,12 @@ def record_run(
     folder = folder_of(scenario, out)
     with (
         nullcontext() if launched else claimed(folder, fresh=out is None),
-        open_bus(options) as bus,
+        machine.open_bus(options) as bus,
     ):
-        secret = token_hex()
+        secret = make_secret()
         name, fingerprint = recorder_name(secret), Fingerprint.of(scenario)
         member = Membership(bus, options.run, RECORDER, name, fingerprint)
-        member.join()
+        member.join(sleep=machine.time.sleep)
         if not launched:
             print_start(options.run, folder, display, ", ".join(options.connect))
         metrics = Metrics.of(scenario)
@@ -62,12 +66,13 @@ def record_run(
                 metrics=metrics,
                 gather_s=gather_s,
                 observers=watchers,
+                system=machine.time,
             )
             summary = recorder.record_until_over()
         show(summary, folder, display)
         # Last of all: the vehicles wait for it, and the end of one container may stop all others.
         # Signals are ignored from here, as the result is complete.
-        ignore_signals()
+        ignore_signals(stop)
         if remaining := recorder.announce_completion():
             print_error(f"the run is over, but {', '.join(remaining)} did not end")
     if display.quiet and summary.reason not in {"", stop.reason}:

@@ -20,8 +20,9 @@ from scenarios.runs.processes.forking import Task
 from scenarios.runs.processes.launcher import LaunchPlan, launch
 from scenarios.runs.processes.membership import Fingerprint
 from scenarios.runs.processes.supervisor import Supervisor
-from scenarios.runs.stop import EXIT_DONE, stop_on_signals
+from scenarios.runs.stop import EXIT_DONE, Stop, stop_on_signals
 from scenarios.runs.virtual.virtual_convoy import VirtualConvoy
+from transport.clock import SYSTEM_TIME, SystemTime
 from transport.log.records import LogError
 
 PrepareCommand = Callable[[Scenario, Sequence[str]], Task]
@@ -39,12 +40,24 @@ def run_processes(
     if prepare_command is not None:
         prepare_parts(plan.scenario)
         prepare_task = partial(prepare_command, plan.scenario)
+    return launch_and_report(plan, stop, Supervisor(prepare_task), display)
+
+
+def launch_and_report(
+    plan: LaunchPlan,
+    stop: Stop,
+    supervisor: Supervisor,
+    display: DisplayOptions,
+    system: SystemTime = SYSTEM_TIME,
+) -> int:
+    """Launch a run, complete its files and print how it ended; returns the exit code."""
     outcome = launch(
         plan,
         stop,
-        Supervisor(prepare_task),
+        supervisor,
         _complete,
         on_router=lambda endpoint: _print_start(plan, endpoint, display),
+        system=system,
     )
     if outcome.recorder_killed and not outcome.repaired and _completed(plan.folder, display):
         return EXIT_DONE

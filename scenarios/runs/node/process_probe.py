@@ -53,6 +53,24 @@ class SchedulerTimes:
             os.close(self._file)
 
 
+class Resources(NamedTuple):
+    """Time (s), time on processors (s) and resident memory of a process."""
+
+    at: float
+    used: float
+    memory_bytes: int
+
+
+class ProcessResources:
+    """Reads the resources of this process."""
+
+    def __init__(self) -> None:
+        self._process = psutil.Process()
+
+    def __call__(self) -> Resources:
+        return Resources(monotonic(), process_time(), self._process.memory_info().rss)
+
+
 class ProcessProbe:
     """Measures this process and counts late ticks of its loop.
 
@@ -67,16 +85,18 @@ class ProcessProbe:
         before: Lateness | None = None,
         clock: Callable[[], tuple[int, int]] = lambda: (0, 0),
         times: Callable[[], ThreadTimes] | None = None,
+        resources: Callable[[], Resources] | None = None,
     ) -> None:
         """Ticks later than `late_after_ns` are late; `before` holds those of an earlier process.
 
-        `clock` returns offset and uncertainty of the process's clock (ns).
+        `clock` returns offset and uncertainty of the process's clock (ns); `times` are those of the
+        calling thread, `resources` those of this process.
         """
         before = before or Lateness()
         self._late_after_ns = late_after_ns
         self._clock = clock
-        self._process = psutil.Process()
-        self._used, self._read_at = process_time(), monotonic()
+        self._resources = resources or ProcessResources()
+        self._before = self._resources()
         self._late_ticks = before.ticks
         self._lateness_ns_max = before.worst_ns
         self._at_start, self._by_network = before.at_start, before.by_network
@@ -113,12 +133,12 @@ class ProcessProbe:
 
     def read(self) -> Usage:
         """Memory now, share of one core since the last reading, lateness since the start."""
-        used, now = process_time(), monotonic()
-        share = (used - self._used) / (now - self._read_at) if now > self._read_at else 0.0
-        self._used, self._read_at = used, now
+        before, self._before = self._before, self._resources()
+        now = self._before
+        share = (now.used - before.used) / (now.at - before.at) if now.at > before.at else 0.0
         offset, uncertainty = self._clock()
         return Usage(
-            memory_bytes=self._process.memory_info().rss,
+            memory_bytes=now.memory_bytes,
             cpu_ratio=share,
             late_ticks=self._late_ticks,
             lateness_ms_max=self._lateness_ns_max / MILLISECOND,

@@ -7,6 +7,7 @@ from contextlib import suppress
 from operator import itemgetter
 from threading import Event, Lock
 
+from transport.clock import SYSTEM_TIME, SystemTime
 from transport.codec import MAX_BYTES
 from transport.reasons import RefusalReason
 from transport.telemetry import unpacked
@@ -35,8 +36,10 @@ class Arrivals:
         most_bytes: int = MOST_BYTES,
         *,
         larger: Mapping[str, int] | None = None,
+        system: SystemTime = SYSTEM_TIME,
     ) -> None:
         """Accept messages under `keys`, and under those of `larger` with up to that many bytes."""
+        self._system = system
         self._larger = dict(larger or {})
         self._keys = {key: key for key in (*keys, *self._larger)}
         self._most = most_bytes
@@ -89,7 +92,7 @@ class Arrivals:
             self._wanted = most
             self._came.clear()
             if len(self._waiting) < most:  # checked again after clearing the event
-                self._came.wait(timeout_s)
+                self._system.wait(self._came, timeout_s)
         taken = [self._waiting.popleft() for _ in range(min(most, len(self._waiting)))]
         with self._lock:
             for _, key, data in taken:

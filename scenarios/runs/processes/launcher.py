@@ -1,6 +1,5 @@
 """`convoy run` on the wall clock: starts a router, a recorder and a process per vehicle."""
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,7 @@ from scenarios.runs.control.open_runs import OpenRun, announced
 from scenarios.runs.processes.supervisor import Child, Supervisor, describe
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from transport.bus.bus import BusError
-from transport.clock import poll
+from transport.clock import SYSTEM_TIME, SystemTime, poll
 
 WATCH_PERIOD_S = 0.05
 NOTICED_S = 0.1
@@ -61,7 +60,7 @@ def launch(
     complete: Callable[[Path], bool],
     *,
     on_router: Callable[[str], None] = lambda _: None,
-    sleep: Callable[[float], object] = time.sleep,
+    system: SystemTime = SYSTEM_TIME,
 ) -> RunOutcome:
     """Run the convoy to its end and leave no process behind.
 
@@ -85,7 +84,7 @@ def launch(
             poll(
                 lambda: _is_over(plan, supervisor, recorder, stop, outcome),
                 every_s=WATCH_PERIOD_S,
-                sleep=sleep,
+                system=system,
             )
     except BusError as error:  # our own router: no fault of the input
         outcome.fail(str(error))
@@ -93,7 +92,7 @@ def launch(
         outcome.fail(f"cannot start all processes: {error.strerror}")
     finally:
         if outcome.router_ended:  # let the recorder notice before it is stopped
-            sleep(NOTICED_S)
+            system.sleep(NOTICED_S)
         _stop_all(plan, supervisor, outcome)
         outcome.repaired = complete(plan.folder / LOG_NAME)
     if recorder is not None and recorder.exit_code == 0:  # the run was complete before the failure

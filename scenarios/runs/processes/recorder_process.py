@@ -17,8 +17,8 @@ from scenarios.runs.processes.membership import Membership
 from scenarios.runs.processes.router_watch import ROUTER_LOST_AFTER_NS
 from scenarios.runs.run_log import RunLog
 from scenarios.runs.stop import Stop
-from transport.bus.zenoh_bus import ZenohBus
-from transport.clock import WallClock, poll
+from transport.bus.bus import Bus
+from transport.clock import SYSTEM_TIME, SystemTime, WallClock, poll
 from transport.codec import RefusedMessageError
 from transport.log.records import LogError
 from transport.telemetry import MAX_RECORDS_BYTES, records_key
@@ -60,7 +60,7 @@ class RecorderProcess:
     def __init__(
         self,
         scenario: Scenario,
-        bus: ZenohBus,
+        bus: Bus,
         folder: Path,
         stop: Stop,
         membership: Membership,
@@ -69,9 +69,11 @@ class RecorderProcess:
         metrics: Metrics | None = None,
         gather_s: float = GATHER_S,
         observers: Sequence[Observer] = (),
+        system: SystemTime = SYSTEM_TIME,
     ) -> None:
         """Prepare to record; `secret` is the one by which vehicles recognise the end of the run."""
-        self._clock = WallClock()
+        self._time = system
+        self._clock = WallClock(system=system)
         self._bus = bus
         self._stop = stop
         self._membership = membership
@@ -106,7 +108,9 @@ class RecorderProcess:
             for name in scenario.vehicle_names
         }
         self._arrivals = Arrivals(
-            self._run.recorder.keys, larger=dict.fromkeys(batches, MAX_RECORDS_BYTES)
+            self._run.recorder.keys,
+            larger=dict.fromkeys(batches, MAX_RECORDS_BYTES),
+            system=system,
         )
         self._in_order = SendingOrder(batches)
         self._reported_behind = False
@@ -145,7 +149,11 @@ class RecorderProcess:
             return []
         begun = self._clock.now()
         self._settled_at = begun
-        poll(lambda: self._stop.requested or self._all_ended(begun), every_s=POLL_S)
+        poll(
+            lambda: self._stop.requested or self._all_ended(begun),
+            every_s=POLL_S,
+            system=self._time,
+        )
         return [] if self._stop.requested else sorted(self._membership.vehicles)
 
     def _announce_end(self) -> None:

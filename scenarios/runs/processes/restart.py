@@ -7,6 +7,8 @@ software is built again from the scenario; only the car and the clock are handed
 import os
 import pickle
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from tempfile import TemporaryFile
 from typing import IO, Any, NoReturn, cast
@@ -59,6 +61,15 @@ def _made(kind: type[Any], values: dict[str, Any]) -> Any:
 def pack(handover: object, file: IO[bytes]) -> None:
     """Write a handover, for `pickle.load`."""
     _Pickler(file).dump(handover)
+
+
+@contextmanager
+def restarted_on_request() -> Iterator[ProcessHandover | None]:
+    """Yield the handover of the process that this one replaced; restart if a block requests it."""
+    try:
+        yield received_handover()
+    except RestartRequestedError as request:
+        restart_process(request.handover)
 
 
 def restart_process(handover: ProcessHandover) -> NoReturn:

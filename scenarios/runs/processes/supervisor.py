@@ -18,7 +18,7 @@ from scenarios.runs.processes.forking import (
 from scenarios.runs.processes.router import LISTENING
 from scenarios.runs.stop import write_error
 from transport.bus.bus import BusError
-from transport.clock import poll
+from transport.clock import SYSTEM_TIME, SystemTime, poll
 
 POLL_S = 0.01
 GRACE_S = 3.0
@@ -61,10 +61,13 @@ class Supervisor:
     input is a pipe from the launcher: when that closes, the child stops by itself.
     """
 
-    def __init__(self, prepare_task: PrepareTask | None = None) -> None:
+    def __init__(
+        self, prepare_task: PrepareTask | None = None, system: SystemTime = SYSTEM_TIME
+    ) -> None:
         """Fork children with the tasks of `prepare_task` where possible; else start programs."""
         self.children: list[Child] = []
         self._router_output: IO[bytes] | None = None
+        self._system = system
         self._prepare_task = prepare_task if prepare_task is not None and can_fork() else None
 
     def start(self, name: str, arguments: Sequence[str], *, piped: bool = False) -> Child:
@@ -136,7 +139,7 @@ class Supervisor:
             self._pass_on_output()
             return all(child.exit_code is not None for child in chosen)
 
-        poll(have_ended, every_s=POLL_S, at_most_s=grace_s)
+        poll(have_ended, every_s=POLL_S, at_most_s=grace_s, system=self._system)
         remaining = [child for child in chosen if child.exit_code is None]
         for child in remaining:
             child.process.kill()

@@ -3,10 +3,10 @@
 from collections.abc import Callable, Iterable, Iterator
 from itertools import dropwhile
 from math import ceil
-from time import sleep
 
 from scenarios.definition.scenario import Scenario
 from scenarios.runs.control.live_control import LiveControl
+from scenarios.runs.machine import THIS_MACHINE, Machine
 from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
 from scenarios.runs.node.node import Node, VehicleFaultError, step_with_faults
 from scenarios.runs.node.process_probe import ProcessProbe
@@ -20,17 +20,20 @@ from scenarios.runs.processes.membership import (
     RecorderWatch,
     recorder_name,
 )
-from scenarios.runs.processes.restart import (
-    ProcessHandover,
-    RestartRequestedError,
-    received_handover,
-    restart_process,
-)
+from scenarios.runs.processes.restart import ProcessHandover, RestartRequestedError
 from scenarios.runs.processes.router_watch import RouterWatch
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from transport.bus.bus import Bus, BusError, Fetch
-from transport.bus.zenoh_bus import ZenohOptions, open_bus
-from transport.clock import Clock, Tick, WallClock, late_threshold, poll
+from transport.bus.zenoh_bus import ZenohOptions
+from transport.clock import (
+    SYSTEM_TIME,
+    Clock,
+    SystemTime,
+    Tick,
+    WallClock,
+    late_threshold,
+    poll,
+)
 from transport.codec import RefusedMessageError, decode
 from transport.links.gate import GPS
 from transport.links.inbox import QUEUE, Inbox, IncomingLink
@@ -67,19 +70,21 @@ def run_vehicle(
     report_error: Report,
     launched: bool,
     wait_s: float,
+    before: ProcessHandover | None = None,
+    machine: Machine = THIS_MACHINE,
 ) -> int:
     """Drive vehicle `name` of `scenario` for one run; returns the exit code.
 
     `report` and `report_error` print lines. A `launched` vehicle does not repeat announcements of
-    the recorder, which its launcher prints.
+    the recorder, which its launcher prints. `before` is the handover of the process that this one
+    replaces. Raises RestartRequestedError when the process has to restart.
     """
-    before = received_handover()
     builder = VehicleBuilder(scenario, name)
     try:
-        with open_bus(options) as bus:
+        with machine.open_bus(options) as bus:
             stop.begun = True
             if before is not None:
-                await_replaced_process(bus, name)
+                await_replaced_process(bus, name, machine.time)
             member = Membership(
                 bus,
                 options.run,
@@ -88,11 +93,9 @@ def run_vehicle(
                 Fingerprint.of(scenario),
                 recorder=before.recorder if before else "",
             )
-            vehicle = VehicleProcess(builder, bus, member, stop, before)
+            vehicle = VehicleProcess(builder, bus, member, stop, before=before, machine=machine)
             vehicle.await_start(report, wait_s)
             vehicle.drive(report)
-    except RestartRequestedError as lost:
-        restart_process(lost.handover)
     except VehicleFaultError as fault:
         if launched:  # the recorder reports it
             return 0 if vehicle.is_cancelled else EXIT_FAILED
@@ -106,13 +109,13 @@ def run_vehicle(
     return vehicle.exit_code
 
 
-def await_replaced_process(bus: Bus, name: str) -> None:
+def await_replaced_process(bus: Bus, name: str, system: SystemTime) -> None:
     """Wait until the process that this one replaced is no longer a member."""
 
     def has_left() -> bool:
         return all((member.role, member.name) != (VEHICLE, name) for member in bus.members())
 
-    poll(has_left, every_s=POLL_S, at_most_s=LEFT_S)
+    poll(has_left, every_s=POLL_S, at_most_s=LEFT_S, system=system)
 
 
 class RunCancelledError(Exception):
@@ -166,7 +169,9 @@ class VehicleProcess:
         bus: Bus,
         membership: Membership,
         stop: Stop,
+        *,
         before: ProcessHandover | None = None,
+        machine: Machine = THIS_MACHINE,
     ) -> None:
         """Join the run; raises BusError if it refuses this vehicle.
 
@@ -177,7 +182,9 @@ class VehicleProcess:
         self._membership = membership
         self._stop = stop
         self._before = before
-        self._clock = WallClock(lambda: stop.requested, before.clock if before else None)
+        self._machine, self._time = machine, machine.time
+        setting = before.clock if before else None
+        self._clock = WallClock(lambda: stop.requested, setting, machine.time)
         self._clock_sync = ClockSync(
             bus,
             builder.name,
@@ -195,7 +202,7 @@ class VehicleProcess:
         self.exit_code = 0
         self._control = LiveControl(builder.scenario, builder.name, self._clock.now)
         self._control.listen(bus)
-        membership.join()
+        membership.join(sleep=machine.time.sleep)
 
     @property
     def _run(self) -> str:
@@ -214,7 +221,9 @@ class VehicleProcess:
             return
         waits = "the start" if self._membership.recorder_is_present else "the recorder"
         report(f"{self._builder.name}: joined, waiting for {waits} of {self._run}")
-        came = poll(lambda: self._has_waited(report), every_s=POLL_S, at_most_s=wait_s)
+        came = poll(
+            lambda: self._has_waited(report), every_s=POLL_S, at_most_s=wait_s, system=self._time
+        )
         start, end = self._announced.start, self._announced.end
         if self._stop.requested:
             return
@@ -261,7 +270,7 @@ class VehicleProcess:
         before = self._before
         end_at = start_at + self._builder.duration_ns
         late_after_ns = late_threshold(self._builder.control_rate_hz)
-        probe = ProcessProbe(
+        probe = self._machine.make_probe(
             late_after_ns,
             before.lateness if before else None,
             lambda: (self._clock_sync.offset, self._clock_sync.uncertainty),
@@ -286,7 +295,7 @@ class VehicleProcess:
         node.outbox.publish_health(min(self._clock.now(), end_at), final=True)
         while not self.is_cancelled:
             self._repeat_final_counters(end_at)
-            sleep(POLL_S)
+            self._time.sleep(POLL_S)
         if not finished:
             self.exit_code = self._stop.exit_code
             return
@@ -315,7 +324,7 @@ class VehicleProcess:
         try:
             stagger_ns = self._builder.stagger_ns
             for tick in paced_ticks(
-                ticks, self._clock, probe, stagger_ns=stagger_ns, back_at=back_at
+                ticks, self._clock, probe, self._time, stagger_ns=stagger_ns, back_at=back_at
             ):
                 if self.is_cancelled:
                     break
@@ -333,7 +342,7 @@ class VehicleProcess:
         except VehicleFaultError as fault:
             sink.flush_all()
             node.outbox.publish_fault(self._clock.now(), fault.text)
-            poll(lambda: self.is_cancelled, every_s=POLL_S, at_most_s=FAULT_S)
+            poll(lambda: self.is_cancelled, every_s=POLL_S, at_most_s=FAULT_S, system=self._time)
             raise
 
     def _fetch(self, inbox: Inbox) -> None:
@@ -383,7 +392,13 @@ def queue_limit(link: IncomingLink) -> int:
 
 
 def paced_ticks(
-    ticks: Iterable[Tick], clock: Clock, probe: ProcessProbe, *, stagger_ns: int, back_at: int
+    ticks: Iterable[Tick],
+    clock: Clock,
+    probe: ProcessProbe,
+    system: SystemTime = SYSTEM_TIME,
+    *,
+    stagger_ns: int,
+    back_at: int,
 ) -> Iterator[Tick]:
     """Yield each tick `stagger_ns` after its instant.
 
@@ -398,7 +413,7 @@ def paced_ticks(
             probe.tick_began(lateness)
         is_held_up = lateness > HELD_UP_NS
         if is_held_up and not was_held_up:
-            sleep(SETTLING_S)
+            system.sleep(SETTLING_S)
         was_held_up = is_held_up
         yield tick
         probe.tick_ended()

@@ -237,8 +237,7 @@ def test_a_signal_after_all_is_done_changes_nothing() -> None:
     program = """
 from scenarios.runs.stop import ignore_signals, stop_on_signals
 
-stop_on_signals()
-ignore_signals()
+ignore_signals(stop_on_signals())
 print("done", flush=True)
 """
     with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE) as process:

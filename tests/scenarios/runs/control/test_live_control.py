@@ -1,7 +1,6 @@
 """Answers of a vehicle to change requests, and their effects."""
 
 import json
-import time
 from math import ceil
 
 import pytest
@@ -16,6 +15,7 @@ from scenarios.runs.control.live_control import Confirmation, LiveControl, first
 from scenarios.runs.node.pending_changes import PendingChanges
 from scenarios.runs.processes.membership import VEHICLE
 from transport.bus.memory_bus import MemoryBus, MemoryNetwork
+from transport.clock import SystemTime
 from transport.topics import control_key
 from vehicles.schedule import SECOND, nanoseconds
 
@@ -95,11 +95,11 @@ def test_a_late_confirmation_changes_nothing() -> None:
 
 @pytest.mark.parametrize("takes_s", [(0.0, 0.0, 0.0), (0.0, 0.25, 0.01), (0.9, 0.0, 0.3)])
 def test_all_vehicles_make_the_same_changes_in_the_same_order(
-    takes_s: tuple[float, ...], monkeypatch: pytest.MonkeyPatch
+    takes_s: tuple[float, ...],
 ) -> None:
     """Commands within one tick, and vehicles that answer slowly."""
     network, clock = MemoryNetwork(), [START]
-    monkeypatch.setattr(time, "monotonic", lambda: clock[0] / SECOND)
+    system = SystemTime(monotonic=lambda: clock[0])
     pending = []
     for k, takes in enumerate(takes_s, start=2):
 
@@ -115,7 +115,7 @@ def test_all_vehicles_make_the_same_changes_in_the_same_order(
         control.listen(bus)
     kinds = ["cut", "heal", "cut"]
     for kind in kinds:
-        answers = change_requests.request_change(MemoryBus(network), "run", {"kind": kind})
+        answers = change_requests.request_change(MemoryBus(network), "run", {"kind": kind}, system)
         assert all(each.answer and each.answer.does for each in answers), answers
     made = [[(due.at, due.change.kind) for due in one.pending] for one in pending]
     assert made[0] == made[1] == made[2]

@@ -13,7 +13,7 @@ from scenarios.runs.processes.clock_sync import (
     ClockSync,
 )
 from transport.bus.memory_bus import MemoryBus
-from transport.clock import WallClock
+from transport.clock import SystemTime, WallClock
 from vehicles.schedule import MILLISECOND, SECOND
 
 MS = MILLISECOND
@@ -37,7 +37,7 @@ class World(MemoryBus):
     def __post_init__(self) -> None:
         super().__init__()
         self.server = ClockServer(self, lambda: self.now, ["v2"])
-        self.clock = WallClock(monotonic=self.monotonic, unix=lambda: self.now + self.offset)
+        self.clock = WallClock(system=SystemTime(self.monotonic, lambda: self.now + self.offset))
         self.sync = ClockSync(self, "v2", self.clock, sufficient_ns=10 * MS)
 
     def monotonic(self) -> int:

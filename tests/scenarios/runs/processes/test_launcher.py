@@ -23,6 +23,7 @@ from scenarios.runs.run_log import RunLog
 from scenarios.runs.stop import Stop
 from tests.made.scenarios.messages import START
 from transport.bus.bus import BusError
+from transport.clock import SystemTime
 from transport.log.reader import LogReader
 from transport.log.repair import repair_if_truncated
 
@@ -135,7 +136,8 @@ def play(
     plan = LaunchPlan(
         scenario(goes_on=goes_on), ["my.toml", "--seed=3"], folder, ["--quiet"], "mine"
     )
-    outcome = launch(plan, stop, cast("Supervisor", supervisor), repair_if_truncated, sleep=sleep)
+    system = SystemTime(sleep=sleep)
+    outcome = launch(plan, stop, cast("Supervisor", supervisor), repair_if_truncated, system=system)
     assert supervisor.children == []  # whatever happened, no process is left behind
     return Launched(outcome, supervisor, now)
 
@@ -155,9 +157,7 @@ def test_every_process_gets_the_scenario_and_the_router_endpoint(folder: Path) -
 def test_without_its_router_a_run_fails_and_nothing_else_is_started(folder: Path) -> None:
     supervisor = FakeSupervisor(router_starts=False)
     plan = LaunchPlan(scenario(), ["lane_change"], folder, [], "mine")
-    outcome = launch(
-        plan, Stop(), cast("Supervisor", supervisor), repair_if_truncated, sleep=lambda _: None
-    )
+    outcome = launch(plan, Stop(), cast("Supervisor", supervisor), repair_if_truncated)
     assert (outcome.exit_code, outcome.reason) == (1, "the router did not start")
     assert supervisor.started == []
 
