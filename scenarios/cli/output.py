@@ -4,7 +4,7 @@ import io
 import os
 import select
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, TextIO
 
@@ -92,3 +92,15 @@ def _lenient(stream: TextIO | None, number: int, patience_s: float | None) -> Te
     output = io.BufferedWriter(raw)
     encoding = stream.encoding if stream is not None else "utf-8"
     return io.TextIOWrapper(output, encoding=encoding, errors="replace", line_buffering=True)
+
+
+def progress_of(what: str) -> Callable[[int, int], None]:
+    """Return a function that shows the progress (done, total) on a terminal's standard error."""
+
+    def show(done: int, total: int) -> None:
+        if sys.stderr.isatty() and total > 2:
+            end = "\n" if done == total else ""
+            sys.stderr.write(f"\r{done} of {total} {what}{end}")
+            sys.stderr.flush()
+
+    return show

@@ -62,6 +62,17 @@ class LogReader:
 
         `topics` and `vehicles` select messages; by default all are read.
         """
+        for log_time, vehicle, topic, data in self.encoded_messages(topics, vehicles):
+            try:
+                message = decode(topic, data)
+            except RefusedMessageError as error:
+                raise LogError(f"{self.path}: /{key(vehicle, topic)}: {error}") from error
+            yield log_time, vehicle, message
+
+    def encoded_messages(
+        self, topics: Collection[str] | None = None, vehicles: Collection[str] | None = None
+    ) -> Iterator[tuple[int, str, Topic, bytes]]:
+        """Yield (log time in ns, vehicle, topic, Protobuf bytes), as `messages` does decoded."""
         wanted = {
             number: source
             for number, source in self._sources.items()
@@ -71,12 +82,7 @@ class LogReader:
         }
         for channel, log_time, data in self._file.messages():
             if channel in wanted:
-                vehicle, topic = wanted[channel]
-                try:
-                    message = decode(topic, data)
-                except RefusedMessageError as error:
-                    raise LogError(f"{self.path}: /{key(vehicle, topic)}: {error}") from error
-                yield log_time, vehicle, message
+                yield log_time, *wanted[channel], data
 
     def columns(
         self,

@@ -1,0 +1,5 @@
+"""Commands that compare runs.
+
+diff        `convoy diff`
+diff_table  its tables
+"""
