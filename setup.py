@@ -39,7 +39,8 @@ MODULES = {
     "vehicles/driver/degradation": "innovation innovation_gate intended_path modes reception"
     " situation source sources speed_guard stopping trust",
     "vehicles/driver/ego": "covariance late_fixes own_state own_track pose_estimator",
-    "transport": "clock codec message_numbers telemetry thinning",
+    "transport": "clock codec message_numbers thinning",
+    "transport/bus": "telemetry",
     "transport/links": "content_stage gate inbox link positions staged_messages",
     "transport/log": "writer",
     "scenarios/results": "deviations metrics stream",

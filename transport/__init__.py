@@ -3,8 +3,8 @@
 topics           the table of topics
 reasons          the table of reasons of unused messages
 codec            bytes from messages and back
+columns          messages as arrays by field
 message_numbers  received numbers of a sender's messages
-telemetry        batches of messages for log and picture
 thinning         thinning of topics in the log
 texts            escaping of foreign texts
 closing          base class of context managers with `close`

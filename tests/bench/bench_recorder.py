@@ -33,11 +33,11 @@ from scenarios.runs.virtual.virtual_convoy import VirtualConvoy
 from tests.bench.bench_run import Row, plain_loop, print_rows, timed, used_s
 from tests.system.logs import Run
 from tests.system.processes import Process, start, until
+from transport.bus.telemetry import BatchRecord, packed, records_key
 from transport.bus.zenoh_bus import ZenohBus, ZenohOptions, open_bus
 from transport.clock import WallClock
 from transport.codec import PROTOBUF, decode
 from transport.log.reader import LogReader
-from transport.telemetry import BatchRecord, packed, records_key
 from transport.topics import RUN_SENDER, TOPICS, Topic, clock_key, key
 from vehicles.messages import Health, Message, RunStart
 from vehicles.schedule import SECOND

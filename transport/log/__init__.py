@@ -2,7 +2,7 @@
 
 writer           writes messages, each with its standard Foxglove messages
 reader           reads messages, metadata and attachments
-columns          messages as arrays by field
+columns          reads messages as arrays by field
 wire             decodes the fields of many messages at once
 location_fixes   reads positions of other programs' files
 foxglove         standard Foxglove messages made from ours

@@ -8,12 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from transport.codec import MessageForm, RefusedMessageError, decode, form_of
+from transport.columns import DEVIATION, Array, Columns, Integers, Lists, instant_of
 from transport.convoy_pb2 import Deviation
 from transport.log.mcap_file import McapFile
 from transport.log.records import HEAD_BYTES, MESSAGE, MESSAGE_HEAD_BYTES, LogError, starts_in
 from transport.log.wire import (
-    Array,
-    Integers,
     WireColumns,
     WireData,
     WireField,
@@ -23,60 +22,10 @@ from transport.log.wire import (
 from transport.texts import printable
 from transport.topics import TOPICS
 
-DEVIATION = "deviation"
-"""Topic of the true errors and gaps, which only the log has."""
 BATCH_BYTES = 2**25
 """Size of the messages that are decoded at once; limits the memory."""
 CHANNELS = 2**16
 """Number of possible channel numbers in MCAP."""
-
-
-class Lists(NamedTuple):
-    """A field with a list of values in each message: row k is `values[offsets[k]:offsets[k + 1]]`.
-
-    Shapes: offsets (N + 1), values (sum of the lengths).
-    """
-
-    offsets: Integers
-    values: Array
-
-
-@dataclass(frozen=True, slots=True)
-class Columns:
-    """Messages of one topic of one vehicle, one row per message in the order of the log.
-
-    `fields` has an array (N) for each field with the name and unit of the message's:
-
-    | field          | array                                     |
-    | -------------- | ----------------------------------------- |
-    | float          | float64                                   |
-    | FloatOrNan     | float64, NaN where the value is unknown   |
-    | int            | int64, also instants (ns)                 |
-    | bool           | bool                                      |
-    | str or Literal | object (str); equal texts are one object  |
-
-    `lists` has the fields with several values in each message. A field that the log lacks, because
-    an earlier version wrote it, has the default of the message class. `logged_at_ns` are the
-    instants of recording. The field `vehicle` is left out.
-    """
-
-    vehicle: str
-    topic: str
-    logged_at_ns: Integers
-    fields: Mapping[str, Array]
-    lists: Mapping[str, Lists]
-
-    def __len__(self) -> int:
-        return len(self.logged_at_ns)
-
-    def __getitem__(self, name: str) -> Array:
-        """Array of a field with one value in each message."""
-        return self.fields[name]
-
-    @property
-    def at_ns(self) -> Integers:
-        """Instants at which the messages were valid."""
-        return self.fields[_layout(self.topic).instant]
 
 
 class Selection(NamedTuple):
@@ -118,11 +67,9 @@ class _Layout:
 
 @cache
 def _layout(topic: str) -> _Layout:
-    if topic == DEVIATION:
-        return _Layout(topic, "true_at_ns", wire_fields(Deviation.DESCRIPTOR), None)
-    row = TOPICS[topic]
-    form = form_of(row.message)
-    return _Layout(topic, row.instant, wire_fields(form.protobuf.DESCRIPTOR), form)
+    form = None if topic == DEVIATION else form_of(TOPICS[topic].message)
+    protobuf = form.protobuf if form else Deviation
+    return _Layout(topic, instant_of(topic), wire_fields(protobuf.DESCRIPTOR), form)
 
 
 def read_columns(
@@ -152,9 +99,10 @@ def read_columns(
 
 
 class _Batch(NamedTuple):
-    """Bytes of several chunks; channel, instant of recording and place of each message."""
+    """Bytes of several chunks; place in the log, channel and instant of recording by message."""
 
     data: WireData
+    order: Integers
     channels: Integers
     logged_at: Integers
     starts: Integers
@@ -162,6 +110,7 @@ class _Batch(NamedTuple):
 
     def of(self, rows: Array) -> "_Batch":
         return self._replace(
+            order=self.order[rows],
             channels=self.channels[rows],
             logged_at=self.logged_at[rows],
             starts=self.starts[rows],
@@ -171,28 +120,30 @@ class _Batch(NamedTuple):
 
 def _batches(file: McapFile, span: tuple[int, int] | None) -> Iterator[_Batch]:
     chunks: list[bytes] = []
-    size = 0
+    before = size = 0
     for _, head in file.chunks:
         if span is None or (head.first_at <= span[1] and head.last_at >= span[0]):
             chunks.append(file.unpack(head))
             size += head.size
         if size > BATCH_BYTES:
-            yield _batch(chunks, span)
-            chunks, size = [], 0
-    yield _batch(chunks, span)
+            yield _batch(chunks, before, span)
+            chunks, before, size = [], before + size, 0
+    yield _batch(chunks, before, span)
 
 
-def _batch(chunks: Sequence[bytes], span: tuple[int, int] | None) -> _Batch:
-    places, before = [np.zeros(0, np.int64)], 0
+def _batch(chunks: Sequence[bytes], before: int, span: tuple[int, int] | None) -> _Batch:
+    """Messages of chunks that follow `before` unpacked bytes of others."""
+    places, size = [np.zeros(0, np.int64)], 0
     for chunk in chunks:
-        places.append(np.array(starts_in(chunk), np.int64) + before)
-        before += len(chunk)
+        places.append(np.array(starts_in(chunk), np.int64) + size)
+        size += len(chunk)
     starts = np.concatenate(places)
     data = WireData(b"".join(chunks))
     heads = starts[data.numbers("u1", starts) == MESSAGE]
     contents = heads + HEAD_BYTES
     batch = _Batch(
         data,
+        order=heads + before,
         channels=data.numbers("<u2", contents).astype(np.int64),
         logged_at=data.numbers("<i8", contents + 6),
         starts=contents + MESSAGE_HEAD_BYTES,
@@ -207,6 +158,7 @@ def _batch(chunks: Sequence[bytes], span: tuple[int, int] | None) -> _Batch:
 class _Part:
     """Rows of one vehicle and topic; the lists by their lengths and joined values."""
 
+    order: Integers
     logged_at: Integers
     values: dict[str, Array]
     lists: dict[str, tuple[Integers, Array]]
@@ -234,7 +186,7 @@ def _decode(
         for name, (lengths, joined) in columns.lists.items():
             first = np.cumsum(lengths) - lengths
             lists[name] = lengths[rows], joined[ranges(first[rows], lengths[rows], 1)]
-        yield key, _Part(batch.logged_at[rows], values, lists)
+        yield key, _Part(batch.order[rows], batch.logged_at[rows], values, lists)
 
 
 def _complete(columns: WireColumns, layout: _Layout, wanted: frozenset[str], batch: _Batch) -> None:
@@ -295,6 +247,7 @@ def _joined(key: tuple[str, str], parts: Sequence[_Part]) -> Columns:
         lists[name] = Lists(offsets, np.concatenate([part.lists[name][1] for part in parts]))
     return Columns(
         *key,
+        order=np.concatenate([part.order for part in parts]),
         logged_at_ns=np.concatenate([part.logged_at for part in parts]),
         fields={
             name: np.concatenate([part.values[name] for part in parts]) for name in first.values

@@ -5,7 +5,8 @@ from functools import cached_property
 from pathlib import Path
 
 from transport.codec import RefusedMessageError, decode
-from transport.log.columns import DEVIATION, Columns, Selection, read_columns
+from transport.columns import DEVIATION, Columns
+from transport.log.columns import Selection, read_columns
 from transport.log.mcap_file import McapFile
 from transport.log.records import REPAIRED, THINNED_NAME, LogError
 from transport.topics import TOPICS, Topic, key

@@ -13,8 +13,8 @@ import numpy as np
 from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from numpy.typing import NDArray
 
-Array = NDArray[Any]
-Integers = NDArray[np.int64]
+from transport.columns import Array, Integers
+
 Flags = NDArray[np.bool_]
 
 _VARINT, _DOUBLE, _SIZED = 0, 1, 2

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import TypeVar
 
-from transport.log.columns import Columns
+from transport.columns import Columns
 from vehicles.messages import Message
 
 Kind = TypeVar("Kind", bound=Message)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.definition.errors import require
-from transport.log.columns import Lists
+from transport.columns import Lists
 from transport.texts import ConvoyError
 
 if TYPE_CHECKING:  # extras

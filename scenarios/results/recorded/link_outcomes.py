@@ -10,7 +10,7 @@ from scenarios.definition.scenario import Scenario
 from scenarios.results.channel.account import CAUSE_WORDS, Link, MissingVerdict
 from scenarios.results.metrics import Metrics
 from scenarios.results.recorded.column_messages import messages_of
-from transport.log.columns import Columns
+from transport.columns import Columns
 from transport.topics import TOPIC_OF
 from vehicles.messages import (
     Change,

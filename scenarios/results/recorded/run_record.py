@@ -17,7 +17,7 @@ from scenarios.results.recorded.data_table import Compute, DataTable, UnknownNam
 from scenarios.results.recorded.link_outcomes import link_outcomes, missing_verdicts
 from scenarios.results.recorded.true_figures import PathErrors, path_errors, true_gaps
 from scenarios.results.summary import RunSummary
-from transport.log.columns import Columns
+from transport.columns import Columns
 from transport.log.reader import LogReader
 from transport.log.records import LogError
 from transport.topics import RUN_SENDER, TOPICS

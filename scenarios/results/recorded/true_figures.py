@@ -11,7 +11,7 @@ from scenarios.definition.scenario import Scenario
 from scenarios.results.events.bodies import body_of, separation
 from scenarios.results.recorded.column_messages import messages_of
 from scenarios.results.stream import FigureStream, sizes_of
-from transport.log.columns import Columns
+from transport.columns import Columns
 from vehicles.geometry.driven_path import CrossTrack
 from vehicles.messages import TruePose
 

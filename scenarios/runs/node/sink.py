@@ -5,8 +5,8 @@ from typing import Protocol
 from zlib import crc32
 
 from transport.bus.bus import Bus
+from transport.bus.telemetry import BatchRecord, packed, records_key
 from transport.codec import encode
-from transport.telemetry import BatchRecord, packed, records_key
 from transport.thinning import Thinning
 from transport.topics import TOPIC_OF, Topic, key, valid_at
 from vehicles.messages import Command, CompositeTrajectory, Message

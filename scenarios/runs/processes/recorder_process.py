@@ -18,10 +18,10 @@ from scenarios.runs.processes.router_watch import ROUTER_LOST_AFTER_NS
 from scenarios.runs.run_log import RunLog
 from scenarios.runs.stop import Stop
 from transport.bus.bus import Bus
+from transport.bus.telemetry import MAX_RECORDS_BYTES, records_key
 from transport.clock import SYSTEM_TIME, SystemTime, WallClock, poll
 from transport.codec import RefusedMessageError
 from transport.log.records import LogError
-from transport.telemetry import MAX_RECORDS_BYTES, records_key
 from transport.topics import RUN_SENDER, TOPICS, key
 from vehicles.schedule import MILLISECOND, SECOND, Timer
 

@@ -11,7 +11,7 @@ import pytest
 import scenarios.api as convoy
 from scenarios.results.recorded.data_table import DataTable
 from tests.made.scenarios.shipped import whole_run
-from transport.log.columns import DEVIATION
+from transport.columns import DEVIATION
 from transport.log.reader import LogReader
 
 SETTINGS = {

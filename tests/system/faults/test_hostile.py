@@ -21,9 +21,9 @@ from tests.system.logs import (
 )
 from tests.system.processes import Process, run_to_the_end, start
 from transport.bus.bus import Bus
+from transport.bus.telemetry import BatchRecord, packed, records_key, unpacked
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
 from transport.codec import RefusedMessageError, encode
-from transport.telemetry import BatchRecord, packed, records_key, unpacked
 from transport.topics import RUN_SENDER, TOPIC_OF, TOPICS, Topic, key, valid_at
 from vehicles.messages import GpsPose, LogText, Message, RunEnd, RunStart, Tracking
 

@@ -15,7 +15,7 @@ from tests.made.transport import drive
 from tests.made.transport.logs import write
 from tests.transport.any_messages import any_message
 from transport.codec import encode
-from transport.log.columns import DEVIATION, Columns
+from transport.columns import DEVIATION, Columns
 from transport.log.reader import LogReader
 from transport.log.records import LogError
 from transport.log.scene import Scene
@@ -52,6 +52,12 @@ def compare(path: Path) -> None:
         rows.setdefault((vehicle, TOPIC_OF[type(message)].name), []).append((at, message))
     columns = reader.columns(TOPICS)
     assert {key for key, read in columns.items() if len(read)} == set(rows)
+    ordered = sorted(
+        (at, at_ns)
+        for c in columns.values()
+        for at, at_ns in zip(c.order, c.logged_at_ns, strict=True)
+    )
+    assert [at_ns for _, at_ns in ordered] == [at for at, _, _ in reader.messages()]
     for key, messages in rows.items():
         assert columns[key].logged_at_ns.tolist() == [at for at, _ in messages]
         assert_equal(columns[key], [message for _, message in messages])

@@ -10,8 +10,8 @@ from tests.made.scenarios.messages import gps, health, tracking, truth
 from tests.made.transport import drive
 from tests.made.transport.bus import ReceivedMessages
 from transport.bus.memory_bus import MemoryBus
+from transport.bus.telemetry import unpacked
 from transport.codec import encode
-from transport.telemetry import unpacked
 from transport.topics import Topic
 from vehicles.messages import (
     Command,

@@ -14,8 +14,8 @@ from scenarios.runs.processes.arrivals import (
     Arrivals,
     SendingOrder,
 )
+from transport.bus.telemetry import BatchRecord, packed
 from transport.codec import MAX_BYTES, RefusedMessageError
-from transport.telemetry import BatchRecord, packed
 from vehicles.schedule import SECOND
 
 KEYS = [f"convoy/v{vehicle}/{topic}" for vehicle in range(20) for topic in "abcdefghij"]

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from transport.bus.telemetry import MAX_RECORDS_BYTES, BatchRecord, packed, records_key, unpacked
 from transport.codec import MAX_BYTES, RefusedMessageError
 from transport.convoy_pb2 import Records
-from transport.telemetry import MAX_RECORDS_BYTES, BatchRecord, packed, records_key, unpacked
 from transport.topics import TOPICS, key
 
 BATCHED = [topic.name for topic in TOPICS.values() if topic.batched]
