@@ -264,8 +264,9 @@ def print_or_write(text: str, file: Path | None) -> None:
     if file is None:
         click.echo(text, nl=False)
         return
-    with file.open("x", encoding="utf-8") as target:
-        target.write(text)
+    from scenarios.results.files import write_whole
+
+    write_whole(file, text.encode(), new=True)
     click.echo(f"written: {file}")
 
 

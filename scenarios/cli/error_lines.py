@@ -7,6 +7,7 @@ from contextlib import contextmanager
 import click
 
 from scenarios.runs.stop import EXIT_BAD_INPUT, EXIT_FAILED
+from transport.log.records import UnwritableError
 from transport.texts import ConvoyError
 
 UNWRITABLE = {errno.EACCES, errno.EDQUOT, errno.EIO, errno.ENOSPC, errno.EPERM, errno.EROFS}
@@ -31,6 +32,8 @@ def clear_errors() -> Iterator[None]:
         yield
     except ConvoyError as error:
         print_error(str(error))
+        if isinstance(error, UnwritableError):
+            exit_code = EXIT_FAILED
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
         print_error(f"{place}{(error.strerror or str(error)).lower()}")

@@ -97,11 +97,11 @@ def new(file: Path | None) -> None:
     keys. Without FILE it goes to standard output.
     """
     from scenarios.definition.library import template
+    from scenarios.results.files import write_whole
 
     with clear_errors():
         if file is None:
             click.echo(template(), nl=False)
         else:
-            with file.open("x", encoding="utf-8") as target:
-                target.write(template())
+            write_whole(file, template().encode(), new=True)
             click.echo(f"written: {file}; run it with: convoy run {file}")

@@ -1,18 +1,17 @@
 """Summarises the figures of a run, and writes the summary."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.channel.link_summary import LinkSummary
-from scenarios.results.files import SUMMARY_NAME
+from scenarios.results.files import SUMMARY_NAME, write_whole
 from scenarios.results.limits.evaluation import failure_reason, limit_figures
 from scenarios.results.metrics import Metrics
 from scenarios.results.outcome import LATE_RATIO, late_ratio, with_outcome_line
 from scenarios.results.summary import RunIdentity, RunSummary, to_json
 from scenarios.results.vehicles.vehicle_figures import VehicleSummary
-from transport.log.records import LogError
+from transport.log.records import UnwritableError
 from vehicles.schedule import SECOND, nanoseconds
 
 METADATA_NAME = "convoy"
@@ -24,16 +23,12 @@ SILENT_LINK_S = 1.0
 
 
 def write_summary(folder: Path, summary: RunSummary) -> None:
-    """Write `summary.json` whole or not at all; raises LogError."""
+    """Write `summary.json` whole or not at all; raises UnwritableError."""
     path = folder / SUMMARY_NAME
-    partial = path.with_name(path.name + ".part")
     try:
-        partial.write_text(to_json(summary), encoding="utf-8")
-        partial.replace(path)
+        write_whole(path, to_json(summary).encode())
     except OSError as error:
-        with suppress(OSError):
-            partial.unlink()
-        raise LogError(f"{path}: cannot write the summary: {error.strerror}") from error
+        raise UnwritableError(f"{path}: cannot write the summary: {error.strerror}") from error
 
 
 def summarise(

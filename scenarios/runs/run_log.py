@@ -150,7 +150,7 @@ class RunLog:
             from transport.log.repair import repair  # noqa: PLC0415 - rarely
 
             with suppress(LogError):
-                repair(self._folder / LOG_NAME)
+                repair(self._folder / LOG_NAME, make_room=True)
         return summary
 
     def _summary(self) -> RunSummary:

@@ -15,6 +15,7 @@ from scenarios.definition.check.drive_report import driven_m, speeds_mps
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.path_tables import PointsPath
 from scenarios.definition.traces.reading import DriveInPlane
+from scenarios.results.files import write_whole
 from scenarios.studies.picture_style import (
     BLUE,
     GREEN,
@@ -79,9 +80,7 @@ def draw_drive(drive: DriveInPlane, scenario: Scenario | None, path: Path) -> No
     Raises FileExistsError, or ScenarioError for another extension.
     """
     picture_format = picture_format_of(path)
-    content = encoded(drive_figure(drive, scenario), picture_format)
-    with path.open("xb") as target:
-        target.write(content)
+    write_whole(path, encoded(drive_figure(drive, scenario), picture_format), new=True)
 
 
 @mpl.rc_context(STYLE)

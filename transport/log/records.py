@@ -50,6 +50,10 @@ class LogError(ConvoyError):
     """A log that cannot be written or read, in one line."""
 
 
+class UnwritableError(LogError):
+    """A log or summary that cannot be written: a full disk, a removed file."""
+
+
 class DamageError(ValueError):
     """A record whose content does not have the structure of its type."""
 

@@ -4,6 +4,7 @@ Messages are neither decoded nor repacked. The missing end is written after the 
 record. If a record before that is damaged, a new file without it replaces the log.
 """
 
+import errno
 import os
 import struct
 from collections import Counter, defaultdict
@@ -35,11 +36,14 @@ from transport.log.records import (
     LogError,
     Record,
     Span,
+    UnwritableError,
     entries_in,
     lock,
     message_index_of,
 )
 
+FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+"""Errors of a full disk."""
 _MESSAGE_START = struct.Struct("<HIQ")  # channel, sequence, log time
 _ENTRY = struct.Struct("<QQ")  # log time, offset in the chunk
 
@@ -67,12 +71,12 @@ def repair_if_truncated(log: Path) -> bool:
     return False
 
 
-def repair(path: Path) -> bool:
+def repair(path: Path, *, make_room: bool = False) -> bool:
     """Complete a truncated log with every readable record; returns whether it was truncated.
 
-    The metadata `repaired` contains the number of kept messages. On a full disk the last messages
-    are removed to make room for the index. Raises LogError if the file is not an MCAP log, is being
-    written or cannot be changed.
+    The metadata `repaired` contains the number of kept messages. To `make_room` for the index on a
+    full disk, the last messages are removed. Raises LogError if the file is not an MCAP log, is
+    being written or cannot be changed; its complete records stay.
     """
     try:
         with path.open("r+b", buffering=0) as file:
@@ -82,12 +86,12 @@ def repair(path: Path) -> bool:
                 return False
             kept = _kept(log)
             if _is_beginning(kept):
-                _complete(file, kept)
+                _complete(file, kept, make_room=make_room)
             else:
                 _write_beside(path, log, kept)
             log.bytes.close()
     except OSError as error:
-        raise LogError(f"{path}: cannot repair the log: {error.strerror}") from error
+        raise UnwritableError(f"{path}: cannot repair the log: {error.strerror}") from error
     return True
 
 
@@ -179,7 +183,7 @@ def _write_all(file: RawIOBase, data: bytes) -> None:
         left = left[file.write(left) or 0 :]
 
 
-def _complete(file: RawIOBase, kept: list[_Kept]) -> None:
+def _complete(file: RawIOBase, kept: list[_Kept], *, make_room: bool) -> None:
     """Write the end after the last complete record of the truncated file."""
     while True:
         parts = [part for group in kept for part in group.parts]
@@ -190,10 +194,11 @@ def _complete(file: RawIOBase, kept: list[_Kept]) -> None:
             added = b"".join(part for part in parts if isinstance(part, bytes))
             _write_all(file, added + _end(kept))
             os.fsync(file.fileno())
-        except OSError:
-            if len(kept) <= 2:
+        except OSError as error:
+            if not make_room or error.errno not in FULL or len(kept) <= 2:
+                file.truncate(size)
                 raise
-            kept.pop()  # to make room
+            kept.pop()
         else:
             return
 

@@ -23,7 +23,7 @@ from transport.closing import Closing
 from transport.codec import PROTOBUF, encode
 from transport.convoy_pb2 import Deviation
 from transport.log.foxglove import Schema, StandardMessage, protobuf_schema, standard_messages
-from transport.log.records import THINNED_NAME, LogError, lock
+from transport.log.records import THINNED_NAME, LogError, UnwritableError, lock
 from transport.log.scene import Scene
 from transport.thinning import Thinning
 from transport.topics import TOPIC_OF, TOPICS, Topic, key
@@ -89,10 +89,15 @@ class LogWriter(Closing):
         except FileExistsError as error:
             raise LogError(f"{path}: exists; a log is never overwritten") from error
         except OSError as error:
-            raise LogError(f"{path}: cannot write the log: {error.strerror}") from error
+            raise UnwritableError(f"{path}: cannot write the log: {error.strerror}") from error
         self._writer = Writer(self._file)
-        self._writer.start(profile="", library=library or library_name())
-        self._file.flush()  # a log without messages is recognised, too
+        try:
+            with self._named_failure():
+                self._writer.start(profile="", library=library or library_name())
+                self._file.flush()  # a log without messages is recognised, too
+        except LogError:
+            path.unlink(missing_ok=True)
+            raise
         self._written = 0
         self._flushed, self._tail = 0, b""
         self._twins = standard_messages(scene)
@@ -272,4 +277,4 @@ class LogWriter(Closing):
         self.broken = True
         with contextlib.suppress(OSError):
             self._file.close()
-        raise LogError(f"{self._path}: cannot write the log: {error.strerror}") from error
+        raise UnwritableError(f"{self._path}: cannot write the log: {error.strerror}") from error

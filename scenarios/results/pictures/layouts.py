@@ -6,7 +6,7 @@ from pathlib import Path
 from subprocess import TimeoutExpired
 
 from scenarios.definition.scenario import Scenario
-from scenarios.results.files import LOG_NAME
+from scenarios.results.files import LOG_NAME, write_whole
 from scenarios.results.pictures.run_drawing import widest_spacing
 from scenarios.results.stream import sizes_of
 from transport.log.foxglove_layout import foxglove_layout
@@ -22,8 +22,9 @@ def write_foxglove_layout(folder: Path, scenario: Scenario) -> None:
 
     Nothing depends on it, so errors such as a full disk are ignored.
     """
-    with suppress(OSError), (folder / FOXGLOVE_NAME).open("x", encoding="utf-8") as file:
-        file.write(foxglove_layout(scenario.vehicle_names))
+    with suppress(OSError):
+        layout = foxglove_layout(scenario.vehicle_names)
+        write_whole(folder / FOXGLOVE_NAME, layout.encode(), new=True)
 
 
 @contextmanager

@@ -56,10 +56,12 @@ def _write(path: Path, run: OpenRun) -> int:
     descriptor = os.open(partial, os.O_CREAT | os.O_WRONLY | os.O_TRUNC, 0o600)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        os.write(descriptor, json.dumps(asdict(run)).encode())
+        with open(descriptor, "w", encoding="utf-8", closefd=False) as file:
+            json.dump(asdict(run), file)
         partial.replace(path)
     except OSError:
         os.close(descriptor)
+        partial.unlink(missing_ok=True)
         raise
     return descriptor
 

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from scenarios.definition.check.link_sample import SampledChannel
+from scenarios.results.files import write_whole
 from scenarios.studies.channel.comparison import QUANTILES, ComparedFigure, Comparison
 from scenarios.studies.picture_style import (
     BLUE,
@@ -33,9 +34,7 @@ def draw(found: Comparison, sample: SampledChannel, path: Path) -> None:
     PNG, SVG or PDF by its extension. Raises FileExistsError, or ScenarioError for another one.
     """
     picture_format = picture_format_of(path)
-    content = encoded(comparison_figure(found, sample), picture_format)
-    with path.open("xb") as target:
-        target.write(content)
+    write_whole(path, encoded(comparison_figure(found, sample), picture_format), new=True)
 
 
 @mpl.rc_context(STYLE)

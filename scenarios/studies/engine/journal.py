@@ -11,12 +11,14 @@ import json
 import os
 import re
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from io import FileIO
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 from zlib import crc32
 
 from scenarios.definition.errors import ScenarioError
+from scenarios.results.files import named_errors
 
 JOURNAL = "journal.jsonl"
 SCHEMA = "convoy.journal/2"
@@ -30,17 +32,16 @@ Entry = dict[str, Any]
 class RunJournal:
     """The open journal of a folder; `entries` are the outcomes by job."""
 
-    def __init__(self, path: Path, file: IO[bytes], identity: Mapping[str, Any]) -> None:
+    def __init__(self, path: Path, file: FileIO, identity: Mapping[str, Any]) -> None:
         self._path = path
         self._file = file
         self._identity_crc = crc32(json.dumps(identity, sort_keys=True).encode())
         self.entries: dict[str, Entry] = {}
 
     def add(self, key: str, entry: Entry) -> Entry:
-        """Append and flush the outcome of a job; return it as decoded from the file."""
+        """Append the outcome of a job; return it as decoded from the file."""
         line = _encoded({"run": key, "entry": entry}, self._identity_crc)
-        self._file.write(line)
-        self._file.flush()
+        self._write(line)
         self.entries[key] = json.loads(line)["entry"]
         return self.entries[key]
 
@@ -53,8 +54,11 @@ class RunJournal:
         return True
 
     def write_header(self, identity: Mapping[str, Any]) -> None:
-        self._file.write(_encoded({"schema": SCHEMA, "identity": identity}))
-        self._file.flush()
+        self._write(_encoded({"schema": SCHEMA, "identity": identity}))
+
+    def _write(self, line: bytes) -> None:
+        with named_errors(self._path):
+            _write_all(self._file, line)
 
     def remove(self) -> None:
         self._path.unlink(missing_ok=True)
@@ -72,20 +76,25 @@ def open_journal(
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / JOURNAL
     identity = json.loads(json.dumps(dict(identity)))  # as decoded from the file
-    with os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT, 0o666), "rb+") as file:
+    file = os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT, 0o666), "rb+", buffering=0)
+    try:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             why = f"in use by another command; {OTHER_FOLDER}"
             raise ScenarioError([f"{folder}: {why}"]) from error
         journal = RunJournal(path, file, identity)
-        _read(journal, file, path, identity, report)
+        with named_errors(path):
+            _read(journal, file, path, identity, report)
         yield journal
+    finally:
+        with suppress(OSError):  # the run of a lost line is repeated
+            file.close()
 
 
 def _read(
     journal: RunJournal,
-    file: IO[bytes],
+    file: FileIO,
     path: Path,
     identity: Mapping[str, Any],
     report: Callable[[str], None],
@@ -111,10 +120,16 @@ def _read(
     for number, at, length in damaged:
         report(f"{path}, line {number}: damaged; its run is repeated")
         file.seek(at)
-        file.write(b" " * length)
+        _write_all(file, b" " * length)
     file.seek(0, os.SEEK_END)
     if not has_identity:
         journal.write_header(identity)
+
+
+def _write_all(file: FileIO, data: bytes) -> None:
+    left = memoryview(data)
+    while left:
+        left = left[file.write(left) :]
 
 
 def _encoded(content: Mapping[str, Any], identity_crc: int = 0) -> bytes:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from scenarios.definition.errors import ScenarioError
+from scenarios.results.files import write_whole
 from scenarios.studies.picture_style import encoded, picture_format_of
 
 Row = dict[str, Any]
@@ -43,9 +44,7 @@ def write_file(path: Path, content: Any) -> None:
         data = _parquet(content) if path.suffix == ".parquet" else _csv(content)
     else:
         data = encoded(content, picture_format_of(path))
-    part = path.with_name(f".{path.name}.part")
-    part.write_bytes(data)
-    part.replace(path)
+    write_whole(path, data)
 
 
 def _csv(rows: Sequence[Row]) -> bytes:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from scenarios.definition.errors import ScenarioError
+from scenarios.results.files import write_whole
 from scenarios.studies.gains.results import (
     Amplification,
     AtLoading,
@@ -155,7 +156,7 @@ def gains_report(
 
             report = replace(report, pictures=draw_all(subject, report, out_dir, picture_format))
         text = json.dumps(as_json(report), indent=2, allow_nan=False)
-        (out_dir / REPORT).write_text(text + "\n", encoding="utf-8")
+        write_whole(out_dir / REPORT, f"{text}\n".encode())
     return report
 
 

@@ -85,9 +85,9 @@ def write_report(
     claims = judge(CLAIMS, findings)
     pictures = _draw(findings, out, picture_format)
     text = "\n".join(_markdown(findings, cases, claims, pictures)) + "\n"
-    (out / "report.md").write_text(text, encoding="utf-8")
     report = machine_readable(findings, cases, claims, pictures)
-    (out / "report.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+    whole = json.dumps(report, indent=2) + "\n"
+    write_files(out, {"report.md": text, "report.json": whole})
     return claims
 
 

@@ -1,0 +1,213 @@
+"""Every file call of every command fails once: nothing incomplete passes as done.
+
+By default a few calls of each command; `pytest --campaign` lets each call fail in each way.
+"""
+
+import json
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from tempfile import NamedTemporaryFile
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from scenarios.cli.main import cli
+from scenarios.definition.scenario import load_scenario
+from scenarios.runs.stop import Stop
+from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.studies.cuts import campaign as cutting
+from scenarios.studies.cuts.campaign import draw_cuts
+from scenarios.studies.cuts.cut import LinkCut, Variant
+from scenarios.studies.cuts.cut_figures import CutFigures, run_cut
+from scenarios.studies.engine.workers import open_workers
+from tests.made.failing_calls import FAULTS, Fault, failing_calls
+from tests.made.scenarios.recorded_drives import as_plane_csv, drive
+from transport.log.mcap_file import McapFile
+
+SHORT = "--set convoy.vehicles=2 --set duration_s=0.2"
+HERE = f"{SHORT} --workers 0"
+SWEEP = f"sweep lane_change --vary convoy.gap_m=3,10 --seeds 1 {HERE} --parquet --out out"
+SWEPT = "sweep.csv runs.csv sweep.json sweep.parquet runs.parquet"
+LOG = "inputs/run/run.mcap"
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command in a folder with `inputs`, and the files in `out` that it promises."""
+
+    line: str
+    files: str
+    repeated: bool = False
+    """Run after a run without faults, whose files must stay complete."""
+    slow: bool = False
+
+    @property
+    def promised(self) -> Sequence[str]:
+        return self.files.split()
+
+
+COMMANDS = {
+    "run": Command(f"run lane_change --clock virtual {SHORT} --out out", "run.mcap summary.json"),
+    "sweep": Command(f"{SWEEP} --picture-format svg", f"{SWEPT} sweep.svg seeds.svg", slow=True),
+    "sweep again": Command(f"{SWEEP} --no-pictures", SWEPT, repeated=True),
+    "scenario-from": Command(f"scenario-from {LOG} -o out/again.toml", "again.toml"),
+    "channel fit": Command(f"channel fit {LOG} -o out/links.toml", "links.toml"),
+    "channel show": Command("channel show bursty --messages 100 -o out/link.svg", "link.svg"),
+    "channel cuts": Command(
+        "channel cuts --cuts 2 --road slalom --out out", "cuts.json cuts.png", slow=True
+    ),
+    "check": Command("check inputs/drive.csv --out out/drive.png", "drive.png"),
+    "new": Command("new out/my.toml", "my.toml"),
+    "worst": Command(
+        "worst lane_change --burst 100ms --from 100ms --to 100ms --step 100ms --finest 100ms "
+        f"{HERE} -o out/worst.toml",
+        "worst.toml",
+    ),
+    "drill": Command(
+        "drill tunnel --workers 0 --duration 0.2 --out out --junit out/junit.xml",
+        "drills.json junit.xml",
+        slow=True,
+    ),
+    "bisect": Command(
+        "bisect lane_change convoy.gap_m --range 3:10 --precision 1.7 --seeds 2 "
+        f"--limit error_m=0.001 {HERE} --out out",
+        "bisect.json",
+        slow=True,
+    ),
+    "risk": Command(
+        f"risk lane_change --limit error_m=0.001 --runs 20 {HERE} --out out", "risk.json", slow=True
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("inputs")
+    run_virtual(
+        load_scenario("lossy_lane_change", ["duration_s=2", "convoy.vehicles=2"]),
+        folder / "run",
+        Stop(),
+    )
+    (folder / "drive.csv").write_bytes(as_plane_csv(drive()))
+    return folder
+
+
+@dataclass(frozen=True)
+class Ended:
+    """End of a command: its result, its calls, and the files in `out`."""
+
+    result: Result
+    made: list[tuple[str, str]]
+    files: dict[str, bytes]
+
+    @property
+    def printed(self) -> str:
+        return self.result.stdout + self.result.stderr
+
+
+Ending = Callable[[str, Command, int | None, Fault], Ended]
+
+
+@pytest.fixture
+def ended(inputs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Ending:
+    """Run a command in a new folder; the call with a number fails."""
+    monkeypatch.setattr(cutting, "run_cut", figures_of)
+    monkeypatch.setattr(cutting, "open_workers", lambda _: open_workers(0))
+
+    def run(name: str, command: Command, number: int | None, fault: Fault) -> Ended:
+        folder = tmp_path / f"{name}-{fault}-{number}"
+        (folder / "out").mkdir(parents=True)
+        (folder / "inputs").symlink_to(inputs)
+        monkeypatch.chdir(folder)
+        if command.repeated:
+            CliRunner().invoke(cli, command.line.split())
+        with failing_calls(folder, number, fault) as calls:
+            result = CliRunner().invoke(cli, command.line.split())
+        out = folder / "out"
+        files = {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()}
+        if number is not None:
+            shutil.rmtree(folder)
+        return Ended(result, calls.made, files)
+
+    return run
+
+
+@cache
+def first_figures(variant: Variant) -> tuple[CutFigures, ...]:
+    """Figures of one cut, which stand for those of all cuts with a variant."""
+    return run_cut(next(draw_cuts(1, variant, ["slalom"])))
+
+
+def figures_of(cut: LinkCut) -> tuple[CutFigures, ...]:
+    return tuple(replace(row, cut=cut) for row in first_figures(cut.variant))
+
+
+@pytest.mark.campaign(3, 10_000)
+@pytest.mark.parametrize("name", COMMANDS)
+def test_promised_files_are_on_the_disk_or_the_command_fails(
+    name: str, campaign: int, ended: Ending
+) -> None:
+    command = COMMANDS[name]
+    if command.slow and campaign < len(COMMANDS):
+        pytest.skip("simulates for minutes; use --campaign")
+    whole = ended(name, command, None, "ENOSPC")
+    assert whole.result.exit_code == 0, whole.printed
+    assert set(command.promised) <= whole.files.keys()
+    faults = [
+        (number, fault)
+        for number, (kind, _) in enumerate(whole.made)
+        for fault in FAULTS
+        if kind == "write" or fault in {"ENOSPC", "EIO"}
+    ]
+    wrong = [
+        f"{fault} at call {number}, {whole.made[number]}: {fact}"
+        for number, fault in evenly_spaced(faults, campaign)
+        for fact in faults_of(command, whole, ended(name, command, number, fault))
+    ]
+    assert wrong == []
+
+
+def evenly_spaced(faults: Sequence[Any], count: int) -> Sequence[Any]:
+    """At most `count` of the faults."""
+    total = len(faults)
+    places = (range(total // (2 * count), total, max(1, total // count)))[:count]
+    return [faults[place] for place in places]
+
+
+def faults_of(command: Command, whole: Ended, failed: Ended) -> Iterator[str]:
+    """Yield what is wrong with the end of a command of which one call failed."""
+    error, code = failed.result.exception, failed.result.exit_code
+    if error is not None and not isinstance(error, SystemExit):
+        yield repr(error)
+    lacking = [name for name in command.promised if failed.files.get(name) != whole.files[name]]
+    if code != (1 if lacking else 0) and not (code == 1 and not lacking):
+        yield f"exit code {code}, {lacking} are incomplete"
+    if code and not any("out" in line for line in failed.printed.splitlines() if ": " in line):
+        yield f"no file is named: {failed.printed}"
+    if command.repeated and lacking:
+        yield f"{lacking} were destroyed"
+    for name, data in failed.files.items():
+        yield from unreadable(name, data)
+        if name in lacking and name not in OF_FAILED_RUNS:
+            yield f"{name} is not whole"
+
+
+OF_FAILED_RUNS = {"run.mcap", "summary.json"}
+"""Files that a failed run leaves: other than those of a whole one, but readable."""
+
+
+def unreadable(name: str, data: bytes) -> Iterator[str]:
+    if name.endswith((".part", ".repaired")):
+        yield f"{name} is left"
+    elif name.endswith(".json"):
+        json.loads(data)
+    elif name == "run.mcap":
+        with NamedTemporaryFile() as file:
+            file.write(data)
+            file.flush()
+            if damage := McapFile(Path(file.name)).damage:
+                yield damage

@@ -1,0 +1,51 @@
+"""Every file call of a repair fails once: the messages that could be read before stay readable."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.made.failing_calls import FAULTS, Fault, failing_calls
+from tests.made.transport.logs import write
+from transport.log.mcap_file import McapFile
+from transport.log.reader import LogReader
+from transport.log.records import LogError
+from transport.log.repair import repair
+
+
+def interrupted(path: Path, *, damaged: bool) -> bytes:
+    """A log that ends within a chunk, and maybe has another chunk that cannot be read."""
+    write(path, 300)
+    chunks = McapFile(path).chunks
+    data = bytearray(path.read_bytes()[: chunks[-1][0].start + 100])
+    if damaged:
+        packed = chunks[1][1].packed
+        data[(packed.start + packed.end) // 2] ^= 1
+    path.write_bytes(data)
+    return bytes(data)
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("damaged", [False, True])
+def test_a_repair_that_fails_destroys_nothing(
+    fault: Fault, damaged: bool, tmp_path: Path
+) -> None:
+    log = tmp_path / "run.mcap"
+    data = interrupted(log, damaged=damaged)
+    before = list(LogReader(log).messages())
+    with failing_calls(tmp_path) as calls:
+        assert repair(log)
+    assert len(calls.made) > 3
+    whole = log.read_bytes()
+    for number in range(len(calls.made)):
+        log.write_bytes(data)
+        with failing_calls(tmp_path, number, fault):
+            try:
+                repair(log)
+                repaired = True
+            except LogError as error:
+                repaired = False
+                assert str(error).startswith(f"{log}: ")
+        assert [path.name for path in tmp_path.iterdir()] == [log.name]
+        assert list(LogReader(log).messages()) == before
+        if repaired:
+            assert log.read_bytes() == whole
