@@ -248,6 +248,14 @@ def json_option(help_text: str) -> Callable[[Command], Command]:
     return click.option("--json", "as_json", is_flag=True, help=help_text)
 
 
+def partial_option(command: Command) -> Command:
+    return click.option(
+        "--partial",
+        is_flag=True,
+        help="Use a damaged or incomplete log; the result states what is missing.",
+    )(command)
+
+
 def link_option(help_text: str, *, multiple: bool = False) -> Callable[[Command], Command]:
     return click.option(
         "--link",

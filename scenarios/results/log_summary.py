@@ -16,6 +16,8 @@ from transport.log.reader import LogReader
 from transport.log.records import REPAIRED, LogError
 from vehicles.messages import RunStart
 
+PARTIAL = "use the rest of it by --partial"
+"""Remedy for a refused log that is damaged or incomplete."""
 SHOWN_RUNS = 3
 """Number of runs, the last by name, that the error of a folder of runs lists."""
 

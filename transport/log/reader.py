@@ -128,13 +128,16 @@ class LogReader:
     @property
     def faults(self) -> str:
         """Damage, interruption and holes of the log in one line; empty if it is complete."""
+        return self.faults_in(TOPICS)
+
+    def faults_in(self, topics: Collection[str]) -> str:
+        """Damage and interruption of the log, and missing messages of these topics, in one line."""
         lines = [self.damage.removeprefix(f"{self.path}: ")]
         if self.truncated:
             lines.append("was not completed")
         elif REPAIRED in self.metadata():
             lines.append("was not completed, and repaired")
-        topics = dict.fromkeys(topic for _, topic in self.missing)
-        for topic in topics:
+        for topic in dict.fromkeys(topic for _, topic in self.missing if topic in topics):
             of_topic = [figures for (_, name), figures in self.missing.items() if name == topic]
             lacking, total = (sum(column) for column in zip(*of_topic, strict=True))
             lines.append(f"{lacking} of {total} {topic} messages are missing")
@@ -155,6 +158,11 @@ class LogReader:
                     f"{self.path}: contains {kept} of topic {topic}, by [log] of the scenario; all "
                     "of them are needed"
                 )
+
+    def refuse_faults(self, *topics: str, remedy: str = "a complete log is needed") -> None:
+        """Raise LogError if the log is damaged, incomplete, or lacks messages of these topics."""
+        if faults := self.faults_in(topics):
+            raise LogError(f"{faults}; {remedy}")
 
     def metadata(self) -> dict[str, dict[str, str]]:
         """Named text values of the log."""

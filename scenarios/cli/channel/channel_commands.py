@@ -11,6 +11,7 @@ from scenarios.cli.common_options import (
     json_option,
     link_option,
     output_option,
+    partial_option,
     print_or_write,
     setting_options,
 )
@@ -169,7 +170,8 @@ Examples:
 @link_option("Fit this link only.")
 @json_option("Print keys and estimates as JSON.")
 @output_option("Write the result to this new file instead of standard output.")
-def fit(log: Path, *, link: str | None, as_json: bool, output: Path | None) -> None:
+@partial_option
+def fit(log: Path, *, link: str | None, as_json: bool, output: Path | None, partial: bool) -> None:
     """Fit channel laws to a recorded run.
 
     LOG is a run.mcap or its folder. Prints a TOML block that reproduces the links in a scenario,
@@ -181,7 +183,7 @@ def fit(log: Path, *, link: str | None, as_json: bool, output: Path | None) -> N
     from scenarios.studies.channel.fitting.fit import as_toml, fit_log
 
     with clear_errors():
-        found = {(one.sender, one.receiver): one for one in fit_log(log_in(log))}
+        found = {(one.sender, one.receiver): one for one in fit_log(log_in(log), partial=partial)}
         chosen = tuple(found[pair] for pair in _selected_links(link, found, str(log)))
         warn_of_log(chosen[0].log_faults)
         print_or_write(_as_json(chosen) if as_json else as_toml(chosen), output)

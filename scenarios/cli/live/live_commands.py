@@ -12,6 +12,7 @@ from scenarios.cli.common_options import (
     json_option,
     open_run_options,
     output_option,
+    partial_option,
     print_or_write,
     time_option,
 )
@@ -262,7 +263,8 @@ Examples:
 )
 @click.argument("log", type=click.Path(path_type=Path))
 @output_option("Write the scenario to this new file instead of standard output.")
-def scenario_from(log: Path, *, output: Path | None) -> None:
+@partial_option
+def scenario_from(log: Path, *, output: Path | None, partial: bool) -> None:
     """Turn a recorded run into a scenario.
 
     LOG is a run.mcap or its folder. The scenario repeats the run, including all changes made by
@@ -273,7 +275,7 @@ def scenario_from(log: Path, *, output: Path | None) -> None:
 
     with clear_errors():
         faults: list[str] = []
-        text = session_of(log_in(log), faults.append).text
+        text = session_of(log_in(log), faults.append, partial=partial).text
         for line in faults:
             warn_of_log(line)
         print_or_write("".join([*(f"# {line}\n" for line in faults), text]), output)

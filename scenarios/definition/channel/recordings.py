@@ -33,6 +33,8 @@ MOST_LINES = 10_000_000
 
 UNKNOWN_FATES = "; messages of unknown fate count as delivered"
 
+PARTIAL = "set partial = true next to the file to use the rest"
+
 AnyLink = TypeVar("AnyLink", bound=LinkTable)
 FolderOf = Callable[[str], Path]
 """Returns the folder in which the file of a key is searched."""
@@ -193,7 +195,7 @@ def _links_of(path: Path) -> _RecordedVerdicts:
             verdict = cast("LinkVerdict", message)
             result.setdefault((verdict.sender, receiver), {})[verdict.pose_seq] = verdict
             numbers.setdefault(receiver, set()).add(verdict.seq)
-        faults = reader.faults.removeprefix(f"{path}: ")
+        faults = reader.faults_in(("verdict",)).removeprefix(f"{path}: ")
     except LogError as error:
         raise ValueError(str(error).removeprefix(f"{path}: ")) from error
     except OSError:
@@ -209,8 +211,11 @@ def _record(loss: EarlierRun, recorded: _RecordedVerdicts, pair: tuple[str, str]
     """Replace the file by the verdicts of a link; raises ValueError without verdicts.
 
     A message without a verdict did not arrive: it is lost, with the delay of the previous message.
-    If the log lacks its verdict, its fate is unknown and it counts as delivered.
+    If the log lacks its verdict, its fate is unknown and it counts as delivered, which only a
+    `partial` record allows.
     """
+    if recorded.faults and not loss.partial:
+        raise ValueError(f"{recorded.faults}; {PARTIAL}")
     link = loss.sender or pair[0], loss.receiver or pair[1]
     if link not in recorded.links:
         known = ", ".join(f"{sender} → {receiver}" for sender, receiver in sorted(recorded.links))

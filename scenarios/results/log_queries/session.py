@@ -8,11 +8,14 @@ from scenarios.definition.changing.link_changes import LINK_CHANGES, links_of
 from scenarios.definition.changing.live_change import change_from_json
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.definition.schema.change_tables import AnyChange
-from scenarios.results.log_summary import scenario_in
+from scenarios.results.log_summary import PARTIAL, scenario_in
 from transport.log.reader import LogReader
 from transport.log.records import LogError
 from vehicles.messages import Change, RunStart
 from vehicles.schedule import SECOND
+
+USED = ("start", "change")
+"""Topics that repeat a run."""
 
 
 @dataclass(slots=True)
@@ -23,19 +26,24 @@ class _LiveChange:
     by: list[str] = field(default_factory=list)
 
 
-def session_of(log: Path, warn: Callable[[str], None] = lambda _: None) -> Scenario:
+def session_of(
+    log: Path, warn: Callable[[str], None] = lambda _: None, *, partial: bool = False
+) -> Scenario:
     """The scenario in `log` with the changes made by hand; raises LogError.
 
-    Equal changes of several receivers at one instant are one change. `warn` gets a line about
-    damage and holes of the log, because changes may be missing.
+    Equal changes of several receivers at one instant are one change. A log from which changes may
+    be missing, because it is damaged or incomplete, is refused unless `partial`; `warn` gets a line
+    about it.
     """
     reader = LogReader(log)
-    if faults := reader.faults:
+    if not partial:
+        reader.refuse_faults(*USED, remedy=PARTIAL)
+    if faults := reader.faults_in(USED):
         warn(faults)
     scenario = scenario_in(reader)
     start_at: int | None = None
     done: dict[tuple[int, str], _LiveChange] = {}
-    for _, _, message in reader.messages(("start", "change")):
+    for _, _, message in reader.messages(USED):
         if isinstance(message, RunStart):
             start_at = message.start_at_ns
         elif isinstance(message, Change) and message.by_hand:

@@ -77,9 +77,13 @@ def _acts_at(message: GpsPose | TruePose) -> int:
 
 
 def read_recorded_vehicle(log: Path, vehicle: str) -> RecordedVehicle:
-    """Read the messages of `vehicle` in `log`; raises LogError if there are none."""
+    """Read the messages of `vehicle` in `log`.
+
+    Raises LogError if there are none, or if the log is damaged or lacks some.
+    """
     reader = LogReader(log)
     reader.require_all("truth")
+    reader.refuse_faults("gps", "truth")
     poses: list[GpsPose] = []
     truth: list[TruePose] = []
     started_at: int | None = None

@@ -10,11 +10,14 @@ from click.testing import CliRunner, Result
 
 from scenarios.cli.main import cli
 from scenarios.definition.check.findings import warnings
+from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
+from scenarios.runs.virtual.recorded_vehicle import read_recorded_vehicle
 from tests.made.scenarios.shipped import whole_run
 from transport.links.laws.loss.earlier_run import EarlierRun
 from transport.log.mcap_file import McapFile
 from transport.log.reader import LogReader
+from transport.log.records import LogError
 from transport.log.repair import repair
 from transport.log.writer import LogWriter
 from vehicles.messages import LinkVerdict
@@ -73,7 +76,7 @@ def test_faults_count_the_missing_messages_of_each_topic(whole: Path, damaged: P
 COMMANDS = {
     "report": ["--json"],
     "explain": ["--vehicle", "v3", "--at", "2", "--json"],
-    "channel fit": ["--json"],
+    "channel fit": ["--partial", "--json"],
 }
 
 
@@ -84,9 +87,9 @@ def test_commands_name_faults_in_a_line_and_in_their_json(
 ) -> None:
     log: Path = request.getfixturevalue(fault)
     done = run(*command.split(), log, *COMMANDS[command])
-    faults = LogReader(log).faults
-    assert faults
-    assert f"warning: {faults}" in done.stderr.splitlines()
+    (line,) = [line for line in done.stderr.splitlines() if line.startswith(f"warning: {log}: ")]
+    faults = line.removeprefix("warning: ")
+    assert "damaged" in faults or "not completed" in faults
     found = json.loads(done.stdout)
     for entry in found if isinstance(found, list) else [found]:
         assert entry["log_faults"] == faults
@@ -100,11 +103,32 @@ def test_a_complete_log_needs_no_warning(whole: Path) -> None:
 
 @pytest.mark.parametrize("command", ["scenario-from", "channel fit"])
 def test_files_made_of_a_damaged_log_name_its_damage(command: str, damaged: Path) -> None:
-    done = run(*command.split(), damaged)
-    faults = LogReader(damaged).faults
+    done = run(*command.split(), damaged, "--partial")
     assert done.exit_code == 0
-    assert f"warning: {faults}" in done.stderr.splitlines()
+    (warning,) = done.stderr.splitlines()
+    faults = warning.removeprefix("warning: ")
+    assert faults.startswith(f"{damaged}: damaged, ")
     assert done.stdout.startswith(f"# {faults}\n")
+
+
+@pytest.mark.parametrize("fault", ["damaged", "interrupted"])
+@pytest.mark.parametrize("command", ["scenario-from", "channel fit"])
+def test_a_part_of_a_log_makes_no_scenario_unless_requested(
+    command: str, fault: str, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    log: Path = request.getfixturevalue(fault)
+    done = run(*command.split(), log, "-o", tmp_path / "made.toml")
+    assert (done.exit_code, done.stdout) == (2, "")
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"error: {log}: ")
+    assert not (tmp_path / "made.toml").exists()
+
+
+@pytest.mark.parametrize("fault", ["damaged", "interrupted"])
+def test_a_part_of_a_log_replays_no_vehicle(fault: str, request: pytest.FixtureRequest) -> None:
+    log: Path = request.getfixturevalue(fault)
+    with pytest.raises(LogError, match=r"damaged|not completed"):
+        read_recorded_vehicle(log, "v1")
 
 
 def test_blame_refuses_a_damaged_log(damaged: Path, tmp_path: Path) -> None:
@@ -114,8 +138,9 @@ def test_blame_refuses_a_damaged_log(damaged: Path, tmp_path: Path) -> None:
 # ---- Logs as channels
 
 
-def as_channel(log: Path) -> Scenario:
-    return load_scenario("lane_change", [f'links.loss={{kind="log", file="{log}"}}'])
+def as_channel(log: Path, *, partial: bool = True) -> Scenario:
+    loss = f'{{kind="log", file="{log}", partial={str(partial).lower()}}}'
+    return load_scenario("lane_change", [f"links.loss={loss}"])
 
 
 def losses(scenario: Scenario) -> dict[tuple[str, str], int]:
@@ -132,6 +157,17 @@ def test_holes_of_a_damaged_log_are_no_losses(whole: Path, damaged: Path) -> Non
         remaining[pair] = remaining.get(pair, 0) + bool(message.reason)
     assert losses(as_channel(damaged)) == remaining
     assert sum(remaining.values()) < sum(losses(as_channel(whole)).values())
+
+
+@pytest.mark.parametrize("fault", ["damaged", "interrupted"])
+def test_a_part_of_a_log_is_no_channel_unless_requested(
+    fault: str, request: pytest.FixtureRequest
+) -> None:
+    log: Path = request.getfixturevalue(fault)
+    with pytest.raises(ScenarioError) as refused:
+        as_channel(log, partial=False)
+    (line,) = str(refused.value).splitlines()
+    assert f"links.loss.file: {log}: " in line
 
 
 def test_a_damaged_log_as_a_channel_is_named(whole: Path, damaged: Path) -> None:
@@ -156,7 +192,8 @@ def test_messages_that_never_arrived_stay_losses(whole: Path, tmp_path: Path) ->
                 one = replace(message, seq=seq, outcome="delivered", reason="")
                 writer.write(at, one)
         scenario = load_scenario(
-            "lane_change", ["convoy.vehicles=2", f'links.loss={{kind="log", file="{log}"}}']
+            "lane_change",
+            ["convoy.vehicles=2", f'links.loss={{kind="log", file="{log}", partial=true}}'],
         )
         found[shift] = losses(scenario)["v1", "v2"]
     assert found == {0: 0, 10: 10}

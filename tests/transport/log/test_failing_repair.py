@@ -24,6 +24,15 @@ def interrupted(path: Path, *, damaged: bool) -> bytes:
     return bytes(data)
 
 
+def failure_of(log: Path) -> str:
+    """Repair a log; return the reason for which it fails."""
+    try:
+        repair(log)
+    except LogError as error:
+        return str(error)
+    return ""
+
+
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("damaged", [False, True])
 def test_a_repair_that_fails_destroys_nothing(
@@ -39,13 +48,7 @@ def test_a_repair_that_fails_destroys_nothing(
     for number in range(len(calls.made)):
         log.write_bytes(data)
         with failing_calls(tmp_path, number, fault):
-            try:
-                repair(log)
-                repaired = True
-            except LogError as error:
-                repaired = False
-                assert str(error).startswith(f"{log}: ")
+            reason = failure_of(log)
         assert [path.name for path in tmp_path.iterdir()] == [log.name]
         assert list(LogReader(log).messages()) == before
-        if repaired:
-            assert log.read_bytes() == whole
+        assert reason.startswith(f"{log}: ") or log.read_bytes() == whole

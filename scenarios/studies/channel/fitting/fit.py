@@ -6,11 +6,15 @@ from typing import Any
 
 import tomli_w
 
+from scenarios.results.log_summary import PARTIAL
 from scenarios.studies.channel.fitting.estimate import Estimate
 from scenarios.studies.channel.fitting.fit_delay import fit_delay
 from scenarios.studies.channel.fitting.fit_loss import fit_losses
 from scenarios.studies.channel.fitting.recorded import RecordedLink, recorded_links
 from transport.log.reader import LogReader
+
+USED = ("gps", "verdict", "truth", "start")
+"""Topics that the fit reads."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,9 +53,15 @@ def fit_link(link: RecordedLink, log_faults: str = "") -> FittedLink:
     )
 
 
-def fit_log(log: Path) -> tuple[FittedLink, ...]:
-    """Fit the laws of each link of a log; raises LogError."""
-    links, faults = recorded_links(log), LogReader(log).faults
+def fit_log(log: Path, *, partial: bool = False) -> tuple[FittedLink, ...]:
+    """Fit the laws of each link of a log; raises LogError.
+
+    A damaged or incomplete log is refused unless `partial`: messages that it lacks are left out.
+    """
+    reader = LogReader(log)
+    if not partial:
+        reader.refuse_faults(*USED, remedy=PARTIAL)
+    links, faults = recorded_links(log), reader.faults_in(USED)
     return tuple(fit_link(link, faults) for link in links)
 
 

@@ -35,6 +35,8 @@ class EarlierRun(LinkLaw):
     file             log of the earlier run
     sender           sender of the recorded link, by default the sender of this link
     receiver         receiver of the recorded link, by default the receiver of this link
+    partial          use a log that is damaged, incomplete or lacks verdicts; messages of unknown
+                     fate count as delivered
     after_end        after the last recorded message "repeat" the record or "pass" all messages,
                      delayed by `latency_ms`
     delays_ns        delays in order, in place of a file, such as "20000000x700, 23000000"
@@ -54,6 +56,7 @@ class EarlierRun(LinkLaw):
     file: FileName | None = None
     sender: str | None = None
     receiver: str | None = None
+    partial: bool = False
     after_end: AfterEnd = "repeat"
     source: str = ""
     log_faults: str = ""
