@@ -35,9 +35,7 @@ def failure_of(log: Path) -> str:
 
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("damaged", [False, True])
-def test_a_repair_that_fails_destroys_nothing(
-    fault: Fault, damaged: bool, tmp_path: Path
-) -> None:
+def test_a_repair_that_fails_destroys_nothing(fault: Fault, damaged: bool, tmp_path: Path) -> None:
     log = tmp_path / "run.mcap"
     data = interrupted(log, damaged=damaged)
     before = list(LogReader(log).messages())
