@@ -81,7 +81,7 @@ class Recorder:
     def keys(self) -> list[str]:
         return list(self._topics)
 
-    def begin(self, at: int, start_at: int, run_id: str) -> bytes:
+    def begin(self, at: int, start_at: int, run_id: str, secret: str = "") -> bytes:
         """Log at instant `at` that the run starts at `start_at` (ns).
 
         Returns the announcement for the bus.
@@ -98,7 +98,7 @@ class Recorder:
             )
             for name, rate_hz in self._rates_hz.items()
         }
-        return self._put(RunStart, at, start_at_ns=start_at, run_id=run_id)
+        return self._put(RunStart, at, start_at_ns=start_at, run_id=run_id, secret=secret)
 
     def end(self, at: int, reason: str, secret: str = "") -> bytes:
         """Log that the run is over; returns the announcement for the bus."""

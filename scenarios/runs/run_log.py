@@ -89,9 +89,9 @@ class RunLog:
     def flush(self) -> None:
         self._writer.flush()
 
-    def start(self, at: int, start_at: int) -> bytes:
+    def start(self, at: int, start_at: int, secret: str = "") -> bytes:
         """Log the start (ns); returns the announcement for the bus."""
-        return self.recorder.begin(at, start_at, self._identity.run_id)
+        return self.recorder.begin(at, start_at, self._identity.run_id, secret)
 
     def end(self, at: int, reason: str, secret: str = "") -> bytes:
         """Log that the run is over; an empty `reason` means as planned.

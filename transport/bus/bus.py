@@ -76,7 +76,7 @@ class Bus(Protocol):
     def request(
         self, key: str, handler: Callable[[bytes], None], timeout_s: float, payload: bytes = b""
     ) -> None:
-        """Send a query for `key` without waiting; `handler` takes the answer, if one comes.
+        """Send a query for `key` without waiting; `handler` takes each answer that comes.
 
         It is called on a thread of the bus; must be quick and never raise.
         """

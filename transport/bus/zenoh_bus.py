@@ -46,6 +46,8 @@ _LOG_FILTER = "error,zenoh::api::session=off"
 """Zenoh's log filter, unless RUST_LOG is set. Sessions log errors for messages that arrive while
 they close."""
 _URGENT = zenoh.Priority.DATA_HIGH
+_EVERYBODY, _EACH_ANSWER = zenoh.QueryTarget.ALL, zenoh.ConsolidationMode.NONE
+"""A stranger's answer must not displace that of the member that was asked."""
 _SETTLE_S = 0.01
 """After the loss of the router all tokens disappear, and `connected()` is False within 3 ms
 (measured)."""
@@ -152,7 +154,13 @@ class ZenohBus(Closing):
 
         with _as_bus_error(f"cannot query {key}"):
             self._session.get(
-                key, receive, timeout=timeout_s, priority=_URGENT, payload=payload or None
+                key,
+                receive,
+                target=_EVERYBODY,
+                consolidation=_EACH_ANSWER,
+                timeout=timeout_s,
+                priority=_URGENT,
+                payload=payload or None,
             )
 
     def announce(self, role: str, name: str, fingerprint: str) -> None:

@@ -15,7 +15,7 @@ from transport.links.link import Link
 from transport.links.positions import PositionHistory
 from transport.links.staged_messages import StagedMessages
 from transport.message_numbers import MessageNumbers
-from transport.reasons import counts_as_late
+from transport.reasons import RefusalReason, counts_as_late
 from transport.topics import key
 from vehicles.messages import GpsPose, LinkVerdict
 from vehicles.received_pose import ReceivedPose
@@ -174,6 +174,10 @@ class Inbox:
             self._overflow += len(self._arrived) == self._arrived.maxlen
             # One byte beyond the limit suffices for the refusal.
             self._arrived.append((sender_key, data[: LONGEST_POSE_BYTES + 1]))
+
+    def count_refused(self, reason: RefusalReason, count: int) -> None:
+        """Count messages refused elsewhere in this process; on the thread that calls `take`."""
+        self._refused[reason] += count
 
     def count_overflow(self) -> None:
         """Count an overflow of the buffer of the bus."""

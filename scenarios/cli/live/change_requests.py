@@ -1,6 +1,6 @@
 """Requests to the vehicles of a run, and their answers."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -10,11 +10,18 @@ from typing import Any
 
 from scenarios.cli.common_options import zenoh_from
 from scenarios.definition.changing.live_change import ChangeRequest
-from scenarios.runs.control.live_control import Confirmation
+from scenarios.runs.control.live_control import REQUEST, Confirmation, answer_purpose
 from scenarios.runs.control.open_runs import OpenRun, open_runs
 from scenarios.runs.control.run_status import RunStatus
-from scenarios.runs.processes.membership import VEHICLE, checked_run_name, shown
-from transport.bus.bus import Bus, BusError
+from scenarios.runs.control.seal import KEY_VARIABLE, Seal, run_key
+from scenarios.runs.processes.membership import (
+    RECORDER,
+    VEHICLE,
+    checked_run_name,
+    has_run_key,
+    shown,
+)
+from transport.bus.bus import Bus, BusError, Member
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
 from transport.clock import SYSTEM_TIME, SystemTime
 from transport.texts import printable
@@ -89,9 +96,10 @@ def request_change(
     The request goes to the vehicle that the entry names, or to all vehicles. Each promises the
     change for one instant and makes it when that is confirmed; if one refuses, none makes it.
     """
-    vehicles = _concerned(bus, run, entry)
+    members = bus.members()
+    vehicles, seal = _concerned(members, run, entry), _seal_of(members, run)
     started, at_s = system.monotonic(), 0.0
-    answers = partial(_answers, bus, vehicles, started, system)
+    answers = partial(_answers, bus, vehicles, seal=seal, started=started, system=system)
     for margin_s in AHEAD_S:
         asked_at = system.monotonic()
         offers = [each.answer.from_s for each in answers(ChangeRequest()) if each.answer]
@@ -109,8 +117,23 @@ def request_change(
     ]
 
 
-def _concerned(bus: Bus, run: str, entry: Mapping[str, Any]) -> list[str]:
-    present = sorted({member.name for member in bus.members() if member.role == VEHICLE})
+def _seal_of(members: Iterable[Member], run: str) -> Seal:
+    """Seal of a run; raises BusError if its recorder is unknown or has another key."""
+    recorders = [member for member in members if member.role == RECORDER]
+    if len(recorders) != 1:
+        count = len(recorders) or "no"
+        sessions = ", ".join(shown(member.session) for member in recorders)
+        which = f"s: sessions {sessions}" if recorders else ""
+        raise BusError(f"run {run}: has {count} recorder{which}")
+    key = run_key() or next((entry.key for entry in open_runs() if entry.run == run), "")
+    if not has_run_key(recorders[0].fingerprint, key):
+        raise BusError(f"run {run}: was started with another key; set {KEY_VARIABLE} to it")
+    recorder = recorders[0].name
+    return Seal(lambda: recorder, key)
+
+
+def _concerned(members: Iterable[Member], run: str, entry: Mapping[str, Any]) -> list[str]:
+    present = sorted({member.name for member in members if member.role == VEHICLE})
     if not present:
         raise BusError(f"run {run}: has no vehicle")
     named = entry.get("vehicle")
@@ -123,7 +146,13 @@ def _concerned(bus: Bus, run: str, entry: Mapping[str, Any]) -> list[str]:
 
 
 def _answers(
-    bus: Bus, vehicles: Sequence[str], started: int, system: SystemTime, request: ChangeRequest
+    bus: Bus,
+    vehicles: Sequence[str],
+    request: ChangeRequest,
+    *,
+    seal: Seal,
+    started: int,
+    system: SystemTime,
 ) -> list[VehicleAnswer]:
     """Send a request to vehicles at once and wait for their answers."""
     received: dict[str, VehicleAnswer] = {}
@@ -132,17 +161,22 @@ def _answers(
     def elapsed_ms() -> float:
         return (system.monotonic() - started) / MILLISECOND
 
+    sealed = seal.sealed(REQUEST, request.text)
+
     def receive(vehicle: str, answer: bytes) -> None:
+        content = seal.opened(answer_purpose(sealed), answer)
+        if content is None:  # not from the vehicle
+            return
         confirmation = None
         with suppress(ValueError):
-            confirmation = Confirmation.of(answer)
+            confirmation = Confirmation.of(content)
         received[vehicle] = VehicleAnswer(vehicle, confirmation, elapsed_ms())
         if len(received) == len(vehicles):
             complete.set()
 
     for vehicle in vehicles:
         handler = partial(receive, vehicle)
-        bus.request(control_key(vehicle), handler, ANSWER_TIMEOUT_S, request.text)
+        bus.request(control_key(vehicle), handler, ANSWER_TIMEOUT_S, sealed)
     system.wait(complete, ANSWER_TIMEOUT_S)
     absent_ms = elapsed_ms()
     return [

@@ -14,8 +14,9 @@ from scenarios.results.files import LOG_NAME
 from scenarios.results.log_summary import summary_of
 from scenarios.results.metrics import Metrics
 from scenarios.results.summarise import write_summary
+from scenarios.runs.control.seal import recorder_name
 from scenarios.runs.machine import THIS_MACHINE, Machine
-from scenarios.runs.processes.membership import RECORDER, Fingerprint, Membership, recorder_name
+from scenarios.runs.processes.membership import RECORDER, Fingerprint, Membership
 from scenarios.runs.processes.recorder_process import RecorderProcess
 from scenarios.runs.run_folder import claimed, folder_of
 from scenarios.runs.stop import EXIT_FAILED, Stop, ignore_signals

@@ -10,6 +10,7 @@ from scenarios.definition.changing.live_change import ChangeRequest, describe_ch
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.change_tables import AnyChange
+from scenarios.runs.control.seal import TAG_DIGITS, Seal
 from scenarios.runs.node.pending_changes import DueChange, PendingChanges
 from transport.bus.bus import Bus
 from transport.topics import control_key
@@ -19,6 +20,13 @@ PERIODS_AHEAD = 2
 """Control periods from a request to its effect: that tick has not begun yet."""
 FARTHEST_NS = 10 * SECOND
 """A requested instant lies at most this far ahead."""
+REQUEST = "change request"
+"""Purpose for which requests are sealed."""
+
+
+def answer_purpose(request: bytes) -> str:
+    """Purpose for which the answer to a sealed request is sealed: this request's answer only."""
+    return f"answer to {request[:TAG_DIGITS].decode(errors='replace')}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,8 +81,16 @@ class LiveControl:
         self._promised: dict[int, AnyChange | None] = {}
         self._made: list[AnyChange] = []
 
-    def listen(self, bus: Bus) -> None:
-        bus.answer(control_key(self._vehicle), lambda question: self.answer(question).text)
+    def listen(self, bus: Bus, seal: Seal) -> None:
+        """Answer sealed requests."""
+
+        def answer(request: bytes) -> bytes:
+            content = seal.opened(REQUEST, request)
+            if content is None:
+                return b""
+            return seal.sealed(answer_purpose(request), self.answer(content).text)
+
+        bus.answer(control_key(self._vehicle), answer)
 
     def begin(self, start_at: int, pending_changes: PendingChanges) -> None:
         """Accept changes for the run that starts at `start_at` (ns)."""

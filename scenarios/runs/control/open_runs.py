@@ -18,11 +18,12 @@ SUFFIX = ".json"
 
 @dataclass(frozen=True, slots=True)
 class OpenRun:
-    """A running run: name, endpoint of its router, folder that it writes into."""
+    """A running run: name, endpoint of its router, folder that it writes into, and its key."""
 
     run: str
     endpoint: str
     folder: str
+    key: str = ""
 
 
 def runtime_folder() -> Path:

@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
+from scenarios.runs.control.seal import Seal
 from transport.bus.bus import Bus
 from transport.clock import WallClock
 from transport.topics import RUN_SENDER, clock_key
@@ -69,20 +70,31 @@ def _integer(data: bytes) -> int | None:
 
 
 class ClockServer:
-    """Answers queries for the recorder's clock, and keeps the offsets that vehicles report."""
+    """Answers queries for the recorder's clock, and keeps the offsets that vehicles report.
 
-    def __init__(self, bus: Bus, now: Callable[[], int], vehicles: Collection[str]) -> None:
+    A query is a text by which its sender recognises the answer, and perhaps a report in a second
+    line. The answer is that text and the instant (ns). Both are sealed.
+    """
+
+    def __init__(
+        self, bus: Bus, now: Callable[[], int], vehicles: Collection[str], seal: Seal
+    ) -> None:
         self.offsets: dict[str, ClockOffset] = {}
         """Latest report of each vehicle."""
         self._now = now
         self._vehicles = frozenset(vehicles)
+        self._seal = seal
         bus.answer(clock_key(RUN_SENDER), self._answer)
 
     def _answer(self, payload: bytes) -> bytes:
-        at = self._now()
-        if payload and (report := ClockOffset.unpack(payload, self._vehicles)):
+        """Answer a query; nothing for one that is forged."""
+        at, query = self._now(), self._seal.opened("clock query", payload)
+        if query is None:
+            return b""
+        mark, _, report_text = query.partition(b"\n")
+        if report_text and (report := ClockOffset.unpack(report_text, self._vehicles)):
             self.offsets[report.vehicle] = report
-        return str(at).encode()
+        return self._seal.sealed("clock answer", mark + b" " + str(at).encode())
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,18 +113,26 @@ class ClockSync:
     """
 
     def __init__(
-        self, bus: Bus, vehicle: str, clock: WallClock, *, sufficient_ns: int, running: bool = False
+        self,
+        bus: Bus,
+        vehicle: str,
+        clock: WallClock,
+        seal: Seal,
+        *,
+        sufficient_ns: int,
+        running: bool = False,
     ) -> None:
         """Before the run, measurements follow each other until `sufficient_ns` is reached.
 
         `running`: the clock was set by an earlier process.
         """
         self._bus = bus
+        self._seal = seal
         self._vehicle = vehicle
         self._clock = clock
         self._sufficient_ns = sufficient_ns
         self.running = running
-        self._answers: deque[tuple[int, int, bytes]] = deque()
+        self._answers: deque[tuple[int, int, int]] = deque()
         self._rounds: list[_Round] = []
         self._retry_ns = RETRY_NS
         self._due_at = clock.monotonic()
@@ -139,20 +159,31 @@ class ClockSync:
         if now >= self._due_at:
             self._due_at = now + self._retry_ns
             self._retry_ns = min(2 * self._retry_ns, LONGEST_RETRY_NS)
-            self._query(lambda data: self._answers.append((now, self._clock.monotonic(), data)))
+            self._query(now)
 
-    def _query(self, receive: Callable[[bytes], None], payload: bytes = b"") -> None:
+    def _query(self, now: int, report: bytes = b"") -> None:
+        mark = f"{self._vehicle} {now}".encode()
+
+        def receive(answer: bytes) -> None:
+            came_at, content = self._clock.monotonic(), self._seal.opened("clock answer", answer)
+            if content is None or report:
+                return
+            if not content.startswith(mark + b" "):  # of an earlier query
+                self._seal.count_forged("clock answer")
+            elif (theirs := _integer(content[len(mark) + 1 :])) is not None and theirs >= 0:
+                self._answers.append((now, came_at, theirs))
+
+        payload = self._seal.sealed("clock query", mark + (b"\n" + report if report else b""))
         self._bus.request(clock_key(RUN_SENDER), receive, PATIENCE_NS / SECOND, payload)
 
-    def _take(self, asked_at: int, came_at: int, answer: bytes) -> None:
+    def _take(self, asked_at: int, came_at: int, theirs: int) -> None:
+        """Take the recorder's time `theirs` (ns) as one round trip."""
         if self._measured_at is not None and asked_at <= self._measured_at:
             return  # of a measurement that is over
         self._retry_ns, self._due_at = RETRY_NS, came_at
-        theirs = _integer(answer)
-        if theirs is not None and theirs >= 0:
-            trip = came_at - asked_at
-            error = self._clock.at(asked_at + trip // 2) - theirs
-            self._rounds.append(_Round(error, trip - trip // 2))
+        trip = came_at - asked_at
+        error = self._clock.at(asked_at + trip // 2) - theirs
+        self._rounds.append(_Round(error, trip - trip // 2))
 
     def _finish(self, now: int) -> None:
         """Correct the clock by the fastest round, and report it."""
@@ -174,7 +205,7 @@ class ClockSync:
         elif self.uncertainty <= self._sufficient_ns:
             self._due_at = now + WAITING_PERIOD_NS
         report = ClockOffset(self._vehicle, self.offset, self.uncertainty)
-        self._query(lambda _: None, report.pack())
+        self._query(now, report.pack())
 
     def _correct(self, error: int, elapsed: int) -> None:
         if not self.running:

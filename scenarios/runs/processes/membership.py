@@ -4,10 +4,10 @@ import re
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import astuple, dataclass, fields
-from hashlib import sha256
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.versions import controller_digests, current_stamp
+from scenarios.runs.control.seal import KEY_VARIABLE, Seal, key_digest, run_key
 from transport.bus.bus import Bus, BusError, Member
 from transport.texts import printable
 from vehicles.schedule import SECOND
@@ -37,11 +37,6 @@ def checked_run_name(name: str) -> str:
     return name
 
 
-def recorder_name(secret: str) -> str:
-    """Name of the recorder that ends its run with `secret`."""
-    return sha256(secret.encode()).hexdigest()
-
-
 def shown(text: str) -> str:
     """Shorten and escape text that another process announced."""
     text = printable(text)
@@ -53,8 +48,9 @@ class Fingerprint:
     """Identity of a run and of the program, announced by each process.
 
     `digest` is that of the scenario's content except its name and its seed, `sources` that of the
-    program, `controllers` those of the modules of user-defined controllers, as "module:digest+...".
-    All but the versions of Python and NumPy must be equal in all processes.
+    program, `controllers` those of the modules of user-defined controllers, as "module:digest+...",
+    `key` that of the run's key. All but the versions of Python and NumPy must be equal in all
+    processes.
     """
 
     scenario: str
@@ -65,6 +61,7 @@ class Fingerprint:
     controllers: str
     python: str
     numpy: str
+    key: str
 
     @classmethod
     def of(cls, scenario: Scenario) -> "Fingerprint":
@@ -79,6 +76,7 @@ class Fingerprint:
             controllers="+".join(f"{module}:{digest}" for module, digest in digests.items()),
             python=stamp.python,
             numpy=stamp.numpy,
+            key=key_digest(run_key()),
         )
 
     @property
@@ -87,7 +85,7 @@ class Fingerprint:
 
     def difference(self, chunk: str) -> str:
         """Describe what excludes another fingerprint from the run; empty if nothing does."""
-        other = self._read(chunk)
+        other = self.read(chunk)
         if other is None:
             return f"has another version of the program, here it is {self.version}"
         rows = (
@@ -96,6 +94,7 @@ class Fingerprint:
             ("has seed {}, here it is {}", other.seed, self.seed),
             ("runs other sources: {}, here {}", other.sources, self.sources),
             ("runs other controllers: {}, here {}", other.controllers, self.controllers),
+            (f"has {KEY_VARIABLE} {{}}, here it is {{}}", other.key, self.key),
         )
         differences = [text.format(shown(a), shown(b)) for text, a, b in rows if a != b]
         if not differences and other.digest != self.digest:
@@ -104,7 +103,7 @@ class Fingerprint:
 
     def other_versions(self, chunk: str) -> str:
         """Describe other versions of Python or NumPy, with which results may differ slightly."""
-        other = self._read(chunk)
+        other = self.read(chunk)
         if other is None:
             return ""
         rows = (
@@ -114,9 +113,16 @@ class Fingerprint:
         return ", ".join(f"{name} {shown(a)}, here {b}" for name, a, b in rows if a != b)
 
     @classmethod
-    def _read(cls, chunk: str) -> "Fingerprint | None":
+    def read(cls, chunk: str) -> "Fingerprint | None":
+        """Parse a fingerprint; None for that of another version of the program."""
         parts, names = chunk.split(SEPARATOR), [entry.name for entry in fields(cls)]
         return cls(**dict(zip(names, parts, strict=True))) if len(parts) == len(names) else None
+
+
+def has_run_key(chunk: str, key: str) -> bool:
+    """Whether a process with this fingerprint has the run's key `key`."""
+    own = Fingerprint.read(chunk)
+    return own is not None and own.key == key_digest(key)
 
 
 class Membership:
@@ -144,6 +150,7 @@ class Membership:
         """Name of the run's recorder: the one that was present first, until the run has started
         also its successor."""
         self._has_started = bool(recorder)
+        self.seal = Seal(lambda: self.recorder)
         self.run = run
         self.name = name
         self._bus = bus

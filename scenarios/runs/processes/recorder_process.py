@@ -8,6 +8,7 @@ from scenarios.definition.scenario import Scenario
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunSummary
 from scenarios.runs.control.run_status import StatusBoard
+from scenarios.runs.control.seal import Seal, recorder_name, start_secret
 from scenarios.runs.node.sink import BATCH_NS
 from scenarios.runs.observer import Observer, ThrottledObservers
 from scenarios.runs.processes.arrivals import Arrival, Arrivals, SendingOrder
@@ -71,7 +72,7 @@ class RecorderProcess:
         observers: Sequence[Observer] = (),
         system: SystemTime = SYSTEM_TIME,
     ) -> None:
-        """Prepare to record; `secret` is the one by which vehicles recognise the end of the run."""
+        """Prepare to record; by `secret` vehicles recognise the recorder, see `control.seal`."""
         self._time = system
         self._clock = WallClock(system=system)
         self._bus = bus
@@ -81,7 +82,8 @@ class RecorderProcess:
         self._present: set[str] = set()
         self._settled_at = 0
         self._clock_uncertainty_ns_max = scenario.clock_uncertainty_ns_max
-        self._clock_server = ClockServer(bus, self._clock.now, scenario.vehicle_names)
+        self._seal = Seal(lambda: recorder_name(secret))
+        self._clock_server = ClockServer(bus, self._clock.now, scenario.vehicle_names, self._seal)
         self._clock_offsets: dict[str, ClockOffset] = {}
         self._conductor = Conductor(
             scenario.vehicle_names,
@@ -247,6 +249,7 @@ class RecorderProcess:
         The rest is left for the next call, so that a flood does not keep the run from advancing.
         """
         self._run.recorder.rejected.update(self._arrivals.error_lines())
+        self._note_forged()
         is_over = self._conductor.phase is Phase.OVER
         most = max(1, len(self._arrivals)) if is_over else MOST_AT_ONCE
         for arrival in self._arrivals.take(most, POLL_S):
@@ -255,6 +258,12 @@ class RecorderProcess:
         sent_until = None if is_over else self._clock.now() - HELD_NS
         for at, key_expression, data in self._in_order.until(sent_until):
             self._run.recorder.accept(key_expression, data, at)
+
+    def _note_forged(self) -> None:
+        count, lines = self._seal.take_forged()
+        self._run.recorder.rejected.update({"forged": count} if count else {})
+        for line in lines:
+            self._run.recorder.log(self._clock.now(), line, "warning")
 
     def _put_in_order(self, arrival: Arrival) -> None:
         try:
@@ -277,7 +286,8 @@ class RecorderProcess:
             self._warn_if_behind(now, now - recorded_until)
             self._log_clocks(now)
             if not self._own:
-                self._own_message("start", self._run.start(now, self._conductor.start_at))
+                start = self._run.start(now, self._conductor.start_at, start_secret(self._secret))
+                self._own_message("start", start)
             if self._announcing.is_due(now):
                 self._bus.publish(*self._own[0], urgent=True)
             if self._reporting.is_due(now):

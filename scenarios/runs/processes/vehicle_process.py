@@ -18,7 +18,6 @@ from scenarios.runs.processes.membership import (
     Fingerprint,
     Membership,
     RecorderWatch,
-    recorder_name,
 )
 from scenarios.runs.processes.restart import ProcessHandover, RestartRequestedError
 from scenarios.runs.processes.router_watch import RouterWatch
@@ -130,7 +129,8 @@ class RunAnnouncements:
     """Start and end of the run as the recorder announced them.
 
     Bytes of other messages may decode as a start: they are recognised by the vehicle that they
-    name. An end counts only with the secret of the recorder. Without a start it cancels the run.
+    name. Start and end count only with the secrets of the recorder. An end without a start cancels
+    the run.
     """
 
     def __init__(self, bus: Bus, membership: Membership, now: Callable[[], int]) -> None:
@@ -148,13 +148,19 @@ class RunAnnouncements:
             message = decode(TOPICS[key_expression.rsplit("/", 1)[-1]], data, exact=True)
         except RefusedMessageError:
             return
+        seal = self._membership.seal
         if message.vehicle != RUN_SENDER:
             return
         if isinstance(message, RunStart):
-            self.start = self.start or message
+            if not seal.starts(message.secret):
+                return
+            if self.start not in (None, message):
+                seal.count_forged("start")
+                return
+            self.start = message
             self._membership.keep_recorder()
         elif isinstance(message, RunEnd):
-            if recorder_name(message.secret) != self._membership.recorder:
+            if not seal.ends(message.secret):
                 return
             self.end = self.end or message
         self.last_received_at = self._now()
@@ -189,6 +195,7 @@ class VehicleProcess:
             bus,
             builder.name,
             self._clock,
+            membership.seal,
             sufficient_ns=builder.scenario.clock_uncertainty_ns_max,
             running=before is not None,
         )
@@ -201,7 +208,7 @@ class VehicleProcess:
         self._fetches: list[Fetch] = []
         self.exit_code = 0
         self._control = LiveControl(builder.scenario, builder.name, self._clock.now)
-        self._control.listen(bus)
+        self._control.listen(bus, membership.seal)
         membership.join(sleep=machine.time.sleep)
 
     @property
@@ -329,6 +336,7 @@ class VehicleProcess:
                 if self.is_cancelled:
                     break
                 self._fetch(node.inbox)
+                self._note_forged(node, tick.at)
                 step(tick)
                 self._clock_sync.advance()
                 if tick.at >= back_at:
@@ -349,6 +357,13 @@ class VehicleProcess:
         for fetch in self._fetches:
             if fetch():
                 inbox.count_overflow()
+
+    def _note_forged(self, node: Node | ReplayedNode, now: int) -> None:
+        count, lines = self._membership.seal.take_forged()
+        if count:
+            node.inbox.count_refused("forged", count)
+        for line in lines:
+            node.outbox.log(now, line, "alert")
 
     def _restart_if_down(self, node: Node | ReplayedNode, now: int, probe: ProcessProbe) -> None:
         handover = node.handover(now)

@@ -16,6 +16,7 @@ from scenarios.cli.running.display import observers
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunSummary, from_json, to_json
+from scenarios.runs.control.seal import Seal, recorder_name, start_secret
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.replayed_node import ReplayedNode
 from scenarios.runs.node.sink import BusSink
@@ -116,9 +117,11 @@ def drive(
             *watchers,
         ),
     )
-    member = Membership(bus, "x", VEHICLE, "v1", Fingerprint.of(scenario))
+    fingerprint, recorder = Fingerprint.of(scenario), recorder_name("ours")
+    member = Membership(bus, "x", VEHICLE, "v1", fingerprint, recorder=recorder)
     announced = RunAnnouncements(bus, member, clock.now)
-    bus.publish(key(RUN_SENDER, TOPICS["start"]), run.start(clock.now(), clock.now()))
+    start = run.start(clock.now(), clock.now(), start_secret("ours"))
+    bus.publish(key(RUN_SENDER, TOPICS["start"]), start)
     own.clear()
     before = run.recorder.recorded
     honest: Counter[str] = Counter()
@@ -249,7 +252,8 @@ ODD_ANSWERS = (
 def test_a_clock_that_answers_nonsense_measures_nothing(answer: bytes) -> None:
     bus = MemoryBus()
     bus.answer(clock_key(RUN_SENDER), lambda _: answer)
-    sync = ClockSync(bus, "v1", WallClock(), sufficient_ns=SECOND)
+    seal = Seal(lambda: "recorder")
+    sync = ClockSync(bus, "v1", WallClock(), seal, sufficient_ns=SECOND)
     for _ in range(20):
         sync.advance()
     assert not sync.is_measured

@@ -11,9 +11,16 @@ from scenarios.cli.live import change_requests
 from scenarios.definition.changing.live_change import ChangeRequest, change_from_json, change_json
 from scenarios.definition.scenario import load_scenario
 from scenarios.definition.schema.change_tables import CutTable
-from scenarios.runs.control.live_control import Confirmation, LiveControl, first_instant
+from scenarios.runs.control.live_control import (
+    REQUEST,
+    Confirmation,
+    LiveControl,
+    answer_purpose,
+    first_instant,
+)
+from scenarios.runs.control.seal import Seal
 from scenarios.runs.node.pending_changes import PendingChanges
-from scenarios.runs.processes.membership import VEHICLE
+from scenarios.runs.processes.membership import RECORDER, VEHICLE, Fingerprint
 from transport.bus.memory_bus import MemoryBus, MemoryNetwork
 from transport.clock import SystemTime
 from transport.topics import control_key
@@ -22,6 +29,7 @@ from vehicles.schedule import SECOND, nanoseconds
 START = 1_790_000_000_123_456_789
 PERIOD = SECOND // 50
 DURATION_S = 5.0
+SEAL = Seal(lambda: "recorder")
 
 
 class Vehicle:
@@ -100,6 +108,7 @@ def test_all_vehicles_make_the_same_changes_in_the_same_order(
     """Commands within one tick, and vehicles that answer slowly."""
     network, clock = MemoryNetwork(), [START]
     system = SystemTime(monotonic=lambda: clock[0])
+    scenario = load_scenario("lane_change", ["duration_s=35"])
     pending = []
     for k, takes in enumerate(takes_s, start=2):
 
@@ -107,12 +116,13 @@ def test_all_vehicles_make_the_same_changes_in_the_same_order(
             clock[0] += nanoseconds(takes)
             return clock[0]
 
-        control = LiveControl(load_scenario("lane_change", ["duration_s=35"]), f"v{k}", read)
+        control = LiveControl(scenario, f"v{k}", read)
         pending.append(PendingChanges())
         control.begin(START, pending[-1])
         bus = MemoryBus(network)
         bus.announce(VEHICLE, f"v{k}", "run")
-        control.listen(bus)
+        control.listen(bus, SEAL)
+    MemoryBus(network).announce(RECORDER, "recorder", Fingerprint.of(scenario).chunk)
     kinds = ["cut", "heal", "cut"]
     for kind in kinds:
         answers = change_requests.request_change(MemoryBus(network), "run", {"kind": kind}, system)
@@ -199,10 +209,41 @@ def test_before_and_after_the_run_nothing_is_changed(after_s: float, line: str) 
 def test_it_answers_over_the_bus() -> None:
     network = MemoryNetwork()
     vehicle = Vehicle("v3", START).begun()
-    vehicle.control.listen(MemoryBus(network))
-    answer = MemoryBus(network).query(control_key("v3"), 1.0, ChangeRequest({"kind": "heal"}).text)
+    vehicle.control.listen(MemoryBus(network), SEAL)
+    request = SEAL.sealed(REQUEST, ChangeRequest({"kind": "heal"}).text)
+    answer = SEAL.opened(answer_purpose(request), asked(network, request))
     assert answer is not None
     assert Confirmation.of(answer).does == "as in the scenario"
+
+
+def asked(network: MemoryNetwork, request: bytes) -> bytes:
+    return MemoryBus(network).query(control_key("v3"), 1.0, request) or b""
+
+
+def test_a_forged_request_is_counted_and_changes_nothing() -> None:
+    """Without a seal, with the key of another run, and with that of an earlier run."""
+    network, now = MemoryNetwork(), START + SECOND
+    vehicle, seal = Vehicle("v3", now).begun(), Seal(lambda: "recorder", "key")
+    vehicle.control.listen(MemoryBus(network), seal)
+    text = ChangeRequest({"kind": "cut"}, 2.0).text
+    for forger in (Seal(lambda: "recorder"), Seal(lambda: "earlier", "key")):
+        assert asked(network, forger.sealed(REQUEST, text)) == b""
+    assert asked(network, text) == b""
+    assert seal.take_forged()[0] == 3
+    assert vehicle.confirm(2.0).refused  # nothing was promised
+
+
+def test_a_replayed_request_changes_nothing_again() -> None:
+    network = MemoryNetwork()
+    vehicle = Vehicle("v3", START + SECOND).begun()
+    vehicle.control.listen(MemoryBus(network), SEAL)
+    requests = [
+        SEAL.sealed(REQUEST, ChangeRequest({"kind": "cut"}, 2.0).text),
+        SEAL.sealed(REQUEST, ChangeRequest({}, 2.0, confirms=True).text),
+    ]
+    for request in (*requests, *requests):
+        asked(network, request)
+    assert len(vehicle.pending_changes.pending) == 1
 
 
 @pytest.mark.parametrize("answer", [b"", b"{}", b"[]", b'{"vehicle": 1}', b"[" * 9000, b"\xff"])

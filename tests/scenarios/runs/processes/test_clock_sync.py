@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import pytest
 
+from scenarios.runs.control.seal import Seal
 from scenarios.runs.processes.clock_sync import (
     PERIOD_NS,
     ClockOffset,
@@ -36,9 +37,10 @@ class World(MemoryBus):
 
     def __post_init__(self) -> None:
         super().__init__()
-        self.server = ClockServer(self, lambda: self.now, ["v2"])
+        self.seal = Seal(lambda: "recorder", "key")
+        self.server = ClockServer(self, lambda: self.now, ["v2"], self.seal)
         self.clock = WallClock(system=SystemTime(self.monotonic, lambda: self.now + self.offset))
-        self.sync = ClockSync(self, "v2", self.clock, sufficient_ns=10 * MS)
+        self.sync = ClockSync(self, "v2", self.clock, self.seal, sufficient_ns=10 * MS)
 
     def monotonic(self) -> int:
         return BOOT + self.now + round(self.now * self.drift)
@@ -55,6 +57,11 @@ class World(MemoryBus):
             self.in_flight.append((self.now + self.back_ns, lambda: handler(answer)))
 
         self.in_flight.append((self.now + self.there_ns + extra, arrive))
+
+    def reports(self, query: bytes) -> bytes | None:
+        """Content of the server's answer to a query."""
+        answer = self.query("convoy/@clock/run", 1.0, self.seal.sealed("clock query", query))
+        return self.seal.opened("clock answer", answer or b"")
 
     def run(self, seconds: float) -> list[int]:
         """Let time pass; errors (ns) of the clock every 10 ms."""
@@ -180,10 +187,19 @@ def test_the_clock_is_measured_every_ten_seconds_during_the_run() -> None:
 )
 def test_malformed_reports_are_ignored(payload: bytes) -> None:
     world = World()
-    assert world.query("convoy/@clock/run", 1.0, payload) == b"0"
+    assert world.reports(b"mark\n" + payload) == b"mark 0"
     assert world.server.offsets == {}
-    assert world.query("convoy/@clock/run", 1.0, ClockOffset("v2", -7, 5).pack()) == b"0"
+    assert world.reports(b"mark\n" + ClockOffset("v2", -7, 5).pack()) == b"mark 0"
     assert world.server.offsets == {"v2": ClockOffset("v2", -7, 5)}
+
+
+def test_a_forged_report_is_counted_and_gets_no_answer() -> None:
+    world, report = World(), ClockOffset("v2", -7, 5).pack()
+    of_earlier_run = Seal(lambda: "earlier", "key").sealed("clock query", b"mark\n" + report)
+    for forged in (report, b"", of_earlier_run):
+        assert world.query("convoy/@clock/run", 1.0, forged) == b""
+    assert world.server.offsets == {}
+    assert world.seal.take_forged()[0] == 3
 
 
 @pytest.mark.parametrize("answer", [b"noon", b"", b"-5", b"1e9", b"9" * 400, "٣".encode()])
@@ -192,6 +208,24 @@ def test_an_answer_that_is_no_time_measures_nothing(answer: bytes) -> None:
     world.answer("convoy/@clock/run", lambda _: answer)
     world.run(3.0)
     assert not world.sync.is_measured
+    assert world.seal.take_forged()[0] > 0
+
+
+def test_a_replayed_answer_is_counted_and_measures_nothing() -> None:
+    """An answer to another query, and one to an earlier run with the same key."""
+    world = World()
+    earlier = Seal(lambda: "earlier", "key")
+    for answer in (world.seal.sealed("clock answer", b"v2 1 5"), b"of an earlier run"):
+
+        def reply(query: bytes, answer: bytes = answer) -> bytes:
+            mark = (world.seal.opened("clock query", query) or b"").partition(b"\n")[0]
+            forged = earlier.sealed("clock answer", mark + b" 5")
+            return answer if answer.endswith(b"5") else forged
+
+        world.answer("convoy/@clock/run", reply)
+        world.run(3.0)
+        assert not world.sync.is_measured
+        assert world.seal.take_forged()[0] > 0
 
 
 def test_an_offset_names_vehicle_direction_and_uncertainty() -> None:

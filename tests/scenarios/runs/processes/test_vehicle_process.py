@@ -7,17 +7,12 @@ from threading import Event, Thread
 import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.runs.control.seal import Seal, recorder_name, start_secret
 from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
 from scenarios.runs.node.process_probe import Lateness, ProcessProbe
 from scenarios.runs.processes import vehicle_process as process
 from scenarios.runs.processes.clock_sync import ClockServer
-from scenarios.runs.processes.membership import (
-    RECORDER,
-    VEHICLE,
-    Fingerprint,
-    Membership,
-    recorder_name,
-)
+from scenarios.runs.processes.membership import RECORDER, VEHICLE, Fingerprint, Membership
 from scenarios.runs.processes.vehicle_process import RunCancelledError, VehicleProcess, paced_ticks
 from scenarios.runs.stop import Stop
 from tests.made.interpreted import interpreted_only
@@ -46,11 +41,13 @@ def test_a_late_join_is_judged_by_the_recorder_s_clock(
     def recorders_now() -> int:
         return time.time_ns() - round(ahead_s * SECOND)
 
-    ClockServer(recorder, recorders_now, ["v2"])
-    membership = Membership(bus, "mine", VEHICLE, "v2", Fingerprint.of(scenario))
+    fingerprint = Fingerprint.of(scenario)
+    recorder.announce(RECORDER, recorder_name("mine only"), fingerprint.chunk)
+    ClockServer(recorder, recorders_now, ["v2"], seal_of("mine only"))
+    membership = Membership(bus, "mine", VEHICLE, "v2", fingerprint)
     vehicle = VehicleProcess(VehicleBuilder(scenario, "v2"), bus, membership, stop)
     start_at = recorders_now() + round(started_s * SECOND)
-    start = RunStart(vehicle=RUN_SENDER, seq=0, start_at_ns=start_at, run_id="x")
+    start = start_message(start_at, "mine only")
     recorder.publish(key(RUN_SENDER, TOPICS["start"]), encode(start))
     if not is_late:
         vehicle.await_start(lambda _: None, 5.0)
@@ -72,11 +69,11 @@ def test_a_recorder_that_catches_up_is_waited_for_as_long_as_it_gives_signs(
     scenario = load_scenario("lane_change", ["duration_s=0.2"])
     fingerprint = Fingerprint.of(scenario)
     Membership(recorder, "mine", RECORDER, recorder_name("mine only"), fingerprint).join()
-    ClockServer(recorder, time.time_ns, ["v1"])
+    ClockServer(recorder, time.time_ns, ["v1"], seal_of("mine only"))
     membership = Membership(bus, "mine", VEHICLE, "v1", fingerprint)
     vehicle = VehicleProcess(VehicleBuilder(scenario, "v1"), bus, membership, Stop())
     start_at = time.time_ns() + SECOND // 5
-    start = encode(RunStart(vehicle=RUN_SENDER, seq=0, start_at_ns=start_at, run_id="x"))
+    start = encode(start_message(start_at, "mine only"))
     ended_at = start_at + round((0.2 + needed_s) * SECOND)
     end = encode(end_message(ended_at, "mine only"))
     recorder.publish(key(RUN_SENDER, TOPICS["start"]), start)
@@ -102,6 +99,16 @@ def test_a_recorder_that_catches_up_is_waited_for_as_long_as_it_gives_signs(
         announcer.join()
 
 
+def seal_of(secret: str) -> Seal:
+    return Seal(lambda: recorder_name(secret))
+
+
+def start_message(at: int, secret: str) -> RunStart:
+    return RunStart(
+        vehicle=RUN_SENDER, seq=0, start_at_ns=at, run_id="x", secret=start_secret(secret)
+    )
+
+
 def end_message(at: int, secret: str) -> RunEnd:
     return RunEnd(vehicle=RUN_SENDER, seq=0, end_at_ns=at, reason="", secret=secret)
 
@@ -114,16 +121,18 @@ class Announcements:
         self.fingerprint = Fingerprint.of(scenario)
         self.recorder, bus = MemoryBus(self.network), MemoryBus(self.network)
         self.announce_recorder(self.recorder, "ours")
-        member = Membership(bus, "mine", VEHICLE, "v1", self.fingerprint)
-        member.join(sleep=lambda _: None)
-        self.received = process.RunAnnouncements(bus, member, lambda: 0)
+        self.member = Membership(bus, "mine", VEHICLE, "v1", self.fingerprint)
+        self.member.join(sleep=lambda _: None)
+        self.received = process.RunAnnouncements(bus, self.member, lambda: 0)
 
     def announce_recorder(self, bus: MemoryBus, secret: str) -> None:
         bus.announce(RECORDER, recorder_name(secret), self.fingerprint.chunk)
 
-    def start(self) -> None:
-        start = RunStart(vehicle=RUN_SENDER, seq=0, start_at_ns=1, run_id="x")
+    def start(self, at: int = 1, secret: str = "ours") -> RunStart | None:
+        """Publish a start with a secret; returns the start that the vehicle accepts."""
+        start = start_message(at, secret)
         self.recorder.publish(key(RUN_SENDER, TOPICS["start"]), encode(start))
+        return self.received.start
 
     def end(self, secret: str) -> RunEnd | None:
         """Publish an end with a secret; returns the end that the vehicle accepts."""
@@ -139,9 +148,22 @@ def test_only_the_recorder_of_the_run_ends_it(scenario: Scenario, *, started: bo
     if started:
         run.start()
     run.announce_recorder(stranger, "theirs")
-    for forged in ("", "theirs", recorder_name("ours")):
-        assert run.end(forged) is None
+    forged = ("", "theirs", recorder_name("ours"), start_secret("ours"))
+    for secret in forged:
+        assert run.end(secret) is None
+    assert run.member.seal.take_forged()[0] == len(forged)
     assert run.end("ours") is not None
+
+
+def test_only_the_recorder_of_the_run_starts_it(scenario: Scenario) -> None:
+    """Also not a recorder of an earlier run, and nobody moves a start that was announced."""
+    run = Announcements(scenario)
+    for secret in ("", "theirs", recorder_name("ours")):
+        assert run.start(5, secret) is None
+    assert run.start(1) == run.start(2)
+    count, lines = run.member.seal.take_forged()
+    assert (count, len(lines)) == (4, 1)
+    assert "start" in lines[0]
 
 
 def test_a_stranger_does_not_follow_the_recorder_of_a_started_run(scenario: Scenario) -> None:
