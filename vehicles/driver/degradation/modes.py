@@ -1,13 +1,13 @@
 """Modes of a follower: the sources that it steers along, slowing down, stopping."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from math import isnan
 from typing import Final, Protocol
 
 from vehicles.driver.degradation.settings import DegradationSettings, Reaction
 from vehicles.driver.degradation.situation import LOST, SLOWING, Situation
-from vehicles.driver.degradation.source import RELIED_ON, Source
+from vehicles.driver.degradation.source import Source
 from vehicles.driver.degradation.sources import SourcePair
 from vehicles.driver.degradation.stopping import (
     CREEP_SPEED,
@@ -51,11 +51,12 @@ class Modes(Protocol):
 class ModeMachine:
     """Composite → lead or predecessor → coast → stop, and back.
 
-    The car steers along the sources that it relies on. Without any it coasts while a stop within
-    the known path needs no more than comfortable braking, and otherwise stops until a source is
-    relied on again. It also stops if no first message arrives in time. If sources are received, but
-    their known path ends behind the car, it coasts until enough lies ahead. If it ends at a hole,
-    the car creeps across it, or stops before it until the hole is filled.
+    The car steers along the sources that it relies on. Without any, or if all of them may have left
+    the path, it coasts while a stop within the known path needs no more than comfortable braking,
+    and otherwise stops until a source is relied on again. It also stops if no first message arrives
+    in time. If sources are received, but their known path ends behind the car, it coasts until
+    enough lies ahead. If it ends at a hole, the car creeps across it, or stops before it until the
+    hole is filled.
 
     A lost source is dropped at once and relied on again only after its probation (`Source`). A
     worse mode is kept for the same time, so that no mode is entered twice within it.
@@ -68,7 +69,7 @@ class ModeMachine:
         self._outrun_since: int | None = None
         self._mode: Mode = "straight"
         self._relied: list[Source] = []
-        self._trusted: set[str] = set()
+        self._lost: set[str] = set()
 
     def decide(
         self,
@@ -88,9 +89,7 @@ class ModeMachine:
             mode = self._at_hole(situation, speed)
         if mode is None:
             mode = self._next(pair, situation, speed, has_path=has_path, outrun=outrun, soon=soon)
-        why = ""
-        if len(relied) < len(pair.used):
-            why = "; ".join([_missing_reason(s) for s in pair.used.values() if s not in relied])
+        why = "; ".join([_missing_reason(s) for s in pair.used.values() if s not in relied])
         if mode == "straight":
             why = why if has_path else NOTHING_RECEIVED
         elif mode == "creep":
@@ -101,13 +100,27 @@ class ModeMachine:
         if mode != self._mode:
             if mode in SLOWING or self._mode == "composite":
                 self._worse_at = now
-            resumes = self._mode in SLOWING and mode not in SLOWING
-            back = [self._recovery_reason(s) for s in relied if resumes or s not in self._relied]
-            why = "; ".join(filter(None, [*back, why]))
-        if relied != self._relied:
-            self._trusted |= {source.name for source in relied}
+            why = "; ".join(filter(None, [*self._recoveries(mode, relied), why]))
         self._mode, self._relied = mode, relied
+        self._note_lost(pair)
         return mode, why
+
+    def _recoveries(self, mode: Mode, relied: Sequence[Source]) -> list[str]:
+        """Reasons of a change to `mode`: the sources that give a path again."""
+        resumes = self._mode in SLOWING and mode not in SLOWING
+        return [
+            self._recovery_reason(source)
+            for source in relied
+            if source.gives_path and (resumes or source not in self._relied)
+        ]
+
+    def _note_lost(self, pair: SourcePair) -> None:
+        """Remember the sources that were lost since the car steered along them last."""
+        for source in pair.used.values():
+            if source.status in LOST or source.status == "probation":
+                self._lost.add(source.name)
+            elif self._mode not in SLOWING and source in self._relied:
+                self._lost.discard(source.name)
 
     def _is_outrun(self, now: int, pair: SourcePair, situation: Situation) -> bool:
         """Whether the known path has ended behind the car for longer than the probation.
@@ -117,7 +130,7 @@ class ModeMachine:
         """
         enough = FALLEN_BACK if self._mode in SLOWING else 0.0
         outrun = situation.known <= enough and any(
-            source.status in RELIED_ON for source in pair.used.values()
+            source.gives_path for source in pair.used.values()
         )
         if not outrun:
             self._outrun_since = None
@@ -169,7 +182,7 @@ class ModeMachine:
 
     def _recovery_reason(self, source: Source) -> str:
         freshness, event = source.freshness, "received"
-        if source.name in self._trusted and source not in self._relied:
+        if source.name in self._lost:
             event = f"trusted again after {source.probation.length:.1f} s of probation"
         pose = f"newest pose {freshness.age:.2f} s old"
         return f"{source.name} {event}, {pose}, {_path_end(freshness.known)}"
@@ -223,9 +236,12 @@ def steering_without_sources(
 
 
 def _any_lost(sources: Iterable[Source]) -> bool:
-    """Whether a source was lost, or no first message of any source arrived in time."""
+    """Whether a source was lost or left the path, or no first message arrived in time."""
     sources = list(sources)
-    lost = any(source.status in LOST or source.status == "probation" for source in sources)
+    lost = any(
+        source.status in LOST or source.status == "probation" or source.has_left_path
+        for source in sources
+    )
     return lost or all(source.never_received for source in sources)
 
 
@@ -241,6 +257,8 @@ def _missing_reason(source: Source) -> str:
         pose = f"newest pose {freshness.age:.1f} s old"
         silence = f"silent for {freshness.silence:.1f} s"
         return f"{name} {silence}, {pose}, {_path_end(freshness.known)}"
+    if source.has_left_path:
+        return f"{name} may be off the path in mode {freshness.mode}"
     return f"{name} has too few poses"
 
 

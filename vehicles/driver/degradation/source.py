@@ -46,9 +46,9 @@ class Source:
     with the known path and returns slowly, so that no sample appears or vanishes at once.
 
     A source that `may_leave_path` is followed only while it announces no trouble, as there is
-    another source to follow. `stop_is_assumed` is True while it is silent without an announced
-    stop. `freshness` is that of the last control instant, `bend` the largest curvature (1/m) of its
-    recent poses.
+    another source to follow; `has_left_path` is True meanwhile. `stop_is_assumed` is True while it
+    is silent without an announced stop. `freshness` is that of the last control instant, `bend` the
+    largest curvature (1/m) of its recent poses.
     """
 
     def __init__(
@@ -68,13 +68,13 @@ class Source:
         self.bend = 0.0
         self.reaches = False
         self.refusal = ""
-        self.may_leave_path = False
+        self.may_leave_path = self.has_left_path = False
         self.stop_is_assumed = False
         self.status: SourceStatus = "unheard"
         self.freshness = SourceFreshness()
         self.probation = Probation(settings)
         self._trust = trust or Trust(name)
-        self._off_path = self._moved = self._is_slow = False
+        self._moved = self._is_slow = False
         self._settings = settings
         self._reception = Reception(period)
         self._degrades = settings.reaction == "degrade"
@@ -90,7 +90,12 @@ class Source:
     @property
     def path_ends(self) -> bool:
         """Whether it no longer extends the known path, because it is late or has left the path."""
-        return self.status == "late" or self._off_path
+        return self.status == "late" or self.has_left_path
+
+    @property
+    def gives_path(self) -> bool:
+        """Whether it can be steered along: it is received, and keeps to the path."""
+        return self.status in RELIED_ON and not self.has_left_path
 
     @property
     def is_overdue(self) -> bool:
@@ -120,14 +125,14 @@ class Source:
             and last is not None
             and (message.hazard or message.mode in OFF_PATH)
         ):
-            self._off_path = True
+            self.has_left_path = True
             self._moved |= self._trust.at_new_place
             self.trace.record_position(pose)
         else:
             # Baselines bridge no holes: the next pose after a silence is just another sample.
-            hole = (lost and self._degrades) or (newer and self._off_path)
+            hole = (lost and self._degrades) or (newer and self.has_left_path)
             moved = newer and (self._moved or self._trust.at_new_place)
-            self._off_path &= not newer
+            self.has_left_path &= not newer
             self._moved &= not newer
             self.trace.add(pose, after_hole=hole, at_new_place=moved)
             if newer:

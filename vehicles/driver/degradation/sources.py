@@ -154,6 +154,8 @@ class SourcePair:
                 known = freshness.known
             if source.usable and freshness.status in RELIED_ON:
                 self.relied[mode] = source
+        if not any(source.gives_path for source in self.relied.values()):
+            self.relied = {}
         hole = self._hole
         if hole is not None:
             self._hole_ahead -= 0.0 if refit else speed * span

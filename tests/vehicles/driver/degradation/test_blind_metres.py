@@ -1,18 +1,28 @@
 """The distance that a follower drives beyond its known path, and its path there."""
 
+from dataclasses import dataclass, replace
+
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tests.made.transport.received_poses import received
-from tests.made.vehicles.exact_drives import START, Step, drive, on, received_from
-from tests.made.vehicles.followers import follower, lead_of
+from tests.made.vehicles.exact_drives import (
+    START,
+    Step,
+    drive,
+    on,
+    received_from,
+)
+from tests.made.vehicles.exact_drives import Source as ExactSource
+from tests.made.vehicles.followers import SPACING, STRAIGHT, follower, lead_of
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import Situation
 from vehicles.driver.degradation.source import Source
 from vehicles.driver.degradation.sources import SourcePair
 from vehicles.driver.ego.own_state import Pose
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
+from vehicles.messages import GpsPose
 from vehicles.schedule import SECOND, nanoseconds
 
 KNOWN = 5.0
@@ -69,6 +79,28 @@ def test_the_curvature_fades_over_one_second_of_driving() -> None:
         found = steps[0].decision.errors.curvature_ahead(share * speed - beyond)
         assert found == pytest.approx(expected, abs=3e-4), share
     assert steps[-1].body.speed < 0.05
+
+
+@dataclass
+class StoppingPredecessor(ExactSource):
+    """A predecessor that announces a stop from `stops_from` (number of a message) on."""
+
+    stops_from: int = 80
+
+    def message(self, seq: int) -> GpsPose:
+        message = super().message(seq)
+        return replace(message, mode="stop") if seq >= self.stops_from else message
+
+
+def test_a_follower_stops_within_the_known_path_if_its_only_source_has_left_it() -> None:
+    """The predecessor is received, but no pose beyond its announcement belongs to the path."""
+    lead = lead_of(STRAIGHT, 10.0, ((0.0, 4.0),))
+    predecessor = StoppingPredecessor("v2", STRAIGHT, SPACING, 10.0)
+    driver = follower(speed=10.0, degradation=DegradationSettings())
+    steps = drive(driver, on(STRAIGHT, 0.0, 10.0), 10.0, received_from(lead, predecessor))
+    assert steps[-1].decision.situation.predecessor.status == "fresh"
+    assert steps[-1].body.speed < 0.05
+    assert min(step.decision.situation.known for step in steps[1:]) >= 0.0
 
 
 SEGMENTS = st.lists(
