@@ -15,7 +15,7 @@ from scenarios.definition.overrides import (
     parse_override,
     parsed,
 )
-from scenarios.definition.renamed import translated
+from scenarios.definition.renamed import as_recorded
 
 EXTENDS = "extends"
 PRESET = "preset"
@@ -115,7 +115,7 @@ def _parsed(file: ScenarioFile) -> Raw:
         tables = parsed(file.text)
     except ValueError as error:
         raise ScenarioError([f"{file.label}: not valid TOML: {error}"]) from error
-    return translated(tables) if file.recorded else tables
+    return as_recorded(tables) if file.recorded else tables
 
 
 def laid_over(base: Raw, tables: Raw) -> Raw:

@@ -1,9 +1,10 @@
-"""Keys and values of scenario files that were renamed.
+"""Keys and values of scenario files that were renamed, and keys that were added.
 
 A refusal names the new one. Scenarios inside recorded logs are translated.
 """
 
 from collections.abc import Iterable, Mapping
+from math import inf
 from typing import Any
 
 KEYS: Mapping[str, str] = {
@@ -31,6 +32,13 @@ VALUES: Mapping[str, Mapping[str, str]] = {
     "control.degradation.predecessor_path": {"meant": "intended"},
 }
 """New values by key."""
+ADDED: Mapping[str, float] = {
+    "control.degradation.lateral_deviation_m_max": 1000.0,
+    "sending.path_history_m": 0.0,
+    "speed.friction_ratio_max": inf,
+}
+"""Keys that recorded scenarios of earlier versions lack, and the values that leave the behaviour as
+it was then. A recorded scenario has all keys of its version."""
 
 
 def new_key(parts: Iterable[str]) -> str | None:
@@ -46,14 +54,40 @@ def new_value(parts: Iterable[str], value: object) -> str | None:
     return words.get(value) if isinstance(value, str) else None
 
 
-def translated(value: Any, parts: tuple[str, ...] = ()) -> Any:
-    """Rename old keys and values in the tables of a recorded scenario."""
+def as_recorded(tables: dict[str, Any]) -> dict[str, Any]:
+    """Rename old keys and values in a recorded scenario, and add the keys that it lacks."""
+    renamed: dict[str, Any] = _translated(tables)
+    own = renamed.get("vehicle")
+    vehicles = list(own.values()) if isinstance(own, dict) else []
+    for name, value in ADDED.items():
+        parts = name.split(".")
+        if _set_default(renamed, parts, value):
+            for vehicle in vehicles:
+                if isinstance(vehicle, dict) and parts[0] in vehicle:
+                    _set_default(vehicle, parts, value)
+    return renamed
+
+
+def _set_default(table: dict[str, Any], parts: list[str], value: float) -> bool:
+    """Set a missing key; return whether it was missing. Validation reports anything but tables."""
+    *around, key = parts
+    for part in around:
+        inner = table.setdefault(part, {})
+        if not isinstance(inner, dict):
+            return False
+        table = inner
+    missing = key not in table
+    table.setdefault(key, value)
+    return missing
+
+
+def _translated(value: Any, parts: tuple[str, ...] = ()) -> Any:
     if isinstance(value, list):
-        return [translated(entry, parts) for entry in value]
+        return [_translated(entry, parts) for entry in value]
     if not isinstance(value, dict):
         return new_value(parts, value) or value
     renamed = {key: new_key((*parts, key)) or key for key in value}
-    return {new: translated(value[key], (*parts, new)) for key, new in renamed.items()}
+    return {new: _translated(value[key], (*parts, new)) for key, new in renamed.items()}
 
 
 def _is_at(known: str, names: list[str]) -> bool:

@@ -19,7 +19,7 @@ from google.protobuf.descriptor_pb2 import DescriptorProto, FieldDescriptorProto
 from mcap.reader import make_reader
 
 from scenarios.cli.main import cli
-from scenarios.results.log_summary import summary_of
+from scenarios.results.log_summary import scenario_of, summary_of
 from scenarios.results.outcome import with_outcome_line
 from scenarios.results.summary import from_json, to_json
 from scenarios.runs.virtual.recorded_vehicle import read_recorded_vehicle
@@ -28,7 +28,7 @@ from transport.codec import PROTOBUF
 from transport.log.reader import LogReader
 from transport.log.repair import repair
 from transport.topics import TOPICS
-from vehicles.messages import Message
+from vehicles.messages import GpsPose, Message
 
 LOGS = sorted((Path(__file__).parent / "logs").iterdir())
 RENAMED = {
@@ -160,6 +160,18 @@ def again(folder: Path, tmp_path: Path) -> Path:
 def test_the_session_is_repeated(folder: Path, again: Path) -> None:
     assert summary_of(again).identity.seed == summary_of(folder / "run.mcap").identity.seed
     assert len(truth(again)) == len(truth(folder / "run.mcap"))
+
+
+def test_keys_added_since_keep_the_vehicles_as_they_were(folder: Path, again: Path) -> None:
+    """The first version sent no path history, and limited neither friction nor deviation."""
+    for log in (folder / "run.mcap", again):
+        scenario = scenario_of(log)
+        vehicle = scenario.vehicle("v2")
+        assert vehicle.sending.path_history == 0.0
+        assert scenario.tables.speed.friction_ratio_max == math.inf
+        assert vehicle.degradation.lateral_deviation_max >= 1000.0
+    poses = [message for _, _, message in LogReader(again).messages(("gps",))]
+    assert not any(pose.history_age_cs for pose in poses if isinstance(pose, GpsPose))
 
 
 def test_losses_are_ranked_if_the_run_can_be_repeated(

@@ -1,5 +1,6 @@
 """Old names of keys and values: refused with the new one in a file, translated in a log."""
 
+from math import inf
 from typing import Any
 
 import pytest
@@ -70,3 +71,20 @@ def test_a_recorded_scenario_is_translated() -> None:
     assert (tables.path.source_unit, tables.path.source_numbers) == ("line", tuple(range(20)))
     assert tables.path.epoch_s == 7.0
     assert scenario_from_text(scenario.text).text == scenario.text
+
+
+def test_a_recorded_scenario_without_later_keys_drives_as_then() -> None:
+    own = {"v2": {"sending": {"kind": "fixed", "rate_hz": 5.0}}}
+    text = tomli_w.dumps(RECORDED | {"vehicle": own})
+    scenario = scenario_from_text(text, recorded=True)
+    assert {scenario.vehicle(name).sending.path_history for name in ("v1", "v2")} == {0.0}
+    assert scenario.tables.speed.friction_ratio_max == inf
+    assert scenario.vehicle("v1").degradation.lateral_deviation_max == 1000.0
+    again = scenario_from_text(scenario.text, recorded=True)
+    assert again.text == scenario.text
+
+
+def test_a_recorded_scenario_keeps_its_own_keys() -> None:
+    recorded = scenario_from_text(load_scenario("lane_change").text, recorded=True)
+    assert recorded.vehicle("v1").sending.path_history == 300.0
+    assert recorded.tables.speed.friction_ratio_max == 0.8
