@@ -192,7 +192,7 @@ class Follower:
         situation.predecessor_weight = sources.alpha(self._alpha)
         situation.hazard = self._mode == "stop" or self._rejoining.is_active
         self._speed_guard.is_slowed = self._position_limit.is_active
-        situation.speed_limit = self._rejoining.speed_limit
+        situation.speed_limit = min(situation.speed_limit, self._rejoining.speed_limit)
         speed = self._speed_guard.command(now, pose, ahead, situation, self._mode)
         speed = self._position_limit.limited(speed, pose.speed, acceleration, self._period)
         situation.stops_at = sources.stops_at(self._mode, self._speed_guard.brakes_at)

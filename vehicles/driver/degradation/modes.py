@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from math import isnan
+from math import isnan, sqrt
 from typing import Final, Protocol
 
 from vehicles.driver.degradation.settings import DegradationSettings, Reaction
@@ -26,6 +26,8 @@ MILD: Final = 0.5
 BEFORE_HOLE: Final = 20.0
 """A car that has stopped drives on towards a hole that it cannot cross only from this distance (m)
 on."""
+STILL_RECEIVED: Final = 5.0
+"""Longest silence (s) of a source along whose path a car drives slowly, though not relied on."""
 NOTHING_RECEIVED: Final = "nothing received yet"
 NO_TRAJECTORY: Final = "no trajectory through the received samples"
 
@@ -54,7 +56,8 @@ class ModeMachine:
     The car steers along the sources that it relies on. Without any, or if all of them may have left
     the path, it coasts while a stop within the known path needs no more than comfortable braking,
     and otherwise stops until a source is relied on again. It also stops if no first message arrives
-    in time. If sources are received, but their known path ends behind the car, it coasts until
+    in time. Where messages arrive rarely it drives on slowly, from a standstill along the known
+    path. If sources are received, but their known path ends behind the car, it coasts until
     enough lies ahead. If it ends at a hole, the car creeps across it, or stops before it until the
     hole is filled.
 
@@ -70,6 +73,7 @@ class ModeMachine:
         self._mode: Mode = "straight"
         self._relied: list[Source] = []
         self._lost: set[str] = set()
+        self._is_slow = False
 
     def decide(
         self,
@@ -89,12 +93,18 @@ class ModeMachine:
             mode = self._at_hole(situation, speed)
         if mode is None:
             mode = self._next(pair, situation, speed, has_path=has_path, outrun=outrun, soon=soon)
+        slow = self._slow_mode(pair, situation, speed) if has_path and mode in SLOWING else None
+        self._is_slow = slow is not None
+        mode = slow or mode
         why = "; ".join([_missing_reason(s) for s in pair.used.values() if s not in relied])
         if mode == "straight":
             why = why if has_path else NOTHING_RECEIVED
         elif mode == "creep":
             situation.blind = max(situation.blind, situation.hole)
             why = "; ".join(filter(None, [why, f"crosses a hole of {situation.hole:.1f} m"]))
+        elif slow is not None:
+            path = f"drives slowly along {situation.known:.1f} m of known path"
+            why = "; ".join(filter(None, [why, path]))
         elif mode in SLOWING:
             why = "; ".join(filter(None, [why, _stopping_reason(situation, speed)]))
         if mode != self._mode:
@@ -179,6 +189,26 @@ class ModeMachine:
         if situation.crossable:
             return "creep"
         return "stop" if self._mode == "stop" or needed > self._comfortable else "coast"
+
+    def _slow_mode(self, pair: SourcePair, situation: Situation, speed: float) -> Mode | None:
+        """Mode of a car that has stopped and drives slowly along the known path, None if it waits.
+
+        It does while messages arrive, but too few for any source to pass its probation.
+        """
+        least = STOP_MARGIN if self._is_slow else FALLEN_BACK
+        highest = CREEP_SPEED + STANDSTILL if self._is_slow else STANDSTILL
+        received = {
+            source.freshness.known: mode
+            for mode, source in pair.used.items()
+            if source.freshness.silence < STILL_RECEIVED
+            and source.status != "distrusted"
+            and source.probation.length > self._dwell
+        }
+        if pair.relied or not received or not (speed < highest and situation.known > least):
+            return None
+        left = 2.0 * self._comfortable * (situation.known - STOP_MARGIN)
+        situation.speed_limit = min(CREEP_SPEED, sqrt(left))
+        return received[max(received)]
 
     def _recovery_reason(self, source: Source) -> str:
         freshness, event = source.freshness, "received"

@@ -93,7 +93,8 @@ class Situation:
     predecessor's weight in the trajectory; `hazard` warns the followers behind. `stops_at` (ns, 0
     for never) is the announced instant at which the car begins to stop without new data. The known
     path ends at a hole of about `hole` (m), 0 without one, which the car can cross if it is
-    `crossable`. A return to the path requires at most `speed_limit` (m/s).
+    `crossable`. A return to the path, or sources that are rarely received, require at most
+    `speed_limit` (m/s).
     """
 
     lead: SourceFreshness = field(default_factory=SourceFreshness)

@@ -18,7 +18,7 @@ from tests.made.vehicles.followers import (
 )
 from vehicles.car.sending.path_history import PathHistory
 from vehicles.driver.degradation.settings import DegradationSettings, Reaction
-from vehicles.driver.degradation.stopping import needed_deceleration, stopping_distance
+from vehicles.driver.degradation.stopping import CREEP_SPEED, needed_deceleration, stopping_distance
 from vehicles.messages import Mode
 
 DEGRADE = DegradationSettings()
@@ -148,6 +148,20 @@ def test_losing_a_source_makes_no_step_in_the_command() -> None:
     assert weights[-1] == 0.5
     assert largest_turn(steps) < 1.5 * largest_turn(undisturbed())
     assert max(map(abs, lateral(BEND, steps))) < 0.05
+
+
+def test_it_drives_slowly_along_the_known_path_where_messages_are_rare() -> None:
+    """One message of twenty arrives, too few to rely on; the path history covers the path."""
+    rare = [(float(second), second + 0.05) for second in range(4, 10)]
+    lead = replace(lead_of(BEND, 4.0, rare), history=PathHistory(PLANE, 300.0, 23))
+    driver = follower(lead="v1", predecessor="v1", speed=4.0, degradation=DEGRADE)
+    steps = decided(drive(driver, on(BEND, 0.0, 4.0), 10.0, received_from(lead)))
+    assert {one.decision.mode for one in steps if one.seconds < 4.0} == {"straight", "stop"}
+    later = [one for one in steps if one.seconds > 4.0]
+    assert max(one.body.speed for one in later) < CREEP_SPEED + 0.1
+    assert steps[-1].body.distance > later[0].body.distance + 3.0
+    assert min(one.decision.situation.known for one in later) > 0.0
+    assert max(map(abs, lateral(BEND, later))) < 0.1
 
 
 # ---- Baselines
