@@ -32,10 +32,11 @@ MODULES = {
     " trajectory",
     "vehicles/preview/received": "holes known_path polyline samples trace",
     "vehicles/car": "brush_motion clock_error dead_reckoning dynamics gnss imu integration"
-    " path_keeping tyres",
+    " outline path_keeping tyres",
     "vehicles/car/positioning": "noise",
     "vehicles/car/sending": "path_history sender",
-    "vehicles/driver": "command_limit convoy_watch decision follower leader position_limit speed",
+    "vehicles/driver": "command_limit decision follower leader position_limit speed",
+    "vehicles/driver/convoy": "stations watch",
     "vehicles/driver/degradation": "innovation innovation_gate intended_path modes reception"
     " situation source sources speed_guard stopping trust",
     "vehicles/driver/ego": "covariance late_fixes own_state own_track pose_estimator",

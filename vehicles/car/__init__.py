@@ -1,6 +1,7 @@
 """The car: its parameters, its motion and its sensors.
 
 parameters       masses, tyres, axles, steering; load; feedback gains
+outline          the body on the ground
 tyres            slip angles, saturating forces, the share of friction in use
 integration      integration shared by both tyre models
 brush_motion     the single-track model on saturating tyres: a car that can slide

@@ -9,8 +9,7 @@ bends           speed in bends of the known path ahead
 speed           from gaps and profiles to an acceleration
 position_limit  speed limit of a car that is uncertain of its position
 degradation/    reactions to missing and to false messages
-convoy_ahead    the lead's distance from members of its convoy ahead of it on its path
-convoy_watch    whether the lead waits for lost followers
+convoy/         the lead's view of its own convoy: its distance from members, and waiting
 leader          the lead, along its own path
 follower        a follower: from received poses to steering and speed
 """

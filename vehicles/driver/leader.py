@@ -11,8 +11,8 @@ from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix
 from vehicles.car.imu import Motion
 from vehicles.driver.command_limit import CommandLimit
-from vehicles.driver.convoy_ahead import ConvoyAhead
-from vehicles.driver.convoy_watch import ConvoyWatch
+from vehicles.driver.convoy.ahead import ConvoyAhead
+from vehicles.driver.convoy.watch import ConvoyWatch
 from vehicles.driver.decision import Decision
 from vehicles.driver.degradation.settings import Braking
 from vehicles.driver.ego.own_state import OwnState, Pose

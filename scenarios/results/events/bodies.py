@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from math import cos, hypot, inf, sin
 from typing import Final, NamedTuple
 
+from vehicles.car.outline import Outline
 from vehicles.car.parameters import VehicleParameters
 from vehicles.messages import TruePose
 
@@ -24,15 +25,9 @@ class BodySize(NamedTuple):
 
 
 @dataclass(slots=True)
-class CarBody:
-    """A body in the world: centre (m), unit vector forwards, half sizes (m), velocity (m/s)."""
+class CarBody(Outline):
+    """A body in the world that moves: its outline and velocity (m/s)."""
 
-    east: float
-    north: float
-    along_east: float
-    along_north: float
-    half_length: float
-    half_width: float
     speed_east: float
     speed_north: float
 
@@ -55,11 +50,6 @@ class CarBody:
         self.half_width = half_width
         self.speed_east = speed_east
         self.speed_north = speed_north
-
-    @property
-    def reach(self) -> float:
-        """Distance (m) from the centre to a corner."""
-        return hypot(self.half_length, self.half_width)
 
 
 class Separation(NamedTuple):
@@ -85,7 +75,7 @@ def body_of(pose: TruePose, size: BodySize) -> CarBody:
     )
 
 
-def corners(body: CarBody) -> tuple[tuple[float, float], ...]:
+def corners(body: Outline) -> tuple[tuple[float, float], ...]:
     """Corners (east, north) of a body, counter-clockwise from front left."""
     forward_east = body.half_length * body.along_east
     forward_north = body.half_length * body.along_north
@@ -100,7 +90,7 @@ def corners(body: CarBody) -> tuple[tuple[float, float], ...]:
     )
 
 
-def overlap(body: CarBody, other: CarBody) -> bool:
+def overlap(body: Outline, other: Outline) -> bool:
     """Whether two bodies share more than their edges (separating axis theorem).
 
     Two convex shapes are apart if and only if they are along the normal of one of their sides.
@@ -119,7 +109,7 @@ def overlap(body: CarBody, other: CarBody) -> bool:
     return True
 
 
-def certainly_apart(body: CarBody, other: CarBody, distance: float) -> bool:
+def certainly_apart(body: Outline, other: Outline, distance: float) -> bool:
     """Whether two bodies are certainly further apart than `distance` (m).
 
     Their projections on the normals of their sides are at most as far apart. A fraction of the cost

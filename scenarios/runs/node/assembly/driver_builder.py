@@ -11,8 +11,8 @@ from vehicles.car.gnss import Fix
 from vehicles.car.positioning.stated_errors import stated_errors
 from vehicles.driver.bends import BendsAhead
 from vehicles.driver.command_limit import CommandLimit
-from vehicles.driver.convoy_ahead import ConvoyAhead
-from vehicles.driver.convoy_watch import ConvoyBehind, ConvoyWatch
+from vehicles.driver.convoy.ahead import ConvoyAhead, ConvoyMember
+from vehicles.driver.convoy.watch import ConvoyBehind, ConvoyWatch
 from vehicles.driver.decision import Driver
 from vehicles.driver.degradation.innovation_gate import InnovationGate
 from vehicles.driver.degradation.speed_guard import GuardedCar, SpeedGuard
@@ -82,7 +82,7 @@ class DriverBuilder:
                 controller=controller,
                 speed_law=speed_law,
                 watch=self._convoy_watch(now, context.car.body) if speed.lead_waits else None,
-                ahead=self._convoy_ahead() if speed.lead_keeps_gap else None,
+                ahead=self._convoy_ahead(now, context.car.body) if speed.lead_keeps_gap else None,
                 position_limit=self._position_limit(),
                 control=control,
                 path=self._route.path,
@@ -245,12 +245,20 @@ class DriverBuilder:
     def _convoy_watch(self, now: int, body: Body) -> ConvoyWatch:
         senders, route = self._setup.senders, self._route
         periods = {name: self._usual_period(name) for name in senders}
-        station, followers = self.station(body), list[tuple[str, SpacingPolicy, float]]()
-        for place, name in enumerate(senders, 1):
-            station -= route.spacings[place]
-            followers.append((name, self._kept_spacing(place), station))
+        followers = [
+            (name, self._kept_spacing(place), station)
+            for place, (name, station) in enumerate(self._stations_behind(body), 1)
+        ]
         behind = ConvoyBehind(route.path, followers, now)
         return ConvoyWatch(self._setup.degradation, periods, now, behind)
+
+    def _stations_behind(self, body: Body) -> list[tuple[str, float]]:
+        """Followers from front to back and their stations (m), at the initial spacings."""
+        station, followers = self.station(body), list[tuple[str, float]]()
+        for place, name in enumerate(self._setup.senders, 1):
+            station -= self._route.spacings[place]
+            followers.append((name, station))
+        return followers
 
     def _kept_spacing(self, place: int) -> SpacingPolicy:
         """Spacing that the follower at `place` keeps; at a common speed that of the start."""
@@ -258,12 +266,14 @@ class DriverBuilder:
             return SpacingPolicy(self._route.spacings[place])
         return self._scenario.spacing_policy(place)
 
-    def _convoy_ahead(self) -> ConvoyAhead:
+    def _convoy_ahead(self, now: int, body: Body) -> ConvoyAhead | None:
         scenario, setup, route = self._scenario, self._setup, self._route
-        members = {
-            name: (scenario.vehicle(name).parameters, self._usual_period(name))
-            for name in setup.senders
-        }
+        members = [
+            ConvoyMember(name, scenario.vehicle(name).parameters, self._usual_period(name), station)
+            for name, station in self._stations_behind(body)
+        ]
+        if not members:
+            return None
         return ConvoyAhead(
             path=route.path,
             lap=route.lap,
@@ -272,6 +282,7 @@ class DriverBuilder:
             settings=setup.degradation,
             policy=spacing_policy(scenario.tables, 0.0),
             limits=scenario.gap_limits,
+            start_at=now,
         )
 
     def _least_period(self, sender: str) -> float:

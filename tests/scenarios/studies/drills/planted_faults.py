@@ -64,7 +64,7 @@ NEEDS_MANY = Fault(
 NO_STOP_ASSUMED = Fault("vehicles.driver.degradation.source.Source._assumed_stop", lambda *_: 0)
 """A silent predecessor continues at its speed."""
 IGNORES_CONVOY = Fault(
-    "vehicles.driver.convoy_ahead.ConvoyAhead.observe", lambda _ahead, _received: None
+    "vehicles.driver.convoy.ahead.ConvoyAhead.observe", lambda _ahead, _received: None
 )
 """The lead ignores the poses of its followers."""
 CONSTANT_SPEED = Fault(

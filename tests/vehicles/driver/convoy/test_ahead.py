@@ -6,10 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenarios.results.events.bodies import CarBody, overlap
+from scenarios.results.events.bodies import overlap
 from tests.made.transport.received_poses import received
+from vehicles.car.outline import Outline, outline_of
 from vehicles.car.parameters import LINCOLN_MKZ
-from vehicles.driver.convoy_ahead import ConvoyAhead, Lane, Outline, approach_acceleration
+from vehicles.driver.convoy.ahead import ConvoyAhead, ConvoyMember, approach_acceleration
+from vehicles.driver.convoy.lane import Lane
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.speed import GapLimits, SpacingPolicy, VehiclesAhead, gap_acceleration
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
@@ -26,6 +28,9 @@ TICK = SECOND // 50
 
 TURNED = 0.6
 """Distance (m) by which a front corner is further along a bend of 6 m radius than the bumper."""
+
+CORNER = 0.17
+"""Distance (m) by which a rear corner is behind the rear bumper on `CIRCLE`."""
 
 STRAIGHT = path_from_segments([Segment(300.0, 0.0)])
 RADIUS = 6.0
@@ -55,7 +60,7 @@ def contact(path: SampledPath, body: Outline, low: float = 0.0) -> float | None:
 def car_at(path: SampledPath, station: float, left: float = 0.0, turned: float = 0.0) -> Outline:
     place = path.at(station)
     east, north = place.east - left * sin(place.yaw), place.north + left * cos(place.yaw)
-    return Outline.of(CAR, east, north, place.yaw + turned)
+    return outline_of(CAR, east, north, place.yaw + turned)
 
 
 def pose_on(
@@ -68,8 +73,9 @@ def pose_on(
     )
 
 
-def convoy(path: SampledPath, lap: float = 0.0) -> ConvoyAhead:
-    members = {"v5": (CAR, PERIOD)}
+def convoy(path: SampledPath, lap: float = 0.0, station: float = 0.0) -> ConvoyAhead:
+    """A lead with one follower, which is at `station` (m)."""
+    members = [ConvoyMember("v5", CAR, PERIOD, station)]
     return ConvoyAhead(path, lap, CAR, members, SETTINGS, POLICY, LIMITS)
 
 
@@ -118,9 +124,38 @@ def test_after_the_end_of_a_closed_path_its_lap_is_searched() -> None:
     ahead.observe([pose_on(CIRCLE, 4.0)])
     assert ahead.acceleration(0, end - 4.0, 5.0, 0.0) < 0.0
     assert "from v5, 3.0 m ahead" in ahead.reason
-    openly = convoy(CIRCLE)
-    openly.observe([pose_on(CIRCLE, 4.0)])
-    assert openly.acceleration(0, end - 4.0, 5.0, 0.0) == inf
+
+
+def test_the_lead_waits_before_a_crossing_that_its_last_car_has_yet_to_pass() -> None:
+    ahead, before = convoy(EIGHT), SECOND_LEG - FRONT - 6.0
+    for second, station in enumerate((2.0, 10.0, CROSSING + 0.5 * CAR.width)):
+        ahead.observe([pose_on(EIGHT, station, at=second * SECOND, speed=5.0)])
+        assert ahead.acceleration(second * SECOND, before, 5.0, 0.0) < -1.0
+        assert "v5" in ahead.reason
+    passed = CROSSING + 0.5 * CAR.width + REAR + 2.0
+    ahead.observe([pose_on(EIGHT, passed, at=4 * SECOND, speed=5.0)])
+    assert ahead.acceleration(4 * SECOND, before, 5.0, 0.0) == inf
+
+
+def test_on_a_lap_the_lead_follows_its_last_car_as_on_any_road() -> None:
+    ahead, wanted = convoy(CIRCLE, LAP, 20.0), list[float]()
+    for tick in range(40):
+        its = 20.0 + 5.0 * tick * PERIOD
+        now = round(tick * PERIOD * SECOND)
+        ahead.observe([pose_on(CIRCLE, its, at=now, speed=5.0)])
+        gap = POLICY.desired(5.0) + CORNER
+        wanted.append(ahead.acceleration(now, its + LAP - REAR - FRONT - gap, 5.0, 0.0))
+    assert wanted == pytest.approx([0.0] * len(wanted), abs=0.2)
+
+
+def test_a_pose_that_a_later_car_has_passed_blocks_nothing() -> None:
+    members = [ConvoyMember(name, CAR, PERIOD, 0.0) for name in ("v4", "v5")]
+    ahead = ConvoyAhead(EIGHT, 0.0, CAR, members, SETTINGS, POLICY, LIMITS)
+    standing = pose_on(EIGHT, 10.0)
+    standing.message.vehicle = "v4"
+    last = [pose_on(EIGHT, 2.0 + 4.0 * k, at=k * SECOND, speed=4.0) for k in range(8)]
+    ahead.observe([standing, *last])
+    assert ahead.acceleration(8 * SECOND, SECOND_LEG - FRONT - 6.0, 5.0, 0.0) == inf
 
 
 @given(
@@ -137,20 +172,14 @@ def test_up_to_the_contact_the_lead_touches_nobody(
     """Independent evidence: the lead's body, placed along the path, and a test of overlap."""
     length = min(float(path.station[-1]), LAP)
     body = car_at(path, share * length, left, turned)
-    there = _rectangle(body)
     station = start * length
-    if overlap(_rectangle(car_at(path, station)), there):
+    if overlap(car_at(path, station), body):
         return  # it begins inside
     found = contact(path, body, station)
     until = min(length if found is None else found - FRONT - TURNED, length - FRONT)
     while station < until:
-        assert not overlap(_rectangle(car_at(path, station)), there)
+        assert not overlap(car_at(path, station), body)
         station += 0.3
-
-
-def _rectangle(body: Outline) -> CarBody:
-    ux, uy = cos(body.yaw), sin(body.yaw)
-    return CarBody(body.east, body.north, ux, uy, body.half_length, body.half_width, 0.0, 0.0)
 
 
 @given(st.floats(2.0, 60.0), st.floats(0.0, 15.0), st.floats(0.0, 15.0), st.floats(-6.0, 2.0))

@@ -6,7 +6,7 @@ from math import pi
 import pytest
 
 from tests.made.transport.received_poses import received
-from vehicles.driver.convoy_watch import ConvoyBehind, ConvoyWatch
+from vehicles.driver.convoy.watch import ConvoyBehind, ConvoyWatch
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.leader import WAITING_SHARE, WaitingProfile

@@ -4,10 +4,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from math import inf
 from typing import Final
 
+from vehicles.driver.convoy.stations import MemberTrack
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import OFF_PATH
 from vehicles.driver.speed import SpacingPolicy
-from vehicles.geometry.sampled_path import WINDOW, SampledPath
+from vehicles.geometry.sampled_path import SampledPath
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
@@ -16,25 +17,6 @@ FAR_BEHIND: Final = 10.0
 
 CAUGHT_UP: Final = 0.5
 """A follower has caught up when its excess is below this share of the limit."""
-
-
-class _TrailingFollower:
-    """Station (m) on the lead's path and speed (m/s) of a follower in its newest pose."""
-
-    def __init__(self, name: str, policy: SpacingPolicy, station: float, at: int) -> None:
-        self.name = name
-        self.policy = policy
-        self.station = station
-        self.measured_at = at
-        self.speed = 0.0
-        self.is_far = False
-
-    def move(self, pose: ReceivedPose, path: SampledPath) -> None:
-        """Project a pose near the last station, further away after a silence."""
-        driven = max(pose.speed, self.speed) * (pose.measured_at - self.measured_at) / SECOND
-        near, window = self.station + 0.5 * driven, WINDOW + 0.5 * driven
-        self.station = path.project(pose.east, pose.north, near, window).station
-        self.speed, self.measured_at = pose.speed, pose.measured_at
 
 
 class ConvoyBehind:
@@ -47,26 +29,27 @@ class ConvoyBehind:
         start_at: int,
     ) -> None:
         """`followers` are names, policies and stations (m) at `start_at` (ns), front to back."""
-        self._path = path
         self._followers = {
-            name: _TrailingFollower(name, policy, station, start_at)
+            name: (policy, MemberTrack(path, station, start_at))
             for name, policy, station in followers
         }
+        self._far = set[str]()
 
     def observe(self, received: Sequence[ReceivedPose], station: float) -> list[str]:
         """Text about followers that have fallen behind the lead, which is at `station` (m)."""
         for pose in received:
             follower = self._followers.get(pose.message.vehicle)
-            if follower is not None and pose.measured_at > follower.measured_at:
-                follower.move(pose, self._path)
+            if follower is not None:
+                follower[1].move(pose)
+        was_far, self._far = self._far, set()
         fallen: list[str] = []
-        for follower in self._followers.values():
-            spacing, station = station - follower.station, follower.station
-            desired = follower.policy.desired(follower.speed)
+        for name, (policy, track) in self._followers.items():
+            spacing, station = station - track.station, track.station
+            desired = policy.desired(track.speed)
             limit = desired + FAR_BEHIND
-            follower.is_far = spacing - desired > (CAUGHT_UP if follower.is_far else 1.0) * limit
-            if follower.is_far:
-                fallen.append(f"{follower.name} {spacing - desired:.0f} m too far behind")
+            if spacing - desired > (CAUGHT_UP if name in was_far else 1.0) * limit:
+                self._far.add(name)
+                fallen.append(f"{name} {spacing - desired:.0f} m too far behind")
         return fallen
 
 
