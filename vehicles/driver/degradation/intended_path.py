@@ -28,7 +28,7 @@ from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
 MAX_OFFSET: Final = 1.75
-"""Offsets beyond this (m), half a lane, are treated as unknown. The error of the fix adds to it."""
+"""Positions with offsets beyond this (m), half a lane, are not used. The error of the fix adds."""
 MAX_FIX_ERROR: Final = 3.0
 MAX_ADDED: Final = 3.5
 """Largest error of a fix, in its standard deviations as stated, and in m."""
@@ -61,8 +61,7 @@ class IntendedPath:
         """
         instants, numbers = self._instants, self._numbers
         index = bisect_left(instants, pose.measured_at)
-        largest = MAX_OFFSET + min(MAX_FIX_ERROR * abs(pose.accuracy), MAX_ADDED)
-        if not abs(offset) <= largest:  # also NaN
+        if not abs(offset) <= _largest_offset(pose):  # also NaN
             offset = 0.0
         if index < len(instants) and instants[index] == pose.measured_at:
             return
@@ -98,6 +97,15 @@ class IntendedPath:
         east = np.interp(sampled_at, at, [offset * sin(yaw) for offset, yaw in pairs])
         north = np.interp(sampled_at, at, [-offset * cos(yaw) for offset, yaw in pairs])
         return window._replace(east=window.east + share * east, north=window.north + share * north)
+
+
+def _largest_offset(pose: ReceivedPose) -> float:
+    return MAX_OFFSET + min(MAX_FIX_ERROR * abs(pose.accuracy), MAX_ADDED)
+
+
+def is_beside(pose: ReceivedPose) -> bool:
+    """Whether a car announces that it is too far beside the lead's path to reconstruct it."""
+    return abs(pose.message.path_offset_m) > _largest_offset(pose)
 
 
 class IntendedShare:

@@ -4,7 +4,7 @@ from math import hypot, isnan, nan
 from typing import Final
 
 from vehicles.driver.degradation.innovation_gate import REFUSED
-from vehicles.driver.degradation.intended_path import IntendedPath
+from vehicles.driver.degradation.intended_path import IntendedPath, is_beside
 from vehicles.driver.degradation.reception import RECENT, Probation, Reception
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import LOST, OFF_PATH, SourceFreshness
@@ -45,10 +45,10 @@ class Source:
     again. The `weight` in the trajectory is 1 while it is fresh. Once late, the weight decreases
     with the known path and returns slowly, so that no sample appears or vanishes at once.
 
-    A source that `may_leave_path` is followed only while it announces no trouble, as there is
-    another source to follow; `has_left_path` is True meanwhile. `stop_is_assumed` is True while it
-    is silent without an announced stop. `freshness` is that of the last control instant, `bend` the
-    largest curvature (1/m) of its recent poses.
+    A source that `may_leave_path` is followed only while it announces neither trouble nor a large
+    offset from the path, as there is another source; else `has_left_path` is True.
+    `stop_is_assumed` is True while it is silent without an announced stop. `freshness` is that of
+    the last control instant, `bend` the largest curvature (1/m) of its recent poses.
     """
 
     def __init__(
@@ -120,11 +120,7 @@ class Source:
         message, last = pose.message, self.trace.newest
         newer = last is None or pose.measured_at > last.measured_at
         lost = newer and self.status in LOST
-        if (
-            self.may_leave_path
-            and last is not None
-            and (message.hazard or message.mode in OFF_PATH)
-        ):
+        if self.may_leave_path and last is not None and self._is_off_path(pose):
             self.has_left_path = True
             self._moved |= self._trust.at_new_place
             self.trace.record_position(pose)
@@ -148,6 +144,15 @@ class Source:
             elif self.status in LOST:
                 self.probation.begin(now)
                 self.status = "probation"
+
+    def _is_off_path(self, pose: ReceivedPose) -> bool:
+        """Whether its pose is not on the lead's path, or may not be, as after a restart."""
+        message = pose.message
+        if message.hazard or message.mode in OFF_PATH:
+            return True
+        if isnan(message.path_offset_m):
+            return self.status in LOST or self.status == "probation"
+        return is_beside(pose)
 
     def _measure_bend(self, last: ReceivedPose | None, pose: ReceivedPose) -> None:
         """Update the largest recent curvature, dθ/dt over v (Section III-B)."""

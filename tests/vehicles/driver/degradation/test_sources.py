@@ -14,7 +14,7 @@ from tests.made.vehicles.exact_drives import GNSS_HZ, START
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.source import SLOW_PROBATION, SLOW_SPEED, Source
 from vehicles.driver.ego.own_state import Pose
-from vehicles.messages import SourceStatus
+from vehicles.messages import Announcement, SourceStatus
 from vehicles.schedule import SECOND, instant
 
 TICK = SECOND // 50
@@ -165,3 +165,33 @@ def test_a_first_message_is_awaited_as_long_as_any_other(period: float, delay: f
             assert source.never_received == (waited > after)
         if abs(waited - 1.5 * period) > 1e-6:
             assert source.is_overdue == (waited > 1.5 * period)
+
+
+def off_path(offsets: dict[int, float], *, last: int = 160) -> list[int]:
+    """Numbers of the messages after which a source that may leave the path has left it.
+
+    It is silent from 80 to 119; `offsets` (m) are those of some messages, the others announce 0.
+    """
+    source, left = Source("v2", 1.0 / GNSS_HZ, DEGRADE), list[int]()
+    source.may_leave_path = True
+    for seq in range(last):
+        now = instant(START, seq, GNSS_HZ)
+        if not 80 <= seq < 120:
+            announced = Announcement(mode="lead", path_offset_m=offsets.get(seq, 0.0))
+            east = SPEED * (now - START) / SECOND
+            source.receive(
+                received(now, east, 0.0, 0.0, SPEED, seq=seq, received_at=now, announced=announced)
+            )
+            if source.has_left_path:
+                left.append(seq)
+        source.update(now, Pose(0.0, 0.0, 0.0, SPEED, 0.0), 1.0 / GNSS_HZ, refit=True)
+    return left
+
+
+def test_positions_far_beside_the_path_are_not_followed() -> None:
+    assert off_path({5: 1.7, 6: 2.3, 7: -80.0, 8: -1.7}) == [6, 7]
+
+
+def test_after_a_silence_positions_are_followed_once_their_offset_is_known() -> None:
+    unknown = dict.fromkeys([0, 1, 40, *range(120, 126)], math.nan)
+    assert off_path(unknown) == list(range(120, 126))
