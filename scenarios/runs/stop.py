@@ -57,6 +57,7 @@ class Stop:
         """Numbers of received signals; handlers append to it and do nothing else."""
         self.begun = False
         self.handles_signals = False
+        self.ignores_signals = False
         self.launched = False
         self.orphaned = False
         self.folder: Path | None = None
@@ -197,6 +198,7 @@ def ignore_signals(stop: Stop) -> None:
 
     The interpreter removes handlers as it exits; a signal would then kill a finished process.
     """
+    stop.ignores_signals = True
     if stop.handles_signals:
         for number in STOP_SIGNALS:
             signal.signal(number, signal.SIG_IGN)

@@ -303,11 +303,11 @@ class VehicleProcess:
         while not self.is_cancelled:
             self._repeat_final_counters(end_at)
             self._time.sleep(POLL_S)
-        if not finished:
+        end = self._announced.end
+        if end is None or not finished:
             self.exit_code = self._stop.exit_code
             return
-        reason = self._announced.end.reason if self._announced.end else ""
-        if reason:
+        if reason := end.reason:
             raise RunCancelledError(f"{self._run} failed: {reason}", announced=True)
         report(f"{self._builder.name}: {self._run} is over")
 

@@ -1,0 +1,328 @@
+"""What must hold after every run, whatever its faults were."""
+
+from collections.abc import Iterator
+from functools import cache, cached_property
+from typing import TypeVar
+
+from scenarios.definition.scenario import Scenario
+from scenarios.results.files import LOG_NAME, SUMMARY_NAME
+from scenarios.results.summary import RunSummary, from_json
+from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
+from scenarios.runs.node.sink import BatchingSink
+from scenarios.runs.stop import EXIT_DONE
+from scenarios.runs.virtual.virtual_convoy import VirtualConvoy
+from tests.scenarios.runs.simulation.plan import LAUNCHER, RECORDER, ROUTER
+from tests.scenarios.runs.simulation.world import Process, World, scenario_of
+from transport.bus.telemetry import records_key, unpacked
+from transport.codec import decode
+from transport.log.reader import LogReader
+from transport.log.records import LogError
+from transport.topics import RUN_SENDER, TOPICS, key
+from vehicles.messages import Change, GpsPose, LogText, Message, RunEnd, RunStart, TruePose
+from vehicles.schedule import MILLISECOND, nanoseconds
+
+STOPPED_BY_LAUNCHER = {-9, 143}
+M = TypeVar("M", bound=Message)
+LOWEST_SLACK_NS = 12 * MILLISECOND
+"""Interruptions and delays that no clock sees."""
+
+
+class Aftermath:
+    """What is left of a simulated run."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self.plan = world.plan
+        self.recorder = world.process(RECORDER)
+        self.launcher = world.process(LAUNCHER)
+
+    @cached_property
+    def summary(self) -> RunSummary | None:
+        path = self.world.folder / SUMMARY_NAME
+        return from_json(path.read_text(encoding="utf-8")) if path.exists() else None
+
+    @cached_property
+    def log(self) -> LogReader | None:
+        path = self.world.folder / LOG_NAME
+        if not path.exists():
+            return None
+        try:
+            return LogReader(path)
+        except LogError:
+            return None
+
+    @cached_property
+    def logged(self) -> list[tuple[int, str, Message]]:
+        """Rare messages of the log."""
+        if self.log is None:
+            return []
+        return list(self.log.messages({"start", "end", "log", "change"}))
+
+    def of_kind(self, kind: type[M]) -> list[M]:
+        return [message for _, _, message in self.logged if isinstance(message, kind)]
+
+    @property
+    def vehicles(self) -> Iterator[Process]:
+        """Last process of each vehicle."""
+        for name in self.plan.names:
+            process = self.world.process(name)
+            if process is not None:
+                yield process
+
+    @property
+    def is_completed(self) -> bool:
+        return self.summary is not None and self.summary.outcome == "completed"
+
+    @cached_property
+    def sent(self) -> dict[tuple[str, str], list[tuple[int, Message]]]:
+        """Messages that vehicles sent, by vehicle and topic, with the true instants."""
+        sent: dict[tuple[str, str], list[tuple[int, Message]]] = {}
+        for name in self.plan.names:
+            for topic in TOPICS.values():
+                if topic.batched:
+                    continue
+                rows = self.world.network.published.get(key(name, topic), ())
+                sent[name, topic.name] = [(at, decode(topic, data)) for at, data in rows]
+            truths: list[tuple[int, Message]] = []
+            for at, batch in self.world.network.published.get(records_key(name), ()):
+                for topic_name, _, data in unpacked(batch):
+                    if topic_name == "truth":
+                        truths.append((at, decode(TOPICS["truth"], data)))
+            sent[name, "truth"] = truths
+        return sent
+
+    def count_sent(self, vehicle: str, topic: str) -> int:
+        return len({message.seq for _, message in self.sent[vehicle, topic]})
+
+    def was_disturbed(self, process: Process) -> bool:
+        """Whether a fault ended a process or its latest predecessor."""
+        return any(each.is_faulty for each in self.world.processes if each.name == process.name)
+
+
+def broken(run: Aftermath) -> list[str]:
+    """Lines on what does not hold; empty after a good run."""
+
+    return [line for check in CHECKS for line in check(run)]
+
+
+def no_role_waits_for_ever(run: Aftermath) -> Iterator[str]:
+    if not run.world.is_over:
+        yield f"roles wait for ever: {run.world.stuck}"
+    for role in run.world.scheduler.roles:
+        if role.crash:
+            yield f"{role.name} crashed: {role.crash}"
+
+
+def every_failure_has_a_reason(run: Aftermath) -> Iterator[str]:
+    for process in run.world.processes:
+        is_stopped = process.is_faulty or process.stop.requested or process.name == ROUTER
+        if process.poll() in {1, 2} and not is_stopped:
+            errors = [line for line in process.lines if line.startswith("error: ")]
+            reported = run.summary is not None and bool(run.summary.reason)
+            elsewhere = process.name in {RECORDER, LAUNCHER} or run.plan.launched
+            if any(len(line) > len("error: ") for line in errors):
+                continue
+            if not (elsewhere and (reported or run.world.printed)):
+                yield f"{process.name} failed without a reason"
+
+
+def outcome_and_exit_codes_agree(run: Aftermath) -> Iterator[str]:
+    summary = run.summary
+    outcome = summary.outcome if summary is not None else "no summary"
+    recorder = None if run.recorder is None else run.recorder.poll()
+    if recorder is not None and recorder >= 0 and (recorder == EXIT_DONE) != run.is_completed:
+        yield f"recorder ended with {recorder}, {outcome}"
+    launcher = None if run.launcher is None or run.launcher.is_faulty else run.launcher.poll()
+    if launcher is not None and (launcher == EXIT_DONE) != run.is_completed:
+        yield f"convoy run ended with {launcher}, {outcome}"
+    if summary is None:
+        return
+    for vehicle in run.vehicles:
+        if run.was_disturbed(vehicle) or vehicle.joined_at is None:
+            continue
+        vehicle_code = vehicle.poll()
+        if run.plan.launched and vehicle_code in STOPPED_BY_LAUNCHER:
+            continue
+        if run.is_completed and vehicle_code != EXIT_DONE and not _is_known_failed(run, vehicle):
+            yield f"{vehicle.name} ended with {vehicle_code} in a completed run"
+        if not run.is_completed and vehicle_code == EXIT_DONE and not run.plan.launched:
+            yield f"{vehicle.name} ended with 0 in a failed run"
+
+
+def _is_known_failed(run: Aftermath, vehicle: Process) -> bool:
+    """Whether the log names a vehicle that failed, left or was not admitted."""
+    texts = [message.text for message in run.of_kind(LogText) if message.vehicle == RUN_SENDER]
+    return any(text.startswith(f"{vehicle.name} ") for text in texts)
+
+
+def accounts_balance(run: Aftermath) -> Iterator[str]:
+    if run.summary is None:
+        return
+    for link in run.summary.links:
+        parts = (
+            link.delivered
+            + sum(link.dropped.values())
+            + sum(link.not_arrived.values())
+            + link.in_flight
+            + link.unrecorded
+        )
+        name = f"{link.sender} → {link.receiver}"
+        if link.sent != parts and run.is_completed:
+            yield f"{name}: sent {link.sent}, accounted {parts}"
+        sent = run.count_sent(link.sender, "gps")
+        sender = run.world.process(link.sender)
+        whole = sender is not None and not run.was_disturbed(sender) and sender.poll() == 0
+        if run.is_completed and whole and link.sent != sent:
+            yield f"{name}: sent {sent}, the account knows {link.sent}"
+
+
+def holes_are_named(run: Aftermath) -> Iterator[str]:
+    if run.summary is None or run.log is None or not run.is_completed:
+        return
+    for name in run.plan.names:
+        process = run.world.process(name)
+        if process is None or run.was_disturbed(process) or process.poll() != EXIT_DONE:
+            continue
+        for topic in ("gps", "truth"):
+            missing = run.count_sent(name, topic) - run.log.counts.get((name, topic), 0)
+            named = sum(hole.poses for hole in run.summary.holes if hole.vehicle == name)
+            if missing > 0 and not named:
+                yield f"{missing} messages {topic} of {name} are missing, no hole is named"
+            if missing > 0 and topic == "truth" and run.summary.limits:
+                yield f"{missing} true poses of {name} are missing, and limits are kept"
+
+
+def nothing_received_is_lost(run: Aftermath) -> Iterator[str]:
+    """Poses that arrived at a recorder that ended by itself are in its log or refused."""
+    recorder, log = run.recorder, run.log
+    code = None if recorder is None else recorder.poll()
+    if code is None or code < 0 or run.summary is None or run.world.disk.has_failed or log is None:
+        return
+    ends = [at for at, _, message in run.logged if isinstance(message, RunEnd)]
+    starts = run.of_kind(RunStart)
+    if not ends or not starts:
+        return
+    refused = sum(run.summary.recorder_rejected_messages.values())
+    clock = run.world.clock_of(RECORDER)
+    for name in run.plan.names:
+        address = key(name, TOPICS["gps"])
+        arrived = {
+            data for at, data in run.world.network.received[address] if clock.unix_at(at) < ends[0]
+        }
+        missing = len(arrived) - log.counts.get((name, "gps"), 0)
+        if missing > refused:
+            yield f"{missing} poses of {name} arrived and are not in the log"
+
+
+def confirmed_changes_are_logged(run: Aftermath) -> Iterator[str]:
+    if not run.is_completed:
+        return
+    starts = run.of_kind(RunStart)
+    logged = {(row.vehicle, row.kind, row.effective_at_ns) for row in run.of_kind(Change)}
+    for request in run.world.requests:
+        answers = [each.answer for each in request.answers or () if each.answer]
+        instants = {answer.from_s for answer in answers if answer.does}
+        if len(instants) > 1:
+            yield f"{request.entry} takes effect at {instants}"
+        for answer in answers:
+            process = run.world.process(answer.vehicle)
+            if not answer.does or process is None or run.was_disturbed(process):
+                continue
+            at = starts[0].start_at_ns + nanoseconds(answer.from_s)
+            if (answer.vehicle, request.entry["kind"], at) not in logged:
+                yield f"{request.entry}: confirmed by {answer.vehicle}, and not in the log"
+
+
+def clocks_are_right(run: Aftermath) -> Iterator[str]:
+    """In a completed run no vehicle drove by a wrong clock without a word."""
+    summary = run.summary
+    if summary is None or not run.is_completed:
+        return
+    allowed = run.world.scenario.clock_uncertainty_ns_max + LOWEST_SLACK_NS
+    clock = run.world.clock_of(RECORDER)
+    warned = [text.text for text in run.of_kind(LogText) if text.level == "alert"]
+    for vehicle in summary.vehicles:
+        sent = [
+            (at, pose) for at, pose in run.sent[vehicle.name, "gps"] if isinstance(pose, GpsPose)
+        ]
+        if not sent or any(vehicle.name in text for text in warned):
+            continue
+        turn = stagger_ns(run.plan.variant, run.plan.vehicles, vehicle.name)
+        error = min((clock.unix_at(at) - pose.sent_at_ns - turn for at, pose in sent), key=abs)
+        if abs(error) > allowed and not vehicle.late_ticks:
+            yield f"the clock of {vehicle.name} is off by {error / MILLISECOND:.1f} ms"
+
+
+def an_undisturbed_run_equals_the_virtual_one(run: Aftermath) -> Iterator[str]:
+    """Without anything that explains a difference, cars drive as in virtual time."""
+    summary = run.summary
+    if summary is None or not run.is_completed or run.world.requests:
+        return
+    explained = (
+        any(vehicle.late_ticks for vehicle in summary.vehicles)
+        or any(link.late or link.not_arrived or link.unrecorded for link in summary.links)
+        or bool(summary.holes)
+        or any(run.was_disturbed(vehicle) for vehicle in run.vehicles)
+    )
+    if explained:
+        return
+    places = final_places(run.plan.variant, run.plan.vehicles, run.plan.duration_s)
+    for name, place in places.items():
+        poses = [pose for _, pose in run.sent[name, "truth"] if isinstance(pose, TruePose)]
+        if not poses or _place(max(poses, key=lambda pose: pose.seq)) != place:
+            yield f"{name} drives otherwise than in virtual time, and nothing explains it"
+
+
+@cache
+def stagger_ns(variant: tuple[str, ...], vehicles: int, name: str) -> int:
+    return VehicleBuilder(scenario_of(variant, vehicles, 1.0), name).stagger_ns
+
+
+Place = tuple[float, float, float, float]
+
+
+def _place(pose: TruePose) -> Place:
+    return pose.east_m, pose.north_m, pose.distance_m, pose.speed_mps
+
+
+@cache
+def final_places(variant: tuple[str, ...], vehicles: int, duration_s: float) -> dict[str, Place]:
+    """Last true poses in virtual time."""
+    scenario: Scenario = scenario_of(variant, vehicles, duration_s)
+    convoy = VirtualConvoy(scenario)
+    truths: dict[str, TruePose] = {}
+
+    def note(address: str, data: bytes) -> None:
+        name = address.split("/")[1]
+        for topic, _, content in unpacked(data):
+            if topic == "truth":
+                pose = decode(TOPICS["truth"], content)
+                assert isinstance(pose, TruePose)
+                truths[name] = pose
+
+    for name in scenario.vehicle_names:
+        convoy.bus.subscribe(records_key(name), note)
+    sinks: list[BatchingSink] = []
+
+    def sink(vehicle: str) -> BatchingSink:
+        sinks.append(BatchingSink(vehicle, convoy.bus, convoy.clock.now))
+        return sinks[-1]
+
+    convoy.build(sink)
+    convoy.run()
+    for each in sinks:
+        each.flush_all()
+    return {name: _place(pose) for name, pose in truths.items()}
+
+
+CHECKS = (
+    no_role_waits_for_ever,
+    every_failure_has_a_reason,
+    outcome_and_exit_codes_agree,
+    accounts_balance,
+    holes_are_named,
+    nothing_received_is_lost,
+    confirmed_changes_are_logged,
+    clocks_are_right,
+    an_undisturbed_run_equals_the_virtual_one,
+)

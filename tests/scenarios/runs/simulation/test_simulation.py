@@ -1,0 +1,41 @@
+"""Every schedule of faults keeps the invariants, and repeats exactly."""
+
+import pytest
+
+from tests.scenarios.runs.simulation.plan import Plan, draw
+from tests.scenarios.runs.simulation.shrinking import shrink, simulate
+from vehicles.schedule import SECOND
+
+
+def explained(plan: Plan) -> str:
+    """Describe what a plan breaks, as few faults as possible, for the report of a failure."""
+    least = shrink(plan, lambda candidate: bool(simulate(candidate).broken))
+    return "\n".join([*simulate(plan).broken, f"seed {plan.seed}, reduced to {least}"])
+
+
+@pytest.mark.campaign(30, 10_000)
+def test_no_schedule_breaks_an_invariant(campaign: int) -> None:
+    for seed in range(campaign):
+        plan = draw(seed)
+        assert not simulate(plan).broken, explained(plan)
+
+
+@pytest.mark.parametrize("launched", [True, False])
+def test_a_run_without_faults_is_completed(*, launched: bool) -> None:
+    starts = () if launched else (("recorder", 0), ("v1", 10**8), ("v2", 2 * 10**8))
+    run = simulate(Plan(seed=0, launched=launched, starts=starts))
+    assert not run.broken
+    assert "outcome: completed" in run.states
+
+
+def test_a_vehicle_stopped_before_the_end_is_announced_does_not_report_success() -> None:
+    starts = (("recorder", 0), ("v1", 0), ("v2", 0))
+    faults = (("pause", 2 * SECOND, "recorder", 3 * SECOND), ("stop", 3 * SECOND, "v1", 15))
+    run = simulate(Plan(seed=0, launched=False, starts=starts, faults=faults))
+    assert not run.broken
+    assert "vehicle ended with 143" in run.states
+
+
+@pytest.mark.parametrize("seed", [3, 11, 17])
+def test_a_seed_repeats_exactly(seed: int) -> None:
+    assert simulate(draw(seed)) == simulate(draw(seed))
