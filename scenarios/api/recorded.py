@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from scenarios.definition.errors import require
 from scenarios.results.recorded.run_record import RunRecord
+from scenarios.results.recorded.table_files import FileFormat, export_run
 from scenarios.results.vehicles.vehicle_figures import VehicleSummary
 
 if TYPE_CHECKING:  # an extra
@@ -28,6 +29,7 @@ class Run(RunRecord):
     - `run.vehicles["v4"]`: its tables `true`, `gps`, `tracking`, `command`, `trajectory`,
       `verdict` and `health`.
     - `run.links["v1", "v3"].outcomes`: the outcome of each sent message.
+    - `run.states`, `run.messages`: all vehicles in one table, and all links in another.
     - `run.texts`: lines of text.
     - `run.scenario`, `run.log`, `run.faults`: its scenario, the path of the log, and damage or
       holes of the log in a line.
@@ -45,6 +47,14 @@ class Run(RunRecord):
         from scenarios.api.plots import run_figure  # noqa: PLC0415 - an extra
 
         return run_figure(self, [self.vehicles[name] for name in vehicles or self.vehicles])
+
+    def export(self, out: str | Path, formats: Sequence[FileFormat] = ("csv", "gpx")) -> list[Path]:
+        """Write tables and tracks into a folder, like `convoy export`; returns their paths.
+
+        The formats are "csv" and "parquet", each with the files `vehicles` and `links`, and "gpx"
+        with a track of the measured positions of each vehicle. Raises Error if a file exists.
+        """
+        return export_run(self, Path(out), formats)
 
     def __repr__(self) -> str:
         return f"<Run {self.log}: {self.summary.outcome_line or self.summary.outcome}>"

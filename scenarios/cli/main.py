@@ -27,6 +27,7 @@ from scenarios.cli.many.sweep import sweep
 from scenarios.cli.output import keep_output_going, unwritable_output_reported
 from scenarios.cli.reference.reference_command import reference
 from scenarios.cli.running import commands as running
+from scenarios.cli.tables.export_command import export
 
 EXAMPLES = """\b
 Examples:
@@ -73,6 +74,7 @@ for command in (
     log_commands.report,
     log_commands.explain,
     diff,
+    export,
     blame,
     channel,
     sweep,

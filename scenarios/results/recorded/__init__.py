@@ -2,6 +2,8 @@
 
 run_record       a log as tables by vehicle and link
 data_table       tables of NumPy columns
+tidy_tables      one table of all vehicles, and one of all links
+table_files      CSV, Parquet and GPX
 true_figures     true errors and gaps at each true pose
 link_outcomes    outcome of each sent message
 column_messages  messages made from columns

@@ -1,6 +1,6 @@
 """Tables of NumPy columns, and their conversion to pandas, Polars and Arrow."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -74,6 +74,13 @@ class DataTable:
         """Names of the columns."""
         return tuple(self._columns)
 
+    def items(self) -> Iterator[tuple[str, Array]]:
+        """Yield names and columns."""
+        return ((name, self[name]) for name in self._columns)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._columns)
+
     def __len__(self) -> int:
         name = next(name for name, column in self._columns.items() if not callable(column))
         values = self._values(name)
@@ -87,7 +94,7 @@ class DataTable:
         require("to_pandas", "pandas", "pandas")
         import pandas  # noqa: PLC0415 - an extra
 
-        return pandas.DataFrame({name: self[name] for name in self.keys()})
+        return pandas.DataFrame(dict(self.items()))
 
     def to_polars(self) -> "polars.DataFrame":
         """Return a DataFrame of Polars; raises Error without Polars."""
@@ -96,7 +103,7 @@ class DataTable:
 
         columns = {
             name: column.tolist() if column.dtype == object else column
-            for name, column in [(name, self[name]) for name in self.keys()]
+            for name, column in self.items()
         }
         return polars.DataFrame(columns, nan_to_null=True)
 
@@ -105,10 +112,10 @@ class DataTable:
         require("to_arrow", "tables", "pyarrow")
         import pyarrow  # noqa: PLC0415 - an extra
 
-        return pyarrow.table({name: _arrow(self._values(name)) for name in self.keys()})
+        return pyarrow.table({name: _arrow(self._values(name)) for name in self})
 
     def __repr__(self) -> str:
-        return f"<DataTable: {len(self)} rows of {', '.join(self.keys())}>"
+        return f"<DataTable: {len(self)} rows of {', '.join(self)}>"
 
     def _repr_html_(self) -> str:
         """Show the first and the last rows in a notebook."""

@@ -13,8 +13,15 @@ from scenarios.definition.scenario import Scenario
 from scenarios.definition.topology import directed_links
 from scenarios.results.channel.account import Link, MissingVerdict
 from scenarios.results.log_summary import log_in, scenario_in, summary_of
-from scenarios.results.recorded.data_table import Compute, DataTable, UnknownNameError, Values
-from scenarios.results.recorded.link_outcomes import link_outcomes, missing_verdicts
+from scenarios.results.recorded.data_table import (
+    Array,
+    Compute,
+    DataTable,
+    UnknownNameError,
+    Values,
+)
+from scenarios.results.recorded.link_outcomes import LinkOutcomes, link_outcomes, missing_verdicts
+from scenarios.results.recorded.tidy_tables import joined, vehicle_rows
 from scenarios.results.recorded.true_figures import PathErrors, path_errors, true_gaps
 from scenarios.results.summary import RunSummary
 from transport.columns import Columns
@@ -135,6 +142,36 @@ class RunRecord:
             }
         )
 
+    @cached_property
+    def states(self) -> DataTable:
+        """All vehicles in one table: a row for each instant of a true pose or a decision.
+
+        True position, speed, error and gap, and the errors and the mode that the vehicle reports.
+        """
+        rows = []
+        for name in self.vehicle_names:
+            truth = self.true_table(name) if "truth" in self.topics_of(name) else None
+            rows.append(vehicle_rows(name, truth, self.columns_of("tracking").get(name)))
+        columns = joined(rows)
+        return DataTable({"t_s": self.seconds(columns["at_ns"]), **columns})
+
+    @cached_property
+    def messages(self) -> DataTable:
+        """All links in one table: a row for each sent message, see `LinkRecord.outcomes`."""
+        tables = [self._rows_of(("", ""), link_outcomes(("", ""), None, ()))]
+        tables += [self._rows_of(link, self._outcomes(link)) for link in self.links]
+        return DataTable(joined(tables))
+
+    def _rows_of(self, link: Link, rows: LinkOutcomes) -> dict[str, Array]:
+        sender, receiver = (np.full(len(rows.number), name, object) for name in link)
+        times = {"t_s": self.seconds(rows.sent_at_ns), "sender": sender, "receiver": receiver}
+        return times | rows._asdict()
+
+    def topics_of(self, vehicle: str) -> set[str]:
+        """Topics of which the log holds messages of a vehicle."""
+        counts = self._reader.counts.items()
+        return {topic for (name, topic), count in counts if name == vehicle and count}
+
     def columns_of(self, topic: str) -> Mapping[str, Columns]:
         """Messages of a topic by vehicle."""
         if topic not in self._columns:
@@ -197,18 +234,12 @@ class RunRecord:
 
     def outcomes(self, link: Link) -> DataTable:
         """Outcomes of the messages of a link, see `LinkRecord.outcomes`."""
+        rows = self._outcomes(link)
+        return DataTable({"t_s": self.seconds(rows.sent_at_ns), **rows._asdict()})
+
+    def _outcomes(self, link: Link) -> LinkOutcomes:
         verdicts = self.columns_of("verdict").get(link[1])
-        rows = link_outcomes(link, verdicts, self._missing_verdicts.get(link, ()))
-        return DataTable(
-            {
-                "number": rows.number,
-                "t_s": self.seconds(rows.sent_at_ns),
-                "sent_at_ns": rows.sent_at_ns,
-                "outcome": rows.outcome,
-                "cause": rows.cause,
-                "delay_s": rows.delay_s,
-            }
-        )
+        return link_outcomes(link, verdicts, self._missing_verdicts.get(link, ()))
 
 
 class VehicleRecord:

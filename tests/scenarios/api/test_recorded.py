@@ -10,9 +10,6 @@ import pytest
 
 import scenarios.api as convoy
 from scenarios.results.recorded.data_table import DataTable
-from tests.made.scenarios.shipped import whole_run
-from transport.columns import DEVIATION
-from transport.log.reader import LogReader
 
 SETTINGS = {
     "duration_s": 4.0,
@@ -183,17 +180,3 @@ def test_a_plot_has_the_vehicles(run: convoy.Run) -> None:
         np.array(errors.lines[0].get_ydata()).tolist() == run.vehicles["v3"].true.error_m.tolist()
     )
     assert figure._repr_png_().startswith(b"\x89PNG")  # type: ignore[attr-defined]
-
-
-def test_errors_of_a_whole_run_are_those_of_the_log(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> None:
-    """The recorder logs errors and gaps ten times a second."""
-    run = convoy.open(whole_run("lossy_lane_change", tmp_path_factory))
-    logged = LogReader(run.log).columns([DEVIATION])
-    assert {name for name, _ in logged} == {"v2", "v3", "v4"}
-    for (name, _), columns in logged.items():
-        true = run.vehicles[name].true
-        rows = np.searchsorted(true.at_ns, columns.at_ns)
-        assert np.array_equal(true.error_m[rows], columns["cross_track_error_m"], equal_nan=True)
-        assert np.array_equal(true.gap_m[rows], columns["true_gap_m"], equal_nan=True)

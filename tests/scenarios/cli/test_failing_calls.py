@@ -55,6 +55,7 @@ COMMANDS = {
     "sweep": Command(f"{SWEEP} --picture-format svg", f"{SWEPT} sweep.svg seeds.svg", slow=True),
     "sweep again": Command(f"{SWEEP} --no-pictures", SWEPT, repeated=True),
     "scenario-from": Command(f"scenario-from {LOG} -o out/again.toml", "again.toml"),
+    "export": Command(f"export {LOG} --out out", "vehicles.csv links.csv v1.gpx v2.gpx"),
     "channel fit": Command(f"channel fit {LOG} -o out/links.toml", "links.toml"),
     "channel show": Command("channel show bursty --messages 100 -o out/link.svg", "link.svg"),
     "channel cuts": Command(

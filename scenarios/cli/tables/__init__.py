@@ -1,0 +1,4 @@
+"""Commands that make tables of recorded runs.
+
+export_command  tables and tracks as files
+"""

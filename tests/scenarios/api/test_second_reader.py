@@ -1,0 +1,118 @@
+"""Every column of three logs, one of them damaged, agrees with a reading by other libraries."""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import scenarios.api as convoy
+from tests.made import second_reader
+from tests.made.second_reader import DEVIATION, MESSAGES, SecondReading, same
+from transport import convoy_pb2
+
+TABLES = ("gps", "trajectory", "tracking", "command", "verdict", "health")
+UNKNOWN: tuple[object, ...] = (None, 0, False, "", [])
+"""Values of fields that the log lacks; an unknown number may be NaN as well."""
+
+
+@pytest.fixture(params=["new", "earlier version", "damaged"])
+def both(logs: dict[str, Path], request: pytest.FixtureRequest) -> tuple[convoy.Run, SecondReading]:
+    path = logs[request.param]
+    reading = second_reader.read(path)
+    assert reading.damaged == (request.param == "damaged")
+    return convoy.open(path), reading
+
+
+def fields(topic: str) -> Iterator[str]:
+    names = getattr(convoy_pb2, MESSAGES[topic]).DESCRIPTOR.fields_by_name
+    return (name for name in names if name != "vehicle")
+
+
+def assert_column(column: Any, expected: list[Any], name: str) -> None:
+    values = column.tolist()
+    assert len(values) == len(expected), name
+    for ours, theirs in zip(values, expected, strict=True):
+        value = ours.tolist() if isinstance(ours, np.ndarray) else ours
+        if theirs is None:
+            assert value in UNKNOWN or math.isnan(value), name
+        else:
+            assert same(value, theirs), name
+
+
+def test_every_field_of_every_message(both: tuple[convoy.Run, SecondReading]) -> None:
+    run, reading = both
+    seen = 0
+    for vehicle, record in run.vehicles.items():
+        for topic in ("true", *TABLES):
+            source = "truth" if topic == "true" else topic
+            if not reading.of(vehicle, source):
+                assert source not in run.topics_of(vehicle)
+                continue
+            table = getattr(record, topic)
+            for name in fields(source):
+                assert_column(table[name], reading.values(vehicle, source, name), name)
+                seen += 1
+            start_at = reading.of("run", "start")[0].start_at_ns
+            assert ((table.at_ns - start_at) / 1e9).tolist() == table.t_s.tolist()
+    assert seen > 300
+    texts = [text for name in (*run.vehicles, "run") for text in reading.of(name, "log")]
+    assert sorted(run.texts.text) == sorted(text.text for text in texts)
+
+
+def test_true_errors_and_gaps(both: tuple[convoy.Run, SecondReading]) -> None:
+    """They are recorded ten times a second, computed while the run was simulated."""
+    run, reading = both
+    recorded = {name: reading.of(name, DEVIATION) for name in run.vehicles}
+    assert not recorded["v1"]
+    for name, rows in recorded.items():
+        true = run.vehicles[name].true
+        place = {at: row for row, at in enumerate(true.at_ns.tolist())}
+        compared = 0
+        for deviation in rows:
+            row = place.get(deviation.true_at_ns)
+            if row is None:  # in the damaged part
+                continue
+            ours = float(true.error_m[row]), float(true.gap_m[row])
+            if reading.damaged and math.isnan(ours[0] + ours[1]):  # beside it
+                continue
+            assert ours == pytest.approx(
+                (deviation.cross_track_error_m, deviation.true_gap_m), abs=1e-3 * reading.damaged
+            )
+            compared += 1
+        assert compared >= 0.5 * len(rows)
+
+
+def test_outcomes_of_all_messages(both: tuple[convoy.Run, SecondReading]) -> None:
+    run, reading = both
+    for (sender, receiver), link in run.links.items():
+        rows = link.outcomes
+        verdicts = {
+            number: place
+            for place, number in enumerate(reading.values(receiver, "verdict", "pose_seq"))
+            if reading.of(receiver, "verdict")[place].sender == sender
+        }
+        numbers = set(rows.number.tolist())
+        assert numbers >= {*verdicts, *reading.values(sender, "gps", "seq")}
+        assert len(numbers) == len(rows)
+        columns = (rows.number, rows.sent_at_ns, rows.outcome, rows.cause, rows.delay_s)
+        for number, at, outcome, cause, delay_s in zip(
+            *(column.tolist() for column in columns), strict=True
+        ):
+            place = verdicts.get(number)
+            if place is None:
+                assert outcome in {"in_flight", "not_arrived", "unrecorded"}
+                continue
+            verdict = reading.of(receiver, "verdict")[place]
+            assert (at, outcome) == (verdict.sent_at_ns, verdict.outcome)
+            if outcome == "dropped":
+                assert cause == verdict.reason
+                assert math.isnan(delay_s)
+            else:
+                assert cause is None
+                usable_at = second_reader.value(
+                    verdict, "verdict", "received_at_ns" if verdict.late else "visible_at_ns"
+                )
+                assert delay_s == (usable_at - verdict.sent_at_ns) / 1e9
