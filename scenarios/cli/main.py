@@ -16,6 +16,7 @@ import click
 
 from scenarios.cli import log_commands, paper_commands, scenario_commands
 from scenarios.cli.channel.channel_commands import channel
+from scenarios.cli.comparing.compare import compare
 from scenarios.cli.comparing.diff import diff
 from scenarios.cli.grouped_help import ConvoyGroup
 from scenarios.cli.live import live_commands
@@ -74,6 +75,7 @@ for command in (
     log_commands.report,
     log_commands.explain,
     diff,
+    compare,
     export,
     blame,
     channel,

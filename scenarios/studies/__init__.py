@@ -1,7 +1,7 @@
 """Studies: many runs, and the theory behind them.
 
 channel/        `convoy channel`: laws of links, fitted and compared
-comparison/     `convoy diff`: differences of runs
+comparison/     `convoy diff` and `convoy compare`
 cuts/           `convoy channel cuts`: followers while links are cut
 drills/         `convoy drill`: limits that must hold when something fails
 engine/         parallel runs, locally or on a dask scheduler, with a journal

@@ -4,7 +4,9 @@ Figures are made without pyplot, so no global state is touched and no display is
 is imported when a figure is encoded.
 """
 
+import errno
 import io
+import os
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +73,13 @@ def picture_format_of(path: Path) -> str:
         allowed = ", ".join(f".{one}" for one in PICTURE_FORMATS)
         raise ScenarioError([f"{path}: given {path.suffix or 'no extension'}, allowed {allowed}"])
     return picture_format
+
+
+def require_new_picture(path: Path) -> None:
+    """Raise ScenarioError or FileExistsError early if no picture can be written to `path`."""
+    picture_format_of(path)
+    if path.exists():
+        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
 
 
 def encoded(figure: Any, picture_format: str) -> bytes:

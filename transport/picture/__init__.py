@@ -11,5 +11,6 @@ marks             marks of events in plans and plots
 link_states       states of each link over half seconds
 blueprint         layout and colours
 log_layout        layout for a log that Rerun opens without this project
+comparison/       several runs in one picture
 viewer_process    Rerun's own programs as processes
 """

@@ -29,7 +29,83 @@ FLUSH_S = 5.0
 FLUSH_TICK_S = 0.1
 
 
-class RerunView(Closing):
+class OpenRecording(Closing):
+    """A recording that is sent to the destination of `option`.
+
+    `destination` describes to the user where it is shown; `enabled` is False without a picture.
+    Raises ViewerError if the picture cannot be shown.
+    """
+
+    def __init__(self, option: RerunOption, recording_id: str, title: str = "") -> None:
+        self.destination = ""
+        self.enabled = option.sink != "off"
+        self._page: Any = None
+        self.recording: Any = None
+        if option.sink == "off":
+            return
+        import rerun as rr  # noqa: PLC0415 - see above
+
+        self.recording = rr.RecordingStream(
+            APPLICATION,
+            recording_id=recording_id,
+            batcher_config=rr.ChunkBatcherConfig(flush_tick=FLUSH_TICK_S),
+        )
+        self._open(rr, option)
+        if title:
+            self.recording.send_recording_name(title)
+
+    def _open(self, rr: Any, option: RerunOption) -> None:
+        match option.sink:
+            case "save":
+                self.destination = option.target
+                refuse_foreign_file(option)
+                self.recording.set_sinks(_save(rr, option.target))
+            case "connect":
+                self.destination = option.target
+                self.recording.set_sinks(_connect(rr, option.target))
+            case "spawn":
+                port = viewer_process.free_port(LOOPBACK, DATA_PORT)
+                viewer_process.start_native_viewer(port)
+                self.destination = "Rerun's viewer"
+                self.recording.set_sinks(rr.GrpcSink(f"rerun+http://{LOOPBACK}:{port}/proxy"))
+            case _:
+                self._serve(rr, option)
+
+    def _serve(self, rr: Any, option: RerunOption) -> None:
+        address = option.address
+        host = viewer_process.local_address(address)
+
+        def serve_data(port: int) -> bool:
+            self.recording.set_sinks(
+                rr.GrpcServerSink(bind_ip=address, port=port, server_memory_limit=MEMORY_LIMIT)
+            )
+            return viewer_process.await_listening(os.getpid(), address, port)
+
+        data_port = viewer_process.listen(address, option.data_port, DATA_PORT, serve_data)
+        data_url = f"rerun+http://{host}:{data_port}/proxy"
+
+        def serve_page(port: int) -> bool:
+            self._page = viewer_process.start_web_page(
+                address=address, port=port, data_url=data_url
+            )
+            return self._page is not None
+
+        page_port = viewer_process.listen(address, option.page_port, PAGE_PORT, serve_page)
+        self.destination = f"http://{host}:{page_port}/?url={quote(data_url, safe='')}"
+
+    def close(self) -> None:
+        """Send all data and end the programs started for the picture."""
+        if self.recording is not None:
+            recording, self.recording = self.recording, None
+            with suppress(RuntimeError):  # the run continues without a viewer
+                recording.flush(timeout_sec=FLUSH_S)
+            recording.disconnect()
+        if self._page is not None:
+            viewer_process.stop(self._page)
+            self._page = None
+
+
+class RerunView(OpenRecording):
     """Shows a run, live or from its log: `draw` takes every recorded message.
 
     `vehicles` are in order, the lead first; `spacing_m` is their usual spacing; `cars` are their
@@ -52,28 +128,15 @@ class RerunView(Closing):
         duration_s: float | None = None,
         title: str = "",
     ) -> None:
-        self.destination = ""
-        self.enabled = option.sink != "off"
-        self._page: Any = None
-        self._recording: Any = None
+        super().__init__(option, recording_id, title)
         self._writer: Any = None
-        if option.sink == "off":
+        if not self.enabled:
             return
-        import rerun as rr  # noqa: PLC0415 - see above
-
         from transport.picture.recording_writer import RecordingWriter  # noqa: PLC0415
         from transport.picture.shapes import CarShape  # noqa: PLC0415
 
-        self._recording = rr.RecordingStream(
-            APPLICATION,
-            recording_id=recording_id,
-            batcher_config=rr.ChunkBatcherConfig(flush_tick=FLUSH_TICK_S),
-        )
-        self._open(rr, option)
-        if title:
-            self._recording.send_recording_name(title)
         self._writer = RecordingWriter(
-            self._recording,
+            self.recording,
             vehicles,
             spacing_m=spacing_m,
             cars={name: CarShape(*size) for name, size in (cars or {}).items()},
@@ -107,57 +170,13 @@ class RerunView(Closing):
 
             self._writer.mark(Mark(kind, at, place, vehicles))
 
-    def _open(self, rr: Any, option: RerunOption) -> None:
-        match option.sink:
-            case "save":
-                self.destination = option.target
-                refuse_foreign_file(option)
-                self._recording.set_sinks(_save(rr, option.target))
-            case "connect":
-                self.destination = option.target
-                self._recording.set_sinks(_connect(rr, option.target))
-            case "spawn":
-                port = viewer_process.free_port(LOOPBACK, DATA_PORT)
-                viewer_process.start_native_viewer(port)
-                self.destination = "Rerun's viewer"
-                self._recording.set_sinks(rr.GrpcSink(f"rerun+http://{LOOPBACK}:{port}/proxy"))
-            case _:
-                self._serve(rr, option)
-
-    def _serve(self, rr: Any, option: RerunOption) -> None:
-        address = option.address
-        host = viewer_process.local_address(address)
-
-        def serve_data(port: int) -> bool:
-            self._recording.set_sinks(
-                rr.GrpcServerSink(bind_ip=address, port=port, server_memory_limit=MEMORY_LIMIT)
-            )
-            return viewer_process.await_listening(os.getpid(), address, port)
-
-        data_port = viewer_process.listen(address, option.data_port, DATA_PORT, serve_data)
-        data_url = f"rerun+http://{host}:{data_port}/proxy"
-
-        def serve_page(port: int) -> bool:
-            self._page = viewer_process.start_web_page(
-                address=address, port=port, data_url=data_url
-            )
-            return self._page is not None
-
-        page_port = viewer_process.listen(address, option.page_port, PAGE_PORT, serve_page)
-        self.destination = f"http://{host}:{page_port}/?url={quote(data_url, safe='')}"
-
     def close(self) -> None:
-        """Send all data and end the programs started for the picture."""
-        if self._recording is not None:
-            recording, self._recording = self._recording, None
-            picture, self._writer = self._writer, None
+        """Draw the last values and end the picture."""
+        writer, self._writer = self._writer, None
+        if writer is not None:
             with suppress(RuntimeError):  # the run continues without a viewer
-                picture.finish()
-                recording.flush(timeout_sec=FLUSH_S)
-            recording.disconnect()
-        if self._page is not None:
-            viewer_process.stop(self._page)
-            self._page = None
+                writer.finish()
+        super().close()
 
 
 def _save(rr: Any, path: str) -> Any:

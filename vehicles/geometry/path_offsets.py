@@ -9,6 +9,8 @@ import numpy as np
 from vehicles.geometry.sampled_path import WINDOW, FloatArray, SampledPath
 
 _CHUNK = 8192  # points projected at once, to limit memory
+_STEP = 50
+"""Points of a drive that are projected at once, a second of it at 50 Hz."""
 
 
 def path_offsets(path: SampledPath, points: FloatArray, near: FloatArray) -> FloatArray:
@@ -17,11 +19,30 @@ def path_offsets(path: SampledPath, points: FloatArray, near: FloatArray) -> Flo
     Equal to `path.project` up to rounding (Section III-B, by Newton's method).
     """
     chunks = [slice(k, k + _CHUNK) for k in range(0, near.size, _CHUNK)]
-    parts = [_offsets(path, points[:, chunk], near[chunk]) for chunk in chunks]
+    parts = [path_feet(path, points[:, chunk], near[chunk])[1] for chunk in chunks]
     return np.concatenate(parts) if parts else np.zeros(0)
 
 
-def _offsets(path: SampledPath, points: FloatArray, near: FloatArray) -> FloatArray:
+def driven_feet(
+    path: SampledPath, points: FloatArray, distance: FloatArray, start: float
+) -> FloatArray:
+    """Station and lateral offset (m), shape (2, n), of the points of a drive along a path.
+
+    `points` (m, shape (2, n)) follow each other after `distance` (m, shape (n,)) driven; the first
+    is near station `start` (m). Each foot point is searched near the one before, and so is on its
+    branch of a path that crosses or repeats itself.
+    """
+    feet = np.zeros((2, distance.size))
+    before, driven = start, distance[0] if distance.size else 0.0
+    for first in range(0, distance.size, _STEP):
+        here = slice(first, first + _STEP)
+        feet[:, here] = path_feet(path, points[:, here], before + distance[here] - driven)
+        before, driven = float(feet[0, here][-1]), distance[here][-1]
+    return feet
+
+
+def path_feet(path: SampledPath, points: FloatArray, near: FloatArray) -> FloatArray:
+    """Station and lateral offset (m), shape (2, n), of points near stations, see `path_offsets`."""
     low, high = near - WINDOW, near + WINDOW
     station = np.clip(_nearest_samples(path, points, low, high), low, high)
     lateral, moving = np.zeros(near.size), np.arange(near.size)
@@ -38,7 +59,7 @@ def _offsets(path: SampledPath, points: FloatArray, near: FloatArray) -> FloatAr
         moving = moving[np.abs(target - here) >= 1e-9]
         if not moving.size:
             break
-    return lateral
+    return np.stack((station, lateral))
 
 
 def _nearest_samples(

@@ -2,4 +2,5 @@
 
 diff        `convoy diff`
 diff_table  its tables
+compare     `convoy compare`
 """

@@ -5,6 +5,7 @@ data_table       tables of NumPy columns
 tidy_tables      one table of all vehicles, and one of all links
 table_files      CSV, Parquet and GPX
 true_figures     true errors and gaps at each true pose
+modes            changes of the mode of a vehicle
 link_outcomes    outcome of each sent message
 column_messages  messages made from columns
 """

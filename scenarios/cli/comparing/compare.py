@@ -1,0 +1,125 @@
+"""`convoy compare`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from scenarios.cli.common_options import json_option, output_option, rerun_option
+from scenarios.cli.error_lines import clear_errors, warn_of_log
+from scenarios.definition.errors import require
+
+if TYPE_CHECKING:
+    from scenarios.studies.comparison.run_comparison import RunComparison
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  convoy compare runs/first runs/second
+  convoy compare runs/first runs/second --rerun save=both.rrd
+  convoy compare runs/a runs/b runs/c -o errors.pdf      a figure for a paper
+"""
+)
+@click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path))
+@output_option("Draw a figure into this new file: .svg, .pdf or .png.")
+@click.option(
+    "--vehicles",
+    default="",
+    metavar="NAMES",
+    help="Vehicles with curves in the figure, such as v2,v5. Default: the four followers that"
+    " differ most.",
+)
+@click.option(
+    "--tolerance",
+    "tolerance_m",
+    type=click.FloatRange(min=0.0, min_open=True),
+    default=0.1,
+    show_default=True,
+    metavar="METRES",
+    help="Difference of the lateral positions from which runs diverge.",
+)
+@rerun_option("", "Show the runs in Rerun. Default: spawn, or off with -o or --json")
+@json_option("Print divergences and differences as JSON.")
+def compare(
+    logs: tuple[Path, ...],
+    *,
+    output: Path | None,
+    vehicles: str,
+    tolerance_m: float,
+    rerun: str,
+    as_json: bool,
+) -> None:
+    """Compare two or more runs in a picture.
+
+    LOGS are logs or folders of runs; the first one is A. The picture has both convoys, their
+    errors, gaps and modes over time (timeline run_time) and over the distance along the path of A
+    (timeline path_m), the difference of their lateral positions at the same place, and the place
+    where they first differ.
+    """
+    from scenarios.cli.output import progress_of
+    from scenarios.runs.stop import stop_on_signals
+    from scenarios.studies.comparison.comparison_picture import show_comparison
+    from scenarios.studies.comparison.run_comparison import compare_runs, to_json
+    from scenarios.studies.picture_style import require_new_picture
+    from transport.clock import poll
+    from transport.picture.option import parse_rerun_option, refuse_foreign_file
+    from transport.picture.viewer_process import require_display
+
+    def wait(address: str) -> None:
+        click.echo(f"open {address}\nstop with Ctrl-C")
+        stop = stop_on_signals()
+        poll(lambda: stop.requested, every_s=0.1)
+
+    with clear_errors():
+        option = parse_rerun_option(rerun or ("off" if output or as_json else "spawn"))
+        if option.sink != "off":
+            require("compare with a picture in Rerun", "viewer", "rerun")
+        if option.sink == "spawn":
+            require_display()
+        refuse_foreign_file(option)
+        if output:
+            require("--output", "studies", "matplotlib")
+            require_new_picture(output)
+        comparison = compare_runs(logs, tolerance_m, progress_of("runs read"))
+        for fault in comparison.faults:
+            warn_of_log(fault)
+        if as_json:
+            click.echo(to_json(comparison), nl=False)
+        else:
+            _print(comparison)
+        if output:
+            from scenarios.studies.comparison.comparison_figure import draw_comparison
+
+            draw_comparison(comparison, output, vehicles.split(",") if vehicles else ())
+            click.echo(f"written: {output}", err=as_json)
+        show_comparison(comparison, option, wait=wait)
+
+
+def _print(comparison: "RunComparison") -> None:
+    from rich.console import Console
+
+    from scenarios.cli.columns import Column, print_whole, table_of
+    from scenarios.studies.comparison.run_comparison import OffsetDifference
+
+    places = {(one.label, one.vehicle): one for one in comparison.divergences}
+
+    def place_of(row: OffsetDifference) -> float | None:
+        one = places.get((row.label, row.vehicle))
+        return one.station_m if one else None
+
+    columns: list[Column[OffsetDifference]] = [
+        Column("run", lambda row: row.label, left=True),
+        Column("vehicle", lambda row: row.vehicle, left=True),
+        Column("diverges\nat, m", place_of, ".1f"),
+        Column("largest\ndifference, m", lambda row: row.largest[0], "+.3f"),
+        Column("at, m", lambda row: row.largest[1], ".1f"),
+    ]
+    for run in comparison.runs:
+        click.echo(f"{run.title} ({run.record.log})")
+    print_whole(table_of(columns, comparison.differences), Console())
+    first = comparison.first
+    if first:
+        click.echo(first.sentence)
+    else:
+        click.echo(f"no vehicle differs by {comparison.tolerance_m:g} m at the same place")
