@@ -8,20 +8,12 @@ from pathlib import Path
 import pytest
 
 import scenarios.api as convoy
-
-ROOT = Path(__file__).parents[3]
-OWN = ("vehicles", "transport", "scenarios")
+from tests.made.installed import OWN, arrange
 
 
 @pytest.fixture
 def site(tmp_path: Path) -> Path:
-    """A folder in which the packages are arranged as in an installation."""
-    folder = tmp_path / "site"
-    folder.mkdir()
-    for name in OWN:
-        (folder / name).symlink_to(ROOT / name)
-    (folder / "convoy").symlink_to(ROOT / "scenarios" / "api")
-    return folder
+    return arrange(tmp_path / "site")
 
 
 def python(code: str, site: Path, folder: Path) -> "subprocess.CompletedProcess[str]":
