@@ -9,6 +9,7 @@
     run.plot()
 
     old = convoy.open("runs/first")          # a folder, or a log
+    convoy.browse("runs").to_pandas()         # a row for each run in a folder
     convoy.check("lane_change").warnings
     convoy.sweep("lane_change", {"links.loss_ratio": [0.0, 0.4]}, seeds=5).cells
 
@@ -17,7 +18,7 @@ operating system, such as a full disk, are OSError as usual. Names and columns e
 
 home      the packages of this installation, which are imported first
 running   run and check
-recorded  open, and the class of recorded runs
+recorded  open and browse, and the class of recorded runs
 plots     the plot of a run
 sweeping  sweep
 """
@@ -26,10 +27,10 @@ from .home import import_own_packages
 
 import_own_packages()
 
-from scenarios.api.recorded import Run, open  # noqa: A004, E402
+from scenarios.api.recorded import Run, browse, open  # noqa: A004, E402
 from scenarios.api.running import check, run  # noqa: E402
 from scenarios.api.sweeping import Sweep, sweep  # noqa: E402
 from scenarios.results.recorded.data_table import DataTable  # noqa: E402
 from transport.texts import ConvoyError as Error  # noqa: E402
 
-__all__ = ["DataTable", "Error", "Run", "Sweep", "check", "open", "run", "sweep"]
+__all__ = ["DataTable", "Error", "Run", "Sweep", "browse", "check", "open", "run", "sweep"]

@@ -6,9 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenarios.definition.errors import require
+from scenarios.results.recorded.data_table import DataTable
 from scenarios.results.recorded.run_record import RunRecord
 from scenarios.results.recorded.table_files import FileFormat, export_run
 from scenarios.results.vehicles.vehicle_figures import VehicleSummary
+from scenarios.studies.run_list import COLUMNS, as_rows, runs_in, selected
 
 if TYPE_CHECKING:  # an extra
     from matplotlib.figure import Figure
@@ -77,6 +79,22 @@ def open(path: str | Path) -> Run:  # noqa: A001 - as convoy.open
     Raises Error if it is not the log of a run.
     """
     return Run(path)
+
+
+def browse(folder: str | Path = "runs", where: Sequence[str] = (), sort: str = "") -> DataTable:
+    """List the runs in a folder, like `convoy browse`; the column `log` opens one.
+
+    Args:
+        folder: It is searched for logs, in its folders too.
+        where: Conditions that the runs must meet, such as "outcome=failed" or "worst_error_m>0.5".
+        sort: A column, or "-COLUMN" for descending order.
+
+    Raises:
+        Error: The folder holds no logs, or a column does not exist.
+
+    """
+    selected((), where, sort)  # refuse these before the logs are read
+    return DataTable.of_rows(as_rows(selected(runs_in(Path(folder)), where, sort)), COLUMNS)
 
 
 def _row(vehicle: VehicleSummary) -> str:

@@ -28,6 +28,7 @@ from scenarios.cli.many.sweep import sweep
 from scenarios.cli.output import keep_output_going, unwritable_output_reported
 from scenarios.cli.reference.reference_command import reference
 from scenarios.cli.running import commands as running
+from scenarios.cli.tables.browse_command import browse
 from scenarios.cli.tables.export_command import export
 
 EXAMPLES = """\b
@@ -71,6 +72,7 @@ for command in (
     scenario_commands.check,
     paper_commands.gains,
     scenario_commands.new,
+    browse,
     log_commands.review,
     log_commands.report,
     log_commands.explain,

@@ -8,6 +8,8 @@ engine/         parallel runs, locally or on a dask scheduler, with a journal
 gains/          `convoy gains`: stabilizing gain sets, margins, certificates
 many/           sweeps, boundaries, risks, and attribution of losses
 paper/          `convoy reproduce`: the experiments and claims of the paper
+run_list        `convoy browse`: the runs in a folder
+run_list_page   the same as a page
 drive_picture   `convoy check --output`: a recorded drive
 axis_labels     labels with units
 picture_style   style and formats of the plots

@@ -49,9 +49,9 @@ class DataTable:
         self._columns = dict(columns)
 
     @classmethod
-    def of_rows(cls, rows: Sequence[Mapping[str, Any]]) -> "DataTable":
-        """Make a table of rows with the same names; None is an unknown value."""
-        return cls({name: _column([row[name] for row in rows]) for name in rows[0]})
+    def of_rows(cls, rows: Sequence[Mapping[str, Any]], names: Sequence[str] = ()) -> "DataTable":
+        """Make a table of rows with the same names, also without rows; None is unknown."""
+        return cls({name: _column([row[name] for row in rows]) for name in names or rows[0]})
 
     def _values(self, name: str) -> Values:
         if name not in self._columns:

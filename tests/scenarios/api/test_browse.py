@@ -1,0 +1,190 @@
+"""Runs of a folder as a table: on the terminal, as JSON, as a page, and in Python."""
+
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from shutil import copytree
+
+import pytest
+from click.testing import CliRunner, Result
+
+import scenarios.api as convoy
+from scenarios.cli.main import cli
+from scenarios.runs.run_folder import claimed
+from scenarios.studies.run_list import runs_in, selected
+
+
+def command(*arguments: object, width: int = 200) -> Result:
+    return CliRunner().invoke(
+        cli, ["browse", *map(str, arguments)], env={"COLUMNS": str(width), "NO_COLOR": "1"}
+    )
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two short runs, one of which fails, half of a log, and a file that is no log."""
+    folder = tmp_path_factory.mktemp("runs")
+    short = {"duration_s": 3.0, "convoy.vehicles": 2}
+    first = convoy.run(set=short, out=folder / "first")
+    convoy.run(set=short | {"limits.true_gap_m_min": 50.0}, seed=2, out=folder / "deep" / "second")
+    data = first.log.read_bytes()
+    (folder / "half.mcap").write_bytes(data[: len(data) // 2])
+    (folder / "none.mcap").write_bytes(b"no log")
+    return folder
+
+
+def test_every_log_is_a_row(folder: Path) -> None:
+    done = command(folder, "--json")
+    assert done.exit_code == 0
+    rows = {row["log"]: row for row in json.loads(done.stdout)}
+    names = ("deep/second", "first", "half.mcap", "none.mcap")
+    assert list(rows) == [str(folder / name) for name in names]
+    second, first, half, none = rows.values()
+    summary = convoy.open(folder / "first").summary
+    assert first["worst_error_m"] == summary.vehicles[1].cross_track_error_m_max
+    assert (first["outcome"], first["seed"], first["events"]) == ("completed", 1, 0)
+    assert first["line"] == summary.outcome_line
+    assert second["outcome"] == "failed"
+    assert "limits.true_gap_m_min=50.0" in second["overrides"]
+    assert half["outcome"] == "failed"
+    assert half["worst_error_m"] is not None
+    assert none["outcome"] == "unreadable"
+    assert none["line"].startswith(str(folder / "none.mcap"))
+
+
+def test_a_log_newer_than_its_summary_is_read(folder: Path, tmp_path: Path) -> None:
+    copy = copytree(folder / "first", tmp_path / "copy")
+    (copy / "summary.json").write_bytes((folder / "deep/second/summary.json").read_bytes())
+    (by_file,) = runs_in(tmp_path)
+    assert by_file.outcome == "failed"
+    (copy / "run.mcap").touch()
+    (by_log,) = runs_in(tmp_path)
+    assert by_log.outcome == "completed"
+
+
+def test_a_run_that_still_runs_is_listed_as_running(folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "now"
+    with claimed(out):
+        (out / "run.mcap").write_bytes((folder / "half.mcap").read_bytes())
+        (run,) = runs_in(tmp_path)
+    assert run.outcome == "running"
+
+
+@pytest.mark.parametrize(
+    ("conditions", "names"),
+    [
+        ((), ["second", "first", "half.mcap", "none.mcap"]),
+        (("outcome=failed",), ["second", "half.mcap"]),
+        (("outcome != failed",), ["first", "none.mcap"]),
+        (("seed>1",), ["second"]),
+        (("worst_error_m>=0", "seed = 1"), ["first", "half.mcap"]),
+        (("overrides~gap",), ["second"]),
+        (("log~half",), ["half.mcap"]),
+        (("seed!=2",), ["first", "half.mcap", "none.mcap"]),
+        (("events>0",), []),
+    ],
+)
+def test_conditions_select_runs(
+    folder: Path, conditions: tuple[str, ...], names: list[str]
+) -> None:
+    chosen = selected(runs_in(folder), conditions)
+    assert [Path(run.log).name for run in chosen] == names
+
+
+def test_runs_are_sorted_with_unknown_values_last(folder: Path) -> None:
+    runs = runs_in(folder)
+    for sort, sign in (("worst_error_m", 1.0), ("-worst_error_m", -1.0)):
+        *known, unknown = selected(runs, (), sort)
+        values = [run.worst_error_m or 0.0 for run in known]
+        assert values == sorted(values, key=lambda value: sign * value)
+        assert unknown.outcome == "unreadable"
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--where=evnts>0",),
+        ("--where=events>many",),
+        ("--where=events",),
+        ("--sort=error",),
+        ("--open=5",),
+        ("--where=seed=7", "--open=1"),
+    ],
+)
+def test_bad_options_are_refused_in_one_line(folder: Path, options: tuple[str, ...]) -> None:
+    done = command(folder, *options)
+    assert done.exit_code == 2
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("error: ")
+
+
+@pytest.mark.parametrize("name", ["", "no_such_folder"])
+def test_a_folder_without_runs_is_refused(tmp_path: Path, name: str) -> None:
+    done = command(tmp_path / name)
+    assert done.exit_code == 2
+    assert done.stderr.count("\n") == 1
+
+
+def test_the_table_numbers_the_runs(folder: Path) -> None:
+    done = command(folder, "--sort=-worst_error_m")
+    assert done.exit_code == 0
+    numbers = [int(number) for number in re.findall(r"^ +(\d) ", done.stdout, re.MULTILINE)]
+    assert numbers == [1, 2, 3, 4]
+
+
+def test_a_run_of_the_table_is_opened(folder: Path, tmp_path: Path) -> None:
+    picture = tmp_path / "run.rrd"
+    done = command(folder, "--where=seed=2", "--open=1", "--rerun", f"save={picture}")
+    assert done.exit_code == 0, done.output
+    assert picture.stat().st_size > 1000
+
+
+class Page(HTMLParser):
+    """Cells of a page's table, and addresses that it would load."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.rows: list[list[str]] = []
+        self.loaded: list[str | None] = []
+        self._in_cell = False
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.loaded += [value for name, value in attrs if name in {"src", "href"}]
+        if tag == "tr":
+            self.rows.append([])
+        self._in_cell = tag in {"td", "th", "code"}
+        if tag in {"td", "th"}:
+            self.rows[-1].append("")
+
+    def handle_data(self, data: str) -> None:
+        if self._in_cell:
+            self.rows[-1][-1] += data
+
+    def handle_endtag(self, tag: str) -> None:  # noqa: ARG002 - any
+        self._in_cell = False
+
+
+def test_the_page_holds_the_table_and_loads_nothing(folder: Path, tmp_path: Path) -> None:
+    file = tmp_path / "runs.html"
+    assert command(folder, "--html", file).exit_code == 0
+    text = file.read_text(encoding="utf-8")
+    page = Page(text)
+    assert page.loaded == []
+    assert "://" not in text
+    head, *rows = page.rows
+    assert all(len(row) == len(head) for row in rows)
+    assert [row[0] for row in rows] == [run.log for run in runs_in(folder)]
+    assert rows[1][-1] == f"convoy review {folder / 'first'}"
+    assert command(folder, "--html", file).exit_code == 2  # it exists
+
+
+def test_python_gets_the_same_rows(folder: Path) -> None:
+    table = convoy.browse(folder, ["seed>=1"], "-seed")
+    assert [Path(log).name for log in table.log] == ["second", "first", "half.mcap"]
+    assert table.seed.tolist() == [2, 1, 1]
+    assert len(convoy.browse(folder, ["seed>5"])) == 0
+    assert convoy.open(table.log[0]).summary.identity.seed == 2
+    with pytest.raises(convoy.Error, match="allowed log"):
+        convoy.browse(folder, sort="nothing")
