@@ -149,13 +149,14 @@ def track(spline: ArcSpline, pose: Pose | Body) -> TrackingErrors:
 class _Return:
     """A return to a path: initial lateral error (m) and heading error (rad), and length (m).
 
-    It leads to a parallel of the path, `offset` (m) to its left.
+    It leads to a parallel of the path, `offset` (m) to its left, and is planned for a `speed` (m/s).
     """
 
     lateral: float
     heading: float
     length: float
     offset: float
+    speed: float
 
     def at(self, driven: float) -> tuple[float, float]:
         """Lateral (m) and heading error (rad) after `driven` (m): a cubic that ends at `offset`."""
@@ -216,7 +217,10 @@ class Rejoining:
         """Plan a return from the present errors, or a parallel while the car is too fast for it."""
         away, offset = abs(errors.lateral), 0.0
         self._stays = not _can_return(errors)
-        self.speed_limit = max(speed, SLOWEST_RETURN)
+        fastest = max(speed, SLOWEST_RETURN)
+        if speed <= 1.1 * SLOW and abs(errors.heading) > REJOINING_ANGLE:
+            fastest = SLOW  # a long return would lead away from the path first
+        self.speed_limit = fastest
         if self._stays:
             place = f"{away:.1f} m beside it, at {abs(errors.heading):.1f} rad to it"
             self._remarks.append(f"stops, as it cannot return to the path: {place}")
@@ -224,7 +228,7 @@ class Rejoining:
         elif away > FAR:
             self.speed_limit = SLOW
             offset = errors.lateral if speed > 1.1 * SLOW else 0.0
-        self._return = _return_to(offset, errors, speed)
+        self._return = _return_to(offset, errors, fastest)
         self._driven = 0.0
 
     def _continue(self, current: _Return, errors: TrackingErrors, speed: float) -> None:
@@ -239,7 +243,7 @@ class Rejoining:
         elif self._driven >= current.length:
             self._return, self.speed_limit, self._plans = None, inf, 0
         elif away <= FAR:
-            self.speed_limit = max(self.speed_limit, SLOWEST_RETURN)
+            self.speed_limit = max(self.speed_limit, current.speed)
 
 
 def _can_return(errors: TrackingErrors) -> bool:
@@ -252,8 +256,8 @@ def _return_to(offset: float, errors: TrackingErrors, speed: float) -> _Return:
     The curvature is at most 6 e / D² + 4 θ / D, the angle at most 1.5 e / D plus the initial one.
     """
     lateral, heading = errors.lateral - offset, errors.heading
-    most = REJOINING_LATERAL / max(speed, SLOWEST_RETURN) ** 2
+    most = REJOINING_LATERAL / speed**2
     slope, bend = 4.0 * abs(heading), 6.0 * abs(lateral)
     length = (slope + sqrt(slope * slope + 4.0 * most * bend)) / (2.0 * most)
     flat = 1.5 * abs(lateral) / REJOINING_ANGLE
-    return _Return(lateral, heading, max(length, flat, SHORTEST_RETURN), offset)
+    return _Return(lateral, heading, max(length, flat, SHORTEST_RETURN), offset, speed)

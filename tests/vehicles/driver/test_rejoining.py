@@ -107,6 +107,17 @@ def test_a_car_far_beside_the_path_is_slow_before_it_approaches(
             assert one.allowed <= SLOW
 
 
+@given(st.floats(0.4, 5.0), st.floats(-0.9, 0.9), st.floats(0.0, SLOW))
+def test_a_slow_car_that_points_away_from_the_path_turns_soon(
+    lateral: float, heading: float, speed: float
+) -> None:
+    """Its return is as long as angle and lateral acceleration at walking pace require."""
+    states = drive_back(lateral, heading, max(speed, 0.5))
+    assert abs(states[-1].lateral) < 0.05
+    length = max(25.0, 1.5 * lateral / REJOINING_ANGLE)
+    assert max(abs(one.lateral) for one in states) < lateral + 0.15 * abs(heading) * length + 0.1
+
+
 @pytest.mark.parametrize(
     ("lateral", "heading"), [(FARTHEST + 1.0, 0.0), (-FARTHEST - 1.0, 0.1), (2.0, 1.5), (0.5, -3.0)]
 )
