@@ -26,11 +26,13 @@ from vehicles.preview.received.holes import (
 from vehicles.preview.received.polyline import Polyline, spaced, step
 from vehicles.preview.received.samples import TraceSettings, Window, window_around
 from vehicles.received_pose import ReceivedPose
+from vehicles.schedule import SECOND
 
 MAX_HOLES: Final = 64
 """Largest number of holes, and of stretches closed by path histories, that are remembered."""
-MIN_MISSING: Final = 2
-"""Number of missing messages from which on a path history closes a shorter hole."""
+LONGEST_STEP: Final = SECOND // 8
+"""Time (ns) between two samples from which on a path history closes the step: two missing messages
+at 20 Hz, and every step of a source that sends at 5 Hz or less."""
 DROP_CHUNK: Final = 64
 """Number of samples behind the ego that are dropped at once."""
 
@@ -83,7 +85,7 @@ class Trace:
             self._insert(pose)
         else:
             point = (pose.measured_at, pose.east, pose.north, pose.yaw)
-            if after_hole or pose.message.seq > newest.message.seq + MIN_MISSING:
+            if after_hole or pose.measured_at - newest.measured_at > LONGEST_STEP:
                 self._fill(point, pose, bridges=after_hole)
             self.newest, self._beyond = pose, None
             self.sample_count += 1

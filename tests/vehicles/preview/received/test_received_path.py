@@ -109,6 +109,15 @@ def test_several_missing_poses_are_closed_without_a_lost_source() -> None:
     assert worst(road, closed, 232.0) < 0.05
 
 
+@pytest.mark.parametrize("name", ["slalom", "clothoids", "corner"])
+def test_steps_between_rare_poses_are_closed(name: str) -> None:
+    """The sender sends one fix of twenty, and no message is lost."""
+    trace, road = Trace(), ROADS[name]
+    for seq, pose in enumerate(poses(road)[::20]):
+        trace.add(replace(pose, message=replace(pose.message, seq=seq)))
+    assert worst(road, trace, 232.0, 40.0) < 0.10
+
+
 def test_baselines_ignore_histories() -> None:
     trace = Trace(closes_holes=False)
     source = poses(ROADS["arc"])
