@@ -149,7 +149,7 @@ def track(spline: ArcSpline, pose: Pose | Body) -> TrackingErrors:
 class _Return:
     """A return to a path: initial lateral error (m) and heading error (rad), and length (m).
 
-    It leads to a parallel of the path, `offset` (m) to its left, and is planned for a `speed` (m/s).
+    It leads to a parallel of the path, `offset` (m) to its left, planned for a `speed` (m/s).
     """
 
     lateral: float

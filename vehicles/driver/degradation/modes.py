@@ -67,6 +67,7 @@ class ModeMachine:
 
     def __init__(self, settings: DegradationSettings) -> None:
         self._comfortable = settings.comfortable.deceleration
+        self._hardest = settings.emergency.deceleration
         self._dwell = settings.probation
         self._worse_at = 0
         self._outrun_since: int | None = None
@@ -91,6 +92,8 @@ class ModeMachine:
         mode = None
         if relied and has_path and situation.hole > 0.0:
             mode = self._at_hole(situation, speed)
+        elif relied and has_path and pair.path_runs_out:
+            mode = self._overdue(relied, situation, speed)
         if mode is None:
             mode = self._next(pair, situation, speed, has_path=has_path, outrun=outrun, soon=soon)
         slow = self._slow_mode(pair, situation, speed) if has_path and mode in SLOWING else None
@@ -189,6 +192,21 @@ class ModeMachine:
         if situation.crossable:
             return "creep"
         return "stop" if self._mode == "stop" or needed > self._comfortable else "coast"
+
+    def _overdue(self, relied: list[Source], situation: Situation, speed: float) -> Mode | None:
+        """Mode while messages of sources that send rarely are overdue, None to drive on.
+
+        Such a source is lost only after several of its periods. The car stops while the known path
+        still suffices.
+        """
+        if min([source.freshness.silence for source in relied]) <= self._dwell:
+            return None
+        needed = needed_deceleration(speed, situation.known - STOP_MARGIN)
+        if self._mode == "coast" and needed <= self._comfortable:
+            return "coast"
+        if self._mode in SLOWING or self._comfortable < needed <= self._hardest:
+            return "stop"
+        return None
 
     def _slow_mode(self, pair: SourcePair, situation: Situation, speed: float) -> Mode | None:
         """Mode of a car that has stopped and drives slowly along the known path, None if it waits.
