@@ -217,8 +217,8 @@ class Metrics:
     def _add_tracking(self, figures: VehicleFigures, tracking: Tracking, at: int) -> None:
         figures.add_tracking(tracking)
         self._links.add_decision(tracking)
+        self.stream.add_tracking(tracking)
         if not figures.is_lead:
-            self.stream.add_tracking(tracking)
             self._links.add_tracking(tracking, at)
             if self._has_deadlines:
                 self.deadlines.add_tracking(tracking)

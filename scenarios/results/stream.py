@@ -72,9 +72,10 @@ class FigureStream:
         self._lane: LaneWatch | None = None
         self._encounters: Encounters | None = None
         self._slides = SlideWatch()
+        self._of_lead: tuple[TrackingWatch, ...] = (StopWatch(),)
         self._watches: tuple[TrackingWatch, ...] = (
             PathWatch(self._rules.path_lost_s),
-            StopWatch(),
+            *self._of_lead,
             TrustWatch(list(sizes)),
         )
         self._on_error: list[TakeError] = []
@@ -199,10 +200,8 @@ class FigureStream:
                 take(episode)
 
     def add_tracking(self, tracking: Tracking) -> None:
-        if tracking.vehicle == self._lead:
-            return
         place = self._places.get(tracking.vehicle, (0.0, 0.0))
-        for watch in self._watches:
+        for watch in self._of_lead if tracking.vehicle == self._lead else self._watches:
             if began := watch.add(tracking, place):
                 self._pass_on(began)
 

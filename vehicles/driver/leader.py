@@ -15,6 +15,8 @@ from vehicles.driver.convoy.ahead import ConvoyAhead
 from vehicles.driver.convoy.watch import ConvoyWatch
 from vehicles.driver.decision import Decision
 from vehicles.driver.degradation.settings import Braking
+from vehicles.driver.degradation.situation import Situation
+from vehicles.driver.degradation.stopping import STANDSTILL
 from vehicles.driver.ego.own_state import OwnState, Pose
 from vehicles.driver.ego.slip_estimator import LoadWatch
 from vehicles.driver.position_limit import PositionLimit
@@ -143,6 +145,7 @@ class Leader:
         self._ahead = ahead
         self._position_limit = position_limit
         self._waiting = speed_law if isinstance(speed_law, WaitingProfile) else None
+        self._held: Situation | None = None
         self._decision: Decision | None = None
 
     def step(
@@ -178,6 +181,7 @@ class Leader:
             target_speed=speed.target_speed,
             lateral_deviation=self._own_state.lateral_deviation,
             own_pose=pose,
+            situation=self._situation(pose.speed),
         )
         return self._decision
 
@@ -202,6 +206,15 @@ class Leader:
             return planned, reason
         reason = f"{ahead.reason}; {reason}" if reason else ahead.reason
         return law.restrained(planned, most, pose.speed), reason
+
+    def _situation(self, speed: float) -> Situation | None:
+        """State of a silent member of the convoy behind which the lead stands, until it drives."""
+        silent = self._ahead.silent if self._ahead else None
+        if silent is not None and speed < STANDSTILL:
+            self._held = Situation(predecessor=silent, known=silent.known)
+        elif speed > SLOWEST:
+            self._held = None
+        return self._held
 
     def _track(self, pose: Pose) -> TrackingErrors:
         foot = self._path.project(pose.east, pose.north, self._near)

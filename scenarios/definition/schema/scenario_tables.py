@@ -178,8 +178,10 @@ class SpeedTable(Table):
     lead_waits                     whether the lead slows down while it receives nothing from a
                                    follower, or a follower falls behind
     lead_keeps_gap                 whether the lead keeps the gap of [speed.gap] to members of its
-                                   convoy that are ahead of it on its path; default: on a closed
-                                   path
+                                   convoy that are ahead of it on its path, and waits where the
+                                   path meets itself until the last one has passed. It stands behind
+                                   a silent member until that, or a car behind it, is received
+                                   further on. Default: on a closed path
     set_mps                        set speed
     profile                        points of the profile
     followers                      "same" speed as the lead at the same time, or keep a "gap"

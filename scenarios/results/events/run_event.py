@@ -13,7 +13,8 @@ class RunEvent:
 
     kind: EventKind
     """collision, near_miss, lane_departure, path_lost, slide, stop (braking to a stop for lack of
-    data, which ends early if data returns), or distrust (the follower rejects a source as
+    data, which ends early if data returns; a lead: standing behind a silent member of its convoy),
+    or distrust (the follower rejects a source as
     implausible)."""
     at_s: float
     """When the event began, or was first seen."""

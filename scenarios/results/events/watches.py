@@ -83,13 +83,18 @@ class SlideWatch:
 
 
 class StopWatch:
-    """Stops of followers that know too little of the road, each until it drives again."""
+    """Stops of cars that know too little of the road ahead, each until it drives again.
+
+    Those of a lead begin when it stands behind a member of its convoy that is silent.
+    """
 
     def __init__(self) -> None:
         self._open: dict[str, Episode] = {}
 
     def add(self, tracking: Tracking, place: tuple[float, float] = ORIGIN) -> Iterable[Episode]:
-        if tracking.mode == "stop":
+        if tracking.mode == "stop" or (
+            tracking.mode == "path" and tracking.predecessor_status == "lost"
+        ):
             return self._note_stop(tracking, place)
         if self._open:
             self._open.pop(tracking.vehicle, None)

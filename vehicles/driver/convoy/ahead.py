@@ -113,7 +113,10 @@ class ConvoyAhead:
     another leg of a loop it is not. The lead also waits before a part of the path that its last
     member has yet to drive (`ReservedPath`). A member moves as announced by its newest pose. Silent
     for longer than the time after which a source is lost, it is assumed to brake firmly from then
-    on, and to stand until it or a car behind it is received further on.
+    on, and to stand until it or a car behind it is received further on. A silent car may stand
+    anywhere on its path and nothing else would show it, so the lead waits for good if need be.
+
+    `reason` is that of the last limit, `silent` the state of its member if that is silent.
     """
 
     def __init__(  # noqa: PLR0917 - parts of one law
@@ -143,6 +146,7 @@ class ConvoyAhead:
         self._reserved = ReservedPath(path, self._lane, members[-1].car)
         self._start_at = start_at
         self.reason = ""
+        self.silent: SourceFreshness | None = None
 
     def observe(self, received: Sequence[ReceivedPose]) -> None:
         for pose in received:
@@ -162,7 +166,7 @@ class ConvoyAhead:
 
         `last` (m/s²) is the last command.
         """
-        most, self.reason = inf, ""
+        most, self.reason, self.silent = inf, "", None
         for obstacle in self._obstacles(station, speed):
             member = obstacle.member
             motion = self._motion(now, obstacle)
@@ -177,8 +181,14 @@ class ConvoyAhead:
                 wanted = min(wanted, self._guarded(first_gap, obstacle, speed, last))
             if wanted < most:
                 most = wanted
-                silent = f", silent for {silence:.1f} s" if silence > member.lost else ""
-                self.reason = f"keeps distance from {member.name}, {gap:.1f} m ahead{silent}"
+                self.reason = f"keeps distance from {member.name}, {gap:.1f} m ahead"
+                self.silent = None
+                if silence > member.lost:
+                    self.reason = (
+                        f"keeps distance from where {member.name} may stand, {gap:.1f} m ahead, "
+                        f"silent for {silence:.1f} s"
+                    )
+                    self.silent = SourceFreshness("lost", silence, silence, known=max(gap, 0.0))
         return most
 
     def _received_at(self, member: _AheadMember) -> int:
@@ -208,7 +218,7 @@ class ConvoyAhead:
         """
         last = self._last
         accuracy = 0.0 if last.pose is None else last.pose.accuracy
-        entry = self._reserved.entry(last.track.station - accuracy, station)
+        entry = self._reserved.entry(last.track.station - accuracy, station - self._lane.front)
         yield _Obstacle(last, entry.station, entry.rate)
         if self._lap:
             rear = 0.5 * last.car.length - last.car.body_offset

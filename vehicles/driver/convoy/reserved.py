@@ -77,7 +77,7 @@ class ReservedPath:
         self._next: float | None = None
 
     def entry(self, last: float, station: float) -> ReservedEntry:
-        """ReservedEntry ahead of the lead at `station` (m), the last car being at `last` (m)."""
+        """First entry from the lead's `station` (m) on, the last car being at `last` (m)."""
         checked = self._checked
         self._check(last, station)
         while len(checked) > 1 and checked[1][0] <= last:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Any
 
 from vehicles.driver.degradation.innovation_gate import InnovationGate
@@ -63,10 +64,8 @@ NEEDS_MANY = Fault(
 
 NO_STOP_ASSUMED = Fault("vehicles.driver.degradation.source.Source._assumed_stop", lambda *_: 0)
 """A silent predecessor continues at its speed."""
-IGNORES_CONVOY = Fault(
-    "vehicles.driver.convoy.ahead.ConvoyAhead.observe", lambda _ahead, _received: None
-)
-"""The lead ignores the poses of its followers."""
+IGNORES_CONVOY = Fault("vehicles.driver.convoy.ahead.ConvoyAhead.acceleration", lambda *_: inf)
+"""The lead ignores its followers."""
 CONSTANT_SPEED = Fault(
     "vehicles.driver.degradation.situation.SourceFreshness.predicted_motion",
     lambda source: (source.speed * source.age, source.speed, 0.0),

@@ -37,7 +37,14 @@ def test_the_lead_stops_behind_its_last_car() -> None:
     assert min(speeds[len(speeds) // 2 :]) < 0.5
 
 
-def test_without_its_followers_poses_it_collides(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_lead_stands_behind_a_silent_car_and_the_summary_lists_it() -> None:
+    silent = "change=[{kind='cut', at_s=0, sender='v2'}]"
+    more = ("convoy.vehicles=2", "duration_s=16", silent)
+    (stop,) = run_unlogged(load_scenario("lapped_convoy", more)).events
+    assert (stop.kind, stop.vehicles) == ("stop", ("v1",))
+
+
+def test_a_lead_that_ignores_its_followers_collides(monkeypatch: pytest.MonkeyPatch) -> None:
     assert hits_of_lead(load_scenario("lapped_convoy", ["speed.lead_keeps_gap=false"])) > 0
     monkeypatch.setattr(IGNORES_CONVOY.place, IGNORES_CONVOY.by)
     assert hits_of_lead(load_scenario("lapped_convoy")) > 0
