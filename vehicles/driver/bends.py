@@ -1,9 +1,10 @@
 """Bends of the known path ahead: how fast a follower may drive now to take them."""
 
 from collections import deque
-from math import cos, hypot, sin
+from math import hypot
 from typing import Final
 
+from vehicles.geometry.geodesy import along
 from vehicles.received_pose import ReceivedPose
 
 MIN_SPEED: Final = 1.0
@@ -59,9 +60,9 @@ class BendsAhead:
         path, bends = self._path, self._bends
         if not path:
             return None
-        while len(path) > 1 and _along(path[1], east, north) >= 0.0:
+        while len(path) > 1 and _station_along(path[1], east, north) >= path[1][0]:
             path.popleft()
-        station = path[0][0] + _along(path[0], east, north)
+        station = _station_along(path[0], east, north)
         while bends and bends[0][0] < station:
             bends.popleft()
         if not bends:
@@ -70,7 +71,7 @@ class BendsAhead:
         return squared - 2.0 * self._braking * station, at - station
 
 
-def _along(point: tuple[float, float, float, float], east: float, north: float) -> float:
-    """Distance (m) of a position ahead of a point, in the direction of the point."""
-    _, point_east, point_north, yaw = point
-    return (east - point_east) * cos(yaw) + (north - point_north) * sin(yaw)
+def _station_along(point: tuple[float, float, float, float], east: float, north: float) -> float:
+    """Station (m) of a position by its distance ahead of a `point`."""
+    station, point_east, point_north, yaw = point
+    return station + along(yaw, east - point_east, north - point_north)

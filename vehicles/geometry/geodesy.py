@@ -188,6 +188,11 @@ def _sines(angles: list[float]) -> FloatArray:
     return np.fromiter(map(math.sin, angles), dtype=np.float64, count=len(angles))
 
 
+def along(yaw: float, east: float, north: float) -> float:
+    """Component (m) of the vector (east, north) (m) in the direction `yaw` (rad)."""
+    return east * math.cos(yaw) + north * math.sin(yaw)
+
+
 def wrap_angle(angle: float) -> float:
     """Wrap an angle (rad) to (-pi, pi], by the IEEE 754 remainder."""
     if -_HALF_TURN < angle <= _HALF_TURN:  # the common case

@@ -17,8 +17,11 @@ from vehicles.driver.convoy.reserved import ReservedPath
 from vehicles.driver.convoy.stations import MemberTrack
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import SourceFreshness
-from vehicles.driver.degradation.speed_guard import GUARD_MARGIN, braking_share
-from vehicles.driver.degradation.stopping import stopping_distance
+from vehicles.driver.degradation.stopping import (
+    braking_share,
+    safe_reserve,
+    stopping_distance,
+)
 from vehicles.driver.speed import (
     DAMPING,
     GAP_STIFFNESS,
@@ -256,14 +259,11 @@ class ConvoyAhead:
         return _MemberMotion(driven * along, speed * along, acceleration * along)
 
     def _guarded(self, gap: float, obstacle: _Obstacle, speed: float, last: float) -> float:
-        """Largest acceleration (m/s²) that stops behind a member which braked after its pose.
-
-        The safe distance of Shalev-Shwartz, Shammah and Shashua, 2017 (RSS), as in `SpeedGuard`.
-        """
+        """Largest acceleration (m/s²) that stops behind a member which braked after its pose."""
         emergency = self._emergency
         pose = obstacle.member.pose
         its_speed = 0.0 if pose is None else max(pose.speed, 0.0) * obstacle.along
-        stands = gap + its_speed * its_speed / (2.0 * emergency.deceleration)
-        reserve = stands - GUARD_MARGIN - stopping_distance(speed, last, emergency)
+        own_stop = stopping_distance(speed, last, emergency)
+        reserve = safe_reserve(gap, its_speed, emergency.deceleration, own_stop)
         share = braking_share(reserve, speed)
         return -share * emergency.deceleration if share > 0.0 else inf

@@ -14,8 +14,6 @@ from vehicles.car.positioning.noise import GnssNoise
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
-BRAKING: Final = 8.0
-"""Largest acceleration of a car along the road (m/s²)."""
 CORNERING: Final = 9.0
 """Largest acceleration of a car across the road (m/s²): the limit of dry tyres."""
 MAX_YAW_ACCELERATION: Final = 8.0

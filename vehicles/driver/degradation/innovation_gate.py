@@ -12,7 +12,6 @@ from typing import Final, Literal
 
 from vehicles.car.positioning.noise import GnssNoise
 from vehicles.driver.degradation.innovation import (
-    BRAKING,
     CORNERING,
     MAX_DEVIATION,
     MIN_DEVIATION,
@@ -22,6 +21,7 @@ from vehicles.driver.degradation.innovation import (
     innovation,
     stated_variance,
 )
+from vehicles.geometry.sparse_path import HARDEST_BRAKING
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
@@ -159,7 +159,7 @@ class InnovationGate:
         noise = self._noise
         if residual.deviations(self._inflation) > self._gate:
             return "jumping"
-        gain = abs(pose.speed - track.last.speed) - BRAKING * abs(residual.span)
+        gain = abs(pose.speed - track.last.speed) - HARDEST_BRAKING * abs(residual.span)
         if gain > 0.0 and gain / (sqrt(2.0) * noise.speed + 1e-3) > self._gate:
             return "impossible"
         if residual.span > 0.0 and (

@@ -16,11 +16,14 @@ from vehicles.driver.degradation.situation import (
 )
 from vehicles.driver.degradation.stopping import (
     CREEP_SPEED,
+    GUARD_MARGIN,
     STANDSTILL,
     STOP_MARGIN,
     AnnouncedStop,
+    braking_share,
     friction_left,
     needed_deceleration,
+    safe_reserve,
     stopping_distance,
 )
 from vehicles.driver.ego.own_state import Pose
@@ -35,12 +38,6 @@ from vehicles.driver.speed import (
 )
 from vehicles.messages import Mode
 from vehicles.schedule import SECOND
-
-GUARD_MARGIN: Final = 1.0
-"""Gap (m) that the guard keeps for errors of position and speed."""
-
-GUARD_TIME: Final = 0.3
-"""The guard begins to brake this time (s) before the last instant to do so."""
 
 HEADWAY_RATE: Final = 0.5
 """Speed (m/s) at which gaps open to a stable headway and close again. All followers do so at once,
@@ -223,9 +220,8 @@ class SpeedGuard:
             harder = announced
         if harder > self._friction:
             harder = self._friction
-        stands_at = tick.spacing + tick.speed**2 / (2.0 * harder)
         own = stopping_distance(tick.pose.speed, self._last, tick.emergency)
-        return stands_at - self._car.least_spacing - GUARD_MARGIN - own
+        return safe_reserve(tick.spacing - self._car.least_spacing, tick.speed, harder, own)
 
     def _safe_acceleration(self, tick: _Instant, reserve: float) -> float:
         """Largest acceleration (m/s²) that keeps the safe distance of RSS.
@@ -393,15 +389,6 @@ class SpeedGuard:
         if wanted == usual.acceleration:
             return usual
         return SpeedCommand(wanted, min(usual.target_speed, tick.pose.speed))
-
-
-def braking_share(reserve: float, speed: float) -> float:
-    """Share of the hardest braking when the distance left (m, RSS) lasts for less than GUARD_TIME.
-
-    It increases from 0 to 1 while the reserve is used up at `speed` (m/s).
-    """
-    time = reserve / max(speed, 0.1)
-    return 0.0 if time >= GUARD_TIME else 1.0 - max(time, 0.0) / GUARD_TIME
 
 
 def _warns(predecessor: SourceFreshness, now: int) -> bool:

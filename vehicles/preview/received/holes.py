@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 
 from vehicles.geometry.bridges import UnbridgedError, curve_between
 from vehicles.geometry.sparse_path import (
+    HARDEST_BRAKING,
     Place,
     PlacedPose,
     ReceivedCurve,
@@ -28,8 +29,6 @@ HISTORY_TOLERANCE: Final = 0.5
 HISTORY_DEVIATIONS: Final = 4.0
 """A path history is ignored if the last sample lies further off it than this distance (m) plus this
 number of standard deviations, as stated."""
-HARDEST: Final = 8.0
-"""Acceleration (m/s²) by which a car may have been faster within a hole than at its ends."""
 ASIDE: Final = 10.0
 """Largest distance (m) from the ego at which a path history passes it."""
 KEPT_BEHIND: Final = 20
@@ -96,7 +95,9 @@ def curve_to(
     tolerance = HISTORY_TOLERANCE + HISTORY_DEVIATIONS * pose.accuracy
     curve = received_curve(history, before[:3], after, spacing, tolerance)
     seconds = (pose.measured_at - before[0]) / SECOND
-    speed = max(pose.speed, newest_speed) + HARDEST * seconds
+    speed = (
+        max(pose.speed, newest_speed) + HARDEST_BRAKING * seconds
+    )  # it may have been faster within the hole
     for start, end in pairwise([before, *curve.points, (*after, pose.yaw)]):
         if not is_drivable(start, end, speed):
             return NOTHING_RECEIVED

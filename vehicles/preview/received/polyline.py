@@ -2,9 +2,10 @@
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
-from math import cos, hypot, inf, remainder, sin, tau
+from math import hypot, inf, remainder, tau
 from typing import Final
 
+from vehicles.geometry.geodesy import along
 from vehicles.geometry.sparse_path import PlacedPose
 from vehicles.schedule import SECOND
 
@@ -149,4 +150,4 @@ def step(start: PlacedPose, end: PlacedPose) -> float:
     if distance > LONG_STEP or end[0] - start[0] > LONG_DURATION:
         return distance
     yaw = start[3] + 0.5 * remainder(end[3] - start[3], tau)
-    return east * cos(yaw) + north * sin(yaw)
+    return along(yaw, east, north)

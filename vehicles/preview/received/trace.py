@@ -6,11 +6,12 @@ another lap) are therefore never considered.
 """
 
 from bisect import bisect_left, bisect_right
-from math import atan2, ceil, cos, hypot, inf, nan, sin
+from math import atan2, ceil, hypot, inf, nan
 from typing import Final
 
 import numpy as np
 
+from vehicles.geometry.geodesy import along
 from vehicles.geometry.sparse_path import PlacedPose
 from vehicles.preview.received.holes import (
     BRIDGE_AT,
@@ -105,8 +106,15 @@ class Trace:
         newest, beyond = self.newest, self._beyond
         if newest is not None and pose.measured_at > newest.measured_at:
             if beyond is None:
-                beyond = _along(newest, self._line.east[-1], self._line.north[-1])
-            self.newest, self._beyond = pose, beyond + _along(pose, newest.east, newest.north)
+                beyond = self._beyond_line(newest)
+            self.newest, self._beyond = (
+                pose,
+                beyond + along(pose.yaw, pose.east - newest.east, pose.north - newest.north),
+            )
+
+    def _beyond_line(self, pose: ReceivedPose) -> float:
+        """Distance (m) of a pose ahead of the last point of the line."""
+        return along(pose.yaw, pose.east - self._line.east[-1], pose.north - self._line.north[-1])
 
     def _start(self, pose: ReceivedPose) -> None:
         self.newest, self._beyond = pose, None
@@ -242,9 +250,9 @@ class Trace:
         if not line.at or self.joined:
             return
         ahead_east, ahead_north = line.east[0] - east, line.north[0] - north
-        along = ahead_east * cos(self._first_yaw) + ahead_north * sin(self._first_yaw)
         length = hypot(ahead_east, ahead_north)
-        if along <= self.settings.bridge_spacing or length > self.settings.bridge_length:
+        distance = along(self._first_yaw, ahead_east, ahead_north)
+        if distance <= self.settings.bridge_spacing or length > self.settings.bridge_length:
             return
         count = ceil(length / self.settings.bridge_spacing)
         shares = [k / count for k in range(count)]
@@ -333,7 +341,7 @@ class Trace:
         ego = self._locate(east, north)
         beyond = self._beyond
         if beyond is None:
-            beyond = _along(self.newest, self._line.east[-1], self._line.north[-1])
+            beyond = self._beyond_line(self.newest)
         return self._line.station[-1] + beyond - ego
 
     def known_ahead(self, east: float, north: float) -> float:
@@ -367,7 +375,7 @@ class Trace:
         if len(line.at) < 2:
             first = position if not line.at else (line.east[0], line.north[0])
             off_east, off_north = east - first[0], north - first[1]
-            return off_east * cos(self._first_yaw) + off_north * sin(self._first_yaw)
+            return along(self._first_yaw, off_east, off_north)
         low, high = -inf, inf
         if self._ego_station is not None and before is not None:
             moved = hypot(east - before[0], north - before[1])
@@ -386,8 +394,3 @@ class Trace:
         self._holes = [hole for hole in self._holes if hole.end > self._dropped_until]
         self._closed = [span for span in self._closed if span[1] > self._dropped_until]
         self.joined = True
-
-
-def _along(pose: ReceivedPose, east: float, north: float) -> float:
-    """Distance (m) of a pose ahead of a position, in the direction of the pose."""
-    return (pose.east - east) * cos(pose.yaw) + (pose.north - north) * sin(pose.yaw)
