@@ -1,7 +1,7 @@
 """Messages as columns: an array for each field, not an object for each message."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,6 +29,12 @@ class Lists(NamedTuple):
 
     offsets: Integers
     values: Array
+
+    def of(self, rows: Integers) -> "Lists":
+        """Lists of some of the messages."""
+        lengths = np.diff(self.offsets)[rows]
+        offsets = np.concatenate(([0], np.cumsum(lengths)))
+        return Lists(offsets, self.values[ranges(self.offsets[rows], lengths, 1)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +71,25 @@ class Columns:
         """Array of a field with one value in each message."""
         return self.fields[name]
 
+    def of(self, rows: Array) -> "Columns":
+        """Some of the messages, by their numbers or by a truth value for each message."""
+        numbers = np.flatnonzero(rows) if rows.dtype == bool else rows
+        return replace(
+            self,
+            order=self.order[numbers],
+            logged_at_ns=self.logged_at_ns[numbers],
+            fields={name: array[numbers] for name, array in self.fields.items()},
+            lists={name: lists.of(numbers) for name, lists in self.lists.items()},
+        )
+
     @property
     def at_ns(self) -> Integers:
         """Instants at which the messages were valid."""
         return self.fields[instant_of(self.topic)]
+
+
+def ranges(starts: Integers, counts: Integers, step: int) -> Integers:
+    """Join the ranges start, start + step, … of `counts` places."""
+    before = np.cumsum(counts) - counts
+    number = np.arange(int(counts.sum())) - np.repeat(before, counts)
+    return np.repeat(starts, counts) + step * number

@@ -46,8 +46,8 @@ TakeEvent = Callable[[Episode], None]
 class FigureStream:
     """Observer that passes figures to its subscribers; nothing else is computed.
 
-    Subscribe before the first message. `gaps` holds the gap of each follower to its predecessor, if
-    a subscriber needs gaps.
+    Subscribe before the first message. `sizes` are the bodies, lead first. `gaps` holds the gap of
+    each follower to its predecessor, if a subscriber needs gaps.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class FigureStream:
         `replayed` vehicles their own drive.
         """
         self.kinds: frozenset[type[Message]] = frozenset({RunStart, Tracking, TruePose})
-        self._sizes = sizes
+        self.sizes = sizes
         self._lead, *self.followers = sizes
         self._rules = rules or EventsTable()
         self._path = CrossTrackError(self._lead, road_yaw, replayed=replayed)
@@ -131,18 +131,18 @@ class FigureStream:
     def _watch_lane(self) -> None:
         if self._lane is None:
             width = self._rules.lane_width_m
-            self._lane = LaneWatch(self._sizes, width, self._path, self._on_excess)
+            self._lane = LaneWatch(self.sizes, width, self._path, self._on_excess)
 
     def _compare_bodies(self) -> None:
         if self._encounters is not None:
             return
         self._encounters = Encounters(
-            self._sizes,
+            self.sizes,
             near_gap=self._rules.near_miss_gap_m,
             near_time=self._rules.near_miss_time_s,
         )
         gaps = self.gaps = self._encounters.gaps
-        for name, behind in zip_longest(self._sizes, self.followers, fillvalue=""):
+        for name, behind in zip_longest(self.sizes, self.followers, fillvalue=""):
             self._gaps_of[name] = [
                 gaps[follower] for follower in (name, behind) if follower in gaps
             ]
@@ -151,7 +151,7 @@ class FigureStream:
         """Take one message; those of unknown vehicles are ignored."""
         if isinstance(message, RunStart):
             self.start_at = message.start_at_ns
-        elif message.vehicle in self._sizes:
+        elif message.vehicle in self.sizes:
             if isinstance(message, TruePose):
                 self.add_truth(message)
             elif isinstance(message, Tracking):
@@ -172,7 +172,7 @@ class FigureStream:
             feet = self._path.add(pose)
             if feet:
                 self._pass_errors(feet)
-        body = body_of(pose, self._sizes[name])
+        body = body_of(pose, self.sizes[name])
         if encounters is not None and (met := encounters.add(pose, body)):
             self._pass_on(met)
         if pose.friction_ratio >= SLIDING_SHARE:
@@ -184,7 +184,7 @@ class FigureStream:
 
     def _pass_errors(self, feet: Iterable[CrossTrack]) -> None:
         for foot in feet:
-            if foot.vehicle in self._sizes:
+            if foot.vehicle in self.sizes:
                 for take in self._on_error:
                     take(foot)
 

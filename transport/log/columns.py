@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from transport.codec import MessageForm, RefusedMessageError, decode, form_of
-from transport.columns import DEVIATION, Array, Columns, Integers, Lists, instant_of
+from transport.columns import DEVIATION, Array, Columns, Integers, Lists, instant_of, ranges
 from transport.convoy_pb2 import Deviation
 from transport.log.mcap_file import McapFile
 from transport.log.records import HEAD_BYTES, MESSAGE, MESSAGE_HEAD_BYTES, LogError, starts_in
@@ -16,7 +16,6 @@ from transport.log.wire import (
     WireColumns,
     WireData,
     WireField,
-    ranges,
     wire_fields,
 )
 from transport.texts import printable

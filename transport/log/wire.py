@@ -13,7 +13,7 @@ import numpy as np
 from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from numpy.typing import NDArray
 
-from transport.columns import Array, Integers
+from transport.columns import Array, Integers, ranges
 
 Flags = NDArray[np.bool_]
 
@@ -209,13 +209,6 @@ class WireData:
             return lengths, np.ones(len(starts), bool), np.zeros(int(lengths.sum()), np.int64)
         values, _ = self._varints(places[begins])
         return lengths, is_odd, _typed(row, values)
-
-
-def ranges(starts: Integers, counts: Integers, step: int) -> Integers:
-    """Join the ranges start, start + step, … of `counts` places."""
-    before = np.cumsum(counts) - counts
-    number = np.arange(int(counts.sum())) - np.repeat(before, counts)
-    return np.repeat(starts, counts) + step * number
 
 
 def _typed(row: WireField, values: NDArray[np.uint64]) -> Array:

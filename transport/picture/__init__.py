@@ -3,12 +3,12 @@
 option            the value of `--rerun`: the destination of the picture
 view              opens and closes the picture
 recording_writer  turns messages into entities of the recording
+log_writer        the same from the columns of a log
 shapes            cars, road, name tags
 detail            level of detail of a long convoy
 axes              axes of the plots
-curves            curves and states over time, by the table of panels
 marks             marks of events in plans and plots
-link_states       states of each link over half seconds
+series/           curves, states and trajectories
 blueprint         layout and colours
 log_layout        layout for a log that Rerun opens without this project
 comparison/       several runs in one picture

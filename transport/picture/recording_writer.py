@@ -25,9 +25,10 @@ from transport.picture.blueprint import (
     middle,
     plan_tag_m,
 )
-from transport.picture.curves import Curves, PanelSeries, States
 from transport.picture.detail import Detail
 from transport.picture.marks import Mark, Marks
+from transport.picture.series.curves import Curves, PanelSeries, States
+from transport.picture.series.moving_rows import MovingRows
 from transport.picture.shapes import (
     CarShape,
     car,
@@ -62,6 +63,8 @@ TRAJECTORY_NS = 100 * MILLISECOND
 DRIVEN_NS = 200 * MILLISECOND
 BATCH_NS = 500 * MILLISECOND
 """Period of sending the curves: batches cost a tenth of single values."""
+MOVING_NS = 100 * MILLISECOND
+"""Period of sending the positions."""
 SILENT_NS = SECOND
 """Time without a pose after which the view follows another vehicle."""
 SPACING_M = 1.0
@@ -116,6 +119,8 @@ class RecordingWriter:
         self._curves = Curves(recording)
         states = States(recording, self._set_time)
         self._series = PanelSeries(self._curves, states, self.detail)
+        self._moving = MovingRows(recording)
+        self._moving_timer = Timer(MOVING_NS)
         self._driven: defaultdict[str, list[tuple[float, float]]] = defaultdict(list)
         self._errors: dict[str, float] = {}
         self._largest_errors: dict[str, float] = {}
@@ -156,9 +161,19 @@ class RecordingWriter:
         draw = self._draw.get(type(message))
         if draw:
             draw(message)
+        self._send_due(now, message)
+
+    def _send_due(self, now: int, message: Message) -> None:
+        """Send what is due at `now` (ns)."""
+        if self._moving_timer.is_due(now):
+            self._moving.send(self._start or 0)
         if self._batch.is_due(now) or isinstance(message, RunEnd):
-            self._curves.send(self._start)
-            self._show_worst(now)
+            self.send(now)
+
+    def send(self, now: int) -> None:
+        """Send the curves up to `now` (ns), and mark the vehicle that is furthest off."""
+        self._curves.send(self._start or 0)
+        self._show_worst(now)
 
     def error(self, vehicle: str, at: int, error: float) -> None:
         """Draw the true cross-track error (m) of a vehicle at instant `at` (ns)."""
@@ -187,6 +202,7 @@ class RecordingWriter:
         """Send the last batch, also of a truncated log, and fit the layout to the run."""
         start = self._start or 0
         self._curves.send(start)
+        self._moving.send(start)
         if self._last_pose_at:
             duration_s = (max(self._last_pose_at.values()) - start) / SECOND
             worst = max(self._largest_errors, key=self._largest_errors.__getitem__, default="")
@@ -205,22 +221,26 @@ class RecordingWriter:
     def _true_pose(self, truth: TruePose) -> None:
         vehicle, at = truth.vehicle, truth.true_at_ns
         self._last_pose_at[vehicle] = at
-        self._draw_series(truth)
+        self._draw_values(truth)
         if not self._is_due(vehicle, "car", at, self._car_ns):
             return
         self._set_time(at)
         self._positions[vehicle] = (truth.east_m, truth.north_m)
         self._yaw[vehicle] = truth.yaw_rad
-        here = turn_about(truth.east_m, truth.north_m, truth.yaw_rad, flip=False)
-        self._recording.log(f"world/cars/{vehicle}", here)
+        here = (truth.east_m, truth.north_m, truth.yaw_rad, False, 1.0)
+        self._moving.add_frame(f"world/cars/{vehicle}", at, here)
         if vehicle == self._vehicle_to_follow(at):
             self._move_along(truth)
         driven = self._driven[vehicle]
         driven.append((truth.east_m, truth.north_m))
         if self._is_due(vehicle, "driven", at, self._driven_ns):
-            piece = rr.LineStrips2D.from_fields(strips=[driven])
-            self._recording.log(f"world/driven/{vehicle}", piece)
+            self._moving.add_line(f"world/driven/{vehicle}", at, driven.copy())
             del driven[:-1]
+
+    def _draw_values(self, truth: TruePose) -> None:
+        """Draw the curves of a true pose, and the states of the links up to its instant."""
+        vehicle, at = truth.vehicle, truth.true_at_ns
+        self._draw_series(truth)
         if vehicle in self.detail and self._is_due(vehicle, "links", at, SLOW_CURVE_NS):
             self._series.show_links(vehicle, self._place(vehicle), at)
 
@@ -237,8 +257,8 @@ class RecordingWriter:
             to_east, to_north = east - truth.east_m, north - truth.north_m
             zoom = self._reach.zoom_for(to_east * c + to_north * s, to_north * c - to_east * s)
             unit = max(unit, zoom if name == self._lead else min(zoom, MAX_ZOOM))
-        eye = turn_about(truth.east_m, truth.north_m, truth.yaw_rad, unit=unit)
-        self._recording.log("world/convoy", eye)
+        eye = (truth.east_m, truth.north_m, truth.yaw_rad, True, unit)
+        self._moving.add_frame("world/convoy", truth.true_at_ns, eye)
         level = round(math.log(unit, ZOOM_STEP))
         if level != self._zoom_level:
             self._zoom_level = level

@@ -1,6 +1,5 @@
 """Shapes of the picture: cars, roads, name tags, and their frames."""
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -8,6 +7,7 @@ import numpy as np
 import rerun as rr
 
 from transport.colours import Colour
+from transport.columns import Array
 from transport.picture.blueprint import LANE_EDGE, LEGEND_WIDTH, ROAD, WORST
 from vehicles.geometry.lanes import lane_edges as edges_of
 
@@ -34,10 +34,20 @@ def turn_about(
     With `flip` its second axis points to the right instead of the left: a picture's second axis
     points down, so in a view from such a frame left turns turn left.
     """
-    c, s = unit * math.cos(yaw), unit * math.sin(yaw)
-    left = -1.0 if flip else 1.0
-    axes = [[c, -s * left, 0.0], [s, c * left, 0.0], [0.0, 0.0, unit]]
-    return rr.Transform3D(translation=[east, north, 0.0], mat3x3=axes)
+    places, matrices = axes_of(np.array([[east, north, yaw, flip, unit]]))
+    return rr.Transform3D(translation=places[0], mat3x3=matrices[0].T)
+
+
+def axes_of(frames: Array) -> tuple[Array, Array]:
+    """Origins (N, 3) and axes (N, 3, 3) of frames with rows of east, north, yaw, flip and unit.
+
+    `axes[n, k]` is axis k of frame n in the world.
+    """
+    east, north, yaw, flip, unit = frames.T
+    c, s, left = unit * np.cos(yaw), unit * np.sin(yaw), 1.0 - 2.0 * flip
+    zero = np.zeros(len(frames))
+    axes = [[c, s, zero], [-s * left, c * left, zero], [zero, zero, unit]]
+    return np.column_stack((east, north, zero)), np.moveaxis(np.array(axes), 2, 0)
 
 
 def line_style(colour: Colour, *, width: float, order: float) -> rr.LineStrips2D:

@@ -11,6 +11,7 @@ from typing import Any
 from urllib.parse import quote, urlsplit
 
 from transport.closing import Closing
+from transport.columns import Array, Columns, Integers
 from transport.picture import viewer_process
 from transport.picture.option import (
     DATA_PORT,
@@ -111,8 +112,9 @@ class RerunView(OpenRecording):
     `vehicles` are in order, the lead first; `spacing_m` is their usual spacing; `cars` are their
     lengths and widths (m), and the distances of their middles ahead of their poses; `path` is the
     lead's, as east and north in metres; `lane_m` is the width of its lane; `title` is the name of
-    the recording. Raises ViewerError if the picture cannot be shown. `destination` describes to
-    the user where it is shown; `enabled` is False without a picture.
+    the recording. The view of a log (`of_log`) is drawn by columns. Raises ViewerError if the
+    picture cannot be shown. `destination` describes to the user where it is shown; `enabled` is
+    False without a picture.
     """
 
     def __init__(
@@ -127,15 +129,17 @@ class RerunView(OpenRecording):
         lane_m: float | None = None,
         duration_s: float | None = None,
         title: str = "",
+        of_log: bool = False,
     ) -> None:
         super().__init__(option, recording_id, title)
         self._writer: Any = None
         if not self.enabled:
             return
+        from transport.picture.log_writer import LogRecordingWriter  # noqa: PLC0415
         from transport.picture.recording_writer import RecordingWriter  # noqa: PLC0415
         from transport.picture.shapes import CarShape  # noqa: PLC0415
 
-        self._writer = RecordingWriter(
+        self._writer = (LogRecordingWriter if of_log else RecordingWriter)(
             self.recording,
             vehicles,
             spacing_m=spacing_m,
@@ -160,6 +164,26 @@ class RerunView(OpenRecording):
     def gap(self, vehicle: str, at: int, gap: float) -> None:
         if self._writer is not None:
             self._writer.gap(vehicle, at, gap)
+
+    def begin(self, start: int) -> None:
+        """Set the start (ns) of the run of a log."""
+        if self._writer is not None:
+            self._writer.begin(start)
+
+    def send(self, now: int) -> None:
+        """Send the curves of a log up to `now` (ns), and mark the vehicle furthest off."""
+        if self._writer is not None:
+            self._writer.send(now)
+
+    def draw_columns(self, columns: Mapping[tuple[str, str], Columns]) -> None:
+        """Draw the messages of a log by (vehicle, topic), except what `draw` draws."""
+        if self._writer is not None:
+            self._writer.draw_columns(columns)
+
+    def gaps(self, vehicle: str, at: Integers, gaps: Array) -> None:
+        """Draw the true gaps (m) of a vehicle of a log at instants `at` (ns)."""
+        if self._writer is not None:
+            self._writer.gaps(vehicle, at, gaps)
 
     def mark(
         self, kind: str, at: int, place: tuple[float, float], vehicles: tuple[str, ...]

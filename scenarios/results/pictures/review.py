@@ -9,16 +9,20 @@ import click
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario
+from scenarios.results.events.bodies import BodySize
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.log_summary import scenario_in
-from scenarios.results.metrics import Metrics
 from scenarios.results.pictures.layouts import rerun_layout
-from scenarios.results.pictures.run_drawing import RunDrawing, open_drawing, recording_id
+from scenarios.results.pictures.log_drawing import WHOLE_RUN, Excerpt, LogDrawing
+from scenarios.results.pictures.run_drawing import open_view, recording_id
+from scenarios.results.stream import FigureStream
+from scenarios.results.summary import from_json
 from transport.log.reader import LogReader
 from transport.log.records import LogError
 from transport.picture.option import RerunOption
 from transport.picture.view import RerunView
 from transport.topics import RUN_SENDER
+from vehicles.car.parameters import LINCOLN_MKZ
 
 
 def _to_stderr(line: str) -> None:
@@ -31,24 +35,43 @@ def review(
     *,
     wait: Callable[[str], None],
     warn: Callable[[str], None] = _to_stderr,
+    excerpt: Excerpt = WHOLE_RUN,
+    progress: Callable[[float], None] = lambda _: None,
 ) -> int:
-    """Draw the run recorded in `log`; returns the number of messages drawn.
+    """Draw the run recorded in `log`, or part of it; returns the number of messages drawn.
 
-    `warn` is called with a line about each fault of the log. A served picture is shown until `wait`
-    returns, which is called with its address when all is drawn. Raises LogError or ViewerError.
+    `progress` gets the share that is done, and `warn` a line about each fault of the log. A served
+    picture is shown until `wait` returns, which is called with its address when all is drawn.
+    Raises LogError or ViewerError.
     """
     reader = LogReader(log)
     if faults := reader.faults:
         warn(faults)
     scenario = _scenario_in(reader, warn)
-    with _layout(log, scenario), _open(reader, option, scenario) as view:
-        count = 0
-        for now, _, message in reader.messages():
-            view.draw(now, message)
-            count += 1
+    stream = _stream(reader, scenario)
+    with _layout(log, scenario), _open(reader, option, scenario, stream) as view:
+        drawing = LogDrawing(reader, view, stream, has_events=_may_have_events(reader))
+        count = drawing.draw(excerpt, progress) if view.enabled else 0
         if option.sink == "serve":
             wait(view.destination)
     return count
+
+
+def _stream(reader: LogReader, scenario: Scenario | None) -> FigureStream:
+    if scenario is not None:
+        return FigureStream.of(scenario)
+    return FigureStream(dict.fromkeys(_in_order(reader), BodySize.of(LINCOLN_MKZ)))
+
+
+def _may_have_events(reader: LogReader) -> bool:
+    """Whether the run may have had events: unless the summary of a complete log lists none."""
+    summary = reader.attachments().get(SUMMARY_NAME)
+    if summary is None or reader.faults:
+        return True
+    try:
+        return bool(from_json(summary.decode()).events)
+    except ValueError:
+        return True
 
 
 def _scenario_in(reader: LogReader, warn: Callable[[str], None]) -> Scenario | None:
@@ -67,12 +90,13 @@ def _layout(log: Path, scenario: Scenario | None) -> AbstractContextManager[None
     return rerun_layout(log.parent, scenario) if scenario and is_run else nullcontext()
 
 
-def _open(reader: LogReader, option: RerunOption, scenario: Scenario | None) -> RunDrawing:
+def _open(
+    reader: LogReader, option: RerunOption, scenario: Scenario | None, stream: FigureStream
+) -> RerunView:
     if scenario is not None:
-        return open_drawing(option, scenario, reader.path)
-    names = _in_order(reader)
-    view = RerunView(option, recording_id=recording_id(reader.path), vehicles=names)
-    return RunDrawing(view, Metrics(names, {}), updates_metrics=True)
+        return open_view(option, scenario, reader.path, of_log=True)
+    names, identifier = list(stream.sizes), recording_id(reader.path)
+    return RerunView(option, recording_id=identifier, vehicles=names, of_log=True)
 
 
 def _in_order(reader: LogReader) -> list[str]:

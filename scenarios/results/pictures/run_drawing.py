@@ -1,4 +1,4 @@
-"""Draws a run with its events and true gaps, live or from its log."""
+"""Draws a live run with its events and true gaps."""
 
 from collections import deque
 from itertools import pairwise
@@ -25,12 +25,11 @@ class RunDrawing(Closing):
     `destination` describes to the user where it is shown.
     """
 
-    def __init__(self, view: RerunView, metrics: Metrics, *, updates_metrics: bool) -> None:
-        """Draw into `view`; with `updates_metrics` `draw` adds the messages to `metrics`."""
+    def __init__(self, view: RerunView, metrics: Metrics) -> None:
+        """Draw into `view` with the figures of `metrics`, which are gathered elsewhere."""
         self.destination = view.destination
         self._view = view
         self._events = metrics.events
-        self._own_metrics = metrics if updates_metrics else None
         self._marked = 0
         names = list(metrics.vehicles)
         self._follower_of = dict(pairwise(names))
@@ -44,8 +43,6 @@ class RunDrawing(Closing):
     def draw(self, now: int, message: Message) -> None:
         if not self._view.enabled:
             return
-        if self._own_metrics:
-            self._own_metrics.listen(now, message)
         self._view.draw(now, message)
         if isinstance(message, TruePose):
             while self._pending_errors:
@@ -76,14 +73,21 @@ class RunDrawing(Closing):
 
 
 def open_drawing(
-    option: RerunOption, scenario: Scenario, log: Path, metrics: Metrics | None = None
+    option: RerunOption, scenario: Scenario, log: Path, metrics: Metrics
 ) -> RunDrawing:
     """Open the picture of a run of `scenario`, whose figures `metrics` are gathered elsewhere.
 
-    Without `metrics` they are computed from the drawn messages. Raises ViewerError.
+    Raises ViewerError.
     """
+    return RunDrawing(open_view(option, scenario, log), metrics)
+
+
+def open_view(
+    option: RerunOption, scenario: Scenario, log: Path, *, of_log: bool = False
+) -> RerunView:
+    """Open the view of a run of `scenario`, live or of its log; raises ViewerError."""
     path = scenario.route.path
-    view = RerunView(
+    return RerunView(
         option,
         recording_id=recording_id(log),
         vehicles=scenario.vehicle_names,
@@ -93,8 +97,8 @@ def open_drawing(
         lane_m=scenario.tables.events.lane_width_m,
         duration_s=scenario.duration_s,
         title=scenario.title,
+        of_log=of_log,
     )
-    return RunDrawing(view, metrics or Metrics.of(scenario), updates_metrics=metrics is None)
 
 
 def recording_id(log: Path) -> str:

@@ -23,6 +23,7 @@ from scenarios.results.recorded.data_table import (
 from scenarios.results.recorded.link_outcomes import LinkOutcomes, link_outcomes, missing_verdicts
 from scenarios.results.recorded.tidy_tables import joined, vehicle_rows
 from scenarios.results.recorded.true_figures import PathErrors, path_errors, true_gaps
+from scenarios.results.stream import sizes_of
 from scenarios.results.summary import RunSummary
 from transport.columns import Columns
 from transport.log.reader import LogReader
@@ -211,7 +212,7 @@ class RunRecord:
         ahead = truth.get(names[names.index(vehicle) - 1]) if vehicle != names[0] else None
         if self.known_scenario is None or ahead is None:
             return np.full(len(truth[vehicle]), np.nan)
-        return true_gaps(self.known_scenario, ahead, truth[vehicle])
+        return true_gaps(sizes_of(self.known_scenario), ahead, truth[vehicle])
 
     def true_table(self, vehicle: str) -> DataTable:
         """True poses of a vehicle with its error, station and gap."""

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.definition.scenario import Scenario
-from scenarios.results.events.bodies import body_of, separation
+from scenarios.results.events.bodies import BodySize
+from scenarios.results.recorded.body_columns import Bodies, body_distances
 from scenarios.results.recorded.column_messages import messages_of
-from scenarios.results.stream import FigureStream, sizes_of
+from scenarios.results.stream import FigureStream
 from transport.columns import Columns
 from vehicles.geometry.driven_path import CrossTrack
 from vehicles.messages import TruePose
@@ -51,23 +52,17 @@ def path_errors(scenario: Scenario, truth: Mapping[str, Columns]) -> dict[str, P
     return errors
 
 
-def true_gaps(scenario: Scenario, ahead: Columns, behind: Columns) -> Floats:
+def true_gaps(sizes: Mapping[str, BodySize], ahead: Columns, behind: Columns) -> Floats:
     """Distances (m) between the bodies of two vehicles at the true poses of the one `behind`.
 
-    NaN where the one ahead has no pose at the same instant.
+    NaN where the one ahead has no pose at the same instant. `sizes` are the bodies by name.
     """
-    sizes = sizes_of(scenario)
     gaps = np.full(len(behind), np.nan)
-    rows = _rows(behind)
-    bodies = {
-        pose.true_at_ns: body_of(pose, sizes[ahead.vehicle])
-        for pose in messages_of(ahead, TruePose)
-    }
-    for pose in messages_of(behind, TruePose):
-        at = pose.true_at_ns
-        if at in bodies:
-            body = body_of(pose, sizes[behind.vehicle])
-            gaps[rows[at]] = separation(bodies[at], body).distance
+    _, rows_ahead, rows = np.intersect1d(ahead.at_ns, behind.at_ns, return_indices=True)
+    gaps[rows] = body_distances(
+        Bodies.of(ahead, rows_ahead, sizes[ahead.vehicle]),
+        Bodies.of(behind, rows, sizes[behind.vehicle]),
+    )
     return gaps
 
 

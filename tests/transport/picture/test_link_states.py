@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tests.made.transport import drive
 from transport.colours import COLOURS
 from transport.panels import LOSSES, PANELS
-from transport.picture.link_states import (
+from transport.picture.series.link_states import (
     MARGIN_NS,
     WINDOW_NS,
     LinkStates,

@@ -74,10 +74,12 @@ def without_start_time(table: Table) -> Table:
 
 def test_a_reviewed_log_is_drawn_as_the_run_was(tmp_path: Path) -> None:
     live = tmp_path / "live.rrd"
+    driven, metrics = scenario(), Metrics.of(scenario())
     with open_drawing(
-        parse_rerun_option(f"save={live}"), scenario(), tmp_path / "run.mcap"
+        parse_rerun_option(f"save={live}"), driven, tmp_path / "run.mcap", metrics
     ) as view:
         for now, message in recorded():
+            metrics.listen(now, message)
             view.draw(now, message)
     write_log(tmp_path / "run.mcap", attached=scenario().text.encode())
     again = reviewed(tmp_path / "run.mcap")
@@ -349,3 +351,13 @@ def test_the_view_leaves_room_for_the_widest_gap() -> None:
     keeping = 'followers = "gap"\ngap = { standstill_m = 3.0, headway_s = 0.5 }\n'
     assert widest_spacing(scenario(keeping)) == pytest.approx(3.0 + 4.93 + 0.5 * 10.0, abs=0.2)
     assert widest_spacing(scenario_from_text(SCENARIO.replace("vehicles = 3", "vehicles = 1"))) > 0
+
+
+def test_the_review_of_a_run_has_the_rows_of_the_live_picture(drawn: Drawn) -> None:
+    """Entities, components and values; also of events, lost messages and links."""
+    live, again = map(without_start_time, drawn.tables)
+    assert set(live) == set(again)
+    for entity, table in live.items():
+        assert set(table) == set(again[entity]), entity
+        for name, rows in table.items():
+            assert rows == again[entity][name], (entity, name)

@@ -7,10 +7,11 @@ import numpy as np
 import rerun as rr
 
 from transport.colours import Colour, colour_of
+from transport.columns import Array
 from transport.panels import PANELS, SLOW_CURVE_NS, Panel, Series, flagged, panels_of
 from transport.picture.blueprint import TIMELINE
 from transport.picture.detail import Detail
-from transport.picture.link_states import LinkStates, message_state
+from transport.picture.series.link_states import LinkStates, message_state
 from transport.topics import valid_at
 from vehicles.messages import LinkVerdict, Message
 from vehicles.schedule import Timer
@@ -21,6 +22,14 @@ BAND_ALPHA = 70
 """Opacity (of 255) of a band's line; its area is fainter. Bands of several vehicles overlap."""
 BAND = "/band"
 """Suffix of the name of a band."""
+
+
+def time_columns(at: Array, start: int) -> list[rr.TimeColumn]:
+    """Instants (ns) on both timelines; the run began at `start`."""
+    return [
+        rr.TimeColumn(TIMELINE, duration=(at - start).astype("timedelta64[ns]")),
+        rr.TimeColumn("time", timestamp=at.astype("datetime64[ns]")),
+    ]
 
 
 class Curves:
@@ -71,25 +80,46 @@ class Curves:
         """Send the values since the last call; the run began at instant `start` (ns)."""
         for entity, (times, values) in self._curves.items():
             if times:
-                at = np.array(times, dtype=np.int64)
-                since_start = (at - start).astype("timedelta64[ns]")
-                columns = [
-                    rr.TimeColumn(TIMELINE, duration=since_start),
-                    rr.TimeColumn("time", timestamp=at.astype("datetime64[ns]")),
-                ]
                 variances = self._variances.get(entity)
-                if variances is None:
-                    scalars, width = rr.Scalars.columns(scalars=values), 0.0
-                else:
-                    scalars = rr.Measurements.columns(values=values, variances=variances)
-                    width = math.sqrt(max(variances))
-                    variances.clear()
-                self._recording.send_columns(entity, columns, scalars)
-                low, high = self._extents.get(entity, (math.inf, -math.inf))
-                low, high = min(low, min(values) - width), max(high, max(values) + width)
-                self._extents[entity] = low, high
+                self._send(
+                    entity,
+                    np.array(times, np.int64),
+                    np.array(values),
+                    None if variances is None else np.array(variances),
+                    start,
+                )
                 times.clear()
                 values.clear()
+                if variances:
+                    variances.clear()
+
+    def send_all(
+        self,
+        quantity: str,
+        name: str,
+        at: Array,
+        values: Array,
+        *,
+        start: int,
+        width: Array | None = None,
+    ) -> None:
+        """Send all values of a curve, or of a band with its half-widths."""
+        variances = None if width is None else width * width
+        self._send(f"plots/{quantity}/{name}", at, values, variances, start)
+
+    def _send(
+        self, entity: str, at: Array, values: Array, variances: Array | None, start: int
+    ) -> None:
+        width = 0.0
+        if variances is None:
+            scalars = rr.Scalars.columns(scalars=values)
+        else:
+            scalars = rr.Measurements.columns(values=values, variances=variances)
+            width = math.sqrt(variances.max())
+        self._recording.send_columns(entity, time_columns(at, start), scalars)
+        low, high = self._extents.get(entity, (math.inf, -math.inf))
+        low, high = min(low, float(values.min()) - width), max(high, float(values.max()) + width)
+        self._extents[entity] = low, high
 
     def extents(self) -> dict[str, tuple[float, float]]:
         """Smallest and largest value of each plot, of all vehicles and of one."""
@@ -121,6 +151,16 @@ class States:
         self._states[entity] = state
         self._set_time(at)
         self._recording.log(entity, rr.StateChange(state=state))
+
+    def show_all(self, panel: str, name: str, states: Array, at: Array, start: int) -> None:
+        """Show all states of an entity, in order, from the instants (ns) at which they change."""
+        changes = np.concatenate(([True], states[1:] != states[:-1]))[: len(states)]
+        if not len(states):
+            return
+        entity = f"{panel}/{name}"
+        self._log_style(entity, PANELS[panel])
+        shown = rr.StateChange.columns(state=states[changes].tolist())
+        self._recording.send_columns(entity, time_columns(at[changes], start), shown)
 
     def _log_style(self, entity: str, panel: Panel) -> None:
         names, colours = list(panel.states), list(panel.states.values())

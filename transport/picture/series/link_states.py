@@ -21,9 +21,14 @@ different topics."""
 
 def message_state(verdict: LinkVerdict) -> str:
     """State of a message: "ok", "lost", "late", or "" if the link did not carry it."""
-    if verdict.outcome == "dropped":
-        return "lost" if counts_as_loss(verdict.reason) else ""
-    return LATE if verdict.late else OK
+    return state_of(verdict.outcome, verdict.reason, verdict.late)
+
+
+def state_of(outcome: str, reason: str, late: bool) -> str:
+    """The same by the fields of the verdict."""
+    if outcome == "dropped":
+        return "lost" if counts_as_loss(reason) else ""
+    return LATE if late else OK
 
 
 class LinkWindow(NamedTuple):
@@ -39,7 +44,7 @@ class LinkWindow(NamedTuple):
 
 
 @dataclass(slots=True)
-class _Counts:
+class WindowCounts:
     """Numbers of messages in a window."""
 
     ok: int = 0
@@ -52,7 +57,7 @@ class _Link:
     """The next window of a link, and counts by window."""
 
     start: int
-    counts: dict[int, _Counts] = field(default_factory=dict)
+    counts: dict[int, WindowCounts] = field(default_factory=dict)
 
 
 @dataclass(slots=True)
@@ -69,19 +74,20 @@ class LinkStates:
         start = verdict.received_at_ns // WINDOW_NS * WINDOW_NS
         links = self.receivers.setdefault(verdict.vehicle, {})
         entry = links.setdefault(link, _Link(start))
-        counts = entry.counts.setdefault(max(start, entry.start), _Counts())
+        counts = entry.counts.setdefault(max(start, entry.start), WindowCounts())
         setattr(counts, state, getattr(counts, state) + 1)
 
     def passed(self, receiver: str, now: int) -> Iterator[LinkWindow]:
         """Yield the windows into `receiver` that have ended at its instant `now` (ns)."""
         for link, entry in self.receivers.get(receiver, {}).items():
             while entry.start + WINDOW_NS + MARGIN_NS <= now:
-                counts = entry.counts.pop(entry.start, _Counts())
-                yield _window(link, entry.start, counts)
+                counts = entry.counts.pop(entry.start, WindowCounts())
+                yield window_of(link, entry.start, counts)
                 entry.start += WINDOW_NS
 
 
-def _window(link: str, at: int, counts: _Counts) -> LinkWindow:
+def window_of(link: str, at: int, counts: WindowCounts) -> LinkWindow:
+    """State of the window of a link that begins at instant `at` (ns)."""
     carried = counts.ok + counts.lost + counts.late
     if not carried:
         return LinkWindow(link, at, SILENT, None)
