@@ -182,6 +182,11 @@ class FigureStream:
         if self._on_gap:
             self._pass_gaps(name, at)
 
+    def add_place(self, follower: str, at: int, east: float, north: float) -> None:
+        """Take only the place (m) of a follower's true pose: enough for its true error."""
+        if feet := self._path.add_point(follower, at, east, north):
+            self._pass_errors(feet)
+
     def _pass_errors(self, feet: Iterable[CrossTrack]) -> None:
         for foot in feet:
             if foot.vehicle in self.sizes:

@@ -10,8 +10,8 @@ import numpy as np
 from transport.codec import MessageForm, RefusedMessageError, decode, form_of
 from transport.columns import DEVIATION, Array, Columns, Integers, Lists, instant_of, ranges
 from transport.convoy_pb2 import Deviation
-from transport.log.mcap_file import McapFile
-from transport.log.records import HEAD_BYTES, MESSAGE, MESSAGE_HEAD_BYTES, LogError, starts_in
+from transport.log.mcap_file import CHANNELS, McapFile
+from transport.log.records import HEAD_BYTES, MESSAGE, MESSAGE_HEAD_BYTES, LogError
 from transport.log.wire import (
     WireColumns,
     WireData,
@@ -21,10 +21,8 @@ from transport.log.wire import (
 from transport.texts import printable
 from transport.topics import TOPICS
 
-BATCH_BYTES = 2**25
+BATCH_BYTES = 2**24
 """Size of the messages that are decoded at once; limits the memory."""
-CHANNELS = 2**16
-"""Number of possible channel numbers in MCAP."""
 
 
 class Selection(NamedTuple):
@@ -118,11 +116,12 @@ class _Batch(NamedTuple):
 
 
 def _batches(file: McapFile, span: tuple[int, int] | None) -> Iterator[_Batch]:
-    chunks: list[bytes] = []
+    chunks: list[tuple[bytes, Integers]] = []
     before = size = 0
-    for _, head in file.chunks:
+    for number, (_, head) in enumerate(file.chunks):
         if span is None or (head.first_at <= span[1] and head.last_at >= span[0]):
-            chunks.append(file.unpack(head))
+            chunk = file.unpack(head)
+            chunks.append((chunk, file.record_starts(number, chunk)))
             size += head.size
         if size > BATCH_BYTES:
             yield _batch(chunks, before, span)
@@ -130,14 +129,16 @@ def _batches(file: McapFile, span: tuple[int, int] | None) -> Iterator[_Batch]:
     yield _batch(chunks, before, span)
 
 
-def _batch(chunks: Sequence[bytes], before: int, span: tuple[int, int] | None) -> _Batch:
-    """Messages of chunks that follow `before` unpacked bytes of others."""
+def _batch(
+    chunks: Sequence[tuple[bytes, Integers]], before: int, span: tuple[int, int] | None
+) -> _Batch:
+    """Messages of chunks, given with their records, after `before` unpacked bytes of others."""
     places, size = [np.zeros(0, np.int64)], 0
-    for chunk in chunks:
-        places.append(np.array(starts_in(chunk), np.int64) + size)
+    for chunk, records in chunks:
+        places.append(records + size)
         size += len(chunk)
     starts = np.concatenate(places)
-    data = WireData(b"".join(chunks))
+    data = WireData(b"".join(chunk for chunk, _ in chunks))
     heads = starts[data.numbers("u1", starts) == MESSAGE]
     contents = heads + HEAD_BYTES
     batch = _Batch(

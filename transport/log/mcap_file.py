@@ -8,6 +8,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import IO, cast
 
+import numpy as np
 import zstandard
 from mcap import records
 from mcap.data_stream import ReadDataStream
@@ -16,10 +17,13 @@ from mcap.reader import SeekingReader
 from mcap.stream_reader import get_chunk_data_stream
 from mcap.summary import Summary
 
+from transport.columns import Integers
 from transport.log.records import (
     ATTACHMENT,
     CHANNEL,
     CHUNK,
+    HEAD_BYTES,
+    MESSAGE,
     METADATA,
     ChunkHead,
     DamageError,
@@ -32,9 +36,12 @@ from transport.log.records import (
     messages_in,
     metadata,
     scan,
-    sequences_in,
+    starts_in,
 )
+from transport.log.wire import WireData
 
+CHANNELS = 2**16
+"""Number of possible channel numbers in MCAP."""
 SECOND = 1_000_000_000
 LARGEST_CHUNK = 2**30
 """Maximum size of an unpacked chunk (bytes); a larger stated size is damage."""
@@ -63,6 +70,7 @@ class McapFile:
                 else:
                     damaged.append(Span(record.start, record.end))
         self._damaged = _joined(damaged)
+        self._starts: dict[int, Integers] = {}
         self.damage = self._describe_damage() if self._damaged else ""
 
     def unpack(self, head: ChunkHead) -> bytes:
@@ -150,11 +158,24 @@ class McapFile:
         summary, totals = self._summary(), Counter[int]()
         if summary and summary.statistics:
             totals.update(summary.statistics.channel_message_counts)
-        for _, head in self.chunks:
-            for channel, sequence in sequences_in(self.unpack(head)):
-                if sequence >= totals[channel] and channel in numbered:
-                    totals[channel] = sequence + 1
+        largest = np.full(CHANNELS, -1, np.int64)
+        for number, (_, head) in enumerate(self.chunks):
+            chunk = WireData(self.unpack(head))
+            heads = self.record_starts(number, chunk.content(0, head.size))
+            heads = heads[chunk.numbers("u1", heads) == MESSAGE] + HEAD_BYTES
+            channels, sequences = chunk.numbers("<u2", heads), chunk.numbers("<u4", heads + 2)
+            np.maximum.at(largest, channels, sequences)
+        for channel in np.flatnonzero(largest >= 0).tolist():
+            if channel in numbered:
+                totals[channel] = max(totals[channel], int(largest[channel]) + 1)
         return totals
+
+    def record_starts(self, number: int, chunk: bytes) -> Integers:
+        """Places of the records in chunk `number`, whose unpacked content is `chunk`."""
+        starts = self._starts.get(number)
+        if starts is None:
+            starts = self._starts[number] = np.array(starts_in(chunk), np.int64)
+        return starts
 
     def _summary(self) -> Summary | None:
         if not self.layout.summary.end:

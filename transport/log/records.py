@@ -319,12 +319,3 @@ def messages_in(chunk: bytes) -> Iterator[tuple[int, int, bytes]]:
         if opcode == MESSAGE:
             channel, _, log_time, _ = unpack(chunk, start)
             yield channel, log_time, chunk[start + head : end]
-
-
-def sequences_in(chunk: bytes) -> Iterator[tuple[int, int]]:
-    """Yield (channel, sequence number) of the messages in an unpacked chunk."""
-    unpack = _MESSAGE_HEAD.unpack_from
-    for opcode, start, _ in entries_in(chunk):
-        if opcode == MESSAGE:
-            channel, sequence, _, _ = unpack(chunk, start)
-            yield channel, sequence

@@ -6,7 +6,7 @@ import numpy as np
 
 from transport.colours import colour_of
 from transport.columns import Array, Columns, Integers
-from transport.picture.recording_writer import SPACING_M, RecordingWriter
+from transport.picture.recording_writer import SILENT_NS, SPACING_M, RecordingWriter
 from transport.picture.series.curves import States
 from transport.picture.series.log_series import LogSeries, due
 from transport.picture.series.moving_rows import send_trajectories
@@ -19,13 +19,26 @@ SERIES = ("truth", "tracking", "command")
 class LogRecordingWriter(RecordingWriter):
     """Draws the same rows as `RecordingWriter`, in a tenth of the time.
 
-    `draw` takes messages of the topics `DRAWN` only, and `send` is called for the others, twice a
-    second. `draw_columns` draws the rest.
+    `draw` takes the messages of `moving_rows`, texts and changes. `mark_furthest` is called twice a
+    second, and the other methods draw the rest at any time.
     """
 
     def begin(self, start: int) -> None:
         """Set the start of the run (ns), before the first message."""
         self._start = start
+
+    def moving_rows(self, at: Integers) -> Integers:
+        """Numbers of the true poses of a vehicle, at instants `at` (ns), that `draw` needs.
+
+        Those at which its car is drawn, and the last one before each time without poses.
+        """
+        last = np.diff(at, append=at[-1:] + 2 * SILENT_NS) > SILENT_NS // 2
+        return np.union1d(due(at, self._car_ns), np.flatnonzero(last))
+
+    def mark_furthest(self, newest_at: int, errors: Mapping[str, float]) -> None:
+        """Mark the vehicle furthest off, by the errors (m) known at the newest pose (ns)."""
+        self._errors = dict(errors)
+        self._show_worst(newest_at)
 
     def _draw_values(self, truth: TruePose) -> None:
         """Leave the curves to `draw_columns`."""
@@ -60,8 +73,17 @@ class LogRecordingWriter(RecordingWriter):
                 colours=np.array([colour_of(0), colour_of(max(place - 1, 0))], np.uint8),
             )
 
+    def errors(self, vehicle: str, at: Integers, errors: Array) -> None:
+        """Draw the true errors (m) of a vehicle at instants `at` (ns)."""
+        if len(at) and vehicle in self.detail:
+            self._largest_errors[vehicle] = float(np.abs(errors).max())
+            self._add_curve("cross_track", vehicle, at, errors)
+
     def gaps(self, vehicle: str, at: Integers, gaps: Array) -> None:
         """Draw the true gaps (m) of a vehicle at instants `at` (ns)."""
         if len(at):
-            self._curves.start("true_gap", vehicle, vehicle, colour_of(self._place(vehicle)))
-            self._curves.send_all("true_gap", vehicle, at, gaps, start=self._start or 0)
+            self._add_curve("true_gap", vehicle, at, gaps)
+
+    def _add_curve(self, quantity: str, vehicle: str, at: Integers, values: Array) -> None:
+        self._curves.start(quantity, vehicle, vehicle, colour_of(self._place(vehicle)))
+        self._curves.send_all(quantity, vehicle, at, values, start=self._start or 0)

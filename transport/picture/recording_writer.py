@@ -173,7 +173,7 @@ class RecordingWriter:
     def send(self, now: int) -> None:
         """Send the curves up to `now` (ns), and mark the vehicle that is furthest off."""
         self._curves.send(self._start or 0)
-        self._show_worst(now)
+        self._show_worst(max(self._last_pose_at.values(), default=now))
 
     def error(self, vehicle: str, at: int, error: float) -> None:
         """Draw the true cross-track error (m) of a vehicle at instant `at` (ns)."""
@@ -320,12 +320,11 @@ class RecordingWriter:
         if verdict.vehicle in self.detail:
             self._series.count(verdict)
 
-    def _show_worst(self, now: int) -> None:
-        """Ring the vehicle furthest off the lead's path, from `FAR_OFF_M` on."""
+    def _show_worst(self, newest: int) -> None:
+        """Ring the vehicle furthest off the lead's path at the `newest` pose (ns)."""
         name = max(self._errors, key=lambda vehicle: abs(self._errors[vehicle]), default="")
         if not name or abs(self._errors[name]) <= WORST_FROM_M:
             name = ""
-        newest = max(self._last_pose_at.values(), default=now)
         self._set_time(newest)
         if self._worst not in {name, ""}:
             self._ring(self._worst, "")

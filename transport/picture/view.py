@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote, urlsplit
 
+import numpy as np
+
 from transport.closing import Closing
 from transport.columns import Array, Columns, Integers
 from transport.picture import viewer_process
@@ -170,15 +172,24 @@ class RerunView(OpenRecording):
         if self._writer is not None:
             self._writer.begin(start)
 
-    def send(self, now: int) -> None:
-        """Send the curves of a log up to `now` (ns), and mark the vehicle furthest off."""
+    def moving_rows(self, at: Integers) -> Integers:
+        """Numbers of the true poses of a log, at instants `at` (ns) of a vehicle, to draw."""
+        return np.arange(len(at)) if self._writer is None else self._writer.moving_rows(at)
+
+    def mark_furthest(self, newest_at: int, errors: Mapping[str, float]) -> None:
+        """Mark the vehicle of a log furthest off, by the errors (m) known at a pose (ns)."""
         if self._writer is not None:
-            self._writer.send(now)
+            self._writer.mark_furthest(newest_at, errors)
 
     def draw_columns(self, columns: Mapping[tuple[str, str], Columns]) -> None:
         """Draw the messages of a log by (vehicle, topic), except what `draw` draws."""
         if self._writer is not None:
             self._writer.draw_columns(columns)
+
+    def errors(self, vehicle: str, at: Integers, errors: Array) -> None:
+        """Draw the true errors (m) of a vehicle of a log at instants `at` (ns)."""
+        if self._writer is not None:
+            self._writer.errors(vehicle, at, errors)
 
     def gaps(self, vehicle: str, at: Integers, gaps: Array) -> None:
         """Draw the true gaps (m) of a vehicle of a log at instants `at` (ns)."""

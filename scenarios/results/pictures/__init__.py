@@ -1,6 +1,8 @@
 """The picture of a run, live and from its log, here and in other programs.
 
-run_drawing  the picture of a run, with its events and gaps
-layouts      layouts of a log for Foxglove and Rerun
-review       the picture of a log
+run_drawing      the live picture of a run, with its events and gaps
+log_drawing      the same from the columns of a log
+ordered_figures  true errors and events by their places in a log
+layouts          layouts of a log for Foxglove and Rerun
+review           opens a log and draws it
 """

@@ -1,22 +1,23 @@
 """Draws a recorded run from the columns of its log."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from itertools import pairwise
+from itertools import chain, pairwise
+from math import isnan
 from typing import NamedTuple
 
 import numpy as np
 
 from scenarios.results.events.encounters import Episode
-from scenarios.results.recorded.column_messages import messages_of
+from scenarios.results.pictures.ordered_figures import ErrorColumns, ordered_figures
+from scenarios.results.recorded.column_messages import in_order, messages_of
 from scenarios.results.recorded.true_figures import true_gaps
 from scenarios.results.stream import FigureStream
-from transport.columns import Columns
+from transport.columns import Columns, Integers
 from transport.log.reader import LogReader
 from transport.panels import drawn_fields
 from transport.picture.view import RerunView
 from transport.topics import RUN_SENDER, TOPICS
-from vehicles.geometry.driven_path import CrossTrack
-from vehicles.messages import Message, Tracking, TruePose
+from vehicles.messages import Message
 from vehicles.schedule import MILLISECOND, SECOND
 
 Key = tuple[str, str]
@@ -57,65 +58,76 @@ class LogDrawing:
     ) -> None:
         self._reader, self._view, self._stream = reader, view, stream
         self._has_events = has_events
-        self._errors: list[CrossTrack] = []
-        self._episodes: list[Episode] = []
-        stream.on_error(self._errors.append)
-        if has_events:
-            stream.on_event(self._episodes.append)
 
     def draw(self, excerpt: Excerpt, progress: Callable[[float], None] = lambda _: None) -> int:
         """Draw part of the run, and report the share done; returns the number of messages."""
         columns = self._reader.columns(TOPICS, fields=_fields(has_events=self._has_events))
+        progress(0.4)
         start = _start_of(columns)
         self._view.begin(start)
         span = excerpt.span(start)
+        figures = ordered_figures(self._stream, columns, has_events=self._has_events)
+        progress(0.6)
         shown = {key: _within(rows, span) for key, rows in columns.items() if excerpt.shows(key[0])}
-        progress(0.4)
+        errors = [
+            rows.within(span) for rows in figures.errors.values() if excerpt.shows(rows.vehicle)
+        ]
+        marks = [
+            (order, event)
+            for order, event in figures.events
+            if span[0] <= event.at_ns <= span[1] and any(map(excerpt.shows, event.vehicles))
+        ]
         ticks = _ticks([_within(rows, span) for rows in columns.values()])
-        self._draw_in_order(columns, ticks, excerpt, span)
-        progress(0.7)
-        self._view.draw_columns(shown)
-        progress(0.9)
+        self._draw_in_order(shown, ticks, errors, marks)
+        progress(0.8)
+        count = sum(map(len, shown.values()))
         self._draw_gaps(columns, shown)
-        return sum(map(len, shown.values()))
+        del columns
+        self._view.draw_columns(shown)
+        return count
 
     def _draw_in_order(
         self,
-        columns: Mapping[Key, Columns],
-        ticks: Sequence[tuple[int, int]],
-        excerpt: Excerpt,
-        span: tuple[int, int],
+        shown: Mapping[Key, Columns],
+        ticks: tuple[Integers, Integers],
+        errors: Sequence[ErrorColumns],
+        marks: Sequence[tuple[int, Episode]],
     ) -> None:
-        """Draw what depends on the order of the messages."""
-        left = list(reversed(ticks))
-        for order, now, message in _merged(columns, has_events=self._has_events):
-            if now > span[1]:
-                break
-            while left and left[-1][0] < order:
-                self._view.send(left.pop()[1])
-            self._stream.listen(now, message)
-            if now >= span[0] and excerpt.shows(message.vehicle):
-                if not isinstance(message, Tracking):
-                    self._view.draw(now, message)
-                if left and left[-1][0] == order:
-                    self._view.send(left.pop()[1])
-            if isinstance(message, TruePose):
-                self._draw_figures(excerpt, span)
-        for _, now in reversed(left):
-            self._view.send(now)
-        self._stream.finish()
-        self._draw_figures(excerpt, span)
+        """Draw what depends on the order of the messages.
 
-    def _draw_figures(self, excerpt: Excerpt, span: tuple[int, int]) -> None:
-        """Draw the errors and events that have become known."""
-        for foot in self._errors:
-            if span[0] <= foot.at_ns and excerpt.shows(foot.vehicle):
-                self._view.error(foot.vehicle, foot.at_ns, foot.lateral)
-        for event in self._episodes:
-            if span[0] <= event.at_ns and any(map(excerpt.shows, event.vehicles)):
-                self._view.mark(event.kind, event.at_ns, event.place, event.vehicles)
-        self._errors.clear()
-        self._episodes.clear()
+        `ticks` are the places in the log and the instants of recording at which the vehicle
+        furthest off is marked.
+        """
+        for rows in errors:
+            self._view.errors(rows.vehicle, rows.at_ns, rows.error_m)
+        newest = _newest(shown, ticks[0])
+        latest = {rows.vehicle: rows.latest_before(ticks[0]) for rows in errors}
+        left = list(zip(*(column.tolist() for column in ticks), newest, strict=True))
+        left = list(enumerate(left))[::-1]
+        marks_left = list(reversed(marks))
+
+        def tick() -> None:
+            number, (_, _, newest_at) = left.pop()
+            known = {name: values[number] for name, values in latest.items()}
+            known = {name: error for name, error in known.items() if not isnan(error)}
+            self._view.mark_furthest(newest_at, known)
+
+        def mark() -> None:
+            _, event = marks_left.pop()
+            self._view.mark(event.kind, event.at_ns, event.place, event.vehicles)
+
+        for order, (now, message) in _merged(shown, self._view):
+            while left and left[-1][1][0] < order:
+                tick()
+            while marks_left and marks_left[-1][0] < order:
+                mark()
+            self._view.draw(now, message)
+            if left and left[-1][1][0] == order:
+                tick()
+        while left:
+            tick()
+        while marks_left:
+            mark()
 
     def _draw_gaps(self, columns: Mapping[Key, Columns], shown: Mapping[Key, Columns]) -> None:
         sizes = self._stream.sizes
@@ -132,7 +144,12 @@ def _fields(*, has_events: bool) -> dict[str, Collection[str]]:
     fields: dict[str, Collection[str]]
     fields = {topic.name: drawn_fields(topic.message) for topic in TOPICS.values()}
     fields["verdict"] = {"sender", "outcome", "reason", "late"}
-    for topic in ("truth", "trajectory", "log", "change", "start", "end"):
+    pieces = ("east_m", "north_m", "yaw_rad", "curvature_per_m", "curvature_rate_per_m2")
+    fields["trajectory"] = {
+        *(f"piece_{name}" for name in (*pieces, "length_m")),
+        *(f"sample_{name}" for name in ("east_m", "north_m", "source")),
+    }
+    for topic in ("truth", "log", "change", "start", "end"):
         del fields[topic]
     if has_events:
         del fields["tracking"]
@@ -156,8 +173,8 @@ def _start_of(columns: Mapping[Key, Columns]) -> int:
     return min(firsts, default=(0, 0))[1]
 
 
-def _ticks(columns: Sequence[Columns]) -> list[tuple[int, int]]:
-    """Messages, by place in the log and instant (ns), at which the furthest vehicle is marked."""
+def _ticks(columns: Sequence[Columns]) -> tuple[Integers, Integers]:
+    """Places in the log and instants (ns) of every message after half a second, and of the end."""
     order = np.concatenate([rows.order for rows in columns])
     by_order = np.argsort(order)
     order = order[by_order]
@@ -167,24 +184,36 @@ def _ticks(columns: Sequence[Columns]) -> list[tuple[int, int]]:
     while row < len(now):
         chosen.append(row)
         row = int(np.searchsorted(now, now[row] + SEND_NS))
-    ends = [rows.order for rows in columns if rows.topic == "end"]
-    last = np.searchsorted(order, np.concatenate(ends)) if ends else np.zeros(0, np.int64)
-    rows = sorted({*chosen, *last.tolist()})
-    return list(zip(order[rows].tolist(), now[rows].tolist(), strict=True))
+    ends = [np.searchsorted(order, rows.order).tolist() for rows in columns if rows.topic == "end"]
+    numbers = np.array(sorted({*chosen, *chain(*ends)}), np.int64)
+    return order[numbers], now[numbers]
+
+
+def _newest(columns: Mapping[Key, Columns], places: Integers) -> list[int]:
+    """Newest true pose (ns) at each of some places in the log; 0 before the first."""
+    truth = [rows for (_, topic), rows in columns.items() if topic == "truth"]
+    order = np.concatenate([np.zeros(0, np.int64), *(rows.order for rows in truth)])
+    at = np.concatenate([np.zeros(0, np.int64), *(rows.at_ns for rows in truth)])
+    by_order = np.argsort(order)
+    newest = np.concatenate(([0], np.maximum.accumulate(at[by_order])))
+    found: list[int] = newest[np.searchsorted(order[by_order], places, side="right")].tolist()
+    return found
 
 
 def _merged(
-    columns: Mapping[Key, Columns], *, has_events: bool
-) -> Iterator[tuple[int, int, Message]]:
-    """Yield (place in the log, instant of recording, message) of the messages drawn in order."""
-    topics = {"truth", "log", "change", "start", "end", *(["tracking"] if has_events else [])}
-    merged = [rows for (_, topic), rows in columns.items() if topic in topics and len(rows)]
-    order = np.concatenate([rows.order for rows in merged])
-    by_order = np.argsort(order)
-    source = np.repeat(np.arange(len(merged)), [len(rows) for rows in merged])[by_order]
-    now = np.concatenate([rows.logged_at_ns for rows in merged])[by_order]
-    messages = [messages_of(rows, TOPICS[rows.topic].message) for rows in merged]
-    for place, at, number in zip(
-        order[by_order].tolist(), now.tolist(), source.tolist(), strict=True
-    ):
-        yield place, at, next(messages[number])
+    columns: Mapping[Key, Columns], view: RerunView
+) -> Iterator[tuple[int, tuple[int, Message]]]:
+    """Yield (place in the log, (instant of recording, message)) of the messages drawn in order.
+
+    Of the true poses only those at which a car is drawn.
+    """
+    merged = [
+        rows.of(view.moving_rows(rows.at_ns)) if topic == "truth" else rows
+        for (_, topic), rows in columns.items()
+        if topic in {"truth", "log", "change", "start", "end"} and len(rows)
+    ]
+    messages = (messages_of(rows, TOPICS[rows.topic].message) for rows in merged)
+    timed = zip(merged, messages, strict=True)
+    return in_order(
+        merged, [zip(rows.logged_at_ns.tolist(), each, strict=True) for rows, each in timed]
+    )
