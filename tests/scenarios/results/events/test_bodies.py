@@ -20,6 +20,7 @@ from scenarios.results.events.bodies import (
     overlap,
     separation,
 )
+from scenarios.results.recorded.body_columns import Bodies, body_distances
 from tests.made.examples import examples
 from tests.made.scenarios.messages import truth
 from tests.made.scenarios.polygons import common_area
@@ -151,3 +152,19 @@ def test_the_shadows_of_one_behind_the_other_are_as_far_apart_as_they(
     ahead, behind = placed(0.0, 0.0, yaw), placed(east, north, yaw)
     assert certainly_apart(ahead, behind, gap - 2.0 * ROUNDING_M)
     assert not certainly_apart(ahead, behind, gap)
+
+
+@given(bodies, bodies)
+def test_distances_by_columns_are_those_of_single_bodies(one: CarBody, other: CarBody) -> None:
+    def columns(body: CarBody) -> Bodies:
+        return Bodies(
+            np.array([body.east]),
+            np.array([body.north]),
+            np.array([body.along_east]),
+            np.array([body.along_north]),
+            body.half_length,
+            body.half_width,
+        )
+
+    expected = separation(one, other).distance
+    assert body_distances(columns(one), columns(other)).tolist() == pytest.approx([expected])
