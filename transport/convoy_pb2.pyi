@@ -705,6 +705,7 @@ class LinkVerdict(_message.Message):
     SENT_AT_NS_FIELD_NUMBER: _builtins.int
     COPIES_FIELD_NUMBER: _builtins.int
     CONTENT_FIELD_NUMBER: _builtins.int
+    ARRIVED_AT_NS_FIELD_NUMBER: _builtins.int
     vehicle: _builtins.str
     seq: _builtins.int
     sender: _builtins.str
@@ -718,6 +719,7 @@ class LinkVerdict(_message.Message):
     sent_at_ns: _builtins.int
     copies: _builtins.int
     content: _builtins.str
+    arrived_at_ns: _builtins.int
     def __init__(
         self,
         *,
@@ -734,11 +736,14 @@ class LinkVerdict(_message.Message):
         sent_at_ns: _builtins.int | None = ...,
         copies: _builtins.int | None = ...,
         content: _builtins.str | None = ...,
+        arrived_at_ns: _builtins.int | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _typing.Literal["_content", b"_content", "_copies", b"_copies", "_late", b"_late", "_measured_at_ns", b"_measured_at_ns", "_outcome", b"_outcome", "_pose_seq", b"_pose_seq", "_reason", b"_reason", "_received_at_ns", b"_received_at_ns", "_sender", b"_sender", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_vehicle", b"_vehicle", "_visible_at_ns", b"_visible_at_ns", "content", b"content", "copies", b"copies", "late", b"late", "measured_at_ns", b"measured_at_ns", "outcome", b"outcome", "pose_seq", b"pose_seq", "reason", b"reason", "received_at_ns", b"received_at_ns", "sender", b"sender", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "vehicle", b"vehicle", "visible_at_ns", b"visible_at_ns"]  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_arrived_at_ns", b"_arrived_at_ns", "_content", b"_content", "_copies", b"_copies", "_late", b"_late", "_measured_at_ns", b"_measured_at_ns", "_outcome", b"_outcome", "_pose_seq", b"_pose_seq", "_reason", b"_reason", "_received_at_ns", b"_received_at_ns", "_sender", b"_sender", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_vehicle", b"_vehicle", "_visible_at_ns", b"_visible_at_ns", "arrived_at_ns", b"arrived_at_ns", "content", b"content", "copies", b"copies", "late", b"late", "measured_at_ns", b"measured_at_ns", "outcome", b"outcome", "pose_seq", b"pose_seq", "reason", b"reason", "received_at_ns", b"received_at_ns", "sender", b"sender", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "vehicle", b"vehicle", "visible_at_ns", b"visible_at_ns"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["_content", b"_content", "_copies", b"_copies", "_late", b"_late", "_measured_at_ns", b"_measured_at_ns", "_outcome", b"_outcome", "_pose_seq", b"_pose_seq", "_reason", b"_reason", "_received_at_ns", b"_received_at_ns", "_sender", b"_sender", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_vehicle", b"_vehicle", "_visible_at_ns", b"_visible_at_ns", "content", b"content", "copies", b"copies", "late", b"late", "measured_at_ns", b"measured_at_ns", "outcome", b"outcome", "pose_seq", b"pose_seq", "reason", b"reason", "received_at_ns", b"received_at_ns", "sender", b"sender", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "vehicle", b"vehicle", "visible_at_ns", b"visible_at_ns"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_arrived_at_ns", b"_arrived_at_ns", "_content", b"_content", "_copies", b"_copies", "_late", b"_late", "_measured_at_ns", b"_measured_at_ns", "_outcome", b"_outcome", "_pose_seq", b"_pose_seq", "_reason", b"_reason", "_received_at_ns", b"_received_at_ns", "_sender", b"_sender", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_vehicle", b"_vehicle", "_visible_at_ns", b"_visible_at_ns", "arrived_at_ns", b"arrived_at_ns", "content", b"content", "copies", b"copies", "late", b"late", "measured_at_ns", b"measured_at_ns", "outcome", b"outcome", "pose_seq", b"pose_seq", "reason", b"reason", "received_at_ns", b"received_at_ns", "sender", b"sender", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "vehicle", b"vehicle", "visible_at_ns", b"visible_at_ns"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
+    _WhichOneofReturnType__arrived_at_ns: _TypeAlias = _typing.Literal["arrived_at_ns"]  # noqa: Y015
+    _WhichOneofArgType__arrived_at_ns: _TypeAlias = _typing.Literal["_arrived_at_ns", b"_arrived_at_ns"]  # noqa: Y015
     _WhichOneofReturnType__content: _TypeAlias = _typing.Literal["content"]  # noqa: Y015
     _WhichOneofArgType__content: _TypeAlias = _typing.Literal["_content", b"_content"]  # noqa: Y015
     _WhichOneofReturnType__copies: _TypeAlias = _typing.Literal["copies"]  # noqa: Y015
@@ -765,6 +770,8 @@ class LinkVerdict(_message.Message):
     _WhichOneofArgType__vehicle: _TypeAlias = _typing.Literal["_vehicle", b"_vehicle"]  # noqa: Y015
     _WhichOneofReturnType__visible_at_ns: _TypeAlias = _typing.Literal["visible_at_ns"]  # noqa: Y015
     _WhichOneofArgType__visible_at_ns: _TypeAlias = _typing.Literal["_visible_at_ns", b"_visible_at_ns"]  # noqa: Y015
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__arrived_at_ns) -> _WhichOneofReturnType__arrived_at_ns | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__content) -> _WhichOneofReturnType__content | None: ...
     @_typing.overload
@@ -816,6 +823,7 @@ class Health(_message.Message):
     CLOCK_UNCERTAINTY_MS_FIELD_NUMBER: _builtins.int
     LATE_TICKS_AT_START_FIELD_NUMBER: _builtins.int
     LATE_TICKS_BY_NETWORK_FIELD_NUMBER: _builtins.int
+    WAITING_FIELD_NUMBER: _builtins.int
     vehicle: _builtins.str
     seq: _builtins.int
     reported_at_ns: _builtins.int
@@ -834,6 +842,7 @@ class Health(_message.Message):
     clock_uncertainty_ms: _builtins.float
     late_ticks_at_start: _builtins.int
     late_ticks_by_network: _builtins.int
+    waiting: _builtins.str
     def __init__(
         self,
         *,
@@ -855,10 +864,11 @@ class Health(_message.Message):
         clock_uncertainty_ms: _builtins.float | None = ...,
         late_ticks_at_start: _builtins.int | None = ...,
         late_ticks_by_network: _builtins.int | None = ...,
+        waiting: _builtins.str | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _typing.Literal["_clock_offset_ms", b"_clock_offset_ms", "_clock_uncertainty_ms", b"_clock_uncertainty_ms", "_cpu_ratio", b"_cpu_ratio", "_dropped", b"_dropped", "_final", b"_final", "_late_messages", b"_late_messages", "_late_ticks", b"_late_ticks", "_late_ticks_at_start", b"_late_ticks_at_start", "_late_ticks_by_network", b"_late_ticks_by_network", "_lateness_ms_max", b"_lateness_ms_max", "_memory_bytes", b"_memory_bytes", "_published", b"_published", "_received", b"_received", "_rejected_messages", b"_rejected_messages", "_reported_at_ns", b"_reported_at_ns", "_seq", b"_seq", "_ticks", b"_ticks", "_vehicle", b"_vehicle", "clock_offset_ms", b"clock_offset_ms", "clock_uncertainty_ms", b"clock_uncertainty_ms", "cpu_ratio", b"cpu_ratio", "dropped", b"dropped", "final", b"final", "late_messages", b"late_messages", "late_ticks", b"late_ticks", "late_ticks_at_start", b"late_ticks_at_start", "late_ticks_by_network", b"late_ticks_by_network", "lateness_ms_max", b"lateness_ms_max", "memory_bytes", b"memory_bytes", "published", b"published", "received", b"received", "rejected_messages", b"rejected_messages", "reported_at_ns", b"reported_at_ns", "seq", b"seq", "ticks", b"ticks", "vehicle", b"vehicle"]  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_clock_offset_ms", b"_clock_offset_ms", "_clock_uncertainty_ms", b"_clock_uncertainty_ms", "_cpu_ratio", b"_cpu_ratio", "_dropped", b"_dropped", "_final", b"_final", "_late_messages", b"_late_messages", "_late_ticks", b"_late_ticks", "_late_ticks_at_start", b"_late_ticks_at_start", "_late_ticks_by_network", b"_late_ticks_by_network", "_lateness_ms_max", b"_lateness_ms_max", "_memory_bytes", b"_memory_bytes", "_published", b"_published", "_received", b"_received", "_rejected_messages", b"_rejected_messages", "_reported_at_ns", b"_reported_at_ns", "_seq", b"_seq", "_ticks", b"_ticks", "_vehicle", b"_vehicle", "_waiting", b"_waiting", "clock_offset_ms", b"clock_offset_ms", "clock_uncertainty_ms", b"clock_uncertainty_ms", "cpu_ratio", b"cpu_ratio", "dropped", b"dropped", "final", b"final", "late_messages", b"late_messages", "late_ticks", b"late_ticks", "late_ticks_at_start", b"late_ticks_at_start", "late_ticks_by_network", b"late_ticks_by_network", "lateness_ms_max", b"lateness_ms_max", "memory_bytes", b"memory_bytes", "published", b"published", "received", b"received", "rejected_messages", b"rejected_messages", "reported_at_ns", b"reported_at_ns", "seq", b"seq", "ticks", b"ticks", "vehicle", b"vehicle", "waiting", b"waiting"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["_clock_offset_ms", b"_clock_offset_ms", "_clock_uncertainty_ms", b"_clock_uncertainty_ms", "_cpu_ratio", b"_cpu_ratio", "_dropped", b"_dropped", "_final", b"_final", "_late_messages", b"_late_messages", "_late_ticks", b"_late_ticks", "_late_ticks_at_start", b"_late_ticks_at_start", "_late_ticks_by_network", b"_late_ticks_by_network", "_lateness_ms_max", b"_lateness_ms_max", "_memory_bytes", b"_memory_bytes", "_published", b"_published", "_received", b"_received", "_rejected_messages", b"_rejected_messages", "_reported_at_ns", b"_reported_at_ns", "_seq", b"_seq", "_ticks", b"_ticks", "_vehicle", b"_vehicle", "clock_offset_ms", b"clock_offset_ms", "clock_uncertainty_ms", b"clock_uncertainty_ms", "cpu_ratio", b"cpu_ratio", "dropped", b"dropped", "final", b"final", "late_messages", b"late_messages", "late_ticks", b"late_ticks", "late_ticks_at_start", b"late_ticks_at_start", "late_ticks_by_network", b"late_ticks_by_network", "lateness_ms_max", b"lateness_ms_max", "memory_bytes", b"memory_bytes", "published", b"published", "received", b"received", "rejected_messages", b"rejected_messages", "reported_at_ns", b"reported_at_ns", "seq", b"seq", "ticks", b"ticks", "vehicle", b"vehicle"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_clock_offset_ms", b"_clock_offset_ms", "_clock_uncertainty_ms", b"_clock_uncertainty_ms", "_cpu_ratio", b"_cpu_ratio", "_dropped", b"_dropped", "_final", b"_final", "_late_messages", b"_late_messages", "_late_ticks", b"_late_ticks", "_late_ticks_at_start", b"_late_ticks_at_start", "_late_ticks_by_network", b"_late_ticks_by_network", "_lateness_ms_max", b"_lateness_ms_max", "_memory_bytes", b"_memory_bytes", "_published", b"_published", "_received", b"_received", "_rejected_messages", b"_rejected_messages", "_reported_at_ns", b"_reported_at_ns", "_seq", b"_seq", "_ticks", b"_ticks", "_vehicle", b"_vehicle", "_waiting", b"_waiting", "clock_offset_ms", b"clock_offset_ms", "clock_uncertainty_ms", b"clock_uncertainty_ms", "cpu_ratio", b"cpu_ratio", "dropped", b"dropped", "final", b"final", "late_messages", b"late_messages", "late_ticks", b"late_ticks", "late_ticks_at_start", b"late_ticks_at_start", "late_ticks_by_network", b"late_ticks_by_network", "lateness_ms_max", b"lateness_ms_max", "memory_bytes", b"memory_bytes", "published", b"published", "received", b"received", "rejected_messages", b"rejected_messages", "reported_at_ns", b"reported_at_ns", "seq", b"seq", "ticks", b"ticks", "vehicle", b"vehicle", "waiting", b"waiting"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     _WhichOneofReturnType__clock_offset_ms: _TypeAlias = _typing.Literal["clock_offset_ms"]  # noqa: Y015
     _WhichOneofArgType__clock_offset_ms: _TypeAlias = _typing.Literal["_clock_offset_ms", b"_clock_offset_ms"]  # noqa: Y015
@@ -896,6 +906,8 @@ class Health(_message.Message):
     _WhichOneofArgType__ticks: _TypeAlias = _typing.Literal["_ticks", b"_ticks"]  # noqa: Y015
     _WhichOneofReturnType__vehicle: _TypeAlias = _typing.Literal["vehicle"]  # noqa: Y015
     _WhichOneofArgType__vehicle: _TypeAlias = _typing.Literal["_vehicle", b"_vehicle"]  # noqa: Y015
+    _WhichOneofReturnType__waiting: _TypeAlias = _typing.Literal["waiting"]  # noqa: Y015
+    _WhichOneofArgType__waiting: _TypeAlias = _typing.Literal["_waiting", b"_waiting"]  # noqa: Y015
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__clock_offset_ms) -> _WhichOneofReturnType__clock_offset_ms | None: ...
     @_typing.overload
@@ -932,6 +944,8 @@ class Health(_message.Message):
     def WhichOneof(self, oneof_group: _WhichOneofArgType__ticks) -> _WhichOneofReturnType__ticks | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__vehicle) -> _WhichOneofReturnType__vehicle | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__waiting) -> _WhichOneofReturnType__waiting | None: ...
 
 Global___Health: _TypeAlias = Health  # noqa: Y015
 

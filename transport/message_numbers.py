@@ -62,6 +62,10 @@ class MessageNumbers:
         """Largest number so far, -1 without any."""
         return self._lasts[-1] if self._lasts else -1
 
+    def ranges(self) -> Iterator[tuple[int, int]]:
+        """Yield (first, last) of each range of stored numbers, in order."""
+        return zip(self._firsts, self._lasts, strict=True)
+
     def missing(self, expected: int) -> Iterator[tuple[int, int]]:
         """Yield (first, last) of each hole, up to `expected` numbers or the newest number."""
         ends = [(-1, -1), *zip(self._firsts, self._lasts, strict=True)]

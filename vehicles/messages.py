@@ -217,7 +217,8 @@ class LinkVerdict:
     `late`: the message arrived after the tick that should have used it. `copies` is the number of
     duplicates made by the channel. `content` lists how the channel altered a delivered message,
     kinds joined by "+"; empty if unaltered. For a message dropped as corrupted, it is the reason of
-    the receiver's gate, or empty if the frame check failed.
+    the receiver's gate, or empty if the frame check failed. `arrived_at_ns` is when it reached the
+    receiver's process, 0 in virtual time.
     """
 
     vehicle: str
@@ -233,6 +234,7 @@ class LinkVerdict:
     sent_at_ns: int
     copies: int
     content: str
+    arrived_at_ns: int = 0
 
 
 @dataclass(slots=True, kw_only=True)
@@ -241,7 +243,9 @@ class Health:
 
     `clock_offset_ms` is how far the process's clock was ahead of the recorder's, which is
     corrected up to `clock_uncertainty_ms`. Late ticks that are due neither to a late start nor to
-    the network, where sending blocked, are due to the processor.
+    the network, where sending blocked, are due to the processor. `waiting` lists the messages that
+    had arrived at the end and had no verdict yet, by their numbers: "SENDER FIRST LAST", joined by
+    commas.
     """
 
     vehicle: str
@@ -262,6 +266,7 @@ class Health:
     clock_uncertainty_ms: float = 0.0
     late_ticks_at_start: int = 0
     late_ticks_by_network: int = 0
+    waiting: str = ""
 
 
 @dataclass(slots=True, kw_only=True)

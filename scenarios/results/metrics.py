@@ -11,7 +11,12 @@ from scenarios.definition.changing.vehicle_changes import VEHICLE_CHANGES, is_ch
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.change_tables import CrashTable
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.results.channel.account import Link, LinkAccount, absence_lines
+from scenarios.results.channel.account import (
+    CUT_OFF_AFTER_NS,
+    Link,
+    LinkAccount,
+    absence_lines,
+)
 from scenarios.results.channel.link_figures import LinkFigures
 from scenarios.results.channel.link_summary import LinkSummary
 from scenarios.results.events.bodies import BodySize
@@ -62,6 +67,7 @@ class Metrics:
         duration_ns: int = 0,
         linear_slips: Mapping[str, tuple[float, float]] | None = None,
         deadlines: Deadlines | None = None,
+        continues_without_failed: bool = False,
     ) -> None:
         """Take the vehicles' names, lead first, and the settings of each (sender, receiver).
 
@@ -99,6 +105,7 @@ class Metrics:
         self.deadlines = deadlines or Deadlines()
         self._changes = ChangeLog()
         self._has_deadlines = bool(self.deadlines)
+        self._continues = continues_without_failed
         self._recorded_at = 0
         takes: Mapping[type[Message], Callable[[VehicleFigures, Any, int], None]] = {
             TruePose: self._add_truth,
@@ -128,6 +135,7 @@ class Metrics:
                 for name in scenario.vehicle_names
             },
             deadlines=Deadlines(scenario.tables.limits, scenario.lead),
+            continues_without_failed=scenario.continues_without_failed,
         )
 
     @property
@@ -285,12 +293,25 @@ class Metrics:
         """Account of the messages of each link in a run of `ran_ns`."""
         span = self._span(ran_ns)
         figures = self.vehicles.items()
+        end_at = max([vehicle.last_at for _, vehicle in figures])
+        cut_off = [name for name, vehicle in figures if self._was_cut_off(vehicle, end_at)]
         return self._links.accounts(
-            {name: vehicle.scheduled_poses(span) for name, vehicle in figures},
+            {name: vehicle.scheduled_poses(span, name in cut_off) for name, vehicle in figures},
             {name: vehicle.health for name, vehicle in figures},
+            cut_off=cut_off,
             start_at=self.start_at,
-            end_at=max([vehicle.last_at for _, vehicle in figures]),
+            end_at=end_at,
         )
+
+    def _was_cut_off(self, vehicle: VehicleFigures, end_at: int) -> bool:
+        """Whether a vehicle was out of reach at the end (ns) of the record.
+
+        In a convoy that continues without failed vehicles, a silent one may have failed.
+        """
+        health = vehicle.health
+        if self._continues or health is None or health.final or vehicle.ends_early:
+            return False
+        return end_at - vehicle.last_at > CUT_OFF_AFTER_NS
 
     def link_summaries(self, ran_ns: int = 0) -> tuple[LinkSummary, ...]:
         last_at = {name: figures.last_at for name, figures in self.vehicles.items()}
@@ -302,6 +323,7 @@ class Metrics:
     def channel_warnings(self, ran_ns: int = 0) -> Iterator[str]:
         """Yield lines on messages that did not arrive and on deviations from the requests."""
         accounts = self.accounts(ran_ns)
+        yield from self._links.away_lines(self.stream.seconds)
         yield from absence_lines(accounts, self.stream.seconds)
         yield from self._links.request_deviations(accounts)
 

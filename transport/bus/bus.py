@@ -9,6 +9,8 @@ from transport.texts import ConvoyError
 
 Handler = Callable[[str, bytes], None]
 """Takes the key and payload of a message, on a thread of the bus; must be quick and never raise."""
+ArrivalHandler = Callable[[str, bytes, int], None]
+"""Takes the key, the payload and the instant of arrival (ns) of a collected message."""
 Fetch = Callable[[], bool]
 """Passes collected messages to a handler; returns whether some may have been dropped."""
 
@@ -57,11 +59,14 @@ class Bus(Protocol):
     def subscribe(self, key_expression: str, handler: Handler) -> None:
         """Call `handler` for every message whose key matches: `*` one chunk, `**` any tail."""
 
-    def collect(self, key: str, handler: Handler, most: int) -> Fetch:
+    def collect(
+        self, key: str, handler: ArrivalHandler, most: int, now: Callable[[], int]
+    ) -> Fetch:
         """Buffer the newest `most` messages under `key` until they are fetched.
 
-        The returned function passes them to `handler`, on the calling thread, and returns whether
-        some may have been dropped because the buffer was full.
+        The returned function passes them to `handler`, on the calling thread, each with the value
+        of `now` at its arrival. It returns whether some may have been dropped because the buffer
+        was full.
         """
 
     def connected(self) -> bool:

@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Callable
 from itertools import count
 
-from transport.bus.bus import AliveHandler, Answer, Fetch, Handler, Member
+from transport.bus.bus import AliveHandler, Answer, ArrivalHandler, Fetch, Handler, Member
 from transport.closing import Closing
 
 
@@ -104,14 +104,16 @@ class MemoryBus(Closing):
     def subscribe(self, key_expression: str, handler: Handler) -> None:
         self._network.subscribe(self, key_expression, handler)
 
-    def collect(self, key: str, handler: Handler, most: int) -> Fetch:
-        kept: deque[bytes] = deque(maxlen=most)
-        self.subscribe(key, lambda _, data: kept.append(data))
+    def collect(
+        self, key: str, handler: ArrivalHandler, most: int, now: Callable[[], int]
+    ) -> Fetch:
+        kept: deque[tuple[bytes, int]] = deque(maxlen=most)
+        self.subscribe(key, lambda _, data: kept.append((data, now())))
 
         def fetch() -> bool:
             is_full = len(kept) == most
             while kept:
-                handler(key, kept.popleft())
+                handler(key, *kept.popleft())
             return is_full
 
         return fetch

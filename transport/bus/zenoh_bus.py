@@ -10,6 +10,7 @@ import os
 import re
 import socket
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
@@ -17,7 +18,15 @@ from pathlib import Path
 
 import zenoh
 
-from transport.bus.bus import AliveHandler, Answer, BusError, Fetch, Handler, Member
+from transport.bus.bus import (
+    AliveHandler,
+    Answer,
+    ArrivalHandler,
+    BusError,
+    Fetch,
+    Handler,
+    Member,
+)
 from transport.bus.zenoh_options import DEFAULT_ENDPOINT, DEFAULTS, ZenohOptions
 from transport.closing import Closing
 from transport.topics import TOPICS, alive_key
@@ -105,18 +114,23 @@ class ZenohBus(Closing):
         with _as_bus_error(f"cannot subscribe {key_expression}"):
             self._declared.append(self._session.declare_subscriber(key_expression, receive))
 
-    def collect(self, key: str, handler: Handler, most: int) -> Fetch:
-        """As `Bus.collect`, in a buffer of Zenoh, whose threads need no interpreter lock."""
+    def collect(
+        self, key: str, handler: ArrivalHandler, most: int, now: Callable[[], int]
+    ) -> Fetch:
+        """As `Bus.collect`; Zenoh's thread only notes the instant of arrival."""
+        kept: deque[tuple[zenoh.Sample, int]] = deque(maxlen=most)
         with _as_bus_error(f"cannot subscribe {key}"):
-            subscriber = self._session.declare_subscriber(key, zenoh.handlers.RingChannel(most))
+            subscriber = self._session.declare_subscriber(
+                key, lambda sample: kept.append((sample, now()))
+            )
         self._declared.append(subscriber)
 
         def fetch() -> bool:
-            fetched = 0
-            while (sample := subscriber.try_recv()) is not None:
-                handler(key, sample.payload.to_bytes())
-                fetched += 1
-            return fetched >= most
+            is_full = len(kept) == most
+            while kept:
+                sample, arrived_at = kept.popleft()
+                handler(key, sample.payload.to_bytes(), arrived_at)
+            return is_full
 
         return fetch
 

@@ -35,7 +35,7 @@ class Transmission:
     """A message on its link, from its arrival from the bus to its delivery.
 
     `sent` is the pose as sent, `pose` the pose that the receiver reads. `content` names its false
-    contents, `copies` counts the copies added by the channel.
+    contents, `copies` counts the copies added by the channel. `arrived_at` (ns) is 0 if unknown.
     """
 
     sent: ReceivedPose
@@ -45,6 +45,7 @@ class Transmission:
     pose: ReceivedPose
     content: str = ""
     copies: int = 0
+    arrived_at: int = 0
 
 
 class ExtraPose(NamedTuple):

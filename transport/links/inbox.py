@@ -22,6 +22,8 @@ from vehicles.received_pose import ReceivedPose
 
 QUEUE: Final = 4096
 """Maximum number of messages between two ticks; the oldest are dropped."""
+LONGEST_WAITING: Final = 8000
+"""Length of the list of waiting messages, half of that of a message."""
 WINDOW: Final = 8192
 """Numbers this far behind a sender's newest number are refused, which bounds the memory."""
 
@@ -94,7 +96,7 @@ class Inbox:
         self._refused: Counter[str] = Counter(self._before.rejected)
         self._overflow = 0
         self._positions = PositionHistory()
-        self._arrived: deque[tuple[str, bytes]] = deque(maxlen=QUEUE)
+        self._arrived: deque[tuple[str, bytes, int]] = deque(maxlen=QUEUE)
         self._lock = Lock()
         self._verdicts: list[LinkVerdict] = []
         self._verdict_seq = self._before.verdicts
@@ -168,12 +170,15 @@ class Inbox:
     def rejected(self) -> Counter[str]:
         return self._refused + Counter(overflow=self._overflow)
 
-    def on_bytes(self, sender_key: str, data: bytes) -> None:
-        """Queue a message from the bus; if the queue is full, the oldest one is dropped."""
+    def on_bytes(self, sender_key: str, data: bytes, arrived_at: int = 0) -> None:
+        """Queue a message that arrived from the bus at an instant (ns), 0 if that is unknown.
+
+        If the queue is full, the oldest message is dropped.
+        """
         with self._lock:
             self._overflow += len(self._arrived) == self._arrived.maxlen
             # One byte beyond the limit suffices for the refusal.
-            self._arrived.append((sender_key, data[: LONGEST_POSE_BYTES + 1]))
+            self._arrived.append((sender_key, data[: LONGEST_POSE_BYTES + 1], arrived_at))
 
     def count_refused(self, reason: RefusalReason, count: int) -> None:
         """Count messages refused elsewhere in this process; on the thread that calls `take`."""
@@ -193,16 +198,7 @@ class Inbox:
         """
         self.skip(now, position)
         if self._arrived:
-            with self._lock:
-                arrived, self._arrived = self._arrived, deque(maxlen=QUEUE)
-            for sender_key, data in arrived:
-                try:
-                    self._judge(sender_key, data, now)
-                except RefusedMessageError as refusal:
-                    self._refused[refusal.reason] += 1
-                    sender = self._senders.get(sender_key, "")
-                    if sender and (warning := self._misdated.count(sender, refusal.reason)):
-                        self._clock_warnings.append(warning)
+            self._judge_arrived(now)
         for name, link in self._staged:
             for context, verdict in link.staged.resolve(now) if link.staged else ():
                 transmission = link.pending.pop(context.seq)
@@ -210,6 +206,38 @@ class Inbox:
                 heappush(self._waiting, (verdict.visible_at, name, context.seq, 0, transmission))
         self._taken_until = now
         return self._deliver(now) if self._waiting else []
+
+    def _judge_arrived(self, now: int) -> None:
+        with self._lock:
+            arrived, self._arrived = self._arrived, deque(maxlen=QUEUE)
+        for sender_key, data, arrived_at in arrived:
+            try:
+                self._judge(sender_key, data, now, arrived_at)
+            except RefusedMessageError as refusal:
+                self._refused[refusal.reason] += 1
+                sender = self._senders.get(sender_key, "")
+                if sender and (warning := self._misdated.count(sender, refusal.reason)):
+                    self._clock_warnings.append(warning)
+
+    def waiting(self, now: int) -> str:
+        """List the messages that have arrived by `now` (ns) and have no verdict yet, for Health.
+
+        Up to LONGEST_WAITING characters.
+        """
+        self._judge_arrived(now)
+        numbers = {sender: MessageNumbers() for sender in self.links}
+        for _, sender, seq, _, item in self._waiting:
+            if isinstance(item, Transmission):
+                numbers[sender].add(seq)
+        for sender, link in self.links.items():
+            for seq in link.pending:
+                numbers[sender].add(seq)
+        text = ""
+        for sender, waiting in numbers.items():
+            for first, last in waiting.ranges():
+                longer = f"{text},{sender} {first} {last}" if text else f"{sender} {first} {last}"
+                text = longer if len(longer) <= LONGEST_WAITING else text
+        return text
 
     def verdicts(self) -> list[LinkVerdict]:
         """Verdicts since the last call."""
@@ -228,7 +256,7 @@ class Inbox:
         self._reported = now
         return sorted(new.items())
 
-    def _judge(self, sender_key: str, data: bytes, now: int) -> None:
+    def _judge(self, sender_key: str, data: bytes, now: int, arrived_at: int) -> None:
         sender = self._senders.get(sender_key)
         if sender is None:
             raise RefusedMessageError("unknown", f"{self.receiver} has no link for {sender_key}")
@@ -245,7 +273,7 @@ class Inbox:
         if link.content is not None:
             link.content.history.add(message)
         late = verdict.visible_at <= self._taken_until
-        transmission = Transmission(pose, context, verdict, late, pose)
+        transmission = Transmission(pose, context, verdict, late, pose, arrived_at=arrived_at)
         if link.staged is not None:
             transmission.late = late or link.staged.is_late(context, self._taken_until)
             if not link.staged.is_overtaken(context):
@@ -303,6 +331,7 @@ class Inbox:
             sent_at_ns=sent.sent_at_ns,
             copies=transmission.copies,
             content=transmission.content,
+            arrived_at_ns=transmission.arrived_at,
         )
 
 

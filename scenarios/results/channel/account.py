@@ -2,17 +2,18 @@
 
 sent = delivered + dropped + not arrived + in flight + unrecorded. Messages without a verdict are
 attributed to holes in the record, to the end of the run, or to times at which a vehicle did not run
-or was out of reach.
+or was out of reach. The receiver's last report lists those that had arrived at the end.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
-from scenarios.results.channel.link_tally import LinkTally
+from scenarios.results.channel.link_tally import RESOLUTION_NS, LinkTally
 from scenarios.results.channel.transport_records import FOREVER, ReceiverRecord, SentPoses
 from vehicles.messages import Health
 from vehicles.schedule import SECOND
@@ -44,6 +45,14 @@ NEIGHBOURHOOD = 3
 """Number of messages around an instant that show whether a vehicle was away."""
 TRANSIT_NS = SECOND // 10
 """Time that a message may take in addition to the link's largest delay."""
+LAST_LOOK_NS = SECOND // 10
+"""Time from the end of a vehicle to its last look at arrived messages, before its last report."""
+CUT_OFF_AFTER_NS = 3 * SECOND
+"""A vehicle whose last report is older when its token disappears did not end: it was cut off.
+
+Vehicles report once a second. The token of a process that ends disappears at once, that of one that
+is cut off or suspended after the lease of its session.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,18 +108,21 @@ class Accounts:
         counts: Mapping[str, int],
         health: Mapping[str, Health | None],
         *,
+        cut_off: Collection[str] = (),
         start_at: int | None,
         end_at: int,
     ) -> None:
         """`counts` are the messages that each vehicle sent by its schedule, 0 without one.
 
-        `health` are the last counters of each vehicle; the record ends at `end_at` (ns).
+        `health` are the last counters of each vehicle. The `cut_off` vehicles did not return; the
+        record ends at `end_at` (ns).
         """
         self._links = links
         self._sent = sent
         self._receivers = receivers
         self._counts = counts
         self._health = health
+        self._cut_off = cut_off
         self._start_at = start_at
         self._end_at = end_at
         self._is_physical = any(poses.is_physical for poses in sent.values())
@@ -175,10 +187,13 @@ class Accounts:
         tally, causes = self._links[link], Counter[Fate]()
         (judged,) = np.nonzero(tally.fates)
         first = int(judged[0]) if len(judged) else 0
+        waiting = _Waiting(self._health[link[1]], link[0])
         without = list[MissingVerdict]()
         for number, at in missing:
             fate, vehicle = self._fate(link, at, is_before_first=number < first)
-            if number in hidden:
+            if number in waiting:
+                fate, vehicle = "in_flight", ""
+            elif number in hidden:
                 fate, vehicle = "unrecorded", ""
             without.append(MissingVerdict(number, at, fate, vehicle))
             causes[fate] += 1
@@ -196,20 +211,43 @@ class Accounts:
     def _fate(self, link: Link, at: int, *, is_before_first: bool) -> tuple[Fate, str]:
         """Fate of a message without a verdict, and the vehicle that was cut off, if any."""
         reception, due_at = self._receivers[link[1]], at + self._largest_delay(link)
+        if link[1] in self._cut_off and due_at >= (reception.decided_at or 0):
+            return "cut_off", link[1]
         if self._is_down(reception, at, due_at):
             return "receiver_down", ""
-        if not self._is_physical or due_at >= self._end_at - TRANSIT_NS:
+        if not self._is_physical or self._may_be_under_way(link, at, due_at):
             return "in_flight", ""
-        if reception.decided_at is not None and due_at >= reception.decided_at:
+        decided_at = reception.decided_at
+        if decided_at is not None and due_at >= decided_at and not self._lists_arrivals(link):
             return "unrecorded", ""
         begun_at = self._end_at if self._start_at is None else self._start_at
         if is_before_first and at < begun_at + LATE_START_NS:
             return "late_start", ""
         return self._transport_cause(link, at)
 
+    def _may_be_under_way(self, link: Link, at: int, due_at: int) -> bool:
+        """Whether a message may have arrived after the receiver's last look.
+
+        Without a last report of an arrival this is known up to TRANSIT_NS.
+        """
+        health = self._health[link[1]]
+        if health is None or not self._lists_arrivals(link):
+            return due_at >= self._end_at - TRANSIT_NS
+        longest = max(self._links[link].transport) * RESOLUTION_NS
+        return at + longest >= health.reported_at_ns + LAST_LOOK_NS
+
+    def _lists_arrivals(self, link: Link) -> bool:
+        """Whether the receiver's last report lists the messages that had arrived."""
+        health = self._health[link[1]]
+        return health is not None and health.final and bool(self._links[link].transport)
+
     def _transport_cause(self, link: Link, at: int) -> tuple[Cause, str]:
         """Cause of a loss by the vehicles that were away at an instant (ns) of sending."""
-        away = [name for name, times in self._away.items() if times.is_away(at)]
+        away = [
+            name
+            for name, times in self._away.items()
+            if times.is_away(at) or (name in self._cut_off and at > times.last_at)
+        ]
         if len(away) == len(self._away) > 1:
             return "router_away", ""
         for name in reversed(link):
@@ -240,12 +278,30 @@ def _problem(link: Link, account: LinkAccount, judged: int) -> str:
     )
 
 
+class _Waiting:
+    """Messages of one sender that had arrived at the end, by the receiver's last report."""
+
+    def __init__(self, health: Health | None, sender: str) -> None:
+        text = "" if health is None else health.waiting
+        rows = [row.rsplit(" ", 2) for row in text.split(",")]
+        self._ranges: list[tuple[int, int]] = []
+        for name, *numbers in rows:
+            with suppress(ValueError):  # messages from the bus may be malformed
+                first, last = map(int, numbers)
+                if name == sender:
+                    self._ranges.append((first, last))
+
+    def __contains__(self, number: int) -> bool:
+        return any(first <= number <= last for first, last in self._ranges)
+
+
 class _AwayTimes:
     """When a vehicle was out of reach of the recorder, by its poses."""
 
     def __init__(self, poses: SentPoses) -> None:
         self._away = poses.away()
         self._sent_at = poses.instants(len(poses))
+        self.last_at = int(self._sent_at[-1])
 
     def is_away(self, at: int) -> bool:
         """Whether one of the poses around an instant (ns) was missing or late at the recorder."""

@@ -1,7 +1,7 @@
 """Gathers the figures of all links of a run."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from itertools import pairwise
 
 from scenarios.definition.changing.live_change import changed_links
@@ -14,7 +14,7 @@ from scenarios.results.channel.link_summary import (
     request_deviations,
 )
 from scenarios.results.channel.link_tally import AlarmTally, LinkTally
-from scenarios.results.channel.transport_records import ReceiverRecord, SentPoses
+from scenarios.results.channel.transport_records import AWAY_NS, ReceiverRecord, SentPoses
 from vehicles.messages import Change, Health, LinkVerdict, Tracking
 from vehicles.schedule import SECOND
 
@@ -88,13 +88,20 @@ class LinkFigures:
         counts: Mapping[str, int],
         health: Mapping[str, Health | None],
         *,
+        cut_off: Collection[str],
         start_at: int | None,
         end_at: int,
     ) -> dict[Link, LinkAccount]:
         """Accounts of the messages of each link, see `Accounts`."""
-        links = {link: self.tallies[link] for link in self._in_order()}
         accounts = Accounts(
-            links, self.sent, self._receivers, counts, health, start_at=start_at, end_at=end_at
+            {link: self.tallies[link] for link in self._in_order()},
+            self.sent,
+            self._receivers,
+            counts,
+            health,
+            cut_off=cut_off,
+            start_at=start_at,
+            end_at=end_at,
         )
         return accounts.of_links()
 
@@ -109,13 +116,25 @@ class LinkFigures:
         for link in self._in_order():
             alarms = AlarmSummary(counted=self._alarms[link].counted(last_at[link[0]]))
             requested, tally = self._requested[link], self.tallies[link]
-            transport = self.sent[link[0]].delays
+            transport = tally.transport or self.sent[link[0]].delays
             summaries.append(
                 link_summary(
                     link, requested, accounts[link], tally, alarms=alarms, transport=transport
                 )
             )
         return tuple(summaries)
+
+    def away_lines(self, seconds: Callable[[int], float]) -> Iterator[str]:
+        """Yield a line per vehicle whose poses reached the recorder very late."""
+        late = {name: span for name, poses in self.sent.items() if (span := poses.late_span())}
+        if len(late) == len(self.sent) > 1:
+            spans = late.values()
+            late = {"every vehicle": (min(b for b, _ in spans), max(e for _, e in spans))}
+        for name, (begin, end) in late.items():
+            yield (
+                f"{name} was out of reach for a while: poses of {seconds(begin):.2f} to "
+                f"{seconds(end):.2f} s reached the recorder more than {AWAY_NS / SECOND:g} s late"
+            )
 
     def _in_order(self) -> list[Link]:
         place = self._names.index

@@ -89,7 +89,9 @@ class LinkSummary:
     late_start (sent before the transport was ready), cut_off (one of the vehicles was out of reach
     of the recorder), router_away (all vehicles were), or unknown."""
     in_flight: int = 0
-    """Messages that were not due before the end of the run."""
+    """Messages without a verdict at the end: those that had arrived and were not due, which is
+    exact, and a bound: those sent so late that they may have arrived after the receiver's last look
+    (0.1 s after its end), by the largest delay on this link."""
     unrecorded: int = 0
     """Messages whose fate is missing in the log; they are not part of the loss."""
     copies: int = 0
@@ -101,15 +103,16 @@ class LinkSummary:
     late: int
     """Messages received after the tick that needed them."""
     transport_ms_mean: float | None = None
-    """Mean time that the sender's poses took on the real transport, up to the recorder, from the
-    instant at which they were due; null in virtual time."""
+    """Mean time that messages took on the real transport up to the receiver's process, from the
+    instant at which they were due; null in virtual time. In logs of version 0.4 up to the
+    recorder."""
     transport_ms_p95: float | None = None
     """95th percentile of the same."""
     transport_ms_max: float | None = None
     """Largest of the same."""
     transport_above_floor_ratio: float | None = None
-    """Share of these poses that took longer than the link's smallest latency, so that a receiver
-    may have got them late."""
+    """Share of these messages that took longer than the link's smallest latency, so that the
+    receiver may have got them late."""
     loss_ratio: float
     """Achieved loss, of the messages that the link carries: dropped ones and those that the real
     transport lost (late_start, cut_off, router_away, unknown)."""
@@ -173,8 +176,7 @@ def link_summary(
 ) -> LinkSummary:
     """Summarise a link (sender, receiver).
 
-    `transport` counts the delays of the sender's poses on the real transport, in multiples of
-    RESOLUTION_NS.
+    `transport` counts the delays on the real transport, in multiples of RESOLUTION_NS.
     """
     expected = _expected(requested, tally)
     loss, burst, longest = _losses(tally.lost(account.absent_numbers), CONFIDENCE)

@@ -17,6 +17,8 @@ MOST_NUMBERS = 10_000_000
 """Message numbers whose fate is stored, a byte each: a day at 100 Hz."""
 OLDEST_S = 86_400.0
 """Largest plausible age."""
+LONGEST_NS = 3600 * SECOND
+"""Delays beyond this are wrong time stamps."""
 RESOLUTION_NS = MILLISECOND // 100
 """Resolution of counted delays and ages; sums are exact."""
 MOST_ALARMS = 100_000
@@ -28,7 +30,8 @@ _LOST, _DELIVERED, _NOT_CARRIED = 1, 2, 3
 class LinkTally:
     """Fates of the messages of a link, and ages of its source at commands.
 
-    `changed`: its settings were changed during the run.
+    `transport` counts the delays on the real transport, in multiples of RESOLUTION_NS; empty in
+    virtual time. `changed`: its settings were changed during the run.
     """
 
     delivered: int = 0
@@ -40,6 +43,7 @@ class LinkTally:
     latency_ns_sum: int = 0
     latency_ns_max: int = 0
     latencies: Counter[int] = field(default_factory=Counter)
+    transport: Counter[int] = field(default_factory=Counter)
     arrival_gaps: Counter[int] = field(default_factory=Counter)
     ages: Counter[int] = field(default_factory=Counter)
     commands: int = 0
@@ -50,6 +54,8 @@ class LinkTally:
 
     def add(self, verdict: LinkVerdict) -> None:
         number = verdict.pose_seq
+        if verdict.arrived_at_ns:
+            self._add_transport(verdict.arrived_at_ns - verdict.sent_at_ns)
         if verdict.outcome == "dropped":
             self._count(self.dropped, verdict.reason)
             lost = counts_as_loss(verdict.reason)
@@ -73,6 +79,10 @@ class LinkTally:
         if before is not None and received_at > before:
             self.arrival_gaps[(received_at - before) // RESOLUTION_NS] += 1
         self._received_at = received_at
+
+    def _add_transport(self, delay_ns: int) -> None:
+        if abs(delay_ns) < LONGEST_NS:
+            self.transport[delay_ns // RESOLUTION_NS] += 1
 
     def add_age(self, age_s: float) -> None:
         """Take the age (s) of the newest data at a command, NaN before the first.

@@ -6,7 +6,7 @@ from collections import Counter
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.results.channel.link_tally import MOST_NUMBERS, RESOLUTION_NS
+from scenarios.results.channel.link_tally import LONGEST_NS, MOST_NUMBERS, RESOLUTION_NS
 from scenarios.results.holes import EdgeInstants
 from transport.message_numbers import MAX_RANGES, MessageNumbers
 from vehicles.messages import LinkVerdict, Tracking
@@ -14,8 +14,6 @@ from vehicles.schedule import SECOND
 
 AWAY_NS = SECOND
 """A vehicle whose pose reached the recorder later than this, or not at all, was away."""
-LONGEST_NS = 3600 * SECOND
-"""Delays beyond this are wrong time stamps."""
 FOREVER = 2**63 - 1
 """After every instant (ns)."""
 _UNKNOWN = -1
@@ -76,6 +74,12 @@ class SentPoses:
         exact = known[known < count]
         result[exact] = given[exact]
         return result
+
+    def late_span(self) -> tuple[int, int] | None:
+        """Instants (ns) of sending of the first and the last pose that was later than AWAY_NS."""
+        if not self._held:
+            return None
+        return self._sent_at[min(self._held)], self._sent_at[max(self._held)]
 
     def away(self) -> NDArray[np.bool_]:
         """Whether each message up to the newest was not recorded, or later than AWAY_NS."""

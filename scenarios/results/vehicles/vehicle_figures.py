@@ -220,9 +220,16 @@ class VehicleFigures:
         expected = self.scheduled_poses(span)
         return list(holes_of(self.name, self.numbers, self.rate_hz, expected))
 
-    def scheduled_poses(self, span: RunSpan) -> int:
-        """Count the poses due until its end or that of the run; 0 if that is unknown."""
-        return 0 if self.rate_hz is None else self._scheduled(span, self.rate_hz)
+    def scheduled_poses(self, span: RunSpan, was_cut_off: bool = False) -> int:
+        """Count the poses due until its end or that of the run; 0 if that is unknown.
+
+        A vehicle that was cut off sent until the end of the run.
+        """
+        if self.rate_hz is None:
+            return 0
+        if was_cut_off:
+            return expected_poses(span.ran_ns, self.rate_hz)
+        return self._scheduled(span, self.rate_hz)
 
     def _scheduled(self, span: RunSpan, rate_hz: float) -> int:
         until = self._ran_until(span)

@@ -176,6 +176,7 @@ class Outbox:
             worst = usage.lateness_ms_max
             self._add_text(now, f"{late} late ticks, by up to {worst:.1f} ms so far", "warning")
             self._late_ticks = usage.late_ticks
+        waiting = self._inbox.waiting(now) if final else ""
         self._add(
             messages.Health(
                 vehicle=self._vehicle,
@@ -196,6 +197,7 @@ class Outbox:
                 clock_uncertainty_ms=usage.clock_uncertainty_ms,
                 late_ticks_at_start=usage.late_ticks_at_start,
                 late_ticks_by_network=usage.late_ticks_by_network,
+                waiting=waiting,
             )
         )
 

@@ -7,6 +7,7 @@ from enum import Enum, auto
 from pydantic import ValidationError
 
 from scenarios.definition.schema.change_tables import CrashTable
+from scenarios.results.channel.account import CUT_OFF_AFTER_NS
 from scenarios.runs.processes.router_watch import RouterWatch
 from vehicles.messages import Change, Health, LogText, Message
 from vehicles.schedule import SECOND, nanoseconds
@@ -20,12 +21,6 @@ The launcher needs up to a second to notice the end of the process and send the 
 """
 RETURN_NS = SECOND
 """How much later than the recorder a vehicle may reconnect to a router."""
-CUT_OFF_AFTER_NS = 3 * SECOND
-"""A vehicle whose last report is older when its token disappears did not end: it was cut off.
-
-Vehicles report once a second. The token of a process that ends disappears at once, that of one that
-is cut off or suspended after the lease of its session.
-"""
 FINAL_COUNTERS_NS = 3 * SECOND
 """How long to wait for final counters after the end, an outage of the router or a hold-up."""
 HELD_UP_NS = SECOND

@@ -5,6 +5,7 @@ from itertools import dropwhile
 from math import ceil
 
 from scenarios.definition.scenario import Scenario
+from scenarios.results.channel.account import LAST_LOOK_NS
 from scenarios.runs.control.live_control import LiveControl
 from scenarios.runs.machine import THIS_MACHINE, Machine
 from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
@@ -291,7 +292,9 @@ class VehicleProcess:
         )
         node = self._builder.node(start_at, sink, probe, before.node if before else None)
         self._fetches = [
-            self._bus.collect(key(sender, GPS), node.inbox.on_bytes, queue_limit(link))
+            self._bus.collect(
+                key(sender, GPS), node.inbox.on_bytes, queue_limit(link), self._clock.now
+            )
             for sender, link in node.inbox.links.items()
         ]
         self._control.begin(start_at, node.pending_changes)
@@ -299,7 +302,10 @@ class VehicleProcess:
         self._drive(node, start_at, probe, sink)
         self._clock.wait_until(0 if self._announced.end is not None else end_at)
         finished = not self._stop.requested
-        node.outbox.publish_health(min(self._clock.now(), end_at), final=True)
+        ended_at = min(self._clock.now(), end_at)
+        self._time.sleep(LAST_LOOK_NS / SECOND)
+        self._fetch(node.inbox)
+        node.outbox.publish_health(ended_at, final=True)
         while not self.is_cancelled:
             self._repeat_final_counters(end_at)
             self._time.sleep(POLL_S)

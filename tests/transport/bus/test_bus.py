@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from itertools import count
 
 import pytest
 
@@ -40,7 +41,13 @@ def test_messages_arrive_whole_and_in_order(join: Join) -> None:
 
 def test_collected_messages_wait_until_fetched(join: Join) -> None:
     sender, receiver, received, fetched = join(), join(), ReceivedMessages(), ReceivedMessages()
-    fetch = receiver.collect("convoy/lead/gps", fetched, 50)
+    arrivals, clock = list[int](), count()
+
+    def take(key: str, data: bytes, arrived_at: int) -> None:
+        fetched(key, data)
+        arrivals.append(arrived_at)
+
+    fetch = receiver.collect("convoy/lead/gps", take, 50, lambda: next(clock))
     receiver.subscribe("convoy/lead/*", received)
     connect(sender, received, "convoy/lead/log")
     assert fetch() is False
@@ -59,6 +66,7 @@ def test_collected_messages_wait_until_fetched(join: Join) -> None:
     assert fetched == []
     assert fetch() is False
     assert fetched == sent
+    assert arrivals == list(range(49))  # read at the arrival, not when fetched
     assert fetch() is False
     fetched.clear()
     sent = send(80)

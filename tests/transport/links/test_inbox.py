@@ -93,6 +93,23 @@ def test_an_early_arrival_waits_and_a_late_one_is_received_at_once() -> None:
     ]
 
 
+def test_messages_that_wait_at_the_end_are_listed() -> None:
+    inbox = make_inbox()
+    send(inbox, pose(0), pose(1), pose(3))
+    taken(inbox, START + 25 * MS)
+    send(inbox, pose(4))
+    assert inbox.waiting(START + 30 * MS) == "lead 1 1,lead 3 4"
+    assert [verdict.pose_seq for verdict in inbox.verdicts()] == [0]
+
+
+def test_a_verdict_has_the_instant_of_arrival() -> None:
+    inbox = make_inbox()
+    inbox.on_bytes(key("lead", GPS), encode(pose(0)), START + 7)
+    taken(inbox, START + 40 * MS)
+    (verdict,) = inbox.verdicts()
+    assert verdict.arrived_at_ns == START + 7
+
+
 def test_late_means_that_a_tick_went_without_it() -> None:
     # visible at 20 ms; messages that arrive after the tick at 20 ms are late.
     on_time, too_late = make_inbox(), make_inbox()

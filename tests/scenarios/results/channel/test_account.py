@@ -200,6 +200,72 @@ def test_messages_due_after_the_end_are_in_flight() -> None:
         assert_balanced(row)
 
 
+def with_last_look(made: MadeRun, waiting: str, delay: int) -> Iterator[Recorded]:
+    """The messages of a run with arrivals `delay` (ns) after sending and a last list of `waiting`.
+
+    Verdicts on the last three messages are missing.
+    """
+    for when, one in made.recorded():
+        if isinstance(one, LinkVerdict):
+            if one.pose_seq < POSES - 3:
+                yield when, replace(one, arrived_at_ns=one.sent_at_ns + delay)
+        elif isinstance(one, Health) and one.vehicle == "v2":
+            yield when, replace(one, waiting=waiting, received=POSES - 3)
+        elif isinstance(one, Health) and one.vehicle == "v3":
+            yield when, replace(one, received=2 * (POSES - 3))
+        else:
+            yield when, one
+
+
+@pytest.mark.parametrize(
+    ("delay_ms", "in_flight", "lost"), [(1, 2, 1), (99, 2, 1), (200, 3, 0)], ids=str
+)
+def test_messages_in_flight_are_those_that_had_arrived(
+    delay_ms: int, in_flight: int, lost: int
+) -> None:
+    """Of the others, only those may be under way that the slowest message so far allows."""
+    listed = f"v1 {POSES - 3} {POSES - 3},v1 {POSES - 1} {POSES - 1},v9 x"
+    metrics = metrics_of(with_last_look(MadeRun(), listed, delay_ms * MS))
+    rows = {(row.sender, row.receiver): row for row in metrics.link_summaries(SECONDS * SECOND)}
+    row = rows["v1", "v2"]
+    assert (row.in_flight, sum(row.not_arrived.values())) == (in_flight, lost)
+    assert row.transport_ms_mean == delay_ms
+    assert rows["v1", "v3"].in_flight == (0 if delay_ms < 150 else 2)
+    for row in rows.values():
+        assert_balanced(row)
+
+
+def test_a_vehicle_that_was_cut_off_for_good_is_named() -> None:
+    """Nothing of it is recorded after 4 s: it sent on, and was sent to."""
+    cut_at, made = at(4.0), MadeRun()
+    made.lost = {("v2", "v3", k) for k in range(80, POSES)}
+    recorded = [
+        (when, one) for when, one in made.recorded() if when < cut_at or one.vehicle != "v2"
+    ]
+    metrics = metrics_of([*recorded, (cut_at, health("v2", seconds=4.0))])
+    rows = {(row.sender, row.receiver): row for row in metrics.link_summaries(SECONDS * SECOND)}
+    for link in (("v1", "v2"), ("v2", "v3")):
+        assert set(rows[link].not_arrived) == {"cut_off"}
+        assert rows[link].not_arrived["cut_off"] + rows[link].in_flight == POSES - 80
+        assert rows[link].in_flight <= 4
+        assert rows[link].sent == POSES
+    assert rows["v1", "v3"].not_arrived == {}
+    assert metrics.contradictions(SECONDS * SECOND) == []
+    lines = list(metrics.channel_warnings(SECONDS * SECOND))
+    assert any("v2 cut off" in line for line in lines)
+
+
+def test_a_vehicle_whose_poses_came_very_late_is_named() -> None:
+    made = MadeRun()
+    made.transit = {("v2", k): 1500 * MS for k in range(40, 60)}
+    (line,) = metrics_of(made.recorded()).channel_warnings(SECONDS * SECOND)
+    assert line.startswith("v2 was out of reach")
+    assert "2.00 to 2.95 s" in line
+    made.transit = {(name, k): 1500 * MS for k in range(40, 60) for name in NAMES}
+    (line,) = metrics_of(made.recorded()).channel_warnings(SECONDS * SECOND)
+    assert not line.startswith("v2")
+
+
 @pytest.mark.parametrize("pose_seq", [7, POSES + 50])
 def test_verdicts_that_contradict_the_account_fail_the_run(pose_seq: int) -> None:
     """A second verdict on one message, and one on a message that was never sent."""
@@ -289,7 +355,7 @@ def waiting_in(inbox: Inbox, sender: str) -> int:
     waiting = sum(
         isinstance(item, Transmission) and name == sender for _, name, _, _, item in inbox._waiting
     )
-    arrived = sum(sender_key == key(sender, GPS) for sender_key, _ in inbox._arrived)
+    arrived = sum(sender_key == key(sender, GPS) for sender_key, _, _ in inbox._arrived)
     return waiting + len(inbox.links[sender].pending) + arrived
 
 

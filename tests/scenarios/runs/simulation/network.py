@@ -13,7 +13,7 @@ from functools import partial
 from threading import Event
 
 from tests.scenarios.runs.simulation.scheduler import Action, Role, Scheduler
-from transport.bus.bus import AliveHandler, Answer, BusError, Fetch, Handler, Member
+from transport.bus.bus import AliveHandler, Answer, ArrivalHandler, BusError, Fetch, Handler, Member
 from transport.bus.memory_bus import MemoryNetwork
 from transport.bus.zenoh_options import ZenohOptions
 from transport.closing import Closing
@@ -263,17 +263,19 @@ class SimulatedBus(Closing):
 
         self._declare(lambda: self._network.router.subscribe(self, key_expression, receive))
 
-    def collect(self, key: str, handler: Handler, most: int) -> Fetch:
-        kept: list[bytes] = []
+    def collect(
+        self, key: str, handler: ArrivalHandler, most: int, now: Callable[[], int]
+    ) -> Fetch:
+        kept: list[tuple[bytes, int]] = []
 
         def keep(_key: str, data: bytes) -> None:
-            kept.append(data)
+            kept.append((data, now()))
             del kept[:-most]
 
         def fetch() -> bool:
             taken, kept[:] = list(kept), []
-            for data in taken:
-                handler(key, data)
+            for data, arrived_at in taken:
+                handler(key, data, arrived_at)
             return len(taken) >= most
 
         self.subscribe(key, keep)
