@@ -113,8 +113,10 @@ def test_several_missing_poses_are_closed_without_a_lost_source() -> None:
 def test_steps_between_rare_poses_are_closed(name: str) -> None:
     """The sender sends one fix of twenty, and no message is lost."""
     trace, road = Trace(), ROADS[name]
-    for seq, pose in enumerate(poses(road)[::20]):
+    rare = poses(road)[::20]
+    for seq, pose in enumerate(rare):
         trace.add(replace(pose, message=replace(pose.message, seq=seq)))
+    assert len(trace) > 10 * len(rare)
     assert worst(road, trace, 232.0, 40.0) < 0.10
 
 
