@@ -14,7 +14,7 @@ from scenarios.definition.check.drive_warnings import drive_warnings
 from scenarios.definition.check.hard_braking import HeldBraking, braking_warnings, held_braking
 from scenarios.definition.check.lap import lap_warnings
 from scenarios.definition.check.link_forecast import laws_in_brief
-from scenarios.definition.check.preview import preview_warnings
+from scenarios.definition.check.preview import history_warnings, preview_warnings
 from scenarios.definition.check.receivers import receiver_warnings
 from scenarios.definition.check.steering_loop import (
     certificate_warnings,
@@ -270,6 +270,7 @@ def _warnings(scenario: Scenario, run: _Run, held: HeldBraking | None) -> tuple[
         *_vehicle_warnings(scenario),
         *_recording_warnings(scenario),
         *preview_warnings(scenario, run.speed_range),
+        *history_warnings(scenario, run.speed_range[1]),
         *receiver_warnings(scenario),
         *sampled_loop_warnings(scenario, run.speed_range),
         *_speed_warnings(scenario, run),

@@ -1,4 +1,4 @@
-"""Whether followers receive enough of the path ahead of them to steer along it."""
+"""Whether followers receive enough of the path ahead of them to steer along it, and after a cut."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -8,6 +8,7 @@ from math import inf
 from scenarios.definition.channel.build import usual_delay_ms, vehicles_between
 from scenarios.definition.channel.expected import expected_channel
 from scenarios.definition.scenario import Scenario
+from scenarios.definition.schema.change_tables import CutTable
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.car.sending.every_fix import EveryFix
@@ -129,3 +130,16 @@ def spacing_to(scenario: Scenario, place: int, source: str, speed: float) -> flo
         between = range(first + 1, place + 1)
         return sum(scenario.spacing_policy(one).desired(speed) for one in between)
     return sum(scenario.route.spacings[first + 1 : place + 1])
+
+
+def history_warnings(scenario: Scenario, fastest: float) -> Iterator[str]:
+    """Warn if the lead, at up to `fastest` (m/s), drives further in a cut than histories reach."""
+    reach = min(scenario.vehicle(name).sending.path_history for name in scenario.vehicle_names)
+    cuts = [change for change in scenario.tables.change if isinstance(change, CutTable)]
+    longest = max([cut.for_s or 0.0 for cut in cuts if cut.sender == "*"], default=0.0)
+    if 0.0 < reach < fastest * longest and not scenario.tables.speed.lead_waits:
+        yield (
+            f"in a cut of {longest:g} s the lead drives up to {fastest * longest:.0f} m, path "
+            f"histories reach {reach:g} m: followers will stand before the hole. Set "
+            "speed.lead_waits, or raise sending.path_history_m."
+        )

@@ -80,3 +80,22 @@ def test_the_remedy_is_the_rate_that_lacks() -> None:
     assert "Raise gnss.rate_hz or" in by_fixes
     (by_rule,) = check("lane_change", ["sending={kind='fixed', rate_hz=2.0}"]).warnings
     assert "Raise the rate of sending or" in by_rule
+
+
+@pytest.mark.parametrize(
+    ("cut", "others", "warned"),
+    [
+        ("at_s=8.0, for_s=14.0", (), True),
+        ("at_s=8.0, for_s=14.0, receiver='v3'", (), True),
+        ("at_s=8.0, for_s=9.0", (), False),
+        ("at_s=8.0", (), False),  # there are no poses after it
+        ("at_s=8.0, for_s=14.0, sender='v2', receiver='v3'", (), False),
+        ("at_s=8.0, for_s=14.0", ("speed.lead_waits=true",), False),
+        ("at_s=8.0, for_s=14.0", ("sending.path_history_m=500.0",), False),
+    ],
+)
+def test_cuts_in_which_the_lead_drives_beyond_its_history_are_named(
+    cut: str, others: tuple[str, ...], warned: bool
+) -> None:
+    lines = check("lane_change", (f"change=[{{kind='cut', {cut}}}]", *others)).warnings
+    assert any("420 m" in line and "300 m" in line for line in lines) == warned
