@@ -132,7 +132,7 @@ def scan(log: mmap.mmap) -> Layout:
     records: list[Record] = []
     gaps: list[Span] = []
     complete, summary = _ending(log)
-    at, size = len(MAGIC), len(log)
+    at = len(MAGIC)
     while True:
         record = _record_at(log, at)
         if record is None:
@@ -147,23 +147,29 @@ def scan(log: mmap.mmap) -> Layout:
         else:
             records.append(record)
             at = record.end
-    if complete and at < summary.end and at != summary.start:
-        gaps.append(Span(at, summary.start or size))
-    if complete and summary.end and not _summary_is_valid(log, summary):
+    if at < summary.end and at != summary.start:  # bytes before were lost, or added
+        gaps.append(Span(at, summary.end))
+        summary = Span(0, 0)
+    elif summary.end and not _summary_is_valid(log, summary):
         gaps.append(summary)
         summary = Span(0, 0)
     return Layout(tuple(records), tuple(gaps), not complete, summary)
 
 
 def _ending(log: mmap.mmap) -> tuple[bool, Span]:
-    """Whether the file has a complete ending, and its summary section, which may be empty."""
+    """Whether the file has a complete ending, and its summary section, which may be empty.
+
+    The section begins at the footer if it is not where the footer has it: bytes before are missing.
+    """
     at = len(log) - len(MAGIC) - _FOOTER_HEAD.size
     if at < len(MAGIC) or log[-len(MAGIC) :] != MAGIC:
         return False, Span(0, 0)
     opcode, length, start, _, _ = _FOOTER_HEAD.unpack_from(log, at)
     if opcode != _FOOTER or length != _FOOTER_HEAD.size - _HEAD.size:
         return False, Span(0, 0)
-    return True, Span(start, at) if len(MAGIC) < start < at else Span(0, 0)
+    if not start:
+        return True, Span(0, 0)
+    return True, Span(start if len(MAGIC) < start < at else at, at)
 
 
 def _summary_is_valid(log: mmap.mmap, summary: Span) -> bool:
