@@ -30,6 +30,17 @@ SCHEMA = "convoy.summary/2"
 ClockName = Literal["wall", "virtual"]
 
 
+def refuse_newer(schema: str) -> None:
+    """Raise ValueError for the schema of a newer version of the program."""
+    name, _, number = schema.rpartition("/")
+    known, _, newest = SCHEMA.rpartition("/")
+    if name != known or not number.isdecimal() or int(number) > int(newest):
+        raise ValueError(
+            f"schema: given {schema!r}, allowed up to {SCHEMA}; read it with the version of the "
+            "program that wrote it, or a newer one"
+        )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunIdentity:
     """Identity of a run: scenario, overrides, seed, clock, folder, and versions.
@@ -95,7 +106,11 @@ class RunIdentity:
 
     @classmethod
     def of_values(cls, values: Mapping[str, Any]) -> "RunIdentity":
-        """Read the result of `values` or `metadata`; missing fields stay empty."""
+        """Read the result of `values` or `metadata`; missing fields stay empty.
+
+        Raises ValueError for those of a newer format, whose fields may have another meaning.
+        """
+        refuse_newer(str(values.get("schema", SCHEMA)))
         clock: ClockName = "virtual" if values.get("clock") == "virtual" else "wall"
         known = {entry.name for entry in fields(cls)}
         overrides, controllers = values.get("overrides", []), values.get("controllers", {})

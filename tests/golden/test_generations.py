@@ -27,6 +27,7 @@ from scenarios.studies.many.blame.losses import read_run
 from transport.codec import PROTOBUF
 from transport.log.reader import LogReader
 from transport.log.repair import repair
+from transport.log.writer import LogWriter
 from transport.topics import TOPICS
 from vehicles.messages import GpsPose, Message
 
@@ -113,6 +114,20 @@ def test_a_summary_of_another_version_is_read(folder: Path) -> None:
     assert read.vehicles[1].cross_track_error_m_max is None
     assert math.isnan(read.vehicles[1].distance_m)
     assert read.holes == ()
+
+
+def test_a_summary_of_a_newer_format_is_refused(folder: Path, tmp_path: Path) -> None:
+    values = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    log = tmp_path / "run.mcap"
+    with LogWriter(log) as writer:
+        writer.write(0, next(LogReader(folder / "run.mcap").messages())[2])
+        values["schema"] = "convoy.summary/99"
+        writer.attach("summary.json", "application/json", json.dumps(values).encode())
+    done = CliRunner().invoke(cli, ["report", str(log)])
+    assert (done.exit_code, done.stdout) == (2, "")
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"error: {log} ")
+    assert "convoy.summary/99" in line
 
 
 def test_figures_are_computed_from_a_log_that_breaks_off(folder: Path, tmp_path: Path) -> None:
