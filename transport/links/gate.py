@@ -56,6 +56,8 @@ _LIMITS = {
     "heading_deg": (0.0, 360.0),
     "speed_mps": (0.0, 150.0),
     "yaw_rate_radps": (-10.0, 10.0),
+    "acceleration_mps2": (-1000.0, 1000.0),
+    "position_accuracy_m": (0.0, 1e6),
 }
 """Valid range of each measured value."""
 _numbers = attrgetter(*_LIMITS)

@@ -123,7 +123,7 @@ def _make_location(gps: GpsPose) -> bytes:
     seconds, nanoseconds = divmod(gps.measured_at_ns, SECOND)
     heading = math.radians(gps.heading_deg)
     # Reported by the receiver; the altitude is assumed to be as accurate.
-    variance = gps.position_accuracy_m**2
+    variance = gps.position_accuracy_m * gps.position_accuracy_m  # ** raises OverflowError
     fix = {
         "timestamp": {"sec": seconds, "nsec": nanoseconds},
         "frame_id": gps.vehicle,
