@@ -87,7 +87,12 @@ def controller_digests(controllers: Iterable[str]) -> Mapping[str, str]:
     `controllers` are dotted names of classes; shipped ones are part of the program's sources.
     """
     modules = {name.rpartition(".")[0] for name in controllers}
-    return {name: _module_digest(name) for name in sorted(modules) if _top(name) not in OWN_NAMES}
+    return module_digests(name for name in sorted(modules) if _top(name) not in OWN_NAMES)
+
+
+def module_digests(modules: Iterable[str]) -> Mapping[str, str]:
+    """Digests of a user's modules, with the modules next to them that they import."""
+    return {name: _module_digest(name) for name in modules}
 
 
 @cache

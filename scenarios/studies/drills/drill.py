@@ -83,11 +83,12 @@ def drill_variants(
 
 def identity_of_drills(variants: Sequence[Variant]) -> dict[str, Any]:
     """Everything that the results depend on, named as on the command line."""
-    first = identity_of(variants[0])
+    controllers = {name for variant in variants for name in variant.scenario.controllers}
+    first = identity_of(variants[0], controllers)
     return first | {
         "SCENARIO": list(dict.fromkeys(variant.name for variant in variants)),
         "scenario digest": list(
-            dict.fromkeys(identity_of(variant)["scenario digest"] for variant in variants)
+            dict.fromkeys(identity_of(variant, ())["scenario digest"] for variant in variants)
         ),
         "--seeds": [variant.seed for variant in variants],
     }

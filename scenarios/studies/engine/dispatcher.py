@@ -4,7 +4,7 @@ If a worker dies, the jobs of its batch are retried one by one, to isolate a job
 """
 
 from collections import Counter, deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from dataclasses import dataclass
 from math import ceil
@@ -58,8 +58,14 @@ class JobDispatcher:
     """Run `jobs` on workers. Outcomes depend neither on the batches nor on the workers."""
 
     def __init__(
-        self, jobs: Sequence[Job], workers: WorkerGroup, sizer: BatchSizer | None = None
+        self,
+        jobs: Sequence[Job],
+        workers: WorkerGroup,
+        sizer: BatchSizer | None = None,
+        controllers: Mapping[str, str] | None = None,
     ) -> None:
+        """`controllers` are digests that workers must have, see `run_batch`."""
+        self._controllers = dict(controllers or {})
         self._jobs = {job.key: job.work for job in jobs}
         self._workers = workers
         self._waiting = deque(self._jobs)
@@ -85,7 +91,7 @@ class JobDispatcher:
                 keys = [self._waiting.popleft() for _ in range(size)]
             jobs = [self._jobs[key] for key in keys]
             try:
-                future = self._workers.executor.submit(run_batch, stamp, jobs)
+                future = self._workers.executor.submit(run_batch, stamp, jobs, self._controllers)
             except self._workers.worker_lost as error:
                 why = f"all workers are lost: {error_line(error)}"
                 raise EngineError([why]) from error

@@ -2,14 +2,14 @@
 
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
 from typing import Any
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.results.versions import ProgramStamp, current_stamp
+from scenarios.results.versions import ProgramStamp, current_stamp, module_digests
 from transport.log.records import LogError
 from transport.texts import printable
 
@@ -51,15 +51,21 @@ class JobResult:
     duration_s: float = 0.0
 
 
-def run_batch(stamp: ProgramStamp, jobs: Sequence[Work]) -> list[JobResult]:
+def run_batch(
+    stamp: ProgramStamp, jobs: Sequence[Work], controllers: Mapping[str, str]
+) -> list[JobResult]:
     """Run the jobs in this process.
 
-    A job that raises does not affect the others. Raises EngineError if `stamp` differs from that of
-    this process.
+    A job that raises does not affect the others. Raises EngineError if `stamp`, or the digests of
+    the modules of user-defined `controllers`, differ from those of this process.
     """
-    here = current_stamp()
-    if here != stamp:
-        why = "; ".join(stamp.differences(here))
+    differences = stamp.differences(current_stamp()) + [
+        f"controller module {module} is {there} there and {controllers[module]} here"
+        for module, there in module_digests(controllers).items()
+        if there != controllers[module]
+    ]
+    if differences:
+        why = "; ".join(differences)
         raise EngineError(
             [f"a worker has other versions: {why}; install the same version on all machines"]
         )

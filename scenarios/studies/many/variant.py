@@ -2,14 +2,14 @@
 
 import hashlib
 import shlex
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from scenarios.definition.run_limits import Limit
 from scenarios.definition.scenario import Scenario, scenario_from_text, scenario_text
 from scenarios.results.summary import RunSummary
-from scenarios.results.versions import current_stamp
+from scenarios.results.versions import controller_digests, current_stamp
 from scenarios.runs.virtual.unlogged_run import run_unlogged
 from scenarios.studies.many.limit_history import watch_limit
 
@@ -55,12 +55,19 @@ def variant_of(name: str, overrides: Sequence[str] = (), seed: int = 1) -> Varia
     return Variant(text=text, name=name, overrides=tuple(overrides), seed=seed, read_with=read_with)
 
 
-def identity_of(variant: Variant, **options: Any) -> dict[str, Any]:
-    """Everything that the results of a study depend on, named as on the command line."""
+def identity_of(
+    variant: Variant, controllers: Iterable[str] | None = None, /, **options: Any
+) -> dict[str, Any]:
+    """Everything that the results of a study depend on, named as on the command line.
+
+    `controllers` are those of all runs, by default those of the variant.
+    """
+    names = variant.scenario.controllers if controllers is None else controllers
     return {
         "SCENARIO": variant.name,
         "scenario digest": hashlib.sha256(variant.text.encode()).hexdigest()[:12],
         "--set": list(variant.overrides),
         **{f"--{name.replace('_', '-')}": value for name, value in options.items()},
         **asdict(current_stamp()),
+        "controllers": dict(controller_digests(names)),
     }

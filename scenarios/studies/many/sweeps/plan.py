@@ -3,10 +3,12 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from hashlib import sha256
 from typing import Any
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.run_limits import Limit, parsed_limit
+from scenarios.definition.scenario import Scenario
 from scenarios.results.limits.evaluation import broken_by
 from scenarios.studies.engine.job import Job
 from scenarios.studies.many.sweeps.axis import SweepAxis, cells, parsed_axes
@@ -30,6 +32,10 @@ class SweepPlan:
     seeds: int
     figures: tuple[SweepFigure, ...]
     limits: tuple[Limit, ...]
+    controllers: tuple[str, ...] = ()
+    """Controllers of all runs."""
+    contents: str = ""
+    """Digest of the scenarios of all values, with the files that they name."""
 
     @property
     def cells(self) -> list[tuple[str, ...]]:
@@ -61,11 +67,12 @@ class SweepPlan:
         """Everything that the results depend on, named as on the command line."""
         return identity_of(
             self.base,
+            self.controllers,
             vary=[f"{axis.key}={','.join(axis.texts)}" for axis in self.axes],
             seeds=self.seeds,
             figure=[figure.name for figure in self.figures],
             limit=[str(limit) for limit in self.limits],
-        )
+        ) | {"contents digest": self.contents}
 
 
 def run_key(cell: int, seed: int) -> str:
@@ -112,17 +119,21 @@ def planned(
     )
     if plan.runs > MAX_RUNS:
         raise ScenarioError([f"{name}: given {plan.runs} runs, allowed {MAX_RUNS}"])
-    vehicles = max(_vehicles(plan), key=len)
+    scenarios = list(_scenarios(plan))
+    vehicles = max((scenario.vehicle_names for scenario in scenarios), key=len)
+    digests = " ".join(scenario.digest for scenario in scenarios)
     names = dict.fromkeys(figures or [DEFAULT_FIGURE])
     return replace(
         plan,
+        controllers=tuple(sorted({name for one in scenarios for name in one.controllers})),
+        contents=sha256(digests.encode()).hexdigest()[:12],
         figures=tuple(parsed_figure(text, vehicles) for text in names),
         limits=tuple(dict.fromkeys(parsed_limit(text, vehicles) for text in limits)),
     )
 
 
-def _vehicles(plan: SweepPlan) -> Iterator[tuple[str, ...]]:
-    """Load the first run of each value, and yield the names of its vehicles."""
+def _scenarios(plan: SweepPlan) -> Iterator[Scenario]:
+    """Load the first run of each value."""
     first = [axis.overrides[0] for axis in plan.axes]
     combinations = [first] + [
         [*first[:index], override, *first[index + 1 :]]
@@ -131,7 +142,7 @@ def _vehicles(plan: SweepPlan) -> Iterator[tuple[str, ...]]:
     ]
     for cell in combinations:
         try:
-            yield plan.variants(cell)[0].scenario.vehicle_names
+            yield plan.variants(cell)[0].scenario
         except ScenarioError as error:
             raise ScenarioError(_as_varied(line, plan.axes) for line in error.lines) from error
 

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.results.versions import current_stamp
+from scenarios.results.versions import current_stamp, module_digests
 from scenarios.studies.engine.dispatcher import (
     MAX_ATTEMPTS,
     TARGET_BATCH_S,
@@ -228,12 +228,25 @@ def test_no_more_jobs_run_after_the_caller_stops(tmp_path: Path) -> None:
     assert len(list(tmp_path.iterdir())) < 10
 
 
+def test_a_worker_with_another_controller_runs_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "law_of_worker.py").touch()
+    monkeypatch.syspath_prepend(tmp_path)
+    done: list[int] = []
+    (digest,) = module_digests(["law_of_worker"]).values()
+    run_batch(current_stamp(), [lambda: done.append(1)], {"law_of_worker": digest})
+    with pytest.raises(ScenarioError, match=f"law_of_worker is {digest} there and 0000"):
+        run_batch(current_stamp(), [lambda: done.append(2)], {"law_of_worker": "0" * 12})
+    assert done == [1]
+
+
 def test_a_worker_with_other_versions_runs_nothing_and_names_the_differences() -> None:
     done: list[int] = []
     here = current_stamp()
     driver = replace(here, numpy="1.0", sources="0" * 12)
     with pytest.raises(ScenarioError) as refused:
-        run_batch(driver, [lambda: done.append(1)])
+        run_batch(driver, [lambda: done.append(1)], {})
     (line,) = refused.value.lines
     for fact in (f"numpy is {here.numpy}", "1.0", f"sources is {here.sources}"):
         assert fact in line

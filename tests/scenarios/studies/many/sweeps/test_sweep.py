@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from scenarios.definition.errors import ScenarioError
+from scenarios.results.versions import _module_digest
 from scenarios.studies.engine.journal import JOURNAL, open_journal
 from scenarios.studies.engine.workers import WorkerGroup
 from scenarios.studies.many.sweeps.plan import DEFAULT_FIGURE, planned
@@ -43,6 +44,32 @@ def test_seeds_are_shared_between_cells() -> None:
     plan = small_plan()
     seeds = [[one.seed for one in plan.variants(cell)] for cell in plan.cells]
     assert seeds == [[1, 2]] * 4
+
+
+@pytest.mark.parametrize("place", ["set", "vary"])
+def test_a_changed_controller_or_file_is_another_sweep(
+    place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Otherwise the resumed sweep would mix runs of both."""
+    monkeypatch.syspath_prepend(tmp_path)
+    law = "from vehicles.driver.steering import Stanley\nclass Mine(Stanley):\n    sign = {}\n"
+    losses = tmp_path / "losses.csv"
+    settings = [
+        f"control.controller=law_of_{place}.Mine",
+        f'links.loss={{kind="pattern", file="{losses}"}}',
+    ]
+    sets, vary = (settings, ["convoy.gap_m=3,10"]) if place == "set" else ([], settings)
+    identities = []
+    for sign, received in ((1, 0), (-1, 0), (-1, 1)):
+        (tmp_path / f"law_of_{place}.py").write_text(law.format(sign))
+        losses.write_text(f"number,received\n0,1\n1,{received}\n")
+        _module_digest.cache_clear()  # as in another process
+        identities.append(planned("lane_change", vary=vary, seeds=1, sets=sets).identity())
+    first, second, third = identities
+    assert first["controllers"] != second["controllers"]
+    assert first | {"controllers": {}} == second | {"controllers": {}}
+    assert second["controllers"] == third["controllers"]
+    assert second != third
 
 
 @pytest.mark.campaign(2, 20)
