@@ -135,6 +135,24 @@ def test_blame_refuses_a_damaged_log(damaged: Path, tmp_path: Path) -> None:
     assert run("blame", damaged, "--limit", "error_m=0.5", "--out", tmp_path / "why").exit_code == 2
 
 
+def test_two_logs_in_one_file_are_damage(whole: Path, tmp_path: Path) -> None:
+    log = tmp_path / "run.mcap"
+    log.write_bytes(2 * whole.read_bytes())
+    assert run("channel", "fit", log).exit_code == 2
+    assert f"warning: {log}: damaged, " in run("report", log).stderr
+
+
+@pytest.mark.parametrize("copies", [0, 2])
+def test_a_chunk_that_was_cut_out_or_copied_is_damage(
+    copies: int, whole: Path, tmp_path: Path
+) -> None:
+    data = whole.read_bytes()
+    first, second = (record.start for record, _ in McapFile(whole).chunks[3:5])
+    log = tmp_path / "run.mcap"
+    log.write_bytes(data[:first] + copies * data[first:second] + data[second:])
+    assert LogReader(log).damage
+
+
 # ---- Logs as channels
 
 

@@ -19,6 +19,8 @@ from scenarios.runs.processes.membership import (
     checked_run_name,
 )
 from tests.made.scenarios.messages import at
+from tests.made.scenarios.recorded_drives import as_plane_csv
+from tests.made.scenarios.recorded_drives import drive as recorded_drive
 from transport.bus.bus import BusError
 from transport.bus.memory_bus import MemoryBus, MemoryNetwork
 from vehicles.schedule import SECOND
@@ -149,6 +151,18 @@ def test_a_vehicle_with_another_controller_is_refused(
     (here, there) = what
     assert "own_law:" in here.difference(there.chunk)
     assert replace(there, controllers=here.controllers) == here
+
+
+def test_a_vehicle_with_another_recorded_drive_is_refused(tmp_path: Path) -> None:
+    here, drive = Network(), tmp_path / "drive.csv"
+    what = []
+    for shift_m in (0.0, 0.5):
+        points = [(t, e, n + shift_m * (t > 1.0), v) for t, e, n, v in recorded_drive()]
+        drive.write_bytes(as_plane_csv(points))
+        what.append(load_scenario(str(drive)))
+    here.join(RECORDER, "recorder", what[0])
+    with pytest.raises(BusError, match="another content of scenario drive"):
+        here.join(VEHICLE, "v2", what[1])
 
 
 def test_a_vehicle_waiting_for_its_recorder_is_named_by_an_unequal_one(
