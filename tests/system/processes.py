@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -102,14 +102,17 @@ class Process:
 
 
 @contextmanager
-def start(*arguments: object, folder: Path) -> Iterator[Process]:
-    """Start `convoy ARGUMENTS` in `folder`; kill all its processes on exit."""
+def start(*arguments: object, folder: Path, inside: Sequence[str] = ()) -> Iterator[Process]:
+    """Start `convoy ARGUMENTS` in `folder`; kill all its processes on exit.
+
+    `inside` is the beginning of a command that runs it on another host.
+    """
     mark = uuid4().hex
     stdout_file, stderr_file = folder / f"{mark}.out", folder / f"{mark}.err"
     environment = {**os.environ, MARK: mark, "COLUMNS": "200"}
     with stdout_file.open("wb") as out, stderr_file.open("wb") as err:
         popen = subprocess.Popen(
-            [sys.executable, "-m", "scenarios.cli", *map(str, arguments)],
+            [*inside, sys.executable, "-m", "scenarios.cli", *map(str, arguments)],
             cwd=folder,
             env=environment,
             stdin=subprocess.DEVNULL,

@@ -1,0 +1,1 @@
+"""A convoy on several hosts: network namespaces, and a cable that fails."""
