@@ -46,8 +46,10 @@ FLUSH_S = 1.0
 
 ALL_MEMBERS = alive_key("*", "*", "*", "*")
 """Matches the liveliness tokens of all members."""
-MEMBERS_S = 2.0
-"""Timeout of the query for members."""
+MEMBERS_S = 10.0
+"""Timeout of the query for members, which takes a round trip."""
+LONGER = 2.0
+"""Factor from the timeout of a first connection to that of a second, if a program answers."""
 ANSWER_S = 2.0
 """How long to wait for a connection that only shows whether a program listens."""
 
@@ -290,23 +292,34 @@ def open_bus(options: ZenohOptions) -> ZenohBus:
     endpoints = config.get_json("connect/endpoints").strip("[]").replace('"', "")
     if not endpoints:
         raise BusError(f"a client needs a router to connect to, such as {DEFAULT_ENDPOINT}")
-    # In one attempt: a connection takes three round trips. Zenoh releases the interpreter's lock.
-    config.insert_json5("connect/timeout_ms", str(max(1, round(options.connect_timeout_s * 1000))))
     try:
-        return ZenohBus(zenoh.open(config))
+        return _connected(config, options.connect_timeout_s)
     except zenoh.ZError as error:
-        longest = f"{options.connect_timeout_s:g} s"
-        why = f"cannot join through {endpoints} within {longest}; {_refusal(endpoints, config)}"
+        if not any(map(_answers, endpoints.split(","))):
+            why = f"cannot join through {endpoints} within {options.connect_timeout_s:g} s"
+            raise BusError(f"{why}; is a router there?: {_reason(error)}") from None
+    try:  # on a slow path that loses packets, a connection takes many round trips
+        return _connected(config, LONGER * options.connect_timeout_s)
+    except zenoh.ZError as error:
+        longest = f"{(1 + LONGER) * options.connect_timeout_s:g} s"
+        why = f"cannot join through {endpoints} within {longest}; {_refusal(config)}"
         raise BusError(f"{why}: {_reason(error)}") from None
 
 
-def _refusal(endpoints: str, config: zenoh.Config) -> str:
+def _connected(config: zenoh.Config, timeout_s: float) -> ZenohBus:
+    """Connect within a timeout; raises ZError. Zenoh releases the interpreter's lock."""
+    config.insert_json5("connect/timeout_ms", str(max(1, round(timeout_s * 1000))))
+    return ZenohBus(zenoh.open(config))
+
+
+def _refusal(config: zenoh.Config) -> str:
     """What to check after a router did not admit a client; Zenoh does not report it."""
-    if not any(map(_answers, endpoints.split(","))):
-        return "is a router there?"
     user = config.get_json("transport/auth/usrpwd/user")
     credentials = f"the password of user {user}" if user != "null" else "user and password"
-    return f"a program answers there but does not admit this process; check {credentials}, protocol"
+    return (
+        "a program answers there but does not admit this process; check "
+        f"{credentials}, protocol, or the network, which may be too slow"
+    )
 
 
 def _answers(endpoint: str) -> bool:

@@ -19,6 +19,9 @@ DEFAULTS = {
     # 2, one burst in ten loses messages.
     "transport/link/tx/queue/size/data": "16",
     "transport/link/tx/queue/size/data_high": "16",
+    # A connection may take this time (ms), on a slow path that loses packets too.
+    "transport/unicast/open_timeout": "30000",
+    "transport/unicast/accept_timeout": "30000",
     # Reconnect within 0.3 s of a router's return; Zenoh's default waits up to 4 s.
     "connect/retry": "{period_init_ms: 100, period_max_ms: 500, period_increase_factor: 1.5}",
     # A process that is silent for 10 s is disconnected; the end of a process is reported at once.
