@@ -10,6 +10,7 @@ many/           sweeps, boundaries, risks, and attribution of losses
 paper/          `convoy reproduce`: the experiments and claims of the paper
 run_list        `convoy browse`: the runs in a folder
 run_list_page   the same as a page
+run_catalog     the same in Rerun's catalog
 drive_picture   `convoy check --output`: a recorded drive
 axis_labels     labels with units
 picture_style   style and formats of the plots

@@ -1,6 +1,7 @@
 """`convoy browse`: all runs in a folder, as a table."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING
@@ -11,7 +12,8 @@ from scenarios.cli.columns import Column, print_whole, table_of
 from scenarios.cli.common_options import json_option, rerun_option
 from scenarios.cli.error_lines import clear_errors, print_error
 from scenarios.cli.log_commands import review
-from scenarios.runs.stop import EXIT_BAD_INPUT
+from scenarios.runs.stop import EXIT_BAD_INPUT, stop_on_signals
+from transport.clock import poll
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -31,6 +33,7 @@ Examples:
   convoy browse runs --where "overrides~loss" --where "worst_error_m>0.5"
   convoy browse runs --sort=-worst_error_m --open 1
   convoy browse runs --html runs.html
+  convoy browse runs --catalog --rerun serve     in Rerun, in a browser
 
 \b
 Columns of --where and --sort: log, scenario, overrides, seed, clock, outcome,
@@ -54,7 +57,13 @@ for texts that contain another.
     metavar="N",
     help="Show run number N of the table in Rerun.",
 )
-@rerun_option("spawn", "Where --open shows it")
+@click.option(
+    "--catalog",
+    "in_catalog",
+    is_flag=True,
+    help="Show all runs of the table in Rerun's catalog. Needs the extra catalog.",
+)
+@rerun_option("spawn", "Where --open and --catalog show runs")
 @click.option(
     "--html",
     "page",
@@ -71,6 +80,7 @@ def browse(
     conditions: tuple[str, ...],
     sort: str,
     opened: int | None,
+    in_catalog: bool,
     rerun: str,
     page: Path | None,
     as_json: bool,
@@ -92,16 +102,35 @@ def browse(
         runs = selected(runs_in(folder, _progress_lines()), conditions, sort)
         if as_json:
             click.echo(json.dumps(as_rows(runs), indent=2))
-        elif page is None and opened is None:
+        elif page is None and opened is None and not in_catalog:
             print_runs(runs, Console())
         if page is not None:
             write_whole(page, run_list_page(folder, runs).encode(), new=True)
             click.echo(f"written: {page}", err=as_json)
+        if in_catalog:
+            _show_catalog(runs, rerun)
     if opened is not None:
         if opened > len(runs):
             print_error(f"--open: given {opened}, allowed 1 to {len(runs)}")
             raise SystemExit(EXIT_BAD_INPUT)
         context.invoke(review, log=Path(runs[opened - 1].log), rerun=rerun)
+
+
+def _show_catalog(runs: "Sequence[ListedRun]", rerun: str) -> None:
+    """Show runs in Rerun's catalog until Ctrl-C."""
+    from scenarios.studies.run_catalog import show_catalog
+    from transport.picture.option import parse_rerun_option
+
+    option = parse_rerun_option(rerun)
+    stop = stop_on_signals()
+    stop.begun = True  # files are deleted at the end
+
+    def wait(url: str, shown_in: str) -> None:
+        click.echo(f"catalog: {url}\nopen {shown_in}\nstop with Ctrl-C")
+        poll(lambda: stop.requested, every_s=0.1)
+
+    show_catalog(runs, option, wait, partial(click.echo, err=True), lambda: stop.requested)
+    raise SystemExit(stop.exit_code)
 
 
 def _progress_lines() -> Callable[[int, int], None]:

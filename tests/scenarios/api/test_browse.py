@@ -1,18 +1,26 @@
 """Runs of a folder as a table: on the terminal, as JSON, as a page, and in Python."""
 
 import json
+import os
 import re
 from html.parser import HTMLParser
 from pathlib import Path
 from shutil import copytree
+from typing import Any
+from urllib.parse import urlsplit
 
 import pytest
 from click.testing import CliRunner, Result
+from rerun.catalog import CatalogClient
 
 import scenarios.api as convoy
 from scenarios.cli.main import cli
+from scenarios.results.log_summary import log_in
+from scenarios.results.pictures.run_drawing import recording_id
 from scenarios.runs.run_folder import claimed
+from scenarios.studies.run_catalog import show_catalog
 from scenarios.studies.run_list import runs_in, selected
+from transport.picture.option import RerunOption
 
 
 def command(*arguments: object, width: int = 200) -> Result:
@@ -58,7 +66,7 @@ def test_a_log_newer_than_its_summary_is_read(folder: Path, tmp_path: Path) -> N
     (copy / "summary.json").write_bytes((folder / "deep/second/summary.json").read_bytes())
     (by_file,) = runs_in(tmp_path)
     assert by_file.outcome == "failed"
-    (copy / "run.mcap").touch()
+    os.utime(copy / "run.mcap", ns=(2**62, 2**62))
     (by_log,) = runs_in(tmp_path)
     assert by_log.outcome == "completed"
 
@@ -110,6 +118,8 @@ def test_runs_are_sorted_with_unknown_values_last(folder: Path) -> None:
         ("--sort=error",),
         ("--open=5",),
         ("--where=seed=7", "--open=1"),
+        ("--catalog", "--rerun=save=runs.rrd"),
+        ("--where=seed=7", "--catalog", "--rerun=serve"),
     ],
 )
 def test_bad_options_are_refused_in_one_line(folder: Path, options: tuple[str, ...]) -> None:
@@ -138,6 +148,31 @@ def test_a_run_of_the_table_is_opened(folder: Path, tmp_path: Path) -> None:
     done = command(folder, "--where=seed=2", "--open=1", "--rerun", f"save={picture}")
     assert done.exit_code == 0, done.output
     assert picture.stat().st_size > 1000
+
+
+def test_runs_are_listed_in_a_catalog_of_rerun(folder: Path) -> None:
+    runs = runs_in(folder)
+    lines: list[str] = []
+    rows: dict[str, Any] = {}
+
+    def read(url: str, shown_in: str) -> None:
+        address = urlsplit(url)
+        assert address.hostname == "127.0.0.1"
+        assert "http://127.0.0.1:" in shown_in
+        dataset = CatalogClient(f"rerun+http://{address.netloc}").get_dataset("runs")
+        frame = dataset.segment_table().to_pandas()
+        rows.update({row["rerun_segment_id"]: row for row in frame.to_dict("records")})
+        assert len(dataset.blueprints()) == 1
+
+    show_catalog(runs, RerunOption("serve"), read, lines.append)
+    readable = [run for run in runs if run.outcome != "unreadable"]
+    assert rows.keys() == {recording_id(log_in(Path(run.log))) for run in readable}
+    for run in readable:
+        row = rows[recording_id(log_in(Path(run.log)))]
+        assert row["property:run:outcome"].tolist() == [run.outcome]
+        assert row["property:run:seed"].tolist() == [run.seed]
+        assert row["property:run:worst_error_m"].tolist() == [pytest.approx(run.worst_error_m)]
+    assert lines[-1] == "3 of 3 runs are drawn"
 
 
 class Page(HTMLParser):

@@ -1,6 +1,7 @@
-"""The picture of several runs in Rerun, over time and over the distance along their path.
+"""Several runs in Rerun: one picture over time and distance along their path, and a catalog.
 
 tracks   the vehicles of all runs as arrays
 layout   layout of the picture
 drawing  draws the tracks
+catalog  serves recordings with their figures
 """
