@@ -14,7 +14,9 @@ SUMMARY_MAX = 45
 """Longest summary of a command in characters, without its full stop."""
 SECTIONS: Mapping[str, Sequence[str]] = {
     "Run": ("run", "check", "list", "new"),
-    "Look": ("browse", "report", "review", "explain", "diff", "compare", "export", "reference"),
+    "Look": (
+        "browse", "report", "review", "explain", "note", "diff", "compare", "export", "reference",
+    ),
     "Live": (
         "status", "link", "cut", "heal", "gnss", "stall", "kill", "speed", "scenario-from",
     ),

@@ -1,4 +1,4 @@
-"""Commands that read recorded runs: review, report, explain."""
+"""Commands that read recorded runs: review, report, explain, note."""
 
 from pathlib import Path
 
@@ -7,7 +7,8 @@ import click
 from scenarios.cli.common_options import json_option, rerun_option, tables_option, time_option
 from scenarios.cli.display_options import Tables
 from scenarios.cli.error_lines import clear_errors, warn_of_log
-from scenarios.definition.errors import require
+from scenarios.definition.errors import ScenarioError, require
+from transport.texts import printable
 
 
 @click.command(
@@ -43,11 +44,24 @@ def review(log: Path, *, rerun: str) -> None:
         click.echo(f"{count} messages drawn")
 
 
-@click.command(epilog="Example: convoy report runs/20260101-120000-lane_change/run.mcap")
+@click.command(
+    epilog="""\b
+Examples:
+  convoy report runs/20260101-120000-lane_change/run.mcap
+  convoy report run.mcap --html run.html    one file that needs no network
+"""
+)
 @click.argument("log", type=click.Path(path_type=Path))
+@click.option(
+    "--html",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Write tables, pictures and definitions into one HTML file instead, for any browser. An"
+    " existing file is replaced.",
+)
 @json_option("Print the summary as JSON.")
 @tables_option("all")
-def report(log: Path, *, as_json: bool, tables: Tables) -> None:
+def report(log: Path, *, html: Path | None, as_json: bool, tables: Tables) -> None:
     """Print the tables of a recorded run.
 
     LOG is a run.mcap or its folder. It may be incomplete, damaged, or of a run that still runs.
@@ -64,9 +78,15 @@ def report(log: Path, *, as_json: bool, tables: Tables) -> None:
         log = log_in(log)
         running = log.name == LOG_NAME and is_claimed(log.parent)
         summary = summary_of(log, warn_of_log, running=running)
+        if html is not None:
+            from scenarios.results.recorded.run_record import RunRecord
+            from scenarios.results.report.page import write_report
+
+            write_report(RunRecord(log), html, summary)
+            click.echo(f"written: {html}", err=as_json)
         if as_json:
             click.echo(to_json(summary), nl=False)
-        else:
+        elif html is None:
             print_summary(summary, log, Console(), tables)
 
 
@@ -104,3 +124,61 @@ def explain(log: Path, *, vehicle: str, at_s: float, as_json: bool) -> None:
             click.echo(json.dumps(fields, indent=2))
         else:
             print_explanation(explanation, Console())
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  convoy note runs/first --at 9.1 "v3 leaves the lane here"
+  convoy note runs/first                 lists the notes
+  convoy note runs/first --delete 2
+"""
+)
+@click.argument("log", type=click.Path(path_type=Path))
+@click.argument("text", required=False)
+@time_option("--at", help_text="Time after the start of the run, for a new note.")
+@click.option(
+    "--delete", type=click.IntRange(min=1), metavar="N", help="Delete the note with this number."
+)
+@json_option("Print the notes as JSON.")
+def note(
+    log: Path, text: str | None, *, at_s: float | None, delete: int | None, as_json: bool
+) -> None:
+    """Write, list or delete notes on a run.
+
+    LOG is a run.mcap or its folder. Notes are kept in run.notes.toml next to the log, which they do
+    not change. `convoy review` and `convoy report` show them.
+    """
+    import json
+    from dataclasses import asdict
+    from datetime import UTC, datetime
+
+    from scenarios.results.log_queries.notes import (
+        RunNote,
+        add_note,
+        delete_note,
+        duration_s,
+        read_notes,
+    )
+    from scenarios.results.log_summary import log_in
+
+    if (text is None) != (at_s is None):
+        raise click.UsageError("a new note needs both: --at TIME and TEXT")
+    if text is not None and not text.strip():
+        raise click.UsageError("TEXT: given an empty note")
+    with clear_errors():
+        log = log_in(log)
+        ends_s = duration_s(log)
+        if delete is not None:
+            delete_note(log, delete)
+        if text is not None and at_s is not None:
+            if at_s > ends_s:
+                raise ScenarioError([f"--at: given {at_s:g} s, the run ends at {ends_s:.2f} s"])
+            now = datetime.now(tz=UTC).isoformat(timespec="seconds")
+            add_note(log, RunNote(at_s=at_s, text=printable(text.strip()), written_at=now))
+        notes = read_notes(log)
+        if as_json:
+            click.echo(json.dumps([asdict(one) for one in notes], indent=2))
+        else:
+            for number, one in enumerate(notes, 1):
+                click.echo(f"{number:3}  {one.at_s:8.2f} s  {one.text}")

@@ -76,6 +76,7 @@ for command in (
     log_commands.review,
     log_commands.report,
     log_commands.explain,
+    log_commands.note,
     diff,
     compare,
     export,

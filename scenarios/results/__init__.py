@@ -18,5 +18,6 @@ log_summary   summary and scenario from a log alone
 drives        the drive of each vehicle as arrays
 recorded/     a log as tables, by vehicle and link
 log_queries/  explain an instant, repeat a session
+report/       the report of a run as one HTML file
 pictures/     the picture of a run and of its log
 """

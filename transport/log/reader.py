@@ -52,6 +52,8 @@ class LogReader:
                     f"with <topic> one of {', '.join(TOPICS)}"
                 )
             raise LogError(self.damage or f"{path}: {why}")
+        self.first_at = min((head.first_at for _, head in self._file.chunks), default=0)
+        """Instant (ns) at which the first message was recorded."""
         self.last_at = max((head.last_at for _, head in self._file.chunks), default=0)
         """Instant (ns) at which the last message was recorded."""
         self.vehicles = tuple(sorted({vehicle for vehicle, _ in self.counts}))

@@ -2,4 +2,5 @@
 
 explain   what a vehicle knew at an instant, and why no more
 session   the scenario that repeats it, with what was changed by hand
+notes     notes on instants, in a file next to the log
 """

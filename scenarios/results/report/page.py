@@ -1,0 +1,161 @@
+"""The report of a run as one HTML file: no request to a network, light and dark."""
+
+import shlex
+from collections.abc import Iterator
+from importlib.resources import files
+from pathlib import Path
+
+from scenarios.results.files import write_whole
+from scenarios.results.holes import hole_lines
+from scenarios.results.log_queries.notes import read_notes
+from scenarios.results.outcome import with_outcome_line
+from scenarios.results.recorded.run_record import RunRecord
+from scenarios.results.report.markup import Markup, element, join
+from scenarios.results.report.plots import RunPlots, TimeMark, colour_code
+from scenarios.results.report.tables import (
+    MOST_EVENTS,
+    all_figures,
+    event_table,
+    event_text,
+    limit_table,
+    lines_table,
+    link_table,
+    string_table,
+    vehicle_table,
+)
+from scenarios.results.summary import RunSummary
+from transport.colours import colour_of
+
+MOST_BYTES = 500_000
+MOST_HOLES = 10
+POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
+"""The page may load nothing."""
+STRING_HINT = (
+    "Errors are the true distances from the path that the lead drove. A ratio compares a vehicle "
+    "with the one ahead of it; above 1 the error grows along the string. The last row compares the "
+    "last follower with the first one."
+)
+
+
+def write_report(record: RunRecord, path: Path, summary: RunSummary | None = None) -> None:
+    """Write the report of a run; `summary` is by default that of its log.
+
+    An existing file is replaced. Raises LogError or OSError.
+    """
+    write_whole(path, report_page(record, summary or record.summary).encode())
+
+
+def report_page(record: RunRecord, summary: RunSummary) -> str:
+    """The page as text; less detailed if it would exceed `MOST_BYTES`."""
+    page = _page(record, summary, detailed=True)
+    if len(page.encode()) > MOST_BYTES:
+        page = _page(record, summary, detailed=False)
+    return page
+
+
+def _page(record: RunRecord, summary: RunSummary, *, detailed: bool) -> str:
+    about = summary.identity
+    title = about.title or f"{about.scenario}, seed {about.seed}"
+    head = element(
+        "head",
+        element("meta", charset="utf-8"),
+        element("meta", name="viewport", content="width=device-width, initial-scale=1"),
+        element("meta", http_equiv="Content-Security-Policy", content=POLICY),
+        element("title", title),
+        element("style", Markup(_resource("page.css"))),
+    )
+    body = element(
+        "body",
+        *_header(record, summary, title),
+        *_sections(record, summary, detailed=detailed),
+        element("script", Markup(_resource("page.js"))),
+    )
+    return f"<!DOCTYPE html>\n{element('html', head, body, lang='en')}\n"
+
+
+def _resource(name: str) -> str:
+    return files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
+def _header(record: RunRecord, summary: RunSummary, title: str) -> Iterator[Markup]:
+    about = summary.identity
+    line = with_outcome_line(summary).outcome_line
+    kind = "good" if line.startswith("OK") else "bad" if line.startswith("FAILED") else None
+    yield element("h1", title)
+    yield element("p", line, class_=" ".join(filter(None, ("outcome", kind))))
+    versions = ", ".join(f"{name} {version}" for name, version in about.versions.items())
+    yield element(
+        "p",
+        f"scenario {about.scenario}, seed {about.seed}, {about.clock} clock, "
+        f"{summary.ran_s:.1f} of {summary.duration_s:.1f} s; {versions}",
+        class_="about",
+    )
+    log = shlex.quote(str(record.log))
+    commands = (f"convoy review {log}", f"convoy report {log}")
+    codes = [part for text in commands for part in (element("code", text), Markup(" "))]
+    yield element("p", *codes)
+    reasons = [f"failed: {reason}" for reason in summary.reason.split("; ") if reason]
+    warnings = [*reasons, *_unrecorded(record, summary), *summary.warnings]
+    if warnings:
+        yield element(
+            "div", element("ul", *(element("li", text) for text in warnings)), class_="warnings"
+        )
+
+
+def _unrecorded(record: RunRecord, summary: RunSummary) -> Iterator[str]:
+    """Describe what is missing in the log, and so in the figures."""
+    if faults := summary.log_faults or record.faults:
+        yield faults
+    yield from hole_lines(summary.holes, MOST_HOLES)
+    for row in summary.vehicles:
+        if row.silent_from_s is not None:
+            yield f"silent: {row.name} from {row.silent_from_s:.2f} s after the start on"
+
+
+def _sections(record: RunRecord, summary: RunSummary, *, detailed: bool) -> Iterator[Markup]:
+    names = list(record.vehicle_names)
+    colours = {name: colour_code(colour_of(place)) for place, name in enumerate(names)}
+    yield from _section("Vehicles", vehicle_table(summary, colours))
+    yield from _section("Errors along the string", string_table(summary), STRING_HINT)
+
+    def command(at_s: float) -> str:
+        return f"convoy review {shlex.quote(str(record.log))} --at {at_s:.2f}"
+
+    hint = "A click on a time moves the cursor of the pictures, one on a command copies it."
+    yield from _section("Events", event_table(summary, command), hint)
+    notes = read_notes(record.log)
+    if notes:
+        yield from _section("Notes", lines_table([(note.at_s, note.text) for note in notes]))
+    if summary.changes:
+        changes = [
+            (
+                change.at_s,
+                " ".join(filter(None, (change.kind, change.target)))
+                + (f" for {change.for_s:g} s" if change.for_s is not None else "")
+                + (" by hand" if change.by_hand else ""),
+            )
+            for change in summary.changes
+        ]
+        yield from _section("Changes", lines_table(changes))
+    events = summary.events[:MOST_EVENTS]
+    marks = [TimeMark(event.at_s, event_text(event), "event") for event in events]
+    marks += [TimeMark(note.at_s, note.text, "note") for note in notes]
+    plots = RunPlots(record, summary.ran_s, marks)
+    if not plots.is_empty:
+        readout = element("div", "Move over a picture to read its values.", id="readout")
+        pictures = element("section", readout, plots.legend(), *plots.figures(), id="pictures")
+        yield from _section("Pictures over time, s", pictures)
+    yield from _section("Links", link_table(summary))
+    yield from _section("Limits", limit_table(summary))
+    if detailed:
+        yield from _section("All figures", all_figures(summary))
+    else:
+        text = "All figures are in summary.json; `convoy reference fields` defines them."
+        yield from _section("All figures", element("p", text))
+
+
+def _section(title: str, content: Markup | None, hint: str = "") -> Iterator[Markup]:
+    if content is not None:
+        yield join(
+            element("h2", title), element("p", hint, class_="hint") if hint else None, content
+        )

@@ -1,0 +1,270 @@
+"""Tables of a report: figures by vehicle and link, events, and the definition of each figure."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from math import isfinite
+from typing import Any
+
+from scenarios.results.channel.link_summary import LinkSummary
+from scenarios.results.events.run_event import RunEvent
+from scenarios.results.report.markup import Markup, element, join
+from scenarios.results.summary import RunSummary, documented_fields
+from scenarios.results.vehicles.string_errors import head_to_tail, string_errors
+from scenarios.results.vehicles.vehicle_figures import VehicleSummary
+from vehicles.messages import MODES
+
+Cell = tuple[str, Callable[[Any], Any], float, str]
+"""Heading, value of a row, factor and format."""
+MOST_LINKS, MOST_DETAILED, MOST_EVENTS = 60, 24, 200
+"""Rows of links, links with all figures (those that lost most), and rows of events."""
+
+VEHICLE_CELLS: Sequence[Cell] = (
+    ("largest error, cm", lambda row: row.cross_track_error_m_max, 100.0, ".1f"),
+    ("rms error, cm", lambda row: row.cross_track_error_m_rms, 100.0, ".1f"),
+    ("at, s", lambda row: row.cross_track_error_max_at_s, 1.0, ".2f"),
+    ("largest road error, cm", lambda row: row.road_error_m_max, 100.0, ".1f"),
+    ("least gap, m", lambda row: row.true_gap_m_min, 1.0, ".2f"),
+    ("largest self-estimated error, cm", lambda row: row.lateral_error_m_max, 100.0, ".1f"),
+    ("friction used, %", lambda row: row.friction_ratio_max, 100.0, ".0f"),
+    ("stops", lambda row: row.reaction.stops, 1.0, "d"),
+    ("blind, m", lambda row: row.reaction.blind_m, 1.0, ".1f"),
+    ("distance, m", lambda row: row.distance_m, 1.0, ".0f"),
+)
+LINK_CELLS: Sequence[Cell] = (
+    ("sent", lambda row: row.sent, 1.0, "d"),
+    ("delivered", lambda row: row.delivered, 1.0, "d"),
+    ("lost, %", lambda row: row.loss_ratio, 100.0, ".1f"),
+    ("requested, %", lambda row: row.requested_loss_ratio, 100.0, ".3g"),
+    ("longest burst", lambda row: row.burst_messages_max, 1.0, "d"),
+    ("mean latency, ms", lambda row: row.latency_ms_mean, 1.0, ".1f"),
+    ("mean age, ms", lambda row: row.age_ms_mean, 1.0, ".0f"),
+    ("largest age, ms", lambda row: row.age_ms_max, 1.0, ".0f"),
+)
+
+
+def table(headings: Sequence[str], rows: Sequence[Sequence[Markup]], kind: str = "") -> Markup:
+    """Make a table in a frame that scrolls sideways; the first cell of a row is its heading."""
+    head = element("tr", *(element("th", heading, scope="col") for heading in headings))
+    body = [element("tr", *cells) for cells in rows]
+    whole = element("table", element("thead", head), element("tbody", *body), class_=kind or None)
+    return element("div", whole, class_="wide")
+
+
+def number(value: Any, factor: float = 1.0, form: str = ".4g") -> Markup:
+    """Make a cell with a figure; its `data-value` is the number of `summary.json`."""
+    if value is None or (isinstance(value, float) and not isfinite(value)):
+        return element("td", "–", class_="n")
+    scaled = value if factor == 1.0 else value * factor
+    return element("td", format(scaled, form), class_="n", data_value=repr(value))
+
+
+def name_cell(text: str, colour: str | None = None) -> Markup:
+    style = f"--key:{colour}" if colour else None
+    inside = element("span", text, class_="key", style=style) if colour else text
+    return element("th", inside, scope="row")
+
+
+def vehicle_table(summary: RunSummary, colours: Mapping[str, str]) -> Markup:
+    rows = [
+        [
+            name_cell(row.name + (" (lead)" if row.role == "lead" else ""), colours.get(row.name)),
+            *(number(value(row), factor, form) for _, value, factor, form in VEHICLE_CELLS),
+        ]
+        for row in summary.vehicles
+    ]
+    return table(["vehicle", *(heading for heading, *_ in VEHICLE_CELLS)], rows, "figures")
+
+
+def string_table(summary: RunSummary) -> Markup | None:
+    """Errors of each follower, and their ratios from vehicle to vehicle and head to tail."""
+    errors = string_errors(summary.vehicles)
+    if not errors:
+        return None
+    largest = max((row.error_m_max or 0.0 for row in errors), default=0.0)
+    rows = []
+    for row in errors:
+        share = 100.0 * (row.error_m_max or 0.0) / largest if largest else 0.0
+        bar = element("td", element("span", class_="bar", style=f"width:{share:.1f}%"), class_="b")
+        rows.append(
+            [
+                name_cell(row.vehicle),
+                bar,
+                number(row.error_m_max, 100.0, ".1f"),
+                number(row.error_m_rms, 100.0, ".2f"),
+                _ratio(row.ratio_max),
+                _ratio(row.ratio_rms),
+            ]
+        )
+    if len(errors) > 1:
+        whole_max, whole_rms = head_to_tail(errors)
+        label = f"{errors[0].vehicle} to {errors[-1].vehicle}"
+        empty = element("td")
+        rows.append([name_cell(label), empty, empty, empty, _ratio(whole_max), _ratio(whole_rms)])
+    headings = ("vehicle", "largest error", "largest, cm", "rms, cm", "ratio of largest", "of rms")
+    return table(headings, rows, "figures")
+
+
+def _ratio(value: float | None) -> Markup:
+    if value is None:
+        return number(None)
+    kind = "n grows" if value > 1.0 else "n"
+    return element("td", f"{value:.2f}", class_=kind, data_value=repr(value))
+
+
+def link_table(summary: RunSummary) -> Markup | None:
+    if not summary.links:
+        return None
+    rows = []
+    for row in _worst(summary.links, MOST_LINKS):
+        causes = {**row.dropped, **row.not_arrived}
+        text = ", ".join(f"{count} {word.replace('_', ' ')}" for word, count in causes.items())
+        cells = [number(value(row), factor, form) for _, value, factor, form in LINK_CELLS]
+        rows.append([name_cell(link_name(row)), *cells, element("td", text)])
+    return table(
+        ["link", *(heading for heading, *_ in LINK_CELLS), "lost by cause"], rows, "figures"
+    )
+
+
+def link_name(row: LinkSummary) -> str:
+    return f"{row.sender} → {row.receiver}"
+
+
+def _worst(links: Sequence[LinkSummary], most: int) -> list[LinkSummary]:
+    worst = sorted(range(len(links)), key=lambda place: -links[place].loss_ratio)[:most]
+    return [links[place] for place in sorted(worst)]
+
+
+def event_table(summary: RunSummary, command: Callable[[float], str]) -> Markup | None:
+    """Events with the command that shows each; `command` takes its time (s)."""
+    if not summary.events:
+        return None
+    rows = [
+        [time_cell(event.at_s), element("td", event_text(event)), command_cell(command(event.at_s))]
+        for event in summary.events[:MOST_EVENTS]
+    ]
+    return table(("at, s", "event", "command that shows it"), rows)
+
+
+def event_text(event: RunEvent) -> str:
+    """Describe an event without its time, unless that is an interval."""
+    return event.line.removesuffix(f", {event.at_s:.2f} s after the start")
+
+
+def time_cell(at_s: float) -> Markup:
+    """A time; a click on it moves the cursor there."""
+    button = element("button", f"{at_s:.2f}", class_="at", data_at=f"{at_s:.9g}", type="button")
+    return element("th", button, scope="row", data_value=repr(at_s))
+
+
+def command_cell(text: str) -> Markup:
+    return element("td", element("code", text))
+
+
+def lines_table(rows: Sequence[tuple[float, str]]) -> Markup:
+    """Times with a text, such as changes and notes."""
+    return table(("at, s", "what"), [[time_cell(at), element("td", text)] for at, text in rows])
+
+
+def limit_table(summary: RunSummary) -> Markup | None:
+    if not summary.limits:
+        return None
+    rows = [
+        [
+            name_cell(" ".join(filter(None, (row.vehicle, row.limit, row.action)))),
+            number(row.bound),
+            number(row.value),
+            element("td", row.message or "kept", class_="grows" if row.broken else None),
+        ]
+        for row in summary.limits
+    ]
+    return table(("limit", "allowed", "value", "result"), rows, "figures")
+
+
+# ---- All figures with their definitions
+
+
+def all_figures(summary: RunSummary) -> Markup:
+    """Every figure of the summary by vehicle and by link, with its definition."""
+    docs = documented_fields()
+    detailed = _worst(summary.links, MOST_DETAILED)
+    left_out = len(summary.links) - len(detailed)
+    note = f" (the {len(detailed)} that lost most; the others are in summary.json)"
+    return join(
+        _details(
+            "All figures of the vehicles, with definitions",
+            _transposed([row.name for row in summary.vehicles], summary.vehicles, docs, "vehicles"),
+        ),
+        _details(
+            "All figures of the links, with definitions" + (note if left_out else ""),
+            _transposed([link_name(row) for row in detailed], detailed, docs, "links"),
+        )
+        if detailed
+        else None,
+        _details(
+            "Modes",
+            table(
+                ("mode", "meaning"),
+                [[name_cell(mode), element("td", text)] for mode, text in MODES.items()],
+            ),
+        ),
+        _details("Definitions of the other fields of summary.json", _definitions(docs)),
+    )
+
+
+def _details(title: str, content: Markup) -> Markup:
+    return element("details", element("summary", title), content)
+
+
+def _transposed(
+    names: Sequence[str],
+    rows: Sequence[VehicleSummary] | Sequence[LinkSummary],
+    docs: Mapping[str, Mapping[str, str]],
+    kind: str,
+) -> Markup:
+    """Make a row for each field, and a column for each vehicle or link."""
+    values = [dict(_flattened(row)) for row in rows]
+    known = dict.fromkeys(name for of_row in values for name in of_row)
+    body = []
+    for name in known:
+        doc = _doc(name, docs, kind)
+        cells = [_any_cell(of_row.get(name)) for of_row in values]
+        body.append([element("th", name, scope="row"), *cells, element("td", doc, class_="doc")])
+    return table(["figure", *names, "definition"], body, "all")
+
+
+def _flattened(row: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the numbers of a summary's entry by dotted names."""
+    entries = (
+        [(one.name, getattr(row, one.name)) for one in fields(row)]
+        if is_dataclass(row)
+        else list(row.items())
+    )
+    for name, value in entries:
+        if prefix + name == "requested":  # settings, not figures
+            continue
+        if is_dataclass(value) or isinstance(value, Mapping):
+            yield from _flattened(value, f"{prefix}{name}.")
+        elif value is None or isinstance(value, int | float):
+            yield prefix + name, value
+
+
+def _doc(name: str, docs: Mapping[str, Mapping[str, str]], kind: str) -> str:
+    head, _, rest = name.partition(".")
+    nested = docs.get(f"{kind}[].{head}", {})
+    return nested.get(rest) or docs[f"{kind}[]"].get(head, "")
+
+
+def _any_cell(value: Any) -> Markup:
+    if isinstance(value, bool):
+        return element("td", "yes" if value else "no", class_="n", data_value=repr(value))
+    return number(value, form="d" if isinstance(value, int) else ".4g")
+
+
+def _definitions(docs: Mapping[str, Mapping[str, str]]) -> Markup:
+    rows = [
+        [name_cell(f"{group}.{name}" if group != "summary.json" else name), element("td", doc)]
+        for group, entries in docs.items()
+        if not group.startswith(("vehicles[]", "links[]"))
+        for name, doc in entries.items()
+    ]
+    return table(("field", "definition"), rows, "all")

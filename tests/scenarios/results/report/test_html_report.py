@@ -1,0 +1,235 @@
+"""`convoy report --html`: figures of the summary, one file, no network; and notes."""
+
+import json
+import re
+import shutil
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from scenarios.cli.main import cli
+from scenarios.definition.scenario import load_scenario
+from scenarios.results.recorded.run_record import RunRecord
+from scenarios.results.report.axes import Scale, thinned
+from scenarios.results.report.markup import element
+from scenarios.results.report.page import MOST_BYTES, report_page
+from scenarios.results.summary import documented_fields
+from scenarios.runs.stop import Stop
+from scenarios.runs.virtual.logged_run import run_virtual
+from transport.log.mcap_file import McapFile
+from transport.log.reader import LogReader
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run whose links are cut, with events."""
+    out = tmp_path_factory.mktemp("cut") / "run"
+    settings = ["duration_s=4.0", "change=[{kind='cut', at_s=1, for_s=2}]"]
+    run_virtual(load_scenario("lossy_lane_change", settings), out, Stop())
+    return out
+
+
+@pytest.fixture(scope="module")
+def page(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
+    out = tmp_path_factory.mktemp("page") / "run.html"
+    assert run("report", folder, "--html", out).exit_code == 0
+    return out.read_text(encoding="utf-8")
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(cli, [str(argument) for argument in arguments])
+
+
+class Page(HTMLParser):
+    """Tables as rows of (text, data-value), and all attributes."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tables: list[list[list[tuple[str, str | None]]]] = []
+        self.attributes: list[tuple[str, str, str]] = []
+        self.open: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = {name: value or "" for name, value in attrs}
+        self.attributes += [(tag, name, value) for name, value in given.items()]
+        if tag != "meta":
+            self.open.append(tag)
+        if tag == "table":
+            self.tables.append([])
+        elif tag == "tr":
+            self.tables[-1].append([])
+        elif tag in {"td", "th"}:
+            self.tables[-1][-1].append(("", given.get("data-value")))
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.attributes += [(tag, name, value or "") for name, value in attrs]
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if {"td", "th"} & set(self.open):
+            text, value = self.tables[-1][-1][-1]
+            self.tables[-1][-1][-1] = (text + data, value)
+
+    def table(self, heading: str) -> list[list[tuple[str, str | None]]]:
+        return next(table for table in self.tables if table[0][0][0] == heading)
+
+
+def figures(rows: Any) -> dict[tuple[str, str], str | None]:
+    """Exact values by name of the column and of the row."""
+    head, *body = rows
+    return {
+        (head[place][0], row[0][0]): cell[1]
+        for row in body
+        for place, cell in enumerate(row)
+        if place
+    }
+
+
+def test_figures_equal_the_summary(folder: Path, page: str) -> None:
+    summary = json.loads((folder / "summary.json").read_text())
+    content = Page(page)
+    assert content.open == []
+    tables = [table for table in content.tables if table[0][0][0] == "figure"]
+    rows = {row["name"]: row for row in summary["vehicles"]}
+    rows |= {f"{row['sender']} → {row['receiver']}": row for row in summary["links"]}
+    compared = 0
+    for table in tables:
+        for (name, field), value in figures(table).items():
+            if name == "definition":
+                continue
+            expected = rows[name]
+            for part in field.split("."):
+                expected = expected.get(part, None) if isinstance(expected, dict) else None
+            assert (None if value is None else json.loads(value.lower())) == expected, (name, field)
+            compared += value is not None
+    assert compared > 100
+    largest = figures(content.table("vehicle"))["largest error, cm", "v2"]
+    assert largest == repr(rows["v2"]["cross_track_error_m_max"])
+
+
+def test_every_figure_is_defined(page: str) -> None:
+    docs = documented_fields()
+    for table in (one for one in Page(page).tables if one[0][0][0] == "figure"):
+        for row in table[1:]:
+            assert row[-1][0], row[0]
+    for name in docs["summary.json"]:
+        assert name in page
+
+
+def test_the_page_needs_no_network(page: str) -> None:
+    assert len(page.encode()) < MOST_BYTES
+    for tag, name, value in Page(page).attributes:
+        assert name not in {"src", "href", "srcset", "action", "data"}, (tag, name, value)
+        assert not name.startswith("on"), (tag, name)
+    assert not re.search(r"https?://|url\(|@import|fetch\(|XMLHttpRequest|import\(", page)
+    policies = [value for _, _, value in Page(page).attributes if "default-src" in value]
+    assert policies[0].startswith("default-src 'none';")
+
+
+def test_each_event_has_the_command_that_shows_it(folder: Path, page: str) -> None:
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary["events"]
+    for event in summary["events"]:
+        assert f"convoy review {folder}/run.mcap --at {event['at_s']:.2f}" in page
+
+
+def test_a_long_convoy_fits_the_size(tmp_path: Path) -> None:
+    settings = ["duration_s=0.5", "convoy.vehicles=16", "links.loss_ratio=0.3"]
+    run_virtual(load_scenario("lane_change", settings), tmp_path / "run", Stop())
+    record = RunRecord(tmp_path / "run")
+    assert len(report_page(record, record.summary).encode()) < MOST_BYTES
+
+
+def test_texts_of_a_log_are_escaped(folder: Path, tmp_path: Path) -> None:
+    shutil.copytree(folder, tmp_path / "run")
+    assert run("note", tmp_path / "run", "--at", "1", "</td><script>x</script>").exit_code == 0
+    record = RunRecord(tmp_path / "run")
+    text = report_page(record, record.summary)
+    assert "&lt;/td&gt;&lt;script&gt;x&lt;/script&gt;" in text
+    assert text.count("<script>") == 1
+    assert element("p", "a & b", title='"x"') == '<p title="&quot;x&quot;">a &amp; b</p>'
+
+
+def test_damage_is_named(folder: Path, tmp_path: Path) -> None:
+    log = folder / "run.mcap"
+    data = bytearray(log.read_bytes())
+    _, head = McapFile(log).chunks[1]
+    data[(head.packed.start + head.packed.end) // 2] ^= 1
+    damaged = tmp_path / "run.mcap"
+    damaged.write_bytes(data)
+    out = tmp_path / "run.html"
+    result = run("report", damaged, "--html", out)
+    assert result.exit_code == 0
+    faults = LogReader(damaged).faults
+    assert f"warning: {faults}" in result.stderr.splitlines()
+    assert faults.replace("&", "&amp;") in out.read_text(encoding="utf-8")
+
+
+def test_thinning_keeps_extremes_and_breaks() -> None:
+    at = np.linspace(0.0, 10.0, 5000)
+    values = np.sin(7.0 * at)
+    values[1234] = 5.0
+    values[4000:4100] = np.nan
+    times, kept = thinned(at, values, 100)
+    assert times.size < 200
+    assert (np.nanmax(kept), np.nanmin(kept)) == (5.0, np.nanmin(values))
+    assert np.isnan(kept).any()
+    assert (times[0], times[-1]) == (0.0, 10.0)
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.0, 35.0), (-3.2, 0.3), (0.0, 1e-4), (2.0, 2.0)])
+def test_ticks_are_round_and_inside(low: float, high: float) -> None:
+    ticks = Scale(low, high, 0.0, 100.0).ticks(5)
+    assert 1 <= len(ticks) <= 12
+    assert all(low - 1e-12 <= tick <= high + 1e-12 for tick in ticks)
+
+
+# ---- Notes
+
+
+def test_notes_are_listed_in_order_deleted_and_survive_copying(
+    folder: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(folder, tmp_path / "run")
+    copied = tmp_path / "run"
+    before = (copied / "run.mcap").read_bytes()
+    for at, text in (("3s", "later"), ("1500ms", "earlier: „ä“ [x]\n")):
+        assert run("note", copied, "--at", at, text).exit_code == 0
+    assert (copied / "run.mcap").read_bytes() == before
+    shutil.copytree(copied, tmp_path / "again")
+    notes = json.loads(run("note", tmp_path / "again", "--json").stdout)
+    assert [(note["at_s"], note["text"]) for note in notes] == [
+        (1.5, "earlier: „ä“ [x]"),
+        (3.0, "later"),
+    ]
+    assert run("note", copied, "--delete", "1").exit_code == 0
+    assert [note["text"] for note in json.loads(run("note", copied, "--json").stdout)] == ["later"]
+    assert run("note", copied, "--delete", "2").exit_code == 2
+    assert run("note", copied, "--delete", "1").exit_code == 0
+    assert not (copied / "run.notes.toml").exists()
+
+
+@pytest.mark.parametrize(
+    "arguments", [("--at", "1"), ("text",), ("--at", "1", "  "), ("--at", "99", "text")]
+)
+def test_an_incomplete_note_is_refused(folder: Path, arguments: tuple[str, ...]) -> None:
+    result = run("note", folder, *arguments)
+    assert result.exit_code == 2
+    assert not list(folder.glob("*.toml"))
+
+
+@pytest.mark.parametrize("content", ["note = 1", "[[note]]\ntext = 'x'", "\xff", "x ="])
+def test_an_invalid_file_of_notes_is_named(folder: Path, tmp_path: Path, content: str) -> None:
+    shutil.copytree(folder, tmp_path / "run")
+    path = tmp_path / "run" / "run.notes.toml"
+    path.write_bytes(content.encode("latin-1"))
+    result = run("note", tmp_path / "run")
+    assert result.exit_code == 2
+    assert str(path) in result.stderr
