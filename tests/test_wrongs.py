@@ -52,13 +52,18 @@ WRONGS = {
     "a stranger as the recorder of a started run":
         f"{VEHICLE}::test_a_stranger_does_not_follow_the_recorder_of_a_started_run",
     "a forged end": f"{VEHICLE}::test_only_the_recorder_of_the_run_ends_it",
+    "a forged start": f"{VEHICLE}::test_only_the_recorder_of_the_run_starts_it",
+    "a forged answer of a clock":
+        f"{CLOCKS}::test_a_replayed_answer_is_counted_and_measures_nothing",
+    "a host that is cut off for good":
+        f"{ACCOUNT}::test_a_vehicle_that_was_cut_off_for_good_is_named",
     "messages in the name of the run":
         f"{RUNS}/test_recorder.py::test_no_other_process_sends_for_the_run",
     "poses with impossible numbers":
         "transport/links/test_gate.py::test_numbers_that_no_vehicle_measures_are_absurd",
     "wrong credentials": f"{ZENOH}::test_wrong_credentials_are_not_a_missing_router",
     "a round trip of 2 s":
-        f"{ZENOH}::test_a_process_joins_and_measures_its_clock_over_a_long_round_trip",
+        f"{ZENOH}::test_processes_join_and_get_answers_over_long_round_trips",
     "a vehicle that was cut off and returns":
         f"{CONDUCTOR}::test_a_cut_off_vehicle_is_told_from_a_failed_one_and_its_return_reported",
     "a controller that raises or returns NaN":

@@ -242,7 +242,7 @@ class Membership:
         recorders = sorted((other for other in others if other.role == RECORDER), key=_order)
         if not recorders or any(map(self._takes_part, recorders)):
             return ""
-        return f"the recorder {self._fingerprint.difference(recorders[0].fingerprint)}"
+        return f"{_named(recorders[0])} {self._fingerprint.difference(recorders[0].fingerprint)}"
 
     def _refuse_namesake(self, others: Iterable[Member]) -> None:
         for other in sorted(others, key=_order):
@@ -252,11 +252,13 @@ class Membership:
             if self._role == RECORDER:
                 which = f" that {difference}" if difference else ""
                 raise BusError(
-                    f"run {self.run}: there is a recorder already{which}; give another --run"
+                    f"run {self.run}: there is a recorder already {_session(other)}{which}; "
+                    "give another --run"
                 )
             if other.name == self.name and not difference:
                 raise BusError(
-                    f"run {self.run}: there is a vehicle {self.name} already; give another --run"
+                    f"run {self.run}: there is a vehicle {self.name} already {_session(other)}; "
+                    "give another --run"
                 )
 
 
@@ -265,9 +267,13 @@ def _order(member: Member) -> tuple[str, str, str]:
 
 
 def _named(member: Member) -> str:
-    if member.role == VEHICLE:
-        return shown(member.name)
-    return f"the {shown(member.role)}"
+    name = shown(member.name) if member.role == VEHICLE else f"the {shown(member.role)}"
+    return f"{name} {_session(member)}"
+
+
+def _session(member: Member) -> str:
+    """Zenoh session of a process, which differs for a stranger of the same name."""
+    return f"(session {shown(member.session)})"
 
 
 class RecorderWatch:

@@ -1,5 +1,6 @@
 """Joining a run: who is let in, who is refused with which line, and who counts as present."""
 
+import re
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -30,6 +31,10 @@ Sleep = Callable[[float], object]
 
 def scenario(*overrides: str, name: str = "lane_change", seed: int | None = None) -> Scenario:
     return load_scenario(name, overrides, seed)
+
+
+def without_sessions(text: str) -> str:
+    return re.sub(r" \(session [0-9a-f]+\)", "", text)
 
 
 class Network:
@@ -68,7 +73,11 @@ def test_members_of_one_run_see_one_another() -> None:
 @pytest.mark.parametrize(
     ("role", "name", "line"),
     [
-        (RECORDER, "recorder", "run mine: there is a recorder already; give another --run"),
+        (
+            RECORDER,
+            "recorder",
+            "run mine: there is a recorder already; give another --run",
+        ),
         (VEHICLE, "v1", "run mine: there is a vehicle v1 already; give another --run"),
     ],
 )
@@ -80,7 +89,7 @@ def test_a_second_of_one_name_is_refused_and_the_first_stays(
     recorder = here.join(RECORDER, "recorder", scenario())
     with pytest.raises(BusError) as refused:
         here.join(role, name, scenario())
-    assert str(refused.value) == line
+    assert without_sessions(str(refused.value)) == line
     assert recorder.vehicles == {"v1"}
     assert here.network.alive == {
         member for member in here.network.alive if member.session in {"0", "1"}
@@ -91,7 +100,10 @@ def test_a_second_of_one_name_is_refused_and_the_first_stays(
     ("other", "what"),
     [
         (scenario(seed=7), "the recorder has seed 1, here it is 7"),
-        (scenario(name="highway"), "the recorder has scenario lane_change, here it is highway"),
+        (
+            scenario(name="highway"),
+            "the recorder has scenario lane_change, here it is highway",
+        ),
         (
             scenario("convoy.gap_m=4"),
             "the recorder has another content of scenario lane_change (file or --set)",
@@ -107,7 +119,7 @@ def test_a_vehicle_of_something_else_is_refused_with_what_differs(
     here.join(RECORDER, "recorder", scenario())
     with pytest.raises(BusError) as refused:
         here.join(VEHICLE, "v2", other)
-    assert str(refused.value) == f"run mine: {what}"
+    assert without_sessions(str(refused.value)) == f"run mine: {what}"
 
 
 def other_program(monkeypatch: pytest.MonkeyPatch, **parts: str) -> None:
@@ -120,7 +132,10 @@ def other_program(monkeypatch: pytest.MonkeyPatch, **parts: str) -> None:
     ("parts", "line"),
     [
         ({"convoy": "99.0"}, "the recorder has version {convoy}, here it is 99.0"),
-        ({"sources": "0" * 12}, "the recorder runs other sources: {sources}, here 000000000000"),
+        (
+            {"sources": "0" * 12},
+            "the recorder runs other sources: {sources}, here 000000000000",
+        ),
     ],
     ids=["version", "sources"],
 )
@@ -133,7 +148,7 @@ def test_a_vehicle_of_another_program_is_refused(
     other_program(monkeypatch, **parts)
     with pytest.raises(BusError) as refused:
         here.join(VEHICLE, "v2", scenario())
-    assert str(refused.value) == f"run mine: {line.format(**own)}"
+    assert without_sessions(str(refused.value)) == f"run mine: {line.format(**own)}"
     assert recorder.vehicles == set()
 
 
@@ -175,9 +190,11 @@ def test_a_vehicle_waiting_for_its_recorder_is_named_by_an_unequal_one(
     recorder = here.join(RECORDER, "recorder", scenario())
     why = f"runs other sources: {own['sources']}, here 000000000000"
     assert recorder.excluded() == {"v2": why}
-    assert recorder.new_warnings() == [f"v2 {why}; it does not take part"]
+    assert [*map(without_sessions, recorder.new_warnings())] == [f"v2 {why}; it does not take part"]
     assert recorder.new_warnings() == []
-    assert waiting.refusal().startswith("the recorder runs other sources: 000000000000")
+    assert without_sessions(waiting.refusal()).startswith(
+        "the recorder runs other sources: 000000000000"
+    )
 
 
 def test_other_versions_of_python_and_numpy_are_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -188,7 +205,7 @@ def test_other_versions_of_python_and_numpy_are_a_warning(monkeypatch: pytest.Mo
     assert recorder.vehicles == {"v2"}
     assert vehicle.recorder_is_present
     (line,) = recorder.new_warnings()
-    assert line.startswith("v2 runs ")
+    assert line.startswith("v2 (session 1) runs ")
     assert "3.99" in line
     assert "1.0" in line
 
@@ -203,7 +220,7 @@ def test_a_stranger_s_token_stops_nobody(fingerprint: str) -> None:
     assert recorder.vehicles == {"v1", "v2"}
     assert recorder.excluded() == {}
     (line,) = recorder.new_warnings()
-    assert line.startswith("v1 has ")
+    assert line.startswith("v1 (session 0) has ")
 
 
 def test_strangers_cannot_fill_the_log_with_warnings() -> None:
