@@ -8,6 +8,7 @@ import click
 
 from scenarios.runs.stop import EXIT_BAD_INPUT, EXIT_FAILED
 from transport.log.records import UnwritableError
+from transport.picture.viewer_process import UnwritableRecordingError
 from transport.texts import ConvoyError
 
 UNWRITABLE = {errno.EACCES, errno.EDQUOT, errno.EIO, errno.ENOSPC, errno.EPERM, errno.EROFS}
@@ -32,7 +33,7 @@ def clear_errors() -> Iterator[None]:
         yield
     except ConvoyError as error:
         print_error(str(error))
-        if isinstance(error, UnwritableError):
+        if isinstance(error, UnwritableError | UnwritableRecordingError):
             exit_code = EXIT_FAILED
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""

@@ -42,6 +42,7 @@ class OpenRecording(Closing):
     def __init__(self, option: RerunOption, recording_id: str, title: str = "") -> None:
         self.destination = ""
         self.enabled = option.sink != "off"
+        self._is_saved = option.sink == "save"
         self._page: Any = None
         self.recording: Any = None
         if option.sink == "off":
@@ -97,15 +98,25 @@ class OpenRecording(Closing):
         self.destination = f"http://{host}:{page_port}/?url={quote(data_url, safe='')}"
 
     def close(self) -> None:
-        """Send all data and end the programs started for the picture."""
+        """Send all data and end the programs started for the picture.
+
+        Raises UnwritableRecordingError if the file of a saved recording is incomplete.
+        """
+        failure = ""
         if self.recording is not None:
             recording, self.recording = self.recording, None
-            with suppress(RuntimeError):  # the run continues without a viewer
+            try:
                 recording.flush(timeout_sec=FLUSH_S)
+            except RuntimeError as error:  # a viewer that was closed is no failure
+                failure = str(error) if self._is_saved else ""
             recording.disconnect()
         if self._page is not None:
             viewer_process.stop(self._page)
             self._page = None
+        if failure:
+            raise viewer_process.UnwritableRecordingError(
+                f"{self.destination}: cannot write the recording: {failure.lower()}"
+            )
 
 
 class RerunView(OpenRecording):

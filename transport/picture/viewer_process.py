@@ -42,6 +42,10 @@ class ViewerError(ConvoyError):
     """A viewer cannot be shown. The message is one line with the reason and an alternative."""
 
 
+class UnwritableRecordingError(ViewerError):
+    """The file of a recording is incomplete, for example on a full disk."""
+
+
 def viewer_binary() -> Path:
     """Path of Rerun's binary; the `rerun` command is a wrapper whose child outlives it."""
     package = importlib.util.find_spec("rerun_cli")

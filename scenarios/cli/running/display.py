@@ -8,6 +8,7 @@ import click
 from rich.console import Console
 
 from scenarios.cli.display_options import DisplayOptions, start_line
+from scenarios.cli.error_lines import print_error
 from scenarios.cli.running.progress import Progress
 from scenarios.cli.summary_tables import print_summary
 from scenarios.definition.scenario import Scenario
@@ -18,6 +19,7 @@ from scenarios.results.pictures.run_drawing import open_drawing
 from scenarios.results.summary import RunSummary
 from scenarios.runs.observer import Observer, OnMessage
 from transport.picture.option import parse_rerun_option
+from transport.picture.viewer_process import UnwritableRecordingError
 
 
 def layout(
@@ -33,10 +35,17 @@ def layout(
 
 @contextmanager
 def observers(
-    scenario: Scenario, metrics: Metrics, display: DisplayOptions, folder: Path
+    scenario: Scenario,
+    metrics: Metrics,
+    display: DisplayOptions,
+    folder: Path,
+    lost: list[str],
 ) -> Iterator[list[Observer]]:
-    """Open the viewer and the progress line, which receive each recorded message."""
-    with ExitStack() as stack:
+    """Open the viewer and the progress line, which receive each recorded message.
+
+    A saved recording that is incomplete is reported, and added to `lost`: the run continues.
+    """
+    with recording_reported(lost), ExitStack() as stack:
         option = parse_rerun_option(display.rerun)
         view = stack.enter_context(open_drawing(option, scenario, folder / LOG_NAME, metrics))
         receivers: list[Observer] = [] if option.sink == "off" else [OnMessage(view.draw)]
@@ -48,6 +57,15 @@ def observers(
             progress = stack.enter_context(Progress(metrics, scenario.duration_s))
             receivers.append(progress)
         yield receivers
+
+
+@contextmanager
+def recording_reported(lost: list[str]) -> Iterator[None]:
+    try:
+        yield
+    except UnwritableRecordingError as error:
+        print_error(str(error))
+        lost.append(str(error))
 
 
 def print_start(run: str, folder: Path, display: DisplayOptions, endpoint: str = "") -> None:

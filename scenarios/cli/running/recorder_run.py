@@ -51,10 +51,10 @@ def record_run(
         member.join(sleep=machine.time.sleep)
         if not launched:
             print_start(options.run, folder, display, ", ".join(options.connect))
-        metrics = Metrics.of(scenario)
+        metrics, lost = Metrics.of(scenario), list[str]()
         with (
             layout(folder, scenario, display),
-            observers(scenario, metrics, display, folder) as watchers,
+            observers(scenario, metrics, display, folder, lost) as watchers,
         ):
             stop.begun = True
             recorder = RecorderProcess(
@@ -78,7 +78,9 @@ def record_run(
             print_error(f"the run is over, but {', '.join(remaining)} did not end")
     if display.quiet and summary.reason not in {"", stop.reason}:
         print_error(summary.reason)
-    return (stop.exit_code or EXIT_FAILED) if summary.reason else 0
+    if summary.reason:
+        return stop.exit_code or EXIT_FAILED
+    return EXIT_FAILED if lost else 0
 
 
 def summarise_repaired_log(folder: Path, display: DisplayOptions) -> None:

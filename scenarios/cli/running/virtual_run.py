@@ -19,14 +19,16 @@ def run_virtually(
     options: DisplayOptions,
 ) -> int:
     print_start(run, folder, options)
-    metrics = Metrics.of(scenario)
+    metrics, lost = Metrics.of(scenario), list[str]()
     with (
         layout(folder, scenario, options),
-        observers(scenario, metrics, options, folder) as watchers,
+        observers(scenario, metrics, options, folder, lost) as watchers,
     ):
         stop.begun = True
         summary = run_virtual(scenario, folder, stop, metrics=metrics, observers=watchers)
     show(summary, folder, options)
     if options.quiet and stop.exit_code == EXIT_FAILED:  # signals are reported when they arrive
         print_error(summary.reason)
-    return stop.exit_code if summary.reason else 0
+    if summary.reason:
+        return stop.exit_code
+    return EXIT_FAILED if lost else 0

@@ -227,7 +227,7 @@ def test_plausible_messages_are_used_or_counted(tmp_path: Path, campaign: int) -
 
     metrics = Metrics.of(trial())
     display = DisplayOptions(rerun=f"save={tmp_path / 'run.rrd'}")
-    with observers(trial(), metrics, display, tmp_path) as watchers:
+    with observers(trial(), metrics, display, tmp_path, []) as watchers:
         run = drive(tmp_path, anything, campaign, metrics, watchers)
     came = run.honest.total() + run.hostile.total()
     counted = run.recorded + sum(run.summary.recorder_rejected_messages.values())
