@@ -1,6 +1,6 @@
 """Limits judged by the figures and events of a run: each with its figure and its instant."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from math import inf
 from operator import attrgetter
 
@@ -32,16 +32,21 @@ def limit_figures(
 ) -> tuple[LimitFigure, ...]:
     """Return the figure of each limit, kept, broken or not judged; `events` are in order of time.
 
-    A limit on a figure of vehicles is there once for each of them that has that figure, or without
-    one where no vehicle has it. A limit of one vehicle replaces that of the convoy for it. Limits
-    over messages that are missing in the log, in the times `unseen`, are not judged.
+    A limit on a figure of vehicles is there once for each of them that has that figure or lacks
+    messages, or without one where no vehicle has it. A limit of one vehicle replaces that of the
+    convoy for it. Limits over messages that are missing in the log, in the times `unseen`, are not
+    judged.
     """
     known = list(limits_of(limits))
     counts = [_count(limit, events) for limit in known if limit.row.event]
     if limits.collisions_max is None and limits.after_collision == "end":
         counts = [_first_collision(events), *counts]
+    incomplete = {span.vehicle for span in unseen}
     figures = [
-        result for limit in known if limit.row.figure for result in _figures(limit, known, vehicles)
+        result
+        for limit in known
+        if limit.row.figure
+        for result in _figures(limit, known, vehicles, incomplete)
     ]
     every = (*counts, *figures, *map(_deadline, deadlines))
     names = [vehicle.name for vehicle in vehicles]
@@ -106,9 +111,15 @@ def _first_collision(events: Sequence[RunEvent]) -> LimitFigure:
 
 
 def _figures(
-    limit: Limit, limits: Sequence[Limit], vehicles: Sequence[VehicleSummary]
+    limit: Limit,
+    limits: Sequence[Limit],
+    vehicles: Sequence[VehicleSummary],
+    incomplete: Collection[str],
 ) -> Iterator[LimitFigure]:
-    """Yield the figure of each vehicle that a limit applies to, or one None if none is known."""
+    """Yield the figure of each vehicle that a limit applies to, or one None if none is known.
+
+    An `incomplete` vehicle, which lacks messages, has one in any case.
+    """
     own = {other.vehicle for other in limits if other.key == limit.key and other.vehicle}
     if limit.vehicle:
         rows = [row for row in vehicles if row.name == limit.vehicle]
@@ -120,8 +131,12 @@ def _figures(
         yield LimitFigure(
             limit=limit.name, bound=limit.bound, value=figure, vehicle=row.name, message=line
         )
-    applies = any(row.role == "follower" or limit.row.of_lead for row in rows)
-    if not known and (applies or limit.vehicle or not own):
+    judged = [row for row in rows if row.role == "follower" or limit.row.of_lead]
+    names = [row.name for row, _ in known]
+    lacking = [row.name for row in judged if row.name in incomplete and row.name not in names]
+    for name in lacking:
+        yield LimitFigure(limit=limit.name, bound=limit.bound, value=None, vehicle=name)
+    if not known and not lacking and (judged or limit.vehicle or not own):
         yield LimitFigure(limit=limit.name, bound=limit.bound, value=None, vehicle=limit.vehicle)
 
 

@@ -65,6 +65,14 @@ def lacks(kind: type[Message], vehicles: tuple[str, ...], begin: int, end: int) 
 LIMITS = ("collisions_max = 0", "cross_track_error_m_max = 0.5", "true_gap_m_min = 1.0")
 
 
+def test_a_vehicle_without_any_record_is_not_judged() -> None:
+    summary = run_of(scenario_with(*LIMITS), lacks(TruePose, ("v3",), 0, 50 * SECONDS))
+    assert summary.outcome == "failed"
+    unjudged = {limit.limit for limit in summary.limits if not limit.judged}
+    assert unjudged == {"collisions_max", "cross_track_error_m_max", "true_gap_m_min"}
+    assert [limit.vehicle for limit in summary.limits if limit.value is None] == ["v3", "v3"]
+
+
 def test_limits_over_four_missing_seconds_are_not_judged() -> None:
     summary = run_of(scenario_with(*LIMITS), lacks(TruePose, NAMES, 150, 350))
     assert summary.outcome == "failed"
