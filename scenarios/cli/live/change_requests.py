@@ -109,12 +109,19 @@ def request_change(
         if not any(each.answer and each.answer.can_be_later for each in promises):
             break
     if any(each.answer and each.answer.refused for each in promises):
-        return promises
+        return [_without_promise(each) for each in promises]
     confirmed = answers(ChangeRequest({}, at_s, confirms=True))
     return [
         confirmation if promise.answer else promise
         for promise, confirmation in zip(promises, confirmed, strict=True)
     ]
+
+
+def _without_promise(each: VehicleAnswer) -> VehicleAnswer:
+    """Answer of a vehicle to a change that another vehicle refused: it makes none."""
+    if each.answer is None or each.answer.refused:
+        return each
+    return replace(each, answer=Confirmation(each.vehicle))
 
 
 def _seal_of(members: Iterable[Member], run: str) -> Seal:

@@ -133,6 +133,26 @@ def test_all_vehicles_make_the_same_changes_in_the_same_order(
     assert len({at for at, _ in made[0]}) == len(kinds)
 
 
+def test_a_change_that_one_vehicle_refuses_is_made_by_none() -> None:
+    network, pending = MemoryNetwork(), PendingChanges()
+    scenario = load_scenario("lane_change", ["duration_s=35"])
+    fingerprint = Fingerprint.of(scenario).chunk
+    MemoryBus(network).announce(RECORDER, "recorder", fingerprint)
+    for name in ("v2", "v3"):
+        bus, control = MemoryBus(network), LiveControl(scenario, name, lambda: START)
+        bus.announce(VEHICLE, name, fingerprint)
+        control.listen(bus, Seal(lambda: "recorder"))
+        if name == "v3":  # v2 has not started yet
+            control.begin(START, pending)
+    bus = MemoryBus(network)
+    answers = change_requests.request_change(bus, "run", {"kind": "cut"})
+    refused, other = (each.answer for each in answers)
+    assert refused is not None
+    assert refused.refused
+    assert other == Confirmation("v3")
+    assert pending.pending == ()
+
+
 def test_without_a_change_the_answer_is_the_first_possible_instant() -> None:
     vehicle = Vehicle("v1", START + 7 * PERIOD).begun()
     assert vehicle.ask() == Confirmation("v1", 0.18)
