@@ -14,6 +14,7 @@ from transport.message_numbers import MAX_RANGES, MessageNumbers
 from transport.topics import RUN_SENDER, TOPICS, Topic, key, valid_at
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import (
+    Change,
     GpsPose,
     Health,
     Level,
@@ -71,7 +72,7 @@ class Recorder:
         self._next: Counter[type[Message]] = Counter()
         self._start_at: int | None = None
         self._misdated = TimestampRefusals()
-        self._last_health: dict[str, bytes] = {}
+        self._repeatable: dict[str, set[bytes]] = {}
         self._gates: dict[str, PoseGate] = {}
         self.recorded = 0
         self.last_at = 0
@@ -107,18 +108,20 @@ class Recorder:
     def accept(self, key_expression: str, data: bytes, at: int) -> bool:
         """Take one message received at instant `at` (ns); return whether it was recorded.
 
-        Repeated final counters are recorded once.
+        Repeated changes and final counters are recorded once.
         """
         try:
             message, seen = self._admit(key_expression, data, at)
         except RefusedMessageError as refusal:
-            if data != self._last_health.get(key_expression):
+            if data not in self._repeatable.get(key_expression, ()):
                 self.rejected[refusal.reason] += 1
                 self._note_misdated(key_expression, refusal.reason, at)
             return False
         seen.add(message.seq)
         if isinstance(message, Health):
-            self._last_health[key_expression] = data
+            self._repeatable[key_expression] = {data}
+        elif isinstance(message, Change):
+            self._repeatable.setdefault(key_expression, set()).add(data)
         self.record(at, message, escaped_bytes(data, message))
         return True
 

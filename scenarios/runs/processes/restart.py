@@ -26,13 +26,15 @@ class ProcessHandover:
     """State that a vehicle's process passes to its successor.
 
     `start_at` (ns) is that of the run, `clock` the setting of the process's clock, `lateness` that
-    of its ticks so far, `recorder` the name of the run's recorder.
+    of its ticks so far, `recorder` the name of the run's recorder. `changes` are messages on
+    changes by hand, with their keys.
     """
 
     start_at: int
     recorder: str
     clock: ClockSetting
     lateness: Lateness
+    changes: tuple[tuple[str, bytes], ...] = ()
     node: SoftwareHandover
 
 

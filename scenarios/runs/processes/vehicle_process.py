@@ -38,7 +38,7 @@ from transport.codec import RefusedMessageError, decode
 from transport.links.gate import GPS
 from transport.links.inbox import QUEUE, Inbox, IncomingLink
 from transport.topics import RUN_SENDER, TOPICS, Topic, key
-from vehicles.messages import Health, Message, RunEnd, RunStart
+from vehicles.messages import Change, Health, Message, RunEnd, RunStart
 from vehicles.schedule import SECOND, Timer
 
 POLL_S = 0.01
@@ -205,7 +205,8 @@ class VehicleProcess:
         self._recorder = RecorderWatch(membership, bus)
         self._router = RouterWatch()
         self._watching = Timer(WATCH_NS)
-        self._final_counters: tuple[str, bytes] | None = None
+        self._repeated: list[tuple[str, bytes]] = list(before.changes) if before else []
+        """Changes by hand, and at last the final counters, with their keys."""
         self._fetches: list[Fetch] = []
         self.exit_code = 0
         self._control = LiveControl(builder.scenario, builder.name, self._clock.now)
@@ -287,7 +288,7 @@ class VehicleProcess:
             self._builder.name,
             self._bus,
             self._clock.now,
-            self._keep_final_counters,
+            self._keep_if_repeated,
             logged_hz=self._builder.scenario.tables.log.rates_hz,
         )
         node = self._builder.node(start_at, sink, probe, before.node if before else None)
@@ -305,6 +306,7 @@ class VehicleProcess:
         ended_at = min(self._clock.now(), end_at)
         self._time.sleep(LAST_LOOK_NS / SECOND)
         self._fetch(node.inbox)
+        self._repeat()
         node.outbox.publish_health(ended_at, final=True)
         while not self.is_cancelled:
             self._repeat_final_counters(end_at)
@@ -380,6 +382,7 @@ class VehicleProcess:
                     recorder=self._membership.recorder,
                     clock=self._clock.setting,
                     lateness=probe.lateness,
+                    changes=tuple(self._repeated),
                     node=handover,
                 )
             )
@@ -400,12 +403,18 @@ class VehicleProcess:
         self._check_router_and_recorder(now)
         if now > max(end_at, self._router.back_at, self._announced.last_received_at) + END_NS:
             raise RunCancelledError(f"{self._run} failed: the recorder announced no end")
-        if self._final_counters is not None:
-            self._bus.publish(*self._final_counters)
+        self._repeat()
 
-    def _keep_final_counters(self, topic: Topic, data: bytes, message: Message) -> None:
-        if isinstance(message, Health) and message.final:
-            self._final_counters = key(message.vehicle, topic), data
+    def _repeat(self) -> None:
+        """Repeat what the log must not lack: confirmed changes, then the final counters."""
+        for address, data in self._repeated:
+            self._bus.publish(address, data)
+
+    def _keep_if_repeated(self, topic: Topic, data: bytes, message: Message) -> None:
+        if (isinstance(message, Change) and message.by_hand) or (
+            isinstance(message, Health) and message.final
+        ):
+            self._repeated.append((key(message.vehicle, topic), data))
 
 
 def queue_limit(link: IncomingLink) -> int:
