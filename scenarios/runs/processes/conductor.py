@@ -87,9 +87,9 @@ class Conductor:
         return self.start_at + self._duration_ns
 
     @property
-    def router_is_lost(self) -> bool:
-        """Whether the router was out of reach at the last advance."""
-        return self._router.lost_at is not None
+    def taking_part(self) -> set[str]:
+        """Vehicles that neither failed nor left."""
+        return set(self._vehicles) - self._failed - self._left
 
     def note_presence(self, vehicle: str, *, alive: bool, at: int) -> None:
         if vehicle not in self._vehicles:

@@ -147,7 +147,7 @@ class RecorderProcess:
         ended in time.
         """
         self._announce_end()
-        if self._conductor.reason or self._conductor.router_is_lost:
+        if self._conductor.reason:
             return []
         begun = self._clock.now()
         self._settled_at = begun
@@ -156,7 +156,10 @@ class RecorderProcess:
             every_s=POLL_S,
             system=self._time,
         )
-        return [] if self._stop.requested else sorted(self._membership.vehicles)
+        if self._stop.requested:
+            return []
+        is_known = self._bus.connected()
+        return sorted(self._membership.vehicles if is_known else self._conductor.taking_part)
 
     def _announce_end(self) -> None:
         """Publish the end of the run.
