@@ -1,15 +1,19 @@
 """Open recorded runs."""
 
 from collections.abc import Sequence
+from functools import cached_property
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenarios.definition.errors import require
+from scenarios.results.log_summary import summary_of
 from scenarios.results.recorded.data_table import DataTable
 from scenarios.results.recorded.run_record import RunRecord
 from scenarios.results.recorded.table_files import FileFormat, export_run
+from scenarios.results.summary import RunSummary
 from scenarios.results.vehicles.vehicle_figures import VehicleSummary
+from scenarios.runs.run_folder import is_running
 from scenarios.studies.run_list import COLUMNS, as_rows, runs_in, selected
 
 if TYPE_CHECKING:  # an extra
@@ -39,6 +43,14 @@ class Run(RunRecord):
     A column of a table is a NumPy array: `run.vehicles["v4"].true.error_m`. The first columns are
     the time `t_s` (s) after the start and the instant `at_ns` (ns, Unix time).
     """
+
+    @cached_property
+    def summary(self) -> RunSummary:
+        """Figures of the run, as in `summary.json`.
+
+        Those of an incomplete log, and of a run that still runs, are computed from its messages.
+        """
+        return summary_of(self.log, running=is_running(self.log))
 
     def plot(self, vehicles: Sequence[str] | None = None) -> "Figure":
         """Draw paths, true errors, gaps and speeds, by default of all vehicles.

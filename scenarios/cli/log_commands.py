@@ -69,15 +69,13 @@ def report(log: Path, *, html: Path | None, as_json: bool, tables: Tables) -> No
     from rich.console import Console
 
     from scenarios.cli.summary_tables import print_summary
-    from scenarios.results.files import LOG_NAME
     from scenarios.results.log_summary import log_in, summary_of
     from scenarios.results.summary import to_json
-    from scenarios.runs.run_folder import is_claimed
+    from scenarios.runs.run_folder import is_running
 
     with clear_errors():
         log = log_in(log)
-        running = log.name == LOG_NAME and is_claimed(log.parent)
-        summary = summary_of(log, warn_of_log, running=running)
+        summary = summary_of(log, warn_of_log, running=is_running(log))
         if html is not None:
             from scenarios.results.recorded.run_record import RunRecord
             from scenarios.results.report.page import write_report

@@ -82,6 +82,11 @@ def is_claimed(folder: Path) -> bool:
     return False
 
 
+def is_running(log: Path) -> bool:
+    """Whether a run is writing `log`, the log in its folder."""
+    return log.name == LOG_NAME and is_claimed(log.parent)
+
+
 def refuse_used(folder: Path) -> None:
     """Raise ScenarioError if `folder` holds the log or the summary of a run."""
     for path in (folder / LOG_NAME, folder / SUMMARY_NAME):

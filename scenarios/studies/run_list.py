@@ -13,7 +13,7 @@ from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.log_summary import summary_of
 from scenarios.results.outcome import with_outcome_line
 from scenarios.results.summary import RunSummary, from_json
-from scenarios.runs.run_folder import is_claimed
+from scenarios.runs.run_folder import is_running
 from transport.texts import ConvoyError
 
 UNREADABLE = "unreadable"
@@ -132,7 +132,7 @@ def _listed(log: Path) -> ListedRun:
 
 def _summary(log: Path) -> RunSummary:
     """Summary of a run: the file next to its log, unless the log is newer, else from the log."""
-    running = log.name == LOG_NAME and is_claimed(log.parent)
+    running = is_running(log)
     file = log.with_name(SUMMARY_NAME)
     is_present = log.name == LOG_NAME and not running and file.is_file()
     if is_present and file.stat().st_mtime_ns >= log.stat().st_mtime_ns:

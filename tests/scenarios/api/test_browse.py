@@ -76,7 +76,7 @@ def test_a_run_that_still_runs_is_listed_as_running(folder: Path, tmp_path: Path
     with claimed(out):
         (out / "run.mcap").write_bytes((folder / "half.mcap").read_bytes())
         (run,) = runs_in(tmp_path)
-    assert run.outcome == "running"
+        assert convoy.open(out).summary.outcome == run.outcome == "running"
 
 
 @pytest.mark.parametrize(
