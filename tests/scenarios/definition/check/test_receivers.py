@@ -67,3 +67,20 @@ def test_only_warned_receivers_leave_the_lane_on_clean_links() -> None:
 
     assert departures("single") == 3
     assert departures("rtk_float") == 0
+
+
+@pytest.mark.parametrize(
+    ("overrides", "warned"),
+    [
+        (("gnss.preset=rtk_fixed",), False),
+        (("gnss.preset=rtk_float",), True),
+        (("gnss.common_drift={deviation_m=3.0}",), False),
+        (("vehicle.v4.gnss.bias={east_m=0.4}",), True),
+        (("gnss.preset=single",), False),  # they leave the lane: another warning
+    ],
+)
+def test_errors_that_followers_cannot_notice_are_stated(
+    overrides: tuple[str, ...], *, warned: bool
+) -> None:
+    lines = [line for line in check("lane_change", overrides).warnings if "beside the lead" in line]
+    assert len(lines) == warned
