@@ -104,14 +104,17 @@ class SourcePair:
     def _without_bridges(self, windows: dict[Mode, Window], behind: float) -> dict[Mode, Window]:
         """Remove bridge points if a source has received samples around the car.
 
-        Samples within `behind` (m) ahead and behind are required: within a longer hole a bridge is
-        the better guess. If no samples behind are used, as in the paper, the path ahead suffices.
+        Samples within `behind` (m) ahead and behind are required, or samples closer together than
+        the bridge is long: within a longer hole a bridge is the better guess. If no samples behind
+        are used, as in the paper, the path ahead suffices.
         """
         received: dict[Mode, Window] = {}
-        bridged = False
+        bridged, longest = False, 0.0
         for mode, window in windows.items():
-            received[mode] = self.used[mode].trace.without_bridges(window)
-            bridged = bridged or received[mode] is not window
+            trace = self.used[mode].trace
+            received[mode] = trace.without_bridges(window)
+            if received[mode] is not window:
+                bridged, longest = True, max(longest, trace.longest_bridge(window))
         if not bridged:
             return windows
         received = {mode: window for mode, window in received.items() if reaches_ahead(window)}
@@ -120,7 +123,9 @@ class SourcePair:
         for mode, window in received.items():
             passed = int(window.station.searchsorted(0.0, "right"))
             beside = window.station[max(passed - 1, 0) : passed + 1].tolist()
-            if self.used[mode].weight and -behind <= beside[0] <= 0.0 <= beside[-1] <= behind:
+            around = beside[0] <= 0.0 <= beside[-1]
+            near = -behind <= beside[0] and beside[-1] <= behind
+            if self.used[mode].weight and around and (near or beside[-1] - beside[0] < longest):
                 return received
         return windows
 

@@ -295,6 +295,13 @@ class Trace:
             keep &= (stations < low + 1e-6) | (stations > high - 1e-6)
         return Window(*(values[keep] for values in window))
 
+    def longest_bridge(self, window: Window) -> float:
+        """Length (m) of the longest bridge in a window of preview data (Section III-A)."""
+        ego = self._ego_station or 0.0
+        low, high = window.station.item(0) + ego, window.station.item(-1) + ego
+        lengths = [end - begin - 1e-6 for begin, end in self.holes if begin < high and end > low]
+        return max(lengths, default=0.0)
+
     def has_bridge_points(self, window: Window) -> bool:
         """Whether the last `window` contains constructed points (not in Section III-A).
 

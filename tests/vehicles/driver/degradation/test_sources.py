@@ -13,8 +13,10 @@ from tests.made.transport.received_poses import received
 from tests.made.vehicles.exact_drives import GNSS_HZ, START
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.source import SLOW_PROBATION, SLOW_SPEED, Source
+from vehicles.driver.degradation.sources import SourcePair
 from vehicles.driver.ego.own_state import Pose
-from vehicles.messages import Announcement, SourceStatus
+from vehicles.messages import NO_ANNOUNCEMENT, Announcement, Mode, SourceStatus
+from vehicles.preview.curve_fit import FitSettings
 from vehicles.schedule import SECOND, instant
 
 TICK = SECOND // 50
@@ -195,3 +197,22 @@ def test_positions_far_beside_the_path_are_not_followed() -> None:
 def test_after_a_silence_positions_are_followed_once_their_offset_is_known() -> None:
     unknown = dict.fromkeys([0, 1, 40, *range(120, 126)], math.nan)
     assert off_path(unknown) == list(range(120, 126))
+
+
+def test_a_guess_over_a_long_hole_is_not_used_beside_close_samples_of_the_lead() -> None:
+    """The predecessor left the path from 0 to 20 m, where samples of the lead are 7 m apart."""
+    lead, ahead = Source("v1", 1.0, DEGRADE), Source("v2", 1.0, DEGRADE)
+    pair = SourcePair(lead, ahead, "composite", DEGRADE)
+    for seq in range(16):
+        at, east = START + seq * SECOND, 7.0 * seq - 35.0
+        mode: Mode = "coast" if 0.0 < east < 20.0 else "lead"
+        announced = Announcement(mode=mode, path_offset_m=0.0)
+        for name, announces in (("v1", NO_ANNOUNCEMENT), ("v2", announced)):
+            pair.receive(
+                received(at, east, 0.0, 0.0, 7.0, seq=seq, vehicle=name, announced=announces)
+            )
+    windows = pair.windows(Pose(10.0, 0.0, 0.0, 7.0, 0.0), FitSettings(), runs_out=False)
+    assert ahead.trace.holes
+    positions = windows["predecessor"].east.tolist() if "predecessor" in windows else []
+    assert not [east for east in positions if 0.5 < east < 20.5]
+    assert [east for east in windows["lead"].east if 0.0 < east < 20.5]
