@@ -34,6 +34,12 @@ SHORT = "--set convoy.vehicles=2 --set duration_s=0.2"
 HERE = f"{SHORT} --workers 0"
 SWEEP = f"sweep lane_change --vary convoy.gap_m=3,10 --seeds 1 {HERE} --parquet --out out"
 SWEPT = "sweep.csv runs.csv sweep.json sweep.parquet runs.parquet"
+SMALL_DRILL = """
+extends = "lane_change"
+duration_s = 0.2
+convoy.vehicles = 2
+limits.cross_track_error_m_max = 9.0
+"""
 LOG = "inputs/run/run.mcap"
 
 
@@ -76,7 +82,7 @@ COMMANDS = {
         "worst.toml",
     ),
     "drill": Command(
-        "drill tunnel --workers 0 --duration 0.2 --out out --junit out/junit.xml",
+        "drill inputs/small.toml --workers 0 --out out --junit out/junit.xml",
         "drills.json junit.xml",
         slow=True,
     ),
@@ -100,6 +106,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
         folder / "run",
         Stop(),
     )
+    (folder / "small.toml").write_text(SMALL_DRILL, encoding="utf-8")
     (folder / "drive.csv").write_bytes(as_plane_csv(drive()))
     return folder
 
