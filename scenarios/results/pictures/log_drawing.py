@@ -36,6 +36,10 @@ class Excerpt(NamedTuple):
     def shows(self, vehicle: str) -> bool:
         return self.vehicles is None or vehicle in {*self.vehicles, RUN_SENDER}
 
+    def covers(self, at_s: float) -> bool:
+        """Whether a time (s) of the run is within this part."""
+        return (self.from_s or 0.0) <= at_s and (self.to_s is None or at_s <= self.to_s)
+
     def span(self, start: int) -> tuple[int, int]:
         """First and last instant (ns) of a run that began at `start`."""
         first = EARLIEST if self.from_s is None else start + round(self.from_s * SECOND)

@@ -11,6 +11,7 @@ from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario
 from scenarios.results.events.bodies import BodySize
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
+from scenarios.results.log_queries.notes import RunNote, read_notes
 from scenarios.results.log_summary import scenario_in
 from scenarios.results.pictures.layouts import rerun_layout
 from scenarios.results.pictures.log_drawing import WHOLE_RUN, Excerpt, LogDrawing
@@ -47,11 +48,14 @@ def review(
     reader = LogReader(log)
     if faults := reader.faults:
         warn(faults)
+    notes = [note for note in _notes_of(log, warn) if excerpt.covers(note.at_s)]
     scenario = _scenario_in(reader, warn)
     stream = _stream(reader, scenario)
     with _layout(log, scenario), _open(reader, option, scenario, stream) as view:
         drawing = LogDrawing(reader, view, stream, has_events=_may_have_events(reader))
         count = drawing.draw(excerpt, progress) if view.enabled else 0
+        for note in notes:
+            view.note(note.at_s, note.text)
         if option.sink == "serve":
             wait(view.destination)
     return count
@@ -82,6 +86,14 @@ def _scenario_in(reader: LogReader, warn: Callable[[str], None]) -> Scenario | N
     except (LogError, ScenarioError) as error:  # damaged, or of another version
         warn(f"{reader.path}: the road is left out: {error}")
         return None
+
+
+def _notes_of(log: Path, warn: Callable[[str], None]) -> tuple[RunNote, ...]:
+    try:
+        return read_notes(log)
+    except (ScenarioError, OSError) as error:
+        warn(f"the notes are left out: {error}")
+        return ()
 
 
 def _layout(log: Path, scenario: Scenario | None) -> AbstractContextManager[None]:

@@ -216,6 +216,21 @@ def test_notes_are_listed_in_order_deleted_and_survive_copying(
     assert not (copied / "run.notes.toml").exists()
 
 
+def test_the_picture_of_a_run_shows_its_notes(folder: Path, tmp_path: Path) -> None:
+    chunk = pytest.importorskip("rerun.chunk")
+    shutil.copytree(folder, tmp_path / "run")
+    assert run("note", tmp_path / "run", "--at", "2", "look here").exit_code == 0
+    out = tmp_path / "run.rrd"
+    assert run("review", tmp_path / "run", "--rerun", f"save={out}").exit_code == 0
+    drawn = {
+        str(one.entity_path).strip("/"): one.to_record_batch().to_pydict()
+        for one in chunk.RrdReader(out).stream()
+    }
+    (text,) = drawn["log/note"]["TextLog:text"]
+    assert text == ["    2.00 s  note: look here"]
+    assert "plots/cross_track/events/note" in drawn
+
+
 @pytest.mark.parametrize(
     "arguments", [("--at", "1"), ("text",), ("--at", "1", "  "), ("--at", "99", "text")]
 )
