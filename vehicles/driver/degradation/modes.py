@@ -231,7 +231,7 @@ class ModeMachine:
     def _recovery_reason(self, source: Source) -> str:
         freshness, event = source.freshness, "received"
         if source.name in self._lost:
-            event = f"trusted again after {source.probation.length:.1f} s of probation"
+            event = f"trusted again after {source.probation_length:.1f} s of probation"
         pose = f"newest pose {freshness.age:.2f} s old"
         return f"{source.name} {event}, {pose}, {_path_end(freshness.known)}"
 
@@ -300,7 +300,7 @@ def _missing_reason(source: Source) -> str:
     if freshness.status == "distrusted":
         return f"{name} distrusted as {source.refusal} for {freshness.silence:.1f} s"
     if freshness.status == "probation":
-        return f"{name} on probation for {source.probation.length:.1f} s"
+        return f"{name} on probation for {source.probation_length:.1f} s"
     if freshness.status == "lost":
         pose = f"newest pose {freshness.age:.1f} s old"
         silence = f"silent for {freshness.silence:.1f} s"

@@ -98,6 +98,12 @@ class Source:
         return self.status in RELIED_ON and not self.has_left_path
 
     @property
+    def probation_length(self) -> float:
+        """Length of its probation (s), shorter for a slow car."""
+        length = self.probation.length
+        return min(length, SLOW_PROBATION) if self._is_slow else length
+
+    @property
     def is_overdue(self) -> bool:
         if self.status == "unheard":
             return self._waited > OVERDUE_AFTER * self._period
@@ -256,19 +262,16 @@ class Source:
             self._reception.skip_usual_share(now)
         else:
             self._reception.update_usual_share(now, share)
-        length = self.probation.length
         delivers = self._reception.delivers(now, self._settings.probation_delivery)
-        if self._is_slow:
-            length = min(length, SLOW_PROBATION)
-            delivers = delivers or share >= SLOW_DELIVERY
-        if served >= length and delivers:
+        delivers = delivers or (self._is_slow and share >= SLOW_DELIVERY)
+        if served >= self.probation_length and delivers:
             self.probation.end(now)
             self.status = "fresh"
 
     def _weigh(self, span: float) -> None:
         if self.status in ("fresh", "probation"):
             self._known_at_full_weight = 0.0
-            self.weight = min(self.weight + span / self.probation.length, 1.0)
+            self.weight = min(self.weight + span / self.probation_length, 1.0)
             return
         known = self._known
         if isnan(known) or known <= 0.0:
