@@ -32,6 +32,10 @@ LOSS_CELLS, LEAST_CELL_S = 150, 0.5
 """Parts of the run whose loss is shown, and their least duration."""
 
 
+Span = tuple[float, float]
+"""Begin and end of a time (s)."""
+
+
 class TimeMark(NamedTuple):
     """A text about a time (s); `kind` is event or note."""
 
@@ -184,10 +188,13 @@ class RunPlots:
             changes = mode_changes(self._record.vehicles[name])
             edges = [change.at_s for change in changes] + [self._ran_s]
             content.append(_row_name(name, row))
+            spans: dict[str, list[Span]] = {}
             for (begin, end), change in zip(pairwise(edges), changes, strict=False):
-                used[change.mode] = None
-                title = f"{name}: {change.mode}, {begin:.2f} to {end:.2f} s"
-                content.append(self._cell(row, begin, end, colour_code(states[change.mode]), title))
+                spans.setdefault(change.mode, []).append((begin, end))
+            for mode, times in spans.items():
+                used[mode] = None
+                colour = colour_code(states[mode])
+                content.append(self._cells(row, times, f"{name}: {mode}", fill=colour))
         key = element(
             "p",
             *(
@@ -199,17 +206,15 @@ class RunPlots:
         )
         return join(self._svg(height, *content, kind="strips"), key)
 
-    def _cell(self, row: int, begin: float, end: float, colour: str, title: str) -> Markup:
-        first, last = self._time.pixel(max(begin, 0.0)), self._time.pixel(min(end, self._ran_s))
-        return element(
-            "rect",
-            element("title", title),
-            x=f"{first:.1f}",
-            y=f"{TOP + STRIP_HEIGHT * row:g}",
-            width=f"{max(last - first, 0.4):.1f}",
-            height=f"{STRIP_HEIGHT - 2:g}",
-            fill=colour,
-        )
+    def _cells(self, row: int, spans: Sequence[Span], title: str, **style: object) -> Markup:
+        """Draw the times (s) of a row with one style as one path."""
+        top, height = TOP + STRIP_HEIGHT * row, STRIP_HEIGHT - 2.0
+        parts = []
+        for begin, end in spans:
+            first, last = self._time.pixel(max(begin, 0.0)), self._time.pixel(min(end, self._ran_s))
+            width = max(last - first, 0.4)
+            parts.append(f"M{first:.1f} {top:g}h{width:.1f}v{height:g}h-{width:.1f}z")
+        return element("path", element("title", title), d="".join(parts), **style)
 
     def _losses(self) -> Markup | None:
         """Strips of the share of messages lost; None if all links delivered everything."""
@@ -225,16 +230,14 @@ class RunPlots:
             content.append(_row_name(f"{sender} → {receiver}", row))
             values = shares[sender, receiver]
             edges = np.flatnonzero(np.diff(values, prepend=-1.0, append=-1.0) != 0.0).tolist()
+            spans: dict[float, list[Span]] = {}
             for first, last in pairwise(edges):
-                share = float(values[first])
-                if not share > 0.0:
-                    continue
-                begin, end = first * cell_s, last * cell_s
-                title = f"{sender} → {receiver}: {share:.0%} lost, {begin:.1f} to {end:.1f} s"
-                cell = self._cell(row, begin, end, "", title)
-                content.append(
-                    Markup(cell.replace('fill=""', f'class="loss" opacity="{share:.2f}"'))
-                )
+                spans.setdefault(float(values[first]), []).append((first * cell_s, last * cell_s))
+            for share, times in spans.items():
+                if share > 0.0:
+                    title = f"{sender} → {receiver}: {share:.0%} lost"
+                    opacity = f"{share:.1f}"
+                    content.append(self._cells(row, times, title, class_="loss", opacity=opacity))
         return self._svg(height, *content, kind="strips")
 
     def _shares(self, link: tuple[str, str], cell_s: float) -> Floats:

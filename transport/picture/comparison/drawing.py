@@ -8,7 +8,7 @@ import rerun as rr
 from transport.colours import Colour, colour_of
 from transport.panels import PANELS
 from transport.picture.blueprint import TIMELINE, WORST, Reach
-from transport.picture.comparison.layout import PLACE_TIMELINE, PLOTS, comparison_blueprint
+from transport.picture.comparison.layout import PLACE_TIMELINE, comparison_blueprint
 from transport.picture.comparison.tracks import ComparedTracks, Floats, VehicleTrack
 from transport.picture.shapes import (
     CarShape,
@@ -165,7 +165,7 @@ def _draw_modes(recording: rr.RecordingStream, track: VehicleTrack) -> None:
 
 
 def _draw_divergence(recording: rr.RecordingStream, compared: ComparedTracks, tag_m: float) -> None:
-    """Mark the first divergence in the plans and, on the zero line, in the plots."""
+    """Mark the first divergence in the plans and, on the zero line, in the plots of errors."""
     first = compared.divergence
     if first is None:
         return
@@ -185,7 +185,7 @@ def _draw_divergence(recording: rr.RecordingStream, compared: ComparedTracks, ta
         colors=[WORST], markers=["Diamond"], names=["first divergence"], marker_sizes=[7.0]
     )
     times = _times(np.array([first.at_s]), np.array([first.station_m]))
-    for quantity in PLOTS:
+    for quantity in ("error", "difference"):
         entity = f"plots/{quantity}/divergence"
         recording.log(entity, style, static=True)
         recording.send_columns(entity, times, rr.Scalars.columns(scalars=[0.0]))
