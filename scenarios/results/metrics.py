@@ -309,9 +309,12 @@ class Metrics:
         In a convoy that continues without failed vehicles, a silent one may have failed.
         """
         health = vehicle.health
-        if self._continues or health is None or health.final or vehicle.ends_early:
+        is_physical = any(poses.is_physical for poses in self._links.sent.values())
+        if self._continues or self.start_at is None or vehicle.ends_early or not is_physical:
             return False
-        return end_at - vehicle.last_at > CUT_OFF_AFTER_NS
+        if health is not None and health.final:
+            return False
+        return end_at - max(vehicle.last_at, self.start_at) > CUT_OFF_AFTER_NS
 
     def link_summaries(self, ran_ns: int = 0) -> tuple[LinkSummary, ...]:
         last_at = {name: figures.last_at for name, figures in self.vehicles.items()}

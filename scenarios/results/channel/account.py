@@ -157,7 +157,10 @@ class Accounts:
         (numbers,) = np.nonzero(~judged)
         if not len(numbers):
             return []
-        instants = self._sent[link[0]].instants(count)[numbers]
+        sent = self._sent[link[0]]
+        instants = sent.instants(count)[numbers]
+        if not len(sent):
+            instants += self._start_at or 0
         return list(zip(numbers.tolist(), instants.tolist(), strict=True))
 
     def _largest_delay(self, link: Link) -> int:
@@ -248,6 +251,7 @@ class Accounts:
             for name, times in self._away.items()
             if times.is_away(at) or (name in self._cut_off and at > times.last_at)
         ]
+        away += [name for name in self._cut_off if name not in self._away]
         if len(away) == len(self._away) > 1:
             return "router_away", ""
         for name in reversed(link):

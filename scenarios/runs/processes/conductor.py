@@ -245,7 +245,8 @@ class Conductor:
             if now < self._excused.get(name, now):
                 continue
             self._failed.add(name)
-            self._silent_from[name] = min(since, self._reported_at.get(name, since))
+            never = self.start_at if self._reported_at else since  # while others reported
+            self._silent_from[name] = min(since, self._reported_at.get(name, never))
             line = self._failure(name, since)
             if self._continues:
                 lines.append(f"{line}; the convoy continues without it")

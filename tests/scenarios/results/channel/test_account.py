@@ -255,6 +255,16 @@ def test_a_vehicle_that_was_cut_off_for_good_is_named() -> None:
     assert any("v2 cut off" in line for line in lines)
 
 
+def test_a_vehicle_of_which_nothing_was_recorded_was_cut_off() -> None:
+    made = MadeRun()
+    made.cut_off("v2", 0, POSES)
+    metrics = metrics_of((when, one) for when, one in made.recorded() if one.vehicle != "v2")
+    rows = {(row.sender, row.receiver): row for row in metrics.link_summaries(SECONDS * SECOND)}
+    for link in (("v1", "v2"), ("v2", "v3")):
+        assert rows[link].not_arrived == {"cut_off": POSES}
+    assert any("v2 cut off" in line for line in metrics.channel_warnings(SECONDS * SECOND))
+
+
 def test_a_vehicle_whose_poses_came_very_late_is_named() -> None:
     made = MadeRun()
     made.transit = {("v2", k): 1500 * MS for k in range(40, 60)}

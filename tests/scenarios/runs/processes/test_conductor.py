@@ -445,6 +445,17 @@ def test_a_cut_off_vehicle_is_told_from_a_failed_one_and_its_return_reported(
     assert conductor.reason == ""
 
 
+def test_a_vehicle_of_which_nothing_came_after_the_start_was_cut_off() -> None:
+    gone = STARTED + 9.0
+    conductor = play(*ALL_COME, until=STARTED).conductor
+    conductor.listen(at(STARTED), health("v1"))
+    conductor.note_presence("v2", alive=False, at=at(gone))
+    for now in range(at(STARTED), at(gone + 1.0), PERIOD_NS):
+        conductor.advance(now, connected=True)
+    assert "v2 was cut off" in conductor.reason
+    assert "0.0 s after the start" in conductor.reason
+
+
 # ---- Stopping
 
 
