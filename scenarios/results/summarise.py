@@ -120,7 +120,8 @@ def transport_lines(
             slowest[row.sender] = row
     for sender, row in slowest.items():
         above = row.transport_above_floor_ratio or 0.0
-        if late_ratio([ticks[sender]]) < 0.5 * above:  # else its late ticks delayed them
+        ends = (ticks[sender], ticks[row.receiver])
+        if sum([late_ratio([end]) for end in ends]) < 0.5 * above:  # else late ticks delayed them
             yield (
                 f"the network was slow: {100.0 * above:.0f} % of the poses of {sender} took longer "
                 f"than the floor latency of {row.requested.latency_ms:g} ms, "
