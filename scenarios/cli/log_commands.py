@@ -17,17 +17,37 @@ Examples:
   convoy review runs/20260101-120000-lane_change/run.mcap
   convoy review run.mcap --rerun serve           in a browser
   convoy review run.mcap --rerun save=run.rrd    into a file
+  convoy review run.mcap --from 100 --to 160 --vehicles v3,v4 --at 120
 """
 )
 @click.argument("log", type=click.Path(path_type=Path))
 @rerun_option("spawn", "Rerun viewer")
-def review(log: Path, *, rerun: str) -> None:
+@time_option("--from", help_text="Show the run from this time after its start.")
+@time_option("--to", help_text="Show the run up to this time after its start.")
+@click.option(
+    "--vehicles",
+    default="",
+    metavar="NAMES",
+    help="Show these vehicles and the lead, such as v2,v5. Default: all.",
+)
+@time_option("--at", help_text="Open the viewer at this time after the start.")
+def review(
+    log: Path,
+    *,
+    rerun: str,
+    from_s: float | None,
+    to_s: float | None,
+    vehicles: str,
+    at_s: float | None,
+) -> None:
     """Show a recorded run in Rerun.
 
     LOG is a run.mcap or its folder.
     """
+    from scenarios.cli.output import progress_of
     from scenarios.results.log_summary import log_in
     from scenarios.results.pictures import review as reviewing
+    from scenarios.results.pictures.log_drawing import Excerpt
     from scenarios.runs.stop import stop_on_signals
     from transport.clock import poll
     from transport.picture.option import parse_rerun_option
@@ -40,7 +60,17 @@ def review(log: Path, *, rerun: str) -> None:
     with clear_errors():
         option = parse_rerun_option(rerun)
         require("review", "viewer", "rerun")
-        count = reviewing.review(log_in(log), option, wait=wait)
+        names = [name.strip() for name in vehicles.split(",") if name.strip()]
+        excerpt = Excerpt(from_s, to_s, names or None)
+        show = progress_of("% drawn")
+        count = reviewing.review(
+            log_in(log),
+            option,
+            wait=wait,
+            excerpt=excerpt,
+            progress=lambda share: show(round(100 * share), 100),
+            at_s=at_s,
+        )
         click.echo(f"{count} messages drawn")
 
 

@@ -105,8 +105,11 @@ class RecordingWriter:
         path: Road | None = None,
         lane_m: float | None = None,
         duration_s: float | None = None,
+        convoy: Sequence[str] = (),
     ) -> None:
+        """Draw `vehicles`, lead first, which may be some of a `convoy`."""
         self._recording = recording
+        self._convoy = tuple(convoy or vehicles)
         self._cars = cars
         self._lead = vehicles[0]
         self._layout = partial(blueprint, vehicles, spacing_m=spacing_m, road=path)
@@ -392,7 +395,9 @@ class RecordingWriter:
         """Position of a vehicle in the convoy; an unannounced vehicle comes last."""
         place = self._places.get(vehicle)
         if place is None:
-            place = self._places[vehicle] = len(self._places)
+            known = vehicle in self._convoy
+            place = self._convoy.index(vehicle) if known else len(self._places)
+            self._places[vehicle] = place
             self._add_vehicle(vehicle, colour_of(place))
         return place
 

@@ -4,6 +4,7 @@ Rerun itself (90 MB, half a second) is loaded only for a picture.
 """
 
 import os
+import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -29,6 +30,10 @@ APPLICATION = "convoy"
 MEMORY_LIMIT = "512MB"
 """Memory of a server for viewers that connect later; beyond it the oldest data are deleted."""
 FLUSH_S = 5.0
+LOG_FLUSH_S = 120.0
+"""Longest wait for a viewer to take the picture of a live run, and of a log."""
+CURSOR_S, CURSOR_EVERY_S = 60.0, 0.2
+"""Longest wait for a viewer to move its cursor, and the time between attempts."""
 FLUSH_TICK_S = 0.1
 
 
@@ -45,6 +50,7 @@ class OpenRecording(Closing):
         self._is_saved = option.sink == "save"
         self._page: Any = None
         self.recording: Any = None
+        self._viewer = ""
         if option.sink == "off":
             return
         import rerun as rr  # noqa: PLC0415 - see above
@@ -65,13 +71,14 @@ class OpenRecording(Closing):
                 refuse_foreign_file(option)
                 self.recording.set_sinks(_save(rr, option.target))
             case "connect":
-                self.destination = option.target
+                self.destination = self._viewer = option.target
                 self.recording.set_sinks(_connect(rr, option.target))
             case "spawn":
                 port = viewer_process.free_port(LOOPBACK, DATA_PORT)
                 viewer_process.start_native_viewer(port)
                 self.destination = "Rerun's viewer"
-                self.recording.set_sinks(rr.GrpcSink(f"rerun+http://{LOOPBACK}:{port}/proxy"))
+                self._viewer = f"rerun+http://{LOOPBACK}:{port}/proxy"
+                self.recording.set_sinks(rr.GrpcSink(self._viewer))
             case _:
                 self._serve(rr, option)
 
@@ -96,6 +103,28 @@ class OpenRecording(Closing):
 
         page_port = viewer_process.listen(address, option.page_port, PAGE_PORT, serve_page)
         self.destination = f"http://{host}:{page_port}/?url={quote(data_url, safe='')}"
+
+    def show_at(self, at_s: float) -> None:
+        """Move the time cursor of the viewer to a time (s) after the start of the run.
+
+        Raises ViewerError if the viewer does not do it.
+        """
+        from rerun.experimental import ViewerClient  # noqa: PLC0415 - see above
+
+        if not self._viewer:
+            raise ViewerError("--at moves the cursor of a viewer; use --rerun spawn or connect=URL")
+        self.recording.flush(timeout_sec=LOG_FLUSH_S)
+        deadline = time.monotonic() + CURSOR_S
+        while True:
+            try:
+                client = ViewerClient.connect(self._viewer)
+                client.set_time("run_time", duration=at_s, play_state="paused")
+            except (ConnectionError, RuntimeError) as error:  # the recording is still loading
+                if time.monotonic() > deadline:
+                    raise ViewerError(f"the viewer does not move to {at_s:g} s: {error}") from error
+                time.sleep(CURSOR_EVERY_S)
+            else:
+                return
 
     def close(self) -> None:
         """Send all data and end the programs started for the picture.
@@ -122,8 +151,9 @@ class OpenRecording(Closing):
 class RerunView(OpenRecording):
     """Shows a run, live or from its log: `draw` takes every recorded message.
 
-    `vehicles` are in order, the lead first; `spacing_m` is their usual spacing; `cars` are their
-    lengths and widths (m), and the distances of their middles ahead of their poses; `path` is the
+    `vehicles` are in order, the lead first, and may be some of a `convoy`; `spacing_m` is their
+    usual spacing; `cars` are their lengths and widths (m), and the distances of their middles ahead
+    of their poses; `path` is the
     lead's, as east and north in metres; `lane_m` is the width of its lane; `title` is the name of
     the recording. The view of a log (`of_log`) is drawn by columns. Raises ViewerError if the
     picture cannot be shown. `destination` describes to the user where it is shown; `enabled` is
@@ -142,6 +172,7 @@ class RerunView(OpenRecording):
         lane_m: float | None = None,
         duration_s: float | None = None,
         title: str = "",
+        convoy: Sequence[str] = (),
         of_log: bool = False,
     ) -> None:
         super().__init__(option, recording_id, title)
@@ -160,6 +191,7 @@ class RerunView(OpenRecording):
             path=path,
             lane_m=lane_m,
             duration_s=duration_s,
+            convoy=convoy,
         )
 
     def has_curves(self, vehicle: str) -> bool:

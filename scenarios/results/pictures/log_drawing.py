@@ -3,6 +3,7 @@
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from itertools import chain, pairwise
 from math import isnan
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from scenarios.results.recorded.true_figures import true_gaps
 from scenarios.results.stream import FigureStream
 from transport.columns import Columns, Integers
 from transport.log.reader import LogReader
+from transport.log.records import LogError
 from transport.panels import drawn_fields
 from transport.picture.view import RerunView
 from transport.topics import RUN_SENDER, TOPICS
@@ -33,12 +35,32 @@ class Excerpt(NamedTuple):
     to_s: float | None = None
     vehicles: Sequence[str] | None = None
 
+    def with_lead(self, convoy: Sequence[str], log: Path) -> "Excerpt":
+        """The same with the lead, in the order of the convoy; raises LogError for other names."""
+        if self.vehicles is None:
+            return self
+        if unknown := set(self.vehicles) - set(convoy):
+            names = ", ".join(sorted(unknown))
+            raise LogError(f"{log}: holds no vehicle {names}; it has {', '.join(convoy)}")
+        chosen = [name for name in convoy if name == convoy[0] or name in self.vehicles]
+        return self._replace(vehicles=chosen)
+
     def shows(self, vehicle: str) -> bool:
         return self.vehicles is None or vehicle in {*self.vehicles, RUN_SENDER}
 
     def covers(self, at_s: float) -> bool:
         """Whether a time (s) of the run is within this part."""
         return (self.from_s or 0.0) <= at_s and (self.to_s is None or at_s <= self.to_s)
+
+    def check(self, start: int, reader: LogReader) -> None:
+        """Raise LogError if nothing was recorded in this part of a run that began at `start`."""
+        first, last = self.span(start)
+        if first > last or first > reader.last_at or last < start:
+            end_s = (reader.last_at - start) / SECOND
+            raise LogError(
+                f"{reader.path}: nothing is recorded from {self.from_s or 0.0:g} to "
+                f"{end_s if self.to_s is None else self.to_s:g} s; the log ends at {end_s:.2f} s"
+            )
 
     def span(self, start: int) -> tuple[int, int]:
         """First and last instant (ns) of a run that began at `start`."""
@@ -68,6 +90,7 @@ class LogDrawing:
         columns = self._reader.columns(TOPICS, fields=_fields(has_events=self._has_events))
         progress(0.4)
         start = _start_of(columns)
+        excerpt.check(start, self._reader)
         self._view.begin(start)
         span = excerpt.span(start)
         figures = ordered_figures(self._stream, columns, has_events=self._has_events)
@@ -88,6 +111,7 @@ class LogDrawing:
         self._draw_gaps(columns, shown)
         del columns
         self._view.draw_columns(shown)
+        progress(1.0)
         return count
 
     def _draw_in_order(

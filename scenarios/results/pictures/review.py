@@ -38,11 +38,13 @@ def review(
     warn: Callable[[str], None] = _to_stderr,
     excerpt: Excerpt = WHOLE_RUN,
     progress: Callable[[float], None] = lambda _: None,
+    at_s: float | None = None,
 ) -> int:
     """Draw the run recorded in `log`, or part of it; returns the number of messages drawn.
 
-    `progress` gets the share that is done, and `warn` a line about each fault of the log. A served
-    picture is shown until `wait` returns, which is called with its address when all is drawn.
+    With `at_s` the viewer's cursor is moved to that time (s) after the start. `progress` gets the
+    share that is done, and `warn` a line about each fault of the log. A served picture is shown
+    until `wait` returns, which is called with its address when all is drawn.
     Raises LogError or ViewerError.
     """
     reader = LogReader(log)
@@ -51,11 +53,14 @@ def review(
     notes = [note for note in _notes_of(log, warn) if excerpt.covers(note.at_s)]
     scenario = _scenario_in(reader, warn)
     stream = _stream(reader, scenario)
-    with _layout(log, scenario), _open(reader, option, scenario, stream) as view:
+    excerpt = excerpt.with_lead(list(stream.sizes), reader.path)
+    with _layout(log, scenario), _open(reader, option, scenario, stream, excerpt) as view:
         drawing = LogDrawing(reader, view, stream, has_events=_may_have_events(reader))
         count = drawing.draw(excerpt, progress) if view.enabled else 0
         for note in notes:
             view.note(note.at_s, note.text)
+        if at_s is not None:
+            view.show_at(at_s)
         if option.sink == "serve":
             wait(view.destination)
     return count
@@ -103,12 +108,23 @@ def _layout(log: Path, scenario: Scenario | None) -> AbstractContextManager[None
 
 
 def _open(
-    reader: LogReader, option: RerunOption, scenario: Scenario | None, stream: FigureStream
+    reader: LogReader,
+    option: RerunOption,
+    scenario: Scenario | None,
+    stream: FigureStream,
+    excerpt: Excerpt,
 ) -> RerunView:
+    log = reader.path
     if scenario is not None:
-        return open_view(option, scenario, reader.path, of_log=True)
-    names, identifier = list(stream.sizes), recording_id(reader.path)
-    return RerunView(option, recording_id=identifier, vehicles=names, of_log=True)
+        return open_view(option, scenario, log, vehicles=excerpt.vehicles, of_log=True)
+    names = list(stream.sizes)
+    return RerunView(
+        option,
+        recording_id=recording_id(log),
+        vehicles=excerpt.vehicles or names,
+        convoy=names,
+        of_log=True,
+    )
 
 
 def _in_order(reader: LogReader) -> list[str]:

@@ -1,6 +1,7 @@
 """Draws a live run with its events and true gaps."""
 
 from collections import deque
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from zlib import crc32
@@ -83,14 +84,23 @@ def open_drawing(
 
 
 def open_view(
-    option: RerunOption, scenario: Scenario, log: Path, *, of_log: bool = False
+    option: RerunOption,
+    scenario: Scenario,
+    log: Path,
+    *,
+    vehicles: Sequence[str] | None = None,
+    of_log: bool = False,
 ) -> RerunView:
-    """Open the view of a run of `scenario`, live or of its log; raises ViewerError."""
+    """Open the view of a run of `scenario`, live or of its log; raises ViewerError.
+
+    It shows `vehicles`, lead first, by default all.
+    """
     path = scenario.route.path
     return RerunView(
         option,
         recording_id=recording_id(log),
-        vehicles=scenario.vehicle_names,
+        vehicles=vehicles or scenario.vehicle_names,
+        convoy=scenario.vehicle_names,
         spacing_m=widest_spacing(scenario),
         cars=sizes_of(scenario),
         path=(path.east.tolist(), path.north.tolist()),
