@@ -17,6 +17,7 @@ SECTIONS: Mapping[str, Sequence[str]] = {
     "Look": (
         "browse", "report", "review", "explain", "note", "diff", "compare", "export", "reference",
     ),
+    "Logs": ("info", "extract", "merge", "recover"),
     "Live": (
         "status", "link", "cut", "heal", "gnss", "stall", "kill", "speed", "scenario-from",
     ),

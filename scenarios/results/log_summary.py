@@ -1,6 +1,6 @@
 """The summary and the scenario of a run, from its log alone."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from scenarios.results.summarise import METADATA_NAME, summarise
 from scenarios.results.summary import RunIdentity, RunSummary, from_json
 from transport.log.reader import LogReader
 from transport.log.records import REPAIRED, LogError
-from vehicles.messages import RunStart
+from vehicles.schedule import SECOND
 
 PARTIAL = "use the rest of it by --partial"
 """Remedy for a refused log that is damaged or incomplete."""
@@ -56,24 +56,15 @@ def summary_of(
             return with_outcome_line(replace(written, log_faults=faults))
         except ValueError as error:
             raise LogError(f"{log} ({SUMMARY_NAME}): {error}") from error
-    scenario = scenario_in(reader)
-    metrics = Metrics.of(scenario)
-    start_at = 0
-    for at, _, message in reader.messages(metrics.topics):
-        metrics.listen(at, message)
-        if isinstance(message, RunStart):
-            start_at = message.start_at_ns
+    metrics, scenario = _measured(reader)
+    start_at = metrics.start_at or 0
     thinned = reader.thinned
     if thinned:
         held = ", ".join(thinned)
         warn(f"{log}: holds only part of its {held}; the figures cover only that part")
-    try:
-        identity = RunIdentity.of_values(reader.metadata().get(METADATA_NAME, {}))
-    except ValueError as error:
-        raise LogError(f"{log} (metadata {METADATA_NAME}): {error}") from error
     breaks_off = "" if running else "the log breaks off"
     summary = summarise(
-        identity,
+        _identity_in(reader),
         scenario,
         metrics,
         ran_ns=max(reader.last_at - start_at, 0) if start_at else 0,
@@ -87,6 +78,57 @@ def summary_of(
     return with_outcome_line(
         replace(summary, outcome=outcome, outcome_line="", holes=holes, log_faults=faults)
     )
+
+
+def summary_of_piece(reader: LogReader, held: Mapping[str, str]) -> RunSummary:
+    """Figures of what a piece of a log holds; limits and what it lacks are left out.
+
+    `held` describes the piece by name and value, as in its metadata.
+    """
+    metrics, scenario = _measured(reader)
+    start_at = metrics.start_at or reader.first_at
+    first_s = float(held.get("from_s", 0.0))
+    last_s = (reader.last_at - start_at) / SECOND
+    summary = summarise(
+        _identity_in(reader),
+        scenario,
+        metrics,
+        ran_ns=reader.last_at - start_at,
+        reason="",
+        rejected={},
+    )
+    summary = with_outcome_line(
+        replace(
+            summary,
+            outcome="completed",
+            outcome_line="",
+            reason="",
+            ran_s=last_s - first_s,
+            holes=tuple(
+                hole for hole in summary.holes if hole.from_s > first_s and hole.to_s < last_s
+            ),
+            limits=(),
+            warnings=tuple(metrics.warnings),
+        )
+    )
+    text = ", ".join(f"{name} {value}" for name, value in held.items())
+    return replace(summary, outcome_line=f"PIECE ({text}); {summary.outcome_line}")
+
+
+def _measured(reader: LogReader) -> tuple[Metrics, Scenario]:
+    """Figures of all messages of a log, and its scenario."""
+    scenario = scenario_in(reader)
+    metrics = Metrics.of(scenario)
+    for at, _, message in reader.messages(metrics.topics):
+        metrics.listen(at, message)
+    return metrics, scenario
+
+
+def _identity_in(reader: LogReader) -> RunIdentity:
+    try:
+        return RunIdentity.of_values(reader.metadata().get(METADATA_NAME, {}))
+    except ValueError as error:
+        raise LogError(f"{reader.path} (metadata {METADATA_NAME}): {error}") from error
 
 
 def scenario_of(log: Path) -> Scenario:

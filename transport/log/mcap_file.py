@@ -4,9 +4,10 @@ import struct
 import zlib
 from collections import Counter
 from collections.abc import Container, Iterator, Mapping
+from functools import cached_property
 from io import BytesIO
 from pathlib import Path
-from typing import IO, cast
+from typing import IO, NamedTuple, cast
 
 import numpy as np
 import zstandard
@@ -24,7 +25,9 @@ from transport.log.records import (
     CHUNK,
     HEAD_BYTES,
     MESSAGE,
+    MESSAGE_HEAD_BYTES,
     METADATA,
+    SCHEMA,
     ChunkHead,
     DamageError,
     Record,
@@ -37,6 +40,7 @@ from transport.log.records import (
     metadata,
     scan,
     starts_in,
+    stored_in,
 )
 from transport.log.wire import WireData
 
@@ -47,6 +51,15 @@ LARGEST_CHUNK = 2**30
 """Maximum size of an unpacked chunk (bytes); a larger stated size is damage."""
 MAX_LISTED = 3
 """Maximum number of damaged places that are listed."""
+
+
+class MessageHeads(NamedTuple):
+    """Channel, sequence number, instant of recording (ns) and size (bytes) of N messages."""
+
+    channel: Integers
+    sequence: Integers
+    logged_at: Integers
+    size: Integers
 
 
 class McapFile:
@@ -137,37 +150,80 @@ class McapFile:
 
     def channels(self) -> tuple[dict[int, str], Mapping[int, int]]:
         """Topics and message counts of the channels, by channel number."""
-        topics: dict[int, str] = {}
-        if summary := self._summary():
-            topics = {number: channel.topic for number, channel in summary.channels.items()}
-            if summary.statistics and not self._damaged:
-                return topics, summary.statistics.channel_message_counts
+        topics = {number: channel.topic for number, channel in self.described().items()}
+        summary = self._summary()
+        if summary and summary.statistics and not self._damaged:
+            return topics, summary.statistics.channel_message_counts
+        return topics, Counter(self.heads.channel.tolist())
+
+    def described(self) -> dict[int, records.Channel]:
+        """Channels by number."""
+        return self._descriptions[1]
+
+    def schemas(self) -> dict[int, records.Schema]:
+        """Schemas by number."""
+        return self._descriptions[0]
+
+    @cached_property
+    def _descriptions(self) -> tuple[dict[int, records.Schema], dict[int, records.Channel]]:
+        summary = self._summary()
+        schemas = dict(summary.schemas) if summary else {}
+        channels = dict(summary.channels) if summary else {}
+        if summary and summary.statistics and not self._damaged:
+            return schemas, channels
         for _, head in self.chunks:
             chunk = self.unpack(head)
             for opcode, start, end in entries_in(chunk):
+                content = ReadDataStream(BytesIO(chunk[start:end]))
                 if opcode == CHANNEL:
-                    channel = records.Channel.read(ReadDataStream(BytesIO(chunk[start:end])))
-                    topics[channel.id] = channel.topic
-        return topics, Counter(channel for channel, _, _ in self.messages())
+                    channel = records.Channel.read(content)
+                    channels[channel.id] = channel
+                elif opcode == SCHEMA:
+                    schema = records.Schema.read(content)
+                    schemas[schema.id] = schema
+        return schemas, channels
 
-    def totals(self, numbered: Container[int]) -> dict[int, int]:
+    def stored(self, head: ChunkHead) -> Iterator[tuple[int, int, int, int, bytes]]:
+        """Yield (channel, sequence number, log time, publish time, data) of a chunk."""
+        return stored_in(self.unpack(head))
+
+    @cached_property
+    def heads(self) -> MessageHeads:
+        """Heads of all readable messages."""
+        columns = []
+        for number, (_, head) in enumerate(self.chunks):
+            content = self.unpack(head)
+            chunk, starts = WireData(content), self.record_starts(number, content)
+            starts = starts[chunk.numbers("u1", starts) == MESSAGE]
+            at = starts + HEAD_BYTES
+            columns.append(
+                (
+                    chunk.numbers("<u2", at).astype(np.int64),
+                    chunk.numbers("<u4", at + 2).astype(np.int64),
+                    chunk.numbers("<i8", at + 6),
+                    chunk.numbers("<i8", starts + 1) - MESSAGE_HEAD_BYTES,
+                )
+            )
+        if not columns:
+            return MessageHeads(*(np.zeros(0, np.int64) for _ in MessageHeads._fields))
+        return MessageHeads(*(np.concatenate(parts) for parts in zip(*columns, strict=True)))
+
+    def totals(self, numbered: Container[int], *, from_zero: bool = True) -> dict[int, int]:
         """Messages of each channel, by the statistics of the file.
 
-        Those of `numbered` channels are counted by their largest sequence number as well.
+        Those of `numbered` channels are counted by their sequence numbers as well, from zero or
+        from the smallest one.
         """
         summary, totals = self._summary(), Counter[int]()
         if summary and summary.statistics:
             totals.update(summary.statistics.channel_message_counts)
-        largest = np.full(CHANNELS, -1, np.int64)
-        for number, (_, head) in enumerate(self.chunks):
-            chunk = WireData(self.unpack(head))
-            heads = self.record_starts(number, chunk.content(0, head.size))
-            heads = heads[chunk.numbers("u1", heads) == MESSAGE] + HEAD_BYTES
-            channels, sequences = chunk.numbers("<u2", heads), chunk.numbers("<u4", heads + 2)
-            np.maximum.at(largest, channels, sequences)
+        largest, smallest = np.full(CHANNELS, -1, np.int64), np.full(CHANNELS, 2**32, np.int64)
+        np.maximum.at(largest, self.heads.channel, self.heads.sequence)
+        np.minimum.at(smallest, self.heads.channel, self.heads.sequence)
         for channel in np.flatnonzero(largest >= 0).tolist():
             if channel in numbered:
-                totals[channel] = max(totals[channel], int(largest[channel]) + 1)
+                first = 0 if from_zero else int(smallest[channel])
+                totals[channel] = max(totals[channel], int(largest[channel]) + 1 - first)
         return totals
 
     def record_starts(self, number: int, chunk: bytes) -> Integers:

@@ -8,7 +8,7 @@ from transport.codec import RefusedMessageError, decode
 from transport.columns import DEVIATION, Columns
 from transport.log.columns import Selection, read_columns
 from transport.log.mcap_file import McapFile
-from transport.log.records import REPAIRED, THINNED_NAME, LogError
+from transport.log.records import PIECE, REPAIRED, THINNED_NAME, LogError
 from transport.topics import TOPICS, Topic, key
 from vehicles.messages import Message
 
@@ -26,10 +26,10 @@ class LogReader:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._file = McapFile(path)
-        self.truncated = self._file.truncated
-        self.damage = self._file.damage
-        channels, counts = self._file.channels()
+        self.file = McapFile(path)
+        self.truncated = self.file.truncated
+        self.damage = self.file.damage
+        channels, counts = self.file.channels()
         nameless = sum(count for number, count in counts.items() if number not in channels)
         if self.damage and nameless:
             self.damage += f"; the topics of {nameless} messages are lost"
@@ -52,9 +52,9 @@ class LogReader:
                     f"with <topic> one of {', '.join(TOPICS)}"
                 )
             raise LogError(self.damage or f"{path}: {why}")
-        self.first_at = min((head.first_at for _, head in self._file.chunks), default=0)
+        self.first_at = min((head.first_at for _, head in self.file.chunks), default=0)
         """Instant (ns) at which the first message was recorded."""
-        self.last_at = max((head.last_at for _, head in self._file.chunks), default=0)
+        self.last_at = max((head.last_at for _, head in self.file.chunks), default=0)
         """Instant (ns) at which the last message was recorded."""
         self.vehicles = tuple(sorted({vehicle for vehicle, _ in self.counts}))
 
@@ -83,7 +83,7 @@ class LogReader:
             and (vehicles is None or source[0] in vehicles)
             and (topics is None or source[1].name in topics)
         }
-        for channel, log_time, data in self._file.messages():
+        for channel, log_time, data in self.file.messages():
             if channel in wanted:
                 yield log_time, *wanted[channel], data
 
@@ -103,14 +103,15 @@ class LogReader:
         messages are left out, see `damage` and `missing`.
         """
         wanted = {topic: (fields or {}).get(topic) for topic in topics}
-        return read_columns(self._file, self._channels, Selection(wanted, vehicles, span_ns))
+        return read_columns(self.file, self._channels, Selection(wanted, vehicles, span_ns))
 
     @cached_property
     def missing(self) -> dict[tuple[str, str], tuple[int, int]]:
         """Numbers of missing messages and of all, by (vehicle, topic), where some are missing.
 
         A message is missing if its number was used but the log lacks it: the log is damaged, or the
-        message did not reach the recorder. Thinned topics are left out.
+        message did not reach the recorder. Thinned topics are left out. Of a piece only the numbers
+        between its first and its last message count.
         """
         thinned, counts = self.thinned, self._counts
         names = {
@@ -119,7 +120,7 @@ class LogReader:
             if source and source[1].name not in thinned
         }
         numbered = {number for number, (_, topic) in names.items() if topic not in OF_DECISIONS}
-        totals = self._file.totals(numbered)
+        totals = self.file.totals(numbered, from_zero=PIECE not in self.metadata())
         return {
             name: (total - counts.get(number, 0), total)
             for number, name in names.items()
@@ -168,11 +169,11 @@ class LogReader:
 
     def metadata(self) -> dict[str, dict[str, str]]:
         """Named text values of the log."""
-        return self._file.metadata()
+        return self.file.metadata()
 
     def attachments(self) -> dict[str, bytes]:
         """Attached files by name."""
-        return self._file.attachments()
+        return self.file.attachments()
 
 
 def _source(channel: str) -> tuple[str, Topic] | None:

@@ -42,6 +42,8 @@ _BEGINNING = re.compile(rb"[\x06\x07\x09\x0c\x0f](?=.{4}\x00{4})", re.DOTALL)
 
 THINNED_NAME = "thinned"
 """Name of the metadata record with the maximum rates of thinned topics."""
+PIECE = "piece"
+"""Name of the metadata record of a part of a log, with what it holds."""
 REPAIRED = "repaired"
 """Name of the metadata record of a repaired log."""
 
@@ -316,6 +318,14 @@ def starts_in(chunk: bytes) -> list[int]:
     if at != len(chunk):
         raise DamageError("a record goes beyond its chunk")
     return starts
+
+
+def stored_in(chunk: bytes) -> Iterator[tuple[int, int, int, int, bytes]]:
+    """Yield (channel, sequence number, log time, publish time, data) of the messages in a chunk."""
+    unpack, head = _MESSAGE_HEAD.unpack_from, _MESSAGE_HEAD.size
+    for opcode, start, end in entries_in(chunk):
+        if opcode == MESSAGE:
+            yield (*unpack(chunk, start), chunk[start + head : end])
 
 
 def messages_in(chunk: bytes) -> Iterator[tuple[int, int, bytes]]:

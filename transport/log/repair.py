@@ -45,6 +45,7 @@ from transport.log.records import (
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 """Errors of a full disk."""
 _MESSAGE_START = struct.Struct("<HIQ")  # channel, sequence, log time
+_NUMBER = struct.Struct("<H")  # of a channel or schema
 _ENTRY = struct.Struct("<QQ")  # log time, offset in the chunk
 
 
@@ -71,8 +72,10 @@ def repair_if_truncated(log: Path) -> bool:
     return False
 
 
-def repair(path: Path, *, make_room: bool = False) -> bool:
-    """Complete a truncated log with every readable record; returns whether it was truncated.
+def repair(path: Path, *, make_room: bool = False, also_damaged: bool = False) -> bool:
+    """Complete a truncated log with every readable record; returns whether it was changed.
+
+    With `also_damaged`, a complete log is written again without its unreadable records.
 
     The metadata `repaired` contains the number of kept messages. To `make_room` for the index on a
     full disk, the last messages are removed. Raises LogError if the file is not an MCAP log, is
@@ -82,9 +85,10 @@ def repair(path: Path, *, make_room: bool = False) -> bool:
         with path.open("r+b", buffering=0) as file:
             lock(file, path)
             log = McapFile(path)
-            if not log.truncated:
+            if not (log.truncated or (also_damaged and log.damage)):
                 return False
             kept = _kept(log)
+            kept[2:2] = _lost_descriptions(log, kept)
             if _is_beginning(kept):
                 _complete(file, kept, make_room=make_room)
             else:
@@ -148,6 +152,42 @@ def _kept_chunk(
         parts += [_index(channel, bytes(rows)) for channel, rows in entries.items()]
     channels = list(counts if distinct and counted == counts else counted)
     return _Kept(CHUNK, parts, head, channels, counted, b"".join(described))
+
+
+def _lost_descriptions(log: McapFile, kept: Sequence[_Kept]) -> list[_Kept]:
+    """A chunk with the channels and schemas that only the summary of the log still describes."""
+    channels, schemas = log.described(), log.schemas()
+    used = channels.keys() & {channel for group in kept for channel in group.counts}
+    known = _described_in(kept)
+    lost = sorted(number for number in used if (CHANNEL, number) not in known)
+    needed = {channels[number].schema_id for number in used}
+    lost_schemas = sorted(number for number in needed if (SCHEMA, number) not in known)
+    chunks = [group.head for group in kept if group.head is not None]
+    if not (lost or lost_schemas) or not chunks:
+        return []
+    builder = RecordBuilder()
+    for number in lost_schemas:
+        schemas[number].write(builder)
+    for number in lost:
+        channels[number].write(builder)
+    content: bytes = builder.end()  # type: ignore[no-untyped-call]
+    first_at = chunks[0].first_at
+    chunk = records.Chunk("", content, first_at, first_at, crc32(content), len(content))
+    chunk.write(builder)
+    data: bytes = builder.end()  # type: ignore[no-untyped-call]
+    packed = Span(0, len(content))
+    head = ChunkHead(first_at, first_at, len(content), crc32(content), "", packed)
+    return [_Kept(CHUNK, [data], head, described=content)]
+
+
+def _described_in(kept: Sequence[_Kept]) -> set[tuple[int, int]]:
+    """Opcodes and numbers of the channels and schemas that the kept chunks describe."""
+    return {
+        (opcode, *_NUMBER.unpack_from(group.described, start))
+        for group in kept
+        if group.head is not None
+        for opcode, start, _ in entries_in(group.described)
+    }
 
 
 def _contiguous(valid: Sequence[Record], position: int) -> list[Record]:

@@ -84,9 +84,10 @@ class CrossTrackError:
 
     The path is the polyline through the lead's poses, without standstills. Followers start behind
     the lead, so an infinite straight precedes its first pose. Its direction is `road_yaw` (rad), or
-    the yaw of the first pose if `road_yaw` is None or the lead's record does not begin at its
-    start. If `followers` are given, chords that all of them have passed are dropped. Points of
-    `replayed` vehicles have no foot point on that straight: they start where their own drive does.
+    the yaw of the first pose if `road_yaw` is None. If the lead's record does not begin at its
+    start, as in a part of a log, points on that straight have no foot point. If `followers` are
+    given, chords that all of them have passed are dropped. Points of `replayed` vehicles have no
+    foot point on that straight: they start where their own drive does.
 
     The poses of each vehicle must be in order of time, but vehicles may be interleaved in any
     order: a pose beyond the end of the lead's path is stored until the path reaches it.
@@ -103,6 +104,7 @@ class CrossTrackError:
         self._lead = lead
         self._replayed = replayed
         self._road_yaw = road_yaw
+        self._from_start = True
         self._chords: list[_Chord] = []
         self._end = (0.0, 0.0)
         self._newest: TruePose | None = None
@@ -148,7 +150,9 @@ class CrossTrackError:
 
     def _counts(self, follower: _Follower, foot: CrossTrack) -> bool:
         """Whether the lead's path is known beside the foot point."""
-        if foot.station < 0.0 and foot.vehicle.partition("/")[0] in self._replayed:
+        if foot.station < 0.0 and (
+            not self._from_start or foot.vehicle.partition("/")[0] in self._replayed
+        ):
             return False
         return not self._chords[follower.index].is_hole
 
@@ -156,8 +160,10 @@ class CrossTrackError:
         """Extend the lead's path to `pose`, unless the lead stood still."""
         before, self._newest = self._newest, pose
         if not self._chords:
-            at_start = pose.distance_m == 0.0
-            yaw = self._road_yaw if self._road_yaw is not None and at_start else pose.yaw_rad
+            self._from_start = pose.distance_m == 0.0
+            yaw = pose.yaw_rad
+            if self._road_yaw is not None and self._from_start:
+                yaw = self._road_yaw
             # The first chord extends backwards to infinity, so its length does not matter.
             along_east, along_north = cos(yaw), sin(yaw)
             east, north = pose.east_m - along_east, pose.north_m - along_north

@@ -174,12 +174,12 @@ def test_with_a_known_road_yaw_the_lead_s_initial_yaw_does_not_matter(
     assert max(foot.lateral for foot in cross_track(own, lead)) > 5.0
 
 
-def test_the_road_yaw_is_ignored_if_the_record_begins_after_the_start() -> None:
+def test_nothing_is_known_before_a_record_that_begins_after_the_start() -> None:
     path = path_from_segments([Segment(100.0, 0.0)])
     lead = driven(path, every(STEP, 0.0, 99.0))
     lead[0] = replace(lead[0], distance_m=80.0)
     result = cross_track(driven(path, [-19.5, 0.1], lambda _: 0.5), lead, road_yaw=1.5)
-    assert [foot.lateral for foot in result] == pytest.approx([0.5] * 2)
+    assert [foot.lateral for foot in result] == pytest.approx([0.5])
 
 
 def test_beyond_the_lead_s_last_pose_there_is_no_foot_point() -> None:
