@@ -5,6 +5,7 @@ All are executors of `concurrent.futures`.
 
 import os
 import signal
+import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
@@ -14,6 +15,7 @@ from dataclasses import dataclass
 from functools import partial
 from multiprocessing import get_all_start_methods, get_context, parent_process
 from threading import Thread
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from scenarios.runs.stop import delayed_exit
@@ -100,7 +102,7 @@ class WorkerPool(Executor):
     def _submit_to(self, place: int, work: Callable[[], Result]) -> Future[Result]:
         """Submit to one worker; replace it if it died."""
         # Workers inherit the mask, and exit with their parent.
-        with delayed_exit(), _block_ctrl_c(), _safe_path():
+        with delayed_exit(), _block_ctrl_c(), _safe_path(), _empty_main_module():
             for pause_s in RETRY_DELAYS_S:
                 try:
                     return self._processes[place].submit(work)
@@ -132,6 +134,17 @@ def _block_ctrl_c() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _empty_main_module() -> Iterator[None]:
+    """Start processes that do not import the caller's script, which would run it again."""
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
 
 
 @contextmanager

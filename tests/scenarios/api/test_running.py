@@ -1,7 +1,10 @@
 """`import convoy`: run, check and sweep do what the commands do."""
 
 import json
+import os
 import signal
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
@@ -161,3 +164,19 @@ def test_a_sweep_writes_files_on_request(tmp_path: Path) -> None:
     sweep = convoy.sweep(set=settings, seeds=1, out=tmp_path / "sweep", workers=0)
     assert {path.name for path in sweep.files} == {"sweep.csv", "runs.csv", "sweep.json"}
     assert all(path.is_file() for path in sweep.files)
+
+
+def test_a_sweep_does_not_run_the_script_of_its_caller_again(tmp_path: Path) -> None:
+    script = tmp_path / "study.py"
+    script.write_text(
+        "import scenarios.api as convoy\n"
+        "print('script')\n"
+        "print(convoy.sweep('lane_change', set={'duration_s': 0.5, 'convoy.vehicles': 2}, seeds=2,"
+        " workers=2).runs.cross_track_error_m_max.size)\n"
+    )
+    ran = subprocess.run(
+        [sys.executable, script.name],
+        cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False,
+        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[3])},
+    )  # fmt: skip
+    assert (ran.returncode, ran.stdout.split()) == (0, ["script", "2"]), ran.stderr
