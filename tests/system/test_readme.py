@@ -21,8 +21,9 @@ SHORTER = {
     "review runs/first": "review runs/first --rerun save=first.rrd",  # needs no display
     "run --out runs/live": "run --out runs/live --clock virtual --duration 3",
     "--precision 0.05": "--precision 0.15 --seeds 2 --duration 20",
-    "--seeds 5 --out": "--seeds 1 --duration 3 --out",
     "--seeds 5 --junit": "--seeds 1 --junit",
+    "import convoy": "import scenarios.api as convoy",  # its name in a checkout
+    "fusion, seeds=5": "fusion, seeds=1, set={'duration_s': 1}",
 }
 """What the test replaces: a display, real time, and minutes of processor time."""
 
@@ -56,13 +57,22 @@ def commands(text: str) -> list[str]:
 
 
 def convoy(folder: Path, command: str) -> str:
+    arguments = shlex.split(shorter(command), comments=True)[1:]
+    return python(folder, "-m", "scenarios.cli", *arguments, code=int(arguments[0] == "diff"))
+
+
+def shorter(text: str) -> str:
     for shown, instead in SHORTER.items():
-        command = command.replace(shown, instead)
+        text = text.replace(shown, instead)
+    return text
+
+
+def python(folder: Path, *arguments: str, code: int = 0) -> str:
     done = subprocess.run(
-        [sys.executable, "-m", "scenarios.cli", *shlex.split(command)[1:]],
+        [sys.executable, *arguments],
         cwd=folder, capture_output=True, text=True, timeout=200, check=False,
     )  # fmt: skip
-    assert done.returncode == 0, f"{command}: {done.stdout} {done.stderr}"
+    assert done.returncode == code, f"{arguments}: {done.stdout} {done.stderr}"
     return done.stdout
 
 
@@ -109,10 +119,10 @@ def test_commands_in_the_order_of_the_readme(tmp_path: Path) -> None:
             lines = without_numbers(printed)
             for line in without_numbers(block.text):  # "…" stands for the rest of a line
                 assert any(one.startswith(line.removesuffix("…")) for one in lines), (line, printed)
-        if block.language not in {"sh", "yaml"}:
-            continue
-        text = block.text.replace("      - run: ", "")
-        for command in commands(text):
+        if block.text.startswith("import convoy"):
+            (tmp_path / "study.py").write_text(shorter(block.text))
+            printed = python(tmp_path, "study.py")
+        for command in commands(block.text) if block.language == "sh" else ():
             if not command.startswith(ELSEWHERE):
                 printed = convoy(tmp_path, command)
                 ran += 1
