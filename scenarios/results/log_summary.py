@@ -50,7 +50,8 @@ def summary_of(
     faults = "" if running else reader.faults
     if faults:
         warn(faults)
-    if SUMMARY_NAME in attachments and REPAIRED not in reader.metadata():
+    is_complete = not reader.truncated and REPAIRED not in reader.metadata()
+    if SUMMARY_NAME in attachments and is_complete:
         try:
             written = from_json(attachments[SUMMARY_NAME].decode())
             return with_outcome_line(replace(written, log_faults=faults))

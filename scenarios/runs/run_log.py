@@ -140,12 +140,14 @@ class RunLog:
             summary = self._summary()
             self._writer.attach(SUMMARY_NAME, "application/json", to_json(summary).encode())
             self._writer.close()
-            write_summary(self._folder, summary)
         except LogError as error:
             self._reason = self._reason or str(error)
             summary = self._summary()
-            with suppress(LogError):
-                write_summary(self._folder, summary)
+        try:
+            write_summary(self._folder, summary)
+        except LogError as error:  # no other summary than that in the log is written
+            self._reason = self._reason or str(error)
+            summary = self._summary()
         if self._writer.broken:
             from transport.log.repair import repair  # noqa: PLC0415 - rarely
 

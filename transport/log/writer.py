@@ -23,7 +23,7 @@ from transport.closing import Closing
 from transport.codec import PROTOBUF, encode
 from transport.convoy_pb2 import Deviation
 from transport.log.foxglove import Schema, StandardMessage, protobuf_schema, standard_messages
-from transport.log.records import THINNED_NAME, LogError, UnwritableError, lock
+from transport.log.records import MAGIC, THINNED_NAME, LogError, UnwritableError, lock
 from transport.log.scene import Scene
 from transport.thinning import Thinning
 from transport.topics import TOPIC_OF, TOPICS, Topic, key
@@ -58,6 +58,12 @@ class _Channel:
     ) -> None:
         self.identifier = identifier
         self.standard_messages = standard_messages
+
+
+def _cut_magic(descriptor: int) -> None:
+    size = os.fstat(descriptor).st_size
+    if size > 2 * len(MAGIC) and os.pread(descriptor, len(MAGIC), size - len(MAGIC)) == MAGIC:
+        os.ftruncate(descriptor, size - len(MAGIC))
 
 
 class LogWriter(Closing):
@@ -265,6 +271,18 @@ class LogWriter(Closing):
         if held != self._written:
             raise OSError(errno.EIO, f"it holds {held} of {self._written} messages")
 
+    def _open_end(self) -> None:
+        """Remove the last bytes of a log that became complete although a call failed.
+
+        `repair` completes it as a log that breaks off: its attached summary does not hold.
+        """
+        if self._file.closed:  # closing was the call that failed
+            with self._path.open("r+b", buffering=0) as file:
+                _cut_magic(file.fileno())
+        else:
+            self._file.flush()
+            _cut_magic(self._file.fileno())
+
     @contextlib.contextmanager
     def _named_failure(self) -> Iterator[None]:
         """Turn OSError into LogError, and stop writing."""
@@ -275,6 +293,8 @@ class LogWriter(Closing):
 
     def _give_up(self, error: OSError) -> NoReturn:
         self.broken = True
+        with contextlib.suppress(OSError):
+            self._open_end()
         with contextlib.suppress(OSError):
             self._file.close()
         raise UnwritableError(f"{self._path}: cannot write the log: {error.strerror}") from error

@@ -7,6 +7,7 @@ import json
 import re
 import shutil
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -19,6 +20,7 @@ from click.testing import CliRunner, Result
 
 from scenarios.cli.main import cli
 from scenarios.definition.scenario import load_scenario
+from scenarios.results.log_summary import summary_of
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
 from scenarios.studies.cuts import campaign as cutting
@@ -29,6 +31,7 @@ from scenarios.studies.engine.workers import open_workers
 from tests.made.failing_calls import FAULTS, Fault, failing_calls
 from tests.made.scenarios.recorded_drives import as_plane_csv, drive
 from transport.log.mcap_file import McapFile
+from transport.log.records import LogError
 
 SHORT = "--set convoy.vehicles=2 --set duration_s=0.2"
 HERE = f"{SHORT} --workers 0"
@@ -207,10 +210,12 @@ def faults_of(command: Command, whole: Ended, failed: Ended) -> Iterator[str]:
         yield f"exit code {code}, {lacking} are incomplete"
     if code and not any("out" in line for line in failed.printed.splitlines() if ": " in line):
         yield f"no file is named: {failed.printed}"
+    if lacking == ["summary.json"] and "summary.json" in failed.files:
+        yield "the summary contradicts that in the log"
     if command.repeated and lacking:
         yield f"{lacking} were destroyed"
     for name, data in failed.files.items():
-        yield from unreadable(name, data)
+        yield from unreadable(name, data, is_whole=name not in lacking)
         if name in lacking and name not in OF_FAILED_RUNS:
             yield f"{name} is not whole"
 
@@ -224,7 +229,7 @@ OF_FAILED_RUNS = {"run.mcap", "summary.json"}
 """Files that a failed run leaves: other than those of a whole one, but readable."""
 
 
-def unreadable(name: str, data: bytes) -> Iterator[str]:
+def unreadable(name: str, data: bytes, *, is_whole: bool) -> Iterator[str]:
     if name.endswith((".part", ".repaired")):
         yield f"{name} is left"
     elif name.endswith(".json"):
@@ -233,8 +238,16 @@ def unreadable(name: str, data: bytes) -> Iterator[str]:
         with NamedTemporaryFile() as file:
             file.write(data)
             file.flush()
-            if damage := McapFile(Path(file.name)).damage:
-                yield damage
+            yield from log_faults(Path(file.name), is_whole=is_whole)
+
+
+def log_faults(log: Path, *, is_whole: bool) -> Iterator[str]:
+    """Yield damage of a log, and the outcome "completed" of a log that is not whole."""
+    if damage := McapFile(log).damage:
+        yield damage
+    with suppress(LogError):  # no message was written
+        if not is_whole and summary_of(log).outcome == "completed":
+            yield "the log states a completed run"
 
 
 @pytest.mark.parametrize("command", ["run", "review", "compare"])
