@@ -220,18 +220,20 @@ class Inbox:
                     self._clock_warnings.append(warning)
 
     def waiting(self, now: int) -> str:
-        """List the messages that have arrived by `now` (ns) and have no verdict yet, for Health.
+        """List the messages that arrived in time and have no verdict by `now` (ns), for Health.
 
-        Up to LONGEST_WAITING characters.
+        Those that arrived late, after the last tick, were of no use: they are not in flight. Up to
+        LONGEST_WAITING characters.
         """
         self._judge_arrived(now)
         numbers = {sender: MessageNumbers() for sender in self.links}
         for _, sender, seq, _, item in self._waiting:
-            if isinstance(item, Transmission):
+            if isinstance(item, Transmission) and not item.late:
                 numbers[sender].add(seq)
         for sender, link in self.links.items():
-            for seq in link.pending:
-                numbers[sender].add(seq)
+            for seq, transmission in link.pending.items():
+                if not transmission.late:
+                    numbers[sender].add(seq)
         text = ""
         for sender, waiting in numbers.items():
             for first, last in waiting.ranges():
