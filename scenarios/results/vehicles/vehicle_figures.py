@@ -306,6 +306,8 @@ class VehicleFigures:
         """Time (s) after which nothing of it was recorded although the run went on."""
         if span.start_at is None:
             return None
+        if not self.last_at:  # nothing of it was ever recorded
+            return 0.0 if span.ran_ns >= span.planned_ns else None
         until = max(self.last_at - span.start_at, 0)
         return until / SECOND if span.ran_ns - until > SILENT_NS else None
 
