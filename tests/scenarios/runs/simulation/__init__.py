@@ -7,5 +7,6 @@ disk        a folder that fails at the n-th write and survives kills
 world       one run with its processes and faults
 invariants  what must hold after every run
 states      what a run reached
+planted     bugs that the simulation has to find
 shrinking   simulates plans and reduces those that break an invariant
 """

@@ -23,6 +23,9 @@ from vehicles.schedule import MILLISECOND, nanoseconds
 
 STOPPED_BY_LAUNCHER = {-9, 143}
 M = TypeVar("M", bound=Message)
+BASE_RATE_HZ = 10
+SILENT_S = 1.0
+"""Vehicles that end less than this before the others are not reported as silent."""
 LOWEST_SLACK_NS = 12 * MILLISECOND
 """Interruptions and delays that no clock sees."""
 
@@ -146,8 +149,13 @@ def outcome_and_exit_codes_agree(run: Aftermath) -> Iterator[str]:
         vehicle_code = vehicle.poll()
         if run.plan.launched and vehicle_code in STOPPED_BY_LAUNCHER:
             continue
-        is_named = _is_known_failed(run, vehicle) or any(
-            vehicle.name in line and "did not end" in line for line in run.world.printed
+        was_away = vehicle.name in run.world.network.disturbed and any(
+            "its recorder has left" in line for line in vehicle.lines
+        )
+        is_named = (
+            was_away
+            or _is_known_failed(run, vehicle.name)
+            or any(vehicle.name in line and "did not end" in line for line in run.world.printed)
         )
         if run.is_completed and vehicle_code != EXIT_DONE and not is_named:
             yield f"{vehicle.name} ended with {vehicle_code} in a completed run"
@@ -155,10 +163,38 @@ def outcome_and_exit_codes_agree(run: Aftermath) -> Iterator[str]:
             yield f"{vehicle.name} ended with 0 in a failed run"
 
 
-def _is_known_failed(run: Aftermath, vehicle: Process) -> bool:
-    """Whether the log names a vehicle that failed, left or was not admitted."""
+def _is_known_failed(run: Aftermath, name: str) -> bool:
+    """Whether the log names a vehicle that failed or left, perhaps for a while."""
     texts = [message.text for message in run.of_kind(LogText) if message.vehicle == RUN_SENDER]
-    return any(text.startswith(f"{vehicle.name} ") for text in texts)
+    return any(text.startswith(f"{name} ") and "continues without it" in text for text in texts)
+
+
+def failed_vehicles_are_in_the_outcome(run: Aftermath) -> Iterator[str]:
+    """A vehicle that took no part to the end is named where a user looks first."""
+    if run.summary is None or not run.is_completed:
+        return
+    for vehicle in run.summary.vehicles:
+        sent = len(run.sent[vehicle.name, "truth"])
+        expected = BASE_RATE_HZ * (run.plan.duration_s - SILENT_S)
+        if (
+            sent < expected
+            and vehicle.silent_from_s is None
+            and "not recorded" not in run.summary.outcome_line
+        ):
+            yield f"{vehicle.name} sent {sent} true poses: {run.summary.outcome_line}"
+
+
+def only_disturbed_vehicles_are_blamed(run: Aftermath) -> Iterator[str]:
+    for text in run.of_kind(LogText):
+        name, _, line = text.text.partition(" ")
+        is_blame = line.startswith(("failed ", "was cut off"))
+        if text.vehicle != RUN_SENDER or name not in run.plan.names or not is_blame:
+            continue
+        processes = [process for process in run.world.processes if process.name == name]
+        if name not in run.world.network.disturbed and not any(
+            process.is_faulty or process.poll() not in {EXIT_DONE, None} for process in processes
+        ):
+            yield f"nothing happened to {name}: {text.text}"
 
 
 def accounts_balance(run: Aftermath) -> Iterator[str]:
@@ -178,6 +214,7 @@ def accounts_balance(run: Aftermath) -> Iterator[str]:
         sent = run.count_sent(link.sender, "gps")
         sender = run.world.process(link.sender)
         whole = sender is not None and not run.was_disturbed(sender) and sender.poll() == 0
+        whole &= not _is_known_failed(run, link.sender)
         holes = any(hole.vehicle == link.sender for hole in run.summary.holes)
         if run.is_completed and whole and not holes and link.sent != sent:
             yield f"{name}: sent {sent}, the account knows {link.sent}"
@@ -189,6 +226,8 @@ def holes_are_named(run: Aftermath) -> Iterator[str]:
     for name in run.plan.names:
         process = run.world.process(name)
         if process is None or run.was_disturbed(process) or process.poll() != EXIT_DONE:
+            continue
+        if _is_known_failed(run, name):
             continue
         for topic in ("gps", "truth"):
             missing = run.count_sent(name, topic) - run.log.counts.get((name, topic), 0)
@@ -203,7 +242,11 @@ def nothing_received_is_lost(run: Aftermath) -> Iterator[str]:
     """Poses that arrived at a recorder that ended by itself are in its log or refused."""
     recorder, log = run.recorder, run.log
     code = None if recorder is None else recorder.poll()
-    if code is None or code < 0 or run.summary is None or run.world.disk.has_failed or log is None:
+    if code is None or code < 0 or run.summary is None:
+        return
+    if run.is_completed and log is None:
+        yield "a completed run has no log"
+    if log is None or (run.world.disk.has_failed and not run.is_completed):
         return
     ends = [at for at, _, message in run.logged if isinstance(message, RunEnd)]
     starts = run.of_kind(RunStart)
@@ -219,6 +262,9 @@ def nothing_received_is_lost(run: Aftermath) -> Iterator[str]:
         missing = len(arrived) - log.counts.get((name, "gps"), 0)
         if missing > refused:
             yield f"{missing} poses of {name} arrived and are not in the log"
+        distinct = {data for _, data in run.world.network.received[address]}
+        if log.counts.get((name, "gps"), 0) > len(distinct):
+            yield f"poses of {name} are in the log twice"
 
 
 def confirmed_changes_are_logged(run: Aftermath) -> Iterator[str]:
@@ -248,7 +294,6 @@ def clocks_are_right(run: Aftermath) -> Iterator[str]:
         return
     allowed = run.world.scenario.clock_uncertainty_ns_max + LOWEST_SLACK_NS
     clock = run.world.clock_of(RECORDER)
-    reports = [text.text for text in run.of_kind(LogText) if text.vehicle == RUN_SENDER]
     warned = [text.text for text in run.of_kind(LogText) if text.level == "alert"]
     for vehicle in summary.vehicles:
         sent = [
@@ -256,7 +301,7 @@ def clocks_are_right(run: Aftermath) -> Iterator[str]:
         ]
         if not sent or any(vehicle.name in text for text in warned):
             continue
-        if any(text.startswith(f"{vehicle.name} ") for text in reports):
+        if _is_known_failed(run, vehicle.name):
             continue
         turn = stagger_ns(run.plan.variant, run.plan.vehicles, vehicle.name)
         error = min((clock.unix_at(at) - pose.sent_at_ns - turn for at, pose in sent), key=abs)
@@ -274,6 +319,7 @@ def an_undisturbed_run_equals_the_virtual_one(run: Aftermath) -> Iterator[str]:
         or any(link.late or link.not_arrived or link.unrecorded for link in summary.links)
         or bool(summary.holes)
         or any(run.was_disturbed(vehicle) for vehicle in run.vehicles)
+        or any(_is_known_failed(run, name) for name in run.plan.names)
     )
     if explained:
         return
@@ -330,6 +376,8 @@ CHECKS = (
     no_role_waits_for_ever,
     every_failure_has_a_reason,
     outcome_and_exit_codes_agree,
+    failed_vehicles_are_in_the_outcome,
+    only_disturbed_vehicles_are_blamed,
     accounts_balance,
     holes_are_named,
     nothing_received_is_lost,

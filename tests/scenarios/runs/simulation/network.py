@@ -53,6 +53,8 @@ class SimulatedNetwork:
         self.is_up = False
         self.frozen_until = 0
         self.sessions: list[SimulatedBus] = []
+        self.disturbed: set[str] = set()
+        """Roles whose link was cut or lost while they ran."""
         self.published: defaultdict[str, list[tuple[int, bytes]]] = defaultdict(list)
         """Messages of the roles by key, with the true instant of sending."""
         self.received: defaultdict[str, list[tuple[int, bytes]]] = defaultdict(list)
@@ -114,6 +116,7 @@ class SimulatedBus(Closing):
         until = self._scheduler.now + span
         if self._is_closed or until <= self._blocked_until:
             return
+        self._network.disturbed.add(self.role.name)
         began = self._blocked_until <= self._scheduler.now
         self._blocked_until = until
         if began:
@@ -151,6 +154,7 @@ class SimulatedBus(Closing):
         self._drop_answers()
         if self._is_closed or self.role.ended:
             return
+        self._network.disturbed.add(self.role.name)
         self._scheduler.after(noticed, self._report_loss)
         self._scheduler.after(self._retry_ns(), self._reconnect)
 

@@ -30,6 +30,7 @@ class Plan:
     starts        when each process is started by hand (ns), if not launched
     preempted     how often a role is interrupted as it reads its clock
     interruption  longest interruption (ns)
+    foreign       vehicle that runs the scenario with another seed
     full_at       number of the write of the log or summary at which the disk is full
     """
 
@@ -45,6 +46,7 @@ class Plan:
     starts: tuple[tuple[str, int], ...] = ()
     preempted: float = 0.0
     interruption: int = 0
+    foreign: str = ""
     full_at: int | None = None
     disk_error: int = 0
     faults: tuple[Fault, ...] = ()
@@ -62,7 +64,7 @@ class Plan:
         for place in range(len(self.faults)):
             yield replace(self, faults=self.faults[:place] + self.faults[place + 1 :])
         plain = Plan(seed=self.seed)
-        for name in ("full_at", "preempted", "hosts"):
+        for name in ("full_at", "preempted", "hosts", "foreign"):
             if getattr(self, name) != getattr(plain, name):
                 yield replace(self, **{name: getattr(plain, name)})
         for name in ("loss_ratio", "duplicate_ratio", "reorder_ratio", "query_loss_ratio", "delay",
@@ -151,6 +153,10 @@ def _preempted(plan: Plan, random: Random) -> Plan:
     )
 
 
+def _foreign(plan: Plan, random: Random) -> Plan:
+    return plan if plan.launched else replace(plan, foreign=random.choice(plan.names))
+
+
 def _full_disk(plan: Plan, random: Random) -> Plan:
     return replace(plan, full_at=random.randrange(1, 40), disk_error=random.choice((28, 5)))
 
@@ -166,6 +172,7 @@ CHANGES: tuple[Callable[[Plan, Random], Plan], ...] = (
     _clocks,
     _preempted,
     _full_disk,
+    _foreign,
 )
 
 # ---- Faults

@@ -52,3 +52,15 @@ def test_a_change_confirmed_before_an_outage_is_in_the_log(tmp_path: Path) -> No
     assert request.answers is not None
     assert all(each.answer and each.answer.does for each in request.answers)
     assert [change.kind for change in run.of_kind(Change)] == ["stall"]
+
+
+def test_messages_that_arrive_after_the_last_tick_are_not_in_flight(tmp_path: Path) -> None:
+    faults = (("cut", 9 * SECOND // 10, "v2", 11 * SECOND // 10),)
+    world = World(Plan(seed=0, launched=False, starts=BY_HAND, faults=faults), tmp_path)
+    world.run()
+    run = Aftermath(world)
+    assert not broken(run)
+    assert run.summary is not None
+    (link,) = run.summary.links
+    assert link.in_flight <= 1
+    assert sum(link.not_arrived.values()) >= 8

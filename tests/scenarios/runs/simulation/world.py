@@ -273,11 +273,14 @@ class World:
         )
 
     def _vehicle(self, process: Process) -> int:
-        before = None
+        before, scenario = None, self.scenario
+        if process.name == self.plan.foreign:
+            variant = (*self.plan.variant, "seed=2")
+            scenario = scenario_of(variant, self.plan.vehicles, self.plan.duration_s)
         while True:
             try:
                 return run_vehicle(
-                    self.scenario,
+                    scenario,
                     process.name,
                     ZenohOptions(run=RUN),
                     process.stop,

@@ -1,0 +1,129 @@
+"""Protocol bugs to plant, by name: the simulation has to find each of them."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from scenarios.definition.changing.live_change import describe_change
+from scenarios.results.channel.account import Accounts
+from scenarios.results.limits import evaluation
+from scenarios.runs.control.live_control import Confirmation, LiveControl, first_instant
+from scenarios.runs.control.seal import Seal
+from scenarios.runs.node.pending_changes import DueChange, PendingChanges
+from scenarios.runs.processes import recorder_process, vehicle_process
+from scenarios.runs.processes.arrivals import SendingOrder
+from scenarios.runs.processes.clock_sync import ClockSync
+from scenarios.runs.processes.conductor import Conductor
+from scenarios.runs.processes.membership import Fingerprint, RecorderWatch
+from scenarios.runs.processes.recorder_process import RecorderProcess
+from scenarios.runs.processes.router_watch import RouterWatch
+from transport.log.writer import LogWriter
+from transport.message_numbers import MessageNumbers
+from vehicles.schedule import SECOND
+
+Plant = Callable[[pytest.MonkeyPatch], None]
+NEVER_NS = 10**9 * SECOND
+
+
+def limits_pass_over_holes(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(evaluation, "judged_by_record", lambda figures, *_: tuple(figures))
+
+
+def other_seeds_join(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(Fingerprint, "difference", lambda *_: "")
+
+
+def clocks_are_not_corrected(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(ClockSync, "_correct", lambda *_: None)
+
+
+def missing_messages_are_not_counted(patch: pytest.MonkeyPatch) -> None:
+    count = Accounts.of_links
+
+    def of_links(accounts: Accounts) -> Any:
+        rows = count(accounts).items()
+        return {link: replace(row, not_arrived={}, missing=()) for link, row in rows}
+
+    patch.setattr(Accounts, "of_links", of_links)
+
+
+def any_end_is_believed(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(Seal, "ends", lambda *_: True)
+
+
+def a_recorder_that_was_held_up_blames_vehicles(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(Conductor, "_await_return", lambda *_: None)
+
+
+def changes_take_effect_when_they_are_confirmed(patch: pytest.MonkeyPatch) -> None:
+    def confirmed(
+        control: LiveControl, at: int, _from_s: float, pending: PendingChanges, **_: bool
+    ) -> Confirmation:
+        assert control._under_way is not None
+        start_at = control._under_way[0]
+        change = control._promised.pop(at, None)
+        if change is None:
+            return Confirmation(control._vehicle)
+        at = first_instant(control._now(), start_at, control._scenario.control_rate_hz)
+        pending.add(DueChange(at, change, by_hand=True))
+        return Confirmation(control._vehicle, _from_s, describe_change(change))
+
+    patch.setattr(LiveControl, "_confirmed", confirmed)
+
+
+def duplicates_are_recorded(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(MessageNumbers, "__contains__", lambda *_: False)
+
+
+def the_last_messages_are_dropped(patch: pytest.MonkeyPatch) -> None:
+    release = SendingOrder.until
+    patch.setattr(
+        SendingOrder,
+        "until",
+        lambda order, instant=None: [] if instant is None else release(order, instant),
+    )
+
+
+def a_full_disk_is_ignored(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(LogWriter, "_give_up", lambda *_: None)
+
+
+def a_vehicle_waits_for_a_lost_recorder(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(RecorderWatch, "has_left", lambda *_: False)
+    patch.setattr(vehicle_process, "END_NS", NEVER_NS)
+
+
+def nobody_gives_up_a_lost_router(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(RouterWatch, "is_lost_for_good", lambda *_: False)
+
+
+def final_counters_are_not_awaited(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(Conductor, "_awaited", lambda _: set())
+
+
+def the_end_is_announced_once(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(RecorderProcess, "_all_ended", lambda *_: True)
+    patch.setattr(recorder_process, "CONFIRM_NS", 0)
+
+
+PLANTED: Mapping[str, Plant] = {
+    plant.__name__: plant
+    for plant in (
+        limits_pass_over_holes,
+        other_seeds_join,
+        clocks_are_not_corrected,
+        missing_messages_are_not_counted,
+        any_end_is_believed,
+        a_recorder_that_was_held_up_blames_vehicles,
+        changes_take_effect_when_they_are_confirmed,
+        duplicates_are_recorded,
+        the_last_messages_are_dropped,
+        a_full_disk_is_ignored,
+        a_vehicle_waits_for_a_lost_recorder,
+        nobody_gives_up_a_lost_router,
+        final_counters_are_not_awaited,
+        the_end_is_announced_once,
+    )
+}
