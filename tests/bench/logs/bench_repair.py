@@ -1,4 +1,4 @@
-"""Time to repair the log of a killed recorder: `python -m tests.bench.bench_repair`.
+"""Time to repair the log of a killed recorder: `python -m tests.bench.logs.bench_repair`.
 
 Simulates four vehicles until the log has 30 MB, rewrites it in the small chunks of a run on the
 wall clock, and truncates it. Then times the repair, opening the log, and computing its figures,

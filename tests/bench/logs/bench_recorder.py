@@ -1,4 +1,4 @@
-"""Load of the recorder: `python -m tests.bench.bench_recorder [--vehicles 100]`.
+"""Load of the recorder: `python -m tests.bench.logs.bench_recorder [--vehicles 100]`.
 
 One process sends the messages of all vehicles of `lane_change` in real time over a router, as the
 vehicles do: poses singly, other messages in batches. The messages come from a virtual run, with
