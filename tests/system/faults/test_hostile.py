@@ -23,7 +23,7 @@ from tests.system.processes import Process, run_to_the_end, start
 from transport.bus.bus import Bus
 from transport.bus.telemetry import BatchRecord, packed, records_key, unpacked
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
-from transport.codec import RefusedMessageError, encode
+from transport.codec import RefusedMessageError, decode, encode
 from transport.topics import RUN_SENDER, TOPIC_OF, TOPICS, Topic, key, valid_at
 from vehicles.messages import GpsPose, LogText, Message, RunEnd, RunStart, Tracking
 
@@ -200,7 +200,16 @@ def attack(
         bus.publish(*put)
     convoy.await_start()
     time.sleep(0.7)
-    stranger = Stranger(random.Random(1), VEHICLES, time.time_ns())
+    # Instants before the start are impossible; a busy machine reports the start seconds later.
+    start_key = key(RUN_SENDER, TOPICS["start"])
+    start = decode(
+        TOPICS["start"],
+        next(
+            data for where, data in received if where == start_key and (where, data) not in attacks
+        ),
+    )
+    assert isinstance(start, RunStart)
+    stranger = Stranger(random.Random(1), VEHICLES, start.start_at_ns)
     pose = samples["v1"][TOPICS["gps"]]
     assert isinstance(pose, GpsPose)
     count = 0
