@@ -92,7 +92,8 @@ def read_columns(
                     parts[key].append(part)
             except RefusedMessageError as error:
                 raise LogError(f"{file.path}: topic {topic}: {error}") from error
-    return {key: _joined(key, pieces) for key, pieces in parts.items()}
+    # Parts are released one by one: together they are as large as the result.
+    return {key: _joined(key, parts.pop(key)) for key in list(parts)}
 
 
 class _Batch(NamedTuple):
