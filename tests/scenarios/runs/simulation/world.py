@@ -369,9 +369,9 @@ class World:
 
     def _kill(self, name: str, back: int | None) -> None:
         process = self.process(name)
-        if process is None:
+        if process is None or process.poll() is not None:
             return
-        process.is_faulty |= process.poll() is None
+        process.is_faulty = True
         process.kill()
         if back is not None:
             self.scheduler.after(back, partial(self.start, name))
