@@ -11,7 +11,7 @@ DEVIATIONS = 2.0
 """Standard deviations taken into account: one pair of receivers in twenty differs by more."""
 
 NOTICED = 0.3
-"""Difference of receivers (m) from which on a follower notably drives beside the lead's path."""
+"""Difference of receivers (m) from which a follower notably leaves the lead's path."""
 
 
 class _Lasting(NamedTuple):
@@ -57,7 +57,7 @@ def receiver_warnings(scenario: Scenario) -> Iterator[str]:
     if noticed:
         yield (
             f"{', '.join(noticed)}: followers will drive up to "
-            f"{max(apart[name] for name in noticed):.1f} m beside the lead's path even on clean "
+            f"{max(apart[name] for name in noticed):.1f} m off the lead's path even on clean "
             "links, as their receivers have drift and bias of their own (two standard deviations), "
             'and nothing measures a position relative to the lead. Set gnss.preset = "rtk_fixed", '
             "or gnss.common_drift for an error that all receivers share."

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite, sqrt
+from math import isclose, isfinite, sqrt
 from statistics import fmean, variance
 from typing import get_args
 
@@ -16,6 +16,8 @@ OF_PROCESSES = (
     "cpu_ratio", "late", "late_ticks", "lateness_ms", "memory_bytes", "transport_", "ticks_by_mode",
 )  # fmt: skip
 """Beginnings of fields about processes, or whose counts other fields repeat."""
+ROUNDING_RATIO = 1e-9
+"""Relative difference of figures that only the order of sums causes."""
 INTERVALS = ("_low", "_high")
 """Ends of figures that bound others."""
 MAIN_FIGURES = (
@@ -64,6 +66,12 @@ class FigureDifference:
         return None if self.a is None or self.b is None else self.b - self.a
 
     @property
+    def is_beyond_rounding(self) -> bool:
+        if self.a is None or self.b is None:
+            return self.a is not self.b
+        return not isclose(self.a, self.b, rel_tol=ROUNDING_RATIO)
+
+    @property
     def exceeds_noise(self) -> bool | None:
         """Whether the interval excludes zero; None where the noise is unknown."""
         if self.low is None or self.high is None:
@@ -78,7 +86,7 @@ def figure_differences(
     names = dict.fromkeys(name for summary in (*a, *b) for name in _names(summary))
     values_a, values_b = _values(a, names), _values(b, names)
     compared = (_difference(name, values_a[name], values_b[name]) for name in names)
-    return tuple(one for one in compared if one.a != one.b or one.low != one.high)
+    return tuple(one for one in compared if one.is_beyond_rounding or one.low != one.high)
 
 
 def _names(summary: RunSummary) -> Iterator[str]:

@@ -104,7 +104,7 @@ def _largest_offset(pose: ReceivedPose) -> float:
 
 
 def is_beside(pose: ReceivedPose) -> bool:
-    """Whether a car announces that it is too far beside the lead's path to reconstruct it."""
+    """Whether a car announces that it is too far from the lead's path to reconstruct it."""
     return abs(pose.message.path_offset_m) > _largest_offset(pose)
 
 

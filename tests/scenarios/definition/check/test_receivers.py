@@ -82,5 +82,5 @@ def test_only_warned_receivers_leave_the_lane_on_clean_links() -> None:
 def test_errors_that_followers_cannot_notice_are_stated(
     overrides: tuple[str, ...], *, warned: bool
 ) -> None:
-    lines = [line for line in check("lane_change", overrides).warnings if "beside the lead" in line]
+    lines = [line for line in check("lane_change", overrides).warnings if "off the lead" in line]
     assert len(lines) == warned
