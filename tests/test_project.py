@@ -445,3 +445,9 @@ def test_texts_avoid_dialect_words() -> None:
         for word in DIALECT.findall(path.read_text(encoding="utf-8"))
     }
     assert words <= OLD_KEYS
+
+
+def test_the_image_gets_all_that_a_wheel_is_built_from() -> None:
+    kept = (ROOT / ".dockerignore").read_text().splitlines()
+    needed = ("pyproject.toml", "setup.py", "README.md", "LICENSE", *PACKAGES)
+    assert [name for name in needed if f"!{name}" not in kept] == []

@@ -5,10 +5,10 @@ import subprocess
 from pathlib import Path
 
 PROJECT = Path(__file__).parents[3]
+IGNORED = ".dockerignore"
 PARTS = (
-    *("Dockerfile", "docker-compose.yml", ".dockerignore"),
-    *("requirements.lock", "requirements-container.lock"),
-    *("pyproject.toml", "README.md", "LICENSE", "vehicles", "transport", "scenarios"),
+    *("Dockerfile", "docker-compose.yml", IGNORED),
+    *(line[1:] for line in (PROJECT / IGNORED).read_text().splitlines() if line.startswith("!")),
 )
 """Build context of the image."""
 IMAGE = "convoy-emulator"
