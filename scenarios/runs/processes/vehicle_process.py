@@ -137,6 +137,8 @@ class RunAnnouncements:
     def __init__(self, bus: Bus, membership: Membership, now: Callable[[], int]) -> None:
         self.start: RunStart | None = None
         self.end: RunEnd | None = None
+        self.is_refused = False
+        """Whether a run starts whose recorder excludes this vehicle."""
         self.last_received_at = 0
         """Instant (ns) of the last announcement; they are repeated while the run is on."""
         self._now = now
@@ -154,6 +156,7 @@ class RunAnnouncements:
             return
         if isinstance(message, RunStart):
             if not seal.starts(message.secret):
+                self.is_refused |= bool(self._membership.refusal())
                 return
             if self.start not in (None, message):
                 seal.count_forged("start")
@@ -263,6 +266,7 @@ class VehicleProcess:
         return (
             (self._announced.start is not None and self._clock_sync.is_measured)
             or self.is_cancelled
+            or self._announced.is_refused
             or self._recorder.has_left(self._clock.now())
         )
 
