@@ -103,8 +103,10 @@ def completed_on_ctrl_c() -> Iterator[Stop]:
         yield stop
         return
 
+    signals = stop.signals
+
     def note(number: int, _: FrameType | None) -> None:
-        stop.signals.append(number)
+        signals.append(number)
 
     before = signal.signal(signal.SIGINT, note)
     try:

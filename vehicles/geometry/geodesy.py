@@ -189,7 +189,10 @@ def _sines(angles: list[float]) -> FloatArray:
 
 
 def along(yaw: float, east: float, north: float) -> float:
-    """Component (m) of the vector (east, north) (m) in the direction `yaw` (rad)."""
+    """Component (m) of the vector (east, north) (m) in the direction `yaw` (rad).
+
+    The scalar product with the unit vector, elementary algebra.
+    """
     return east * math.cos(yaw) + north * math.sin(yaw)
 
 

@@ -50,7 +50,7 @@ def extract(
     vehicles: str,
     output: Path,
 ) -> None:
-    """Copy a time span, topics or vehicles of a log.
+    """Copy times, topics or vehicles of a log.
 
     LOG is a run.mcap or its folder. The new log keeps the start, the road, the scenario, and a
     summary of what it holds. Messages for other programs are kept with the topic of which they are

@@ -327,7 +327,8 @@ def test_a_refused_number_is_shown_whole() -> None:
 
 
 def test_a_controller_in_the_working_folder_is_found(tmp_path: Path) -> None:
-    own, _ = re.findall(r"^```python\n(.*?)^```$", README.read_text(), re.DOTALL | re.MULTILINE)
+    blocks = re.findall(r"^```python\n(.*?)^```$", README.read_text(), re.DOTALL | re.MULTILINE)
+    (own,) = (block for block in blocks if "class PurePursuit" in block)
     assert len(own.splitlines()) <= 12
     (tmp_path / "mine.py").write_text(own, encoding="utf-8")
     code = "import sys; sys.path[0] = '/'; from scenarios.cli.__main__ import main; main()"

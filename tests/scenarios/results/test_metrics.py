@@ -259,7 +259,7 @@ def test_numbers_without_a_sum_end_no_summary() -> None:
 
 def test_strangers_and_the_conductor_count_for_nothing() -> None:
     assert figures_of(start(), text("run", 0, "so far"), gps("v9", 0), health("run")) == (
-        figures_of()
+        figures_of(start())
     )
 
 

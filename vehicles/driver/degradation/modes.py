@@ -114,6 +114,7 @@ class ModeMachine:
             if mode in SLOWING or self._mode == "composite":
                 self._worse_at = now
             why = "; ".join(filter(None, [*self._recoveries(mode, relied), why]))
+            why = why or "; ".join([self._recovery_reason(source) for source in relied])
         self._mode, self._relied = mode, relied
         self._note_lost(pair)
         return mode, why

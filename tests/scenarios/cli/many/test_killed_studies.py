@@ -100,8 +100,8 @@ class DeadlyPool(WorkerPool):
         return super().submit(partial(_killed, fn) if self._batches in {2, 3} else fn, *args)
 
 
-def _killed(fn: Callable[..., Any], stamp: Any, jobs: list[Any]) -> Any:
-    fn(stamp, jobs[: len(jobs) // 2])
+def _killed(fn: Callable[..., Any], stamp: Any, jobs: list[Any], *rest: Any) -> Any:
+    fn(stamp, jobs[: len(jobs) // 2], *rest)
     os.kill(os.getpid(), signal.SIGKILL)
 
 

@@ -154,10 +154,9 @@ def test_composite_data_double_an_error_unless_announcements_remove_it() -> None
     assert doubled["v6"] > doubled["v2"] + 0.02
 
 
-def test_a_follower_of_a_false_predecessor_drives_where_it_drove() -> None:
+def test_a_follower_stops_behind_a_predecessor_whose_offset_is_unknown_or_large() -> None:
     without_offset = Driven(convoy(FOR_GOOD, vehicles=3), {"v2": [math.nan, 1e9, -3.0]})
-    assert without_offset.modes["v3"][-1] == "predecessor"
-    assert without_offset.steering == driven(FOR_GOOD, DRIVEN, vehicles=3).steering
+    assert without_offset.modes["v3"][-1] == "stop"
 
 
 @pytest.mark.parametrize("lie", [[1.7], [1.7, -1.7]])

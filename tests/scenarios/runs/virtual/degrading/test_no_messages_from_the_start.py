@@ -107,8 +107,8 @@ def test_the_log_names_the_sources_of_a_continuing_follower() -> None:
     """Received again before the mode may be left, so that leaving it changes nothing."""
     dark = "change=[{kind='cut', at_s=0, for_s=0.8}]"
     driven = drive(convoy(3, 15.0, dark, "duration_s=3"))
-    for name, source in (("v2", "v1"), ("v3", "v2")):
+    for name in ("v2", "v3"):
         lines = [one.text for one in driven.texts[name] if one.text.startswith("mode ")]
         assert [line.split()[1] for line in lines][:2] == ["straight", "stop"]
         assert len(lines) > 2
-        assert all(f"{source} received" in line for line in lines[2:3])
+        assert "v1 received" in lines[2]
