@@ -253,12 +253,16 @@ class RerunView(OpenRecording):
         if self._writer is not None:
             self._writer.note(at_s, text)
 
-    def close(self) -> None:
-        """Draw the last values and end the picture."""
+    def finish(self) -> None:
+        """Draw the last values and fit the layout to the run; nothing is drawn after it."""
         writer, self._writer = self._writer, None
         if writer is not None:
             with suppress(RuntimeError):  # the run continues without a viewer
                 writer.finish()
+
+    def close(self) -> None:
+        """Draw the last values and end the picture."""
+        self.finish()
         super().close()
 
 

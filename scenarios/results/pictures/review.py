@@ -59,6 +59,7 @@ def review(
         count = drawing.draw(excerpt, progress) if view.enabled else 0
         for note in notes:
             view.note(note.at_s, note.text)
+        view.finish()
         if at_s is not None:
             view.show_at(at_s)
         if option.sink == "serve":
