@@ -66,7 +66,7 @@ def serve_catalog(
 
 @contextmanager
 def shown(url: str, option: RerunOption) -> Iterator[str]:
-    """Show a catalog in a viewer or on a web page; yields where, in words for the user.
+    """Show a catalog in a viewer or on a web page; yields a line that states where.
 
     Raises ViewerError.
     """
