@@ -6,31 +6,51 @@
     run.summary.outcome
     run.vehicles["v4"].true.error_m          # a NumPy array; with times in true.t_s
     run.links["v1", "v3"].outcomes.to_pandas()
+    run.string_errors                        # largest and rms error of each follower
     run.plot()
+    run.report("run.html")
 
     old = convoy.open("runs/first")          # a folder, or a log
     convoy.browse("runs").to_pandas()         # a row for each run in a folder
+    convoy.diff("runs/first", run).sentence   # what differs first
+    convoy.compare("runs/first", run).plot()  # errors along the path and along the string
     convoy.check("lane_change").warnings
     convoy.sweep("lane_change", {"links.loss_ratio": [0.0, 0.4]}, seeds=5).cells
 
 Invalid input raises `convoy.Error`, with the sentences of the command line. Errors of the
 operating system, such as a full disk, are OSError as usual. Names and columns end in their units.
 
-home      the packages of this installation, which are imported first
-running   run and check
-recorded  open and browse, and the class of recorded runs
-plots     the plot of a run
-sweeping  sweep
+home       the packages of this installation, which are imported first
+running    run and check
+recorded   open and browse, and the class of recorded runs
+comparing  diff and compare
+plots      the plots of a run and of a comparison
+sweeping   sweep
 """
 
 from .home import import_own_packages
 
 import_own_packages()
 
+from scenarios.api.comparing import ComparedRuns, Diff, compare, diff  # noqa: E402
 from scenarios.api.recorded import Run, browse, open  # noqa: A004, E402
 from scenarios.api.running import check, run  # noqa: E402
 from scenarios.api.sweeping import Sweep, sweep  # noqa: E402
 from scenarios.results.recorded.data_table import DataTable  # noqa: E402
 from transport.texts import ConvoyError as Error  # noqa: E402
 
-__all__ = ["DataTable", "Error", "Run", "Sweep", "browse", "check", "open", "run", "sweep"]
+__all__ = [
+    "ComparedRuns",
+    "DataTable",
+    "Diff",
+    "Error",
+    "Run",
+    "Sweep",
+    "browse",
+    "check",
+    "compare",
+    "diff",
+    "open",
+    "run",
+    "sweep",
+]

@@ -1,4 +1,4 @@
-"""The plot of a run. Needs Matplotlib."""
+"""The plots of a run and of a comparison. They need Matplotlib."""
 
 import io
 from collections.abc import Sequence
@@ -10,6 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from scenarios.results.recorded.run_record import RunRecord, VehicleRecord
+from scenarios.studies.comparison.comparison_figure import comparison_figure
+from scenarios.studies.comparison.run_comparison import RunComparison
 from scenarios.studies.picture_style import PAGE_IN, SEQUENCE, STYLE
 
 
@@ -44,6 +46,11 @@ def run_figure(run: RunRecord, vehicles: Sequence[VehicleRecord]) -> Figure:
     figure.legend(loc="outside right upper")
     figure.suptitle(run.summary.identity.title or run.summary.identity.scenario)
     return figure
+
+
+def comparison_plot(comparison: RunComparison, vehicles: Sequence[str]) -> Figure:
+    """Draw the figure of `convoy compare`."""
+    return comparison_figure(comparison, vehicles, NotebookFigure)
 
 
 def _plot_known(axes: Axes, times: Any, values: Any, line: dict[str, Any]) -> None:

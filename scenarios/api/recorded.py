@@ -1,6 +1,7 @@
 """Open recorded runs."""
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -11,7 +12,9 @@ from scenarios.results.log_summary import summary_of
 from scenarios.results.recorded.data_table import DataTable
 from scenarios.results.recorded.run_record import RunRecord
 from scenarios.results.recorded.table_files import FileFormat, export_run
+from scenarios.results.report.page import write_report
 from scenarios.results.summary import RunSummary
+from scenarios.results.vehicles.string_errors import STRING_COLUMNS, string_errors
 from scenarios.results.vehicles.vehicle_figures import VehicleSummary
 from scenarios.runs.run_folder import is_running
 from scenarios.studies.run_list import COLUMNS, as_rows, runs_in, selected
@@ -61,6 +64,24 @@ class Run(RunRecord):
         from scenarios.api.plots import run_figure  # noqa: PLC0415 - an extra
 
         return run_figure(self, [self.vehicles[name] for name in vehicles or self.vehicles])
+
+    @cached_property
+    def string_errors(self) -> DataTable:
+        """Errors along the string: a row per follower, in the order of the convoy.
+
+        The largest and the rms true error, and their ratios to those of the vehicle ahead: above 1
+        the error grows.
+        """
+        rows = [asdict(row) for row in string_errors(self.summary.vehicles)]
+        return DataTable.of_rows(rows, STRING_COLUMNS)
+
+    def report(self, path: str | Path) -> Path:
+        """Write tables, pictures and definitions into one HTML file, like `convoy report --html`.
+
+        An existing file is replaced. Returns its path.
+        """
+        write_report(self, Path(path), self.summary)
+        return Path(path)
 
     def export(self, out: str | Path, formats: Sequence[FileFormat] = ("csv", "gpx")) -> list[Path]:
         """Write tables and tracks into a folder, like `convoy export`; returns their paths.

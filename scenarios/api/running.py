@@ -5,7 +5,7 @@ import signal
 import subprocess
 import sys
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import current_thread, main_thread
@@ -20,8 +20,11 @@ from scenarios.definition.check.findings import warnings as scenario_warnings
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.overrides import OverrideError, override_text
 from scenarios.definition.scenario import load_scenario
+from scenarios.definition.traces.reading import DriveInPlane
 from scenarios.results.files import LOG_NAME
+from scenarios.results.metrics import Metrics
 from scenarios.results.summary import ClockName
+from scenarios.runs.progress_lines import ProgressLines
 from scenarios.runs.run_folder import claimed, folder_of
 from scenarios.runs.stop import EXIT_BAD_INPUT, Stop
 from scenarios.runs.virtual.logged_run import run_virtual
@@ -38,6 +41,7 @@ def run(
     clock: ClockName = "virtual",
     out: str | Path | None = None,
     confirmed: bool = False,
+    report: Callable[[str], None] | None = None,
 ) -> Run:
     """Run a scenario and open its log, like `convoy run`.
 
@@ -53,6 +57,7 @@ def run(
             vehicle ("wall").
         out: Folder for the log and the summary; by default a new folder in `runs`.
         confirmed: Also run settings that are hardly ever meant, as with `--yes`.
+        report: Called with a line of progress every few seconds, such as `print`.
 
     Raises:
         Error: The scenario is refused.
@@ -67,10 +72,13 @@ def run(
         warnings.warn(line, stacklevel=2)
     folder = folder_of(loaded, None if out is None else Path(out))
     if clock == "virtual":
+        metrics = Metrics.of(loaded)
+        observers = [] if report is None else [ProgressLines(metrics, loaded.duration_s, report)]
         with claimed(folder, fresh=out is None), completed_on_ctrl_c() as stop:
-            run_virtual(loaded, folder, stop)
+            run_virtual(loaded, folder, stop, metrics=metrics, observers=observers)
     else:
-        _run_processes([str(scenario), *(f"--set={text}" for text in overrides)], seed, folder)
+        arguments = [str(scenario), *(f"--set={text}" for text in overrides)]
+        _run_processes(arguments, seed, folder, report)
     return Run(folder)
 
 
@@ -79,12 +87,16 @@ def check(
     *,
     set: Settings | None = None,  # noqa: A002 - as on the command line
     seed: int | None = None,
+    explain: bool = False,
 ) -> CheckReport:
     """Report the settings, the figures and the warnings of a scenario, like `convoy check`.
 
-    Nothing is simulated. Raises Error if the scenario is refused.
+    `drive` has the facts of a recorded drive, its holes and pauses. `explain` adds the laws and the
+    expected figures of each link. Nothing is simulated. Raises Error if the scenario is refused.
     """
-    return whole_report(load_scenario(str(scenario), overrides_of(set), seed))
+    drives: list[DriveInPlane] = []
+    loaded = load_scenario(str(scenario), overrides_of(set), seed, on_drive=drives.append)
+    return whole_report(loaded, drives[0] if drives else None, explain=explain)
 
 
 def overrides_of(settings: Settings | None) -> tuple[str, ...]:
@@ -117,27 +129,38 @@ def completed_on_ctrl_c() -> Iterator[Stop]:
         raise KeyboardInterrupt
 
 
-def _run_processes(arguments: Sequence[str], seed: int | None, folder: Path) -> None:
+def _run_processes(
+    arguments: Sequence[str],
+    seed: int | None,
+    folder: Path,
+    report: Callable[[str], None] | None,
+) -> None:
     """Run on the wall clock by the command line, whose processes are started from a small one."""
     seeds = [] if seed is None else [f"--seed={seed}"]
-    options = ["--clock=wall", "--quiet", "--yes", f"--out={folder}"]
+    quiet = ["--quiet"] if report is None else []
+    options = ["--clock=wall", *quiet, "--yes", f"--out={folder}"]
     command = [sys.executable, "-P", "-m", "scenarios.cli", "run", *arguments, *seeds, *options]
     paths = (str(INSTALLED_IN), os.environ.get("PYTHONPATH", ""))
+    errors = []
     with subprocess.Popen(  # noqa: S603 - this program
         command,
         stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
         env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))},
     ) as process:
         try:
-            _, lines = process.communicate()
-        except KeyboardInterrupt:
+            for line in map(str.rstrip, process.stderr or ()):
+                if line.startswith("error: "):
+                    errors.append(line.removeprefix("error: "))
+                elif report is not None and not line.startswith("warning: "):
+                    report(line)
+        except BaseException:
             process.send_signal(signal.SIGINT)
             process.communicate()
             raise
     if process.returncode == EXIT_BAD_INPUT or not (folder / LOG_NAME).exists():
         with suppress(OSError):  # not empty
             folder.rmdir()
-        errors = [line.removeprefix("error: ") for line in lines.splitlines()]
-        raise ScenarioError([line for line in errors if not line.startswith("warning: ")])
+        raise ScenarioError(errors)

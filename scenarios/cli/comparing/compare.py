@@ -1,7 +1,8 @@
 """`convoy compare`."""
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -100,26 +101,16 @@ def _print(comparison: "RunComparison") -> None:
     from rich.console import Console
 
     from scenarios.cli.columns import Column, print_whole, table_of
-    from scenarios.studies.comparison.run_comparison import OffsetDifference
 
-    places = {(one.label, one.vehicle): one for one in comparison.divergences}
-
-    def place_of(row: OffsetDifference) -> float | None:
-        one = places.get((row.label, row.vehicle))
-        return one.station_m if one else None
-
-    columns: list[Column[OffsetDifference]] = [
-        Column("run", lambda row: row.label, left=True),
-        Column("vehicle", lambda row: row.vehicle, left=True),
-        Column("diverges\nat, m", place_of, ".1f"),
-        Column("largest\ndifference, m", lambda row: row.largest[0], "+.3f"),
-        Column("at, m", lambda row: row.largest[1], ".1f"),
+    columns: list[Column[Mapping[str, Any]]] = [
+        Column("run", lambda row: row["label"], left=True),
+        Column("vehicle", lambda row: row["vehicle"], left=True),
+        Column("diverges\nat, m", lambda row: row["diverges_at_m"], ".1f"),
+        Column("at, s", lambda row: row["diverges_at_s"], ".2f"),
+        Column("largest\ndifference, m", lambda row: row["difference_m_max"], "+.3f"),
+        Column("at, m", lambda row: row["difference_at_m"], ".1f"),
     ]
     for run in comparison.runs:
         click.echo(f"{run.title} ({run.record.log})")
-    print_whole(table_of(columns, comparison.differences), Console())
-    first = comparison.first
-    if first:
-        click.echo(first.sentence)
-    else:
-        click.echo(f"no vehicle differs by {comparison.tolerance_m:g} m at the same place")
+    print_whole(table_of(columns, list(comparison.rows())), Console())
+    click.echo(comparison.sentence)

@@ -6,7 +6,6 @@ import click
 
 from scenarios.cli.common_options import json_option
 from scenarios.cli.error_lines import clear_errors, warn_of_log
-from scenarios.definition.errors import require
 
 
 @click.command(
@@ -37,11 +36,9 @@ def diff(a: Path, b: Path, *, all_figures: bool, as_json: bool) -> None:
     from scenarios.cli.comparing.diff_table import print_diff
     from scenarios.cli.output import progress_of
     from scenarios.runs.stop import EXIT_FAILED
-    from scenarios.studies.comparison.run_diff import diff_runs, logs_of, to_json
+    from scenarios.studies.comparison.run_diff import diff_runs, to_json
 
     with clear_errors():
-        if len(logs_of(a)) + len(logs_of(b)) > 2:
-            require("diff of several runs", "studies", "scipy")
         result = diff_runs(a, b, progress_of("runs read"))
         for fault in result.faults:
             warn_of_log(fault)

@@ -15,7 +15,6 @@ from scenarios.cli.guide.link_settings import print_links
 from scenarios.definition.check.drive_report import drive_report
 from scenarios.definition.check.drive_warnings import recording_warnings
 from scenarios.definition.check.findings import whole_report
-from scenarios.definition.check.link_forecast import link_forecasts
 from scenarios.definition.errors import ScenarioError, require
 from scenarios.definition.library import is_drive
 from scenarios.definition.scenario import Scenario, load_scenario
@@ -73,25 +72,17 @@ def _report(
     scenario: Scenario, drive: DriveInPlane | None, *, whole: bool, explain: bool, as_json: bool
 ) -> None:
     """Print the `whole` table of a scenario, or that of its drive."""
-    report = whole_report(scenario)
-    links, receivers = link_forecasts(scenario) if explain else ((), ())
-    facts = drive_report(drive, scenario) if drive is not None else None
+    report = whole_report(scenario, drive, explain=explain)
     if as_json:
-        figures = asdict(report)
-        if facts is not None:
-            figures["drive"] = asdict(facts)
-        if explain:
-            figures["explained"] = [asdict(link) for link in links]
-            figures["receivers"] = [asdict(receiver) for receiver in receivers]
-        click.echo(json.dumps(figures, indent=2))
+        click.echo(json.dumps(asdict(report), indent=2))
         return
     listed: set[str] = set()
     if explain:
-        print_links(scenario.name, links, receivers, Console())
-    elif facts is None or whole:
+        print_links(scenario.name, report.explained, report.receivers, Console())
+    elif report.drive is None or whole:
         print_report(report, Console())
     else:
-        print_drive(facts, report, Console())
+        print_drive(report.drive, report, Console())
         listed = _listed_faults(scenario)
     for line in report.warnings:
         if line not in listed:

@@ -1,6 +1,5 @@
 """The live table of a run; without a terminal, a line every few seconds."""
 
-import time
 from collections.abc import Sequence
 from math import inf, isfinite
 from typing import NamedTuple
@@ -13,13 +12,9 @@ from scenarios.cli.columns import Column, table_of, worst_rows
 from scenarios.results.metrics import Metrics
 from scenarios.results.vehicles.accumulators import Extremes
 from scenarios.results.vehicles.vehicle_figures import VehicleFigures
-from transport.reasons import counts_as_loss
-from vehicles.messages import LogText, Message, RunStart, TruePose
-from vehicles.schedule import SECOND
+from scenarios.runs.progress_lines import ProgressLines
 
 REDRAW_S = 0.25
-PLAIN_EVERY_S = 5.0
-"""Without a terminal, a plain line this often."""
 MOST_ROWS = 10
 """Of more vehicles than this only the worst have a row."""
 
@@ -58,25 +53,20 @@ COLUMNS: Sequence[Column[_Row]] = (
 )
 
 
-class Progress:
+class Progress(ProgressLines):
     """A live table of time, true error and gap, speed and messages of each vehicle.
 
     Of a long convoy it shows the vehicles that were furthest off the lead's path so far, and a line
-    about all. The figures are those of `metrics`, which takes each message first.
+    about all. Without a terminal it prints a line every few seconds.
     """
 
-    kinds: frozenset[type[Message]] = frozenset({LogText, RunStart, TruePose})
-
     def __init__(self, metrics: Metrics, duration_s: float) -> None:
-        self._metrics = metrics
-        self._duration_s = duration_s
-        self._start_at: int | None = None
-        self._now = 0
-        self._backlog = 0
-        self._drawn = 0.0
         self._console = Console(stderr=True)
-        self._terminal = self._console.is_terminal
         self._live = Live(console=self._console, auto_refresh=False, transient=True)
+        super().__init__(metrics, duration_s, self._print)
+        self._terminal = self._console.is_terminal
+        if self._terminal:
+            self._every_s = REDRAW_S
 
     def __enter__(self) -> "Progress":
         if self._terminal:
@@ -86,76 +76,19 @@ class Progress:
     def __exit__(self, *_error: object) -> None:
         self._live.stop()
 
-    def listen(self, _at: int, message: Message) -> None:
-        known = message.vehicle in self._metrics.vehicles
-        match message:
-            case RunStart():
-                self._start_at = message.start_at_ns
-            case LogText() if message.level == "debug":
-                pass  # for the log only
-            case LogText() if message.level in {"error", "alert", "fatal"} or not known:
-                line = f"{message.vehicle}: {message.text}"
-                self._console.print(
-                    line, highlight=False, markup=False, emoji=False, soft_wrap=True
-                )
-            case TruePose() if known:
-                self._now = max(self._now, message.true_at_ns)
-        self._backlog = 0
-        self._refresh()
+    def _print(self, line: str) -> None:
+        self._console.print(line, highlight=False, markup=False, emoji=False, soft_wrap=True)
 
-    def show_backlog(self, at: int, waiting: int) -> None:
-        """Take the instant (ns) of the latest recorded message, and the number of waiting ones."""
-        self._now, self._backlog = max(self._now, at), waiting
-        self._refresh()
-
-    def _refresh(self) -> None:
-        if self._start_at is None:
-            return
-        now = time.monotonic()
-        if now - self._drawn < (REDRAW_S if self._terminal else PLAIN_EVERY_S):
-            return
-        self._drawn = now
+    def _show(self) -> None:
         if self._terminal:
             self._live.update(self._table(), refresh=True)
         else:
-            line = f"{self._title()} · {self._of_all()}"
-            self._console.print(line, highlight=False, soft_wrap=True)
-
-    def _of_all(self) -> str:
-        """Format the worst figures of all vehicles, and the sums of their messages."""
-        figures = self._metrics.vehicles.values()
-        worst = max(abs(vehicle.cross_track_error.latest) for vehicle in figures)
-        largest = max(vehicle.cross_track_error.largest for vehicle in figures)
-        gap = min([gap.min_m for gap in self._metrics.stream.gaps.values()], default=inf)
-        min_gap = f" · min gap {_metres(gap)} m" if isfinite(gap) else ""
-        counts = map(self._messages, self._metrics.vehicles)
-        delivered, dropped, late = map(sum, zip(*counts, strict=True))
-        return (
-            f"largest true error now {worst * 100:.1f} cm, so far {largest * 100:.1f} cm{min_gap}"
-            f" · delivered {delivered} · dropped {dropped} · late {late}"
-        )
+            super()._show()
 
     def _gap(self, name: str) -> float:
         """True gap (m) to the vehicle ahead, infinite if it is unknown."""
         known = self._metrics.stream.gaps.get(name)
         return known.now_m if known else inf
-
-    def _messages(self, name: str) -> tuple[int, int, int]:
-        """Count delivered, dropped and late messages of a vehicle; late ticks count as late."""
-        links = [link for (_, receiver), link in self._metrics.links.items() if receiver == name]
-        health = self._metrics.vehicles[name].health
-        return (
-            sum(link.delivered for link in links),
-            sum(n for link in links for word, n in link.dropped.items() if counts_as_loss(word)),
-            sum(link.late for link in links) + (health.late_ticks if health else 0),
-        )
-
-    def _seconds(self) -> float:
-        return max(self._now - (self._start_at or 0), 0) / SECOND
-
-    def _title(self) -> str:
-        backlog = f", log behind by {self._backlog} messages" if self._backlog else ""
-        return f"{self._seconds():.1f} of {self._duration_s:.1f} s{backlog}"
 
     def _table(self) -> Table:
         vehicles = self._metrics.vehicles

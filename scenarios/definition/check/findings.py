@@ -10,10 +10,16 @@ from typing import Any
 import numpy as np
 
 from scenarios.definition.check.confirmation import confirmation_lines
+from scenarios.definition.check.drive_report import DriveReport, drive_report
 from scenarios.definition.check.drive_warnings import drive_warnings
 from scenarios.definition.check.hard_braking import HeldBraking, braking_warnings, held_braking
 from scenarios.definition.check.lap import lap_warnings
-from scenarios.definition.check.link_forecast import laws_in_brief
+from scenarios.definition.check.link_forecast import (
+    LinkForecast,
+    ReceiverForecast,
+    laws_in_brief,
+    link_forecasts,
+)
 from scenarios.definition.check.preview import history_warnings, preview_warnings
 from scenarios.definition.check.receivers import receiver_warnings
 from scenarios.definition.check.steering_loop import (
@@ -27,6 +33,7 @@ from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.definition.schema.path_tables import PointsPath
 from scenarios.definition.schema.scenario_tables import ScenarioTables, SteeringTable
 from scenarios.definition.schema.settings_table import table_with
+from scenarios.definition.traces.reading import DriveInPlane
 from scenarios.definition.vehicle_setup import VehicleSetup
 from transport.links.laws.loss.earlier_run import EarlierRun
 from vehicles.car.parameters import VehicleParameters
@@ -54,7 +61,8 @@ class CheckReport:
     hold without contact, None unless they keep a gap. From `points` to `deviation_m_max` the fields
     are about a recorded drive, and None for a path of segments: omitted points, holes, noise, the
     half width of the smoothing, the offset subtracted from coordinates, and the distance of the
-    path from the points (rms) and between them as well (max).
+    path from the points (rms) and between them as well (max). `drive` has more about it.
+    `explained` and `receivers` have the links and the followers on request.
     """
 
     name: str
@@ -101,6 +109,9 @@ class CheckReport:
     deviation_m_rms: float | None
     deviation_m_max: float | None
     warnings: tuple[str, ...]
+    drive: DriveReport | None = None
+    explained: tuple[LinkForecast, ...] = ()
+    receivers: tuple[ReceiverForecast, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,10 +142,22 @@ class _Run:
         return float(np.min(self.speeds)), float(np.max(self.speeds))
 
 
-def whole_report(scenario: Scenario) -> CheckReport:
-    """Report on a scenario, with the warnings that need SciPy."""
+def whole_report(
+    scenario: Scenario, drive: DriveInPlane | None = None, *, explain: bool = False
+) -> CheckReport:
+    """Report on a scenario and its recorded drive, with the warnings that need SciPy.
+
+    `explain` adds the forecasts of all links.
+    """
     report = report_of(scenario)
-    return replace(report, warnings=(*report.warnings, *certificate_warnings(scenario)))
+    links, receivers = link_forecasts(scenario) if explain else ((), ())
+    return replace(
+        report,
+        warnings=(*report.warnings, *certificate_warnings(scenario)),
+        drive=drive_report(drive, scenario) if drive is not None else None,
+        explained=links,
+        receivers=receivers,
+    )
 
 
 def check(

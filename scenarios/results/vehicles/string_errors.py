@@ -1,7 +1,7 @@
 """Errors along the string: whether errors grow from one vehicle to the next."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import pairwise
 
 from scenarios.results.vehicles.vehicle_figures import VehicleSummary
@@ -24,6 +24,9 @@ class StringError:
     """Largest error over that of the vehicle ahead; above 1 the error grows."""
     ratio_rms: float | None = None
     """The same of the root mean square."""
+
+
+STRING_COLUMNS = tuple(field.name for field in fields(StringError))
 
 
 def string_errors(vehicles: Sequence[VehicleSummary]) -> tuple[StringError, ...]:

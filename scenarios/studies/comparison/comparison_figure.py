@@ -14,7 +14,6 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from scenarios.results.files import write_whole
-from scenarios.results.vehicles.string_errors import string_errors
 from scenarios.studies.comparison.run_comparison import (
     OffsetDifference,
     PlacedVehicle,
@@ -51,12 +50,16 @@ def draw_comparison(comparison: RunComparison, path: Path, vehicles: Sequence[st
 
 
 @mpl.rc_context(STYLE)
-def comparison_figure(comparison: RunComparison, vehicles: Sequence[str] = ()) -> Figure:
+def comparison_figure(
+    comparison: RunComparison,
+    vehicles: Sequence[str] = (),
+    figure_class: type[Figure] = Figure,
+) -> Figure:
     """Draw the curves of `vehicles`, by default of the followers that differ most."""
     shown = list(vehicles) or shown_followers(comparison)
     strips = STRIP_IN * len(shown) * len(comparison.runs) + 0.3
     heights = (1.45, 1.2, 1.2, strips, 1.35)
-    figure = Figure(figsize=(PAGE_IN, sum(heights) + 1.6), layout="constrained")
+    figure = figure_class(figsize=(PAGE_IN, sum(heights) + 1.6), layout="constrained")
     rows = figure.subplots(len(heights), 2, height_ratios=heights)
     for axis in (TIME, PLACE):
         _draw_errors(rows[0, axis], comparison, shown, axis)
@@ -171,9 +174,9 @@ def _draw_string(axes: Axes, comparison: RunComparison, figure: str) -> None:
     axes.set_title(f"error along the string, {figure}", loc="left")
     axes.set(xlabel="vehicle", ylabel="error, m")
     for number, run in enumerate(comparison.runs):
-        if run.summary is None:
+        errors = run.string_errors
+        if not errors:
             continue
-        errors = string_errors(run.summary.vehicles)
         values = [row.error_m_max if figure == "largest" else row.error_m_rms for row in errors]
         known = [np.nan if value is None else value for value in values]
         axes.plot(

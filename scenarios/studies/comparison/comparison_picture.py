@@ -8,7 +8,6 @@ import numpy as np
 from scenarios.results.events.bodies import BodySize
 from scenarios.results.pictures.run_drawing import widest_spacing
 from scenarios.results.stream import sizes_of
-from scenarios.results.vehicles.string_errors import string_errors
 from scenarios.studies.comparison.run_comparison import (
     ComparedRun,
     OffsetDifference,
@@ -131,7 +130,7 @@ def description(comparison: RunComparison) -> str:
 
 
 def _string_table(runs: Sequence[ComparedRun]) -> list[str]:
-    known = [(run.label, string_errors(run.summary.vehicles)) for run in runs if run.summary]
+    known = [(run.label, run.string_errors) for run in runs if run.string_errors]
     if not known:
         return []
     rows = ["| error, largest / rms, cm | " + " | ".join(label for label, _ in known) + " |"]

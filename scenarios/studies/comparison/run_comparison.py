@@ -1,10 +1,11 @@
 """Runs along one path: where the vehicles of several runs part, by place and by time."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from string import ascii_uppercase
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from scenarios.results.recorded.data_table import DataTable
 from scenarios.results.recorded.modes import ModeFrom, mode_changes
 from scenarios.results.recorded.run_record import RunRecord
 from scenarios.results.summary import RunSummary
+from scenarios.results.vehicles.string_errors import StringError, string_errors
 from transport.log.records import LogError
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.geometry.path_offsets import driven_feet
@@ -71,6 +73,11 @@ class ComparedRun:
         about = self.summary.identity if self.summary else None
         name = (about.title or about.scenario) if about else ""
         return f"{self.label}: {name or self.record.log}"
+
+    @property
+    def string_errors(self) -> tuple[StringError, ...]:
+        """Errors along the string; none without figures."""
+        return string_errors(self.summary.vehicles) if self.summary else ()
 
     @property
     def ran_s(self) -> float:
@@ -140,6 +147,28 @@ class RunComparison:
     @property
     def first(self) -> Divergence | None:
         return min(self.divergences, key=lambda one: (one.at_s, one.station_m), default=None)
+
+    @property
+    def sentence(self) -> str:
+        """The first divergence in one sentence."""
+        if self.first is None:
+            return f"no vehicle differs by {self.tolerance_m:g} m at the same place"
+        return self.first.sentence
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """Yield where each vehicle of B, C, … leaves its place in A, and its largest difference."""
+        places = {(one.label, one.vehicle): one for one in self.divergences}
+        for one in self.differences:
+            place = places.get((one.label, one.vehicle))
+            largest, at_m = one.largest if one.offset_m.size else (None, None)
+            yield {
+                "label": one.label,
+                "vehicle": one.vehicle,
+                "diverges_at_m": place.station_m if place else None,
+                "diverges_at_s": place.at_s if place else None,
+                "difference_m_max": largest,
+                "difference_at_m": at_m,
+            }
 
 
 def compare_runs(

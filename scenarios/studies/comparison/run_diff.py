@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from scenarios.definition.errors import require
 from scenarios.results.files import LOG_NAME
 from scenarios.results.log_summary import log_in, summary_of
 from scenarios.results.summary import RunSummary
@@ -81,13 +82,15 @@ def logs_of(path: Path) -> tuple[Path, ...]:
 def diff_runs(
     a: Path, b: Path, report: Callable[[int, int], None] = lambda _done, _total: None
 ) -> RunDiff:
-    """Compare two runs, or the runs in two folders; raises LogError.
+    """Compare two runs, or the runs in two folders; raises LogError or MissingExtraError.
 
     `report` is called with the number of runs that have been read and their total number.
     """
     of_a, of_b = logs_of(a), logs_of(b)
     total = len(of_a) + len(of_b)
     is_single = total == 2
+    if not is_single:
+        require("diff of several runs", "studies", "scipy")
     for path, logs in ((a, of_a), (b, of_b)):
         if not is_single and len(logs) == 1:
             raise LogError(f"{path}: holds 1 run; the noise over seeds needs two or more a side")

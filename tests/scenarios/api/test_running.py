@@ -139,6 +139,28 @@ def test_a_check_reports_what_the_command_reports() -> None:
     assert report.warnings
 
 
+def test_a_check_of_a_recorded_drive_has_its_facts(tmp_path: Path) -> None:
+    drive = tmp_path / "drive.csv"
+    rows = [f"{0.1 * k:.1f},{k + 30 * (k > 200)},0" for k in range(400)]
+    drive.write_text("\n".join(["t_s,east_m,north_m", *rows]))
+    done = command("check", drive, "--json", "--explain")
+    assert done.exit_code == 0, done.output
+    report = convoy.check(drive, explain=True)
+    assert json.loads(json.dumps(asdict(report))) == json.loads(done.stdout)
+    assert report.drive is not None
+    (hole,) = report.drive.holes
+    assert hole.length_m == pytest.approx(31.0)
+    assert {(one.sender, one.receiver) for one in report.explained} >= {("v1", "v2"), ("v1", "v4")}
+
+
+def test_progress_of_a_run_is_reported(tmp_path: Path) -> None:
+    lines: list[str] = []
+    settings = {"duration_s": 0.8, "change": [{"kind": "cut", "at_s": 0.1, "for_s": 0.7}]}
+    convoy.run(set=settings, out=tmp_path / "run", report=lines.append)
+    assert lines[0].startswith("0.0 of 0.8 s · largest true error now 0.0 cm")
+    assert any(line.startswith("run: stop: v2 brakes") for line in lines[1:])
+
+
 def test_a_sweep_tabulates_what_the_command_writes(tmp_path: Path) -> None:
     expected = run_sweep_here(small_plan(), tmp_path / "sweep")
     sweep = convoy.sweep(

@@ -4,13 +4,14 @@ from contextlib import contextmanager
 
 import pytest
 
-from scenarios.cli.running import progress
-from scenarios.cli.running.progress import PLAIN_EVERY_S, REDRAW_S, Progress
+from scenarios.cli.running.progress import REDRAW_S, Progress
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.events.bodies import BodySize
 from scenarios.results.metrics import Metrics
 from scenarios.results.stream import FigureStream
+from scenarios.runs import progress_lines
 from scenarios.runs.observer import ThrottledObservers
+from scenarios.runs.progress_lines import LINE_EVERY_S
 from tests.made.scenarios.messages import START, gps, health, start, text, tracking, truth, verdict
 from vehicles.messages import Message
 from vehicles.schedule import SECOND
@@ -51,7 +52,7 @@ class FakeTime:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> FakeTime:
     fake = FakeTime()
-    monkeypatch.setattr(progress, "time", fake)
+    monkeypatch.setattr(progress_lines, "time", fake)
     return fake
 
 
@@ -110,7 +111,7 @@ def test_without_a_terminal_a_plain_line_now_and_then(
         " · delivered 0 · dropped 0 · late 0\n"
     )
     drive(plain)
-    clock.now += PLAIN_EVERY_S - 0.1
+    clock.now += LINE_EVERY_S - 0.1
     plain.listen(START, gps("v1", 0))
     assert capsys.readouterr().err == ""
     clock.now += 0.2
@@ -130,7 +131,7 @@ def test_the_time_shown_does_not_go_back(
 ) -> None:
     plain.listen(START, start())
     plain.listen(START, truth("v1", 500, 0.0, 0.0))
-    clock.now += PLAIN_EVERY_S
+    clock.now += LINE_EVERY_S
     plain.listen(START, truth("v2", 450, 0.0, 0.0))
     assert capsys.readouterr().err.splitlines()[-1].split()[0] == "10.0"
 
@@ -204,11 +205,11 @@ def test_while_the_log_catches_up_the_time_goes_on_and_the_backlog_is_shown(
         throttled = ThrottledObservers([progress], lambda: waiting[0], 2000)
         throttled.listen(START, start())
         waiting[0] = 12345
-        clock.now += PLAIN_EVERY_S
+        clock.now += LINE_EVERY_S
         throttled.listen(START + 3 * SECOND, truth("v1", 150, 0.0, 0.0))
         assert "3.0 of 35.0 s, log behind by 12345 messages · " in capsys.readouterr().err
         waiting[0] = 0
-        clock.now += PLAIN_EVERY_S
+        clock.now += LINE_EVERY_S
         throttled.listen(START + 4 * SECOND, truth("v1", 200, 0.0, 0.0))
         assert "4.0 of 35.0 s · " in capsys.readouterr().err
 

@@ -1,0 +1,89 @@
+"""`convoy.diff`, `convoy.compare` and `run.report` return what the commands print and write."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+import scenarios.api as convoy
+from scenarios.cli.main import cli
+
+
+def command(*arguments: object) -> Result:
+    return CliRunner().invoke(cli, [str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory: pytest.TempPathFactory) -> tuple[convoy.Run, convoy.Run]:
+    folder = tmp_path_factory.mktemp("pair")
+    settings = {"duration_s": 3.0, "convoy.vehicles": 3}
+    offset = {"vehicle.v2.lateral_offset_m": 0.5}
+    return (
+        convoy.run(set=settings, out=folder / "a"),
+        convoy.run(set=settings | offset, out=folder / "b"),
+    )
+
+
+def test_a_diff_has_the_differences_of_the_command(pair: tuple[convoy.Run, convoy.Run]) -> None:
+    a, b = pair
+    diff = convoy.diff(a, b.log.parent)
+    printed = json.loads(command("diff", a.log, b.log, "--json").stdout)
+    assert (diff.is_equal, diff.sentence) == (printed["equal"], printed["sentence"])
+    assert diff.settings.key.tolist() == [row["key"] for row in printed["settings"]]
+    assert "vehicle.v2.lateral_offset_m" in diff.settings.key
+    assert diff.figures.name.tolist() == [row["name"] for row in printed["figures"]]
+    assert diff.first is not None
+    assert diff.first.sentence == printed["messages"]["first"]["sentence"]
+    assert diff.first.sentence in diff._repr_html_()
+    same = convoy.diff(a, a)
+    assert same.is_equal
+    assert same.first is None
+    assert "identical" in repr(same)
+    assert len(same.settings) == len(same.figures) == 0
+
+
+def test_a_comparison_has_the_places_of_the_command(pair: tuple[convoy.Run, convoy.Run]) -> None:
+    a, b = pair
+    comparison = convoy.compare(a, b)
+    printed = json.loads(command("compare", a.log, b.log, "--json").stdout)
+    assert comparison.sentence == printed["first"]["sentence"]
+    assert comparison.sentence in comparison._repr_html_()
+    rows = comparison.differences
+    assert rows.vehicle.tolist() == ["v1", "v2", "v3"]
+    largest = [row["offset_m_max"] for row in printed["differences"]]
+    assert rows.difference_m_max.tolist() == largest
+    assert rows.difference_m_max[1] == pytest.approx(0.5, abs=0.02)
+    assert np.isnan(rows.diverges_at_m[0])
+    assert rows.diverges_at_m[1] == printed["divergences"][0]["station_m"]
+    errors = comparison.string_errors
+    assert errors.label.tolist() == ["A", "A", "B", "B"]
+    assert errors.error_m_max[:2].tolist() == a.string_errors.error_m_max.tolist()
+    assert "A: lane_change" in comparison.runs["A"].title
+    figure = comparison.plot(["v2"])
+    assert figure._repr_png_().startswith(b"\x89PNG")  # type: ignore[attr-defined]
+    with pytest.raises(convoy.Error, match="allowed 2 to 8"):
+        convoy.compare(a)
+
+
+def test_errors_along_the_string_are_those_of_the_summary(
+    pair: tuple[convoy.Run, convoy.Run],
+) -> None:
+    run = pair[1]
+    _, *followers = run.summary.vehicles
+    rows = run.string_errors
+    assert rows.vehicle.tolist() == ["v2", "v3"]
+    assert rows.number.tolist() == [2, 3]
+    assert rows.error_m_max.tolist() == [one.cross_track_error_m_max for one in followers]
+    assert rows.error_m_rms.tolist() == [one.cross_track_error_m_rms for one in followers]
+    assert rows.ratio_max[1] == rows.error_m_max[1] / rows.error_m_max[0]
+
+
+def test_a_report_is_that_of_the_command(
+    pair: tuple[convoy.Run, convoy.Run], tmp_path: Path
+) -> None:
+    run = pair[1]
+    page = run.report(tmp_path / "here.html")
+    assert command("report", run.log, "--html", tmp_path / "there.html").exit_code == 0
+    assert page.read_bytes() == (tmp_path / "there.html").read_bytes()
