@@ -10,7 +10,7 @@ from scenarios.definition.scenario import Scenario
 from scenarios.results.log_summary import log_in, scenario_of
 from scenarios.results.pictures.review import review
 from scenarios.results.pictures.run_drawing import recording_id, widest_spacing
-from scenarios.studies.run_list import UNREADABLE, ListedRun
+from scenarios.studies.run_list import MISSING, UNREADABLE, ListedRun
 from transport.picture.option import RerunOption
 from transport.picture.viewer_process import ViewerError, require_display
 from transport.texts import ConvoyError
@@ -41,7 +41,7 @@ def show_catalog(
         require_display()
     from transport.picture.comparison.catalog import serve_catalog, shown  # noqa: PLC0415
 
-    readable = [run for run in runs if run.outcome != UNREADABLE]
+    readable = [run for run in runs if run.outcome != UNREADABLE and run.faults != MISSING]
     if not readable:
         raise ScenarioError(["browse --catalog: there is no readable run to show"])
     with TemporaryDirectory(prefix="convoy-") as folder:

@@ -2,7 +2,8 @@
 
 import operator
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -14,9 +15,11 @@ from scenarios.results.log_summary import summary_of
 from scenarios.results.outcome import with_outcome_line
 from scenarios.results.summary import RunSummary, from_json
 from scenarios.runs.run_folder import is_running
+from transport.log.records import ending_fault
 from transport.texts import ConvoyError
 
 UNREADABLE = "unreadable"
+MISSING = "missing"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,7 +27,8 @@ class ListedRun:
     """One run of a folder; `outcome` is "unreadable" for a log without figures.
 
     `worst_error_m` is the largest true distance of a follower from the lead's path. `line` is the
-    outcome in one line, or why the log cannot be read.
+    outcome in one line, or why the log cannot be read. `faults` describe a missing, incomplete or
+    damaged log and its holes, as far as its summary and its ending show; empty without any.
     """
 
     log: str
@@ -38,6 +42,7 @@ class ListedRun:
     worst_vehicle: str = ""
     events: int | None = None
     line: str = ""
+    faults: str = ""
 
 
 COLUMNS = tuple(field.name for field in fields(ListedRun))
@@ -57,10 +62,10 @@ ALLOWED_CONDITIONS = "COLUMN and one of = != < <= > >= ~ and a value, such as wo
 def runs_in(folder: Path, count: Callable[[int, int], None] = lambda *_: None) -> list[ListedRun]:
     """Read all runs in a folder and its folders, in the order of their paths.
 
-    `count` gets the numbers of runs that were read and that there are. Raises ScenarioError without
-    a run.
+    A summary whose log is missing is listed too. `count` gets the numbers of runs that were read
+    and that there are. Raises ScenarioError without a run.
     """
-    logs = sorted(folder.rglob("*.mcap")) if folder.is_dir() else []
+    logs = sorted({*folder.rglob("*.mcap"), *_lost_logs(folder)}) if folder.is_dir() else []
     if not logs:
         what = "holds no logs (*.mcap)" if folder.is_dir() else "is not a folder"
         raise ScenarioError([f"{folder}: {what}; give the folder of your runs"])
@@ -123,30 +128,50 @@ def _column(name: str, option: str) -> str:
     return name
 
 
+def _lost_logs(folder: Path) -> Iterator[Path]:
+    """Yield the logs that are missing beside the summary of a run."""
+    for file in folder.rglob(SUMMARY_NAME):
+        log = file.with_name(LOG_NAME)
+        if not log.exists():
+            with suppress(OSError, ValueError):  # the summary of something else
+                from_json(file.read_text(encoding="utf-8"))
+                yield log
+
+
 def _listed(log: Path) -> ListedRun:
     try:
-        return _of_summary(log, _summary(log))
+        return _read(log)
     except (ConvoyError, OSError, ValueError) as error:
-        return ListedRun(log=str(log), outcome=UNREADABLE, line=" ".join(str(error).split()))
+        line = " ".join(str(error).split())
+        return ListedRun(log=str(log), outcome=UNREADABLE, line=line, faults=line)
 
 
-def _summary(log: Path) -> RunSummary:
-    """Summary of a run: the file next to its log, unless the log is newer, else from the log."""
+def _read(log: Path) -> ListedRun:
+    """Read the summary beside a log, unless the log is newer, else that of the log."""
     running = is_running(log)
     file = log.with_name(SUMMARY_NAME)
-    is_present = log.name == LOG_NAME and not running and file.is_file()
-    if is_present and file.stat().st_mtime_ns >= log.stat().st_mtime_ns:
-        return with_outcome_line(from_json(file.read_text(encoding="utf-8")))
-    return summary_of(log, running=running)
+    if log.name != LOG_NAME or running or not file.is_file() or _is_newer(log, file):
+        return _of_summary(log, summary_of(log, running=running), "")
+    summary = with_outcome_line(from_json(file.read_text(encoding="utf-8")))
+    return _of_summary(log, summary, ending_fault(log) if log.exists() else MISSING)
 
 
-def _of_summary(log: Path, summary: RunSummary) -> ListedRun:
+def _is_newer(log: Path, file: Path) -> bool:
+    return log.exists() and log.stat().st_mtime_ns > file.stat().st_mtime_ns
+
+
+def _of_summary(log: Path, summary: RunSummary, fault: str) -> ListedRun:
     errors = [
         (vehicle.cross_track_error_m_max, vehicle.name)
         for vehicle in summary.vehicles
         if vehicle.cross_track_error_m_max is not None
     ]
     worst_m, worst = max(errors, default=(None, ""))
+    holes, poses = len(summary.holes), sum(hole.poses for hole in summary.holes)
+    faults = (
+        fault or summary.log_faults.removeprefix(f"{log}: "),
+        f"{poses} poses are missing in {holes} holes" if holes else "",
+    )
     return ListedRun(
         log=str(log.parent if log.name == LOG_NAME else log),
         scenario=summary.identity.scenario,
@@ -159,6 +184,7 @@ def _of_summary(log: Path, summary: RunSummary) -> ListedRun:
         worst_vehicle=worst,
         events=len(summary.events),
         line=summary.outcome_line,
+        faults="; ".join(filter(None, faults)),
     )
 
 

@@ -19,6 +19,7 @@ HEADINGS = (
     "vehicle",
     "events",
     "in one line",
+    "faults of the log",
     "open it",
 )
 PAGE = """<!doctype html>
@@ -35,7 +36,7 @@ th[data-order="-1"]::after {{ content: " ▼"; }}
 th, td {{ padding: .25rem .7rem; border-bottom: 1px solid color-mix(in srgb, GrayText 40%, Canvas);
   vertical-align: top; }}
 td.number {{ text-align: right; font-variant-numeric: tabular-nums; }}
-td.failed, td.unreadable {{ color: light-dark(#b3261e, #ff8a80); font-weight: 600; }}
+td.failed, td.unreadable, td.faults {{ color: light-dark(#b3261e, #ff8a80); font-weight: 600; }}
 code {{ user-select: all; white-space: nowrap; }}
 </style></head><body>
 <h1>{title}</h1>
@@ -98,7 +99,8 @@ def _row(run: ListedRun) -> str:
         _number(run.worst_error_m, ".3f"),
         _cell(run.worst_vehicle),
         _number(run.events, "d"),
-        _cell(run.line),
+        _cell("" if run.faults == run.line else run.line),
+        _cell(run.faults, "faults"),
         f"<td><code>{escape(f'convoy review {quote(run.log)}')}</code></td>",
     ]
     return "".join(cells)

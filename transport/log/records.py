@@ -158,6 +158,20 @@ def scan(log: mmap.mmap) -> Layout:
     return Layout(tuple(records), tuple(gaps), not complete, summary)
 
 
+def ending_fault(path: Path) -> str:
+    """Describe what the ending of a log shows: not completed, or bytes lost or added.
+
+    It is empty for a complete log. Damage within the data is not searched. Raises LogError.
+    """
+    log = map_log(path)
+    complete, summary = _ending(log)
+    if not complete:
+        return "was not completed"
+    if summary.end and not _summary_is_valid(log, summary):
+        return "damaged: its index does not match its content"
+    return ""
+
+
 def _ending(log: mmap.mmap) -> tuple[bool, Span]:
     """Whether the file has a complete ending, and its summary section, which may be empty.
 

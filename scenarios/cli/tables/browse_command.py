@@ -37,8 +37,8 @@ Examples:
 
 \b
 Columns of --where and --sort: log, scenario, overrides, seed, clock, outcome,
-ran_s, worst_error_m, worst_vehicle, events, line. Signs: = != < <= > >=, and ~
-for texts that contain another.
+ran_s, worst_error_m, worst_vehicle, events, line, faults. Signs: = != < <= >
+>=, and ~ for texts that contain another.
 """
 )
 @click.argument("folder", default="runs", type=click.Path(path_type=Path))
@@ -87,7 +87,8 @@ def browse(
 ) -> None:
     """List the runs in a folder.
 
-    FOLDER is searched for logs, in its folders too. Unreadable logs are listed with the reason.
+    FOLDER is searched for logs, in its folders too. Missing, incomplete and unreadable logs are
+    listed with the reason; `convoy info` also finds damage within a complete log.
     """
     import json
 
@@ -159,15 +160,19 @@ def print_runs(runs: "Sequence[ListedRun]", console: "Console") -> None:
         Column("time,\ns", lambda row: row[1].ran_s, ".1f"),
         Column("worst\nerror, cm", lambda row: row[1].worst_error_m, ".1f", 100.0),
         Column("events", lambda row: row[1].events),
+        Column("log", lambda row: "faulty" if row[1].faults else "ok", left=True),
     ]
     print_whole(table_of(columns, rows, style=lambda row: _style(row[1])), console)
     for number, run in rows:
-        if run.outcome in {"failed", "unreadable"}:
-            console.print(f"{number}: {run.line}", highlight=False, soft_wrap=True, markup=False)
+        lines = [run.line] if run.outcome in {"failed", "unreadable"} else []
+        if run.faults and run.faults not in lines:
+            lines.append(f"log: {run.faults}")
+        for line in lines:
+            console.print(f"{number}: {line}", highlight=False, soft_wrap=True, markup=False)
 
 
 def _style(run: "ListedRun") -> str | None:
-    return "red" if run.outcome in {"failed", "unreadable"} else None
+    return "red" if run.faults or run.outcome in {"failed", "unreadable"} else None
 
 
 def _shortened(text: str) -> str:

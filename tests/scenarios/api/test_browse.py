@@ -3,6 +3,7 @@
 import json
 import os
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from shutil import copytree
@@ -15,8 +16,10 @@ from rerun.catalog import CatalogClient
 
 import scenarios.api as convoy
 from scenarios.cli.main import cli
+from scenarios.results.holes import RecordHole
 from scenarios.results.log_summary import log_in
 from scenarios.results.pictures.run_drawing import recording_id
+from scenarios.results.summary import from_json, to_json
 from scenarios.runs.run_folder import claimed
 from scenarios.studies.run_catalog import show_catalog
 from scenarios.studies.run_list import runs_in, selected
@@ -69,6 +72,45 @@ def test_a_log_newer_than_its_summary_is_read(folder: Path, tmp_path: Path) -> N
     os.utime(copy / "run.mcap", ns=(2**62, 2**62))
     (by_log,) = runs_in(tmp_path)
     assert by_log.outcome == "completed"
+
+
+def test_faults_of_logs_are_listed_from_their_endings(folder: Path, tmp_path: Path) -> None:
+    """The figures are those of the summary, which was written before the damage."""
+    logs = {name: copytree(folder / "first", tmp_path / name) / "run.mcap" for name in "abcd"}
+    data = logs["a"].read_bytes()
+    logs["b"].write_bytes(data[:-5000])
+    logs["c"].write_bytes(data[:50_000] + data[60_000:])
+    logs["d"].unlink()
+    for log in (logs["b"], logs["c"]):
+        os.utime(log, ns=(0, 0))
+    other = tmp_path / "summary.json"
+    other.write_text('{"schema": "of another program"}')
+    expected = {
+        "a": "", "b": "was not completed", "c": "damaged: its index does not match its content",
+        "d": "missing",
+    }  # fmt: skip
+    names = {Path(run.log).name: run for run in runs_in(tmp_path)}
+    assert {name: run.faults for name, run in names.items()} == expected
+    assert {run.outcome for run in names.values()} == {"completed"}
+    done = command(tmp_path)
+    assert "\n4: log: missing" in done.stdout
+    assert done.stdout.count(" faulty ") == 3
+    assert [row["faults"] for row in json.loads(command(tmp_path, "--json").stdout)] == [
+        *expected.values()
+    ]
+    assert convoy.browse(tmp_path, ["faults~missing"]).log.tolist() == [str(tmp_path / "d")]
+    page = tmp_path / "runs.html"
+    assert command(tmp_path, "--html", page).exit_code == 0
+    assert [row[-2] for row in Page(page.read_text()).rows[1:]] == [*expected.values()]
+
+
+def test_holes_in_a_summary_are_listed(folder: Path, tmp_path: Path) -> None:
+    file = copytree(folder / "first", tmp_path / "copy") / "summary.json"
+    summary = from_json(file.read_text())
+    hole = RecordHole(vehicle="v2", from_s=1.0, to_s=1.5, poses=5)
+    file.write_text(to_json(replace(summary, holes=(hole, replace(hole, from_s=2.0)))))
+    (run,) = runs_in(tmp_path)
+    assert run.faults == "10 poses are missing in 2 holes"
 
 
 def test_a_run_that_still_runs_is_listed_as_running(folder: Path, tmp_path: Path) -> None:
