@@ -41,7 +41,8 @@ class Run(RunRecord):
     - `run.states`, `run.messages`: all vehicles in one table, and all links in another.
     - `run.texts`: lines of text.
     - `run.scenario`, `run.log`, `run.faults`: its scenario, the path of the log, and damage or
-      holes of the log in a line.
+      holes of the log in a line. `run.origin` describes the log by name and value, as in exported
+      files.
 
     A column of a table is a NumPy array: `run.vehicles["v4"].true.error_m`. The first columns are
     the time `t_s` (s) after the start and the instant `at_ns` (ns, Unix time).
@@ -87,7 +88,8 @@ class Run(RunRecord):
         """Write tables and tracks into a folder, like `convoy export`; returns their paths.
 
         The formats are "csv" and "parquet", each with the files `vehicles` and `links`, and "gpx"
-        with a track of the measured positions of each vehicle. Raises Error if a file exists.
+        with a track of the measured positions of each vehicle. They state their log and its faults,
+        CSV files in `export.json` next to them. Raises Error if a file exists.
         """
         return export_run(self, Path(out), formats)
 

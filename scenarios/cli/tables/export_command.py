@@ -21,6 +21,8 @@ Files:
   links.csv, .parquet      a row for each message of a link: number, time of
                            sending, outcome, cause and delay
   NAME.gpx                 measured positions of a vehicle
+  export.json              of CSV files: their log, its scenario, seed and faults;
+                           Parquet and GPX files have them in their metadata
 """
 )
 @click.argument("log", type=click.Path(path_type=Path))
@@ -51,4 +53,7 @@ def export(log: Path, *, formats: tuple[str, ...], out: Path | None) -> None:
         run = RunRecord(log)
         warn_of_log(run.faults)
         folder = out or run.log.parent / "export"
-        export_run(run, folder, formats, lambda path: click.echo(f"written: {path}"))
+        origin = {"log": run.origin["log_faults"], "piece": run.origin["piece"]}
+        remarks = [f"{name}: {text}" for name, text in origin.items() if text]
+        suffix = f" ({'; '.join(remarks)})" if remarks else ""
+        export_run(run, folder, formats, lambda path: click.echo(f"written: {path}{suffix}"))

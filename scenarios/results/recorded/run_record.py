@@ -24,13 +24,15 @@ from scenarios.results.recorded.link_outcomes import LinkOutcomes, link_outcomes
 from scenarios.results.recorded.tidy_tables import joined, vehicle_rows
 from scenarios.results.recorded.true_figures import PathErrors, path_errors, true_gaps
 from scenarios.results.stream import sizes_of
+from scenarios.results.summarise import METADATA_NAME
 from scenarios.results.summary import RunSummary
 from transport.columns import Columns
 from transport.log.reader import LogReader
-from transport.log.records import LogError
+from transport.log.records import PIECE, LogError
 from transport.topics import RUN_SENDER, TOPICS
 from vehicles.schedule import SECOND
 
+ORIGIN_SCHEMA = "convoy.export/1"
 LARGE = {"trajectory"}
 """Topics that are read alone; the others are read together, since each reading costs time."""
 Key = TypeVar("Key")
@@ -74,6 +76,18 @@ class RunRecord:
     @cached_property
     def faults(self) -> str:
         return self._reader.faults
+
+    @cached_property
+    def origin(self) -> Mapping[str, str]:
+        """Where the data come from: log, run, scenario, seed, faults, what a piece holds."""
+        metadata = self._reader.metadata()
+        texts = {
+            "log_faults": self.faults.removeprefix(f"{self.log}: "),
+            "piece": _listed(metadata.get(PIECE, {})),
+            "thinned_hz": _listed(self._reader.thinned),
+        }
+        identity = metadata.get(METADATA_NAME, {}) | {"schema": ORIGIN_SCHEMA}
+        return {"log": str(self.log)} | identity | texts
 
     @cached_property
     def summary(self) -> RunSummary:
@@ -241,6 +255,10 @@ class RunRecord:
     def _outcomes(self, link: Link) -> LinkOutcomes:
         verdicts = self.columns_of("verdict").get(link[1])
         return link_outcomes(link, verdicts, self._missing_verdicts.get(link, ()))
+
+
+def _listed(values: Mapping[str, str]) -> str:
+    return ", ".join(f"{name} {value}" for name, value in values.items())
 
 
 class VehicleRecord:

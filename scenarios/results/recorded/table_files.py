@@ -3,7 +3,7 @@
 import csv
 import io
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -20,6 +20,7 @@ from vehicles.schedule import MILLISECOND
 
 FileFormat = Literal["csv", "parquet", "gpx"]
 FORMATS: Sequence[FileFormat] = get_args(FileFormat)
+ORIGIN_NAME = "export.json"
 MICROSECOND = MILLISECOND // 1000
 
 
@@ -31,8 +32,9 @@ def export_run(
 ) -> list[Path]:
     """Write the tables of vehicles and links, and a track for each vehicle, into a folder.
 
-    `report` gets each written file. Unknown values are empty in CSV and null in Parquet. Raises
-    ScenarioError for an unknown format and for files that exist, and MissingExtraError.
+    Parquet and GPX files state their log and its faults; CSV files have them in `export.json` next
+    to them. `report` gets each written file. Unknown values are empty in CSV and null in Parquet.
+    Raises ScenarioError for an unknown format and for files that exist, and MissingExtraError.
     """
     if unknown := [name for name in formats if name not in FORMATS]:
         raise ScenarioError([f"format: given {unknown[0]!r}, allowed {', '.join(FORMATS)}"])
@@ -56,12 +58,27 @@ def _files(run: RunRecord, kind: str) -> dict[str, Callable[[], bytes]]:
     """Functions that make the contents of the files of a format, by their names."""
     if kind == "gpx":
         senders = [name for name in run.vehicles if "gps" in run.topics_of(name)]
-        return {f"{name}.gpx": partial(gpx_of, run.vehicles[name]) for name in senders}
-    encode = csv_of if kind == "csv" else parquet_of
-    return {
-        f"vehicles.{kind}": lambda: encode(run.states),
-        f"links.{kind}": lambda: encode(run.messages),
-    }
+        return {f"{name}.gpx": partial(gpx_of, run.vehicles[name], run.origin) for name in senders}
+    tables = {"vehicles": lambda: run.states, "links": lambda: run.messages}
+    if kind == "parquet":
+        return {
+            f"{name}.parquet": partial(_parquet, table, run.origin)
+            for name, table in tables.items()
+        }
+    files = {f"{name}.csv": partial(_csv, table) for name, table in tables.items()}
+    return files | {ORIGIN_NAME: lambda: _json(run.origin)}
+
+
+def _json(values: Mapping[str, str]) -> bytes:
+    return json.dumps(values, indent=2, ensure_ascii=False).encode() + b"\n"
+
+
+def _csv(table: Callable[[], DataTable]) -> bytes:
+    return csv_of(table())
+
+
+def _parquet(table: Callable[[], DataTable], origin: Mapping[str, str]) -> bytes:
+    return parquet_of(table(), origin)
 
 
 def csv_of(table: DataTable) -> bytes:
@@ -83,17 +100,24 @@ def _cell(value: Any) -> Any:
     return json.dumps(value.tolist()) if isinstance(value, np.ndarray) else value
 
 
-def parquet_of(table: DataTable) -> bytes:
+def parquet_of(table: DataTable, origin: Mapping[str, str]) -> bytes:
+    """Write a table as Parquet; `origin` becomes its metadata."""
     import pyarrow  # noqa: PLC0415 - an extra
     import pyarrow.parquet  # noqa: PLC0415
 
     sink = pyarrow.BufferOutputStream()
-    pyarrow.parquet.write_table(table.to_arrow(), sink)
+    content = table.to_arrow().replace_schema_metadata(dict(origin))
+    pyarrow.parquet.write_table(content, sink)
     return bytes(sink.getvalue().to_pybytes())
 
 
-def gpx_of(vehicle: VehicleRecord) -> bytes:
-    """Write the measured positions of a vehicle as a track (GPX 1.1), in order of time."""
+def gpx_of(vehicle: VehicleRecord, origin: Mapping[str, str]) -> bytes:
+    """Write the measured positions of a vehicle as a track (GPX 1.1), in order of time.
+
+    `origin` is its description.
+    """
+    described = ("title", "log", "log_faults", "piece")
+    description = "; ".join(f"{name}: {origin[name]}" for name in described if origin.get(name))
     gps = vehicle.gps
     order = np.argsort(gps.measured_at_ns, kind="stable")
     columns = (gps.latitude_deg, gps.longitude_deg, gps.altitude_m, gps.measured_at_ns)
@@ -108,6 +132,7 @@ def gpx_of(vehicle: VehicleRecord) -> bytes:
         '<?xml version="1.0" encoding="UTF-8"?>',
         f'<gpx version="1.1" creator={quoteattr("convoy")} '
         'xmlns="http://www.topografix.com/GPX/1/1">',
+        f"<metadata><desc>{escape(description)}</desc></metadata>",
         f"<trk><name>{escape(vehicle.name)}</name><trkseg>",
         *points,
         "</trkseg></trk>",

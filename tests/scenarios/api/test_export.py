@@ -1,6 +1,7 @@
 """Exported files are read back by other libraries, and agree with a second reading of the log."""
 
 import csv
+import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -36,6 +37,9 @@ def exported(
     done = command("export", log, *formats, "--out", out)
     assert done.exit_code == 0, done.output
     assert bool(done.stderr) == (request.param == "damaged")
+    assert all(
+        ("(log: damaged, " in line) == bool(done.stderr) for line in done.stdout.splitlines()
+    )
     reading = second_reader.read(log)
     assert reading.damaged == (request.param == "damaged")
     return out, reading
@@ -71,6 +75,7 @@ def test_the_table_of_vehicles(exported: tuple[Path, SecondReading]) -> None:
     own = {(name, m.decided_at_ns): m for name in names for m in reading.of(name, "tracking")}
     figures = {(name, m.true_at_ns): m for name in names for m in reading.of(name, DEVIATION)}
     start_at = reading.of("run", "start")[0].start_at_ns
+    ours = true_figures(out)
     for rows in rows_of(out, "vehicles"):
         assert {(row["vehicle"], row["at_ns"]) for row in rows} == truth.keys() | own.keys()
         assert len(rows) == len(truth.keys() | own.keys())
@@ -84,11 +89,27 @@ def test_the_table_of_vehicles(exported: tuple[Path, SecondReading]) -> None:
                 value = second_reader.value(own[key], "tracking", column) if key in own else None
                 assert row[column] == known(value)
             assert (row["station_m"] is None) == (row["true_error_m"] is None)
+            for column in ("true_error_m", "station_m", "true_gap_m"):
+                assert row[column] == ours.get(key, {}).get(column)
             if key in figures and row["true_error_m"] is not None and not reading.damaged:
                 assert row["true_error_m"] == known(figures[key].cross_track_error_m)
                 assert row["true_gap_m"] == known(figures[key].true_gap_m)
                 compared += 1
         assert compared > 50 or reading.damaged
+
+
+def true_figures(out: Path) -> dict[tuple[str, int], dict[str, Any]]:
+    """Figures of each true pose in Python, which agree with a second reading elsewhere."""
+    figures = {}
+    for name, record in convoy.open(
+        json.loads((out / "export.json").read_text())["log"]
+    ).vehicles.items():
+        true = record.true
+        columns = (true.at_ns, true.error_m, true.station_m, true.gap_m)
+        for at, *values in zip(*(column.tolist() for column in columns), strict=True):
+            names = ("true_error_m", "station_m", "true_gap_m")
+            figures[name, at] = dict(zip(names, map(known, values), strict=True))
+    return figures
 
 
 def test_the_table_of_links(exported: tuple[Path, SecondReading]) -> None:
@@ -99,10 +120,12 @@ def test_the_table_of_links(exported: tuple[Path, SecondReading]) -> None:
         for name in names
         for verdict in reading.of(name, "verdict")
     }
+    start_at = reading.of("run", "start")[0].start_at_ns
     for rows in rows_of(out, "links"):
         seen = set()
         for row in rows:
             key = row["sender"], row["receiver"], row["number"]
+            assert row["t_s"] == pytest.approx((row["sent_at_ns"] - start_at) / 1e9, abs=1e-12)
             seen.add(key)
             if key not in verdicts:
                 assert row["outcome"] in {"in_flight", "not_arrived", "unrecorded"}
@@ -113,8 +136,9 @@ def test_the_table_of_links(exported: tuple[Path, SecondReading]) -> None:
             assert row["outcome"] == verdict.outcome
             assert row["cause"] == (verdict.reason if row["outcome"] == "dropped" else None)
             assert (row["delay_s"] is None) == (row["outcome"] == "dropped")
-            if row["delay_s"] is not None and not verdict.late:
-                delay_ns = verdict.visible_at_ns - verdict.sent_at_ns
+            if row["delay_s"] is not None:
+                usable_at = verdict.received_at_ns if verdict.late else verdict.visible_at_ns
+                delay_ns = usable_at - verdict.sent_at_ns
                 assert row["delay_s"] == pytest.approx(delay_ns / 1e9, abs=1e-12)
         assert seen >= verdicts.keys()
         assert len(seen) == len(rows)
@@ -135,6 +159,21 @@ def test_tracks(exported: tuple[Path, SecondReading]) -> None:
             assert point.elevation == pytest.approx(pose.altitude_m, abs=1e-4)
             assert point.time is not None
             assert point.time.timestamp() == pytest.approx(pose.measured_at_ns / 1e9, abs=1e-6)
+
+
+def test_files_state_their_log_and_its_faults(exported: tuple[Path, SecondReading]) -> None:
+    out, reading = exported
+    origin = json.loads((out / "export.json").read_text(encoding="utf-8"))
+    assert origin["scenario"] in {"lane_change", "golden"}
+    assert ("cannot be read" in origin["log_faults"]) == bool(reading.damaged)
+    for table in ("vehicles", "links"):
+        rows = query(f"select * from parquet_kv_metadata('{out / table}.parquet')")
+        stored = {row["key"].decode(): row["value"].decode() for row in rows}
+        assert {name: stored[name] for name in origin} == origin
+        assert pandas.read_parquet(out / f"{table}.parquet").shape[0] > 100
+    description = gpxpy.parse((out / "v1.gpx").read_text(encoding="utf-8")).description
+    assert origin["log"] in str(description)
+    assert ("cannot be read" in str(description)) == bool(reading.damaged)
 
 
 def test_unknown_values_are_left_out_of_aggregates(logs: dict[str, Path], tmp_path: Path) -> None:
@@ -166,7 +205,7 @@ def test_files_are_written_once(logs: dict[str, Path], tmp_path: Path) -> None:
     out = tmp_path / "export"
     done = command("export", logs["new"].parent, "--out", out)
     assert done.exit_code == 0
-    names = {"vehicles.csv", "links.csv", "v1.gpx", "v2.gpx", "v3.gpx", "v4.gpx"}
+    names = {"vehicles.csv", "links.csv", "export.json", "v1.gpx", "v2.gpx", "v3.gpx", "v4.gpx"}
     assert {path.name for path in out.iterdir()} == names
     assert sorted(done.stdout.split()[1::2]) == sorted(str(out / name) for name in names)
     again = command("export", logs["new"].parent, "--out", out)

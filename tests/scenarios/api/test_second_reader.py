@@ -85,6 +85,36 @@ def test_true_errors_and_gaps(both: tuple[convoy.Run, SecondReading]) -> None:
         assert compared >= 0.5 * len(rows)
 
 
+def test_places_along_the_path_of_the_lead(both: tuple[convoy.Run, SecondReading]) -> None:
+    """They are those of the nearest points of the line through the true poses of the lead."""
+    run, reading = both
+    lead, *followers = run.vehicles
+    corners = positions(reading, lead)
+    steps = np.diff(corners, axis=0)
+    lengths = np.hypot(*steps.T)
+    along = np.concatenate(([0.0], np.cumsum(lengths)))
+    for name in followers:
+        true = run.vehicles[name].true
+        to_points = positions(reading, name)[:, None, :] - corners[None, :-1, :]
+        shares = np.clip((to_points * steps).sum(axis=2) / lengths**2, 0.0, 1.0)
+        distances = np.hypot(*np.moveaxis(to_points - shares[:, :, None] * steps, 2, 0))
+        nearest = distances.argmin(axis=1)
+        rows = np.arange(len(nearest))
+        stations = along[nearest] + (shares * lengths)[rows, nearest]
+        inside = (stations > 1.0) & (stations < along[-1] - 1.0) & np.isfinite(true.station_m)
+        inside &= lengths[nearest] < 1.0  # the lead was recorded
+        assert inside.sum() > 50
+        ours, tolerance = true.station_m[inside], 5e-3 + 0.5 * bool(reading.damaged)
+        assert ours == pytest.approx(stations[inside], abs=tolerance)
+        offsets = distances[rows, nearest][inside]
+        assert np.abs(true.error_m[inside]) == pytest.approx(offsets, abs=1e-3)
+
+
+def positions(reading: SecondReading, vehicle: str) -> Any:
+    """True positions (N, 2) of a vehicle."""
+    return np.array([(pose.east_m, pose.north_m) for pose in reading.of(vehicle, "truth")])
+
+
 def test_outcomes_of_all_messages(both: tuple[convoy.Run, SecondReading]) -> None:
     run, reading = both
     for (sender, receiver), link in run.links.items():
@@ -94,6 +124,9 @@ def test_outcomes_of_all_messages(both: tuple[convoy.Run, SecondReading]) -> Non
             for place, number in enumerate(reading.values(receiver, "verdict", "pose_seq"))
             if reading.of(receiver, "verdict")[place].sender == sender
         }
+        sent_at = {pose.seq: pose.sent_at_ns for pose in reading.of(sender, "gps")}
+        start_at = reading.of("run", "start")[0].start_at_ns
+        assert ((rows.sent_at_ns - start_at) / 1e9).tolist() == rows.t_s.tolist()
         numbers = set(rows.number.tolist())
         assert numbers >= {*verdicts, *reading.values(sender, "gps", "seq")}
         assert len(numbers) == len(rows)
@@ -104,6 +137,8 @@ def test_outcomes_of_all_messages(both: tuple[convoy.Run, SecondReading]) -> Non
             place = verdicts.get(number)
             if place is None:
                 assert outcome in {"in_flight", "not_arrived", "unrecorded"}
+                assert at == sent_at.get(number, at)
+                assert math.isnan(delay_s)
                 continue
             verdict = reading.of(receiver, "verdict")[place]
             assert (at, outcome) == (verdict.sent_at_ns, verdict.outcome)
