@@ -288,6 +288,16 @@ def run_option(command: Command) -> Command:
     )(command)
 
 
+def clock_option(command: Command) -> Command:
+    return click.option(
+        "--clock",
+        type=click.Choice(["wall", "virtual"]),
+        default="wall",
+        show_default=True,
+        help="Real time with one process per vehicle (wall), or as fast as possible (virtual).",
+    )(command)
+
+
 def open_run_options(command: Command) -> Command:
     named = click.option(
         "--run",

@@ -13,7 +13,7 @@ from scenarios.definition.validation.wording import did_you_mean
 SUMMARY_MAX = 45
 """Longest summary of a command in characters, without its full stop."""
 SECTIONS: Mapping[str, Sequence[str]] = {
-    "Run": ("run", "check", "list", "new"),
+    "Run": ("run", "replay", "check", "list", "new"),
     "Look": (
         "browse", "report", "review", "explain", "note", "diff", "compare", "export", "reference",
     ),

@@ -31,6 +31,7 @@ from scenarios.cli.many.sweep import sweep
 from scenarios.cli.output import keep_output_going, unwritable_output_reported
 from scenarios.cli.reference.reference_command import reference
 from scenarios.cli.running import commands as running
+from scenarios.cli.running.replay_command import replay
 from scenarios.cli.tables.browse_command import browse
 from scenarios.cli.tables.export_command import export
 
@@ -68,6 +69,7 @@ def cli() -> None:
 
 for command in (
     running.run,
+    replay,
     running.router,
     running.vehicle,
     running.record,

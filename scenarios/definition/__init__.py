@@ -13,6 +13,7 @@ channel/         the settings of each directed link, and its effects
 run_limits       limits of a run, from a scenario or the command line
 changing/        changes to a running convoy, scheduled and by hand
 traces/          recorded drives
+recorded_messages  the log of replayed vehicles
 road/            the lead's path and speed, and where each vehicle starts
 vehicle_setup    one vehicle: its own tables merged into the convoy's
 scenario         a valid scenario

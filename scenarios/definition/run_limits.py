@@ -9,6 +9,7 @@ from scenarios.definition.errors import Problem, ScenarioError
 from scenarios.definition.road.route import vehicle_names
 from scenarios.definition.schema.limit_rows import LIMITS, WORDS, LimitRow, words_with_examples
 from scenarios.definition.schema.limit_tables import (
+    DEADLINES,
     DeadlineTable,
     LimitsTable,
     ModeLimit,
@@ -122,7 +123,7 @@ def limit_problems(tables: ScenarioTables, duration_s: float) -> Iterator[Proble
         for key in own.model_fields_set:
             if problem := problem_of(LIMITS[key], name, names):
                 yield f"limits.{name}.{key}", problem
-    for name in ("modes", "sources", "recovery"):
+    for name in DEADLINES:
         for index, limit in enumerate(getattr(limits, name)):
             key = f"limits.{name}[{index}]"
             yield from _about(tables, key, limit)
@@ -140,11 +141,10 @@ def _about(tables: ScenarioTables, key: str, limit: DeadlineTable) -> Iterator[P
         allowed = f"allowed a follower: {', '.join(names[1:]) or 'there is none'}"
         yield f"{key}.vehicle", f"given {toml_repr(limit.vehicle)}, {allowed}"
         return
-    own = tables.vehicle.get(limit.vehicle)
-    if own is not None and own.replay is not None:
+    if limit.vehicle in tables.replayed:
         yield (
             f"{key}.vehicle",
-            f"given {toml_repr(limit.vehicle)}, which replays a drive and receives nothing",
+            f"given {toml_repr(limit.vehicle)}, which is replayed and receives nothing",
         )
     if isinstance(limit, ModeLimit) and limit.vehicle == names[1] and limit.mode in OF_TWO:
         yield (

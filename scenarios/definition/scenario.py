@@ -24,6 +24,7 @@ from scenarios.definition.errors import Problem, ScenarioError, collected
 from scenarios.definition.extends import MergedScenario, merged
 from scenarios.definition.library import ScenarioFile, drills, library, read_file
 from scenarios.definition.overrides import Raw
+from scenarios.definition.recorded_messages import with_recorded_messages
 from scenarios.definition.road.replayed_drive import (
     ReplayedDrive,
     plan_replay,
@@ -137,6 +138,7 @@ class Scenario:
             key.replace("_", " ") for loss, link in expected if loss is None for key in _lossy(link)
         )
         presets = dict.fromkeys(link.preset for link in self.links.values() if link.preset)
+        replay = self.tables.replay
         parts = [
             f"{self.name} ({self.fingerprint})" if self.fingerprint else self.name,
             f"seed {self.seed}",
@@ -144,6 +146,7 @@ class Scenario:
             *([f"loss {_range(losses)} %"] if losses else []),
             *([f"loss by {' and '.join(laws)}"] if laws else []),
             *([f"channel {' and '.join(presets)}"] if presets else []),
+            *([f"replays {', '.join(replay.vehicles)}"] if replay else []),
             *(text for text in self.overrides if not text.startswith("seed=")),
         ]
         return ", ".join(parts)
@@ -275,7 +278,7 @@ class Scenario:
             for pair in directed_links(
                 self.vehicle_names, lead_receives=self.tables.speed.lead_receives
             )
-            if pair[1] not in self.replays
+            if pair[1] not in self.tables.replayed
         }
 
     def clock(self, name: str, start_at: int) -> VehicleClock:
@@ -344,6 +347,9 @@ class Scenario:
     def digest(self) -> str:
         """Sixteen hexadecimal digits of the content without name and seed."""
         neutral = self.tables.model_copy(update={"seed": 0, "name": "any"})
+        if replay := neutral.replay:  # the log has another path on another machine
+            update = {"replay": replay.model_copy(update={"log": "any"})}
+            neutral = neutral.model_copy(update=update)
         return hashlib.sha256(_text_of(neutral).encode()).hexdigest()[:16]
 
 
@@ -481,7 +487,10 @@ def _with_files(
     with collected(problems):
         tables = with_recorded_delays(tables, given.folder)
     with collected(problems):
-        return with_replays(tables, given.folder)
+        tables = with_replays(tables, given.folder)
+    if not given.files[-1].recorded:  # the log that holds it is enough to read it
+        with collected(problems):
+            tables = with_recorded_messages(tables, given.folder)
     return tables
 
 

@@ -345,6 +345,6 @@ def _crashes_for_good(change: Change) -> bool:
 def _steady_rate_hz(scenario: Scenario, name: str) -> float | None:
     """Pose rate of a vehicle that sends at every instant of measuring, else None."""
     setup = scenario.vehicle(name)
-    if is_changed(scenario.tables.change, name):
+    if is_changed(scenario.tables.change, name) or name in scenario.tables.repeats_messages:
         return None
     return setup.gnss.rate if setup.sends_every_instant else None

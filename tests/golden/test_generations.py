@@ -22,7 +22,7 @@ from scenarios.cli.main import cli
 from scenarios.results.log_summary import scenario_of, summary_of
 from scenarios.results.outcome import with_outcome_line
 from scenarios.results.summary import from_json, to_json
-from scenarios.runs.virtual.recorded_vehicle import read_recorded_vehicle
+from scenarios.runs.node.recorded_vehicle import read_recorded_vehicle
 from scenarios.studies.many.blame.losses import read_run
 from transport.codec import PROTOBUF
 from transport.log.reader import LogReader

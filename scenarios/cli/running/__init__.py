@@ -1,6 +1,7 @@
 """Commands that drive a convoy.
 
 commands        run, router, vehicle, record
+replay_command  convoy replay
 launching       convoy run, for both clocks
 wall_clock_run  a run on the wall clock: its processes are prepared and started
 virtual_run     a run in virtual time

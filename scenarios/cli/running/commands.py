@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from scenarios.cli.common_options import (
+    clock_option,
     confirmation_option,
     log_options,
     parent_watch_option,
@@ -39,13 +40,7 @@ Examples:
 """
 )
 @scenario_options
-@click.option(
-    "--clock",
-    type=click.Choice(["wall", "virtual"]),
-    default="wall",
-    show_default=True,
-    help="Real time with one process per vehicle (wall), or as fast as possible (virtual).",
-)
+@clock_option
 @click.option(
     "--start",
     type=click.Choice(["fork", "spawn"]),

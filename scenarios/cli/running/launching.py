@@ -3,6 +3,7 @@
 import secrets
 from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import click
@@ -11,7 +12,7 @@ from scenarios.cli.display_options import DisplayOptions
 from scenarios.cli.running.destination import refuse_picture
 from scenarios.definition.check.confirmation import confirmed_lines
 from scenarios.definition.check.findings import warnings
-from scenarios.definition.scenario import load_scenario
+from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.processes.membership import checked_run_name
 from scenarios.runs.run_folder import claimed, folder_of
 from scenarios.runs.stop import stop_on_signals
@@ -36,7 +37,59 @@ def run_scenario(
 
     Processes are forked and do `prepare_command`; without it each is a new program.
     """
-    scenario = load_scenario(name, overrides, seed)
+    return run_loaded(
+        load_scenario(name, overrides, seed),
+        scenario_arguments(name, overrides, seed),
+        clock=clock,
+        prepare_command=prepare_command,
+        run_name=run_name,
+        out=out,
+        display=display,
+        confirmed=confirmed,
+    )
+
+
+def replay_run(
+    scenario: Scenario,
+    *,
+    clock: str,
+    prepare_command: "PrepareCommand",
+    run_name: str | None,
+    out: Path | None,
+    display: DisplayOptions,
+    confirmed: bool,
+) -> int:
+    """Run a scenario that is in no file; returns the exit code.
+
+    A process that restarts reads it from a file, which is deleted at the end.
+    """
+    with TemporaryDirectory(prefix="convoy-") as folder:
+        file = Path(folder, f"{scenario.name}.toml")
+        file.write_text(scenario.text, encoding="utf-8")
+        return run_loaded(
+            scenario,
+            [str(file)],
+            clock=clock,
+            prepare_command=prepare_command,
+            run_name=run_name,
+            out=out,
+            display=display,
+            confirmed=confirmed,
+        )
+
+
+def run_loaded(
+    scenario: Scenario,
+    arguments: Sequence[str],
+    *,
+    clock: str,
+    prepare_command: "PrepareCommand | None",
+    run_name: str | None,
+    out: Path | None,
+    display: DisplayOptions,
+    confirmed: bool,
+) -> int:
+    """Run `scenario`, which the command-line `arguments` select; returns the exit code."""
     common = checked_run_name(run_name or f"{scenario.name}-{secrets.token_hex(3)}")
     unusual = confirmed_lines(scenario, wall_clock=clock == "wall", confirmed=confirmed)
     for line in (*unusual, *warnings(scenario)):
@@ -52,9 +105,7 @@ def run_scenario(
         from scenarios.cli.running.wall_clock_run import run_processes
         from scenarios.runs.processes.launcher import LaunchPlan
 
-        plan = LaunchPlan(
-            scenario, scenario_arguments(name, overrides, seed), folder, display.arguments, common
-        )
+        plan = LaunchPlan(scenario, arguments, folder, display.arguments, common)
         return run_processes(plan, prepare_command, display)
 
 

@@ -40,6 +40,8 @@ def concerns(
     change: AnyChange, vehicle: str, tables: ScenarioTables, links: Iterable[tuple[str, str]]
 ) -> bool:
     """Whether `vehicle` makes a change: the receiver of a link, or a vehicle with the set speed."""
+    if vehicle in tables.repeats_messages:
+        return False
     names = vehicle_names(tables)
     if isinstance(change, LINK_CHANGES):
         return any(receiver == vehicle for _, receiver in links_of(change, names, links))

@@ -61,6 +61,9 @@ def _about_one(
     if name not in names:
         yield f"{key}.vehicle", f"given {toml_repr(name)}, allowed {', '.join(names)}"
         return
+    if name in tables.repeats_messages:
+        yield f"{key}.vehicle", f"given {toml_repr(name)}, which sends recorded messages"
+        return
     own = tables.vehicle.get(name)
     if name == names[0] and isinstance(change, JoinTable | LeaveTable):
         yield (

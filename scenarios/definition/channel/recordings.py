@@ -135,12 +135,15 @@ def _with_earlier_runs(tables: ScenarioTables, folder_of: FolderOf) -> ScenarioT
     An entry with both names is the most specific, so it replaces the file's key.
     """
     names = vehicle_names(tables)
-    replayed = {name for name, own in tables.vehicle.items() if own.replay is not None}
     records: dict[tuple[str, str], EarlierRun] = {}
     read = cache(_links_of)
     for pair in directed_links(names, lead_receives=tables.speed.lead_receives):
         loss = requested_link(tables, names, *pair).loss
-        if isinstance(loss, EarlierRun) and loss.file is not None and pair[1] not in replayed:
+        if (
+            isinstance(loss, EarlierRun)
+            and loss.file is not None
+            and pair[1] not in tables.replayed
+        ):
             key = _giver(tables, loss, pair)
             try:
                 records[pair] = _record(loss, read(_sought(folder_of, key, loss.file)), pair)

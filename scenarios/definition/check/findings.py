@@ -45,6 +45,9 @@ from vehicles.schedule import MILLISECOND
 USUAL_GNSS_RATE = 20.0
 """Highest rate (Hz) of receivers for driving (paper, Section III-A)."""
 
+SLACK_S = 0.5
+"""Time (s) without a record of replayed vehicles up to which there is no warning."""
+
 STEP = 0.05
 """Time step (s) at which the lead's planned run is sampled."""
 
@@ -292,6 +295,7 @@ def _warnings(scenario: Scenario, run: _Run, held: HeldBraking | None) -> tuple[
         *lap_warnings(scenario),
         *_vehicle_warnings(scenario),
         *_recording_warnings(scenario),
+        *_replay_warnings(scenario),
         *preview_warnings(scenario, run.speed_range),
         *history_warnings(scenario, run.speed_range[1]),
         *receiver_warnings(scenario),
@@ -307,6 +311,20 @@ def _recording_warnings(scenario: Scenario) -> Iterator[str]:
     for link in scenario.links.values():
         if isinstance(link.loss, EarlierRun) and link.loss.log_faults:
             yield f"{link.loss.source}: {link.loss.log_faults}"
+
+
+def _replay_warnings(scenario: Scenario) -> Iterator[str]:
+    """Warn if the record of replayed vehicles covers only a part of the run."""
+    replay = scenario.tables.replay
+    if replay is None or replay.recorded_s is None:
+        return
+    first, last = replay.recorded_s
+    if first > SLACK_S or last < scenario.duration_s - SLACK_S:
+        yield (
+            f"{', '.join(replay.vehicles)}: recorded from {first:.1f} to {last:.1f} s of "
+            f"{scenario.duration_s:.1f} s: followers lose them outside of that time. Lower "
+            "duration_s, or replay a complete log."
+        )
 
 
 def _vehicle_warnings(scenario: Scenario) -> Iterator[str]:

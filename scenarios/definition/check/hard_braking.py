@@ -97,7 +97,7 @@ class _SimulatedMotion:
 def held_braking(scenario: Scenario, speed: float) -> HeldBraking | None:
     """Bisect the braking of the lead from `speed` (m/s); None unless all followers keep a gap."""
     names, period = scenario.vehicle_names, 1.0 / scenario.control_rate_hz
-    if scenario.tables.speed.followers != "gap" or len(names) == 1 or scenario.replays:
+    if scenario.tables.speed.followers != "gap" or len(names) == 1 or scenario.tables.replayed:
         return None
     followers = [_follower(scenario, name, speed) for name in names[1 : FOLLOWERS_MAX + 1]]
     braking, held, too_hard, place = _grip(scenario, names[0]), 0.0, inf, 1

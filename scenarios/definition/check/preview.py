@@ -47,7 +47,7 @@ def preview_warnings(scenario: Scenario, speeds: tuple[float, float]) -> Iterato
     thin: dict[str, _Sight] = {}
     short: dict[str, _Sight] = {}
     for name in scenario.vehicle_names[1:]:
-        if name in scenario.replays:
+        if name in scenario.tables.replayed:
             continue
         for speed in {max(speed, SLOWEST) for speed in speeds}:
             sight = _best_sight(scenario, scenario.vehicle(name), speed)

@@ -38,7 +38,7 @@ def receiver_warnings(scenario: Scenario) -> Iterator[str]:
     setups = {name: scenario.vehicle(name) for name in scenario.vehicle_names}
     errors = {name: _lasting(setup) for name, setup in setups.items()}
     for name in scenario.vehicle_names[1:]:
-        if name in scenario.replays:
+        if name in scenario.tables.replayed:
             continue
         setup = setups[name]
         own = _Lasting() if setup.has_exact_state else errors[name]

@@ -9,5 +9,6 @@ change_tables    changes to a running convoy
 limit_rows       the table of limits
 limit_tables     `[limits]`
 log_table        rates of the log
+replay_table     vehicles that repeat a recorded run
 scenario_tables  all other tables, and the whole file
 """

@@ -89,6 +89,10 @@ def _vehicle_table(given: object) -> object:
 OwnLimits = Annotated[VehicleLimits, BeforeValidator(_vehicle_table)]
 
 
+DEADLINES = ("modes", "sources", "recovery")
+"""Keys of the deadlines of followers."""
+
+
 class LimitsTable(VehicleLimits):
     """Limits of a run, which fails if it breaks one.
 

@@ -16,6 +16,7 @@ from scenarios.definition.schema.limit_tables import LimitsTable
 from scenarios.definition.schema.link_tables import LinkEntry, LinkTable
 from scenarios.definition.schema.log_table import LogTable
 from scenarios.definition.schema.path_tables import Bound, PathTable, PointsPath
+from scenarios.definition.schema.replay_table import ReplayTable
 from scenarios.definition.schema.settings_table import SettingsTable, one_of, table_with
 from transport.links.laws.outages.by_time import ReceiverOff, TransmitterOff
 from vehicles.car.imu_settings import ImuSettings
@@ -357,6 +358,7 @@ class ScenarioTables(Table):
     events       thresholds of events
     limits       limits of the run
     log          rates of the log
+    replay       vehicles that send their messages of a recorded run again
     link         other values for some links
     change       changes during the run
     parameters   the car without passengers
@@ -383,8 +385,20 @@ class ScenarioTables(Table):
     events: EventsTable = EventsTable()
     limits: LimitsTable = LimitsTable()
     log: LogTable = LogTable()
+    replay: ReplayTable | None = None
     link: Annotated[tuple[LinkEntry, ...], Field(strict=False)] = ()
     change: Changes = ()
     parameters: ParametersTable = ParametersTable()
     loading: SettingsTable[Loading] = SettingsTable[Loading]()
     vehicle: dict[str, VehicleTable] = Field(default_factory=dict)
+
+    @property
+    def repeats_messages(self) -> frozenset[str]:
+        """Vehicles that send recorded messages."""
+        return frozenset(self.replay.vehicles if self.replay else ())
+
+    @property
+    def replayed(self) -> frozenset[str]:
+        """Vehicles that follow a recorded drive or send recorded messages: they receive nothing."""
+        drives = [name for name, own in self.vehicle.items() if own.replay is not None]
+        return self.repeats_messages.union(drives)

@@ -7,7 +7,9 @@ from pathlib import Path
 from scenarios.definition.changing.link_changes import LINK_CHANGES, links_of
 from scenarios.definition.changing.live_change import change_from_json
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.definition.schema.change_tables import AnyChange
+from scenarios.definition.schema.change_tables import AnyChange, VehicleChangeTable
+from scenarios.definition.schema.limit_tables import DEADLINES
+from scenarios.definition.schema.replay_table import ReplayTable
 from scenarios.results.log_summary import PARTIAL, scenario_in
 from transport.log.reader import LogReader
 from transport.log.records import LogError
@@ -55,9 +57,46 @@ def session_of(
             done.setdefault(at, _LiveChange(exact)).by.append(message.vehicle)
     made = sorted(done.items(), key=lambda entry: entry[0][0])
     added = [change for _, done in made for change in _as_carried_out(done, scenario)]
-    changed = scenario.tables.model_copy(update={"change": (*scenario.tables.change, *added)})
+    update = {"change": (*scenario.tables.change, *added)} if added else {}
+    changed = scenario.tables.model_copy(update=update)
     # Parsed again, which checks it.
     return scenario_from_text(Scenario(changed).text, label=f"{log} (with its changes)")
+
+
+def replayed_session(
+    log: Path,
+    vehicles: Sequence[str],
+    overrides: Sequence[str] = (),
+    seed: int | None = None,
+    *,
+    warn: Callable[[str], None] = lambda _: None,
+    partial: bool = False,
+) -> Scenario:
+    """The session of `log` in which `vehicles` send their recorded messages again.
+
+    Their changes and limits are left out: the messages contain the changes, and replayed vehicles
+    decide nothing. Raises LogError, or ScenarioError for an invalid vehicle or override.
+    """
+    tables = session_of(log, warn, partial=partial).tables
+    replay = ReplayTable.model_construct(  # checked below, as the other tables
+        log=str(log.resolve()), vehicles=tuple(vehicles), partial=partial
+    )
+    update: dict[str, object] = {"replay": replay}
+    if tables.change:
+        update["change"] = tuple(
+            change
+            for change in tables.change
+            if not isinstance(change, VehicleChangeTable) or change.vehicle not in vehicles
+        )
+    limits = {
+        name: tuple(one for one in given if one.vehicle not in vehicles)
+        for name in DEADLINES
+        if (given := getattr(tables.limits, name))
+    }
+    if limits:
+        update["limits"] = tables.limits.model_copy(update=limits)
+    text = Scenario(tables.model_copy(update=update)).text
+    return scenario_from_text(text, label=str(log), overrides=overrides, seed=seed)
 
 
 def _as_carried_out(done: _LiveChange, scenario: Scenario) -> Sequence[AnyChange]:

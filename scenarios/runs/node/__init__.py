@@ -7,6 +7,8 @@ change_executor  carries out changes of a vehicle
 changed_links    carries out changes of its incoming links
 assembly/        builds the parts of a vehicle from its scenario
 replayed_node    a vehicle that repeats a recorded drive
+recorded_node    a vehicle that sends recorded messages
+recorded_vehicle  the messages of a vehicle in a log
 outbox           builds the messages that it sends
 sink             publishes them on the bus
 probe            memory, processor time and lateness of a vehicle

@@ -8,6 +8,7 @@ from scenarios.runs.node.change_executor import ChangeExecutor, CrashedError
 from scenarios.runs.node.outbox import Outbox, OutboxState
 from scenarios.runs.node.pending_changes import DueChange, PendingChanges
 from scenarios.runs.node.phases import Car, Down, VehicleContext, VehiclePhase
+from scenarios.runs.node.recorded_node import RecordedNode
 from scenarios.runs.node.replayed_node import ReplayedNode
 from transport.clock import Tick
 from transport.links.inbox import Inbox, InboxCounts
@@ -88,9 +89,10 @@ class VehicleFaultError(Exception):
         super().__init__(f"{vehicle}: {text}")
 
 
-def step_with_faults(
-    node: Node | ReplayedNode, vehicle: str, start_at: int
-) -> Callable[[Tick], None]:
+AnyNode = Node | ReplayedNode | RecordedNode
+
+
+def step_with_faults(node: AnyNode, vehicle: str, start_at: int) -> Callable[[Tick], None]:
     """Return `node.step`, with faults of controller or car raised as VehicleFaultError."""
 
     def step(tick: Tick) -> None:

@@ -1,7 +1,7 @@
 """Messages that a vehicle sends: its pose for the convoy, everything else for the log."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from scenarios.definition.changing.live_change import change_json
@@ -143,6 +143,15 @@ class Outbox:
             self._add_pose(now, body, fix, NO_ANNOUNCEMENT, path)
         if fresh:
             self._add_truth(now, body, rolling_use(body, self._parameters))
+        if self._health.is_due(now):
+            self._add_health(now, final=False)
+        self._sink.flush()
+
+    def publish_recorded(self, now: int, recorded: Sequence[Message]) -> None:
+        """Send recorded messages, which have their numbers, at the tick at `now` (ns)."""
+        self._ticks += 1
+        for message in recorded:
+            self._add(message)
         if self._health.is_due(now):
             self._add_health(now, final=False)
         self._sink.flush()

@@ -9,9 +9,8 @@ from scenarios.results.channel.account import LAST_LOOK_NS
 from scenarios.runs.control.live_control import LiveControl
 from scenarios.runs.machine import THIS_MACHINE, Machine
 from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
-from scenarios.runs.node.node import Node, VehicleFaultError, step_with_faults
+from scenarios.runs.node.node import AnyNode, VehicleFaultError, step_with_faults
 from scenarios.runs.node.process_probe import ProcessProbe
-from scenarios.runs.node.replayed_node import ReplayedNode
 from scenarios.runs.node.sink import BatchingSink
 from scenarios.runs.processes.clock_sync import ClockSync
 from scenarios.runs.processes.membership import (
@@ -330,9 +329,7 @@ class VehicleProcess:
         start = self._announced.start
         return None if start is None else start.start_at_ns
 
-    def _drive(
-        self, node: Node | ReplayedNode, start_at: int, probe: ProcessProbe, sink: BatchingSink
-    ) -> None:
+    def _drive(self, node: AnyNode, start_at: int, probe: ProcessProbe, sink: BatchingSink) -> None:
         step = step_with_faults(node, self._builder.name, start_at)
         before = self._before.node if self._before else None
         ticks = self._builder.ticks(start_at)
@@ -370,14 +367,14 @@ class VehicleProcess:
             if fetch():
                 inbox.count_overflow()
 
-    def _note_forged(self, node: Node | ReplayedNode, now: int) -> None:
+    def _note_forged(self, node: AnyNode, now: int) -> None:
         count, lines = self._membership.seal.take_forged()
         if count:
             node.inbox.count_refused("forged", count)
         for line in lines:
             node.outbox.log(now, line, "alert")
 
-    def _restart_if_down(self, node: Node | ReplayedNode, now: int, probe: ProcessProbe) -> None:
+    def _restart_if_down(self, node: AnyNode, now: int, probe: ProcessProbe) -> None:
         handover = node.handover(now)
         if handover is not None:
             raise RestartRequestedError(

@@ -2,7 +2,6 @@
 
 drive             the harness: a run whose messages go to observers
 virtual_convoy    the vehicles, their bus, their clock and the order of their steps
-recorded_vehicle  a recorded vehicle that sends its poses again
 logged_run        a run with log and summary
 unlogged_run      a run with only its summary, or its drives
 """

@@ -14,7 +14,7 @@ from transport.topics import RUN_SENDER
 from vehicles.messages import GpsPose, Message, RunStart
 
 if TYPE_CHECKING:  # only runs with replayed vehicles read logs
-    from scenarios.runs.virtual.recorded_vehicle import Replay
+    from scenarios.runs.node.recorded_vehicle import Replay
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from vehicles.messages import Message, RunStart
 from vehicles.schedule import SECOND
 
 if TYPE_CHECKING:  # only runs with replayed vehicles read logs
-    from scenarios.runs.virtual.recorded_vehicle import Replay
+    from scenarios.runs.node.recorded_vehicle import Replay
 
 
 def run_virtual(

@@ -14,7 +14,7 @@ from scenarios.runs.observer import Observer
 from scenarios.runs.virtual.drive import drive
 
 if TYPE_CHECKING:  # only runs with replayed vehicles read logs
-    from scenarios.runs.virtual.recorded_vehicle import Replay
+    from scenarios.runs.node.recorded_vehicle import Replay
 
 
 def run_unlogged(scenario: Scenario, observers: Sequence[Observer] = ()) -> RunSummary:

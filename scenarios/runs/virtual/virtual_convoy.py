@@ -14,16 +14,15 @@ from typing import TYPE_CHECKING
 
 from scenarios.definition.scenario import Scenario
 from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
-from scenarios.runs.node.node import Node, VehicleFaultError, step_with_faults
+from scenarios.runs.node.node import AnyNode, VehicleFaultError, step_with_faults
 from scenarios.runs.node.probe import NoProbe
-from scenarios.runs.node.replayed_node import ReplayedNode
 from scenarios.runs.node.sink import Sink
 from transport.bus.memory_bus import MemoryBus
 from transport.clock import Tick, VirtualClock
 from vehicles.schedule import SECOND
 
 if TYPE_CHECKING:  # only runs with replayed vehicles read logs
-    from scenarios.runs.virtual.recorded_vehicle import Replay
+    from scenarios.runs.node.recorded_vehicle import Replay
 
 Step = Callable[[Tick], None]
 COLLECTED_EVERY = 50_000
@@ -82,16 +81,6 @@ def steps_in_order(steppers: Sequence[Stepper]) -> Iterator[tuple[Tick, Step]]:
         yield tick, steppers[place].step
 
 
-def replaying(replay: "Replay", sink: Sink) -> Stepper:
-    messages = iter(replay.messages)
-
-    def step(_: Tick) -> None:
-        sink.send(next(messages))
-        sink.flush()
-
-    return Stepper(replay.vehicle, replay.ticks, step)
-
-
 class VirtualConvoy:
     """The vehicles of a scenario in one process, with a common bus and clock.
 
@@ -109,7 +98,7 @@ class VirtualConvoy:
         self.clock = VirtualClock(scenario.start_at_ns)
         self._scenario = scenario
         self._steppers: list[Stepper] = []
-        self._live: list[tuple[VehicleBuilder, Node | ReplayedNode]] = []
+        self._live: list[tuple[VehicleBuilder, AnyNode]] = []
         self._due: deque[tuple[int, Callable[[], None]]] = deque(
             (branch.at, partial(self._redraw, branch.seed)) for branch in branches
         )
@@ -118,18 +107,17 @@ class VirtualConvoy:
 
     def build(
         self, sink_of: Callable[[str], Sink], replays: "Sequence[Replay]" = ()
-    ) -> dict[str, Node | ReplayedNode]:
-        """Build every vehicle with its sink; returns the nodes that are not replayed."""
+    ) -> dict[str, AnyNode]:
+        """Build every vehicle with its sink; returns the nodes.
+
+        `replays` replace vehicles, in addition to those that the scenario replays.
+        """
         start_at = self._scenario.start_at_ns
         recorded = {replay.vehicle: replay for replay in replays}
-        nodes: dict[str, Node | ReplayedNode] = {}
+        nodes: dict[str, AnyNode] = {}
         for name in self._scenario.vehicle_names:
-            sink = sink_of(name)
-            if name in recorded:
-                self._steppers.append(replaying(recorded[name], sink))
-                continue
-            builder = VehicleBuilder(self._scenario, name)
-            node = nodes[name] = builder.node(start_at, sink, NoProbe())
+            builder = VehicleBuilder(self._scenario, name, recorded.get(name))
+            node = nodes[name] = builder.node(start_at, sink_of(name), NoProbe())
             self._live.append((builder, node))
             for sender_key in node.inbox.keys:
                 self.bus.subscribe(sender_key, node.inbox.on_bytes)
@@ -140,7 +128,7 @@ class VirtualConvoy:
             self._steppers.append(Stepper(builder.schedule, ticks, step))
         return nodes
 
-    def _leaving(self, step: Step, name: str, nodes: Mapping[str, Node | ReplayedNode]) -> Step:
+    def _leaving(self, step: Step, name: str, nodes: Mapping[str, AnyNode]) -> Step:
         """Return `step` of a vehicle that leaves when it fails, unless it is the last one."""
 
         def step_or_leave(tick: Tick) -> None:
@@ -172,8 +160,6 @@ class VirtualConvoy:
         end_at = self._scenario.start_at_ns + round(self._scenario.duration_s * SECOND)
         with rarely_collected():
             for tick, step in steps_in_order(self._steppers):
-                if tick.at >= end_at:  # a recorded drive may be longer than the run
-                    break
                 while self._due and self._due[0][0] < tick.at:
                     self._due.popleft()[1]()
                 self.clock.wait_until(tick.at)

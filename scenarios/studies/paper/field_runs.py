@@ -12,8 +12,8 @@ from pathlib import Path
 from scenarios.definition.scenario import Scenario
 from scenarios.results.drives import Drive, Trial
 from scenarios.results.files import LOG_NAME
+from scenarios.runs.node.recorded_vehicle import Replay, head_start, read_recorded_vehicle
 from scenarios.runs.virtual.logged_run import record_trial
-from scenarios.runs.virtual.recorded_vehicle import Replay, head_start, read_recorded_vehicle
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.preview.trajectory import Fusion
 

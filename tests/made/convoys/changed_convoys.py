@@ -7,9 +7,8 @@ from typing import Any
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
-from scenarios.runs.node.node import Node, step_with_faults
+from scenarios.runs.node.node import AnyNode, step_with_faults
 from scenarios.runs.node.probe import NoProbe
-from scenarios.runs.node.replayed_node import ReplayedNode
 from scenarios.runs.observer import OnMessage, listeners_by_kind
 from scenarios.runs.virtual.drive import ObservedSink
 from scenarios.runs.virtual.virtual_convoy import Stepper, steps_in_order
@@ -46,7 +45,7 @@ class ChangedConvoy:
 
     scenario: Scenario
     sent: list[Message] = field(default_factory=list)
-    nodes: dict[str, Node | ReplayedNode] = field(default_factory=dict)
+    nodes: dict[str, AnyNode] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.start_at = self.scenario.start_at_ns
@@ -60,7 +59,7 @@ class ChangedConvoy:
         keep = OnMessage(lambda _, message: self.sent.append(message))
         return ObservedSink(name, self.bus, lambda: 0, listeners_by_kind([keep]))
 
-    def set_node(self, name: str, node: Node | ReplayedNode) -> None:
+    def set_node(self, name: str, node: AnyNode) -> None:
         """Set or replace the node of a vehicle."""
         if name not in self.nodes:
             for key in node.inbox.keys:

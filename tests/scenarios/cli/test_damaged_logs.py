@@ -12,7 +12,7 @@ from scenarios.cli.main import cli
 from scenarios.definition.check.findings import warnings
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
-from scenarios.runs.virtual.recorded_vehicle import read_recorded_vehicle
+from scenarios.runs.node.recorded_vehicle import read_recorded_vehicle
 from tests.made.scenarios.shipped import whole_run
 from transport.links.laws.loss.earlier_run import EarlierRun
 from transport.log.mcap_file import McapFile

@@ -17,8 +17,7 @@ from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunSummary, from_json, to_json
 from scenarios.runs.control.seal import Seal, recorder_name, start_secret
-from scenarios.runs.node.node import Node
-from scenarios.runs.node.replayed_node import ReplayedNode
+from scenarios.runs.node.node import AnyNode
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.observer import Observer, OnMessage
 from scenarios.runs.processes.clock_sync import ClockSync
@@ -51,7 +50,7 @@ class Attacked:
 
     folder: Path
     summary: RunSummary
-    nodes: dict[str, Node | ReplayedNode]
+    nodes: dict[str, AnyNode]
     honest: Counter[str]
     """Messages of the vehicles by key."""
     hostile: Counter[str]

@@ -2,6 +2,7 @@
 
 from collections.abc import Hashable, Iterator, Mapping
 from functools import partial
+from itertools import takewhile
 from math import cos, sin
 
 import numpy as np
@@ -24,7 +25,7 @@ from scenarios.runs.node.assembly.receiver_and_sender import (
 )
 from scenarios.runs.node.change_executor import ChangeExecutor
 from scenarios.runs.node.changed_links import ChangedLinks, ChangingLink
-from scenarios.runs.node.node import Node, SoftwareHandover
+from scenarios.runs.node.node import AnyNode, Node, SoftwareHandover
 from scenarios.runs.node.outbox import Outbox
 from scenarios.runs.node.pending_changes import PendingChanges, scheduled_changes
 from scenarios.runs.node.phases import (
@@ -37,6 +38,8 @@ from scenarios.runs.node.phases import (
     VehiclePhase,
 )
 from scenarios.runs.node.probe import Probe
+from scenarios.runs.node.recorded_node import RecordedNode
+from scenarios.runs.node.recorded_vehicle import Replay, read_replayed_vehicle
 from scenarios.runs.node.replayed_node import ReplayedNode
 from scenarios.runs.node.sink import Sink
 from transport.clock import Tick, ticks
@@ -58,8 +61,12 @@ IMU_STREAM = 1
 class VehicleBuilder:
     """Builds one vehicle of a scenario as a node for a start instant."""
 
-    def __init__(self, scenario: Scenario, name: str) -> None:
-        """Raises ScenarioError if `scenario` has no vehicle called `name`."""
+    def __init__(self, scenario: Scenario, name: str, replay: Replay | None = None) -> None:
+        """Prepare a vehicle that sends the messages of `replay`, if given.
+
+        Raises ScenarioError if `scenario` has no vehicle called `name`, and LogError if its
+        recorded messages cannot be read.
+        """
         self.name = name
         self._scenario = scenario
         self._setup = scenario.vehicle(name)
@@ -75,6 +82,8 @@ class VehicleBuilder:
         if not self._setup.has_exact_state:
             rates_hz.append(self._setup.imu_rate_hz)  # usually that of control
         self.rates_hz = tuple(dict.fromkeys(rates_hz))
+        self._replay = replay
+        self._recorded = None if replay else read_replayed_vehicle(scenario.tables.replay, name)
 
     @property
     def scenario(self) -> Scenario:
@@ -83,12 +92,17 @@ class VehicleBuilder:
     @property
     def schedule(self) -> Hashable:
         """Key of the schedule: vehicles with equal keys have equal ticks."""
+        if self._replay or self._recorded:
+            return self.name
         extra = extra_instants(self._scenario, self._setup, 0, 0)
         return (self.rates_hz, self.name) if extra else self.rates_hz
 
     def ticks(self, start_at: int) -> Iterator[Tick]:
         """Schedule of the vehicle from `start_at` (ns) to the end of the run."""
         end_at = start_at + self.duration_ns
+        if replay := self._replay_from(start_at):
+            recorded = takewhile(lambda at: at < end_at, replay.instants)
+            return ticks(start_at, end_at, self.control_rate_hz, more=[recorded])
         extra = extra_instants(self._scenario, self._setup, start_at, end_at)
         return ticks(start_at, end_at, *self.rates_hz, more=extra)
 
@@ -107,7 +121,7 @@ class VehicleBuilder:
 
     def node(
         self, start_at: int, sink: Sink, probe: Probe, handover: SoftwareHandover | None = None
-    ) -> Node | ReplayedNode:
+    ) -> AnyNode:
         """Build a node that starts at `start_at` (ns) and sends its messages to `sink`.
 
         A `handover` continues a vehicle whose process was restarted.
@@ -134,6 +148,8 @@ class VehicleBuilder:
             clock=clock,
             state=handover.outbox if handover else None,
         )
+        if replay := self._replay_from(start_at):
+            return RecordedNode(replay=replay, inbox=inbox, outbox=outbox)
         control = Cadence(start_at, self.control_rate_hz)
         if drive is not None:
             return ReplayedNode(
@@ -163,6 +179,12 @@ class VehicleBuilder:
         changes = ChangeExecutor(PendingChanges(coming), self._changed)
         return Node(context, changes, self._first_phase(context))
 
+    def _replay_from(self, start_at: int) -> Replay | None:
+        """Recorded messages in a run from `start_at` (ns); None for a simulated vehicle."""
+        if self._recorded:
+            self._replay, self._recorded = self._recorded.replay(start_at=start_at), None
+        return self._replay
+
     def _first_phase(self, context: VehicleContext) -> VehiclePhase:
         if self._scenario.joins_late(self.name):
             return HumanDriving(context, context.start_at)
@@ -183,7 +205,8 @@ class VehicleBuilder:
 
     def links(self, start_at: int) -> list[IncomingLink]:
         """Links from all its sources, in a run from `start_at` (ns)."""
-        senders = () if self.name in self._scenario.replays else self._setup.senders
+        is_replayed = self._replay or self.name in self._scenario.tables.replayed
+        senders = () if is_replayed else self._setup.senders
         links = [self._incoming(sender, start_at) for sender in senders]
         self._changed.adopt(self._changing(incoming, start_at) for incoming in links)
         self._links = links
@@ -191,7 +214,7 @@ class VehicleBuilder:
             self._redraw_links(seed, numbers)
         return links
 
-    def redraw(self, node: Node | ReplayedNode, seed: int, numbers: Mapping[str, int]) -> None:
+    def redraw(self, node: AnyNode, seed: int, numbers: Mapping[str, int]) -> None:
         """Draw the random numbers of `node` from another seed from now on.
 
         `numbers` are those of the next pose of each vehicle; draws for earlier ones stay. So do
@@ -200,6 +223,8 @@ class VehicleBuilder:
         """
         self._redrawn.append((seed, numbers))
         self._redraw_links(seed, numbers)
+        if isinstance(node, RecordedNode):
+            return
         gnss = node.car.gnss if isinstance(node, Node) else node.gnss
         gnss.redraw(white_noise(seed, self._setup.place))
         if isinstance(node, Node):

@@ -75,7 +75,7 @@ def test_an_impossible_limit_gets_one_line(case: str) -> None:
 
 
 def test_a_vehicle_that_moves_as_recorded_has_no_deadline() -> None:
-    with pytest.raises(ScenarioError, match=r"modes\[0\].vehicle: .* replays a drive"):
+    with pytest.raises(ScenarioError, match=r"modes\[0\].vehicle: .* is replayed"):
         load_scenario(
             "highway",
             [

@@ -11,15 +11,17 @@ from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.drives import Trial
 from scenarios.results.files import LOG_NAME
-from scenarios.runs.node.sink import BusSink
-from scenarios.runs.virtual.logged_run import record_trial
-from scenarios.runs.virtual.recorded_vehicle import (
+from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
+from scenarios.runs.node.probe import NoProbe
+from scenarios.runs.node.recorded_vehicle import (
     RecordedVehicle,
+    Replay,
     head_start,
     read_recorded_vehicle,
 )
+from scenarios.runs.node.sink import BusSink
+from scenarios.runs.virtual.logged_run import record_trial
 from scenarios.runs.virtual.unlogged_run import drive_trial
-from scenarios.runs.virtual.virtual_convoy import replaying
 from tests.made.transport.links import inbox as inbox_of
 from transport.bus.memory_bus import MemoryBus
 from transport.codec import decode, encode
@@ -55,11 +57,18 @@ def published(drive: RecordedVehicle, start_at: int, ahead: float = 0.0) -> list
     bus = MemoryBus()
     bus.subscribe("convoy/v1/gps", lambda _, data: received.append(decode(TOPICS["gps"], data)))
     bus.subscribe("convoy/v1/truth", lambda _, data: received.append(decode(TOPICS["truth"], data)))
-    replay = drive.replay(start_at=start_at, ahead=ahead)
-    stepper = replaying(replay, BusSink(replay.vehicle, bus))
-    for tick in stepper.ticks():
-        stepper.step(tick)
+    play(drive.replay(start_at=start_at, ahead=ahead), start_at, bus)
     return received
+
+
+def play(replay: Replay, start_at: int, bus: MemoryBus) -> list[int]:
+    """Send the messages of a replay in a run from `start_at`; return the instants of its ticks."""
+    builder = VehicleBuilder(load_scenario("lane_change", ["duration_s=6.0"]), "v1", replay)
+    node = builder.node(start_at, BusSink("v1", bus), NoProbe())
+    ticks = list(builder.ticks(start_at))
+    for tick in ticks:
+        node.step(tick)
+    return [tick.at for tick in ticks]
 
 
 def test_a_replayed_vehicle_sends_the_recorded_messages(
@@ -85,8 +94,7 @@ def test_a_replayed_vehicle_sends_the_recorded_messages(
 
 
 def test_it_is_replayed_in_order_of_time(lead: RecordedVehicle) -> None:
-    stepper = replaying(lead.replay(start_at=7 * SECOND), BusSink("v1", MemoryBus()))
-    instants = [tick.at for tick in stepper.ticks()]
+    instants = play(lead.replay(start_at=7 * SECOND), 7 * SECOND, MemoryBus())
     assert instants == sorted(instants)
     assert instants[0] == 7 * SECOND
 
@@ -110,9 +118,7 @@ def test_an_inbox_takes_every_replayed_pose(lead: RecordedVehicle, ahead: float)
     bus = MemoryBus()
     bus.subscribe(inbox.keys[0], inbox.on_bytes)
     replay = lead.replay(start_at=start_at, ahead=ahead)
-    stepper = replaying(replay, BusSink(replay.vehicle, bus))
-    for tick in stepper.ticks():
-        stepper.step(tick)
+    play(replay, start_at, bus)
     received = inbox.take(start_at + 10 * SECOND)
     assert not inbox.rejected
     assert len(received) == sum(isinstance(message, GpsPose) for message in replay.messages)

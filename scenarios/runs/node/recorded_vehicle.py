@@ -4,15 +4,17 @@ Live followers receive its messages over the same links as from a live vehicle. 
 states are sent too, for the new log and its figures.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import cos, hypot, sin
+from operator import attrgetter
 from pathlib import Path
 
-from transport.clock import Tick
-from transport.log.reader import LogReader
+from scenarios.definition.recorded_messages import digest_of
+from scenarios.definition.schema.replay_table import ReplayTable
 from transport.log.records import LogError
+from transport.topics import RUN_SENDER
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import GpsPose, RunStart, TruePose
 from vehicles.received_pose import receive
@@ -24,13 +26,11 @@ SEARCHED_LENGTH_M = 150.0
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """Messages of one replayed vehicle, in order of time, with instants of the new run."""
+    """Messages of one replayed vehicle in order of time, and the instants (ns) to send them."""
 
     vehicle: str
     messages: tuple[GpsPose | TruePose, ...]
-
-    def ticks(self) -> Iterator[Tick]:
-        return (Tick(_acts_at(message), 0.0) for message in self.messages)
+    instants: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class RecordedVehicle:
         """Shift the messages to a run that starts at `start_at` (ns), under the name `vehicle`.
 
         The vehicle starts where it was `ahead` (s) after the start of its own run; earlier messages
-        are left out, and the others are renumbered.
+        are left out. Poses are numbered from 0; holes in the true poses remain.
         """
         name = vehicle or self.poses[0].vehicle
         shift = start_at - self.started_at - nanoseconds(ahead)
@@ -61,14 +61,17 @@ class RecordedVehicle:
                 seq=seq,
                 measured_at_ns=p.measured_at_ns + shift,
                 sent_at_ns=p.sent_at_ns + shift,
+                stops_at_ns=p.stops_at_ns + shift if p.stops_at_ns else 0,
             )
             for seq, p in enumerate(poses)
         ]
+        first = truth[0].seq if truth else 0
         messages += [
-            replace(t, vehicle=name, seq=seq, true_at_ns=t.true_at_ns + shift)
-            for seq, t in enumerate(truth)
+            replace(t, vehicle=name, seq=t.seq - first, true_at_ns=t.true_at_ns + shift)
+            for t in truth
         ]
-        return Replay(name, tuple(sorted(messages, key=_acts_at)))
+        messages.sort(key=_acts_at)
+        return Replay(name, tuple(messages), tuple(map(_acts_at, messages)))
 
 
 def _acts_at(message: GpsPose | TruePose) -> int:
@@ -76,24 +79,42 @@ def _acts_at(message: GpsPose | TruePose) -> int:
     return message.sent_at_ns if isinstance(message, GpsPose) else message.true_at_ns
 
 
-def read_recorded_vehicle(log: Path, vehicle: str) -> RecordedVehicle:
+def read_replayed_vehicle(table: ReplayTable | None, vehicle: str) -> RecordedVehicle | None:
+    """Read the messages of `vehicle` in the log of `[replay]`; None if it is not replayed.
+
+    Raises LogError if the log is not the one that the scenario was read with.
+    """
+    if table is None or vehicle not in table.vehicles:
+        return None
+    log = Path(table.log)
+    if table.digest not in {"", digest_of(log)}:
+        raise LogError(f"{log}: is another log than when the scenario was read")
+    return read_recorded_vehicle(log, vehicle, partial=table.partial)
+
+
+def read_recorded_vehicle(log: Path, vehicle: str, *, partial: bool = False) -> RecordedVehicle:
     """Read the messages of `vehicle` in `log`.
 
-    Raises LogError if there are none, or if the log is damaged or lacks some.
+    Raises LogError if there are none, or unless `partial` if the log is damaged or lacks some.
     """
+    from transport.log.reader import LogReader  # noqa: PLC0415 - not in a usual vehicle's process
+
     reader = LogReader(log)
     reader.require_all("truth")
-    reader.refuse_faults("gps", "truth")
+    if not partial:
+        reader.refuse_faults("gps", "truth")
     poses: list[GpsPose] = []
     truth: list[TruePose] = []
     started_at: int | None = None
-    for _, _, message in reader.messages(topics=("gps", "truth", "start")):
+    for _, _, message in reader.messages(("gps", "truth", "start"), (vehicle, RUN_SENDER)):
         if isinstance(message, RunStart):
             started_at = message.start_at_ns
-        elif isinstance(message, GpsPose) and message.vehicle == vehicle:
+        elif isinstance(message, GpsPose):
             poses.append(message)
-        elif isinstance(message, TruePose) and message.vehicle == vehicle:
+        elif isinstance(message, TruePose):
             truth.append(message)
+    poses.sort(key=attrgetter("seq"))  # on a network messages overtake each other
+    truth.sort(key=attrgetter("seq"))
     if not poses:
         known = ", ".join(sorted({name for name, topic in reader.counts if topic == "gps"}))
         raise LogError(f"{log}: holds no poses of {vehicle!r}, but of {known or 'no vehicle'}")

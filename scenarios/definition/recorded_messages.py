@@ -1,0 +1,101 @@
+"""The log of replayed vehicles: whether it holds what a scenario needs of it.
+
+mcap is imported where it is needed, so that a vehicle's process never loads it.
+"""
+
+from collections.abc import Callable, Sequence
+from hashlib import file_digest
+from pathlib import Path
+
+from scenarios.definition.errors import SettingError
+from scenarios.definition.library import is_file
+from scenarios.definition.road.route import vehicle_names
+from scenarios.definition.schema.replay_table import ReplayTable
+from scenarios.definition.schema.scenario_tables import ScenarioTables
+from scenarios.definition.validation.wording import toml_repr
+from vehicles.schedule import SECOND
+
+TOPICS = ("gps", "truth")
+"""Topics of a replayed vehicle that are sent again."""
+DIGITS = 16
+"""Digits of the checksum of a log."""
+PARTIAL = "set replay.partial = true to use the rest of it"
+
+
+def with_recorded_messages(
+    tables: ScenarioTables, folder_of: Callable[[str], Path]
+) -> ScenarioTables:
+    """Check the log of replayed vehicles and note its checksum; raises SettingError.
+
+    `folder_of` returns the folder in which the file of a key is searched. A log with a known
+    checksum may be absent: processes of live vehicles do not need it.
+    """
+    table = tables.replay
+    if table is None:
+        return tables
+    names = vehicle_names(tables)
+    for name in table.vehicles:
+        if name not in names:
+            why = f"given {toml_repr(name)}, allowed {', '.join(names)}"
+            raise SettingError("replay.vehicles", why)
+        if (own := tables.vehicle.get(name)) is not None and own.replay is not None:
+            raise SettingError("replay.vehicles", f"{name} has vehicle.{name}.replay already")
+    path = (folder_of("replay.log") / table.log).resolve()
+    if table.digest and not path.exists():
+        return tables
+    try:
+        found = _checked(table, path)
+    except OSError as error:
+        why = (error.strerror or str(error)).lower()
+        raise SettingError("replay.log", f"{table.log}: {why}") from error
+    except ValueError as error:
+        raise SettingError("replay.log", f"{table.log}: {error}") from error
+    return tables.model_copy(update={"replay": found})
+
+
+def digest_of(log: Path) -> str:
+    """Return the checksum of a log."""
+    with log.open("rb") as file:
+        return file_digest(file, "sha256").hexdigest()[:DIGITS]
+
+
+def _checked(table: ReplayTable, path: Path) -> ReplayTable:
+    """Raise ValueError unless the log at `path` can be replayed."""
+    from transport.log.records import LogError  # noqa: PLC0415 - not in a vehicle's process
+
+    if not is_file(path):
+        raise ValueError("is a directory" if path.is_dir() else "no such file")
+    digest = digest_of(path)
+    if table.digest not in {"", digest}:
+        raise ValueError(f"has the checksum {digest}, replay.digest is {table.digest}")
+    try:
+        recorded_s = _recorded_s(path, table.vehicles, partial=table.partial)
+    except LogError as error:
+        raise ValueError(str(error).removeprefix(f"{path}: ")) from error
+    update = {"log": str(path), "digest": digest, "recorded_s": recorded_s}
+    return table.model_copy(update=update)
+
+
+def _recorded_s(path: Path, vehicles: Sequence[str], *, partial: bool) -> tuple[float, float]:
+    """Times (s) after the start from which and up to which all `vehicles` are recorded."""
+    from transport.log.reader import LogReader  # noqa: PLC0415 - not in a vehicle's process
+
+    reader = LogReader(path)
+    reader.require_all(*TOPICS)
+    if not partial:
+        reader.refuse_faults(*TOPICS, "start", remedy=PARTIAL)
+    for name in vehicles:
+        if not all(reader.counts.get((name, topic)) for topic in TOPICS):
+            senders = sorted({one for one, topic in reader.counts if topic == "truth"})
+            raise ValueError(f"holds no poses of {name}, but of {', '.join(senders) or 'none'}")
+    fields = {"truth": ("true_at_ns",), "start": ("start_at_ns",)}
+    columns = reader.columns(("truth", "start"), fields=fields)
+    starts = [one for (_, topic), one in columns.items() if topic == "start"]
+    if not starts:
+        raise ValueError("holds no start of the run")
+    start_at = starts[0].fields["start_at_ns"][0]
+    instants = [columns[name, "truth"].fields["true_at_ns"] - start_at for name in vehicles]
+    return (
+        max([float(at.min()) for at in instants]) / SECOND,
+        min([float(at.max()) for at in instants]) / SECOND,
+    )
