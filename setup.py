@@ -37,6 +37,7 @@ MODULES = {
     "vehicles/car/sending": "path_history sender",
     "vehicles/driver": "command_limit decision follower leader position_limit speed",
     "vehicles/driver/convoy": "stations watch",
+    "vehicles/driver/longitudinal": "gap_keeping spacing",
     "vehicles/driver/degradation": "innovation innovation_gate intended_path modes reception"
     " situation source sources speed_guard stopping trust",
     "vehicles/driver/ego": "covariance late_fixes own_state own_track pose_estimator",

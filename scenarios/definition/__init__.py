@@ -8,6 +8,7 @@ schema/          the tables of a file: keys with units, defaults and limits
 errors           the exceptions of invalid scenarios
 validation/      their lines, with hints
 contradictions   keys that contradict each other
+plug_in_trials   classes selected by name are called before the run
 topology         the vehicles that each vehicle receives from
 channel/         the settings of each directed link, and its effects
 run_limits       limits of a run, from a scenario or the command line

@@ -17,14 +17,13 @@ from scenarios.definition.road.point_path import LONGEST
 from scenarios.definition.road.route import Route, longest_run, vehicle_names
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.definition.schema.path_tables import SegmentTable
-from scenarios.definition.schema.scenario_tables import CONTROLLERS, OriginTable, ScenarioTables
+from scenarios.definition.schema.scenario_tables import OriginTable, ScenarioTables
 from scenarios.definition.topology import directed_links
-from scenarios.definition.validation.wording import did_you_mean, toml_repr
+from scenarios.definition.validation.wording import toml_repr
 from scenarios.definition.vehicle_setup import vehicle_setup
 from transport.links.laws.link_law import LinkLaw
 from transport.topics import RUN_SENDER
 from vehicles.car.dynamics import fastest_rate
-from vehicles.driver.steering import ControllerError, load_controller, try_out
 from vehicles.geometry.geodesy import REACH, LocalPlane, Origin
 
 FASTEST_RATE = 20_000.0
@@ -218,25 +217,6 @@ def _cars(tables: ScenarioTables) -> Iterator[Problem]:
             problems[table] = (
                 f"the car's tyres and steering answer at {rate:.3g} 1/s, allowed up to "
                 f"{FASTEST_RATE:g}: too stiff for its mass and yaw inertia"
-            )
-    yield from problems.items()
-
-
-def controllers(tables: ScenarioTables) -> Iterator[Problem]:
-    """Yield controllers that cannot be loaded."""
-    problems: dict[str, str] = {}
-    for name in vehicle_names(tables):
-        setup, own = vehicle_setup(tables, name), tables.vehicle.get(name)
-        table = f"vehicle.{name}.control" if own and own.control else "control"
-        try:
-            try_out(load_controller(setup.controller, setup.assumed_parameters, setup.gains))
-        except ControllerError as error:
-            given = setup.controller
-            why = str(error) if "." in given else f"given {toml_repr(given)}"
-            allowed = ", ".join(map(toml_repr, CONTROLLERS))
-            hint = did_you_mean(given, CONTROLLERS)
-            problems[f"{table}.controller"] = (
-                f"{why}, allowed {allowed} or your own package.module.Class{hint}"
             )
     yield from problems.items()
 

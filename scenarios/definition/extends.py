@@ -119,7 +119,7 @@ def _parsed(file: ScenarioFile) -> Raw:
 
 
 def laid_over(base: Raw, tables: Raw) -> Raw:
-    """Merge tables key by key. Other values and tables of another `kind` are replaced.
+    """Merge tables key by key. Other values and tables of another `kind` or `use` are replaced.
 
     A table with a `preset` replaces the one in `base`, since a preset is a complete channel.
     """
@@ -137,7 +137,9 @@ def _alike(below: Raw, table: Raw) -> bool:
     """Whether two tables can be merged: of one `kind`, and no preset."""
     if PRESET in table:
         return False
-    return "kind" not in below or table.get("kind", below["kind"]) == below["kind"]
+    return all(
+        word not in below or table.get(word, below[word]) == below[word] for word in ("kind", "use")
+    )
 
 
 def _values(tables: Raw, inside: Key = ()) -> Iterator[Key]:

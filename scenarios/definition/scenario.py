@@ -24,6 +24,7 @@ from scenarios.definition.errors import Problem, ScenarioError, collected
 from scenarios.definition.extends import MergedScenario, merged
 from scenarios.definition.library import ScenarioFile, drills, library, read_file
 from scenarios.definition.overrides import Raw
+from scenarios.definition.plug_in_trials import plug_in_problems
 from scenarios.definition.recorded_messages import with_recorded_messages
 from scenarios.definition.road.replayed_drive import (
     ReplayedDrive,
@@ -40,6 +41,7 @@ from scenarios.definition.road.route import (
 from scenarios.definition.road.spacing import least_spacings, spacing_policy
 from scenarios.definition.run_limits import limit_problems
 from scenarios.definition.schema.link_tables import LinkTable
+from scenarios.definition.schema.plug_ins.table import plug_in_tables
 from scenarios.definition.schema.scenario_tables import ClockTable, OriginTable, ScenarioTables
 from scenarios.definition.topology import directed_links
 from scenarios.definition.traces.reading import OnDrive
@@ -54,7 +56,8 @@ from scenarios.definition.vehicle_setup import VehicleSetup, vehicle_setup
 from transport.links.laws.link_law import LinkSetting
 from vehicles.car.clock_error import VehicleClock
 from vehicles.car.tyres import GRAVITY
-from vehicles.driver.speed import GapLimits, SpacingPolicy
+from vehicles.driver.longitudinal.controller import LongitudinalController, LongitudinalSetup
+from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
 from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.geometry.sampled_path import SampledPath
 from vehicles.schedule import MILLISECOND, SECOND
@@ -338,10 +341,31 @@ class Scenario:
         default = max(min(floors, default=0.0) / 2.0, LEAST_CLOCK_UNCERTAINTY_MS)
         return round((default if given is None else given) * MILLISECOND)
 
-    @property
-    def controllers(self) -> list[str]:
-        """Dotted names of the classes that steer the vehicles."""
-        return sorted({self.vehicle(name).controller for name in self.vehicle_names})
+    def longitudinal_controller(
+        self, name: str, limits: GapLimits | None = None
+    ) -> LongitudinalController:
+        """Construct the longitudinal controller of a follower; raises PlugInError.
+
+        `limits` replace those of [speed.gap].
+        """
+        setup = self.vehicle(name)
+        start = LongitudinalSetup(
+            self.spacing_policy(setup.place),
+            limits or self.gap_limits,
+            self.least_spacings[setup.place],
+            1.0 / self.control_rate_hz,
+            max(self.route.profile.speeds),
+            setup.assumed_parameters,
+            setup.lead,
+            setup.predecessor or "",
+        )
+        controller: LongitudinalController = setup.steering.longitudinal.build(start)
+        return controller
+
+    @cached_property
+    def plug_ins(self) -> list[str]:
+        """Dotted names of the user's classes."""
+        return sorted({table.use for table in plug_in_tables(self.tables) if table.is_own})
 
     @cached_property
     def digest(self) -> str:
@@ -456,7 +480,7 @@ def _read(
         problems += error_lines(error)
         tables = _valid_part(raw, error)
     if tables is not None:
-        problems += contradictions.controllers(tables)
+        problems += plug_in_problems(tables)
         tables = _with_files(tables, given, problems, on_drive)
     if tables is None or problems or given.invalid_overrides:
         raise _scenario_error(given, problems)

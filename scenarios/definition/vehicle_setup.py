@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 from scenarios.definition.schema.base_table import overlay
 from scenarios.definition.schema.scenario_tables import (
-    CONTROLLERS,
     ParametersTable,
     ScenarioTables,
     SteeringTable,
@@ -17,6 +16,7 @@ from vehicles.car.positioning.gnss_settings import GnssSettings
 from vehicles.car.sending.every_fix import EveryFix
 from vehicles.car.sending.rule import SendingRule
 from vehicles.driver.degradation.settings import DegradationSettings
+from vehicles.driver.steering import LateralController
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,8 +26,7 @@ class VehicleSetup:
     `parameters` are those of the loaded car; `assumed_parameters` are those of its controller and
     estimator, without the load unless they know it. `senders` are the
     vehicles whose poses it uses: lead and predecessor; for the lead none, or all where it waits.
-    `controller` is the dotted name of the class that steers. `imu_rate_hz` is the inertial sensor's
-    own rate, or else that of control.
+    `imu_rate_hz` is the inertial sensor's own rate, or else that of control.
     """
 
     name: str
@@ -39,7 +38,6 @@ class VehicleSetup:
     heading_offset_rad: float
     parameters: VehicleParameters
     assumed_parameters: VehicleParameters
-    controller: str
     steering: SteeringTable
     gnss: GnssSettings
     sending: SendingRule
@@ -78,6 +76,13 @@ class VehicleSetup:
     def degradation(self) -> DegradationSettings:
         return self.steering.degradation.value
 
+    def controller(self) -> LateralController:
+        """Construct the lateral controller; raises PlugInError."""
+        controller: LateralController = self.steering.controller.build(
+            self.assumed_parameters, self.gains
+        )
+        return controller
+
     @property
     def gains(self) -> Gains:
         table = self.steering.gains
@@ -106,7 +111,6 @@ def vehicle_setup(tables: ScenarioTables, name: str) -> VehicleSetup:
         heading_offset_rad=math.radians(own.heading_offset_deg) if own else 0.0,
         parameters=full,
         assumed_parameters=full if steering.knows_loading else empty,
-        controller=CONTROLLERS.get(steering.controller, steering.controller),
         steering=steering,
         gnss=overlay(tables.gnss, own and own.gnss).value,
         sending=sending.value,

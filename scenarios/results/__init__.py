@@ -10,7 +10,7 @@ holes         missing poses in the log
 deviations    true errors and gaps for plots of the log
 limits/       results of the scenario's limits
 files         names of the files of a run
-versions      versions and digests of the program and of controllers
+versions      versions and digests of the program and of user-defined classes
 outcome       the outcome of a run in one line
 summary       the typed summary, its JSON, and the documentation of its fields
 summarise     figures put together as a summary, and its file

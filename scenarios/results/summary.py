@@ -24,7 +24,7 @@ from scenarios.results.holes import RecordHole
 from scenarios.results.run_changes import RunChange
 from scenarios.results.vehicles.reaction import ReactionSummary
 from scenarios.results.vehicles.vehicle_figures import VehicleSummary
-from scenarios.results.versions import controller_digests, current_stamp, installed_versions
+from scenarios.results.versions import current_stamp, installed_versions, plug_in_digests
 
 SCHEMA = "convoy.summary/2"
 ClockName = Literal["wall", "virtual"]
@@ -68,8 +68,8 @@ class RunIdentity:
     """Installed version."""
     sources: str = ""
     """Digest of the program's sources. Equal versions with other sources are other programs."""
-    controllers: Mapping[str, str] = field(default_factory=dict)
-    """Digest of the module of each user-defined controller, with the modules next to it that it
+    plug_ins: Mapping[str, str] = field(default_factory=dict)
+    """Digest of the module of each user-defined class, with the modules next to it that it
     imports."""
 
     @classmethod
@@ -84,7 +84,7 @@ class RunIdentity:
             run_id=run_id,
             versions=installed_versions(),
             sources=current_stamp().sources,
-            controllers=controller_digests(scenario.controllers),
+            plug_ins=plug_in_digests(scenario.plug_ins),
         )
 
     def values(self) -> dict[str, Any]:
@@ -94,7 +94,7 @@ class RunIdentity:
             for entry in fields(self)
             if entry.name != "versions"
         }
-        own |= {"overrides": list(self.overrides), "controllers": dict(self.controllers)}
+        own |= {"overrides": list(self.overrides), "plug_ins": dict(self.plug_ins)}
         return own | dict(self.versions)
 
     def metadata(self) -> dict[str, str]:
@@ -113,7 +113,8 @@ class RunIdentity:
         refuse_newer(str(values.get("schema", SCHEMA)))
         clock: ClockName = "virtual" if values.get("clock") == "virtual" else "wall"
         known = {entry.name for entry in fields(cls)}
-        overrides, controllers = values.get("overrides", []), values.get("controllers", {})
+        overrides = values.get("overrides", [])
+        plug_ins = values.get("plug_ins", values.get("controllers", {}))  # the name up to 0.5
         return cls(
             schema=str(values.get("schema", SCHEMA)),
             scenario=str(values.get("scenario", "")),
@@ -123,8 +124,12 @@ class RunIdentity:
             clock=clock,
             run_id=str(values.get("run_id", "")),
             sources=str(values.get("sources", "")),
-            controllers=json.loads(controllers) if isinstance(controllers, str) else controllers,
-            versions={name: str(value) for name, value in values.items() if name not in known},
+            plug_ins=json.loads(plug_ins) if isinstance(plug_ins, str) else plug_ins,
+            versions={
+                name: str(value)
+                for name, value in values.items()
+                if name not in {*known, "controllers"}
+            },
         )
 
 

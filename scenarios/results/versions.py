@@ -1,4 +1,4 @@
-"""Identity of the program: versions, and digests of its sources and of the user's controllers.
+"""Identity of the program: versions, and digests of its sources and of the user's classes.
 
 The log and the summary contain them. Processes of a run and workers of a study compare them.
 """
@@ -81,12 +81,12 @@ def digest_of(*packages: Path) -> str:
     return digest.hexdigest()[:DIGITS]
 
 
-def controller_digests(controllers: Iterable[str]) -> Mapping[str, str]:
-    """Digest of the module of each user-defined controller, by the module's name.
+def plug_in_digests(plug_ins: Iterable[str]) -> Mapping[str, str]:
+    """Digest of the module of each user-defined class, by the module's name.
 
-    `controllers` are dotted names of classes; shipped ones are part of the program's sources.
+    `plug_ins` are dotted names of classes; shipped ones are part of the program's sources.
     """
-    modules = {name.rpartition(".")[0] for name in controllers}
+    modules = {name.rpartition(".")[0] for name in plug_ins}
     return module_digests(name for name in sorted(modules) if _top(name) not in OWN_NAMES)
 
 
@@ -117,14 +117,14 @@ def _top(module: str) -> str:
     return module.partition(".")[0]
 
 
-def _is_near(package: str, controllers: str) -> bool:
-    """Whether a top-level module belongs to that of the controller: itself, or in its folder.
+def _is_near(package: str, users: str) -> bool:
+    """Whether a top-level module belongs to that of the user's class: itself, or in its folder.
 
     In a folder of installed packages the others are not the user's.
     """
-    if package == controllers:
+    if package == users:
         return True
-    folder = _folder_of(controllers)
+    folder = _folder_of(users)
     installed = {Path(sysconfig.get_path(place)) for place in ("stdlib", "purelib", "platlib")}
     is_users = folder is not None and folder not in installed and package not in OWN_NAMES
     return is_users and _folder_of(package) == folder

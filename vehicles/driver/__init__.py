@@ -6,6 +6,7 @@ tracking        errors against the trajectory, and the return to a path received
 steering        from errors to a steering command: the paper's law and others
 command_limit   limits of the steering angle and its rate
 bends           speed in bends of the known path ahead
+longitudinal/   longitudinal control of followers
 speed           from gaps and profiles to an acceleration
 position_limit  speed limit of a car that is uncertain of its position
 degradation/    reactions to missing and to false messages

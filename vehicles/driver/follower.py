@@ -26,15 +26,15 @@ from vehicles.driver.degradation.modes import (
     steering_without_sources,
 )
 from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.degradation.situation import SLOWING, Situation
+from vehicles.driver.degradation.situation import SLOWING, Situation, SourceFreshness
 from vehicles.driver.degradation.source import Source
 from vehicles.driver.degradation.sources import SourcePair
 from vehicles.driver.degradation.speed_guard import SpeedGuard
 from vehicles.driver.degradation.trust import Trust
 from vehicles.driver.ego.own_state import OwnState, Pose
 from vehicles.driver.ego.slip_estimator import LoadWatch
+from vehicles.driver.longitudinal.controller import OwnMotion, SourceMotion, VehiclesAhead
 from vehicles.driver.position_limit import PositionLimit
-from vehicles.driver.speed import VehiclesAhead
 from vehicles.driver.steering import LateralController, SteeringCommand
 from vehicles.driver.tracking import PathBehind, Rejoining, TrackingErrors, track
 from vehicles.messages import Mode
@@ -131,7 +131,10 @@ class Follower:
         self._rejoining = Rejoining(self._remarks, enabled=self._reaction == "degrade")
         self._mode: Mode = "straight"
         self._refit = Timer(REFIT_AFTER)
-        self._spacing, self._spacing_at = nan, 0
+        self._spacings: dict[str, float] = {}
+        self._spacings_at = 0
+        self._own = OwnMotion()
+        self._decided_at = 0
         self._decision: Decision | None = None
 
     def step(
@@ -167,6 +170,7 @@ class Follower:
 
     def _decide(self, now: int, pose: Pose) -> Decision:
         last, sources = self._decision, self._sources
+        self._advance_own(now, pose)
         refit = self._refit.is_due(now)
         if refit:
             self._fit(now, pose)
@@ -241,7 +245,8 @@ class Follower:
             self._extrapolate(pose.speed)
         self._fitted = bool(along)
         self._trajectories = along or self._trajectories
-        self._spacing, self._spacing_at = self._measured_spacing(pose), now
+        self._measure_spacings(pose)
+        self._spacings_at = now
 
     def _settings_for(self, windows: Mapping[Mode, Window]) -> FitSettings:
         """Settings of the fit; bridge points weaken the evidence for a bend."""
@@ -283,10 +288,12 @@ class Follower:
         errors.behind = behind
         return errors
 
-    def _measured_spacing(self, pose: Pose) -> float:
-        """Spacing (m) to the predecessor's newest pose, NaN before the first."""
-        spacing = self._sources.predecessor.trace.spacing(pose.east, pose.north)
-        return nan if spacing is None else spacing
+    def _measure_spacings(self, pose: Pose) -> None:
+        """Spacings (m) to the newest poses of the sources."""
+        for source in self._sources.all.values():
+            spacing = source.trace.spacing(pose.east, pose.north)
+            if spacing is not None:
+                self._spacings[source.name] = spacing
 
     def _vehicles_ahead(
         self, now: int, pose: Pose, errors: TrackingErrors, margin: float
@@ -299,18 +306,35 @@ class Follower:
         if isnan(predecessor.age):
             return VehiclesAhead(curvature_ahead=errors.curvature_ahead, bend=self._bend(pose))
         driven, speed, acceleration = predecessor.predicted_motion()
-        closed = pose.speed * (now - self._spacing_at) / SECOND
+        closed = pose.speed * (now - self._spacings_at) / SECOND
         lead_speed = lead_acceleration = nan
         if not isnan(lead.age):
             _, lead_speed, lead_acceleration = lead.predicted_motion()
         return VehiclesAhead(
-            self._spacing + driven - closed - margin,
+            self._spacings.get(self._sources.predecessor.name, nan) + driven - closed - margin,
             speed,
             lead_speed,
             acceleration,
             lead_acceleration,
             errors.curvature_ahead,
             self._bend(pose),
+            self._own,
+            {
+                name: _motion(source.freshness, self._spacings[name] - closed)
+                for name, source in self._sources.all.items()
+                if name in self._spacings
+            },
+        )
+
+    def _advance_own(self, now: int, pose: Pose) -> None:
+        """Motion of the car at the control instant `now` (ns), for the longitudinal controller."""
+        step = (now - self._decided_at) / SECOND if self._decided_at else 0.0
+        self._decided_at = now
+        last = self._decision
+        self._own = OwnMotion(
+            step,
+            last.actuation.acceleration if last else 0.0,
+            self._own.distance + pose.speed * step,
         )
 
     def _bend(self, pose: Pose) -> tuple[float, float] | None:
@@ -321,6 +345,10 @@ class Follower:
             if bend is not None and (lowest is None or bend[0] < lowest[0]):
                 lowest = bend
         return lowest
+
+
+def _motion(freshness: SourceFreshness, spacing: float) -> SourceMotion:
+    return SourceMotion(spacing, freshness.speed, freshness.acceleration, freshness.age)
 
 
 def blended(

@@ -19,13 +19,13 @@ from vehicles.driver.degradation.situation import Situation
 from vehicles.driver.degradation.stopping import STANDSTILL
 from vehicles.driver.ego.own_state import OwnState, Pose
 from vehicles.driver.ego.slip_estimator import LoadWatch
+from vehicles.driver.longitudinal.controller import VehiclesAhead
 from vehicles.driver.position_limit import PositionLimit
 from vehicles.driver.speed import (
     ProfileSpeed,
     SpeedCommand,
     SpeedLaw,
     SpeedProfile,
-    VehiclesAhead,
     profile_correction,
 )
 from vehicles.driver.steering import LateralController

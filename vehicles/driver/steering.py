@@ -1,13 +1,13 @@
 """From tracking errors to a steering command: the paper's law, alternatives, a user's own."""
 
 from dataclasses import dataclass
-from importlib import import_module
-from math import atan, atan2, cos, hypot, isfinite, sin, sqrt
-from typing import Protocol
+from math import atan, atan2, cos, hypot, sin, sqrt
+from typing import Annotated, Protocol
 
 from vehicles.car.parameters import NOMINAL_GAINS, Gains, VehicleParameters
 from vehicles.car.path_keeping import PathKeeping
 from vehicles.driver.tracking import TrackingErrors
+from vehicles.setting import Setting
 
 
 @dataclass(slots=True)
@@ -22,23 +22,15 @@ class SteeringCommand:
 class LateralController(Protocol):
     """Interface of a lateral controller (Fig. 1), shipped or user-defined.
 
-    A controller is a class in a module that Python can import, for example from the working folder.
-    A scenario selects it by its dotted name, `module.Class`, in `control.controller`, or for one
-    vehicle in `vehicle.NAME.control.controller`. Each vehicle has its own instance, constructed as
-    `Class(parameters, gains)`:
+    Each vehicle has its own instance, constructed as `Class(parameters, gains)`, followed by its
+    `settings` if it has any:
 
     parameters   `VehicleParameters` assumed of the car (SI units)
     gains        `Gains` of the table `control.gains`; a controller may ignore them
 
-    A controller may keep state. It must not use a clock and should not draw random numbers, so that
-    the same seed gives the same run. `steer` is called once per control instant, every
-    1/`control.rate_hz` seconds of the run; with `fusion = "blend"` once per trajectory. Wheel
-    angles are limited to `parameters.steering_limit` (rad).
-
-    Before a run the controller is constructed and called once, on a straight at 10 m/s without
-    errors; if this fails the scenario is refused. During a run an exception or a non-finite command
-    ends the run with a one-line message, or only its vehicle if
-    `convoy.on_vehicle_failure = "continue"`.
+    A controller may keep state. It must not use a clock or draw random numbers. `steer` is called
+    once per control instant, every 1/`control.rate_hz` seconds of the run; with `fusion = "blend"`
+    once per trajectory. Wheel angles are limited to `parameters.steering_limit` (rad).
     """
 
     def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
@@ -49,10 +41,6 @@ class LateralController(Protocol):
         and `curvature_ahead(distance)` (1/m) at a distance (m) along it.
         """
         ...
-
-
-class ControllerError(ValueError):
-    """A controller violates the contract of `LateralController`; the message is one line."""
 
 
 def limited(feedforward: float, feedback: float, limit: float) -> SteeringCommand:
@@ -157,15 +145,27 @@ class Stanley:
     are ignored.
     """
 
-    CROSS_TRACK = 2.5
-    """Rate at which the front axle's lateral error decays (1/s)."""
-    SOFTENING = 1.0
-    """Limits the arctangent near standstill (m/s)."""
-    DAMPING = 0.06
-    """Steering per yaw-rate error (s)."""
+    @dataclass(frozen=True, slots=True)
+    class Settings:
+        """Parameters of the law of Stanley."""
 
-    def __init__(self, parameters: VehicleParameters, gains: Gains = NOMINAL_GAINS) -> None:  # noqa: ARG002 - every controller is built alike
+        cross_track: Annotated[
+            float,
+            Setting("rate at which the lateral error of the front axle decays", "per_s", 0, 100),
+        ] = 2.5
+        softening: Annotated[
+            float, Setting("limits the arctangent near standstill", "mps", 0.01, 100)
+        ] = 1.0
+        damping: Annotated[float, Setting("steering per yaw rate error", "s", 0, 10)] = 0.06
+
+    def __init__(
+        self,
+        parameters: VehicleParameters,
+        gains: Gains = NOMINAL_GAINS,  # noqa: ARG002 - every controller is built alike
+        settings: Settings = Settings(),
+    ) -> None:
         self._parameters = parameters
+        self._settings = settings
         car = parameters
         self._slip = (
             car.mass * car.rear_axle_distance / (car.wheelbase * car.front_cornering_stiffness)
@@ -178,12 +178,13 @@ class Stanley:
         has turned by κa and is offset by κa²/2. The feedforward are all terms with κ.
         """
         ahead, kappa = self._parameters.front_axle_distance, errors.curvature
+        settings = self._settings
         front = errors.lateral + ahead * sin(errors.heading) - 0.5 * kappa * ahead * ahead
         feedforward = (ahead + self._slip * speed * speed) * kappa
         feedback = (
             -errors.heading
-            - atan2(self.CROSS_TRACK * front, self.SOFTENING + abs(speed))
-            - self.DAMPING * errors.yaw_rate
+            - atan2(settings.cross_track * front, settings.softening + abs(speed))
+            - settings.damping * errors.yaw_rate
         )
         return limited(feedforward, feedback, self._parameters.steering_limit)
 
@@ -198,15 +199,26 @@ class PurePursuit:
     on the path. Tyre slip, yaw rate and the paper's gains are ignored.
     """
 
-    LOOK_AHEAD = 0.5
-    """Look-ahead distance over speed (s)."""
-    LOOK_AHEAD_LEAST = 1.5
-    """Smallest look-ahead distance, in wheelbases."""
     STEPS = 16
     """Search points for the goal per look-ahead distance."""
 
-    def __init__(self, parameters: VehicleParameters, gains: Gains = NOMINAL_GAINS) -> None:  # noqa: ARG002 - every controller is built alike
+    @dataclass(frozen=True, slots=True)
+    class Settings:
+        """Parameters of pure pursuit."""
+
+        lookahead: Annotated[float, Setting("look-ahead distance over speed", "s", 0, 10)] = 0.5
+        lookahead_wheelbases_min: Annotated[
+            float, Setting("smallest look-ahead distance, in wheelbases", "", 0.1, 100)
+        ] = 1.5
+
+    def __init__(
+        self,
+        parameters: VehicleParameters,
+        gains: Gains = NOMINAL_GAINS,  # noqa: ARG002 - every controller is built alike
+        settings: Settings = Settings(),
+    ) -> None:
         self._parameters = parameters
+        self._settings = settings
 
     def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
         """δ = atan(2 (a+b) sin α / l_d), α being the goal's bearing from the rear axle (Coulter).
@@ -214,7 +226,9 @@ class PurePursuit:
         The feedforward follows from the path's curvature beside the car, the feedback is the rest.
         """
         car, heading = self._parameters, errors.heading
-        reach = max(self.LOOK_AHEAD_LEAST * car.wheelbase, self.LOOK_AHEAD * abs(speed))
+        settings = self._settings
+        least = settings.lookahead_wheelbases_min * car.wheelbase
+        reach = max(least, settings.lookahead * abs(speed))
         x = -car.rear_axle_distance * cos(heading)
         y = errors.lateral - car.rear_axle_distance * sin(heading)
         goal_x, goal_y = self._goal(errors, x, y, reach)
@@ -248,72 +262,3 @@ class PurePursuit:
                 goal_x = before_x + share * (goal_x - before_x)
                 goal_y = before_y + share * (goal_y - before_y)
         return goal_x, goal_y
-
-
-class GuardedController:
-    """Wraps a user's controller (Section III-C), and converts its faults to ControllerError."""
-
-    def __init__(self, controller: LateralController, name: str) -> None:
-        self._controller = controller
-        self._name = name
-
-    def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
-        try:
-            command: object = self._controller.steer(errors, speed)
-        except (Exception, SystemExit) as error:
-            raise ControllerError(
-                f"controller {self._name!r}: steer() raised {_described(error)}"
-            ) from error
-        if not isinstance(command, SteeringCommand):
-            given = type(command).__name__
-            raise ControllerError(
-                f"controller {self._name!r}: steer() returned {given}, expected a SteeringCommand"
-            )
-        for part in ("steering", "feedforward", "feedback"):
-            value: object = getattr(command, part)
-            if not isinstance(value, (int, float)) or not isfinite(value):
-                raise ControllerError(
-                    f"controller {self._name!r}: steer() returned {part} = {value!r}, expected a "
-                    "finite number of radians"
-                )
-        # The controller may return NumPy scalars.
-        return SteeringCommand(
-            float(command.steering), float(command.feedforward), float(command.feedback)
-        )
-
-
-def _described(error: BaseException) -> str:
-    return " ".join(f"{type(error).__name__}: {error}".split())
-
-
-def load_controller(name: str, parameters: VehicleParameters, gains: Gains) -> LateralController:
-    """Build the controller class of a dotted name such as `vehicles.driver.steering.Stanley`.
-
-    A class of another module is wrapped in a `GuardedController`. Raises ControllerError if there
-    is no such class, or if it cannot be built.
-    """
-    module_name, _, class_name = name.rpartition(".")
-    if not module_name or not class_name:
-        raise ControllerError(f"controller {name!r}: give a dotted name, package.module.Class")
-    try:
-        factory = getattr(import_module(module_name), class_name)
-    except (Exception, SystemExit) as error:
-        why = str(error) if isinstance(error, ImportError) else _described(error)
-        raise ControllerError(f"controller {name!r}: {why}") from error
-    if not isinstance(factory, type) or not callable(getattr(factory, "steer", None)):
-        raise ControllerError(
-            f"controller {name!r}: not a class with a method steer(errors, speed)"
-        )
-    try:
-        controller: LateralController = factory(parameters, gains)
-    except (Exception, SystemExit) as error:
-        raise ControllerError(
-            f"controller {name!r}: cannot be built as {class_name}(parameters, gains): "
-            f"{_described(error)}"
-        ) from error
-    return controller if factory.__module__ == __name__ else GuardedController(controller, name)
-
-
-def try_out(controller: LateralController) -> None:
-    """Call `steer` once, on a straight at 10 m/s without errors; raises ControllerError."""
-    controller.steer(TrackingErrors(lateral=0.0, heading=0.0, yaw_rate=0.0, curvature=0.0), 10.0)

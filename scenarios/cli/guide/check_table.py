@@ -107,7 +107,15 @@ def _controller(settings: Mapping[str, Any]) -> str:
     gains = ", ".join(f"{gain:g}" for gain in settings["gains"].values())
     load = "learns" if settings["estimate_slip"] else "does not know"
     load = "knows" if settings["knows_loading"] else load
-    return f"{settings['controller']}, gains {gains}, {load} the load"
+    return f"{plug_in_text(settings['controller'])}, gains {gains}, {load} the load"
+
+
+def plug_in_text(given: str | Mapping[str, Any]) -> str:
+    """Name of a class and its parameters."""
+    if isinstance(given, str):
+        return given
+    parameters = [f"{key} {value}" for key, value in given.items() if key != "use"]
+    return f"{given['use']} ({', '.join(parameters)})"
 
 
 def _tyres(settings: Mapping[str, Any]) -> str:

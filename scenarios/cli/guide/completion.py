@@ -153,6 +153,7 @@ def _keys(vehicles: Sequence[str]) -> dict[str, list[str]]:
 def _keys_of(
     table: "type[BaseModel]", inside: str, vehicles: Sequence[str]
 ) -> Iterator[tuple[str, list[str]]]:
+    from scenarios.definition.schema.plug_ins.table import PlugInTable
     from scenarios.definition.validation.model_fields import models_by_name, models_of
 
     for inner in models_by_name(table):
@@ -160,7 +161,7 @@ def _keys_of(
             yield from _keys_of(inner, f"{inside}{vehicle}.", vehicles)
     for name, field in table.model_fields.items():
         kind, tables = str(field.annotation), list(models_of(field.annotation))
-        if not tables:
+        if not tables or tables == [PlugInTable]:
             yield f"{inside}{name}", _values(name, field)
             continue
         # Offer the first table of a list; tables of vehicles are keyed by name.
@@ -173,12 +174,12 @@ def _keys_of(
 
 
 def _values(name: str, field: "FieldInfo") -> list[str]:
-    from scenarios.definition.schema.scenario_tables import CONTROLLERS
+    from scenarios.definition.schema.plug_ins.points import POINTS
 
     parts = (field.annotation, *get_args(field.annotation))
     words = [word for part in parts for word in get_args(part) if isinstance(word, str)]
-    if name == "controller":
-        words = list(CONTROLLERS)
+    if point := next((one for one in POINTS if one.key.endswith(f".{name}")), None):
+        words = list(point.shipped)
     if name == "preset":
         words = _presets()
     if isinstance(field.default, bool):

@@ -6,5 +6,7 @@ table_keys         keys of a scenario's tables with ranges, defaults and documen
 scenario_pages     scenario, links, presets, gnss, degradation, limits
 drives_page        formats, columns and keys of recorded drives
 message_pages      topics, wire, reasons, .proto
-other_pages        fields, controllers, exit-codes
+plug_in_page       plug-ins
+plug_in_examples   examples of user-defined classes
+other_pages        fields, exit-codes
 """

@@ -64,7 +64,7 @@ def wire_page() -> None:
     print_text(
         f"FINGERPRINT is {parts}: name, seed, "
         "version of the program, digests of the scenario's content, of the program's sources and "
-        "of the modules of user-defined controllers, versions of Python and NumPy, digest of the "
+        "of the modules of user-defined classes, versions of Python and NumPy, digest of the "
         "run's key. Only the versions of Python and NumPy may differ between processes of a run. "
         "SESSION is the Zenoh identifier of the process."
     )

@@ -18,6 +18,12 @@ def print_text(text: str) -> None:
     click.echo("\n\n".join(one if "   " in one else fill(one, WIDTH) for one in paragraphs))
 
 
+def print_rows(rows: Iterable[Row]) -> None:
+    from rich.console import Console
+
+    Console().print(grid_of(rows))
+
+
 def print_section(heading: str, rows: Iterable[Row], text: str = "") -> None:
     """Print a heading, a text below it, and rows."""
     from rich.console import Console

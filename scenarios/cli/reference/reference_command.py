@@ -17,11 +17,11 @@ PAGES: Mapping[str, str] = {
     "wire": "Zenoh keys, encoding, liveliness, clock and control queries",
     "reasons": "reasons for which messages are not used",
     "fields": "fields of summary.json and `convoy report --json`",
-    "controllers": "shipped controllers, and the contract of your own",
+    "plug-ins": "classes that a scenario selects, and the contract of your own",
     "exit-codes": "exit codes of all commands",
     ".proto": "the Protobuf schema of messages and logs",
 }
-ALIASES = {"controller": "controllers", "proto": ".proto"}
+ALIASES = {"controller": "plug-ins", "controllers": "plug-ins", "proto": ".proto"}
 
 
 class PageName(click.Choice[str]):
@@ -54,7 +54,13 @@ def reference(page: str | None) -> None:
 
 
 def printers() -> Mapping[str, Callable[[], None]]:
-    from scenarios.cli.reference import drives_page, message_pages, other_pages, scenario_pages
+    from scenarios.cli.reference import (
+        drives_page,
+        message_pages,
+        other_pages,
+        plug_in_page,
+        scenario_pages,
+    )
 
     return {
         "scenario": scenario_pages.scenario_page,
@@ -68,7 +74,7 @@ def printers() -> Mapping[str, Callable[[], None]]:
         "wire": message_pages.wire_page,
         "reasons": message_pages.reasons_page,
         "fields": other_pages.fields_page,
-        "controllers": other_pages.controllers_page,
+        "plug-ins": plug_in_page.plug_ins_page,
         "exit-codes": other_pages.exit_codes_page,
         ".proto": message_pages.proto_page,
     }

@@ -57,7 +57,7 @@ def _tables(
             yield TableDoc(title, model, f"The same keys as {first_places[model]}.", {})
             continue
         first_places[model] = title
-        text, _ = _split(model.__doc__ or "")
+        text, _ = split_doc(model.__doc__ or "")
         documented = _documented(model)
         if issubclass(model, SettingsTable):
             documented = {name: one.setting.doc for name, one in model.by_key.items()}
@@ -75,7 +75,7 @@ def _tables(
 
 def _documented(model: type[BaseModel]) -> dict[str, str]:
     """Return the documentation of keys in the docstrings of a class and its bases."""
-    docs = [_split(base.__doc__ or "")[1] for base in reversed(model.__mro__)]
+    docs = [split_doc(base.__doc__ or "")[1] for base in reversed(model.__mro__)]
     return {name: text for keys in docs for name, text in keys.items()}
 
 
@@ -87,7 +87,7 @@ def _titled(place: str, model: type[BaseModel]) -> str:
     return f'[{place}] kind = "{words[0]}"' if words else f"[{place}]"
 
 
-def _split(doc: str) -> tuple[str, dict[str, str]]:
+def split_doc(doc: str) -> tuple[str, dict[str, str]]:
     """Split a docstring into its text and the documentation of its keys."""
     text: list[str] = []
     keys: dict[str, str] = {}

@@ -1,7 +1,7 @@
 """Hardest braking of the lead that followers hold without a contact, by their own speed law.
 
 The convoy is simulated along the road only: exact positions and speeds, poses at their rate and
-delay, and `vehicles.driver.speed.gap_acceleration` at the rate of control. The lead begins to brake
+delay, and `the longitudinal controller` at the rate of control. The lead begins to brake
 just after it has sent a pose, and stops.
 """
 
@@ -17,7 +17,13 @@ from scenarios.definition.check.preview import spacing_to
 from scenarios.definition.scenario import Scenario
 from vehicles.car.tyres import GRAVITY
 from vehicles.driver.degradation.situation import SourceFreshness
-from vehicles.driver.speed import GapLimits, SpacingPolicy, VehiclesAhead, gap_acceleration
+from vehicles.driver.longitudinal.controller import (
+    LongitudinalController,
+    OwnMotion,
+    SourceMotion,
+    VehiclesAhead,
+)
+from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
 from vehicles.schedule import MILLISECOND
 
 HARD_BRAKING = 6.0
@@ -65,8 +71,9 @@ class HeldBraking:
 
 @dataclass(frozen=True, slots=True)
 class _PoseSource:
-    """Place of a source, interval of its received poses (s) and their delay (s)."""
+    """Name and place of a source, interval of its received poses (s) and their delay (s)."""
 
+    name: str
     place: int
     interval: float
     delay: float
@@ -78,6 +85,7 @@ class _GapFollower:
     predecessor: _PoseSource
     policy: SpacingPolicy
     limits: GapLimits
+    controller: LongitudinalController
     least_spacing: float
 
 
@@ -146,12 +154,14 @@ def _grip(scenario: Scenario, name: str) -> float:
 def _follower(scenario: Scenario, name: str, speed: float) -> _GapFollower:
     setup, limits = scenario.vehicle(name), scenario.gap_limits
     braking = min(limits.deceleration, _grip(scenario, name))
+    limits = GapLimits(limits.acceleration, braking)
     predecessor = scenario.vehicle_names[setup.place - 1]
     return _GapFollower(
         lead=_source(scenario, name, setup.lead, speed),
         predecessor=_source(scenario, name, predecessor, speed),
         policy=scenario.spacing_policy(setup.place),
-        limits=GapLimits(limits.acceleration, braking),
+        limits=limits,
+        controller=scenario.longitudinal_controller(name, limits),
         least_spacing=scenario.least_spacings[setup.place],
     )
 
@@ -169,7 +179,7 @@ def _source(scenario: Scenario, name: str, source: str, speed: float) -> _PoseSo
     rare = RARE / (len(scenario.vehicle_names) - 1)
     in_a_row = ceil(log(rare) / log(lost)) if lost > rare else 1
     delay = (sender.gnss.latency / MILLISECOND + usual_delay_ms(link)) / 1000.0
-    return _PoseSource(sender.place, in_a_row / rate, delay)
+    return _PoseSource(source, sender.place, in_a_row / rate, delay)
 
 
 def _first_hit(
@@ -206,12 +216,30 @@ def _command(
 ) -> float:
     own = convoy[place]
     position, predecessor = _newest(follower.predecessor, convoy, now, period)
-    _, lead = _newest(follower.lead, convoy, now, period)
+    lead_position, lead = _newest(follower.lead, convoy, now, period)
     driven, speed, acceleration = predecessor.predicted_motion()
     _, lead_speed, lead_acceleration = lead.predicted_motion()
     spacing = position + driven - own.position
-    ahead = VehiclesAhead(spacing, speed, lead_speed, acceleration, lead_acceleration)
-    return gap_acceleration(ahead, own.speed, follower.policy, follower.limits)
+    ahead = VehiclesAhead(
+        spacing,
+        speed,
+        lead_speed,
+        acceleration,
+        lead_acceleration,
+        own=OwnMotion(period, own.acceleration, own.position),
+        sources={
+            source.name: SourceMotion(
+                place - own.position, motion.speed, motion.acceleration, motion.age
+            )
+            for source, place, motion in (
+                (follower.lead, lead_position, lead),
+                (follower.predecessor, position, predecessor),
+            )
+        },
+    )
+    limits = follower.limits
+    wanted = follower.controller.acceleration(own.speed, ahead)
+    return min(max(wanted, -limits.deceleration), limits.acceleration)
 
 
 def _newest(

@@ -7,14 +7,13 @@ import numpy as np
 
 from scenarios.definition.errors import MissingExtraError, require
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.schema.scenario_tables import CONTROLLERS
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.car.parameters import Gains, VehicleParameters
 from vehicles.driver.speed import SpeedProfile
 from vehicles.geometry.sampled_path import FloatArray
 from vehicles.theory.sampled_loop import SampledLoop, lowest_stable_rate, sampled_stability
 
-PAPER_LAWS = {CONTROLLERS["feedforward_feedback"], CONTROLLERS["slip_compensated"]}
+PAPER_LAWS = {"feedforward_feedback", "slip_compensated"}
 """On a straight they are one law; other laws are not checked."""
 
 SLOWEST = 1.0
@@ -22,7 +21,7 @@ SLOWEST = 1.0
 
 SPEEDS = 4
 """Number of speeds checked between the lowest and the highest planned."""
-PAPER_LAW = CONTROLLERS["feedforward_feedback"]
+PAPER_LAW = "feedforward_feedback"
 
 LEFT_BY_SLIP = 0.01
 """Lateral offset (m) in bends above which a warning is due."""
@@ -42,7 +41,7 @@ def sampled_loop_warnings(scenario: Scenario, speeds: tuple[float, float]) -> It
     names_by_loop: dict[SampledLoop, list[str]] = {}
     for name in scenario.vehicle_names:
         setup = scenario.vehicle(name)
-        if setup.controller in PAPER_LAWS:
+        if setup.steering.controller.use in PAPER_LAWS:
             names_by_loop.setdefault(_loop(scenario, setup), []).append(name)
     least, most = (max(speed, SLOWEST) for speed in speeds)
     for loop, names in names_by_loop.items():
@@ -99,7 +98,7 @@ def slip_warnings(scenario: Scenario, speeds: FloatArray, curvatures: FloatArray
     offsets = {}
     for name in scenario.vehicle_names[1:]:
         setup = scenario.vehicle(name)
-        if not setup.steering.estimate_slip or setup.controller != PAPER_LAW:
+        if not setup.steering.estimate_slip or setup.steering.controller.use != PAPER_LAW:
             continue
         gains, car = setup.gains, setup.parameters
         still = car.steady_slip_per_curvature(0.0)

@@ -9,7 +9,7 @@ from itertools import pairwise
 from scenarios.definition.schema.scenario_tables import ScenarioTables
 from scenarios.definition.vehicle_setup import empty_car
 from vehicles.car.parameters import least_spacing
-from vehicles.driver.speed import SpacingPolicy
+from vehicles.driver.longitudinal.spacing import SpacingPolicy
 
 DEFAULT_GAP = 10.0
 """Gap (m) at the start where the scenario gives none: a third of a second at 30 m/s."""

@@ -10,5 +10,6 @@ limit_rows       the table of limits
 limit_tables     `[limits]`
 log_table        rates of the log
 replay_table     vehicles that repeat a recorded run
+plug_ins/        classes selected by name
 scenario_tables  all other tables, and the whole file
 """

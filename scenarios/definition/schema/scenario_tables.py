@@ -16,6 +16,9 @@ from scenarios.definition.schema.limit_tables import LimitsTable
 from scenarios.definition.schema.link_tables import LinkEntry, LinkTable
 from scenarios.definition.schema.log_table import LogTable
 from scenarios.definition.schema.path_tables import Bound, PathTable, PointsPath
+from scenarios.definition.schema.plug_ins.following import LONGITUDINAL
+from scenarios.definition.schema.plug_ins.steering import LATERAL
+from scenarios.definition.schema.plug_ins.table import PlugInTable, default_of, plug_in
 from scenarios.definition.schema.replay_table import ReplayTable
 from scenarios.definition.schema.settings_table import SettingsTable, one_of, table_with
 from transport.links.laws.outages.by_time import ReceiverOff, TransmitterOff
@@ -25,7 +28,7 @@ from vehicles.car.sending.every_fix import EveryFix
 from vehicles.car.sending.rule import SendingRule
 from vehicles.car.sending.sending_rules import RULES
 from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.speed import GapLimits
+from vehicles.driver.longitudinal.spacing import GapLimits
 from vehicles.preview.curve_fit import FitSettings
 
 FIT = FitSettings()
@@ -33,19 +36,14 @@ GAP_LIMITS = GapLimits()
 EPOCH, LATEST = datetime(1970, 1, 1, tzinfo=UTC), datetime(2200, 1, 1, tzinfo=UTC)
 """Range in which instants fit into the unsigned 64 bits of nanoseconds of a log."""
 
-CONTROLLERS = {
-    "slip_compensated": "vehicles.driver.steering.SlipCompensated",
-    "feedforward_feedback": "vehicles.driver.steering.FeedforwardFeedback",
-    "stanley": "vehicles.driver.steering.Stanley",
-    "pure_pursuit": "vehicles.driver.steering.PurePursuit",
-}
-"""The shipped controllers; other names are dotted names of classes."""
-
 
 if TYPE_CHECKING:
     SendingTable = SettingsTable[SendingRule]
+    LateralPlugIn = PlugInTable
+    LongitudinalPlugIn = PlugInTable
 else:
     SendingTable = one_of(RULES)
+    LateralPlugIn, LongitudinalPlugIn = plug_in(LATERAL), plug_in(LONGITUDINAL)
 
 
 class OriginTable(Table):
@@ -104,9 +102,12 @@ class GainsTable(Table):
 class SteeringTable(Table):
     """Trajectory and steering of a vehicle.
 
-    controller     "slip_compensated": the paper's law, with steady-state slip in curves
-                   compensated; "feedforward_feedback": the paper's law; "stanley"; "pure_pursuit";
-                   or your own class, "module.Class" (convoy reference controllers)
+    controller     lateral controller: "slip_compensated": the paper's law, with steady-state slip
+                   in curves compensated; "feedforward_feedback": the paper's law; "stanley";
+                   "pure_pursuit"; or your own class, "module.Class" (convoy reference plug-ins). A
+                   table with parameters has the name as its key `use`
+    longitudinal   longitudinal controller of a follower with speed.followers = "gap": "gap", or
+                   your own class, likewise
     fusion         "composite": one trajectory from lead and predecessor; "predecessor" alone; or
                    "blend": one steering command from each
     trajectory     "fitted": curve fitted to the samples. Baselines that are inaccurate for radii
@@ -124,7 +125,8 @@ class SteeringTable(Table):
     degradation    behaviour without data
     """
 
-    controller: str = "slip_compensated"
+    controller: LateralPlugIn = default_of(LATERAL)
+    longitudinal: LongitudinalPlugIn = default_of(LONGITUDINAL)
     fusion: Literal["composite", "predecessor", "blend"] = "composite"
     trajectory: Literal["fitted", "paper", "paper_prefix"] = "fitted"
     alpha_ratio: Ratio = 0.5

@@ -24,6 +24,7 @@ from scenarios.definition.schema.base_table import Table
 from vehicles.setting import Setting
 
 S = TypeVar("S")
+T = TypeVar("T", bound="SettingsTable[Any]")
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,17 +92,20 @@ _GENERATED: dict[tuple[type[Any], str], type[SettingsTable[Any]]] = {}
 
 
 def table_of(settings: type[Any], word: str = "") -> type[SettingsTable[Any]]:
-    """Generate the table of a settings class; `word` is its `kind` where there are several."""
+    """Return the table of a settings class; `word` is its `kind` where there are several."""
     if (settings, word) not in _GENERATED:
-        by_key = {one.key: one for one in fields_of(settings)}
-        entries: dict[str, Any] = {"kind": (Literal[word], word)} if word else {}
-        entries |= {key: _entry(one) for key, one in by_key.items()}
-        made = create_model(
-            settings.__name__, __base__=SettingsTable, __doc__=settings.__doc__, **entries
-        )
-        made.settings, made.by_key = settings, by_key
-        _GENERATED[settings, word] = made
+        _GENERATED[settings, word] = generated(settings, SettingsTable, kind=word)
     return _GENERATED[settings, word]
+
+
+def generated(settings: type[Any], base: type[T], **words: str) -> type[T]:
+    """Generate a table of a settings class; `words` are the values of keys such as `kind`."""
+    by_key = {one.key: one for one in fields_of(settings)}
+    entries: dict[str, Any] = {key: (Literal[word], word) for key, word in words.items() if word}
+    entries |= {key: _entry(one) for key, one in by_key.items()}
+    made = create_model(settings.__name__, __base__=base, __doc__=settings.__doc__, **entries)
+    made.settings, made.by_key = settings, by_key
+    return made
 
 
 def one_of(kinds: Mapping[str, type[S]]) -> type[SettingsTable[S]]:

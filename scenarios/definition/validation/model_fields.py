@@ -6,6 +6,7 @@ from typing import Any, get_args
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from scenarios.definition.schema.plug_ins.table import tagged_table
 from scenarios.definition.schema.scenario_tables import ScenarioTables
 
 Location = tuple[str | int, ...]
@@ -26,12 +27,15 @@ def models_by_name(table: type[BaseModel]) -> Iterator[type[BaseModel]]:
 def walk(location: Location) -> tuple[Location, list[type[BaseModel]]]:
     """Follow a location; returns its key without union tags, and the models there.
 
-    Pydantic puts the kind of a table between its key and those inside it. Names of vehicles and
-    list indices are skipped.
+    The kind of a table, or the tag of a plug-in, is between its key and those inside it. Names of
+    vehicles and list indices are skipped.
     """
     key: Location = ()
     models: list[type[BaseModel]] = [ScenarioTables]
     for part in location:
+        if (table := tagged_table(part)) is not None:
+            models = [table]
+            continue
         of_kind = [model for model in models if part in kinds_of([model])]
         if len(models) > 1 and of_kind:
             models = of_kind

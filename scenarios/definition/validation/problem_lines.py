@@ -1,10 +1,14 @@
 """Pydantic errors as lines: the key, the given value, what is allowed, and a hint."""
 
+from collections.abc import Mapping
+from typing import Any
+
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from scenarios.definition.renamed import new_key, new_value
 from scenarios.definition.schema.base_table import NAME_PATTERN
+from scenarios.definition.schema.plug_ins.table import ERROR_TYPE
 from scenarios.definition.validation.hints import key_hint, value_hint
 from scenarios.definition.validation.model_fields import (
     Location,
@@ -13,7 +17,7 @@ from scenarios.definition.validation.model_fields import (
     kinds_of,
     walk,
 )
-from scenarios.definition.validation.wording import dotted_key, either, toml_repr
+from scenarios.definition.validation.wording import did_you_mean, dotted_key, either, toml_repr
 
 _ALLOWED = {
     "float_type": "a number",
@@ -50,6 +54,8 @@ def _line(problem: ErrorDetails) -> tuple[str, str]:
         return key, f"is now {new}" if new else f"unknown key{key_hint(location, given)}"
     if kind == "missing":
         return key, "missing"
+    if kind == ERROR_TYPE:
+        return key, _class_problem(problem.get("ctx", {}))
     if kind.startswith("union_tag"):
         allowed = either(kinds_of(walk(location)[1]))
         if "kind" not in given:
@@ -58,6 +64,16 @@ def _line(problem: ErrorDetails) -> tuple[str, str]:
         return f"{key}.kind", f"given {toml_repr(given['kind'])}, allowed {allowed}{hint}"
     allowed = _allowed(location, problem)
     return key, f"given {toml_repr(given)}, allowed {allowed}{value_hint(location, problem)}"
+
+
+def _class_problem(context: Mapping[str, Any]) -> str:
+    """Describe what is wrong with a class; an unknown name is followed by the shipped ones."""
+    if "use" not in context:
+        return str(context["text"])
+    use, names = str(context["use"]), context["names"]
+    text = context["text"] if "." in use else f"given {toml_repr(use)}"
+    allowed = ", ".join(map(toml_repr, names))
+    return f"{text}, allowed {allowed} or your own package.module.Class{did_you_mean(use, names)}"
 
 
 def _renamed(location: Location, given: object) -> str:

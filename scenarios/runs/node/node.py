@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from scenarios.definition.road.set_speed import SpeedPlan
+from scenarios.definition.schema.plug_ins.guards import PlugInError
 from scenarios.runs.node.change_executor import ChangeExecutor, CrashedError
 from scenarios.runs.node.outbox import Outbox, OutboxState
 from scenarios.runs.node.pending_changes import DueChange, PendingChanges
@@ -13,7 +14,6 @@ from scenarios.runs.node.replayed_node import ReplayedNode
 from transport.clock import Tick
 from transport.links.inbox import Inbox, InboxCounts
 from vehicles.car.dynamics import OutOfModelError
-from vehicles.driver.steering import ControllerError
 from vehicles.schedule import SECOND
 
 
@@ -93,12 +93,12 @@ AnyNode = Node | ReplayedNode | RecordedNode
 
 
 def step_with_faults(node: AnyNode, vehicle: str, start_at: int) -> Callable[[Tick], None]:
-    """Return `node.step`, with faults of controller or car raised as VehicleFaultError."""
+    """Return `node.step`, with faults of plug-ins or the car raised as VehicleFaultError."""
 
     def step(tick: Tick) -> None:
         try:
             node.step(tick)
-        except (ControllerError, OutOfModelError, CrashedError) as error:
+        except (PlugInError, OutOfModelError, CrashedError) as error:
             after_s = (tick.at - start_at) / SECOND
             raise VehicleFaultError(vehicle, f"{error}, {after_s:.2f} s after the start") from error
 

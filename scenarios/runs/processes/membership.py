@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import astuple, dataclass, fields
 
 from scenarios.definition.scenario import Scenario
-from scenarios.results.versions import controller_digests, current_stamp
+from scenarios.results.versions import current_stamp, plug_in_digests
 from scenarios.runs.control.seal import KEY_VARIABLE, Seal, key_digest, run_key
 from transport.bus.bus import Bus, BusError, Member
 from transport.texts import printable
@@ -48,7 +48,7 @@ class Fingerprint:
     """Identity of a run and of the program, announced by each process.
 
     `digest` is that of the scenario's content except its name and its seed, `sources` that of the
-    program, `controllers` those of the modules of user-defined controllers, as "module:digest+...",
+    program, `plug_ins` those of the modules of user-defined classes, as "module:digest+...",
     `key` that of the run's key. All but the versions of Python and NumPy must be equal in all
     processes.
     """
@@ -58,7 +58,7 @@ class Fingerprint:
     version: str
     digest: str
     sources: str
-    controllers: str
+    plug_ins: str
     python: str
     numpy: str
     key: str
@@ -66,14 +66,14 @@ class Fingerprint:
     @classmethod
     def of(cls, scenario: Scenario) -> "Fingerprint":
         stamp = current_stamp()
-        digests = controller_digests(scenario.controllers)
+        digests = plug_in_digests(scenario.plug_ins)
         return cls(
             scenario=scenario.name,
             seed=str(scenario.seed),
             version=stamp.convoy,
             digest=scenario.digest,
             sources=stamp.sources,
-            controllers="+".join(f"{module}:{digest}" for module, digest in digests.items()),
+            plug_ins="+".join(f"{module}:{digest}" for module, digest in digests.items()),
             python=stamp.python,
             numpy=stamp.numpy,
             key=key_digest(run_key()),
@@ -93,7 +93,7 @@ class Fingerprint:
             ("has scenario {}, here it is {}", other.scenario, self.scenario),
             ("has seed {}, here it is {}", other.seed, self.seed),
             ("runs other sources: {}, here {}", other.sources, self.sources),
-            ("runs other controllers: {}, here {}", other.controllers, self.controllers),
+            ("runs other user-defined classes: {}, here {}", other.plug_ins, self.plug_ins),
             (f"has {KEY_VARIABLE} {{}}, here it is {{}}", other.key, self.key),
         )
         differences = [text.format(shown(a), shown(b)) for text, a, b in rows if a != b]

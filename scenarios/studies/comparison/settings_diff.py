@@ -63,7 +63,7 @@ def _program(reader: LogReader) -> dict[str, Any]:
     identity = RunIdentity.of_values(values)
     programs = {f"version of {name}": version for name, version in identity.versions.items()}
     programs["digest of the sources"] = identity.sources
-    for name, digest in identity.controllers.items():
+    for name, digest in identity.plug_ins.items():
         programs[f"digest of {name}"] = digest
     return {"clock": identity.clock, **programs}
 

@@ -83,8 +83,8 @@ def drill_variants(
 
 def identity_of_drills(variants: Sequence[Variant]) -> dict[str, Any]:
     """Everything that the results depend on, named as on the command line."""
-    controllers = {name for variant in variants for name in variant.scenario.controllers}
-    first = identity_of(variants[0], controllers)
+    plug_ins = {name for variant in variants for name in variant.scenario.plug_ins}
+    first = identity_of(variants[0], plug_ins)
     return first | {
         "SCENARIO": list(dict.fromkeys(variant.name for variant in variants)),
         "scenario digest": list(

@@ -62,10 +62,10 @@ class JobDispatcher:
         jobs: Sequence[Job],
         workers: WorkerGroup,
         sizer: BatchSizer | None = None,
-        controllers: Mapping[str, str] | None = None,
+        plug_ins: Mapping[str, str] | None = None,
     ) -> None:
-        """`controllers` are digests that workers must have, see `run_batch`."""
-        self._controllers = dict(controllers or {})
+        """`plug_ins` are digests that workers must have, see `run_batch`."""
+        self._plug_ins = dict(plug_ins or {})
         self._jobs = {job.key: job.work for job in jobs}
         self._workers = workers
         self._waiting = deque(self._jobs)
@@ -91,7 +91,7 @@ class JobDispatcher:
                 keys = [self._waiting.popleft() for _ in range(size)]
             jobs = [self._jobs[key] for key in keys]
             try:
-                future = self._workers.executor.submit(run_batch, stamp, jobs, self._controllers)
+                future = self._workers.executor.submit(run_batch, stamp, jobs, self._plug_ins)
             except self._workers.worker_lost as error:
                 why = f"all workers are lost: {error_line(error)}"
                 raise EngineError([why]) from error

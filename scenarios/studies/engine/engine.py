@@ -75,7 +75,7 @@ class Engine:
         exit_stack: ExitStack,
         report: Callable[[str], None],
         journal: RunJournal | None = None,
-        controllers: Mapping[str, str] | None = None,
+        plug_ins: Mapping[str, str] | None = None,
     ) -> None:
         self.progress = JobProgress(report)
         self.report = report
@@ -83,7 +83,7 @@ class Engine:
         self._workers: WorkerGroup | None = None
         self._sizer = BatchSizer()
         self._journal = journal
-        self._controllers = controllers
+        self._plug_ins = plug_ins
 
     def results(self, jobs: Sequence[Job]) -> list[Any]:
         """Run all jobs and return their results in the same order.
@@ -124,7 +124,7 @@ class Engine:
             return
         if self._workers is None:
             self._workers = self._exit_stack.enter_context(self._open_workers())
-        dispatcher = JobDispatcher(left, self._workers, self._sizer, self._controllers)
+        dispatcher = JobDispatcher(left, self._workers, self._sizer, self._plug_ins)
         for outcome in dispatcher.outcomes():
             if self._journal is not None and (record_errors or not outcome.error):
                 entry = self._journal.add(outcome.key, _entry_of(outcome))
@@ -161,15 +161,15 @@ def study_engine(
     """Open the engine of a study that writes `files` and a journal into the folder `out`.
 
     An interrupted study resumes when it is restarted with the same `identity`, which holds
-    everything that the results depend on, also the digests of user-defined `controllers`, which the
+    everything that the results depend on, also the digests of user-defined classes, which the
     workers must have. The journal is removed at the end, unless
     `keep_journal`. Without a folder there is no journal. Raises ScenarioError if the folder
     already holds other files.
     """
     with ExitStack() as exit_stack:
-        controllers = (identity or {}).get("controllers")
+        plug_ins = (identity or {}).get("plug_ins")
         if out is None or identity is None:
-            yield Engine(open_workers, exit_stack, report, controllers=controllers)
+            yield Engine(open_workers, exit_stack, report, plug_ins=plug_ins)
             return
         if not (out / JOURNAL).exists():
             refuse_existing(*(out / name for name in files), place="folder by --out")
@@ -179,7 +179,7 @@ def study_engine(
             if journal.entries and not keep_journal:
                 report(f"{len(journal.entries)} runs are in the journal")
             with _remove_when_done(journal, keep=keep_journal):
-                yield Engine(open_workers, exit_stack, report, journal, controllers)
+                yield Engine(open_workers, exit_stack, report, journal, plug_ins)
         except BaseException:
             if is_new:
                 with suppress(OSError):  # not empty

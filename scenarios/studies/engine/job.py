@@ -52,17 +52,17 @@ class JobResult:
 
 
 def run_batch(
-    stamp: ProgramStamp, jobs: Sequence[Work], controllers: Mapping[str, str]
+    stamp: ProgramStamp, jobs: Sequence[Work], plug_ins: Mapping[str, str]
 ) -> list[JobResult]:
     """Run the jobs in this process.
 
     A job that raises does not affect the others. Raises EngineError if `stamp`, or the digests of
-    the modules of user-defined `controllers`, differ from those of this process.
+    the modules of user-defined classes, `plug_ins`, differ from those of this process.
     """
     differences = stamp.differences(current_stamp()) + [
-        f"controller module {module} is {there} there and {controllers[module]} here"
-        for module, there in module_digests(controllers).items()
-        if there != controllers[module]
+        f"module {module} is {there} there and {plug_ins[module]} here"
+        for module, there in module_digests(plug_ins).items()
+        if there != plug_ins[module]
     ]
     if differences:
         why = "; ".join(differences)

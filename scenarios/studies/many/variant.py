@@ -9,7 +9,7 @@ from typing import Any
 from scenarios.definition.run_limits import Limit
 from scenarios.definition.scenario import Scenario, scenario_from_text, scenario_text
 from scenarios.results.summary import RunSummary
-from scenarios.results.versions import controller_digests, current_stamp
+from scenarios.results.versions import current_stamp, plug_in_digests
 from scenarios.runs.virtual.unlogged_run import run_unlogged
 from scenarios.studies.many.limit_history import watch_limit
 
@@ -56,18 +56,18 @@ def variant_of(name: str, overrides: Sequence[str] = (), seed: int = 1) -> Varia
 
 
 def identity_of(
-    variant: Variant, controllers: Iterable[str] | None = None, /, **options: Any
+    variant: Variant, plug_ins: Iterable[str] | None = None, /, **options: Any
 ) -> dict[str, Any]:
     """Everything that the results of a study depend on, named as on the command line.
 
-    `controllers` are those of all runs, by default those of the variant.
+    `plug_ins` are those of all runs, by default those of the variant.
     """
-    names = variant.scenario.controllers if controllers is None else controllers
+    names = variant.scenario.plug_ins if plug_ins is None else plug_ins
     return {
         "SCENARIO": variant.name,
         "scenario digest": hashlib.sha256(variant.text.encode()).hexdigest()[:12],
         "--set": list(variant.overrides),
         **{f"--{name.replace('_', '-')}": value for name, value in options.items()},
         **asdict(current_stamp()),
-        "controllers": dict(controller_digests(names)),
+        "plug_ins": dict(plug_in_digests(names)),
     }

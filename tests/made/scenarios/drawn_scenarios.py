@@ -18,8 +18,8 @@ from scenarios.definition.schema.base_table import Table
 from scenarios.definition.schema.gnss_table import GnssTable
 from scenarios.definition.schema.limit_tables import LimitsTable
 from scenarios.definition.schema.link_tables import LinkEntry, LinkTable
+from scenarios.definition.schema.plug_ins.steering import LATERAL
 from scenarios.definition.schema.scenario_tables import (
-    CONTROLLERS,
     EPOCH,
     LATEST,
     ConvoyTable,
@@ -286,7 +286,7 @@ def _sending(chance: Random) -> Raw:
 def _steering(chance: Random) -> Raw:
     table = drawn_table(chance, SteeringTable)
     if chance.random() < 0.5:
-        table["controller"] = chance.choice([*CONTROLLERS, *CONTROLLERS.values()])
+        table["controller"] = chance.choice([*LATERAL.shipped, *LATERAL.short_names])
     return table
 
 

@@ -12,7 +12,8 @@ from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.speed_guard import GuardedCar, SpeedGuard
 from vehicles.driver.ego.pose_estimator import PoseEstimator
 from vehicles.driver.follower import Follower
-from vehicles.driver.speed import GapLimits, ProfileSpeed, SpacingPolicy, SpeedLaw, SpeedProfile
+from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
+from vehicles.driver.speed import ProfileSpeed, SpeedLaw, SpeedProfile
 from vehicles.driver.steering import SlipCompensated
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.messages import GpsPose

@@ -6,16 +6,9 @@ from vehicles.driver.degradation.settings import DegradationSettings, Reaction
 from vehicles.driver.degradation.situation import Situation, SourceFreshness
 from vehicles.driver.degradation.speed_guard import GuardedCar, SpeedGuard
 from vehicles.driver.ego.own_state import Pose
-from vehicles.driver.speed import (
-    GapKeeping,
-    GapLimits,
-    ProfileSpeed,
-    SpacingPolicy,
-    SpeedCommand,
-    SpeedLaw,
-    SpeedProfile,
-    VehiclesAhead,
-)
+from vehicles.driver.longitudinal.controller import VehiclesAhead
+from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
+from vehicles.driver.speed import GapKeeping, ProfileSpeed, SpeedCommand, SpeedLaw, SpeedProfile
 from vehicles.messages import Mode, SourceStatus
 from vehicles.schedule import MILLISECOND, SECOND
 

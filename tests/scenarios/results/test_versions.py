@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.results.versions import _module_digest, controller_digests, digest_of
+from scenarios.results.versions import _module_digest, digest_of, plug_in_digests
 
 
 def package(folder: Path, **files: str) -> Path:
@@ -51,7 +51,7 @@ def digest_here(folder: Path, monkeypatch: pytest.MonkeyPatch, **files: str) -> 
         importlib.invalidate_caches()
         _module_digest.cache_clear()
         names = ["laws.own.Mine", "vehicles.driver.steering.Stanley"]
-        digests = controller_digests(names)
+        digests = plug_in_digests(names)
     assert "further" not in sys.modules
     return dict(digests)
 

@@ -34,7 +34,8 @@ from vehicles.car.imu import Motion
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.decision import Decision
 from vehicles.driver.degradation.modes import NOTHING_RECEIVED
-from vehicles.driver.speed import GapKeeping, GapLimits, SpacingPolicy
+from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
+from vehicles.driver.speed import GapKeeping
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.preview.trajectory import Fusion
 from vehicles.received_pose import ReceivedPose

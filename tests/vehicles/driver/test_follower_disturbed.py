@@ -35,7 +35,8 @@ from tests.made.vehicles.followers import (
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
-from vehicles.driver.speed import GapKeeping, GapLimits, SpacingPolicy
+from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
+from vehicles.driver.speed import GapKeeping
 from vehicles.geometry.geodesy import heading_from_yaw
 from vehicles.messages import GpsPose
 from vehicles.preview.trajectory import Fusion

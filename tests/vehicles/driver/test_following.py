@@ -12,7 +12,8 @@ from tests.made.vehicles.laps import TICK, Place, bulb, eight, lap
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.bends import BendsAhead
-from vehicles.driver.speed import GapLimits, known_bend_acceleration
+from vehicles.driver.longitudinal.spacing import GapLimits
+from vehicles.driver.speed import known_bend_acceleration
 from vehicles.driver.steering import SlipCompensated
 from vehicles.driver.tracking import track
 from vehicles.geometry.sampled_path import Segment, path_from_segments

@@ -9,22 +9,23 @@ from hypothesis import strategies as st
 from tests.made.examples import examples
 from vehicles.driver.degradation.situation import SourceFreshness
 from vehicles.driver.ego.own_state import Pose
-from vehicles.driver.speed import (
-    BEND_RATE,
-    CORRECTION_MAX,
+from vehicles.driver.longitudinal.controller import VehiclesAhead
+from vehicles.driver.longitudinal.gap_keeping import (
     DAMPING,
     GAP_STIFFNESS,
     LEAD_PULL_DISTANCE,
-    PROFILE_CORRECTION,
     STABLE_HEADWAY,
-    GapKeeping,
-    GapLimits,
-    ProfileSpeed,
-    SpacingPolicy,
-    SpeedProfile,
-    VehiclesAhead,
-    bend_acceleration,
     gap_acceleration,
+)
+from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
+from vehicles.driver.speed import (
+    BEND_RATE,
+    CORRECTION_MAX,
+    PROFILE_CORRECTION,
+    GapKeeping,
+    ProfileSpeed,
+    SpeedProfile,
+    bend_acceleration,
 )
 from vehicles.schedule import SECOND, instant
 

@@ -10,13 +10,10 @@ from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.car.parameters import NOMINAL_GAINS, Gains
 from vehicles.driver.steering import (
     FeedforwardFeedback,
-    GuardedController,
     LateralController,
     PurePursuit,
     SlipCompensated,
     Stanley,
-    SteeringCommand,
-    load_controller,
 )
 from vehicles.driver.tracking import PathBehind, TrackingErrors, track
 from vehicles.geometry.arc_spline import ArcSpline
@@ -184,51 +181,3 @@ def test_gains_are_used() -> None:
     errors = TrackingErrors(1.0, 0.1, 0.01, 0.0)
     command = FeedforwardFeedback(CAR, Gains(0.001, 0.02, 0.3)).steer(errors, 10.0)
     assert command.feedback == pytest.approx(-0.001 - 0.002 - 0.003)
-
-
-class Bang:
-    """A minimal user-defined controller."""
-
-    built_with: tuple[object, Gains]
-
-    def __init__(self, parameters: object, gains: Gains) -> None:
-        Bang.built_with = (parameters, gains)
-
-    def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
-        side = -math.copysign(0.1, errors.lateral) * (speed > 0.0)
-        return SteeringCommand(side, 0.0, side)
-
-
-class Mute:
-    """Has no `steer`."""
-
-
-class Odd:
-    """Has another constructor than a controller."""
-
-    def __init__(self) -> None: ...
-
-    def steer(self, errors: TrackingErrors, speed: float) -> None: ...
-
-
-def test_a_user_s_controller_is_loaded_by_name() -> None:
-    law = load_controller(f"{__name__}.Bang", CAR, NOMINAL_GAINS)
-    assert isinstance(law, GuardedController)
-    assert Bang.built_with == (CAR, NOMINAL_GAINS)
-    assert law.steer(TrackingErrors(1.0, 0.0, 0.0, 0.0), 5.0).steering == -0.1
-    shipped = load_controller("vehicles.driver.steering.Stanley", CAR, NOMINAL_GAINS)
-    assert isinstance(shipped, Stanley)
-
-
-@pytest.mark.parametrize(
-    "name",
-    [
-        *("", "Bang", ".", "vehicles.", ".Stanley", "..a.b", "no.such.Module"),
-        *("vehicles.driver.steering.Missing", "vehicles.driver.steering.NOMINAL_GAINS"),
-        *("vehicles.driver.steering.load_controller", f"{__name__}.Mute", f"{__name__}.Odd"),
-    ],
-)
-def test_a_name_that_is_no_controller_is_refused(name: str) -> None:
-    with pytest.raises(ValueError, match="controller") as refused:
-        load_controller(name, CAR, NOMINAL_GAINS)
-    assert repr(name) in str(refused.value)

@@ -22,14 +22,9 @@ from vehicles.driver.degradation.stopping import (
     safe_reserve,
     stopping_distance,
 )
-from vehicles.driver.speed import (
-    DAMPING,
-    GAP_STIFFNESS,
-    GapLimits,
-    SpacingPolicy,
-    VehiclesAhead,
-    gap_acceleration,
-)
+from vehicles.driver.longitudinal.controller import VehiclesAhead
+from vehicles.driver.longitudinal.gap_keeping import DAMPING, GAP_STIFFNESS, gap_acceleration
+from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
 from vehicles.geometry.sampled_path import SampledPath
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND

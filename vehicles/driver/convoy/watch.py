@@ -7,7 +7,7 @@ from typing import Final
 from vehicles.driver.convoy.stations import MemberTrack
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import OFF_PATH
-from vehicles.driver.speed import SpacingPolicy
+from vehicles.driver.longitudinal.spacing import SpacingPolicy
 from vehicles.geometry.sampled_path import SampledPath
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND

@@ -27,15 +27,10 @@ from vehicles.driver.degradation.stopping import (
     stopping_distance,
 )
 from vehicles.driver.ego.own_state import Pose
-from vehicles.driver.speed import (
-    STABLE_HEADWAY,
-    GapKeeping,
-    GapLimits,
-    SpacingPolicy,
-    SpeedCommand,
-    SpeedLaw,
-    VehiclesAhead,
-)
+from vehicles.driver.longitudinal.controller import VehiclesAhead
+from vehicles.driver.longitudinal.gap_keeping import STABLE_HEADWAY
+from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
+from vehicles.driver.speed import GapKeeping, SpeedCommand, SpeedLaw
 from vehicles.messages import Mode
 from vehicles.schedule import SECOND
 

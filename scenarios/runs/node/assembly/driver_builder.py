@@ -22,9 +22,9 @@ from vehicles.driver.ego.pose_estimator import PoseEstimator
 from vehicles.driver.ego.slip_estimator import LoadWatch, ParameterUser, SlipEstimator
 from vehicles.driver.follower import Follower
 from vehicles.driver.leader import Leader, WaitingProfile
+from vehicles.driver.longitudinal.spacing import SpacingPolicy
 from vehicles.driver.position_limit import PositionLimit
-from vehicles.driver.speed import GapKeeping, ProfileSpeed, SpacingPolicy, SpeedLaw
-from vehicles.driver.steering import LateralController, load_controller
+from vehicles.driver.speed import GapKeeping, ProfileSpeed, SpeedLaw
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.schedule import MILLISECOND
@@ -47,9 +47,7 @@ class DriverBuilder:
         """Driver that starts at `now` (ns) without memory, and its speed profile, if any."""
         own = self._setup.predecessor is None or self._scenario.tables.speed.followers == "same"
         law = self._own_profile(context.start_at) if own else None
-        policy = self._scenario.spacing_policy(self._setup.place)
-        gap_keeping = GapKeeping(policy, self._scenario.gap_limits)
-        return self._driver(context, now, law or gap_keeping), law
+        return self._driver(context, now, law or self._gap_keeping()), law
 
     def human(self, context: VehicleContext) -> tuple[Driver, ProfileSpeed]:
         """Human who drives the road like the lead, with the true position."""
@@ -57,7 +55,7 @@ class DriverBuilder:
         body = context.car.body
         return Leader(
             own_state=ExactState(),
-            controller=self._controller(),
+            controller=self._setup.controller(),
             speed_law=law,
             control=context.control,
             path=self._route.path,
@@ -73,7 +71,7 @@ class DriverBuilder:
     def _driver(self, context: VehicleContext, now: int, speed_law: SpeedLaw) -> Driver:
         setup, control = self._setup, context.control
         own_state = self._own_state(now, context)
-        controller = self._controller()
+        controller = self._setup.controller()
         load = self._load_watch(own_state, controller)
         if setup.predecessor is None:
             speed = self._scenario.tables.speed
@@ -111,6 +109,14 @@ class DriverBuilder:
             bends=self._bends(),
         )
 
+    def _gap_keeping(self) -> GapKeeping:
+        scenario = self._scenario
+        return GapKeeping(
+            scenario.spacing_policy(self._setup.place),
+            scenario.gap_limits,
+            scenario.longitudinal_controller(self._name),
+        )
+
     def _own_state(self, now: int, context: VehicleContext) -> OwnState:
         """Estimator of the car's own state from `now` (ns) on.
 
@@ -138,10 +144,6 @@ class DriverBuilder:
         if not gnss.latency:
             return estimator
         return LatePoseEstimator(estimator, gnss.latency)
-
-    def _controller(self) -> LateralController:
-        setup = self._setup
-        return load_controller(setup.controller, setup.assumed_parameters, setup.gains)
 
     def _command_limit(self, car: Car) -> CommandLimit:
         limits = self._setup.parameters

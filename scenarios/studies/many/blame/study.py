@@ -7,7 +7,7 @@ from typing import Any
 
 from scenarios.definition.run_limits import Limit
 from scenarios.results.log_summary import scenario_of
-from scenarios.results.versions import controller_digests, current_stamp
+from scenarios.results.versions import current_stamp, plug_in_digests
 from scenarios.studies.engine.engine import Engine
 from scenarios.studies.engine.workers import cores
 from scenarios.studies.many.blame.listed_losses import LossFreeScenario, loss_free
@@ -133,7 +133,7 @@ def identity_of_blame(log: Path, limit: Limit, figure: FigureName, max_runs: int
         "--figure": figure,
         "--runs": max_runs,
         **asdict(current_stamp()),
-        "controllers": dict(controller_digests(scenario_of(log).controllers)),
+        "plug_ins": dict(plug_in_digests(scenario_of(log).plug_ins)),
     }
 
 

@@ -32,7 +32,7 @@ class SweepPlan:
     seeds: int
     figures: tuple[SweepFigure, ...]
     limits: tuple[Limit, ...]
-    controllers: tuple[str, ...] = ()
+    plug_ins: tuple[str, ...] = ()
     """Controllers of all runs."""
     contents: str = ""
     """Digest of the scenarios of all values, with the files that they name."""
@@ -67,7 +67,7 @@ class SweepPlan:
         """Everything that the results depend on, named as on the command line."""
         return identity_of(
             self.base,
-            self.controllers,
+            self.plug_ins,
             vary=[f"{axis.key}={','.join(axis.texts)}" for axis in self.axes],
             seeds=self.seeds,
             figure=[figure.name for figure in self.figures],
@@ -125,7 +125,7 @@ def planned(
     names = dict.fromkeys(figures or [DEFAULT_FIGURE])
     return replace(
         plan,
-        controllers=tuple(sorted({name for one in scenarios for name in one.controllers})),
+        plug_ins=tuple(sorted({name for one in scenarios for name in one.plug_ins})),
         contents=sha256(digests.encode()).hexdigest()[:12],
         figures=tuple(parsed_figure(text, vehicles) for text in names),
         limits=tuple(dict.fromkeys(parsed_limit(text, vehicles) for text in limits)),

@@ -3,6 +3,7 @@
 import re
 from dataclasses import fields
 from importlib.resources import files
+from inspect import getdoc
 from typing import get_args
 
 import pytest
@@ -11,13 +12,14 @@ from pydantic import BaseModel
 
 from scenarios.cli.main import cli
 from scenarios.cli.reference.message_pages import DEVIATION_ROW
-from scenarios.cli.reference.other_pages import controller_texts
+from scenarios.cli.reference.plug_in_examples import EXAMPLES
+from scenarios.cli.reference.plug_in_page import shipped_texts
 from scenarios.cli.reference.reference_command import ALIASES, PAGES, printers
 from scenarios.cli.reference.scenario_pages import gnss_presets, limit_texts
-from scenarios.cli.reference.table_keys import models_at, scenario_tables, tables_at
+from scenarios.cli.reference.table_keys import models_at, scenario_tables, split_doc, tables_at
 from scenarios.definition.channel.presets import presets, read_preset
 from scenarios.definition.schema.limit_rows import LIMITS, WORDS
-from scenarios.definition.schema.scenario_tables import CONTROLLERS
+from scenarios.definition.schema.plug_ins.points import POINTS
 from scenarios.definition.schema.settings_table import SettingsTable
 from scenarios.results.summary import documented_fields
 from scenarios.runs.stop import EXIT_BAD_INPUT, EXIT_CODES, EXIT_DONE, EXIT_FAILED
@@ -25,9 +27,6 @@ from transport.links.laws.registry import LAWS
 from transport.log.foxglove import standard_messages
 from transport.reasons import REASONS
 from transport.topics import RUN_SENDER, TOPICS, alive_key, clock_key, control_key
-from vehicles.car.parameters import VehicleParameters
-from vehicles.driver.steering import SteeringCommand
-from vehicles.driver.tracking import TrackingErrors
 from vehicles.messages import MODES, Message, Mode
 
 
@@ -216,17 +215,18 @@ def test_fields_are_those_of_the_summary() -> None:
         assert rows(sections("fields")[group]) == [list(row) for row in docs.items()]
 
 
-def test_the_contract_of_a_controller_is_complete() -> None:
-    text = words("controllers")
-    for word in ("Class(parameters, gains)", "steer(errors, speed)", "control.controller"):
-        assert word in text
-    for kind in (TrackingErrors, SteeringCommand, VehicleParameters):
-        assert f"{kind.__name__}: " in text
-    for one in fields(TrackingErrors):
-        assert one.name in text
-    found = rows(sections("controllers")["shipped controllers"])
-    assert found == [list(row) for row in controller_texts()]
-    assert [name for name, _ in found] == list(CONTROLLERS)
+def test_the_contract_of_each_plug_in_is_complete() -> None:
+    text = words("plug-ins")
+    for point in POINTS:
+        assert rows(sections("plug-ins")[point.key]) == [list(row) for row in shipped_texts(point)]
+        assert f"Class({point.arguments})" in text
+        for method, arguments in point.methods.items():
+            assert f"{method}({arguments})" in text
+        for kind in point.types:
+            assert f"{kind.__name__}: " in text
+            if listed := split_doc(getdoc(kind) or "")[1]:
+                assert list(listed) == [one.name for one in fields(kind)]
+    assert {point.key for point in POINTS} == set(EXAMPLES)
 
 
 def test_every_exit_code_is_printed() -> None:

@@ -165,7 +165,7 @@ def test_a_vehicle_with_another_controller_is_refused(
         what.append(Fingerprint.of(scenario('control.controller="own_law.Mine"')))
     (here, there) = what
     assert "own_law:" in here.difference(there.chunk)
-    assert replace(there, controllers=here.controllers) == here
+    assert replace(there, plug_ins=here.plug_ins) == here
 
 
 def test_a_vehicle_with_another_recorded_drive_is_refused(tmp_path: Path) -> None:

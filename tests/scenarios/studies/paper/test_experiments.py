@@ -71,7 +71,7 @@ def test_the_cases_are_the_papers(case: str, speed: float, loads: list[tuple[int
         setup = scenario.vehicle(name)
         mass = setup.assumed_parameters.mass + 120.0 * (front + rear)
         assert setup.parameters.mass == pytest.approx(mass)
-        assert setup.controller.endswith(".FeedforwardFeedback")
+        assert setup.steering.controller.use == "feedforward_feedback"
         assert (setup.steering.alpha_ratio, setup.steering.fusion) == (0.5, "composite")
         assert tuple(setup.steering.gains.model_dump().values()) == NOMINAL_GAINS
         assert setup.gnss.position_noise == 0.0

@@ -13,7 +13,9 @@ from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.driver.convoy.ahead import ConvoyAhead, ConvoyMember, approach_acceleration
 from vehicles.driver.convoy.lane import Lane
 from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.speed import GapLimits, SpacingPolicy, VehiclesAhead, gap_acceleration
+from vehicles.driver.longitudinal.controller import VehiclesAhead
+from vehicles.driver.longitudinal.gap_keeping import gap_acceleration
+from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.messages import Announcement
 from vehicles.received_pose import ReceivedPose

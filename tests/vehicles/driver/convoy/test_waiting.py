@@ -10,7 +10,9 @@ from vehicles.driver.convoy.watch import ConvoyBehind, ConvoyWatch
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.leader import WAITING_SHARE, WaitingProfile
-from vehicles.driver.speed import ProfileSpeed, SpacingPolicy, SpeedProfile, VehiclesAhead
+from vehicles.driver.longitudinal.controller import VehiclesAhead
+from vehicles.driver.longitudinal.spacing import SpacingPolicy
+from vehicles.driver.speed import ProfileSpeed, SpeedProfile
 from vehicles.geometry.sampled_path import Segment, path_from_segments
 from vehicles.messages import Announcement, Mode
 from vehicles.received_pose import ReceivedPose

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from tests.made.vehicles.two_cars import LATENCY, LENGTH, PERIOD, TICK, Road, profile
 from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.speed import SpacingPolicy
+from vehicles.driver.longitudinal.spacing import SpacingPolicy
 from vehicles.schedule import SECOND
 
 SILENT_AT = 3 * SECOND

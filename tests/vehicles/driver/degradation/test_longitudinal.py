@@ -24,12 +24,9 @@ from vehicles.driver.degradation.settings import DegradationSettings, Reaction
 from vehicles.driver.degradation.situation import Situation, SourceFreshness
 from vehicles.driver.degradation.stopping import friction_left
 from vehicles.driver.ego.own_state import Pose
-from vehicles.driver.speed import (
-    GapKeeping,
-    SpacingPolicy,
-    SpeedLaw,
-    VehiclesAhead,
-)
+from vehicles.driver.longitudinal.controller import VehiclesAhead
+from vehicles.driver.longitudinal.spacing import SpacingPolicy
+from vehicles.driver.speed import GapKeeping, SpeedLaw
 from vehicles.schedule import MILLISECOND, SECOND
 
 

@@ -16,7 +16,8 @@ from tests.made.vehicles.two_cars import (
     profile,
 )
 from vehicles.driver.degradation.situation import Situation
-from vehicles.driver.speed import SpeedLaw, VehiclesAhead
+from vehicles.driver.longitudinal.controller import VehiclesAhead
+from vehicles.driver.speed import SpeedLaw
 from vehicles.schedule import SECOND
 
 ANNOUNCED = 3 * SECOND

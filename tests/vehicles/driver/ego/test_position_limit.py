@@ -10,8 +10,9 @@ import pytest
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.leader import WaitingProfile
+from vehicles.driver.longitudinal.controller import VehiclesAhead
 from vehicles.driver.position_limit import WALKING_PACE, PositionLimit, speed_limit
-from vehicles.driver.speed import SpeedCommand, SpeedProfile, VehiclesAhead
+from vehicles.driver.speed import SpeedCommand, SpeedProfile
 from vehicles.schedule import SECOND
 
 SETTINGS = DegradationSettings()

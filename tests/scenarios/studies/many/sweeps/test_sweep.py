@@ -66,9 +66,9 @@ def test_a_changed_controller_or_file_is_another_sweep(
         _module_digest.cache_clear()  # as in another process
         identities.append(planned("lane_change", vary=vary, seeds=1, sets=sets).identity())
     first, second, third = identities
-    assert first["controllers"] != second["controllers"]
-    assert first | {"controllers": {}} == second | {"controllers": {}}
-    assert second["controllers"] == third["controllers"]
+    assert first["plug_ins"] != second["plug_ins"]
+    assert first | {"plug_ins": {}} == second | {"plug_ins": {}}
+    assert second["plug_ins"] == third["plug_ins"]
     assert second != third
 
 

@@ -1,0 +1,85 @@
+"""A plug-in point, and the classes that fit it."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, is_dataclass
+from functools import cached_property
+from importlib import import_module
+from typing import Any
+
+from pydantic import BaseModel
+
+from scenarios.definition.schema.plug_ins.guards import PlugInError, called, described
+
+
+@dataclass(frozen=True)
+class PlugInPoint:
+    """A place in a scenario that selects a class.
+
+    name       noun for messages
+    title      noun for documentation
+    key        key of a scenario that selects the class
+    shipped    dotted names of the shipped classes by their short names
+    contract   class that documents the interface
+    methods    methods that a class must have, with their arguments
+    types      documented types of the arguments
+    arguments  arguments of the constructor; the parameters follow, if the class has any
+    guard      wraps an instance of a user's class, named by its dotted name
+    trial      calls a guarded instance before a run and returns the results; raises PlugInError
+    """
+
+    name: str
+    title: str
+    key: str
+    shipped: Mapping[str, str]
+    contract: type
+    methods: Mapping[str, str]
+    types: tuple[type, ...]
+    arguments: str
+    guard: Callable[[Any, str], Any]
+    trial: Callable[..., object]
+
+    @cached_property
+    def short_names(self) -> Mapping[str, str]:
+        """Short names of the shipped classes by their dotted names."""
+        return {dotted: short for short, dotted in self.shipped.items()}
+
+    def load(self, use: str) -> type[Any]:
+        """Import the class of a short or dotted name; raises PlugInError if it does not fit."""
+        module_name, _, class_name = self.shipped.get(use, use).rpartition(".")
+        if not module_name or not class_name:
+            raise PlugInError(f"{self.name} {use!r}: give a dotted name, package.module.Class")
+        try:
+            found: object = getattr(import_module(module_name), class_name)
+        except ModuleNotFoundError as error:
+            where = f"{error}, neither in the working folder nor installed"
+            raise PlugInError(f"{self.name} {use!r}: {where}") from error
+        except ImportError as error:
+            raise PlugInError(f"{self.name} {use!r}: {error}") from error
+        except (Exception, SystemExit) as error:
+            raise PlugInError(f"{self.name} {use!r}: {described(error)}") from error
+        missing = [one for one in self.methods if not callable(getattr(found, one, None))]
+        if not isinstance(found, type) or missing:
+            wanted = " and ".join(f"{one}({self.methods[one]})" for one in self.methods)
+            raise PlugInError(f"{self.name} {use!r}: not a class with a method {wanted}")
+        return found
+
+    def build(self, plugged: type[Any], use: str, *arguments: object) -> Any:
+        """Construct a class; an instance of a user's class is guarded. Raises PlugInError."""
+        given = ", ".join(filter(None, (self.arguments, "settings" * has_settings(plugged))))
+        what = f"{self.name} {use!r}: cannot be built as {plugged.__name__}({given})"
+        made = called(lambda: plugged(*arguments), what, ": ")
+        return made if use in self.shipped else self.guard(made, use)
+
+
+def has_settings(plugged: type[Any]) -> bool:
+    """Whether a class names a dataclass or a Pydantic model of its parameters, as `Settings`."""
+    return getattr(plugged, "Settings", None) is not None
+
+
+def settings_class(point: PlugInPoint, plugged: type[Any], use: str) -> type[Any] | None:
+    """Return the class of the parameters, if there is one; raises PlugInError for others."""
+    settings = getattr(plugged, "Settings", None)
+    is_model = isinstance(settings, type) and issubclass(settings, BaseModel)
+    if settings is None or is_model or (isinstance(settings, type) and is_dataclass(settings)):
+        return settings
+    raise PlugInError(f"{point.name} {use!r}: Settings is not a dataclass or a Pydantic model")

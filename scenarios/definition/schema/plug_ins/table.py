@@ -1,0 +1,175 @@
+"""The table that selects a class at a plug-in point and has its parameters."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import (
+    BaseModel,
+    SerializeAsAny,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+    create_model,
+    model_serializer,
+)
+from pydantic_core import InitErrorDetails, PydanticCustomError
+
+from scenarios.definition.schema.base_table import Table
+from scenarios.definition.schema.plug_ins.guards import PlugInError, called
+from scenarios.definition.schema.plug_ins.point import PlugInPoint, settings_class
+from scenarios.definition.schema.settings_table import SettingsTable, generated
+
+ERROR_TYPE = "plug_in"
+"""Type of the errors of Pydantic that are about a class, not about its parameters."""
+
+
+class PlugInTable(Table):
+    """A class at a plug-in point, and its parameters.
+
+    use  short name of a shipped class, or your own class, "module.Class"
+    """
+
+    use: str
+
+    point: ClassVar[PlugInPoint]
+    plugged: ClassVar[type[Any]]
+
+    @model_serializer(mode="wrap")
+    def _serialize(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any] | str:
+        """Write a class without parameters as its name."""
+        written: dict[str, Any] = serialize(self)
+        return self.use if written.keys() <= {"use"} else written
+
+    @property
+    def is_own(self) -> bool:
+        """Whether the class is the user's."""
+        return self.use not in self.point.shipped
+
+    def constructor_settings(self) -> tuple[Any, ...]:
+        """Parameters as the last argument of the constructor; empty for a class without any."""
+        return ()
+
+    def build(self, *arguments: object) -> Any:
+        """Construct the class; raises PlugInError."""
+        what = f"{self.point.name} {self.use!r}: invalid parameters"
+        settings = called(self.constructor_settings, what, ": ")
+        return self.point.build(self.plugged, self.use, *arguments, *settings)
+
+
+class SettingsPlugIn(PlugInTable, SettingsTable[Any]):
+    """A class whose `Settings` is a dataclass, whose fields may be annotated with a `Setting`."""
+
+    def constructor_settings(self) -> tuple[Any, ...]:
+        return (self.value,)
+
+
+class ModelPlugIn(PlugInTable):
+    """A class whose `Settings` is a Pydantic model; the table inherits from it."""
+
+    model: ClassVar[type[BaseModel]]
+
+    def constructor_settings(self) -> tuple[Any, ...]:
+        fields = self.model.model_fields
+        return (self.model.model_construct(**{name: getattr(self, name) for name in fields}),)
+
+
+_TABLES: dict[tuple[str, str], type[PlugInTable]] = {}
+_TABLE_OF_TAG: dict[str, type[PlugInTable]] = {}
+"""Generated tables by the tag that the location of an error has in front of a parameter."""
+
+
+def tagged_table(tag: object) -> type[PlugInTable] | None:
+    """Return the table with a tag in the location of an error."""
+    return _TABLE_OF_TAG.get(tag) if isinstance(tag, str) else None
+
+
+def plug_in_table(point: PlugInPoint, use: str) -> type[PlugInTable]:
+    """Generate the table of a class, by its short or dotted name; raises PlugInError."""
+    use = point.short_names.get(use, use)
+    key = point.key, use
+    if key not in _TABLES:
+        plugged = point.load(use)
+        what = f"{point.name} {use!r}: Settings cannot be read"
+        made = called(lambda: _generated(point, plugged, use), what, ": ")
+        made.point, made.plugged = point, plugged
+        _TABLES[key] = _TABLE_OF_TAG[_tag(point, use)] = made
+    return _TABLES[key]
+
+
+def default_of(point: PlugInPoint) -> PlugInTable:
+    """Return the table of the first shipped class."""
+    use = next(iter(point.shipped))
+    return plug_in_table(point, use).model_validate({"use": use})
+
+
+def plug_in_tables(table: object) -> Iterator[PlugInTable]:
+    """Yield the tables of classes in a table, also in the tables and lists inside it."""
+    if isinstance(table, PlugInTable):
+        yield table
+    inner: Iterable[object] = ()
+    if isinstance(table, BaseModel):
+        inner = table.__dict__.values()
+    elif isinstance(table, Mapping):
+        inner = table.values()
+    elif isinstance(table, tuple):
+        inner = table
+    for one in inner:
+        yield from plug_in_tables(one)
+
+
+def plug_in(point: PlugInPoint) -> Any:
+    """Return the annotation of a key that selects a class: its name, or a table with `use`."""
+
+    def validate(given: object, usual: ValidatorFunctionWrapHandler) -> Any:
+        table: Mapping[str, Any] = {}
+        if isinstance(given, str):
+            table = {"use": given}
+        elif isinstance(given, Mapping):
+            table = given
+        use = table.get("use")
+        if not isinstance(use, str):
+            return usual(given)  # an existing table, or an error
+        try:
+            model = plug_in_table(point, use)
+        except PlugInError as error:
+            raise _custom_error(str(error), {"use": use, "names": list(point.shipped)}) from error
+        named = {**table, "use": point.short_names.get(use, use)}
+        try:
+            return model.model_validate(named)
+        except ValidationError as error:
+            tag = _tag(point, named["use"])
+            raise ValidationError.from_exception_data(use, list(_tagged(error, tag))) from error
+
+    return SerializeAsAny[Annotated[PlugInTable, WrapValidator(validate)]]
+
+
+def _tag(point: PlugInPoint, use: str) -> str:
+    return f"{point.key}={use}"
+
+
+def _generated(point: PlugInPoint, plugged: type[Any], use: str) -> type[PlugInTable]:
+    settings = settings_class(point, plugged, use)
+    entry: dict[str, Any] = {"use": (Literal[use], use)}
+    if settings is None:
+        return create_model(plugged.__name__, __base__=PlugInTable, **entry)
+    if not issubclass(settings, BaseModel):
+        return generated(settings, SettingsPlugIn, use=use)
+    bases: Any = (settings, ModelPlugIn)
+    made: type[ModelPlugIn] = create_model(plugged.__name__, __base__=bases, **entry)
+    made.model = settings
+    return made
+
+
+def _tagged(error: ValidationError, tag: str) -> Iterator[InitErrorDetails]:
+    """Yield the errors of a generated table with its tag in front of their locations."""
+    for one in error.errors(include_url=False):
+        kind: Any = one["type"]
+        if kind in {"value_error", "assertion_error"}:
+            kind = _custom_error(one["msg"], {})
+        location = (tag, *one["loc"])
+        yield InitErrorDetails(type=kind, loc=location, input=one["input"], ctx=one.get("ctx", {}))
+
+
+def _custom_error(text: str, context: dict[str, Any]) -> PydanticCustomError:
+    return PydanticCustomError(ERROR_TYPE, "{text}", {"text": text, **context})

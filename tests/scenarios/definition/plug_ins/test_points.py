@@ -1,0 +1,164 @@
+"""Classes that a scenario selects: the printed examples, parameters, and planted mistakes."""
+
+import itertools
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from scenarios.cli.reference.plug_in_examples import EXAMPLES
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
+from scenarios.runs.stop import Stop
+from scenarios.runs.virtual.logged_run import run_virtual
+from vehicles.driver.tracking import TrackingErrors
+
+NUMBERS = itertools.count()
+TWO = ["convoy.vehicles=2", "duration_s=1"]
+Module = Callable[[str], str]
+
+
+@pytest.fixture
+def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Module]:
+    """Writes a module of a name of its own, which it returns."""
+    monkeypatch.syspath_prepend(tmp_path)
+    made: list[str] = []
+
+    def write(code: str) -> str:
+        made.append(f"own_{next(NUMBERS)}")
+        (tmp_path / f"{made[-1]}.py").write_text(code, encoding="utf-8")
+        return made[-1]
+
+    yield write
+    for name in made:
+        sys.modules.pop(name, None)
+
+
+def with_example(key: str, name: str, *, of: str = "lane_change") -> Scenario:
+    """A short scenario with the lines of an example, whose module is called `name`."""
+    toml = EXAMPLES[key].toml.replace("mine.", f"{name}.")
+    head = f'extends = "{of}"\nname = "own"\nduration_s = 1.0\n'
+    return scenario_from_text(f"{head}{toml}", overrides=["convoy.vehicles=3"])
+
+
+@pytest.mark.parametrize("key", EXAMPLES)
+def test_the_example_of_a_point_runs_and_its_parameter_counts(
+    key: str, module: Module, tmp_path: Path
+) -> None:
+    """The stored scenario is the same, and the module is part of the run's identity."""
+    name = module(EXAMPLES[key].code)
+    scenario = with_example(key, name)
+    assert [one.partition(".")[0] for one in scenario.plug_ins] == [name]
+    again = scenario_from_text(scenario.text)
+    assert again.text == scenario.text
+    assert again.plug_ins == scenario.plug_ins
+    stop = Stop()
+    summary = run_virtual(scenario, tmp_path, stop)
+    assert summary.outcome == "completed", summary.reason
+    assert list(summary.identity.plug_ins) == [name]
+
+
+LATERAL = """
+import random
+from dataclasses import dataclass
+from pydantic import BaseModel
+from vehicles.driver.steering import FeedforwardFeedback, SteeringCommand
+
+class Law(FeedforwardFeedback):
+    @dataclass
+    class Settings:
+        share: float = 1.0
+
+    def __init__(self, parameters, gains, settings):
+        super().__init__(parameters, gains)
+        self.share = settings.share
+
+    def steer(self, errors, speed):
+        command = super().steer(errors, speed)
+        return SteeringCommand(self.share * command.steering, 0.0, 0.0)
+
+class Modelled(Law):
+    class Settings(BaseModel):
+        share: float = 1.0
+
+class Floats(Law):
+    def steer(self, errors, speed):
+        return 0.0
+
+class Nan(Law):
+    def steer(self, errors, speed):
+        return SteeringCommand(float("nan"), 0.0, 0.0)
+
+class Raises(Law):
+    def __init__(self, parameters, gains, settings):
+        raise RuntimeError("of two\\nlines")
+
+class Random(Law):
+    def steer(self, errors, speed):
+        return SteeringCommand(random.random(), 0.0, 0.0)
+
+class Listed(Law):
+    Settings = ["share"]
+
+class Mute:
+    pass
+
+function = Law
+def function(): pass
+"""
+MISTAKES = {
+    "a missing module": ("nobody.Law", "", "No module named 'nobody', neither in the working"),
+    "a missing class": ("M.Nobody", "", "has no attribute 'Nobody'"),
+    "no class": ("M.function", "", "not a class with a method steer(errors, speed)"),
+    "no method": ("M.Mute", "", "not a class with a method steer(errors, speed)"),
+    "an unknown parameter": ("M.Law", "shares = 1.0", "shares: unknown key, did you mean"),
+    "a wrong type": ("M.Law", "share = 'a'", 'share: given "a", allowed a number'),
+    "not finite": ("M.Modelled", "share = nan", "share: given nan, allowed a finite number"),
+    "no settings": ("M.Listed", "", "Settings is not a dataclass or a Pydantic model"),
+    "a wrong result": ("M.Floats", "", "steer() returned float, expected a SteeringCommand"),
+    "a result that is not finite": ("M.Nan", "", "steer() returned steering = nan, expected a"),
+    "a constructor that raises": ("M.Raises", "", "RuntimeError: of two lines"),
+    "global random numbers": ("M.Random", "", "results differ between equal calls"),
+    "a parameter of a class without any": ("stanley", "share = 1.0", "share: unknown key"),
+    "an unknown short name": ("stanly", "", 'given "stanly", allowed "slip_compensated"'),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_is_one_clear_line(mistake: str, module: Module) -> None:
+    use, parameter, wanted = MISTAKES[mistake]
+    use = use.replace("M.", f"{module(LATERAL)}.")
+    text = f'extends = "lane_change"\nname = "own"\n[control.controller]\nuse = "{use}"\n'
+    with pytest.raises(ScenarioError) as refused:
+        scenario_from_text(text + parameter)
+    (line,) = refused.value.lines
+    assert line.startswith("scenario: control.controller")
+    assert wanted in line
+
+
+def test_a_longitudinal_controller_needs_followers_that_keep_a_gap(module: Module) -> None:
+    name = module(EXAMPLES["control.longitudinal"].code)
+    with pytest.raises(
+        ScenarioError, match=r'longitudinal: given .*, but speed.followers = "same"'
+    ):
+        load_scenario("lane_change", [f"control.longitudinal={name}.ConstantTimeGap"])
+
+
+def test_parameters_reach_the_class_also_by_vehicle_and_model(module: Module) -> None:
+    name = module(LATERAL)
+    own = f"vehicle.v2.control.controller={{use='{name}.Modelled',share=0.25}}"
+    scenario = load_scenario("lane_change", [f"control.controller.use={name}.Law", own])
+    errors = TrackingErrors(lateral=0.0, heading=0.1, yaw_rate=0.0, curvature=0.0)
+    first, second = (scenario.vehicle(one).controller().steer(errors, 9.0) for one in ("v1", "v2"))
+    assert second.steering == 0.25 * first.steering != 0.0
+    assert scenario.plug_ins == [f"{name}.Law", f"{name}.Modelled"]
+
+
+def test_a_shipped_class_is_stored_by_its_short_name() -> None:
+    dotted = load_scenario("lane_change", ["control.controller=vehicles.driver.steering.Stanley"])
+    short = load_scenario("lane_change", ["control.controller=stanley"])
+    assert dotted.tables.control == short.tables.control
+    assert short.plug_ins == []
+    usual = load_scenario("lane_change")
+    assert 'controller = "slip_compensated"' in usual.text

@@ -1,0 +1,138 @@
+"""Interface of a longitudinal controller, and its inputs; SI units.
+
+A gap is between bumpers; a *spacing*, by which it is kept, is between centres of mass.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from math import inf, nan
+from typing import Protocol
+
+from vehicles.car.parameters import LINCOLN_MKZ, VehicleParameters
+from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
+
+
+@dataclass(slots=True)
+class OwnMotion:
+    """Motion of the car itself.
+
+    step          time since the last control instant (s); 0 at the first one
+    acceleration  last command (m/s²), after all limits
+    distance      distance driven (m), by the estimated speed
+    """
+
+    step: float = 0.0
+    acceleration: float = 0.0
+    distance: float = 0.0
+
+
+@dataclass(slots=True)
+class SourceMotion:
+    """Motion of a received vehicle in its newest pose.
+
+    spacing       arc length (m) along its path from the car's present position to that pose
+    speed         speed (m/s)
+    acceleration  announced command (m/s²)
+    age           time since the measurement (s)
+    """
+
+    spacing: float = nan
+    speed: float = nan
+    acceleration: float = 0.0
+    age: float = nan
+
+
+@dataclass(slots=True)
+class VehiclesAhead:
+    """Motion of the vehicles ahead; NaN where nothing was received.
+
+    The first five are predicted to the present by the last announced accelerations; while messages
+    are missing, a follower that degrades alters them to open its gap.
+
+    spacing                   arc length to the predecessor (m)
+    predecessor_speed         m/s
+    lead_speed                m/s
+    predecessor_acceleration  m/s²
+    lead_acceleration         m/s²
+    curvature_ahead           maps a distance ahead (m) to the curvature of the path (1/m)
+    bend                      squared speed (m²/s²) that the received path allows, and the distance
+                              of its bend (m), if any
+    own                       `OwnMotion`
+    sources                   `SourceMotion` of each received vehicle by its name
+    measured_gap              gap by an on-board sensor (m)
+    measured_gap_rate         its rate (m/s)
+    """
+
+    spacing: float = nan
+    predecessor_speed: float = nan
+    lead_speed: float = nan
+    predecessor_acceleration: float = 0.0
+    lead_acceleration: float = nan
+    curvature_ahead: Callable[[float], float] | None = None
+    bend: tuple[float, float] | None = None
+    own: OwnMotion = field(default_factory=OwnMotion)
+    sources: Mapping[str, SourceMotion] = field(default_factory=dict)
+    measured_gap: float = nan
+    measured_gap_rate: float = nan
+
+    def replaced(
+        self, spacing: float, lead_speed: float, lead_acceleration: float
+    ) -> "VehiclesAhead":
+        """Copy with another spacing and motion of the lead; `replace` costs 1 % of a tick."""
+        return VehiclesAhead(
+            spacing,
+            self.predecessor_speed,
+            lead_speed,
+            self.predecessor_acceleration,
+            lead_acceleration,
+            self.curvature_ahead,
+            self.bend,
+            self.own,
+            self.sources,
+            self.measured_gap,
+            self.measured_gap_rate,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class LongitudinalSetup:
+    """Constants of a follower for its longitudinal controller.
+
+    policy         `SpacingPolicy` of [speed.gap]: `desired(speed)` is the spacing to keep (m)
+    limits         `GapLimits` of [speed.gap], to which commands are limited
+    least_spacing  spacing (m) to the predecessor at which the bumpers touch: gap = spacing minus it
+    period         control period (s)
+    desired_speed  highest speed (m/s) that is planned for the lead
+    parameters     `VehicleParameters` assumed of the car
+    lead           name of the lead
+    predecessor    name of the predecessor
+    """
+
+    policy: SpacingPolicy
+    limits: GapLimits
+    least_spacing: float = 0.0
+    period: float = 0.02
+    desired_speed: float = inf
+    parameters: VehicleParameters = LINCOLN_MKZ
+    lead: str = ""
+    predecessor: str = ""
+
+
+class LongitudinalController(Protocol):
+    """Interface of the longitudinal controller of a follower, shipped or user-defined.
+
+    Each follower with `speed.followers = "gap"` has its own instance, constructed as
+    `Class(setup)`, followed by its `settings` if it has any; `setup` is a `LongitudinalSetup`.
+
+    A controller must not keep state between calls, use a clock or draw random numbers: it is called
+    up to 3 times per control instant, with the measured and with altered spacings. A law with a
+    derivative of its command continues from `ahead.own.acceleration`, over `ahead.own.step`.
+
+    The command is limited to [speed.gap] and to bends. With `reaction = "degrade"` the follower
+    also keeps the safe distance while messages are missing. It is not called before the first pose
+    of the predecessor, until which the car keeps its speed.
+    """
+
+    def acceleration(self, speed: float, ahead: VehiclesAhead) -> float:
+        """Commanded acceleration (m/s²) at `speed` (m/s), behind the `VehiclesAhead`."""
+        ...
