@@ -1,6 +1,6 @@
 """Messages of a log by columns: an array for each field, not an object for each message."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
@@ -83,7 +83,7 @@ def read_columns(
         and (selection.vehicles is None or key[0] in selection.vehicles)
     }
     parts: dict[tuple[str, str], list[_Part]] = {key: [] for key in chosen.values()}
-    for batch in _batches(file, selection.span_ns):
+    for batch in _batches(file, chosen.keys(), selection.span_ns):
         for topic in {topic for _, topic in parts}:
             numbers = {number: key for number, key in chosen.items() if key[1] == topic}
             wanted = _layout(topic).wanted(selection.fields[topic])
@@ -116,35 +116,46 @@ class _Batch(NamedTuple):
         )
 
 
-def _batches(file: McapFile, span: tuple[int, int] | None) -> Iterator[_Batch]:
-    chunks: list[tuple[bytes, Integers]] = []
+class _Chunk(NamedTuple):
+    """Records of a chunk and their places in it; `before` are the unpacked bytes before it."""
+
+    before: int
+    content: bytes
+    records: Integers
+
+
+def _batches(file: McapFile, channels: Set[int], span: tuple[int, int] | None) -> Iterator[_Batch]:
+    """Yield the messages of the chunks that may hold messages to read."""
+    chunks: list[_Chunk] = []
     before = size = 0
-    for number, (_, head) in enumerate(file.chunks):
-        if span is None or (head.first_at <= span[1] and head.last_at >= span[0]):
-            chunk = file.unpack(head)
-            chunks.append((chunk, file.record_starts(number, chunk)))
+    for number, (record, head) in enumerate(file.chunks):
+        is_within = span is None or (head.first_at <= span[1] and head.last_at >= span[0])
+        if is_within and file.may_hold(record, channels):
+            content = file.unpack(head)
+            chunks.append(_Chunk(before, content, file.record_starts(number, content)))
             size += head.size
+        before += head.size
         if size > BATCH_BYTES:
-            yield _batch(chunks, before, span)
-            chunks, before, size = [], before + size, 0
-    yield _batch(chunks, before, span)
+            yield _batch(chunks, span)
+            chunks, size = [], 0
+    yield _batch(chunks, span)
 
 
-def _batch(
-    chunks: Sequence[tuple[bytes, Integers]], before: int, span: tuple[int, int] | None
-) -> _Batch:
-    """Messages of chunks, given with their records, after `before` unpacked bytes of others."""
-    places, size = [np.zeros(0, np.int64)], 0
-    for chunk, records in chunks:
-        places.append(records + size)
-        size += len(chunk)
+def _batch(chunks: Sequence[_Chunk], span: tuple[int, int] | None) -> _Batch:
+    """Messages of chunks, in the order of the log."""
+    places, shifts, size = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], 0
+    for chunk in chunks:
+        places.append(chunk.records + size)
+        shifts.append(np.full(len(chunk.records), chunk.before - size))
+        size += len(chunk.content)
     starts = np.concatenate(places)
-    data = WireData(b"".join(chunk for chunk, _ in chunks))
-    heads = starts[data.numbers("u1", starts) == MESSAGE]
+    data = WireData(b"".join(chunk.content for chunk in chunks))
+    is_message = data.numbers("u1", starts) == MESSAGE
+    heads = starts[is_message]
     contents = heads + HEAD_BYTES
     batch = _Batch(
         data,
-        order=heads + before,
+        order=heads + np.concatenate(shifts)[is_message],
         channels=data.numbers("<u2", contents).astype(np.int64),
         logged_at=data.numbers("<i8", contents + 6),
         starts=contents + MESSAGE_HEAD_BYTES,

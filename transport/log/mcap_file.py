@@ -3,31 +3,33 @@
 import struct
 import zlib
 from collections import Counter
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping, Set
+from dataclasses import dataclass, field
 from functools import cached_property
 from io import BytesIO
 from pathlib import Path
-from typing import IO, NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 import zstandard
 from mcap import records
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
-from mcap.reader import SeekingReader
 from mcap.stream_reader import get_chunk_data_stream
-from mcap.summary import Summary
 
 from transport.columns import Integers
 from transport.log.records import (
     ATTACHMENT,
     CHANNEL,
     CHUNK,
+    EXTENTS,
     HEAD_BYTES,
     MESSAGE,
     MESSAGE_HEAD_BYTES,
     METADATA,
     SCHEMA,
+    STATISTICS,
+    ChannelExtent,
     ChunkHead,
     DamageError,
     Record,
@@ -62,6 +64,15 @@ class MessageHeads(NamedTuple):
     size: Integers
 
 
+@dataclass(slots=True)
+class _Summary:
+    """Records of the summary section, none if the file has none."""
+
+    schemas: dict[int, records.Schema] = field(default_factory=dict)
+    channels: dict[int, records.Channel] = field(default_factory=dict)
+    statistics: records.Statistics | None = None
+
+
 class McapFile:
     """The records of an MCAP file, which may be truncated or damaged.
 
@@ -75,10 +86,11 @@ class McapFile:
         self.truncated = self.layout.truncated
         self.chunks: list[tuple[Record, ChunkHead]] = []
         damaged = list(self.layout.gaps)
+        is_intact = self.layout.intact
         for record in self.layout.records:
             if record.opcode == CHUNK:
                 head = chunk_head(self.bytes, record)
-                if self._is_sound(head):
+                if is_intact or self._is_sound(head):
                     self.chunks.append((record, head))
                 else:
                     damaged.append(Span(record.start, record.end))
@@ -151,8 +163,8 @@ class McapFile:
     def channels(self) -> tuple[dict[int, str], Mapping[int, int]]:
         """Topics and message counts of the channels, by channel number."""
         topics = {number: channel.topic for number, channel in self.described().items()}
-        summary = self._summary()
-        if summary and summary.statistics and not self._damaged:
+        summary = self._summary
+        if summary.statistics and not self._damaged:
             return topics, summary.statistics.channel_message_counts
         return topics, Counter(self.heads.channel.tolist())
 
@@ -166,10 +178,8 @@ class McapFile:
 
     @cached_property
     def _descriptions(self) -> tuple[dict[int, records.Schema], dict[int, records.Channel]]:
-        summary = self._summary()
-        schemas = dict(summary.schemas) if summary else {}
-        channels = dict(summary.channels) if summary else {}
-        if summary and summary.statistics and not self._damaged:
+        schemas, channels = dict(self._summary.schemas), dict(self._summary.channels)
+        if self._summary.statistics and not self._damaged:
             return schemas, channels
         for _, head in self.chunks:
             chunk = self.unpack(head)
@@ -208,23 +218,49 @@ class McapFile:
             return MessageHeads(*(np.zeros(0, np.int64) for _ in MessageHeads._fields))
         return MessageHeads(*(np.concatenate(parts) for parts in zip(*columns, strict=True)))
 
+    @cached_property
+    def extents(self) -> Mapping[str, ChannelExtent]:
+        """Extents of the channels of an intact file by name, as its writer stated them."""
+        if not self.layout.intact:
+            return {}
+        stated = self.metadata().get(EXTENTS, {})
+        return {name: ChannelExtent(*map(int, text.split())) for name, text in stated.items()}
+
     def totals(self, numbered: Container[int], *, from_zero: bool = True) -> dict[int, int]:
         """Messages of each channel, by the statistics of the file.
 
         Those of `numbered` channels are counted by their sequence numbers as well, from zero or
         from the smallest one.
         """
-        summary, totals = self._summary(), Counter[int]()
-        if summary and summary.statistics:
-            totals.update(summary.statistics.channel_message_counts)
+        totals = Counter[int]()
+        if self._summary.statistics:
+            totals.update(self._summary.statistics.channel_message_counts)
+        for channel, (smallest, largest) in self._numbers().items():
+            if channel in numbered:
+                first = 0 if from_zero else smallest
+                totals[channel] = max(totals[channel], largest + 1 - first)
+        return totals
+
+    def _numbers(self) -> dict[int, tuple[int, int]]:
+        """Smallest and largest sequence number of the messages of each channel."""
+        if extents := self.extents:
+            return {
+                number: extents[channel.topic][:2]
+                for number, channel in self.described().items()
+                if channel.topic in extents
+            }
         largest, smallest = np.full(CHANNELS, -1, np.int64), np.full(CHANNELS, 2**32, np.int64)
         np.maximum.at(largest, self.heads.channel, self.heads.sequence)
         np.minimum.at(smallest, self.heads.channel, self.heads.sequence)
-        for channel in np.flatnonzero(largest >= 0).tolist():
-            if channel in numbered:
-                first = 0 if from_zero else int(smallest[channel])
-                totals[channel] = max(totals[channel], int(largest[channel]) + 1 - first)
-        return totals
+        return {
+            channel: (int(smallest[channel]), int(largest[channel]))
+            for channel in np.flatnonzero(largest >= 0).tolist()
+        }
+
+    def may_hold(self, record: Record, channels: Set[int]) -> bool:
+        """Whether a chunk may hold messages of some channels."""
+        known = self.layout.chunk_channels.get(record.start)
+        return known is None or not known.isdisjoint(channels)
 
     def record_starts(self, number: int, chunk: bytes) -> Integers:
         """Places of the records in chunk `number`, whose unpacked content is `chunk`."""
@@ -233,10 +269,21 @@ class McapFile:
             starts = self._starts[number] = np.array(starts_in(chunk), np.int64)
         return starts
 
-    def _summary(self) -> Summary | None:
-        if not self.layout.summary.end:
-            return None
-        return SeekingReader(cast("IO[bytes]", self.bytes)).get_summary()
+    @cached_property
+    def _summary(self) -> _Summary:
+        summary = _Summary()
+        section = self.bytes[self.layout.summary.start : self.layout.summary.end]
+        for opcode, start, end in entries_in(section):
+            content = ReadDataStream(BytesIO(section[start:end]))
+            if opcode == SCHEMA:
+                schema = records.Schema.read(content)
+                summary.schemas[schema.id] = schema
+            elif opcode == CHANNEL:
+                channel = records.Channel.read(content)
+                summary.channels[channel.id] = channel
+            elif opcode == STATISTICS:
+                summary.statistics = records.Statistics.read(content)
+        return summary
 
 
 def _joined(spans: list[Span]) -> list[Span]:

@@ -75,7 +75,7 @@ def write_piece(
         raise LogError(f"{path}: exists; a log is never overwritten")
     try:
         with part.open("xb") as file:
-            writer = Writer(file)
+            writer = Writer(file, enable_data_crcs=True)
             writer.start(profile="", library=library_name())
             for name, values in metadata.items():
                 if name != REPAIRED:

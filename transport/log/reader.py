@@ -8,7 +8,7 @@ from transport.codec import RefusedMessageError, decode
 from transport.columns import DEVIATION, Columns
 from transport.log.columns import Selection, read_columns
 from transport.log.mcap_file import McapFile
-from transport.log.records import PIECE, REPAIRED, THINNED_NAME, LogError
+from transport.log.records import EXTENTS, PIECE, REPAIRED, THINNED_NAME, LogError
 from transport.topics import TOPICS, Topic, key
 from vehicles.messages import Message
 
@@ -105,6 +105,26 @@ class LogReader:
         wanted = {topic: (fields or {}).get(topic) for topic in topics}
         return read_columns(self.file, self._channels, Selection(wanted, vehicles, span_ns))
 
+    def recorded_span(
+        self, topics: Collection[str], vehicles: Collection[str], span_ns: tuple[int, int]
+    ) -> tuple[int, int] | None:
+        """Instants of recording (ns) between which messages with an instant in `span_ns` are.
+
+        All messages of these topics and vehicles with any instant in the span were recorded then.
+        None if the log does not state it: it is incomplete, damaged, or of an earlier version.
+        """
+        held = [
+            extent
+            for number, (vehicle, topic) in self._channels.items()
+            if vehicle in vehicles and topic in topics and self._counts.get(number, 0)
+            for extent in [self.file.extents.get(f"/convoy/{vehicle}/{topic}")]
+        ]
+        known = [extent for extent in held if extent is not None]
+        if not known or len(known) < len(held):
+            return None
+        first = span_ns[0] - max(extent.latest for extent in known)
+        return first, span_ns[1] - min(extent.earliest for extent in known)
+
     @cached_property
     def missing(self) -> dict[tuple[str, str], tuple[int, int]]:
         """Numbers of missing messages and of all, by (vehicle, topic), where some are missing.
@@ -169,7 +189,9 @@ class LogReader:
 
     def metadata(self) -> dict[str, dict[str, str]]:
         """Named text values of the log."""
-        return self.file.metadata()
+        values = self.file.metadata()
+        values.pop(EXTENTS, None)  # of this file only, see `recorded_span`
+        return values
 
     def attachments(self) -> dict[str, bytes]:
         """Attached files by name."""

@@ -9,8 +9,8 @@ import mmap
 import re
 import struct
 import zlib
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, NamedTuple
 
@@ -26,6 +26,9 @@ _CHUNK_HEAD = struct.Struct("<QQQII")  # first and last log time, size, CRC, len
 _FOOTER_HEAD = struct.Struct("<BQQQI")  # opcode, length, summary, its offsets, CRC
 _U32 = struct.Struct("<I")
 _U64 = struct.Struct("<Q")
+_ENTRY = struct.Struct("<HQ")  # channel, place of its index
+_PLACE = struct.Struct("<QQ")  # start and length of a record
+_COUNTS = struct.Struct("<QHIIII")  # messages, schemas, channels, attachments, metadata, chunks
 HEADER = 0x01
 _FOOTER = 0x02
 SCHEMA = 0x03
@@ -35,6 +38,8 @@ CHUNK = 0x06
 MESSAGE_INDEX = 0x07
 ATTACHMENT = 0x09
 METADATA = 0x0C
+STATISTICS = 0x0B
+_CHUNK_INDEX, _ATTACHMENT_INDEX, _METADATA_INDEX = 0x08, 0x0A, 0x0D
 DATA_END = 0x0F
 _BEGINNING = re.compile(rb"[\x06\x07\x09\x0c\x0f](?=.{4}\x00{4})", re.DOTALL)
 """Opcode of a record of the data section, and a length below 4 GiB."""
@@ -46,6 +51,22 @@ PIECE = "piece"
 """Name of the metadata record of a part of a log, with what it holds."""
 REPAIRED = "repaired"
 """Name of the metadata record of a repaired log."""
+EXTENTS = "channels"
+"""Name of the metadata record with the `ChannelExtent` of each channel, by its name."""
+
+
+class ChannelExtent(NamedTuple):
+    """Smallest and largest number of the messages of a channel, and bounds (ns) of their instants.
+
+    Every instant in a message is between `earliest` and `latest` after the instant of its
+    recording; negative values are before it. So the messages with an instant in an interval are
+    found without reading others.
+    """
+
+    first: int
+    last: int
+    earliest: int
+    latest: int
 
 
 class LogError(ConvoyError):
@@ -97,12 +118,18 @@ class Layout:
 
     A `truncated` file was not completed. `summary` is the summary section, empty if it is missing
     or its checksum is wrong.
+
+    The checksum of an `intact` file covers its data section and is right. Then `records` has only
+    the chunks, attachments and metadata that the summary lists, and `chunk_channels` are the
+    numbers of the channels in each chunk.
     """
 
     records: tuple[Record, ...]
     gaps: tuple[Span, ...]
     truncated: bool
     summary: Span
+    intact: bool = False
+    chunk_channels: Mapping[int, frozenset[int]] = field(default_factory=dict)
 
 
 def lock(file: IO[bytes], path: Path) -> None:
@@ -130,10 +157,60 @@ def map_log(path: Path) -> mmap.mmap:
 
 
 def scan(log: mmap.mmap) -> Layout:
-    """Find the valid records of a file."""
+    """Find the valid records of a file: by its index if the checksums are right."""
+    complete, summary = _ending(log)
+    if complete and _has_checksum(log, summary):
+        layout = _indexed(log, summary)
+        if layout is not None:
+            return layout
+    return _walked(log, complete, summary)
+
+
+def _has_checksum(log: mmap.mmap, summary: Span) -> bool:
+    """Whether the file has checksums of its data and summary sections, and both are right."""
+    end = _record_at(log, summary.start - HEAD_BYTES - _U32.size)
+    if end is None or end.opcode != DATA_END or end.end != summary.start:
+        return False
+    (data_crc,) = _U32.unpack_from(log, end.content.start)
+    summary_crc: int = _FOOTER_HEAD.unpack_from(log, summary.end)[-1]
+    if not (data_crc and summary_crc and _summary_is_valid(log, summary)):
+        return False
+    with memoryview(log) as content, content[: end.start] as data:
+        return bool(zlib.crc32(data) == data_crc)
+
+
+def _indexed(log: mmap.mmap, summary: Span) -> Layout | None:
+    """Records of an intact file by its index; None if the index does not list all of them."""
+    content = log[summary.start : summary.end]
+    places: dict[int, list[int]] = {CHUNK: [], ATTACHMENT: [], METADATA: []}
+    channels: dict[int, frozenset[int]] = {}
+    counts: list[int] = []
+    for opcode, start, _ in entries_in(content):
+        if opcode == _CHUNK_INDEX:
+            at, _ = _PLACE.unpack_from(content, start + _PLACE.size)  # after two instants
+            (length,) = _U32.unpack_from(content, start + 2 * _PLACE.size)
+            first = start + 2 * _PLACE.size + _U32.size
+            numbers = [row[0] for row in _ENTRY.iter_unpack(content[first : first + length])]
+            places[CHUNK].append(at)
+            channels[at] = frozenset(numbers)
+        elif opcode in {_ATTACHMENT_INDEX, _METADATA_INDEX}:
+            at, _ = _PLACE.unpack_from(content, start)
+            places[ATTACHMENT if opcode == _ATTACHMENT_INDEX else METADATA].append(at)
+        elif opcode == STATISTICS:
+            _, _, _, *counts = _COUNTS.unpack_from(content, start)
+    if not counts or counts != [len(places[kind]) for kind in (ATTACHMENT, METADATA, CHUNK)]:
+        return None
+    listed = sorted((at, kind) for kind, starts in places.items() for at in starts)
+    records = [record for at, _ in listed if (record := _record_at(log, at)) is not None]
+    if [(record.start, record.opcode) for record in records] != listed or not channels:
+        return None
+    return Layout(tuple(records), (), False, summary, intact=True, chunk_channels=channels)
+
+
+def _walked(log: mmap.mmap, complete: bool, summary: Span) -> Layout:
+    """Find the valid records of a file by reading all of them."""
     records: list[Record] = []
     gaps: list[Span] = []
-    complete, summary = _ending(log)
     at = len(MAGIC)
     while True:
         record = _record_at(log, at)

@@ -10,6 +10,7 @@ import errno
 import os
 import struct
 from collections.abc import Iterator, Mapping
+from dataclasses import fields
 from importlib.metadata import version
 from itertools import count
 from pathlib import Path
@@ -23,7 +24,15 @@ from transport.closing import Closing
 from transport.codec import PROTOBUF, encode
 from transport.convoy_pb2 import Deviation
 from transport.log.foxglove import Schema, StandardMessage, protobuf_schema, standard_messages
-from transport.log.records import MAGIC, THINNED_NAME, LogError, UnwritableError, lock
+from transport.log.records import (
+    EXTENTS,
+    MAGIC,
+    THINNED_NAME,
+    ChannelExtent,
+    LogError,
+    UnwritableError,
+    lock,
+)
 from transport.log.scene import Scene
 from transport.thinning import Thinning
 from transport.topics import TOPIC_OF, TOPICS, Topic, key
@@ -32,6 +41,8 @@ from vehicles.schedule import SECOND, Timer
 
 SEQUENCE_MASK = 0xFFFF_FFFF
 """MCAP has sequence numbers of 32 bits; our message contains the full number."""
+FOREVER = 2**63
+"""After every instant (ns)."""
 CHUNK_NS = SECOND
 """Maximum duration of a chunk; a flipped bit costs the whole chunk."""
 
@@ -48,16 +59,56 @@ def library_name() -> str:
     return " ".join(f"{part} {version(part)}" for part in parts)
 
 
+FUTURE_INSTANTS = {"stops_at_ns"}
+"""Fields with instants that a vehicle announces; they do not bound what was recorded."""
+
+
 class _Channel:
     """Channels of one topic of one vehicle: our message and its standard messages."""
 
-    __slots__ = ("identifier", "standard_messages")
+    __slots__ = (
+        "_earliest",
+        "_first",
+        "_instants",
+        "_last",
+        "_latest",
+        "identifier",
+        "standard_messages",
+    )
 
     def __init__(
-        self, identifier: int, standard_messages: tuple[tuple[StandardMessage, int, Timer], ...]
+        self,
+        identifier: int,
+        standard_messages: tuple[tuple[StandardMessage, int, Timer], ...],
+        instants: tuple[str, ...] = (),
     ) -> None:
+        """`instants` are the fields with instants."""
         self.identifier = identifier
         self.standard_messages = standard_messages
+        self._instants = instants
+        self._first, self._last = SEQUENCE_MASK, -1
+        self._earliest, self._latest = FOREVER, -FOREVER
+
+    def note(self, log_time: int, message: Message) -> None:
+        """Take a recorded message for the extent; instants of 0 are unknown."""
+        number = message.seq & SEQUENCE_MASK
+        self._first, self._last = min(self._first, number), max(self._last, number)
+        for name in self._instants:
+            if at := getattr(message, name):
+                self._earliest = min(self._earliest, at - log_time)
+                self._latest = max(self._latest, at - log_time)
+
+    @property
+    def extent(self) -> ChannelExtent | None:
+        """Extent of its messages, None if there are none."""
+        if self._last < 0 or self._latest < self._earliest:
+            return None
+        return ChannelExtent(self._first, self._last, self._earliest, self._latest)
+
+
+def _instants_of(message: type[Message]) -> tuple[str, ...]:
+    names = [row.name for row in fields(message) if row.name.endswith("_at_ns")]
+    return tuple(name for name in names if name not in FUTURE_INSTANTS)
 
 
 def _cut_magic(descriptor: int) -> None:
@@ -96,7 +147,7 @@ class LogWriter(Closing):
             raise LogError(f"{path}: exists; a log is never overwritten") from error
         except OSError as error:
             raise UnwritableError(f"{path}: cannot write the log: {error.strerror}") from error
-        self._writer = Writer(self._file)
+        self._writer = Writer(self._file, enable_data_crcs=True)
         try:
             with self._named_failure():
                 self._writer.start(profile="", library=library or library_name())
@@ -131,6 +182,7 @@ class LogWriter(Closing):
         self._log_time = log_time = max(self._log_time, log_time)
         channel = self._channels.get((vehicle, topic.name)) or self._open(topic, vehicle)
         content = encode(message) if data is None else data
+        channel.note(log_time, message)
         self._add(channel.identifier, log_time, content, valid_at, message.seq)
         for twin, identifier, timer in channel.standard_messages:
             if not twin.period_ns or timer.is_due(valid_at):
@@ -182,7 +234,8 @@ class LogWriter(Closing):
             )
             for twin in self._twins.get(topic.message, ())
         )
-        channel = self._channels[vehicle, topic.name] = _Channel(own, standard_messages)
+        instants = _instants_of(topic.message)
+        channel = self._channels[vehicle, topic.name] = _Channel(own, standard_messages, instants)
         return channel
 
     def _register(self, topic: str, schema: Schema, metadata: dict[str, str]) -> int:
@@ -223,8 +276,15 @@ class LogWriter(Closing):
         """Complete the log and write it to the disk; further calls have no effect."""
         if self._file.closed:
             return
+        extents = {
+            f"/{key(vehicle, TOPICS[topic])}": " ".join(map(str, extent))
+            for (vehicle, topic), channel in self._channels.items()
+            if (extent := channel.extent) is not None
+        }
         with self._named_failure():
             self._check_file()
+            self._end_chunk()
+            self._writer.add_metadata(EXTENTS, extents)
             self._writer.finish()  # type: ignore[no-untyped-call]
             self._note_end()
             os.fsync(self._file.fileno())

@@ -3,21 +3,24 @@
 from bisect import bisect_right
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from math import hypot, isfinite
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from math import hypot, isfinite, nan
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from scenarios.definition.channel.origins import origin
-from scenarios.definition.scenario import Scenario
 from scenarios.definition.topology import senders_to
 from scenarios.results.channel.account import FATE_WORDS, Fate, MissingVerdict
 from scenarios.results.log_summary import scenario_in
-from scenarios.results.metrics import Metrics
+from scenarios.results.recorded.link_outcomes import ACCOUNTED, missing_verdicts
+from transport.columns import Columns
 from transport.log.reader import LogReader
 from transport.log.records import LogError
 from transport.reasons import counts_as_loss
+from transport.topics import TOPIC_OF
 from vehicles.geometry.geodesy import LocalPlane
-from vehicles.messages import GpsPose, LinkVerdict, RunStart, Tracking, TruePose
 from vehicles.schedule import SECOND
 
 IN_TRANSIT, NOT_ARRIVED, NOT_RECORDED = "in transit", "not arrived", "not recorded"
@@ -27,6 +30,8 @@ FATES: Mapping[Fate, str] = {"in_flight": IN_TRANSIT, "unrecorded": NOT_RECORDED
 """Fates of the account of a link; the others are causes why a message did not arrive."""
 MOST_OFF_PATH_M = 20.0
 """Largest distance of a vehicle from the path that it follows."""
+FOREVER = 2**63
+"""After every instant (ns)."""
 SHOWN = 8
 """Missing messages listed individually."""
 
@@ -142,60 +147,285 @@ def joined_words(words: Sequence[str]) -> str:
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
-@dataclass(slots=True)
+class SentPose(NamedTuple):
+    """A recorded pose; instants in ns."""
+
+    number: int
+    measured_at: int
+    sent_at: int
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+
+
+class Verdict(NamedTuple):
+    """A recorded verdict on a message; instants in ns."""
+
+    number: int
+    measured_at: int
+    sent_at: int
+    received_at: int
+    outcome: str
+    reason: str
+
+
+FIELDS = {
+    "tracking": ("decided_at_ns", "mode", "reason"),
+    "truth": ("true_at_ns", "east_m", "north_m"),
+    "gps": ("seq", "measured_at_ns", "sent_at_ns", "latitude_deg", "longitude_deg", "altitude_m"),
+    "verdict": (
+        *("pose_seq", "measured_at_ns", "sent_at_ns", "received_at_ns", "outcome", "reason"),
+        "sender",
+    ),
+}
+"""Fields that are read, by topic, in the order of the tuples above."""
+READ_NS = (4 * SECOND, 16 * SECOND, 64 * SECOND, FOREVER)
+"""Times before the requested instant that are read in turn until the answer is certain. If it
+depends on later messages, the whole log is read."""
+
+
+class _NotEnoughError(Exception):
+    """The messages read do not determine the answer; earlier ones are needed."""
+
+
+class _Excerpt:
+    """All messages of a vehicle and its senders with an instant from `since` to `until` (ns).
+
+    Poses and verdicts are by sender and number. A `whole` log has all messages.
+    """
+
+    def __init__(
+        self,
+        columns: Mapping[tuple[str, str], Columns],
+        vehicle: str,
+        senders: Sequence[str],
+        *,
+        since: int,
+        whole: bool,
+    ) -> None:
+        self.since, self.whole = since, whole
+        self.decisions = _rows(columns.get((vehicle, "tracking")))
+        places = _rows(columns.get((vehicle, "truth")))
+        self.places = {at: (east, north) for at, east, north in places}
+        self.poses = {
+            sender: {row[0]: SentPose(*row) for row in _rows(columns.get((sender, "gps")))}
+            for sender in senders
+        }
+        self.verdicts: dict[str, dict[int, Verdict]] = {sender: {} for sender in senders}
+        for number, *rest, sender in _rows(columns.get((vehicle, "verdict"))):
+            if sender in self.verdicts:
+                self.verdicts[sender][number] = Verdict(number, *rest)
+
+    def require(self, is_enough: bool) -> None:
+        """Raise _NotEnoughError for earlier messages, unless there are none."""
+        if not is_enough and self.since > -FOREVER:
+            raise _NotEnoughError
+
+    def decision(self, requested: int) -> tuple[int, str, str] | None:
+        """Instant, mode and reason of the last decision until an instant, None without one."""
+        made = bisect_right(self.decisions, requested, key=lambda decision: decision[0])
+        self.require(bool(made) and self.decisions[made - 1][0] >= self.since)
+        return self.decisions[made - 1] if made else None
+
+    def has_verdicts(self, sender: str, newest: int, now: int) -> bool:
+        """Whether every message due by `now` (ns), up to one sent later, has its verdict.
+
+        These are the messages after the `newest` received one and those of the last second. Then
+        the account of the link is not needed.
+        """
+        poses, verdicts = self.poses[sender], self.verdicts[sender]
+        before = max([n for n, pose in poses.items() if pose.sent_at <= now - SECOND], default=-1)
+        after = min([n for n, pose in poses.items() if pose.sent_at > now], default=None)
+        if after is None or not (before in poses or 0 in poses):
+            return False
+        return all(number in verdicts for number in range(min(before, newest) + 1, after))
+
+
+def _rows(columns: Columns | None) -> list[Any]:
+    """Messages as tuples of FIELDS."""
+    if columns is None:
+        return []
+    fields = [columns[name].tolist() for name in FIELDS[columns.topic]]
+    return list(zip(*fields, strict=True))
+
+
 class RecordedKnowledge:
-    """Messages in a log about a vehicle and its senders; instants in ns."""
+    """Explains what a vehicle knew at instants of a log.
 
-    log: Path
-    scenario: Scenario
-    vehicle: str
-    last_at: int
-    faults: str = ""
-    start_at: int = 0
-    decisions: list[Tracking] = field(default_factory=list)
-    places: dict[int, tuple[float, float]] = field(default_factory=dict)
-    poses: dict[str, dict[int, GpsPose]] = field(default_factory=dict)
-    verdicts: dict[str, dict[int, LinkVerdict]] = field(default_factory=dict)
-    without: dict[str, dict[int, MissingVerdict]] = field(default_factory=dict)
+    It reads the messages around an instant, and earlier ones only if the answer depends on them.
+    """
 
-    @classmethod
-    def of(cls, log: Path, vehicle: str) -> "RecordedKnowledge":
-        """Read a log; raises LogError for a vehicle that is not in it."""
-        reader = LogReader(log)
-        scenario = scenario_in(reader)
-        names = scenario.vehicle_names
+    def __init__(self, log: Path, vehicle: str) -> None:
+        """Open a log; raises LogError for a vehicle that is not in it."""
+        self._reader = reader = LogReader(log)
+        self.scenario = scenario_in(reader)
+        names = self.scenario.vehicle_names
         if vehicle not in names:
             raise LogError(f"{log}: no vehicle {vehicle!r}, allowed {', '.join(names)}")
-        record = cls(log, scenario, vehicle, reader.last_at, reader.faults)
-        _read(
-            reader,
-            record,
-            senders_to(names, vehicle, lead_receives=scenario.tables.speed.lead_receives),
-        )
-        return record
+        reader.require_all("verdict", "tracking", "truth")
+        self.log, self.vehicle = log, vehicle
+        lead_receives = self.scenario.tables.speed.lead_receives
+        self.senders = senders_to(names, vehicle, lead_receives=lead_receives)
+        starts = [rows for rows in reader.columns(["start"]).values() if len(rows)]
+        self.start_at = int(starts[-1].at_ns[-1]) if starts else 0
 
-    def at(self, at_s: float) -> Explanation:
-        """Explain the instant `at_s` (s) after the start; raises LogError."""
-        requested = self.start_at + round(at_s * SECOND) if isfinite(at_s) else -1
-        made = bisect_right(self.decisions, requested, key=lambda decision: decision.decided_at_ns)
-        if not made or requested > self.last_at:
-            first, last = self.decisions[0], self.decisions[-1]
-            raise LogError(
-                f"{self.log}: {self.vehicle} has no decision at {at_s:g} s, allowed "
-                f"{_seconds(self, first.decided_at_ns):g} to {_seconds(self, last.decided_at_ns):g}"
-            )
-        decision = self.decisions[made - 1]
+    def at(self, at_s: float, *, whole: bool = False) -> Explanation:
+        """Explain the instant `at_s` (s) after the start; raises LogError.
+
+        With `whole` the whole log is read, which gives the same answer.
+        """
+        requested = self.start_at + round(at_s * SECOND) if isfinite(at_s) else -FOREVER
+        for before in () if whole else READ_NS:
+            excerpt = self._read(requested, before)
+            with suppress(_NotEnoughError):
+                if excerpt is not None and requested <= self._reader.last_at:
+                    return self._explanation(excerpt, requested)
+        return self._explanation(self._whole, requested)
+
+    def _read(self, requested: int, before: int) -> _Excerpt | None:
+        """Read from `before` (ns) a requested instant to one second after it.
+
+        None if the log does not state when such messages were recorded.
+        """
+        span = requested - before, requested + SECOND
+        recorded = self._reader.recorded_span(FIELDS, [self.vehicle, *self.senders], span)
+        if recorded is None:
+            return None
+        since = span[0] if recorded[0] > self._reader.first_at else -FOREVER
+        return self._excerpt(since, recorded)
+
+    @cached_property
+    def _whole(self) -> _Excerpt:
+        return self._excerpt(-FOREVER, None)
+
+    def _excerpt(self, since: int, recorded: tuple[int, int] | None) -> _Excerpt:
+        columns = self._reader.columns(
+            FIELDS, fields=FIELDS, vehicles=[self.vehicle, *self.senders], span_ns=recorded
+        )
+        whole = recorded is None
+        return _Excerpt(columns, self.vehicle, self.senders, since=since, whole=whole)
+
+    def _explanation(self, excerpt: _Excerpt, requested: int) -> Explanation:
+        decision = excerpt.decision(requested)
+        if decision is None or requested > self._reader.last_at:
+            raise self._error(requested)
+        now, mode, reason = decision
         return Explanation(
             vehicle=self.vehicle,
-            decided_at_s=_seconds(self, decision.decided_at_ns),
-            mode=decision.mode,
-            reason=decision.reason,
-            log_faults=self.faults,
-            sources=tuple(
-                _known(self, (sender, self.vehicle), decision.decided_at_ns)
-                for sender in self.poses
-            ),
+            decided_at_s=self._seconds(now),
+            mode=mode,
+            reason=reason,
+            log_faults=self._reader.faults,
+            sources=tuple(self._known(excerpt, sender, now) for sender in self.senders),
         )
+
+    def _error(self, requested: int) -> LogError:
+        decisions = self._whole.decisions
+        if not decisions:
+            return LogError(f"{self.log}: no decisions of {self.vehicle}")
+        first, last = (self._seconds(decisions[row][0]) for row in (0, -1))
+        at_s = self._seconds(requested) if requested > -FOREVER else nan
+        return LogError(
+            f"{self.log}: {self.vehicle} has no decision at {at_s:g} s, allowed "
+            f"{first:g} to {last:g}"
+        )
+
+    @cached_property
+    def _without(self) -> Mapping[str, Mapping[int, MissingVerdict]]:
+        """Messages without a verdict by sender and number, by the accounts of the links."""
+        columns = self._reader.columns([TOPIC_OF[kind].name for kind in ACCOUNTED])
+        by_topic: dict[str, dict[str, Columns]] = {}
+        for (name, topic), rows in columns.items():
+            by_topic.setdefault(topic, {})[name] = rows
+        missing = missing_verdicts(
+            self.scenario, lambda topic: by_topic.get(topic, {}), self._reader.last_at
+        )
+        return {
+            sender: {row.number: row for row in missing.get((sender, self.vehicle), ())}
+            for sender in self.senders
+        }
+
+    def _known(self, excerpt: _Excerpt, sender: str, now: int) -> KnownSource:
+        poses, verdicts = excerpt.poses[sender], excerpt.verdicts[sender]
+        received = [
+            verdict
+            for verdict in verdicts.values()
+            if verdict.outcome == "delivered" and verdict.received_at <= now
+        ]
+        newest = max(received, key=lambda verdict: verdict.measured_at, default=None)
+        since = newest.number if newest else -1
+        excerpt.require(
+            newest is not None
+            and min(newest.sent_at, newest.measured_at, now - SECOND) >= excerpt.since
+        )
+        without: Mapping[int, MissingVerdict] = {}
+        if not excerpt.has_verdicts(sender, since, now):
+            if not excerpt.whole:
+                raise _NotEnoughError
+            without = self._without[sender]
+        sent_by_now = sorted(number for number, pose in poses.items() if pose.sent_at <= now)
+        missing = [
+            self._missing(sender, poses[number], verdicts.get(number), without.get(number))
+            for number in sent_by_now
+            if number > since
+        ]
+        return KnownSource(
+            sender=sender,
+            number=newest.number if newest else None,
+            measured_at_s=self._seconds(newest.measured_at) if newest else None,
+            received_at_s=self._seconds(newest.received_at) if newest else None,
+            age_s=self._age(newest, now) if newest else None,
+            path_left_m=self._path_left(excerpt, sender, received, now),
+            received_ratio=_received(verdicts.values(), without.values(), now),
+            missing=tuple(missing),
+        )
+
+    def _seconds(self, at: int) -> float:
+        return (at - self.start_at) / SECOND
+
+    def _age(self, newest: Verdict, now: int) -> float:
+        """Age (s) of a message by the clock of the vehicle that received it."""
+        clock = self.scenario.clock(self.vehicle, self.start_at)
+        return (clock.reading(now) - newest.measured_at) / SECOND
+
+    def _missing(
+        self, sender: str, pose: SentPose, verdict: Verdict | None, message: MissingVerdict | None
+    ) -> MissingMessage:
+        sent_at_s = self._seconds(pose.sent_at)
+        if verdict is None:
+            fate = FATES.get(message.fate, NOT_ARRIVED) if message else NOT_ARRIVED
+            cause = FATE_WORDS[message.fate] if message and fate == NOT_ARRIVED else ""
+            return MissingMessage(number=pose.number, sent_at_s=sent_at_s, fate=fate, cause=cause)
+        dropped, link = verdict.outcome == "dropped", (sender, self.vehicle)
+        return MissingMessage(
+            number=pose.number,
+            sent_at_s=sent_at_s,
+            fate=verdict.reason if dropped else IN_TRANSIT,
+            cause=origin(self.scenario.tables, link, verdict.reason) if dropped else "",
+            due_at_s=self._seconds(verdict.received_at),
+        )
+
+    def _path_left(
+        self, excerpt: _Excerpt, sender: str, received: Sequence[Verdict], now: int
+    ) -> float | None:
+        """Distance (m) along the received positions of `sender` that lies ahead of the vehicle."""
+        here = excerpt.places.get(now)
+        if here is None or not received:
+            return None
+        plane = LocalPlane(self.scenario.origin)
+        sent, numbers = excerpt.poses[sender], {verdict.number for verdict in received}
+        known = [
+            pose
+            for number, pose in sent.items()
+            if number in numbers and pose.measured_at >= excerpt.since
+        ]
+        poses = sorted(known, key=lambda pose: pose.measured_at)
+        places = [
+            plane.to_plane(pose.latitude_deg, pose.longitude_deg, pose.altitude_m) for pose in poses
+        ]
+        length, has_passed = _path_length(places, here)
+        excerpt.require(has_passed)
+        return length
 
 
 def explain(log: Path, vehicle: str, at_s: float) -> Explanation:
@@ -203,116 +433,20 @@ def explain(log: Path, vehicle: str, at_s: float) -> Explanation:
 
     Raises LogError for an unknown vehicle or an instant outside of the run.
     """
-    return RecordedKnowledge.of(log, vehicle).at(at_s)
-
-
-def _read(reader: LogReader, record: RecordedKnowledge, senders: Sequence[str]) -> None:
-    vehicle = record.vehicle
-    for sender in senders:
-        record.poses[sender], record.verdicts[sender] = {}, {}
-    reader.require_all("verdict", "tracking", "truth")
-    metrics = Metrics.of(record.scenario)
-    topics = ("gps", "verdict", "tracking", "truth", "start", "health")
-    for at, source, message in reader.messages(topics):
-        metrics.listen(at, message)
-        match message:
-            case RunStart():
-                record.start_at = message.start_at_ns
-            case GpsPose() if source in record.poses:
-                record.poses[source][message.seq] = message
-            case LinkVerdict() if source == vehicle and message.sender in record.verdicts:
-                record.verdicts[message.sender][message.pose_seq] = message
-            case Tracking() if source == vehicle:
-                record.decisions.append(message)
-            case TruePose() if source == vehicle:
-                record.places[message.true_at_ns] = message.east_m, message.north_m
-    if not record.decisions:
-        raise LogError(f"{reader.path}: no decisions of {vehicle}")
-    accounts = metrics.accounts(reader.last_at - record.start_at)
-    for sender in senders:
-        missing = accounts[sender, vehicle].missing if (sender, vehicle) in accounts else ()
-        record.without[sender] = {message.number: message for message in missing}
-
-
-def _known(record: RecordedKnowledge, link: tuple[str, str], now: int) -> KnownSource:
-    poses, verdicts = record.poses[link[0]], record.verdicts[link[0]]
-    received = [
-        verdict
-        for verdict in verdicts.values()
-        if verdict.outcome == "delivered" and verdict.received_at_ns <= now
-    ]
-    newest = max(received, key=lambda verdict: verdict.measured_at_ns, default=None)
-    sent_by_now = sorted(seq for seq, pose in poses.items() if pose.sent_at_ns <= now)
-    since = newest.pose_seq if newest else -1
-    missing = [_missing(record, link, seq) for seq in sent_by_now if seq > since]
-    return KnownSource(
-        sender=link[0],
-        number=newest.pose_seq if newest else None,
-        measured_at_s=_seconds(record, newest.measured_at_ns) if newest else None,
-        received_at_s=_seconds(record, newest.received_at_ns) if newest else None,
-        age_s=_age(record, link[1], newest, now) if newest else None,
-        path_left_m=_path_left(record, link[0], received, now),
-        received_ratio=_received(verdicts.values(), record.without[link[0]].values(), now),
-        missing=tuple(missing),
-    )
-
-
-def _seconds(record: RecordedKnowledge, at: int) -> float:
-    return (at - record.start_at) / SECOND
-
-
-def _age(record: RecordedKnowledge, vehicle: str, newest: LinkVerdict, now: int) -> float:
-    """Age (s) of a message by the clock of the vehicle that received it."""
-    clock = record.scenario.clock(vehicle, record.start_at)
-    return (clock.reading(now) - newest.measured_at_ns) / SECOND
-
-
-def _missing(record: RecordedKnowledge, link: tuple[str, str], number: int) -> MissingMessage:
-    sent_at_s = _seconds(record, record.poses[link[0]][number].sent_at_ns)
-    verdict = record.verdicts[link[0]].get(number)
-    if verdict is None:
-        message = record.without[link[0]].get(number)
-        fate = FATES.get(message.fate, NOT_ARRIVED) if message else NOT_ARRIVED
-        cause = FATE_WORDS[message.fate] if message and fate == NOT_ARRIVED else ""
-        return MissingMessage(number=number, sent_at_s=sent_at_s, fate=fate, cause=cause)
-    dropped = verdict.outcome == "dropped"
-    return MissingMessage(
-        number=number,
-        sent_at_s=sent_at_s,
-        fate=verdict.reason if dropped else IN_TRANSIT,
-        cause=origin(record.scenario.tables, link, verdict.reason) if dropped else "",
-        due_at_s=_seconds(record, verdict.received_at_ns),
-    )
+    return RecordedKnowledge(log, vehicle).at(at_s)
 
 
 def _received(
-    verdicts: Iterable[LinkVerdict], without: Iterable[MissingVerdict], now: int
+    verdicts: Iterable[Verdict], without: Iterable[MissingVerdict], now: int
 ) -> float | None:
     """Delivered share of the messages due within the last second, None without any.
 
     Messages that the transport lost are due when they were sent.
     """
-    due = [verdict for verdict in verdicts if now - SECOND < verdict.received_at_ns <= now]
+    due = [verdict for verdict in verdicts if now - SECOND < verdict.received_at <= now]
     absent = [lost for lost in without if lost.is_lost and now - SECOND < lost.sent_at <= now]
     delivered = sum(message.outcome == "delivered" for message in due)
     return delivered / (len(due) + len(absent)) if due or absent else None
-
-
-def _path_left(
-    record: RecordedKnowledge, sender: str, received: Sequence[LinkVerdict], now: int
-) -> float | None:
-    """Distance (m) along the received positions of `sender` that lies ahead of the vehicle."""
-    here = record.places.get(now)
-    if here is None or not received:
-        return None
-    plane = LocalPlane(record.scenario.origin)
-    sent, numbers = record.poses[sender], {verdict.pose_seq for verdict in received}
-    known = [pose for number, pose in sent.items() if number in numbers]
-    poses = sorted(known, key=lambda pose: pose.measured_at_ns)
-    places = [
-        plane.to_plane(pose.latitude_deg, pose.longitude_deg, pose.altitude_m) for pose in poses
-    ]
-    return remaining_path_length(places, here)
 
 
 def remaining_path_length(
@@ -323,8 +457,15 @@ def remaining_path_length(
     The foot is the nearest point of the last stretch that passes by: from the end backwards, the
     first at which the distance grows again within MOST_OFF_PATH_M.
     """
+    return _path_length(places, here)[0]
+
+
+def _path_length(
+    places: Sequence[tuple[float, float]], here: tuple[float, float]
+) -> tuple[float, bool]:
+    """The same, and whether the polyline passes by, so that earlier places do not matter."""
     if not places:
-        return 0.0
+        return 0.0, False
     best, best_length, length_so_far = _distance(places[-1], here), 0.0, 0.0
     for after, before in zip(reversed(places), reversed(places[:-1]), strict=False):
         length = _distance(before, after)
@@ -334,9 +475,9 @@ def remaining_path_length(
         if distance <= best:
             best, best_length = distance, length_so_far + share * length
         elif best < MOST_OFF_PATH_M and distance > best + MOST_OFF_PATH_M:
-            break
+            return best_length, True
         length_so_far += length
-    return best_length
+    return best_length, False
 
 
 def _distance(start: tuple[float, float], other: tuple[float, float]) -> float:

@@ -139,7 +139,8 @@ def test_a_chunk_whose_indices_name_one_channel_twice_is_repaired(tmp_path: Path
     path = tmp_path / "run.mcap"
     written = write_chunks(path)
     content = path.read_bytes()
-    log = McapFile(path)
+    path.write_bytes(content[:-1])
+    log = McapFile(path)  # without an ending, all records are listed
     indices = [one for one in log.layout.records if one.opcode == MESSAGE_INDEX]
     second = next(at for at in range(1, 99) if indices[at].start != indices[at - 1].end)
     one, other = (index.content.start for index in indices[second : second + 2])

@@ -2,7 +2,8 @@
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from itertools import pairwise
 from math import hypot
 from pathlib import Path
@@ -18,6 +19,7 @@ from mcap.reader import make_reader
 
 from scenarios.cli.log_commands import explain as explain_command
 from scenarios.definition.scenario import load_scenario
+from scenarios.results.log_queries import explain
 from scenarios.results.log_queries.explain import (
     IN_TRANSIT,
     NOT_ARRIVED,
@@ -30,7 +32,12 @@ from scenarios.results.log_queries.explain import (
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
 from transport import convoy_pb2
+from transport.log.mcap_file import McapFile
+from transport.log.reader import LogReader
+from transport.log.records import ChunkHead, LogError
+from transport.log.writer import LogWriter
 from vehicles.geometry.geodesy import LocalPlane
+from vehicles.messages import Tracking
 from vehicles.schedule import SECOND
 
 INSTANTS = 100
@@ -145,7 +152,7 @@ def brute_way_left(places: list[tuple[float, float]], here: tuple[float, float])
 
 def test_explanations_of_a_hundred_instants_match_the_log(log: Path, plain: Record) -> None:
     start = plain["run", "start"][0].start_at_ns
-    known = {name: RecordedKnowledge.of(log, name) for name in ("v1", "v2", "v3", "v4")}
+    known = {name: RecordedKnowledge(log, name) for name in ("v1", "v2", "v3", "v4")}
     plane = LocalPlane(load_scenario("lane_change").origin)
     reported = 0
     for vehicle, at_s in instants():
@@ -162,7 +169,7 @@ def test_explanations_of_a_hundred_instants_match_the_log(log: Path, plain: Reco
 
 
 def test_the_ages_are_those_of_the_vehicle_itself(log: Path, plain: Record) -> None:
-    known = RecordedKnowledge.of(log, "v3")
+    known = RecordedKnowledge(log, "v3")
     start = plain["run", "start"][0].start_at_ns
     for tracking in plain["v3", "tracking"][100::97]:
         found = known.at((tracking.decided_at_ns - start) / 1e9)
@@ -174,7 +181,7 @@ def test_the_command_prints_the_sentence_and_its_twin_for_machines(log: Path) ->
     arguments = [str(log), "--vehicle", "v4", "--at", "7.5"]
     printed = CliRunner().invoke(explain_command, arguments)
     assert printed.exit_code == 0
-    found = RecordedKnowledge.of(log, "v4").at(7.5)
+    found = RecordedKnowledge(log, "v4").at(7.5)
     assert found.sentence in printed.output
     for source in found.sources:
         in_transit = sum(message.fate == IN_TRANSIT for message in source.missing)
@@ -246,10 +253,96 @@ def test_no_place_and_one_place_leave_no_path() -> None:
 def test_ages_of_poses_are_by_the_vehicle_s_own_clock(tmp_path: Path) -> None:
     clocks = ["vehicle.v2.clock={offset_ms=150.0}", "vehicle.v3.clock={offset_ms=-400.0}"]
     run_virtual(load_scenario("lane_change", ["duration_s=3.0", *clocks]), tmp_path, Stop())
-    record = RecordedKnowledge.of(tmp_path / "run.mcap", "v3")
-    decision = record.decisions[100]
+    record = RecordedKnowledge(tmp_path / "run.mcap", "v3")
+    decisions = LogReader(tmp_path / "run.mcap").messages(["tracking"], ["v3"])
+    decision = [message for _, _, message in decisions if isinstance(message, Tracking)][100]
     results = record.at((decision.decided_at_ns - record.start_at) / SECOND)
     ages = {source.sender: source.age_s for source in results.sources}
     assert ages["v1"] == pytest.approx(decision.lead_age_s)
     assert ages["v2"] == pytest.approx(decision.predecessor_age_s)
     assert decision.predecessor_age_s < -0.4
+
+
+HARD = [
+    "duration_s=5.0",
+    "links.loss_ratio=0.2",
+    "convoy.vehicles=3",
+    "vehicle.v2.clock={offset_ms=-700.0}",
+    "change=[{kind='cut', at_s=1.5, for_s=1.5}, {kind='crash', vehicle='v2', at_s=4.0}]",
+]
+"""A cut longer than what is read first, a wrong clock, and messages without a verdict."""
+
+
+@pytest.fixture(scope="module")
+def hard(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("hard")
+    run_virtual(load_scenario("lane_change", HARD), folder, Stop())
+    return folder / "run.mcap"
+
+
+def delayed(source: Path, target: Path) -> Path:
+    """Delay the recording by up to 1.5 s; the messages of each vehicle stay in order."""
+    random, reader = Random(5), LogReader(source)
+    rows: list[tuple[int, int, Any]] = []
+    newest: dict[str, int] = {}
+    for number, (at, vehicle, message) in enumerate(reader.messages()):
+        late = at + round(random.uniform(0.0, 1.5) * SECOND)
+        newest[vehicle] = late = max(newest.get(vehicle, 0), late)
+        rows.append((late, number, message))
+    with LogWriter(target) as writer:
+        for name, data in reader.attachments().items():
+            writer.attach(name, "text/plain", data)
+        for late, _, message in sorted(rows):
+            writer.write(late, message)
+    return target
+
+
+def damaged(source: Path, target: Path) -> Path:
+    content = bytearray(source.read_bytes())
+    content[len(content) // 3] ^= 1
+    target.write_bytes(content)
+    return target
+
+
+def truncated(source: Path, target: Path) -> Path:
+    content = source.read_bytes()
+    target.write_bytes(content[: 4 * len(content) // 5])
+    return target
+
+
+@pytest.mark.parametrize("spoil", [lambda source, _: source, delayed, damaged, truncated])
+def test_the_messages_around_an_instant_give_the_answer_of_the_whole_log(
+    hard: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    spoil: Callable[[Path, Path], Path],
+) -> None:
+    monkeypatch.setattr(explain, "READ_NS", (3 * SECOND // 2, 2 * SECOND, explain.FOREVER))
+    path = spoil(hard, tmp_path / "run.mcap")
+    end_s = (LogReader(path).last_at - LogReader(hard).first_at) / SECOND
+    for name in ("v1", "v2", "v3"):
+        known = RecordedKnowledge(path, name)
+        for at_s in (0.0, 0.1, 0.9, 1.6, 2.3, 3.1, 4.2, min(end_s, 4.99)):
+            with suppress(LogError):
+                whole = known.at(at_s, whole=True)
+                assert known.at(at_s) == whole
+                assert bool(whole.log_faults) == (spoil in {damaged, truncated})
+    assert len(whole.sources) == 2
+
+
+def test_a_complete_log_is_read_around_the_instant_only(
+    log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Damage anywhere is found by the checksum of the file."""
+    unpacked: list[object] = []
+    unpack = McapFile.unpack
+
+    def count(file: McapFile, head: ChunkHead) -> bytes:
+        unpacked.append(head)
+        return unpack(file, head)
+
+    monkeypatch.setattr(McapFile, "unpack", count)
+    chunks = len(McapFile(log).chunks)
+    assert not unpacked
+    RecordedKnowledge(log, "v3").at(11.0)
+    assert 0 < len(set(unpacked)) <= chunks // 2
