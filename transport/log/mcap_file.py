@@ -65,7 +65,7 @@ class MessageHeads(NamedTuple):
 
 
 @dataclass(slots=True)
-class _Summary:
+class _SummarySection:
     """Records of the summary section, none if the file has none."""
 
     schemas: dict[int, records.Schema] = field(default_factory=dict)
@@ -270,8 +270,8 @@ class McapFile:
         return starts
 
     @cached_property
-    def _summary(self) -> _Summary:
-        summary = _Summary()
+    def _summary(self) -> _SummarySection:
+        summary = _SummarySection()
         section = self.bytes[self.layout.summary.start : self.layout.summary.end]
         for opcode, start, end in entries_in(section):
             content = ReadDataStream(BytesIO(section[start:end]))

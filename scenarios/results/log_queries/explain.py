@@ -158,7 +158,7 @@ class SentPose(NamedTuple):
     altitude_m: float
 
 
-class Verdict(NamedTuple):
+class RecordedVerdict(NamedTuple):
     """A recorded verdict on a message; instants in ns."""
 
     number: int
@@ -211,10 +211,10 @@ class _Excerpt:
             sender: {row[0]: SentPose(*row) for row in _rows(columns.get((sender, "gps")))}
             for sender in senders
         }
-        self.verdicts: dict[str, dict[int, Verdict]] = {sender: {} for sender in senders}
+        self.verdicts: dict[str, dict[int, RecordedVerdict]] = {sender: {} for sender in senders}
         for number, *rest, sender in _rows(columns.get((vehicle, "verdict"))):
             if sender in self.verdicts:
-                self.verdicts[sender][number] = Verdict(number, *rest)
+                self.verdicts[sender][number] = RecordedVerdict(number, *rest)
 
     def require(self, is_enough: bool) -> None:
         """Raise _NotEnoughError for earlier messages, unless there are none."""
@@ -383,13 +383,17 @@ class RecordedKnowledge:
     def _seconds(self, at: int) -> float:
         return (at - self.start_at) / SECOND
 
-    def _age(self, newest: Verdict, now: int) -> float:
+    def _age(self, newest: RecordedVerdict, now: int) -> float:
         """Age (s) of a message by the clock of the vehicle that received it."""
         clock = self.scenario.clock(self.vehicle, self.start_at)
         return (clock.reading(now) - newest.measured_at) / SECOND
 
     def _missing(
-        self, sender: str, pose: SentPose, verdict: Verdict | None, message: MissingVerdict | None
+        self,
+        sender: str,
+        pose: SentPose,
+        verdict: RecordedVerdict | None,
+        message: MissingVerdict | None,
     ) -> MissingMessage:
         sent_at_s = self._seconds(pose.sent_at)
         if verdict is None:
@@ -406,7 +410,7 @@ class RecordedKnowledge:
         )
 
     def _path_left(
-        self, excerpt: _Excerpt, sender: str, received: Sequence[Verdict], now: int
+        self, excerpt: _Excerpt, sender: str, received: Sequence[RecordedVerdict], now: int
     ) -> float | None:
         """Distance (m) along the received positions of `sender` that lies ahead of the vehicle."""
         here = excerpt.places.get(now)
@@ -437,7 +441,7 @@ def explain(log: Path, vehicle: str, at_s: float) -> Explanation:
 
 
 def _received(
-    verdicts: Iterable[Verdict], without: Iterable[MissingVerdict], now: int
+    verdicts: Iterable[RecordedVerdict], without: Iterable[MissingVerdict], now: int
 ) -> float | None:
     """Delivered share of the messages due within the last second, None without any.
 
