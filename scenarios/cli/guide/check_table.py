@@ -94,6 +94,8 @@ def _drivers(report: CheckReport) -> Iterator[Row]:
     yield "control", f"at {report.control_rate_hz:g} Hz"
     yield from _grouped_rows("controller", report.control, _controller)
     yield from _grouped_rows("fusion", followers, _fusion)
+    limits = {name: report.control[name] | limit for name, limit in report.largest_alpha.items()}
+    yield from _grouped_rows("largest α", limits, _largest_alpha)
     yield from _grouped_rows("GNSS", report.gnss, _receiver)
     yield from _grouped_rows("sending", report.sending, _sending)
     yield from _grouped_rows("own state", report.imu, _own_state)
@@ -131,6 +133,17 @@ def _fusion(settings: Mapping[str, Any]) -> str:
     sight = f"preview {settings['preview_s']:g} s, tolerance {settings['tolerance_m']:g} m"
     how = f"{settings['trajectory']} trajectory"
     return f"{settings['fusion']}, {how}, α {settings['alpha_ratio']:g}, {sight}"
+
+
+def _largest_alpha(limit: Mapping[str, Any]) -> str:
+    """Describe alpha* = 1 / ||G||_inf, and on which side of it a vehicle is."""
+    alpha, largest = limit["alpha_ratio"], limit["largest_alpha_ratio"]
+    at = f"{limit['frequency_radps']:.1f} rad/s"
+    if alpha < largest:
+        meaning = f"α {alpha:g} is below it: errors fade from car to car at every frequency"
+    else:
+        meaning = f"α {alpha:g} is above it: errors at {at} may grow from car to car"
+    return f"{largest:.4f} at {limit['speed_mps']:.1f} m/s, 1/‖G‖∞ with actuation ({at}). {meaning}"
 
 
 def _receiver(settings: Mapping[str, Any]) -> str:

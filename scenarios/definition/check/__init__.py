@@ -11,5 +11,5 @@ receivers       whether receivers are accurate enough to follow another car's pa
 link_forecast   laws and expected figures of each link
 false_alarms    how often a source counts as lost although it sends
 link_sample     sampled messages of one link
-steering_loop   stability of the sampled loop, slip in bends, certificate for changes of speed
+steering_loop   sampled loop, slip in bends, certificate for changes of speed, largest alpha
 """

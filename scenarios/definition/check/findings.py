@@ -24,6 +24,7 @@ from scenarios.definition.check.preview import history_warnings, preview_warning
 from scenarios.definition.check.receivers import receiver_warnings
 from scenarios.definition.check.steering_loop import (
     certificate_warnings,
+    largest_alphas,
     sampled_loop_warnings,
     slip_warnings,
 )
@@ -56,10 +57,11 @@ STEP = 0.05
 class CheckReport:
     """Settings of a valid scenario, and figures of the lead's planned run.
 
-    By vehicle: `control`, `gnss`, `sending`, `imu` (None with exact own state), `tyres`,
-    `masses_kg` (with driver and load), `offsets` from the path at the start, and `replays` of
-    recorded drives. `laws` describes each link except latency, jitter, independent loss and rate.
-    `gap_policy` is None if followers drive the lead's speed, `radius_m_min` on a straight road.
+    By vehicle: `control`, `largest_alpha` of followers with lead data, `gnss`, `sending`, `imu`
+    (None with exact own state), `tyres`, `masses_kg` (with driver and load), `offsets` from the
+    path at the start, and `replays` of recorded drives. `laws` describes each link except latency,
+    jitter, independent loss and rate. `gap_policy` is None if followers drive the lead's speed,
+    `radius_m_min` on a straight road.
     `held_braking_mps2` is the hardest braking of the lead from its highest speed that followers
     hold without contact, None unless they keep a gap. From `points` to `deviation_m_max` the fields
     are about a recorded drive, and None for a path of segments: omitted points, holes, noise, the
@@ -78,6 +80,7 @@ class CheckReport:
     gap_policy: dict[str, float] | None
     control_rate_hz: float
     control: dict[str, dict[str, Any]]
+    largest_alpha: dict[str, dict[str, float]]
     gnss: dict[str, dict[str, Any]]
     sending: dict[str, dict[str, Any]]
     imu: dict[str, dict[str, float] | None]
@@ -187,6 +190,7 @@ def report_of(scenario: Scenario) -> CheckReport:
         gap_policy=tables.speed.gap.model_dump() if tables.speed.followers == "gap" else None,
         control_rate_hz=scenario.control_rate_hz,
         control={name: _steering(car.steering) for name, car in cars.items()},
+        largest_alpha=largest_alphas(scenario, run.speed_range),
         gnss={name: table_with(car.gnss).model_dump() for name, car in cars.items()},
         sending={name: table_with(car.sending, RULES).model_dump() for name, car in cars.items()},
         imu={name: _imu(car) for name, car in cars.items()},

@@ -1,4 +1,4 @@
-"""Warnings from the theory of the steering laws: sampled loop, slip, certificate."""
+"""Theory of the steering laws: sampled loop, slip, certificate, and largest alpha."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -11,7 +11,10 @@ from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.car.parameters import Gains, VehicleParameters
 from vehicles.driver.speed import SpeedProfile
 from vehicles.geometry.sampled_path import FloatArray
+from vehicles.theory.gain_sets import abscissa
+from vehicles.theory.propagation import propagation
 from vehicles.theory.sampled_loop import SampledLoop, lowest_stable_rate, sampled_stability
+from vehicles.theory.string_stability import largest_weight, peak
 
 PAPER_LAWS = {"feedforward_feedback", "slip_compensated"}
 """On a straight they are one law; other laws are not checked."""
@@ -111,6 +114,31 @@ def slip_warnings(scenario: Scenario, speeds: FloatArray, curvatures: FloatArray
             f"{100.0 * most:.1f} cm beside the path in bends, where cars slip. Set "
             'control.controller = "slip_compensated".'
         )
+
+
+def largest_alphas(scenario: Scenario, speeds: tuple[float, float]) -> dict[str, dict[str, float]]:
+    """Return alpha* = 1 / ||G||_inf of each follower with a lead and another predecessor.
+
+    Below alpha* (paper, Section IV-B; `vehicles.theory.string_stability.largest_weight`) an error
+    that a car adds is not amplified behind it, at any frequency. The value is the lower one of
+    those at `speeds` (m/s), the lowest and the highest planned. Unstable loops have none.
+    """
+    found: dict[str, dict[str, float]] = {}
+    for name in scenario.vehicle_names[2:]:
+        setup = scenario.vehicle(name)
+        steering = setup.steering
+        if steering.controller.use not in PAPER_LAWS or steering.fusion == "predecessor":
+            continue
+        rows = []
+        for speed in {max(speed, SLOWEST) for speed in speeds}:
+            car = setup.parameters, setup.gains, speed
+            if float(abscissa(*car[:2], [speed])[0]) < 0.0:
+                transfer = propagation(*car)
+                rows.append((largest_weight(transfer), speed, peak(transfer).frequency))
+        if rows:
+            keys = ("largest_alpha_ratio", "speed_mps", "frequency_radps")
+            found[name] = dict(zip(keys, min(rows), strict=True))
+    return found
 
 
 def certificate_warnings(scenario: Scenario) -> Iterator[str]:
