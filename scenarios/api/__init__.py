@@ -14,6 +14,8 @@
     convoy.browse("runs").to_pandas()         # a row for each run in a folder
     convoy.diff("runs/first", run).sentence   # what differs first
     convoy.compare("runs/first", run).plot()  # errors along the path and along the string
+    convoy.replay("runs/first", ["v1"], set={"control.controller": "stanley"})
+    convoy.recompute("runs/first", "v3", set={"control.fusion": "predecessor"}).sentence
     convoy.check("lane_change").warnings
     convoy.sweep("lane_change", {"links.loss_ratio": [0.0, 0.4]}, seeds=5).cells
 
@@ -24,6 +26,7 @@ home       the packages of this installation, which are imported first
 running    run and check
 recorded   open and browse, and the class of recorded runs
 comparing  diff and compare
+repeating  replay and recompute
 plots      the plots of a run and of a comparison
 sweeping   sweep
 """
@@ -34,6 +37,7 @@ import_own_packages()
 
 from scenarios.api.comparing import ComparedRuns, Diff, compare, diff  # noqa: E402
 from scenarios.api.recorded import Run, browse, open  # noqa: A004, E402
+from scenarios.api.repeating import recompute, replay  # noqa: E402
 from scenarios.api.running import check, run  # noqa: E402
 from scenarios.api.sweeping import Sweep, sweep  # noqa: E402
 from scenarios.results.recorded.data_table import DataTable  # noqa: E402
@@ -51,6 +55,8 @@ __all__ = [
     "compare",
     "diff",
     "open",
+    "recompute",
+    "replay",
     "run",
     "sweep",
 ]

@@ -116,7 +116,7 @@ def diff(a: AnyRun, b: AnyRun) -> Diff:
         Error: A log cannot be read, or one side has only one run.
 
     """
-    return Diff(diff_runs(_path(a), _path(b)))
+    return Diff(diff_runs(path_of(a), path_of(b)))
 
 
 def compare(*runs: AnyRun, tolerance_m: float = TOLERANCE_M) -> ComparedRuns:
@@ -130,8 +130,8 @@ def compare(*runs: AnyRun, tolerance_m: float = TOLERANCE_M) -> ComparedRuns:
         Error: A log cannot be read or lacks what is compared.
 
     """
-    return ComparedRuns(compare_runs([_path(run) for run in runs], tolerance_m))
+    return ComparedRuns(compare_runs([path_of(run) for run in runs], tolerance_m))
 
 
-def _path(run: AnyRun) -> Path:
+def path_of(run: AnyRun) -> Path:
     return run.log if isinstance(run, RunRecord) else Path(run)

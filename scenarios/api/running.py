@@ -19,7 +19,7 @@ from scenarios.definition.check.findings import CheckReport, whole_report
 from scenarios.definition.check.findings import warnings as scenario_warnings
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.overrides import OverrideError, override_text
-from scenarios.definition.scenario import load_scenario
+from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.traces.reading import DriveInPlane
 from scenarios.results.files import LOG_NAME
 from scenarios.results.metrics import Metrics
@@ -64,12 +64,33 @@ def run(
 
     """
     overrides = overrides_of(set)
-    loaded = load_scenario(str(scenario), overrides, seed)
+    arguments = [str(scenario), *(f"--set={text}" for text in overrides)]
+    arguments += [] if seed is None else [f"--seed={seed}"]
+    return run_loaded(
+        load_scenario(str(scenario), overrides, seed),
+        arguments,
+        clock=clock,
+        out=out,
+        confirmed=confirmed,
+        report=report,
+    )
+
+
+def run_loaded(
+    loaded: Scenario,
+    arguments: Sequence[str],
+    *,
+    clock: ClockName,
+    out: str | Path | None,
+    confirmed: bool,
+    report: Callable[[str], None] | None,
+) -> Run:
+    """Run a scenario, which the `arguments` of the command line select."""
     if clock not in {"virtual", "wall"}:
         raise ScenarioError([f"clock: given {clock!r}, allowed 'virtual' or 'wall'"])
     unusual = confirmed_lines(loaded, wall_clock=clock == "wall", confirmed=confirmed)
     for line in (*unusual, *scenario_warnings(loaded)):
-        warnings.warn(line, stacklevel=2)
+        warnings.warn(line, stacklevel=3)
     folder = folder_of(loaded, None if out is None else Path(out))
     if clock == "virtual":
         metrics = Metrics.of(loaded)
@@ -77,8 +98,7 @@ def run(
         with claimed(folder, fresh=out is None), completed_on_ctrl_c() as stop:
             run_virtual(loaded, folder, stop, metrics=metrics, observers=observers)
     else:
-        arguments = [str(scenario), *(f"--set={text}" for text in overrides)]
-        _run_processes(arguments, seed, folder, report)
+        _run_processes(arguments, folder, report)
     return Run(folder)
 
 
@@ -130,16 +150,12 @@ def completed_on_ctrl_c() -> Iterator[Stop]:
 
 
 def _run_processes(
-    arguments: Sequence[str],
-    seed: int | None,
-    folder: Path,
-    report: Callable[[str], None] | None,
+    arguments: Sequence[str], folder: Path, report: Callable[[str], None] | None
 ) -> None:
     """Run on the wall clock by the command line, whose processes are started from a small one."""
-    seeds = [] if seed is None else [f"--seed={seed}"]
     quiet = ["--quiet"] if report is None else []
     options = ["--clock=wall", *quiet, "--yes", f"--out={folder}"]
-    command = [sys.executable, "-P", "-m", "scenarios.cli", "run", *arguments, *seeds, *options]
+    command = [sys.executable, "-P", "-m", "scenarios.cli", "run", *arguments, *options]
     paths = (str(INSTALLED_IN), os.environ.get("PYTHONPATH", ""))
     errors = []
     with subprocess.Popen(  # noqa: S603 - this program

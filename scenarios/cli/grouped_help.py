@@ -15,7 +15,8 @@ SUMMARY_MAX = 45
 SECTIONS: Mapping[str, Sequence[str]] = {
     "Run": ("run", "replay", "check", "list", "new"),
     "Look": (
-        "browse", "report", "review", "explain", "note", "diff", "compare", "export", "reference",
+        "browse", "report", "review", "explain", "note", "diff", "compare", "recompute", "export",
+        "reference",
     ),
     "Logs": ("info", "extract", "merge", "recover"),
     "Live": (

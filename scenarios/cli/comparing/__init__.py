@@ -3,4 +3,5 @@
 diff        `convoy diff`
 diff_table  its tables
 compare     `convoy compare`
+recompute   `convoy recompute`
 """
