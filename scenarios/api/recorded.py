@@ -18,6 +18,7 @@ from scenarios.results.vehicles.string_errors import STRING_COLUMNS, string_erro
 from scenarios.results.vehicles.vehicle_figures import VehicleSummary
 from scenarios.runs.run_folder import is_running
 from scenarios.studies.run_list import COLUMNS, as_rows, runs_in, selected
+from transport.log.records import LogError
 
 if TYPE_CHECKING:  # an extra
     from matplotlib.figure import Figure
@@ -57,14 +58,17 @@ class Run(RunRecord):
         return summary_of(self.log, running=is_running(self.log))
 
     def plot(self, vehicles: Sequence[str] | None = None) -> "Figure":
-        """Draw paths, true errors, gaps and speeds, by default of all vehicles.
+        """Draw paths, true errors, gaps and speeds, by default of all vehicles in the log.
 
-        Returns a Matplotlib figure. Raises Error without Matplotlib.
+        Returns a Matplotlib figure. Raises Error without Matplotlib, and without true poses.
         """
         require("plot", "studies", "matplotlib")
         from scenarios.api.plots import run_figure  # noqa: PLC0415 - an extra
 
-        return run_figure(self, [self.vehicles[name] for name in vehicles or self.vehicles])
+        names = vehicles or [name for name in self.vehicles if "truth" in self.topics_of(name)]
+        if not names:
+            raise LogError(f"{self.log}: holds no true poses of a vehicle")
+        return run_figure(self, [self.vehicles[name] for name in names])
 
     @cached_property
     def string_errors(self) -> DataTable:

@@ -168,6 +168,17 @@ class LogReader:
         return f"{self.path}: {faults}" if faults else ""
 
     @property
+    def notice(self) -> str:
+        """Faults of the log, and what a piece holds, in one line; empty for a whole log."""
+        held = ", ".join(
+            f"{name} {value}" for name, value in self.metadata().get(PIECE, {}).items()
+        )
+        piece = f"is a piece of a log ({held})" if held else ""
+        texts = filter(None, (self.faults.removeprefix(f"{self.path}: "), piece))
+        notice = "; ".join(texts)
+        return f"{self.path}: {notice}" if notice else ""
+
+    @property
     def thinned(self) -> dict[str, str]:
         """Maximum rates (Hz) of thinned topics."""
         return self.metadata().get(THINNED_NAME, {})

@@ -72,11 +72,14 @@ def merge(logs: tuple[Path, ...], *, output: Path) -> None:
     """Join logs of one run.
 
     LOGS are pieces of one log, or recordings of one run. Messages in several of them are written
-    once.
+    once. The new log is a piece too, unless LOGS together hold the whole run.
     """
     from scenarios.results.log_queries import log_pieces
     from scenarios.results.log_summary import log_in
 
     with clear_errors():
-        count = log_pieces.merge_logs([log_in(log) for log in logs], output, warn_of_log)
-        click.echo(f"{output}: {count} messages")
+        paths = [log_in(log) for log in logs]
+        count, is_whole = log_pieces.merge_logs(paths, output, warn_of_log)
+        click.echo(
+            f"{output}: {count} messages, {'the whole run' if is_whole else 'a piece of it'}"
+        )

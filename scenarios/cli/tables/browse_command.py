@@ -160,7 +160,7 @@ def print_runs(runs: "Sequence[ListedRun]", console: "Console") -> None:
         Column("time,\ns", lambda row: row[1].ran_s, ".1f"),
         Column("worst\nerror, cm", lambda row: row[1].worst_error_m, ".1f", 100.0),
         Column("events", lambda row: row[1].events),
-        Column("log", lambda row: "faulty" if row[1].faults else "ok", left=True),
+        Column("log", lambda row: _state(row[1]), left=True),
     ]
     print_whole(table_of(columns, rows, style=lambda row: _style(row[1])), console)
     for number, run in rows:
@@ -169,6 +169,12 @@ def print_runs(runs: "Sequence[ListedRun]", console: "Console") -> None:
             lines.append(f"log: {run.faults}")
         for line in lines:
             console.print(f"{number}: {line}", highlight=False, soft_wrap=True, markup=False)
+
+
+def _state(run: "ListedRun") -> str:
+    if run.faults:
+        return "faulty"
+    return "piece" if run.line.startswith("PIECE ") else "ok"
 
 
 def _style(run: "ListedRun") -> str | None:

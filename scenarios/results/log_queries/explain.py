@@ -73,7 +73,7 @@ class KnownSource:
 class Explanation:
     """What `vehicle` knew at its last decision until the requested instant.
 
-    `log_faults` describes damage and holes of the log in one line.
+    `log_faults` describes damage and holes of the log, and what a piece holds, in one line.
     """
 
     vehicle: str
@@ -315,7 +315,7 @@ class RecordedKnowledge:
             decided_at_s=self._seconds(now),
             mode=mode,
             reason=reason,
-            log_faults=self._reader.faults,
+            log_faults=self._reader.notice,
             sources=tuple(self._known(excerpt, sender, now) for sender in self.senders),
         )
 

@@ -5,14 +5,15 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from scenarios.definition.errors import ScenarioError
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.results.files import SUMMARY_NAME
-from scenarios.results.log_summary import summary_of_piece
+from scenarios.results.log_summary import scenario_in, summary_of_joined, summary_of_piece
 from scenarios.results.summarise import METADATA_NAME
 from scenarios.results.summary import to_json
 from transport.columns import DEVIATION
 from transport.log.mcap_file import McapFile
-from transport.log.pieces import Choice, write_piece
+from transport.log.pieces import KEPT_TOPICS, Choice, write_piece
 from transport.log.reader import LogReader
 from transport.log.records import PIECE, LogError, UnwritableError
 from transport.log.repair import repair
@@ -60,13 +61,20 @@ def extract(log: Path, part: LogPart, output: Path, warn: Warn) -> int:
     first = 0 if part.from_s is None else start + round(from_s * SECOND)
     last = reader.last_at if part.to_s is None else start + round(to_s * SECOND)
     choice = Choice((first, last), part.topics, part.vehicles)
-    return _write([reader], output, choice, part.described())
+    held = _held_in(reader)
+    times = {"from_s": max(float(held.get("from_s", 0.0)), from_s), "to_s": to_s}
+    if "to_s" in held:
+        times["to_s"] = min(float(held["to_s"]), to_s)
+    described = part.described()
+    kept = {name: f"{times[name]:g}" for name in times if name in {*held, *described}}
+    return _write([reader], output, choice, {**held, **described, **kept})
 
 
-def merge_logs(logs: Sequence[Path], output: Path, warn: Warn) -> int:
-    """Write the messages of several logs of one run, each once; returns their number.
+def merge_logs(logs: Sequence[Path], output: Path, warn: Warn) -> tuple[int, bool]:
+    """Write the messages of several logs of one run, each once.
 
-    Raises LogError for logs of different runs.
+    Returns their number, and whether the new log holds the whole run: then it is no piece. Raises
+    LogError for logs of different runs.
     """
     readers = [_opened(log, warn) for log in logs]
     first, *others = readers
@@ -81,8 +89,52 @@ def merge_logs(logs: Sequence[Path], output: Path, warn: Warn) -> int:
         ):
             if one != two:
                 raise LogError(f"{other.path}: is of another {name} than {first.path}")
+    parts = [_held_in(reader) for reader in readers]
+    if _has_end(readers) and _covers_run(parts, _vehicles_of(readers)):
+        return _write(readers, output, Choice(), {}), True
     held = {"merged": ",".join(str(log) for log in logs)}
-    return _write(readers, output, Choice(), held)
+    begins = [part.get("from_s") for part in parts]
+    if None not in begins:
+        held["from_s"] = f"{min(float(begin or 0.0) for begin in begins):g}"
+    return _write(readers, output, Choice(), held), False
+
+
+def _held_in(reader: LogReader) -> dict[str, str]:
+    """What a piece holds, as in its metadata; empty for another log."""
+    return dict(reader.metadata().get(PIECE, {}))
+
+
+def _vehicles_of(readers: Sequence[LogReader]) -> set[str]:
+    """Names of the vehicles of a run; those of the logs if they lack the scenario."""
+    try:
+        return set(scenario_in(readers[0]).vehicle_names)
+    except (LogError, ScenarioError):
+        return {name for reader in readers for name in reader.vehicles} - {RUN_SENDER}
+
+
+def _has_end(readers: Sequence[LogReader]) -> bool:
+    return any(reader.counts.get((RUN_SENDER, "end")) for reader in readers)
+
+
+def _covers_run(parts: Sequence[Mapping[str, str]], vehicles: Collection[str]) -> bool:
+    """Whether pieces together hold every time of every topic and vehicle of a run."""
+    known = [part for part in parts if "merged" not in part]
+    for topic in {*TOPICS, DEVIATION} - KEPT_TOPICS:
+        for vehicle in vehicles:
+            spans = sorted(
+                (float(part.get("from_s", "-inf")), float(part.get("to_s", "inf")))
+                for part in known
+                if topic in part.get("topics", topic).split(",")
+                and vehicle in part.get("vehicles", vehicle).split(",")
+            )
+            covered_to = float("-inf")
+            for begin, end in spans:
+                if begin > covered_to:
+                    return False
+                covered_to = max(covered_to, end)
+            if covered_to < float("inf"):
+                return False
+    return True
 
 
 def recover_log(log: Path, output: Path) -> int:
@@ -140,12 +192,19 @@ def _write(
         attachments |= reader.attachments()
         metadata |= reader.metadata()
     attachments.pop(SUMMARY_NAME, None)
-    metadata[PIECE] = metadata.get(PIECE, {}) | dict(held)
+    metadata.pop(PIECE, None)
+    if held:
+        metadata[PIECE] = dict(held)
 
     def summary(path: Path) -> dict[str, bytes]:
         if ATTACHED_AS not in attachments:
             return {}
-        figures = summary_of_piece(LogReader(path), metadata[PIECE])
+        for reader in readers:
+            written = reader.attachments().get(SUMMARY_NAME)
+            if not (held or _held_in(reader) or reader.faults) and written is not None:
+                return {SUMMARY_NAME: written}
+        piece = LogReader(path)
+        figures = summary_of_piece(piece, held) if held else summary_of_joined(piece)
         return {SUMMARY_NAME: to_json(figures).encode()}
 
     files: list[McapFile] = [reader.file for reader in readers]

@@ -43,13 +43,13 @@ def review(
     """Draw the run recorded in `log`, or part of it; returns the number of messages drawn.
 
     With `at_s` the viewer's cursor is moved to that time (s) after the start. `progress` gets the
-    share that is done, and `warn` a line about each fault of the log. A served picture is shown
-    until `wait` returns, which is called with its address when all is drawn.
+    share that is done, and `warn` a line about faults of the log and missing parts. A served
+    picture is shown until `wait` returns, which is called with its address when all is drawn.
     Raises LogError or ViewerError.
     """
     reader = LogReader(log)
-    if faults := reader.faults:
-        warn(faults)
+    if notice := reader.notice:
+        warn(notice)
     notes = [note for note in _notes_of(log, warn) if excerpt.covers(note.at_s)]
     scenario = _scenario_in(reader, warn)
     stream = _stream(reader, scenario)

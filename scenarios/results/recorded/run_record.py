@@ -77,6 +77,11 @@ class RunRecord:
     def faults(self) -> str:
         return self._reader.faults
 
+    @property
+    def notice(self) -> str:
+        """Faults, and what a piece holds, in a line."""
+        return self._reader.notice
+
     @cached_property
     def origin(self) -> Mapping[str, str]:
         """Where the data come from: log, run, scenario, seed, faults, what a piece holds."""
@@ -141,10 +146,11 @@ class RunRecord:
     def texts(self) -> DataTable:
         """Lines of text of all vehicles and of the recorder ("run"), in order of time."""
         tables = self.columns_of("log")
-        names = [np.full(len(columns), name, object) for name, columns in tables.items()]
+        none = np.zeros(0, object)  # a piece may hold no texts
+        names = [none, *(np.full(len(rows), name, object) for name, rows in tables.items())]
         whole = {
-            field: np.concatenate([columns[field] for columns in tables.values()])
-            for field in ("logged_at_ns", "level", "text")
+            field: np.concatenate([none.astype(kind), *(rows[field] for rows in tables.values())])
+            for field, kind in (("logged_at_ns", np.int64), ("level", object), ("text", object))
         }
         order = np.argsort(whole["logged_at_ns"], kind="stable")
         return DataTable(

@@ -135,7 +135,7 @@ class RunComparison:
     """Several runs on the path of the first one, A.
 
     `first` is the earliest divergence by time, None if no vehicle differs by more than
-    `tolerance_m`. `faults` describe damage and holes of the logs.
+    `tolerance_m`. `faults` describe damage, holes and missing parts of the logs.
     """
 
     runs: tuple[ComparedRun, ...]
@@ -186,8 +186,8 @@ def compare_runs(
     runs: list[ComparedRun] = []
     for label, log in zip(ascii_uppercase, logs, strict=False):
         record = RunRecord(log)
-        if record.faults:
-            faults.append(record.faults)
+        if record.notice:
+            faults.append(record.notice)
         reference = runs[0].record if runs else record
         vehicles = _placed(record, reference)
         summary = _summary(record, faults)

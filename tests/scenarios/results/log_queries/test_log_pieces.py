@@ -5,8 +5,11 @@ from pathlib import Path
 from shutil import copyfile
 
 import pytest
+from click.testing import CliRunner
 from mcap.reader import make_reader
 
+import scenarios.api as convoy
+from scenarios.cli.main import cli
 from scenarios.definition.scenario import scenario_from_text
 from scenarios.results.log_queries.log_info import info_of
 from scenarios.results.log_queries.log_pieces import LogPart, extract, merge_logs, recover_log
@@ -14,6 +17,7 @@ from scenarios.results.log_summary import scenario_of, summary_of
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
 from tests.made.transport.logs import rerun_accepts, rows
+from transport.columns import DEVIATION
 from transport.log.reader import LogReader
 from transport.log.records import LogError
 from transport.topics import TOPICS
@@ -89,21 +93,134 @@ def test_topics_and_vehicles_are_selected(log: Path, tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["piece.mcap"]
 
 
-def test_pieces_joined_are_the_whole(log: Path, tmp_path: Path) -> None:
-    parts = [LogPart(to_s=2.0), LogPart(from_s=1.5, vehicles=["v1", "v2"]), LogPart(from_s=1.5)]
-    paths = [tmp_path / f"{number}.mcap" for number in range(3)]
+def merged(log: Path, folder: Path, parts: list[LogPart]) -> tuple[Path, bool]:
+    """Pieces of a log, joined again, and whether they are the whole run."""
+    paths = [folder / f"{number}.mcap" for number in range(len(parts))]
     for part, path in zip(parts, paths, strict=True):
         extract(log, part, path, refuse)
-    joined = tmp_path / "joined.mcap"
-    merge_logs(paths, joined, refuse)
+    joined = folder / "joined.mcap"
+    count, is_whole = merge_logs(paths, joined, refuse)
+    assert count == len(own_messages(joined))
+    return joined, is_whole
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        [LogPart(to_s=2.0), LogPart(from_s=1.5, vehicles=["v1", "v2"]), LogPart(from_s=1.5)],
+        [LogPart(vehicles=["v1", "v3"]), LogPart(vehicles=["v2"])],
+        [LogPart(topics=["gps", "end"]), LogPart(topics=[*{*TOPICS, DEVIATION} - {"gps", "end"}])],
+    ],
+)
+def test_pieces_joined_are_the_whole(log: Path, tmp_path: Path, parts: list[LogPart]) -> None:
+    joined, is_whole = merged(log, tmp_path, parts)
+    assert is_whole
     assert sorted(own_messages(joined)) == sorted(own_messages(log))
     assert not LogReader(joined).faults
-    assert summary_of(joined).vehicles == summary_of(log).vehicles
-    other = tmp_path / "other"
-    other.mkdir()
-    run_virtual(scenario_from_text(SCENARIO, seed=2), other, Stop())
+    assert "piece" not in LogReader(joined).metadata()
+    assert summary_of(joined) == summary_of(log)
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        [LogPart(to_s=2.0), LogPart(from_s=2.1)],
+        [LogPart(to_s=2.0), LogPart(from_s=2.0, vehicles=["v1", "v2"])],
+        [LogPart(topics=["gps", "end"]), LogPart(topics=["truth"])],
+        [LogPart(from_s=3.0), LogPart(from_s=3.5)],
+    ],
+)
+def test_pieces_that_lack_a_part_are_joined_to_a_piece(
+    log: Path, tmp_path: Path, parts: list[LogPart]
+) -> None:
+    joined, is_whole = merged(log, tmp_path, parts)
+    assert not is_whole
+    assert "merged" in LogReader(joined).metadata()["piece"]
+    assert summary_of(joined).outcome_line.startswith("PIECE (merged ")
+
+
+def test_a_piece_joined_with_the_whole_is_the_whole(log: Path, tmp_path: Path) -> None:
+    extract(log, LogPart(vehicles=["v2"]), tmp_path / "piece.mcap", refuse)
+    joined = tmp_path / "joined.mcap"
+    assert merge_logs([tmp_path / "piece.mcap", log], joined, refuse)[1]
+    assert summary_of(joined) == summary_of(log)
+
+
+def test_a_piece_of_a_piece_states_what_both_keep(log: Path, tmp_path: Path) -> None:
+    extract(log, LogPart(from_s=1.0, to_s=3.0), tmp_path / "first.mcap", refuse)
+    part = LogPart(from_s=0.5, to_s=2.0, vehicles=["v1", "v2"])
+    extract(tmp_path / "first.mcap", part, tmp_path / "second.mcap", refuse)
+    held = LogReader(tmp_path / "second.mcap").metadata()["piece"]
+    assert held == {"from_s": "1", "to_s": "2", "vehicles": "v1,v2"}
+
+
+READERS = (
+    *("report {}", "report {} --html {out}/report.html", "info {}", "export {} --out {out}"),
+    *("explain {} --vehicle v2 --at 2.5", "diff {} {whole}", "compare {} {whole} --json"),
+    *("compare {whole} {} --json", "note {}", "scenario-from {}", "scenario-from {} --partial"),
+)
+LACKING = {
+    "gps": {"explain": "no decisions of v2", "compare": "holds no true poses of a vehicle"},
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "part"),
+    [
+        ("time", LogPart(from_s=2.0, to_s=3.0)),
+        ("vehicles", LogPart(vehicles=["v2", "v3"])),
+        ("gps", LogPart(topics=["gps"])),
+    ],
+)
+def test_every_reader_takes_a_piece_or_names_what_is_missing(
+    log: Path, tmp_path: Path, name: str, part: LogPart
+) -> None:
+    piece = tmp_path / "piece.mcap"
+    extract(log, part, piece, refuse)
+    held = ", ".join(f"{key} {value}" for key, value in part.described().items())
+    lacking = LACKING.get(name, {}) | {"scenario-from": f"({held}); use the rest"}
+    for line in READERS:
+        arguments = line.format(piece, whole=log, out=tmp_path / "out").split()
+        (tmp_path / "out").mkdir(exist_ok=True)
+        done = CliRunner().invoke(cli, arguments, env={"COLUMNS": "200"})
+        reported = done.stderr.splitlines()
+        if arguments[0] in lacking and "--partial" not in arguments:
+            assert done.exit_code == 2, line
+            (error,) = reported
+            assert error.startswith(f"error: {piece}: ")
+            assert lacking[arguments[0]] in error
+            continue
+        assert done.exit_code == (arguments[0] == "diff"), done.output
+        assert len(reported) <= 1
+        page = tmp_path / "out/report.html"
+        shown = done.output + (page.read_text(encoding="utf-8") if page.exists() else "")
+        assert held in shown or arguments[0] == "note", line
+
+
+def test_python_takes_pieces(log: Path, tmp_path: Path) -> None:
+    extract(log, LogPart(topics=["gps"]), tmp_path / "gps.mcap", refuse)
+    run = convoy.open(tmp_path / "gps.mcap")
+    assert len(run.states) == len(run.texts) == 0
+    assert len(run.vehicles["v2"].gps) == 80
+    assert "PIECE (topics gps); 3 vehicles, 4.0 s" in repr(run)
+    assert "events" not in run.summary.outcome_line
+    assert run.summary.links == ()
+    with pytest.raises(convoy.Error, match="holds no true poses"):
+        run.plot()
+    extract(log, LogPart(from_s=2.0, vehicles=["v2"]), tmp_path / "v2.mcap", refuse)
+    run = convoy.open(tmp_path / "v2.mcap")
+    assert len(run.plot().axes[0].lines) == 1
+    assert not any(row.silent_from_s for row in run.summary.vehicles)
+    assert [row.missing_poses for row in run.summary.vehicles] == [0, 0, 0]
+    (link,) = run.summary.links
+    assert (link.sender, link.receiver, link.unrecorded) == ("v1", "v2", 0)
+    assert 35 <= link.sent <= 41
+
+
+def test_logs_of_different_runs_are_not_joined(log: Path, tmp_path: Path) -> None:
+    run_virtual(scenario_from_text(SCENARIO, seed=2), tmp_path, Stop())
     with pytest.raises(LogError, match="another run"):
-        merge_logs([log, other / "run.mcap"], tmp_path / "refused.mcap", refuse)
+        merge_logs([log, tmp_path / "run.mcap"], tmp_path / "refused.mcap", refuse)
 
 
 def test_what_a_log_holds_is_described(log: Path) -> None:
