@@ -1,66 +1,115 @@
 """Classes that a scenario selects are constructed and called before the run."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
+
+import numpy as np
 
 from scenarios.definition.errors import Problem
 from scenarios.definition.road.spacing import least_spacings, spacing_policy
-from scenarios.definition.schema.plug_ins.guards import PlugInError
-from scenarios.definition.schema.plug_ins.table import PlugInTable
+from scenarios.definition.schema.plug_ins.channel import try_law
+from scenarios.definition.schema.plug_ins.emission import try_error, try_rule
+from scenarios.definition.schema.plug_ins.guards import PlugInError, own_name
+from scenarios.definition.schema.plug_ins.table import own_classes
 from scenarios.definition.schema.scenario_tables import ScenarioTables
 from scenarios.definition.validation.wording import toml_repr
-from scenarios.definition.vehicle_setup import vehicle_setup
+from scenarios.definition.vehicle_setup import VehicleSetup, vehicle_setup
+from transport.links.laws.link_law import LinkSetting
+from vehicles.car.positioning.error_term import ReceiverContext
+from vehicles.car.sending.rule import SendingContext
 from vehicles.driver.longitudinal.controller import LongitudinalSetup
 from vehicles.driver.longitudinal.spacing import GapLimits
+from vehicles.geometry.geodesy import LocalPlane, Origin
+
+Trial = Callable[[], object]
+DETERMINISTIC = "a class must not use a clock or random numbers of its own"
 
 
 def plug_in_problems(tables: ScenarioTables) -> Iterator[Problem]:
-    """Yield the classes that violate their contract, by their keys."""
+    """Yield the user's classes that violate their contract, by their keys."""
+    if any(own_classes(tables)):
+        yield from _problems(tables)
+
+
+def _problems(tables: ScenarioTables) -> Iterator[Problem]:
     problems: dict[str, str] = {}
-    least = least_spacings(tables)
-    for place, name in enumerate(tables.convoy.vehicle_names):
-        setup, own = vehicle_setup(tables, name), tables.vehicle.get(name)
-        key = f"vehicle.{name}.control" if own and own.control else "control"
-        table = setup.steering.controller
-        arguments: tuple[object, ...] = (setup.assumed_parameters, setup.gains)
-        problems |= _problem(f"{key}.controller", table, arguments)
-        if place and tables.speed.followers != "gap" and setup.steering.longitudinal.is_own:
-            problems[f"{key}.longitudinal"] = (
+    for name in tables.convoy.vehicle_names:
+        setup = vehicle_setup(tables, name)
+        for key, trial in (*_controllers(tables, setup), *_sensors(tables, setup)):
+            problems |= _problem(key, trial)
+        if tables.speed.followers != "gap" and setup.steering.longitudinal.is_own:
+            problems[_key(tables, name, "control", "longitudinal")] = (
                 f"given {setup.steering.longitudinal.use}, but speed.followers = "
                 f'{toml_repr(tables.speed.followers)}, allowed with "gap"'
             )
-        elif place and tables.speed.followers == "gap":
-            start = LongitudinalSetup(
-                spacing_policy(tables, least[place]),
-                GapLimits(),
-                least[place],
-                1.0 / tables.control.rate_hz,
-                tables.speed.set_mps,
-                setup.assumed_parameters,
-                setup.lead,
-                setup.predecessor or "",
-            )
-            table = setup.steering.longitudinal
-            problems |= _problem(f"{key}.longitudinal", table, (start,), start)
+    for key, trial in _laws(tables):
+        problems |= _problem(key, trial)
     yield from problems.items()
 
 
-def _problem(
-    key: str, table: PlugInTable, arguments: tuple[object, ...], *trial: object
-) -> dict[str, str]:
-    """Return the problem of a class by its key, if it has one; shipped classes have none.
+def _controllers(tables: ScenarioTables, setup: VehicleSetup) -> Iterator[tuple[str, Trial]]:
+    name = setup.name
+    lateral, longitudinal = setup.steering.controller, setup.steering.longitudinal
+    if lateral.is_own:
+        yield (
+            _key(tables, name, "control", "controller"),
+            lambda: lateral.point.trial(setup.controller()),
+        )
+    if longitudinal.is_own and setup.place and tables.speed.followers == "gap":
+        least = least_spacings(tables)[setup.place]
+        start = LongitudinalSetup(
+            spacing_policy(tables, least),
+            GapLimits(),
+            least,
+            1.0 / tables.control.rate_hz,
+            tables.speed.set_mps,
+            setup.assumed_parameters,
+            setup.lead,
+            setup.predecessor or "",
+        )
+        yield (
+            _key(tables, name, "control", "longitudinal"),
+            lambda: longitudinal.point.trial(longitudinal.build(start), start),
+        )
 
-    Equal calls of two instances must have equal results.
-    """
-    if not table.is_own:
-        return {}
+
+def _sensors(tables: ScenarioTables, setup: VehicleSetup) -> Iterator[tuple[str, Trial]]:
+    rule = setup.sending
+    if own_name(rule):
+        context = SendingContext(0, _streams)
+        yield _key(tables, setup.name, "sending"), lambda: try_rule(rule, context)
+    start = ReceiverContext(0, 0.0, _streams, _streams)
+    for index, term in enumerate(setup.gnss.errors):
+        if own_name(term):
+            key = _key(tables, setup.name, "gnss", "errors")
+            yield f"{key}[{index}]", partial(try_error, term, start)
+
+
+def _laws(tables: ScenarioTables) -> Iterator[tuple[str, Trial]]:
+    setting = LinkSetting(plane=LocalPlane(Origin(0.0, 0.0, 0.0)))
+    links = {"links": tables.links} | {f"link[{k}]": one for k, one in enumerate(tables.link)}
+    for key, link in links.items():
+        for inner, law in (("loss", link.loss), ("delay", link.delay)):
+            if law is not None and any(own_classes(law)):
+                yield f"{key}.{inner}", partial(try_law, law, setting)
+
+
+def _streams(purpose: str) -> np.random.Generator:
+    return np.random.Generator(np.random.PCG64(list(purpose.encode())))
+
+
+def _key(tables: ScenarioTables, name: str, table: str, key: str = "") -> str:
+    """Key of a setting of a vehicle: its own, or that of all vehicles."""
+    own = getattr(tables.vehicle.get(name), table, None)
+    is_own = own is not None and (not key or key in own.model_fields_set)
+    return ".".join(filter(None, (f"vehicle.{name}" if is_own else "", table, key)))
+
+
+def _problem(key: str, trial: Trial) -> dict[str, str]:
+    """Return what is wrong with a class, by its key; equal calls must have equal results."""
     try:
-        results = [table.point.trial(table.build(*arguments), *trial) for _ in range(2)]
+        if trial() == trial():
+            return {}
     except PlugInError as error:
         return {key: str(error)}
-    if results[0] != results[1]:
-        what = f"{table.point.name} {table.use!r}"
-        return {
-            key: f"{what}: results differ between equal calls: it must not use a clock or random "
-            "numbers of its own"
-        }
-    return {}
+    return {key: "results differ between equal calls: " + DETERMINISTIC}

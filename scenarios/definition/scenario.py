@@ -41,7 +41,7 @@ from scenarios.definition.road.route import (
 from scenarios.definition.road.spacing import least_spacings, spacing_policy
 from scenarios.definition.run_limits import limit_problems
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.definition.schema.plug_ins.table import plug_in_tables
+from scenarios.definition.schema.plug_ins.table import own_classes
 from scenarios.definition.schema.scenario_tables import ClockTable, OriginTable, ScenarioTables
 from scenarios.definition.topology import directed_links
 from scenarios.definition.traces.reading import OnDrive
@@ -365,7 +365,7 @@ class Scenario:
     @cached_property
     def plug_ins(self) -> list[str]:
         """Dotted names of the user's classes."""
-        return sorted({table.use for table in plug_in_tables(self.tables) if table.is_own})
+        return sorted(set(own_classes(self.tables)))
 
     @cached_property
     def digest(self) -> str:

@@ -65,5 +65,111 @@ use = "mine.ConstantTimeGap"
 gain_per_s = 0.4
 """,
     ),
+    "links.loss": PlugInExample(
+        """\
+from math import hypot
+from transport.links.laws.loss.base import BaseLoss
+
+class LossOverDistance(BaseLoss):
+    reach_m: float
+
+    def judge(self, draw, context):
+        there, here = context.sender, context.receiver
+        distance = hypot(there.east - here.east, there.north - here.north)
+        lost = draw("distance", context.seq) < (distance / self.reach_m) ** 2
+        return "loss" if lost else 0
+""",
+        """\
+[links]
+loss = { use = "mine.LossOverDistance", reach_m = 60.0 }
+""",
+    ),
+    "links.delay": PlugInExample(
+        """\
+from transport.links.laws.delay.base import BaseDelay
+from transport.links.laws.moments import Delays
+
+class Retransmissions(BaseDelay):
+    step_ms: float = 5.0
+
+    def judge(self, draw, context):
+        again = sum(draw(f"attempt {k}", context.seq) < 0.5 for k in range(4))
+        return round(again * self.step_ms * 1_000_000)
+
+    @property
+    def delays(self):
+        return Delays(2 * self.step_ms * 1e6, (self.step_ms * 1e6) ** 2)
+""",
+        """\
+[links]
+delay = { use = "mine.Retransmissions", step_ms = 10.0 }
+""",
+    ),
+    "sending": PlugInExample(
+        """\
+from dataclasses import dataclass
+from vehicles.car.sending.rule import SendingRule
+
+@dataclass(frozen=True, kw_only=True)
+class EveryMetres(SendingRule):
+    step_m: float = 1.0
+
+    def begin(self, context):
+        return Distance(self.step_m)
+
+    def nominal_rate(self, fixes, speed):
+        return min(fixes, speed / self.step_m) or 1.0
+
+class Distance:
+    def __init__(self, step):
+        self.step, self.last = step, None
+
+    def due(self, now, unsent, allowed_from):
+        if unsent is None or self.last is None:
+            return unsent is not None
+        east = unsent.east - self.last.east
+        north = unsent.north - self.last.north
+        return east**2 + north**2 >= self.step**2
+
+    def sent(self, now, fix):
+        self.last = fix
+""",
+        """\
+[sending]
+use = "mine.EveryMetres"
+step_m = 2.5
+""",
+    ),
+    "gnss.errors": PlugInExample(
+        """\
+from dataclasses import dataclass
+from math import sin
+from vehicles.car.positioning.error_term import ErrorTerm
+
+@dataclass(frozen=True)
+class Multipath(ErrorTerm):
+    amplitude_m: float = 0.1
+
+    @property
+    def variance(self):
+        return self.amplitude_m**2 / 2
+
+    def begin(self, context):
+        phase = 6.28 * context.own_streams("phase").random()
+        return Wave(self.amplitude_m, phase)
+
+class Wave:
+    def __init__(self, amplitude, phase):
+        self.amplitude, self.phase = amplitude, phase
+
+    def at(self, body, now):
+        return self.amplitude * sin(0.1 * body.distance + self.phase), 0.0
+""",
+        """\
+[[gnss.errors]]
+use = "mine.Multipath"
+amplitude_m = 0.05
+""",
+    ),
 }
 """Examples by the key of the plug-in point."""

@@ -1,6 +1,6 @@
 """Reference page about plug-ins: shipped classes, and the contract of your own."""
 
-from inspect import getdoc
+from inspect import getdoc, isfunction, signature
 from pkgutil import resolve_name
 
 import click
@@ -42,10 +42,18 @@ def _print_point(point: PlugInPoint) -> None:
         _print_documented(f"{method}({arguments}): ", getattr(point.contract, method))
     for kind in point.types:
         _print_documented(f"{kind.__name__}: ", kind)
+        for name, method in vars(kind).items() if is_protocol(kind) else ():
+            if isfunction(method) and not name.startswith("_"):
+                arguments = ", ".join(list(signature(method).parameters)[1:])
+                _print_documented(f"{name}({arguments}): ", method)
     example = EXAMPLES[point.key]
     click.echo(
         f"\nExample, mine.py:\n\n{example.code}\nIn the scenario:\n\n{example.toml.rstrip()}"
     )
+
+
+def is_protocol(kind: type) -> bool:
+    return bool(getattr(kind, "_is_protocol", False))
 
 
 def _print_documented(name: str, documented: object) -> None:

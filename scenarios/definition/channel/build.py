@@ -8,6 +8,7 @@ import numpy as np
 
 from scenarios.definition.road.route import Route
 from scenarios.definition.schema.link_tables import LinkTable
+from scenarios.definition.schema.plug_ins.channel import effects_of
 from transport.links.content_stage import ContentStage
 from transport.links.gate import PoseGate
 from transport.links.laws.basic import Decimation, Jitter, Latency, Loss
@@ -45,7 +46,7 @@ def link_effects(
     latency = round(table.latency_ms * MILLISECOND)
     setting = replace(setting, between=between, latency=latency)
     if table.loss is not None and table.loss.replaces_others:
-        return (*table.loss.effects(setting), *besides)
+        return (*effects_of(table.loss, setting), *besides)
     result: list[Effect] = []
     if table.rate_hz is not None and table.rate_hz < source_rate_hz:
         result.append(Decimation(Fraction(table.rate_hz) / Fraction(source_rate_hz)))
@@ -67,7 +68,7 @@ def _of(setting: LinkSetting, *laws: LinkLaw | None) -> list[Effect]:
         effect
         for place, law in enumerate(laws)
         if law is not None
-        for effect in law.effects(replace(setting, place=place))
+        for effect in effects_of(law, replace(setting, place=place))
     ]
 
 

@@ -1,21 +1,32 @@
 """The table of a GNSS receiver, completed by its preset."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
-from scenarios.definition.schema.settings_table import SettingsTable, keys_with
+from scenarios.definition.schema.plug_ins.emission import RECEIVER_ERROR
+from scenarios.definition.schema.plug_ins.table import plug_in
+from scenarios.definition.schema.settings_table import SettingsTable, keys_with, one_of
+from vehicles.car.positioning.error_term import ErrorTerm
 from vehicles.car.positioning.gnss_settings import (
+    ERRORS,
     PRESET_OF_STATE,
     PRESETS,
     GnssSettings,
     StateErrors,
 )
 
+if TYPE_CHECKING:
+    ErrorPlugIn = SettingsTable[ErrorTerm]
+else:
+    ErrorPlugIn = plug_in(RECEIVER_ERROR, one_of(ERRORS))
+
 
 class GnssTable(SettingsTable[GnssSettings]):
     """The emulated GNSS receiver. Its keys replace the values of a `preset`."""
+
+    errors: Annotated[tuple[ErrorPlugIn, ...], Field(strict=False)] = ()
 
     @model_validator(mode="before")
     @classmethod

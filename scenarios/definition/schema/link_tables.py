@@ -1,14 +1,24 @@
 """Tables of the directed links between vehicles."""
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
 from scenarios.definition.schema.base_table import Ratio, Table
+from scenarios.definition.schema.plug_ins.channel import DELAY, LOSS
+from scenarios.definition.schema.plug_ins.table import plug_in
 from transport.links.laws.content import ContentLaw
+from transport.links.laws.delay.base import BaseDelay
+from transport.links.laws.link_law import LinkLaw
 from transport.links.laws.loss.collisions import Collisions
 from transport.links.laws.queue import Queue
 from transport.links.laws.registry import DelayLaw, LossLaw, OutageLaw, RadioLaw
+
+if TYPE_CHECKING:
+    LossPlugIn = LinkLaw
+    DelayPlugIn = BaseDelay
+else:
+    LossPlugIn, DelayPlugIn = plug_in(LOSS, LossLaw), plug_in(DELAY, DelayLaw)
 
 
 class LinkTable(Table):
@@ -36,10 +46,10 @@ class LinkTable(Table):
     jitter_ms: float = Field(default=0.0, ge=0, le=60_000)
     loss_ratio: Ratio = 0.0
     rate_hz: float | None = Field(default=None, ge=0.01, le=1000)
-    loss: LossLaw | None = None
+    loss: LossPlugIn | None = None
     collisions: Collisions | None = None
     content: ContentLaw | None = None
-    delay: DelayLaw | None = None
+    delay: DelayPlugIn | None = None
     queue: Queue | None = None
     outages: Annotated[tuple[OutageLaw, ...], Field(strict=False)] | None = None
     radio: RadioLaw | None = None

@@ -16,6 +16,7 @@ from scenarios.definition.schema.limit_tables import LimitsTable
 from scenarios.definition.schema.link_tables import LinkEntry, LinkTable
 from scenarios.definition.schema.log_table import LogTable
 from scenarios.definition.schema.path_tables import Bound, PathTable, PointsPath
+from scenarios.definition.schema.plug_ins.emission import SENDING
 from scenarios.definition.schema.plug_ins.following import LONGITUDINAL
 from scenarios.definition.schema.plug_ins.steering import LATERAL
 from scenarios.definition.schema.plug_ins.table import PlugInTable, default_of, plug_in
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
     LateralPlugIn = PlugInTable
     LongitudinalPlugIn = PlugInTable
 else:
-    SendingTable = one_of(RULES)
+    SendingTable = plug_in(SENDING, one_of(RULES))
     LateralPlugIn, LongitudinalPlugIn = plug_in(LATERAL), plug_in(LONGITUDINAL)
 
 
@@ -331,7 +332,7 @@ class VehicleTable(Table):
 
 def _with_rule(given: object) -> object:
     """Each fix is sent unless the table has another rule."""
-    if isinstance(given, dict) and "kind" not in given:
+    if isinstance(given, dict) and given.keys().isdisjoint(("kind", "use")):
         return {"kind": "every_fix", **given}
     return given
 

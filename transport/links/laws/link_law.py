@@ -118,3 +118,9 @@ class LinkLaw(Effect, LawTable):
         if value is None:
             raise InvalidKeyError(key, f"missing{why}")
         return value
+
+
+def described_parameters(law: LinkLaw) -> str:
+    """Name and parameters of a law."""
+    keys = [f"{key} {value}" for key, value in law if key not in {"use", "order"}]
+    return ", ".join([type(law).__name__, *keys])

@@ -4,6 +4,7 @@ The drift of carrier-phase receivers is a Gauss–Markov process (Hoffmann, 2020
 receivers share errors from satellites and atmosphere, so their relative error is smaller.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import exp
 from typing import NamedTuple
@@ -12,7 +13,12 @@ from numpy.random import Generator
 
 from vehicles.car.dynamics import Body
 from vehicles.car.positioning.drift import GaussMarkov, draw_truncated, restarted
-from vehicles.car.positioning.error_term import ErrorProcess, ReceiverContext
+from vehicles.car.positioning.error_term import (
+    ErrorProcess,
+    ErrorTerm,
+    ReceiverContext,
+    begin_term,
+)
 from vehicles.car.positioning.fix_states import FixStates, StateInterval, StateSchedule
 from vehicles.car.positioning.gnss_settings import (
     NO_DRIFT,
@@ -46,7 +52,13 @@ class _Restart:
 class ReceiverErrors:
     """The errors of one receiver in one run; calls must be in order of time."""
 
-    def __init__(self, settings: GnssSettings, context: ReceiverContext) -> None:
+    def __init__(
+        self,
+        settings: GnssSettings,
+        context: ReceiverContext,
+        begin: Callable[[ErrorTerm, ReceiverContext], ErrorProcess] = begin_term,
+    ) -> None:
+        """`begin` begins an error term."""
         self.settings = settings
         law = settings.fix_states
         self.states: FixStates = (
@@ -55,7 +67,10 @@ class ReceiverErrors:
             else StateSchedule(settings.fix, (), context.start_at)
         )
         self._context = context
-        self._terms: list[ErrorProcess] = [error.begin(context) for error in settings.error_terms]
+        entries = {id(term): context.for_entry(k) for k, term in enumerate(settings.errors)}
+        self._terms: list[ErrorProcess] = [
+            begin(term, entries.get(id(term), context)) for term in settings.error_terms
+        ]
         self._errors = {state: settings.errors_in(state) for state in STATES_WITH_FIX}
         self._deviations = {state: settings.deviation(state) for state in STATES_WITH_FIX}
         self._drifts = {

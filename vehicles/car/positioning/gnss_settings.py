@@ -1,6 +1,6 @@
 """Settings of a GNSS receiver: its rate, white noise, and position errors.
 
-To add an error, add a field to `GnssSettings` whose type is an `ErrorTerm`.
+To add an error, add a field to `GnssSettings` whose type is an `ErrorTerm`, or a kind to ERRORS.
 """
 
 from collections.abc import Iterator, Mapping
@@ -56,6 +56,9 @@ PRESET_OF_STATE: Mapping[FixState, Preset] = {
     "single": "single",
 }
 """Preset of each fix state other than `fix`."""
+
+ERRORS: Mapping[str, type[ErrorTerm]] = {"bias": Bias, "common_drift": CommonDrift}
+"""Errors by the `kind` of an entry of `errors`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +147,10 @@ class GnssSettings(StateErrors):
     bias: Annotated[
         Bias | None, Setting("a constant error per vehicle, configured and random parts")
     ] = None
+    errors: Annotated[
+        tuple[ErrorTerm, ...],
+        Setting("further errors, also your own (convoy reference plug-ins)", kinds=ERRORS),
+    ] = ()
     quantisation: Annotated[
         float, Setting("positions are rounded to multiples of this", "m", 0, 1000)
     ] = 0.0
@@ -181,6 +188,7 @@ class GnssSettings(StateErrors):
         """Errors added to those of the fix state, shared ones last."""
         values = (getattr(self, field.name) for field in fields(self))
         terms = [value for value in values if isinstance(value, ErrorTerm)]
+        terms += self.errors
         return tuple(sorted(terms, key=lambda term: term.shared))
 
     @property

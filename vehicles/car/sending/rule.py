@@ -16,12 +16,16 @@ from vehicles.setting import Problem, Setting, must_exceed
 
 
 class SendingTrigger(Protocol):
-    """The instants of sending over one run."""
+    """The instants of sending over one run.
+
+    `due` is called at each instant of the vehicle, `sent` after a message.
+    """
 
     def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:
         """Whether to send at `now` (ns).
 
-        `unsent` is the newest fix, if it has not been sent; congestion control allows a message
+        `unsent` is the newest fix, if it has not been sent: `east`, `north` (m), `yaw` (rad),
+        `speed` (m/s), `yaw_rate` (rad/s), `measured_at` (ns). Congestion control allows a message
         from `allowed_from` (ns) on.
         """
         ...
@@ -33,7 +37,11 @@ class SendingTrigger(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class SendingContext:
-    """Start of a run (ns), and its random stream for each purpose."""
+    """Start of a run for a sending rule.
+
+    start_at  start (ns)
+    streams   returns the NumPy generator of this vehicle for a purpose
+    """
 
     start_at: int
     streams: Callable[[str], Generator]
@@ -41,7 +49,12 @@ class SendingContext:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SendingRule(ABC):
-    """Settings of a rule: each subclass, listed in `sending_rules`, is a kind of `[sending]`."""
+    """Settings of a sending rule: a frozen, keyword-only dataclass whose fields are its parameters.
+
+    `begin(context)` returns the `SendingTrigger` of a run. Random numbers come only from the
+    streams of the context, so that the same seed gives the same run. By `nominal_rate` followers
+    know when a message is late; by default it is the rate of fixes. `describe` is for tables.
+    """
 
     dcc: Annotated[
         CongestionControl | None,
@@ -75,13 +88,13 @@ class SendingRule(ABC):
         """Additional instants (ns) before `end_at` at which the vehicle must take a step."""
         return None
 
-    @abstractmethod
     def max_rate(self, fixes: float) -> float:
         """Upper bound (Hz) of the rate, counted from the start; `fixes` is the rate of GNSS."""
+        return fixes
 
-    @abstractmethod
-    def nominal_rate(self, fixes: float, speed: float) -> float:
+    def nominal_rate(self, fixes: float, speed: float) -> float:  # noqa: ARG002
         """Rate (Hz) at a constant `speed` (m/s) on a straight, without congestion control."""
+        return fixes
 
     def controlled_rate(self, fixes: float, speed: float) -> float:
         """Nominal rate (Hz), limited by the rate of fixes and by congestion control."""
@@ -93,9 +106,9 @@ class SendingRule(ABC):
         if self.dcc is not None:
             yield from must_increase("dcc.busy", [entry.at for entry in self.dcc.busy])
 
-    @abstractmethod
     def describe(self) -> str:
         """Short description for tables."""
+        return type(self).__name__
 
 
 def must_increase(key: str, times: Sequence[float]) -> Iterator[Problem]:

@@ -25,6 +25,16 @@ def called(call: Callable[[], T], what: str, verb: str = " raised ") -> T:
         raise PlugInError(f"{what}{verb}{described(error)}") from error
 
 
+OWN_PACKAGES = {"vehicles", "transport", "scenarios"}
+
+
+def own_name(value: object) -> str:
+    """Dotted name of the class of a value if it is the user's, else empty."""
+    kind = type(value)
+    shipped = kind.__module__.partition(".")[0] in OWN_PACKAGES
+    return "" if shipped else f"{kind.__module__}.{kind.__qualname__}"
+
+
 def finite(value: object, what: str, wanted: str) -> float:
     """Return a finite number, which may be a NumPy scalar, as a float; raises PlugInError."""
     if isinstance(value, int | float) and isfinite(value):

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, is_dataclass
 from functools import cached_property
 from importlib import import_module
-from typing import Any
+from typing import Any, cast
 
 from pydantic import BaseModel
 
@@ -22,9 +22,11 @@ class PlugInPoint:
     contract   class that documents the interface
     methods    methods that a class must have, with their arguments
     types      documented types of the arguments
-    arguments  arguments of the constructor; the parameters follow, if the class has any
-    guard      wraps an instance of a user's class, named by its dotted name
     trial      calls a guarded instance before a run and returns the results; raises PlugInError
+    base       class that the class must inherit from; if it has one, the class itself is the
+               dataclass or the Pydantic model of its parameters
+    arguments  arguments of the constructor of a class without base; `settings` may follow
+    guard      wraps an instance of a user's class without base, named by its dotted name
     """
 
     name: str
@@ -34,9 +36,10 @@ class PlugInPoint:
     contract: type
     methods: Mapping[str, str]
     types: tuple[type, ...]
-    arguments: str
-    guard: Callable[[Any, str], Any]
     trial: Callable[..., object]
+    base: type | None = None
+    arguments: str = ""
+    guard: Callable[[Any, str], Any] | None = None
 
     @cached_property
     def short_names(self) -> Mapping[str, str]:
@@ -49,7 +52,7 @@ class PlugInPoint:
         if not module_name or not class_name:
             raise PlugInError(f"{self.name} {use!r}: give a dotted name, package.module.Class")
         try:
-            found: object = getattr(import_module(module_name), class_name)
+            module = import_module(module_name)
         except ModuleNotFoundError as error:
             where = f"{error}, neither in the working folder nor installed"
             raise PlugInError(f"{self.name} {use!r}: {where}") from error
@@ -57,18 +60,34 @@ class PlugInPoint:
             raise PlugInError(f"{self.name} {use!r}: {error}") from error
         except (Exception, SystemExit) as error:
             raise PlugInError(f"{self.name} {use!r}: {described(error)}") from error
-        missing = [one for one in self.methods if not callable(getattr(found, one, None))]
-        if not isinstance(found, type) or missing:
-            wanted = " and ".join(f"{one}({self.methods[one]})" for one in self.methods)
-            raise PlugInError(f"{self.name} {use!r}: not a class with a method {wanted}")
-        return found
+        if not hasattr(module, class_name):
+            what = f"module {module_name!r} has no class {class_name!r}"
+            raise PlugInError(f"{self.name} {use!r}: {what}")
+        found: object = getattr(module, class_name)
+        if not self._fits(found):
+            wanted = [f"a method {one}({given})" for one, given in self.methods.items()]
+            if self.base is not None:
+                wanted = [f"the base {dotted_name(self.base)}"]
+            raise PlugInError(f"{self.name} {use!r}: not a class with {' and '.join(wanted)}")
+        return cast("type[Any]", found)
+
+    def _fits(self, found: object) -> bool:
+        if not isinstance(found, type):
+            return False
+        if self.base is not None:
+            return issubclass(found, self.base)
+        return all(callable(getattr(found, one, None)) for one in self.methods)
 
     def build(self, plugged: type[Any], use: str, *arguments: object) -> Any:
         """Construct a class; an instance of a user's class is guarded. Raises PlugInError."""
         given = ", ".join(filter(None, (self.arguments, "settings" * has_settings(plugged))))
         what = f"{self.name} {use!r}: cannot be built as {plugged.__name__}({given})"
         made = called(lambda: plugged(*arguments), what, ": ")
-        return made if use in self.shipped else self.guard(made, use)
+        return made if use in self.shipped or self.guard is None else self.guard(made, use)
+
+
+def dotted_name(kind: type) -> str:
+    return f"{kind.__module__}.{kind.__qualname__}"
 
 
 def has_settings(plugged: type[Any]) -> bool:

@@ -1,7 +1,16 @@
 """All plug-in points."""
 
+from scenarios.definition.schema.plug_ins.channel import DELAY, LOSS
+from scenarios.definition.schema.plug_ins.emission import RECEIVER_ERROR, SENDING
 from scenarios.definition.schema.plug_ins.following import LONGITUDINAL
 from scenarios.definition.schema.plug_ins.point import PlugInPoint
 from scenarios.definition.schema.plug_ins.steering import LATERAL
 
-POINTS: tuple[PlugInPoint, ...] = (LATERAL, LONGITUDINAL)
+POINTS: tuple[PlugInPoint, ...] = (
+    LATERAL,
+    LONGITUDINAL,
+    LOSS,
+    DELAY,
+    SENDING,
+    RECEIVER_ERROR,
+)

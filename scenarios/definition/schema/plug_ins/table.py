@@ -1,7 +1,7 @@
 """The table that selects a class at a plug-in point and has its parameters."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, cast
 
 from pydantic import (
     BaseModel,
@@ -20,6 +20,7 @@ from scenarios.definition.schema.plug_ins.guards import PlugInError, called
 from scenarios.definition.schema.plug_ins.point import PlugInPoint, settings_class
 from scenarios.definition.schema.settings_table import SettingsTable, generated
 
+AS_ANY = cast("Any", SerializeAsAny)()
 ERROR_TYPE = "plug_in"
 """Type of the errors of Pydantic that are about a class, not about its parameters."""
 
@@ -74,25 +75,25 @@ class ModelPlugIn(PlugInTable):
         return (self.model.model_construct(**{name: getattr(self, name) for name in fields}),)
 
 
-_TABLES: dict[tuple[str, str], type[PlugInTable]] = {}
-_TABLE_OF_TAG: dict[str, type[PlugInTable]] = {}
+_TABLES: dict[tuple[str, str], type[BaseModel]] = {}
+_TABLE_OF_TAG: dict[str, type[BaseModel]] = {}
 """Generated tables by the tag that the location of an error has in front of a parameter."""
 
 
-def tagged_table(tag: object) -> type[PlugInTable] | None:
+def tagged_table(tag: object) -> type[BaseModel] | None:
     """Return the table with a tag in the location of an error."""
     return _TABLE_OF_TAG.get(tag) if isinstance(tag, str) else None
 
 
-def plug_in_table(point: PlugInPoint, use: str) -> type[PlugInTable]:
+def plug_in_table(point: PlugInPoint, use: str) -> type[BaseModel]:
     """Generate the table of a class, by its short or dotted name; raises PlugInError."""
     use = point.short_names.get(use, use)
     key = point.key, use
     if key not in _TABLES:
         plugged = point.load(use)
-        what = f"{point.name} {use!r}: Settings cannot be read"
-        made = called(lambda: _generated(point, plugged, use), what, ": ")
-        made.point, made.plugged = point, plugged
+        what = f"{point.name} {use!r}: invalid parameters"
+        make = _generated if point.base is None else _generated_from_itself
+        made = called(lambda: make(point, plugged, use), what, ": ")
         _TABLES[key] = _TABLE_OF_TAG[_tag(point, use)] = made
     return _TABLES[key]
 
@@ -100,13 +101,13 @@ def plug_in_table(point: PlugInPoint, use: str) -> type[PlugInTable]:
 def default_of(point: PlugInPoint) -> PlugInTable:
     """Return the table of the first shipped class."""
     use = next(iter(point.shipped))
-    return plug_in_table(point, use).model_validate({"use": use})
+    return cast("PlugInTable", plug_in_table(point, use).model_validate({"use": use}))
 
 
-def plug_in_tables(table: object) -> Iterator[PlugInTable]:
-    """Yield the tables of classes in a table, also in the tables and lists inside it."""
-    if isinstance(table, PlugInTable):
-        yield table
+def own_classes(table: object) -> Iterator[str]:
+    """Yield the dotted names of the user's classes in a table, and those inside it."""
+    if "." in (use := str(getattr(table, "use", ""))):
+        yield use
     inner: Iterable[object] = ()
     if isinstance(table, BaseModel):
         inner = table.__dict__.values()
@@ -115,21 +116,27 @@ def plug_in_tables(table: object) -> Iterator[PlugInTable]:
     elif isinstance(table, tuple):
         inner = table
     for one in inner:
-        yield from plug_in_tables(one)
+        yield from own_classes(one)
 
 
-def plug_in(point: PlugInPoint) -> Any:
-    """Return the annotation of a key that selects a class: its name, or a table with `use`."""
+def plug_in(point: PlugInPoint, shipped: Any = PlugInTable) -> Any:
+    """Return the annotation of a key that selects a class: its name, or a table with `use`.
+
+    Tables of `shipped` classes may have `kind` instead.
+    """
+    has_kinds = shipped is not PlugInTable
 
     def validate(given: object, usual: ValidatorFunctionWrapHandler) -> Any:
         table: Mapping[str, Any] = {}
-        if isinstance(given, str):
+        if isinstance(given, str) and (not has_kinds or "." in given):
             table = {"use": given}
         elif isinstance(given, Mapping):
             table = given
         use = table.get("use")
         if not isinstance(use, str):
-            return usual(given)  # an existing table, or an error
+            return usual(given)  # an existing table, a `kind`, or an error
+        if has_kinds and use in point.shipped:
+            return usual({"kind": use, **{key: table[key] for key in table if key != "use"}})
         try:
             model = plug_in_table(point, use)
         except PlugInError as error:
@@ -141,7 +148,7 @@ def plug_in(point: PlugInPoint) -> Any:
             tag = _tag(point, named["use"])
             raise ValidationError.from_exception_data(use, list(_tagged(error, tag))) from error
 
-    return SerializeAsAny[Annotated[PlugInTable, WrapValidator(validate)]]
+    return Annotated[shipped, WrapValidator(validate), AS_ANY]
 
 
 def _tag(point: PlugInPoint, use: str) -> str:
@@ -149,16 +156,31 @@ def _tag(point: PlugInPoint, use: str) -> str:
 
 
 def _generated(point: PlugInPoint, plugged: type[Any], use: str) -> type[PlugInTable]:
+    """Generate the table of a class that is constructed with its `Settings`, if any."""
     settings = settings_class(point, plugged, use)
-    entry: dict[str, Any] = {"use": (Literal[use], use)}
+    made: type[PlugInTable]
     if settings is None:
-        return create_model(plugged.__name__, __base__=PlugInTable, **entry)
-    if not issubclass(settings, BaseModel):
-        return generated(settings, SettingsPlugIn, use=use)
-    bases: Any = (settings, ModelPlugIn)
-    made: type[ModelPlugIn] = create_model(plugged.__name__, __base__=bases, **entry)
-    made.model = settings
+        made = _with_use(plugged, PlugInTable, use)
+    elif issubclass(settings, BaseModel):
+        made = _with_use(plugged, (settings, ModelPlugIn), use)
+        made.model = settings  # type: ignore[attr-defined]
+    else:
+        made = generated(settings, SettingsPlugIn, use=use)
+    made.point, made.plugged = point, plugged
     return made
+
+
+def _generated_from_itself(_: PlugInPoint, plugged: type[Any], use: str) -> type[BaseModel]:
+    """Generate the table of a class that is the dataclass or the model of its parameters."""
+    if issubclass(plugged, BaseModel):
+        made: type[BaseModel] = _with_use(plugged, plugged, use)
+        return made
+    return generated(plugged, SettingsTable, use=use)
+
+
+def _with_use(plugged: type[Any], base: Any, use: str) -> Any:
+    entry: dict[str, Any] = {"use": (Literal[use], use)}
+    return create_model(plugged.__name__, __base__=base, __doc__=plugged.__doc__, **entry)
 
 
 def _tagged(error: ValidationError, tag: str) -> Iterator[InitErrorDetails]:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.random import Generator
 
 from scenarios.definition.scenario import Scenario
+from scenarios.definition.schema.plug_ins.emission import begin_error, begin_rule
 from scenarios.definition.vehicle_setup import VehicleSetup
 from vehicles.car.gnss import GnssReceiver
 from vehicles.car.positioning.error_term import ReceiverContext, Streams
@@ -36,7 +37,9 @@ def make_receiver(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Gns
         own_streams=_streams(scenario.seed, setup.place),
         shared_streams=_streams(scenario.seed, SHARED_STREAM),
     )
-    return GnssReceiver(gnss.noise, gnss.rate, start_at, random, ReceiverErrors(gnss, start))
+    return GnssReceiver(
+        gnss.noise, gnss.rate, start_at, random, ReceiverErrors(gnss, start, begin_error)
+    )
 
 
 def white_noise(seed: int, place: int) -> Generator:
@@ -48,7 +51,7 @@ def make_sender(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Sende
     rule = setup.sending
     control = None if rule.dcc is None else rule.dcc.begin(start_at)
     path = PathHistory(LocalPlane(scenario.origin), rule.path_history, rule.path_history_points)
-    return Sender(rule.begin(_sending_start(scenario, setup, start_at)), control, path)
+    return Sender(begin_rule(rule, _sending_start(scenario, setup, start_at)), control, path)
 
 
 def extra_instants(

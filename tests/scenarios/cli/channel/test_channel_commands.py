@@ -17,6 +17,7 @@ from scenarios.definition.channel.presets import presets
 from scenarios.definition.scenario import load_scenario
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
+from transport.links.laws.loss.bursts import GilbertElliott
 
 QUICK = ("--messages", "1000")
 
@@ -187,9 +188,7 @@ def test_a_scenario_accepts_a_fitted_block(bursty: Path, tmp_path: Path) -> None
     assert pairs == {*scenario.links}
     file = tmp_path / "fitted.toml"
     file.write_text(f'extends = "lane_change"\n{text}', encoding="utf-8")
-    arguments = load_scenario(file).links["v1", "v3"].loss
-    assert arguments is not None
-    assert arguments.kind == "gilbert_elliott"
+    assert isinstance(load_scenario(file).links["v1", "v3"].loss, GilbertElliott)
 
 
 def test_one_link_is_written_to_a_file_or_printed_as_json(bursty: Path, tmp_path: Path) -> None:

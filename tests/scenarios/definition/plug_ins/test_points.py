@@ -1,17 +1,21 @@
 """Classes that a scenario selects: the printed examples, parameters, and planted mistakes."""
 
 import itertools
+import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import pytest
 
 from scenarios.cli.reference.plug_in_examples import EXAMPLES
+from scenarios.definition.channel.build import link_effects
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
+from transport.links.laws.effect import TransmissionContext
+from transport.links.link import Link
 from vehicles.driver.tracking import TrackingErrors
 
 NUMBERS = itertools.count()
@@ -109,7 +113,7 @@ def function(): pass
 """
 MISTAKES = {
     "a missing module": ("nobody.Law", "", "No module named 'nobody', neither in the working"),
-    "a missing class": ("M.Nobody", "", "has no attribute 'Nobody'"),
+    "a missing class": ("M.Nobody", "", "has no class 'Nobody'"),
     "no class": ("M.function", "", "not a class with a method steer(errors, speed)"),
     "no method": ("M.Mute", "", "not a class with a method steer(errors, speed)"),
     "an unknown parameter": ("M.Law", "shares = 1.0", "shares: unknown key, did you mean"),
@@ -162,3 +166,108 @@ def test_a_shipped_class_is_stored_by_its_short_name() -> None:
     assert short.plug_ins == []
     usual = load_scenario("lane_change")
     assert 'controller = "slip_compensated"' in usual.text
+
+
+CHANNEL = """
+import random
+from transport.links.laws.delay.base import BaseDelay
+from transport.links.laws.loss.base import BaseLoss
+
+class Half(BaseLoss):
+    ratio: float
+    def judge(self, draw, context):
+        return "loss" if draw("half", context.seq) < self.ratio else 0
+
+class Dice(BaseLoss):
+    def judge(self, draw, context):
+        return "loss" if random.random() < 0.5 else 0
+
+class Wordy(BaseLoss):
+    def judge(self, draw, context):
+        return "swallowed"
+
+class Silent(BaseLoss):
+    pass
+
+class Nan(BaseDelay):
+    def judge(self, draw, context):
+        return float("nan")
+
+class Late(BaseDelay):
+    def judge(self, draw, context):
+        if context.seq == 30:
+            raise RuntimeError("too late")
+        return 0
+"""
+EMISSION = """
+from dataclasses import dataclass
+from vehicles.car.positioning.error_term import ErrorTerm
+from vehicles.car.sending.rule import SendingRule
+
+@dataclass(frozen=True, kw_only=True)
+class Truthy(SendingRule):
+    def begin(self, context):
+        return self
+    def due(self, now, unsent, allowed_from):
+        return 1
+
+@dataclass(frozen=True)
+class Flat(ErrorTerm):
+    variance: float = 0.0
+    def begin(self, context):
+        return self
+    def at(self, body, now):
+        return 0.1
+"""
+OTHER_MISTAKES = {
+    "links.loss={use='C.Half'}": "links.loss.ratio: missing",
+    "links.loss={use='C.Half',ratio='a'}": 'links.loss.ratio: given "a", allowed a number',
+    "links.loss=C.Dice": "links.loss: law 'C.Dice': judge() has other verdicts if messages come in",
+    "links.loss=C.Wordy": "links.loss: law 'C.Wordy': judge() returned 'swallowed', expected a",
+    "links.loss=C.Silent": "links.loss: law 'C.Silent': judge() raised NotImplementedError",
+    "links.delay=C.Half": "links.delay: law 'C.Half': not a class with the base transport.links",
+    "links.delay=C.Nan": "links.delay: law 'C.Nan': judge() returned nan, expected a whole number",
+    "vehicle.v2.sending={use='E.Truthy'}": "vehicle.v2.sending: sending rule 'E.Truthy': due() ret",
+    "gnss.errors=[{use='E.Flat'}]": "gnss.errors[0]: error 'E.Flat': at() returned 0.1, expected",
+    "gnss.errors=[{use='E.None'}]": "gnss.errors[0]: error 'E.None': module 'E' has no class",
+}
+
+
+@pytest.mark.parametrize("mistake", OTHER_MISTAKES)
+def test_a_mistake_in_channel_or_sensors_is_one_clear_line(mistake: str, module: Module) -> None:
+    names = {"C": module(CHANNEL), "E": module(EMISSION)}
+    with pytest.raises(ScenarioError) as refused:
+        load_scenario("lane_change", [_named(mistake, names)])
+    (line,) = refused.value.lines
+    wanted = OTHER_MISTAKES[mistake]
+    for short, name in names.items():
+        line = line.replace(f"'{name}'", f"'{short}'").replace(f"'{name}.", f"'{short}.")
+    assert line.startswith(f"--set: {wanted}")
+
+
+def _named(text: str, names: Mapping[str, str]) -> str:
+    for short, name in names.items():
+        text = re.sub(rf"(?<=[='\"]){short}\.", f"{name}.", text)
+    return text
+
+
+def test_a_law_that_raises_fails_the_run_of_the_receiver(module: Module, tmp_path: Path) -> None:
+    name = module(CHANNEL)
+    link = f"link=[{{sender='v1',receiver='v2',delay={{use='{name}.Late'}}}}]"
+    scenario = load_scenario("lane_change", ["convoy.vehicles=2", "duration_s=3", link])
+    summary = run_virtual(scenario, tmp_path, Stop())
+    wanted = f"v2: law '{name}.Late': judge() raised RuntimeError: too late, "
+    assert (summary.outcome, summary.reason[: len(wanted)]) == ("failed", wanted)
+
+
+def test_a_law_of_ones_own_equals_the_shipped_one(module: Module) -> None:
+    """Of a law with the purpose and the ratio of `loss_ratio`, each verdict is the same."""
+    code = CHANNEL.replace('draw("half"', 'draw("loss"')
+    own = load_scenario("lane_change", [f"links.loss={{use='{module(code)}.Half',ratio=0.4}}"])
+    shipped = load_scenario("lane_change", ["links.loss_ratio=0.4"])
+    verdicts = []
+    for scenario in (own, shipped):
+        link = Link(link_effects(scenario.links["v1", "v2"], 20.0), 1, "v1", "v2")
+        verdicts.append([link.judge(TransmissionContext(seq, seq * 10**8)) for seq in range(200)])
+    assert verdicts[0] == verdicts[1]
+    assert 0.3 < sum(one.outcome == "dropped" for one in verdicts[0]) / 200 < 0.5

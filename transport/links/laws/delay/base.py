@@ -14,7 +14,7 @@ from pydantic import Field
 
 from transport.links.laws.correlated_normals import CorrelatedNormals, quantile
 from transport.links.laws.effect import Draw, TransmissionContext
-from transport.links.laws.link_law import LinkLaw
+from transport.links.laws.link_law import LinkLaw, described_parameters
 from transport.links.laws.moments import Delays
 from transport.links.laws.stage import InOrder, StageLaw
 from transport.reasons import DropReason
@@ -30,7 +30,15 @@ PositiveMilliseconds = Annotated[float, Field(ge=0.001, le=60_000)]
 
 
 class BaseDelay(LinkLaw):
-    """Base of delay laws.
+    """Base of delay laws: a Pydantic model whose fields are its parameters.
+
+    `judge` returns the delay of one message (ns), which is added to the latency of the link. It
+    must depend only on `draw` and `context`, not on other messages, so that it is the same on every
+    clock: `draw("mine", context.seq)` is the random number in (0, 1) of a purpose and a message.
+
+    `delays` may state mean and variance, `Delays(mean_ns, variance_ns2)`, which `convoy check`
+    compares with the achieved ones, and by which followers know when a message is late; by default
+    they are unknown. `describe` may describe the law in one line.
 
     order  "free": messages may overtake each other; "in_order": they wait for earlier ones
     """
@@ -40,9 +48,17 @@ class BaseDelay(LinkLaw):
     order: Literal["free", "in_order"] = "free"
 
     @property
+    def delays(self) -> Delays | None:
+        return None
+
+    @property
     def typical_max_ns(self) -> float:
-        """Mean plus two standard deviations."""
-        raise NotImplementedError
+        """Mean plus two standard deviations; 0 if they are unknown."""
+        delays = self.delays
+        return 0.0 if delays is None else delays.mean + 2.0 * sqrt(delays.variance)
+
+    def describe(self) -> str:
+        return described_parameters(self)
 
     @property
     def stages(self) -> tuple[StageLaw, ...]:

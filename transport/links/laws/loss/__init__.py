@@ -1,5 +1,6 @@
 """Laws of loss, each the table of a scenario file.
 
+base         base of user-defined laws
 number_sets  sets of message numbers
 by_number    one message of every N, listed messages, a recorded pattern, no loss
 chains       Markov chains that step with each message
