@@ -44,18 +44,11 @@ def review(
 
     LOG is a run.mcap or its folder.
     """
-    from scenarios.cli.output import progress_of
+    from scenarios.cli.output import progress_of, wait_until_stopped
     from scenarios.results.log_summary import log_in
     from scenarios.results.pictures import review as reviewing
     from scenarios.results.pictures.log_drawing import Excerpt
-    from scenarios.runs.stop import stop_on_signals
-    from transport.clock import poll
     from transport.picture.option import parse_rerun_option
-
-    def wait(address: str) -> None:
-        click.echo(f"open {address}\nstop with Ctrl-C")
-        stop = stop_on_signals()
-        poll(lambda: stop.requested, every_s=0.1)
 
     with clear_errors():
         option = parse_rerun_option(rerun)
@@ -66,7 +59,7 @@ def review(
         count = reviewing.review(
             log_in(log),
             option,
-            wait=wait,
+            wait=wait_until_stopped,
             excerpt=excerpt,
             progress=lambda share: show(round(100 * share), 100),
             at_s=at_s,

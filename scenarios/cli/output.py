@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, TextIO
 
+import click
+
 from scenarios.runs.stop import EXIT_FAILED
 
 ERROR_PATIENCE_S = 0.5
@@ -104,3 +106,13 @@ def progress_of(what: str) -> Callable[[int, int], None]:
             sys.stderr.flush()
 
     return show
+
+
+def wait_until_stopped(address: str) -> None:
+    """Print the address of a served picture, and wait for Ctrl-C."""
+    from scenarios.runs.stop import stop_on_signals
+    from transport.clock import poll
+
+    click.echo(f"open {address}\nstop with Ctrl-C")
+    stop = stop_on_signals()
+    poll(lambda: stop.requested, every_s=0.1)

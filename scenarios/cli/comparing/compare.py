@@ -58,19 +58,12 @@ def compare(
     (timeline path_m), the difference of their lateral positions at the same place, and the place
     where they first differ.
     """
-    from scenarios.cli.output import progress_of
-    from scenarios.runs.stop import stop_on_signals
+    from scenarios.cli.output import progress_of, wait_until_stopped
     from scenarios.studies.comparison.comparison_picture import show_comparison
     from scenarios.studies.comparison.run_comparison import compare_runs, to_json
     from scenarios.studies.picture_style import require_new_picture
-    from transport.clock import poll
     from transport.picture.option import parse_rerun_option, refuse_foreign_file
     from transport.picture.viewer_process import require_display
-
-    def wait(address: str) -> None:
-        click.echo(f"open {address}\nstop with Ctrl-C")
-        stop = stop_on_signals()
-        poll(lambda: stop.requested, every_s=0.1)
 
     with clear_errors():
         option = parse_rerun_option(rerun or ("off" if output or as_json else "spawn"))
@@ -94,7 +87,7 @@ def compare(
 
             draw_comparison(comparison, output, vehicles.split(",") if vehicles else ())
             click.echo(f"written: {output}", err=as_json)
-        show_comparison(comparison, option, wait=wait)
+        show_comparison(comparison, option, wait=wait_until_stopped)
 
 
 def _print(comparison: "RunComparison") -> None:

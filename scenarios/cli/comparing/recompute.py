@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from scenarios.cli.common_options import json_option, output_option, partial_option
+from scenarios.cli.common_options import json_option, output_option, partial_option, rerun_option
 from scenarios.cli.error_lines import clear_errors, warn_of_log
 from scenarios.cli.guide import completion
 from scenarios.definition.errors import require
@@ -41,6 +41,7 @@ Examples:
     " Repeatable.",
 )
 @output_option("Draw both commands into this new file: .svg, .pdf or .png.")
+@rerun_option("off", "Show both commands in Rerun")
 @partial_option
 @json_option("Print the differences as JSON.")
 def recompute(
@@ -50,6 +51,7 @@ def recompute(
     controller: str,
     overrides: tuple[str, ...],
     output: Path | None,
+    rerun: str,
     partial: bool,
     as_json: bool,
 ) -> None:
@@ -61,11 +63,17 @@ def recompute(
     and where they begin. With the same software all decisions are equal to the bit, also those of a
     run in real time.
     """
+    from scenarios.cli.output import wait_until_stopped
+    from scenarios.cli.running.destination import refuse_picture
     from scenarios.results.log_summary import log_in
     from scenarios.studies.comparison import recomputation
+    from scenarios.studies.comparison.recomputation_picture import show_recomputation
     from scenarios.studies.picture_style import require_new_picture
+    from transport.picture.option import parse_rerun_option
 
     with clear_errors():
+        option = parse_rerun_option(rerun)
+        refuse_picture(rerun, None)
         if output:
             require("--output", "studies", "matplotlib")
             require_new_picture(output)
@@ -87,6 +95,7 @@ def recompute(
 
             draw_recomputation(result, output)
             click.echo(f"written: {output}", err=as_json)
+        show_recomputation(result, option, wait=wait_until_stopped)
 
 
 def _print(result: "Recomputation") -> None:

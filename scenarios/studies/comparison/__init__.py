@@ -9,4 +9,5 @@ comparison_picture  the same in Rerun
 comparison_figure   the same as a figure
 recomputation       recorded and recomputed decisions of a vehicle
 recomputation_plot  the same as a figure
+recomputation_picture  the same in Rerun
 """

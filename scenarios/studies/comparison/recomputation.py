@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from math import hypot
+from math import hypot, pi
 from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
@@ -33,6 +33,12 @@ COMMANDS = (
 """Compared fields of commands."""
 TRACKING = ("lateral_error_m", "heading_error_rad", "curvature_per_m", "known_m")
 """Compared fields of self-estimates, which show another fusion or trajectory."""
+PLOTTED = (
+    ("steering_rad", "steering angle, °", 180.0 / pi),
+    ("acceleration_mps2", "acceleration, m/s²", 1.0),
+    ("lateral_error_m", "self-estimated error, m", 1.0),
+)
+"""Plotted fields, their labels, and the factors to the labels' units."""
 TOPICS = ("gps", "verdict", "command", "start", "change")
 """Topics without which the inputs of a vehicle are unknown."""
 OWN_KEYS = "control."

@@ -3,11 +3,10 @@
 from pathlib import Path
 
 import matplotlib as mpl
-import numpy as np
 from matplotlib.figure import Figure
 
 from scenarios.results.files import write_whole
-from scenarios.studies.comparison.recomputation import Recomputation
+from scenarios.studies.comparison.recomputation import PLOTTED, Recomputation
 from scenarios.studies.picture_style import (
     BLUE,
     GREY,
@@ -17,13 +16,6 @@ from scenarios.studies.picture_style import (
     encoded,
     picture_format_of,
 )
-
-ROWS = (
-    ("steering_rad", "steering angle, °", 180.0 / np.pi),
-    ("acceleration_mps2", "acceleration, m/s²", 1.0),
-    ("lateral_error_m", "self-estimated error, m", 1.0),
-)
-"""Field, label, and factor to the label's unit."""
 
 
 def draw_recomputation(result: Recomputation, path: Path) -> None:
@@ -38,7 +30,7 @@ def draw_recomputation(result: Recomputation, path: Path) -> None:
 @mpl.rc_context(STYLE)
 def recomputation_figure(result: Recomputation) -> Figure:
     """Draw the commands over time, on the left both and on the right their difference."""
-    rows = [row for row in ROWS if row[0] in result.recorded]
+    rows = [row for row in PLOTTED if row[0] in result.recorded]
     settings = [text.removeprefix(f"vehicle.{result.vehicle}.") for text in result.settings]
     again = "recomputed" + (f" with {', '.join(settings)}" if settings else "")
     figure = Figure(figsize=(PAGE_IN, 1.5 * len(rows) + 0.7), layout="constrained")

@@ -17,6 +17,7 @@ from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
 from scenarios.studies.comparison.recomputation import recompute
 from tests.made.transport.changed_logs import changed_log
+from tests.made.transport.recording import columns
 from tests.scenarios.runs.simulation.network import NetworkSettings
 from tests.scenarios.runs.simulation.plan import Plan
 from tests.scenarios.runs.simulation.world import World
@@ -175,3 +176,17 @@ def test_the_command_prints_a_table_and_draws(lossy: Path, tmp_path: Path) -> No
     assert content["differences"][0]["field"] == "steering_rad"
     equal = CliRunner().invoke(cli, line[:4])
     assert "v2: all 80 recomputed decisions equal the recorded ones" in equal.output
+
+
+def test_the_picture_in_rerun_has_both_commands(lossy: Path, tmp_path: Path) -> None:
+    saved = tmp_path / "v2.rrd"
+    line = ["recompute", str(lossy), "--vehicle", "v2", "--controller", "stanley"]
+    assert CliRunner().invoke(cli, [*line, "--rerun", f"save={saved}"]).exit_code == 0
+    table = columns(saved)
+    result = recompute(lossy, "v2", controller="stanley")
+    for name, values in (("recorded", result.recorded), ("recomputed", result.recomputed)):
+        curve = table[f"/plots/steering_rad/{name}"]
+        rows = [k for k, at in enumerate(curve["run_time"]) if at >= 0]
+        shown = [curve["Scalars:scalars"][k][0] for k in rows]
+        assert np.radians(shown) == pytest.approx(values["steering_rad"])
+        assert curve["run_time"][rows[-1]] == 1_580_000_000
