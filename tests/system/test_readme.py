@@ -1,6 +1,7 @@
 """Every command of the README runs, and prints what the README shows."""
 
 import re
+import runpy
 import shlex
 import subprocess
 import sys
@@ -9,7 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
+from scenarios.cli.main import cli
 from tests.system.processes import start, until
 
 README = Path(__file__).parents[2] / "README.md"
@@ -20,10 +23,17 @@ ELSEWHERE = ("convoy router", "convoy vehicle", "convoy record", "convoy cut", "
 SHORTER = {
     "review runs/first": "review runs/first --rerun save=first.rrd",  # needs no display
     "run --out runs/live": "run --out runs/live --clock virtual --duration 3",
-    "--precision 0.05": "--precision 0.15 --seeds 2 --duration 20",
+    "run session.toml": "run session.toml --duration 3",
+    "run my.toml": "run my.toml --duration 5",
+    "run my.gpx": "run my.gpx --duration 5",
+    "--out runs/cut": "--out runs/cut --duration 12",
+    "--out runs/perfect": "--out runs/perfect --duration 5",
+    "=mine.PurePursuit": "=mine.PurePursuit --duration 5",
+    "--precision 0.05": "--precision 0.15 --seeds 2 --duration 12 --workers 0",
     "--seeds 5 --junit": "--seeds 1 --junit",
     "import convoy": "import scenarios.api as convoy",  # its name in a checkout
-    "fusion, seeds=5": "fusion, seeds=1, set={'duration_s': 1}",
+    '"links.loss_ratio": 0.4': '"links.loss_ratio": 0.4, "duration_s": 3',
+    "fusion, seeds=5": "fusion, seeds=2, set={'duration_s': 1}",
 }
 """What the test replaces: a display, real time, and minutes of processor time."""
 
@@ -56,24 +66,18 @@ def commands(text: str) -> list[str]:
     ]
 
 
-def convoy(folder: Path, command: str) -> str:
+def convoy(command: str) -> str:
+    """Run a command in this process and working folder."""
     arguments = shlex.split(shorter(command), comments=True)[1:]
-    return python(folder, "-m", "scenarios.cli", *arguments, code=int(arguments[0] == "diff"))
+    done = CliRunner().invoke(cli, arguments)
+    assert done.exit_code == int(arguments[0] == "diff"), f"{arguments}: {done.output}"
+    return done.stdout
 
 
 def shorter(text: str) -> str:
     for shown, instead in SHORTER.items():
         text = text.replace(shown, instead)
     return text
-
-
-def python(folder: Path, *arguments: str, code: int = 0) -> str:
-    done = subprocess.run(
-        [sys.executable, *arguments],
-        cwd=folder, capture_output=True, text=True, timeout=200, check=False,
-    )  # fmt: skip
-    assert done.returncode == code, f"{arguments}: {done.stdout} {done.stderr}"
-    return done.stdout
 
 
 def without_numbers(text: str) -> set[str]:
@@ -111,8 +115,12 @@ def test_the_two_commands_set_themselves_up() -> None:
 
 
 @pytest.mark.long
-def test_commands_in_the_order_of_the_readme(tmp_path: Path) -> None:
+def test_commands_in_the_order_of_the_readme(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     write_files(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)  # for the user's controller
     printed, ran = "", 0
     for block in blocks():
         if block.language == "text":
@@ -121,17 +129,18 @@ def test_commands_in_the_order_of_the_readme(tmp_path: Path) -> None:
                 assert any(one.startswith(line.removesuffix("…")) for one in lines), (line, printed)
         if block.text.startswith("import convoy"):
             (tmp_path / "study.py").write_text(shorter(block.text))
-            printed = python(tmp_path, "study.py")
+            runpy.run_path("study.py")
+            printed = capsys.readouterr().out
         for command in commands(block.text) if block.language == "sh" else ():
             if not command.startswith(ELSEWHERE):
-                printed = convoy(tmp_path, command)
+                printed = convoy(command)
                 ran += 1
     assert ran >= 14
 
 
 def test_another_program_reads_the_poses_of_a_running_convoy(tmp_path: Path) -> None:
     write_files(tmp_path)
-    with start("run", "lane_change", "--set=duration_s=8", "--out=run", folder=tmp_path) as run:
+    with start("run", "lane_change", "--set=duration_s=5", "--out=run", folder=tmp_path) as run:
         run.await_start()
         assert until(lambda: "tcp/127.0.0.1:" in run.out + run.err)
         endpoint = re.findall(r"tcp/127\.0\.0\.1:\d+", run.out + run.err)[0]
