@@ -6,7 +6,7 @@ import pytest
 
 from tests.made.once import first_only, shared
 from tests.system.logs import Run
-from tests.system.processes import run_to_the_end, start
+from tests.system.processes import invoke, start
 
 DURATION_S = 8.0
 """The last car has begun its first lane change by then."""
@@ -30,10 +30,10 @@ def lane_change(tmp_path_factory: pytest.TempPathFactory) -> Driven:
     with first_only(folder) as first:
         if first:
             with start(*arguments, "--out", "wall", folder=folder) as wall:
-                virtual = run_to_the_end(
+                virtual = invoke(
                     *arguments, "--clock=virtual", "--quiet", "--out=virtual", folder=folder
                 )
-                assert virtual.exit_code == 0, virtual.err
+                assert virtual.exit_code == 0, virtual.output
                 wall.wait()
                 assert not wall.remaining()
             (folder / "wall.out").write_text(wall.out)

@@ -7,12 +7,15 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import chdir, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from uuid import uuid4
 
 import psutil
+from click.testing import CliRunner, Result
+
+from scenarios.cli.main import cli
 
 PREFIX = "convoy-"
 """Prefix of the process names of a run."""
@@ -136,6 +139,21 @@ def run_to_the_end(*arguments: object, folder: Path) -> Process:
         process.wait()
         assert not process.remaining()
     return process
+
+
+def invoke(*arguments: object, folder: Path) -> Result:
+    """Run `convoy ARGUMENTS` in `folder` in this process, which saves a second of imports.
+
+    For commands whose processes are not what the test is about, such as runs in virtual time.
+    """
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    handlers = {number: signal.getsignal(number) for number in numbers}
+    try:
+        with chdir(folder):
+            return CliRunner().invoke(cli, [str(argument) for argument in arguments])
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
 
 
 def until(holds: Callable[[], bool], seconds: float = TIMEOUT_S) -> bool:

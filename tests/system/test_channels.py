@@ -6,7 +6,7 @@ import pytest
 
 from scenarios.definition.channel.presets import presets
 from tests.system.logs import Run, assert_equal_while_nothing_was_late
-from tests.system.processes import run_to_the_end, start
+from tests.system.processes import invoke, start
 from vehicles.messages import LinkVerdict
 
 EVERY_LAW = """
@@ -112,10 +112,10 @@ def verdicts(run: Run) -> dict[tuple[str, str, int], Verdict]:
 def run_both_clocks(arguments: tuple[str, ...], folder: Path) -> tuple[Run, Run]:
     """Run a scenario on the wall clock and in virtual time; both must succeed."""
     with start("run", *arguments, "--quiet", "--out=wall", folder=folder) as wall:
-        virtual = run_to_the_end(
+        virtual = invoke(
             "run", *arguments, "--clock=virtual", "--quiet", "--out=virtual", folder=folder
         )
-        assert virtual.exit_code == 0, virtual.err
+        assert virtual.exit_code == 0, virtual.output
         assert wall.wait() == 0, wall.err
     return Run(folder / "wall"), Run(folder / "virtual")
 

@@ -13,7 +13,10 @@ from tests.system.logs import Run, assert_nothing_missing, assert_sound
 from tests.system.processes import start
 
 DURATION_S = 1.0
-SHORT = ("run", "lane_change", "--set=convoy.vehicles=2", f"--set=duration_s={DURATION_S}")
+SHORT = (
+    *("run", "lane_change", "--quiet"),
+    *("--set=convoy.vehicles=2", f"--set=duration_s={DURATION_S}"),
+)
 
 
 def test_the_second_of_two_runs_into_one_folder_is_refused(tmp_path: Path) -> None:

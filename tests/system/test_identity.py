@@ -12,7 +12,7 @@ from socket import socket
 import pytest
 
 from tests.system.logs import Run, assert_equal_while_nothing_was_late, assert_nothing_missing
-from tests.system.processes import Process, run_to_the_end, start, until
+from tests.system.processes import Process, invoke, run_to_the_end, start, until
 from transport.topics import RUN_SENDER
 from vehicles.messages import LinkVerdict
 
@@ -95,9 +95,7 @@ def test_convoys_on_one_router_do_not_affect_each_other(hub: SharedRouter, tmp_p
         assert part.wait() == 0, part.err
     for name, scenario in (("one", SHORT), ("other", shifted)):
         out = f"{name}-virtual"
-        run_to_the_end(
-            "run", *scenario, "--clock=virtual", "--quiet", "--out", out, folder=tmp_path
-        )
+        invoke("run", *scenario, "--clock=virtual", "--quiet", "--out", out, folder=tmp_path)
         run = Run(tmp_path / name)
         assert run.summary["recorder_rejected_messages"] == {}
         assert_nothing_missing(run, DURATION_S)
@@ -232,9 +230,7 @@ time.monotonic_ns = lambda: monotonic() + int((monotonic() - begun) * {drift})
 """
 
 
-@pytest.mark.parametrize(
-    ("offset_ms", "drift"), [(5000, 0.0), (-40, 0.0), (0, 500e-6)], ids=["5s", "-40ms", "500ppm"]
-)
+@pytest.mark.parametrize(("offset_ms", "drift"), [(5000, 0.0), (-40, 500e-6)])
 def test_a_wrong_clock_is_corrected(
     hub: SharedRouter,
     tmp_path: Path,
@@ -251,15 +247,15 @@ def test_a_wrong_clock_is_corrected(
         vehicles.append(hub.start("vehicle", *SHORT, "--name=v2"))
     for part in (recorder, *vehicles):
         assert part.wait() == 0, part.err
-    run_to_the_end("run", *SHORT, "--clock=virtual", "--quiet", "--out=virtual", folder=tmp_path)
+    invoke("run", *SHORT, "--clock=virtual", "--quiet", "--out=virtual", folder=tmp_path)
     run = Run(tmp_path / "run")
     assert_equal_while_nothing_was_late(run, Run(tmp_path / "virtual"), within_m=0.05)
     judged = sum(isinstance(message, LinkVerdict) for message in run.messages)
     assert len(run.late_messages_at) < judged / 2
     lines = [text for text in run.texts(RUN_SENDER) if "clock of v2" in text]
     assert lines
-    if offset_ms:
-        assert f"{abs(offset_ms)}." in lines[0] or f"{abs(offset_ms) - 1}." in lines[0]
+    reported_ms = abs(float(re.findall(r"-?\d+\.\d+", lines[0])[0]))
+    assert abs(reported_ms - abs(offset_ms)) < 1.0 + drift * 20_000.0  # first 20 s of the clock
 
 
 def test_a_run_does_not_start_while_a_clock_is_uncertain(hub: SharedRouter, tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 from scenarios.cli.live.change_requests import joined, request_change
 from scenarios.runs.control.open_runs import open_runs
 from tests.system.logs import Run, assert_equal_while_nothing_was_late
-from tests.system.processes import Process, run_to_the_end, start
+from tests.system.processes import Process, invoke, start
 from transport.bus.bus import BusError
 from vehicles.messages import Change, LinkVerdict
 from vehicles.schedule import SECOND
@@ -69,13 +69,13 @@ def test_a_session_is_confirmed_logged_and_repeated(tmp_path: Path) -> None:
     logged = [(m.vehicle, (m.effective_at_ns - live.start_at) / SECOND) for m in changes]
     assert sorted(logged) == sorted(effects)
     assert all(m.by_hand for m in changes)
-    done = run_to_the_end("scenario-from", "live", "-o", "session.toml", folder=tmp_path)
-    assert (done.exit_code, done.err) == (0, "")
+    done = invoke("scenario-from", "live", "-o", "session.toml", folder=tmp_path)
+    assert (done.exit_code, done.stderr) == (0, "")
     assert (tmp_path / "session.toml").read_text().count("[[change]]") >= len(SESSION)
-    again = run_to_the_end(
+    again = invoke(
         "run", "session.toml", "--clock=virtual", "--quiet", "--out=again", folder=tmp_path
     )
-    assert again.exit_code == 0, again.err
+    assert again.exit_code == 0, again.output
     live_verdicts, repeated = verdicts(live), verdicts(Run(tmp_path / "again"))
     assert {reason for _, reason, _ in live_verdicts.values()} == {"", "cut", "loss"}
     both = live_verdicts.keys() & repeated.keys()
@@ -120,11 +120,11 @@ at_s = 4.0
 
 def test_scheduled_changes_act_alike_on_both_clocks(tmp_path: Path) -> None:
     (tmp_path / "scheduled.toml").write_text(SCHEDULED)
-    for clock in ("wall", "virtual"):
-        done = run_to_the_end(
-            "run", "scheduled.toml", f"--clock={clock}", f"--out={clock}", folder=tmp_path
-        )
-        assert done.exit_code == 0, done.err
+    arguments = ("run", "scheduled.toml", "--quiet")
+    with start(*arguments, "--out=wall", folder=tmp_path) as process:
+        done = invoke(*arguments, "--clock=virtual", "--out=virtual", folder=tmp_path)
+        assert done.exit_code == 0, done.output
+        assert process.wait() == 0, process.err
     wall, virtual = Run(tmp_path / "wall"), Run(tmp_path / "virtual")
     by_wall, by_virtual = verdicts(wall), verdicts(virtual)
     both = by_wall.keys() & by_virtual.keys()
@@ -144,31 +144,31 @@ def test_commands_find_the_only_run_on_this_machine(
     (tmp_path / "runtime").mkdir()
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "runtime"))
     arguments = ("run", "lane_change", "--set=convoy.vehicles=2")
-    none = run_to_the_end("cut", folder=tmp_path)
+    none = invoke("cut", folder=tmp_path)
     assert none.exit_code == 2
-    assert none.err.count("\n") == 1
-    assert "--run" in none.err
+    assert none.stderr.count("\n") == 1
+    assert "--run" in none.stderr
     with start(*arguments, "--set=duration_s=25", "--out=one", folder=tmp_path) as convoy:
         convoy.drive(0.5)
-        cut = run_to_the_end("cut", "--for", "200ms", folder=tmp_path)
-        assert (cut.exit_code, cut.err) == (0, "")
-        run_line, change_line = cut.out.splitlines()
+        cut = invoke("cut", "--for", "200ms", folder=tmp_path)
+        assert (cut.exit_code, cut.stderr) == (0, "")
+        run_line, change_line = cut.stdout.splitlines()
         assert open_runs()[0].run in run_line
         assert str(tmp_path / "one") in run_line
         assert change_line.startswith("v2: cut for 0.2 s, ")
-        refused = run_to_the_end("link", "v1", "v2", "--loss", "2", folder=tmp_path)
-        assert (refused.exit_code, refused.out) == (2, "")
-        assert refused.err.startswith("error: --loss: given 2, allowed 0 to 1")
-        status = run_to_the_end("status", "--once", folder=tmp_path)
-        assert status.exit_code == 0, status.err
-        assert "v1 → v2" in status.out
-        with start(*arguments, "--set=duration_s=9", "--out=two", folder=tmp_path) as other:
+        refused = invoke("link", "v1", "v2", "--loss", "2", folder=tmp_path)
+        assert (refused.exit_code, refused.stdout) == (2, "")
+        assert refused.stderr.startswith("error: --loss: given 2, allowed 0 to 1")
+        status = invoke("status", "--once", folder=tmp_path)
+        assert status.exit_code == 0, status.output
+        assert "v1 → v2" in status.stdout
+        with start(*arguments, "--set=duration_s=4", "--out=two", folder=tmp_path) as other:
             other.await_start()
-            ambiguous = run_to_the_end("cut", folder=tmp_path)
+            ambiguous = invoke("cut", folder=tmp_path)
             assert ambiguous.exit_code == 2
             names = ", ".join(entry.run for entry in open_runs())
-            assert "--run" in ambiguous.err
-            assert names in ambiguous.err
+            assert "--run" in ambiguous.stderr
+            assert names in ambiguous.stderr
     assert open_runs() == []
 
 

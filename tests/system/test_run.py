@@ -19,7 +19,7 @@ from tests.system.logs import (
     assert_sound,
     assert_summary_is_in_the_log,
 )
-from tests.system.processes import Process, run_to_the_end, start
+from tests.system.processes import Process, invoke, start
 
 CONVOY = ("v1", "v2", "v3", "v4")
 CROSS_TRACK_M_MAX = 0.5
@@ -85,8 +85,8 @@ def run_both_clocks(scenario: str, folder: Path) -> ClockPair:
     """Run a scenario on both clocks in parallel; both must succeed."""
     whole = ("run", scenario, "--clock=virtual", "--quiet", "--out=virtual")
     with start(*first_seconds(scenario), folder=folder) as wall_process:
-        virtual = run_to_the_end(*whole, folder=folder)
-        assert virtual.exit_code == 0, virtual.err
+        virtual = invoke(*whole, folder=folder)
+        assert virtual.exit_code == 0, virtual.output
         assert wall_process.wait() == 0, wall_process.err
     return ClockPair(Run(folder / "virtual"), Run(folder / "wall"), wall_process)
 
@@ -148,7 +148,7 @@ def nmea_drive(seconds: int, speed: float) -> list[str]:
 
 
 def test_an_nmea_drive_is_followed_and_bad_lines_are_counted(tmp_path: Path) -> None:
-    lines = nmea_drive(seconds=20, speed=12.0)
+    lines = nmea_drive(seconds=12, speed=12.0)
     lines[40] = lines[40][:-2] + "00"  # a failed checksum
     lines[80] = lines[80][:30]  # a cut sentence
     lines.insert(120, "\x7f rubbish from the cable")
@@ -166,11 +166,11 @@ def test_an_nmea_drive_is_followed_and_bad_lines_are_counted(tmp_path: Path) -> 
 
 
 def test_another_seed_changes_the_run(lane_change: Driven, tmp_path: Path) -> None:
-    other = run_to_the_end(
+    other = invoke(
         *("run", "lane_change", "--set=duration_s=2", "--seed=2", "--clock=virtual", "--quiet"),
         *("--out", "other"),
         folder=tmp_path,
     )
-    assert other.exit_code == 0, other.err
+    assert other.exit_code == 0, other.output
     agreed = agreement(Run(tmp_path / "other"), lane_change.virtual)
     assert agreed.equal < agreed.compared / 10

@@ -19,7 +19,7 @@ from tests.system.logs import (
     assert_sound,
     assert_summary_is_in_the_log,
 )
-from tests.system.processes import Process, run_to_the_end, start
+from tests.system.processes import Process, invoke, start
 from transport.bus.bus import Bus
 from transport.bus.telemetry import BatchRecord, packed, records_key, unpacked
 from transport.bus.zenoh_bus import ZenohOptions, open_bus
@@ -243,8 +243,8 @@ def replayed_messages(received: list[Put]) -> Iterator[Put]:
 def test_hostile_messages_change_only_counters(tmp_path: Path, campaign: int) -> None:
     duration_s = campaign + MARGIN_S
     scenario = ("run", "lane_change", "--set=convoy.vehicles=3", f"--set=duration_s={duration_s}")
-    virtual_process = run_to_the_end(*scenario, "--clock=virtual", "--out=virtual", folder=tmp_path)
-    assert virtual_process.exit_code == 0, virtual_process.err
+    done = invoke(*scenario, "--clock=virtual", "--quiet", "--out=virtual", folder=tmp_path)
+    assert done.exit_code == 0, done.output
     virtual = Run(tmp_path / "virtual")
     with start(*scenario, "--out", tmp_path / "run", folder=tmp_path) as convoy:
         with open_bus(run_options(convoy)) as bus:

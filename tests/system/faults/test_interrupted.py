@@ -82,8 +82,7 @@ def test_a_command_ends_promptly_during_its_imports(
         assert_ends_with_one_line(process, number)
 
 
-@pytest.mark.parametrize("joined", [False, True], ids=["joining", "joined"])
-@pytest.mark.parametrize("command", ["vehicle", "record"])
+@pytest.mark.parametrize(("command", "joined"), [("vehicle", True), ("record", False)])
 def test_a_command_ends_with_a_frozen_router(command: str, joined: bool, tmp_path: Path) -> None:
     own = {"vehicle": ["--name", "v1"], "record": ["--out", "run", "--quiet"]}[command]
     with convoy(tmp_path, "router", "-l", "tcp/127.0.0.1:0") as router:

@@ -7,7 +7,7 @@ import psutil
 import pytest
 
 from tests.system.logs import Run, assert_equal_while_nothing_was_late, assert_sound
-from tests.system.processes import run_to_the_end, start, until
+from tests.system.processes import invoke, run_to_the_end, start, until
 from vehicles.messages import Change, GpsPose, LogText
 
 FAULTS = """
@@ -98,10 +98,10 @@ def faulty_runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Run, Run, lis
             restarts.append(psutil.Process(process.pid).name())
         assert convoy.wait() == 0, convoy.err
         assert not convoy.remaining()
-    virtual = run_to_the_end(
+    virtual = invoke(
         "run", "faults.toml", "--clock=virtual", "--quiet", "--out=virtual", folder=folder
     )
-    assert virtual.exit_code == 0, virtual.err
+    assert virtual.exit_code == 0, virtual.output
     return Run(folder / "wall"), Run(folder / "virtual"), restarts
 
 
@@ -144,12 +144,12 @@ def test_a_permanent_crash_ends_or_leaves_the_run(on_failure: str, tmp_path: Pat
         f'--set=convoy.on_vehicle_failure="{on_failure}"',
     )
     wall = run_to_the_end(*common, "--out=wall", folder=tmp_path)
-    virtual = run_to_the_end(*common, "--clock=virtual", "--out=virtual", folder=tmp_path)
+    virtual = invoke(*common, "--clock=virtual", "--out=virtual", folder=tmp_path)
     line = "its process has crashed, as requested, 1.50 s after the start"
     assert wall.exit_code == virtual.exit_code == (1 if on_failure == "end" else 0), wall.err
     if on_failure == "end":
         assert f"v3: {line}" in wall.err
-        assert f"v3: {line}" in virtual.err
+        assert f"v3: {line}" in virtual.stderr
     runs = Run(tmp_path / "wall"), Run(tmp_path / "virtual")
     for run in runs:
         assert max(run.truths["v3"]) < 1.5e9
