@@ -17,7 +17,7 @@ from scenarios.runs.stop import EXIT_BAD_INPUT, EXIT_FAILED
 from transport.log.reader import LogReader
 
 CONVOY = f"{sys.executable} -m scenarios.cli"
-SHORT = "run --set duration_s=0.5"
+SHORT = "run --set duration_s=0.5 --set convoy.vehicles=2"
 SOON_S = 120.0
 
 
@@ -79,6 +79,7 @@ def test_missing_characters_of_an_encoding_are_replaced(tmp_path: Path) -> None:
 PRINTING = ("list", "check --explain", "reference links", "new", "channel show bursty --json")
 
 
+@pytest.mark.spread(5)
 @pytest.mark.parametrize("command", PRINTING)
 @pytest.mark.parametrize(
     ("redirection", "code"), [("| head -1", 0), ("2>/dev/full", 0), (">/dev/full", EXIT_FAILED)]
@@ -89,12 +90,14 @@ def test_a_printing_command_fails_only_if_its_output_is_lost(
     assert shell(f"{CONVOY} {command} {redirection}").returncode == code
 
 
+@pytest.mark.spread(2)
 @pytest.mark.parametrize("redirection", [">&-", "2>&-", "<&- >&- 2>&-", ">/dev/full 2>/dev/full"])
 def test_a_refusal_keeps_its_exit_code_with_any_output(redirection: str) -> None:
     assert shell(f"{CONVOY} report nowhere {redirection}").returncode == EXIT_BAD_INPUT
     assert shell(f"{CONVOY} run --loss 3 {redirection}").returncode == EXIT_BAD_INPUT
 
 
+@pytest.mark.spread(2)
 @pytest.mark.parametrize("command", PRINTING)
 def test_no_command_needs_utf_8(command: str) -> None:
     assert shell(f"{CONVOY} {command}", PYTHONIOENCODING="ascii").returncode == 0

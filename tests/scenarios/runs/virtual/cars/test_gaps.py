@@ -7,7 +7,7 @@ from scenarios.runs.virtual.unlogged_run import run_unlogged
 
 STRAIGHT = """
 name = "straight"
-duration_s = 4.0
+duration_s = 2.5
 [convoy]
 vehicles = 3
 [path]
@@ -16,7 +16,7 @@ segments = [{ length_m = 400.0 }]
 [links]
 latency_ms = 20.0
 """
-SPEEDS_MPS = (5.0, 15.0, 30.0)
+SPEEDS_MPS = (5.0, 30.0)
 LENGTHS = {
     "the usual car": (),
     "a short car": ("parameters.length_m=3.2",),

@@ -47,7 +47,7 @@ def convoy(*arguments: str | Path) -> Result:
     return CliRunner().invoke(cli, list(map(str, arguments)))
 
 
-@pytest.mark.campaign(2, len(DRIVEN))
+@pytest.mark.campaign(1, len(DRIVEN))
 def test_a_convoy_follows_a_rough_drive_to_its_end(tmp_path: Path, case: int) -> None:
     name = DRIVEN[case]
     file = tmp_path / "rough.toml"

@@ -1,6 +1,5 @@
-"""Eight cars behind a lead that slides in a bend that is too tight for its speed."""
+"""Three cars behind a lead that slides in a bend that is too tight for its speed."""
 
-from functools import lru_cache
 from typing import Literal
 
 import pytest
@@ -11,9 +10,9 @@ from scenarios.runs.virtual.unlogged_run import run_unlogged
 
 SLIDE = """
 name = "slide"
-duration_s = 22.0
+duration_s = 17.0
 [convoy]
-vehicles = 8
+vehicles = 4
 [parameters]
 friction_ratio = 0.6
 [path]
@@ -28,7 +27,6 @@ lateral_acceleration_mps2_max = 20.0    # 12 m/s² in the bend, twice the fricti
 Followers = Literal["gap", "same"]
 
 
-@lru_cache
 def slid(followers: Followers, *overrides: str) -> RunSummary:
     own = [f"speed.followers={followers}", *overrides]
     return run_unlogged(scenario_from_text(SLIDE, overrides=own))
@@ -48,6 +46,5 @@ def test_followers_take_the_bend_at_a_speed_that_the_friction_allows(followers: 
     assert not [event for event in summary.events if event.kind == "collision"]
 
 
-@pytest.mark.parametrize(("followers", "off"), [("gap", 3.0), ("same", 5.0)])
-def test_without_a_limit_they_slide_too(followers: Followers, off: float) -> None:
-    assert max(errors(slid(followers, "speed.friction_ratio_max=inf"))) > off
+def test_without_a_limit_they_slide_too() -> None:
+    assert max(errors(slid("same", "speed.friction_ratio_max=inf"))) > 5.0

@@ -41,7 +41,7 @@ FLOAT = "gnss.preset=rtk_float"
 
 @pytest.mark.parametrize("name", ["lane_change", "highway"])
 def test_a_convoy_with_float_receivers_slows_without_a_collision(name: str) -> None:
-    seen, events = run(name, FLOAT, "duration_s=30.0")
+    seen, events = run(name, FLOAT, "duration_s=20.0", "convoy.vehicles=3")
     assert "collision" not in events
     for vehicle, speeds in seen.speeds.items():
         assert seen.slowed(vehicle)

@@ -17,8 +17,8 @@ GUARD_MARGIN_M = 1.0
 
 
 def driven(preset: str, gap_m: float, seed: int, *more: str) -> RunSummary:
-    """Six cars at 30 m/s, past the instants at which the last of them has come to a stand."""
-    requested = ("convoy.vehicles=6", "duration_s=22", f"links.preset={preset}")
+    """Five cars at 30 m/s, past the instants at which the last of them has come to a stand."""
+    requested = ("convoy.vehicles=5", "duration_s=21", f"links.preset={preset}")
     return run_unlogged(
         load_scenario("lane_change", (*requested, f"convoy.gap_m={gap_m}", *more), seed)
     )

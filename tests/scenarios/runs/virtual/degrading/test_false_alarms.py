@@ -1,6 +1,6 @@
 """Over a link that loses in bursts, sources are lost as often as its law has it, without flapping.
 
-`pytest --campaign` drives ten times as much.
+`pytest --campaign` drives twenty times as much.
 """
 
 from itertools import pairwise
@@ -17,7 +17,7 @@ PROBATION_S = 1.0
 SCENARIO = """
 extends = "lane_change"
 name = "bursts"
-duration_s = 120.0
+duration_s = 60.0
 [convoy]
 vehicles = 3
 [speed]
@@ -30,7 +30,7 @@ loss = { kind = "gilbert_elliott", loss_ratio = 0.4, burst_messages_mean = 4.0 }
 """
 
 
-@pytest.mark.campaign(1, 10)
+@pytest.mark.campaign(1, 20)
 def test_the_number_of_alarms_follows_the_law_of_the_link(case: int) -> None:
     scenario = scenario_from_text(SCENARIO, seed=case + 1)
     results: list[Message] = []
@@ -41,7 +41,7 @@ def test_the_number_of_alarms_follows_the_law_of_the_link(case: int) -> None:
     predicted = 3.0 * scenario.duration_s * 20.0 * 0.6 / 6.0 * 0.75**9
     counted = sum(one.counted or 0 for one in alarms)
     assert len(alarms) == 3
-    assert predicted > 50.0
+    assert predicted > 25.0
     assert abs(counted - predicted) < 3.5 * predicted**0.5  # they come nearly one by one
     for name in scenario.vehicle_names[1:]:
         tracking = [one for one in results if isinstance(one, Tracking) and one.vehicle == name]
