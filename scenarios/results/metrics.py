@@ -48,7 +48,7 @@ from vehicles.messages import (
     Tracking,
     TruePose,
 )
-from vehicles.schedule import nanoseconds
+from vehicles.schedule import SECOND, nanoseconds
 
 MOST_WARNINGS = 50
 """Warnings about impossible time stamps in the summary."""
@@ -80,6 +80,7 @@ class Metrics:
         self._names = list(vehicles)
         self._lead = self._names[0]
         self._duration_ns = duration_ns
+        self.control_rate_hz = control_rate_hz
         self.stream = stream or FigureStream(
             dict.fromkeys(vehicles, BodySize.of(LINCOLN_MKZ)), road_yaw=road_yaw
         )
@@ -306,7 +307,8 @@ class Metrics:
     def _was_cut_off(self, vehicle: VehicleFigures, end_at: int) -> bool:
         """Whether a vehicle was out of reach at the end (ns) of the record.
 
-        In a convoy that continues without failed vehicles, a silent one may have failed.
+        In a convoy that continues without failed vehicles, a silent one may have failed. A vehicle
+        whose last poses came late was out of reach, too, if its records lag.
         """
         health = vehicle.health
         is_physical = any(poses.is_physical for poses in self._links.sent.values())
@@ -314,7 +316,10 @@ class Metrics:
             return False
         if health is not None and health.final:
             return False
-        return end_at - max(vehicle.last_at, self.start_at) > CUT_OFF_AFTER_NS
+        if end_at - max(vehicle.last_at, self.start_at) > CUT_OFF_AFTER_NS:
+            return True
+        known_until = max(vehicle.truth.last_at or 0, vehicle.decisions.last_at or 0)
+        return self._links.sent[vehicle.name].end_late and end_at - known_until > SECOND
 
     def link_summaries(self, ran_ns: int = 0) -> tuple[LinkSummary, ...]:
         last_at = {name: figures.last_at for name, figures in self.vehicles.items()}

@@ -75,6 +75,11 @@ class SentPoses:
         result[exact] = given[exact]
         return result
 
+    @property
+    def end_late(self) -> bool:
+        """Whether the newest pose was later than AWAY_NS."""
+        return len(self._sent_at) - 1 in self._held
+
     def late_span(self) -> tuple[int, int] | None:
         """Instants (ns) of sending of the first and the last pose that was later than AWAY_NS."""
         if not self._held:

@@ -255,6 +255,23 @@ def test_a_vehicle_that_was_cut_off_for_good_is_named() -> None:
     assert any("v2 cut off" in line for line in lines)
 
 
+def test_a_vehicle_whose_records_lag_at_the_end_was_cut_off() -> None:
+    """Its last poses arrive 2.5 s late, and nothing that it recorded after 7 s."""
+    made = MadeRun()
+    made.transit = {("v2", k): 2500 * MS for k in range(40, POSES)}
+    made.decided["v2"] = range(50 * 7)
+    made.lost = {("v1", "v2", k) for k in range(140, POSES)}
+    recorded = [
+        (when, one)
+        for when, one in made.recorded()
+        if when <= at(SECONDS) and not (isinstance(one, Health) and one.vehicle == "v2")
+    ]
+    metrics = metrics_of([*recorded, (at(7.0), health("v2", seconds=7.0))])
+    rows = {(row.sender, row.receiver): row for row in metrics.link_summaries(SECONDS * SECOND)}
+    assert set(rows["v1", "v2"].not_arrived) == {"cut_off"}
+    assert rows["v1", "v2"].not_arrived["cut_off"] + rows["v1", "v2"].in_flight == 60
+
+
 def test_a_vehicle_of_which_nothing_was_recorded_was_cut_off() -> None:
     made = MadeRun()
     made.cut_off("v2", 0, POSES)
