@@ -8,13 +8,15 @@ from scenarios.results.deviations import Deviations
 from scenarios.results.metrics import Metrics
 from scenarios.runs.observer import Observer, listeners_by_kind
 from transport.codec import RefusedMessageError, decode, encode, escaped_bytes
-from transport.links.gate import HORIZON_NS, PoseGate, TimestampRefusals
+from transport.links.gate import HORIZON_NS, ROUNDING, PoseGate, TimestampRefusals
 from transport.log.writer import LogWriter
 from transport.message_numbers import MAX_RANGES, MessageNumbers
 from transport.topics import RUN_SENDER, TOPICS, Topic, key, valid_at
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import (
     Change,
+    Command,
+    CompositeTrajectory,
     GpsPose,
     Health,
     Level,
@@ -29,6 +31,8 @@ from vehicles.schedule import SECOND
 
 EARLY_NS = SECOND
 """How early final counters may arrive, in a run that is cancelled before its start."""
+ONCE_PER_STEP = frozenset({TruePose, Tracking, Command, CompositeTrajectory})
+"""Messages of which a vehicle sends at most one at each instant of control."""
 ANY_AGE_NS = 2**62
 """A pose is recorded however late it comes."""
 
@@ -154,6 +158,9 @@ class Recorder:
                 raise RefusedMessageError("early", f"valid at {valid}")
             if valid > at + HORIZON_NS:
                 raise RefusedMessageError("future", f"valid at {valid}")
+            steps = (valid - self._start_at) * self._metrics.control_rate_hz / SECOND
+            if type(message) in ONCE_PER_STEP and message.seq > steps + ROUNDING:
+                raise RefusedMessageError("sequence", f"number {message.seq} is ahead of schedule")
         seen = self._seen[key_expression]
         if message.seq in seen:
             raise RefusedMessageError("duplicate", f"number {message.seq} came before")

@@ -47,7 +47,7 @@ TIMESTAMP_REASONS = ("past", "future")
 FIRST_REPORT: Final = 100
 """Count of the first report; the next reports follow at ten times the previous count."""
 
-_ROUNDING: Final = 0.001
+ROUNDING: Final = 0.001
 """Tolerance in periods: instants are rounded to nanoseconds."""
 _LIMITS = {
     "latitude_deg": (-90.0, 90.0),
@@ -152,7 +152,7 @@ class PoseGate:
             raise RefusedMessageError("future", f"measured at {measured}")
         if not (measured - error <= sent and self.start_at <= sent <= now + HORIZON_NS):
             raise RefusedMessageError("future", f"sent at {sent}")
-        if pose.seq > (pose.sent_at_ns - self.start_at) * self.rate_hz / SECOND + _ROUNDING:
+        if pose.seq > (pose.sent_at_ns - self.start_at) * self.rate_hz / SECOND + ROUNDING:
             raise RefusedMessageError("sequence", f"number {pose.seq} is ahead of the schedule")
 
 

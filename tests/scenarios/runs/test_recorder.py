@@ -301,6 +301,19 @@ def test_a_pose_numbered_ahead_of_its_schedule_makes_none_missing(
     assert (row.poses, row.missing_poses) == (30, 0)
 
 
+@pytest.mark.parametrize("number", [1, 40, 2**32, 2**63 - 1])
+def test_a_true_pose_numbered_ahead_of_its_schedule_makes_none_missing(
+    recorded: Recorded, number: int
+) -> None:
+    recorder = recorded.recorder
+    for seq in range(30):
+        pose = truth("v1", seq, 0.0, 0.0)
+        recorder.accept("convoy/v1/truth", encode(pose), pose.true_at_ns)
+        recorder.accept("convoy/v1/truth", encode(replace(pose, seq=seq + number)), pose.true_at_ns)
+    assert recorder.rejected == {"sequence": 30}
+    assert recorded.metrics.vehicles["v1"].truth.count == 30
+
+
 @pytest.mark.parametrize("rate_hz", [1.0, 3.0, 7.0, 20.0, 30.0, 99.9])
 def test_a_sender_on_schedule_is_never_ahead_of_it(tmp_path: Path, rate_hz: float) -> None:
     recorder = Recorded(tmp_path / "run.mcap", v1=rate_hz).recorder
