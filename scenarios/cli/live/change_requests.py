@@ -26,14 +26,15 @@ from transport.bus.zenoh_bus import ZenohOptions, open_bus
 from transport.clock import SYSTEM_TIME, SystemTime
 from transport.texts import printable
 from transport.topics import RUN_SENDER, control_key
-from vehicles.schedule import MILLISECOND, SECOND
+from vehicles.schedule import MILLISECOND
 
-ANSWER_TIMEOUT_S = 1.0
+ANSWER_TIMEOUT_S = 5.0
 """Timeout of an answer, which usually takes a few milliseconds."""
 AHEAD_S = (0.1, 0.3, 1.0, 3.0)
 """Time of each attempt from the first possible instant to the change."""
-PASSES = 3
-"""The change lies at least this multiple of the vehicles' answering time ahead."""
+PASSES = 2
+"""The change lies at least this multiple of the slowest answering time after the first answers:
+promise and confirmation have to arrive."""
 GRID_S = 0.02
 """Changes take effect at multiples of this time, which most control rates meet."""
 
@@ -94,27 +95,33 @@ def request_change(
     """Request a change, an entry of `[[change]]` without `at_s`; raises BusError.
 
     The request goes to the vehicle that the entry names, or to all vehicles. Each promises the
-    change for one instant and makes it when that is confirmed; if one refuses, none makes it.
+    change for one instant and makes it when that is confirmed; if one refuses, none makes it. A
+    vehicle without an answer to the first message gets no more, so that it delays the others once.
     """
     members = bus.members()
     vehicles, seal = _concerned(members, run, entry), _seal_of(members, run)
-    started, at_s = system.monotonic(), 0.0
-    answers = partial(_answers, bus, vehicles, seal=seal, started=started, system=system)
+    started = system.monotonic()
+    answers = partial(_answers, bus, seal=seal, started=started, system=system)
+    result: dict[str, VehicleAnswer] = {}
     for margin_s in AHEAD_S:
-        asked_at = system.monotonic()
-        offers = [each.answer.from_s for each in answers(ChangeRequest()) if each.answer]
-        ahead_s = margin_s + PASSES * (system.monotonic() - asked_at) / SECOND
-        at_s = ceil((max(offers, default=0.0) + ahead_s) / GRID_S) * GRID_S
-        promises = answers(ChangeRequest(dict(entry), at_s))
-        if not any(each.answer and each.answer.can_be_later for each in promises):
+        asked_ms = (system.monotonic() - started) / MILLISECOND
+        offers = answers(vehicles, ChangeRequest())
+        result.update(offers)
+        vehicles = [each.vehicle for each in offers.values() if each.answer]
+        first_s = max((each.answer.from_s for each in offers.values() if each.answer), default=0.0)
+        slowest_ms = max((offers[each].took_ms for each in vehicles), default=asked_ms) - asked_ms
+        waited_ms = (system.monotonic() - started) / MILLISECOND - asked_ms
+        ahead_s = margin_s + (waited_ms + PASSES * slowest_ms) / 1000.0
+        at_s = ceil((first_s + ahead_s) / GRID_S) * GRID_S
+        promises = answers(vehicles, ChangeRequest(dict(entry), at_s))
+        if not any(each.answer and each.answer.can_be_later for each in promises.values()):
             break
-    if any(each.answer and each.answer.refused for each in promises):
-        return [_without_promise(each) for each in promises]
-    confirmed = answers(ChangeRequest({}, at_s, confirms=True))
-    return [
-        confirmation if promise.answer else promise
-        for promise, confirmation in zip(promises, confirmed, strict=True)
-    ]
+    result.update(promises)
+    if any(each.answer and each.answer.refused for each in promises.values()):
+        return [_without_promise(each) for each in result.values()]
+    promised = [each.vehicle for each in promises.values() if each.answer]
+    result.update(answers(promised, ChangeRequest({}, at_s, confirms=True)))
+    return list(result.values())
 
 
 def _without_promise(each: VehicleAnswer) -> VehicleAnswer:
@@ -160,7 +167,7 @@ def _answers(
     seal: Seal,
     started: int,
     system: SystemTime,
-) -> list[VehicleAnswer]:
+) -> dict[str, VehicleAnswer]:
     """Send a request to vehicles at once and wait for their answers."""
     received: dict[str, VehicleAnswer] = {}
     complete = Event()
@@ -181,14 +188,17 @@ def _answers(
         if len(received) == len(vehicles):
             complete.set()
 
+    if not vehicles:
+        return {}
     for vehicle in vehicles:
         handler = partial(receive, vehicle)
         bus.request(control_key(vehicle), handler, ANSWER_TIMEOUT_S, sealed)
     system.wait(complete, ANSWER_TIMEOUT_S)
     absent_ms = elapsed_ms()
-    return [
-        received.get(vehicle) or VehicleAnswer(vehicle, None, absent_ms) for vehicle in vehicles
-    ]
+    return {
+        vehicle: received.get(vehicle) or VehicleAnswer(vehicle, None, absent_ms)
+        for vehicle in vehicles
+    }
 
 
 def status(bus: Bus, run: str) -> RunStatus | None:

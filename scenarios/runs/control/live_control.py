@@ -18,7 +18,7 @@ from vehicles.schedule import SECOND, instant, nanoseconds
 
 PERIODS_AHEAD = 2
 """Control periods from a request to its effect: that tick has not begun yet."""
-FARTHEST_NS = 10 * SECOND
+FARTHEST_NS = 20 * SECOND
 """A requested instant lies at most this far ahead."""
 REQUEST = "change request"
 """Purpose for which requests are sealed."""
