@@ -58,6 +58,11 @@ class Seal:
         self._forged: Counter[str] = Counter()
         self._reported: set[str] = set()
 
+    @property
+    def knows_recorder(self) -> bool:
+        """Whether others can recognise what is sealed now."""
+        return bool(self._recorder())
+
     def sealed(self, purpose: str, content: bytes) -> bytes:
         return self._tag(purpose, content) + content
 

@@ -156,7 +156,7 @@ class ClockSync:
             self._take(*self._answers.popleft())
         if len(self._rounds) >= ROUNDS:
             self._finish(now)
-        if now >= self._due_at:
+        if now >= self._due_at and self._seal.knows_recorder:
             self._due_at = now + self._retry_ns
             self._retry_ns = min(2 * self._retry_ns, LONGEST_RETRY_NS)
             self._query(now)

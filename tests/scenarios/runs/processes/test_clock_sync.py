@@ -232,3 +232,11 @@ def test_an_offset_names_vehicle_direction_and_uncertainty() -> None:
     text = str(ClockOffset("v1", -7 * MS, MS // 2))
     for fact in ("v1", "7.0 ms behind", "0.5 ms"):
         assert fact in text
+
+
+def test_no_clock_is_queried_before_the_recorder_is_known() -> None:
+    """Its recorder would count such a query as forged."""
+    world = World()
+    world.sync = ClockSync(world, "v2", world.clock, Seal(lambda: "", "key"), sufficient_ns=MS)
+    world.run(1.0)
+    assert world.queries == 0
