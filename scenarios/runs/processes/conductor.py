@@ -22,7 +22,11 @@ The launcher needs up to a second to notice the end of the process and send the 
 RETURN_NS = SECOND
 """How much later than the recorder a vehicle may reconnect to a router."""
 FINAL_COUNTERS_NS = 3 * SECOND
-"""How long to wait for final counters after the end, an outage of the router or a hold-up."""
+"""How long to wait for final counters after the end, the latest ones, an outage of the router or a
+hold-up."""
+SILENCE_NS = 12 * SECOND
+"""The same if none arrived although all vehicles are present: perhaps the router does not respond,
+which shows after the lease of the session, 10 s."""
 HELD_UP_NS = SECOND
 """A longer time between two advances means that the recorder was held up."""
 RESTART_NS = 5 * SECOND
@@ -109,6 +113,7 @@ class Conductor:
             self._note_report(message.vehicle, at)
         if isinstance(message, Health) and message.final and message.vehicle in self._vehicles:
             self._finished.add(message.vehicle)
+            self._patient_from = max(self._patient_from, at)  # the others may be as late
             if message.reported_at_ns < self.end_at:
                 self._early.setdefault(message.vehicle, at)
 
@@ -226,8 +231,13 @@ class Conductor:
             self.stop("all vehicles failed or left")
         elif not (awaited := self._awaited()):
             self._end_as_planned()
-        elif now > max(self.end_at, self._patient_from) + FINAL_COUNTERS_NS:
+        elif now > max(self.end_at, self._patient_from) + self._patience_ns:
             self.stop(f"no final counters from {', '.join(sorted(awaited))}")
+
+    @property
+    def _patience_ns(self) -> int:
+        all_silent = not self._finished and self._alive == set(self._vehicles)
+        return SILENCE_NS if all_silent else FINAL_COUNTERS_NS
 
     def _awaited(self) -> set[str]:
         """Vehicles of which the final counters are missing."""

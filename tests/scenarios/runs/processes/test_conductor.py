@@ -153,7 +153,13 @@ def test_vehicles_may_go_once_they_have_finished() -> None:
 def test_a_vehicle_without_final_counters_is_reported() -> None:
     outcome = play(*ALL_COME, ALL_FINISH[0], ALL_FINISH[2])
     assert outcome.reason == "no final counters from v2"
-    assert outcome.over == pytest.approx(ENDED + FINAL_COUNTERS_NS / SECOND, abs=0.11)
+    assert outcome.over == pytest.approx(ENDED + 0.1 + FINAL_COUNTERS_NS / SECOND, abs=0.11)
+
+
+@pytest.mark.parametrize(("frozen_s", "reason"), [(11.0, ""), (13.0, "no final counters from ")])
+def test_a_router_that_does_not_respond_at_the_end_is_awaited(frozen_s: float, reason: str) -> None:
+    late = [(ENDED + frozen_s + k / 10, f"{name} ends") for k, name in enumerate(CONVOY)]
+    assert play(*ALL_COME, *late).reason == reason + ", ".join(CONVOY) * bool(reason)
 
 
 def test_a_vehicle_that_leaves_early_ends_the_run() -> None:
