@@ -68,6 +68,11 @@ def clock_key(vehicle: str) -> str:
     return f"convoy/@clock/{vehicle}"
 
 
+def end_key(vehicle: str) -> str:
+    """Key of queries by which vehicles confirm the end of a run."""
+    return f"convoy/@end/{vehicle}"
+
+
 def control_key(vehicle: str) -> str:
     """Key of queries that change a running vehicle or read the status of the run."""
     return f"convoy/@control/{vehicle}"

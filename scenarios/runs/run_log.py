@@ -84,7 +84,8 @@ class RunLog:
             },
         )
         self._end_at = 0
-        self._reason = ""
+        self.reason = ""
+        """Why the run has failed, once it is over; empty if as planned."""
 
     def flush(self) -> None:
         self._writer.flush()
@@ -111,11 +112,11 @@ class RunLog:
             silent = silent_links(self.metrics, self._replayed, self._scenario.off_links)
             broken = self._limits.broken(self._ran_ns)
             wrong = [*broken, *self.metrics.contradictions(self._ran_ns)]
-            self._reason = failure_reason(reason or self.early_end_reason or silent, wrong)
-            return self.recorder.end(at, self._reason, secret)
+            self.reason = failure_reason(reason or self.early_end_reason or silent, wrong)
+            return self.recorder.end(at, self.reason, secret)
         except LogError as error:
-            self._reason = reason or self.early_end_reason or str(error)
-            return self.recorder.end(at, self._reason, secret)
+            self.reason = failure_reason(reason or self.early_end_reason, [str(error)])
+            return self.recorder.end(at, self.reason, secret)
 
     @property
     def early_end_reason(self) -> str:
@@ -135,18 +136,19 @@ class RunLog:
         If either cannot be written the run has failed: the summary has the reason, the log keeps
         what it holds, and the summary is written if there is room.
         """
-        try:
+        with suppress(LogError):  # the writer has the reason
             self.recorder.report_health(at, final=True)
             summary = self._summary()
             self._writer.attach(SUMMARY_NAME, "application/json", to_json(summary).encode())
             self._writer.close()
-        except LogError as error:
-            self._reason = self._reason or str(error)
+        if self._writer.broken:
+            self.reason = failure_reason(self.reason, [self._writer.failure])
             summary = self._summary()
         try:
             write_summary(self._folder, summary)
         except LogError as error:  # no other summary than that in the log is written
-            self._reason = self._reason or str(error)
+            if not self._writer.broken:
+                self.reason = failure_reason(self.reason, [str(error)])
             summary = self._summary()
         if self._writer.broken:
             from transport.log.repair import repair  # noqa: PLC0415 - rarely
@@ -161,6 +163,6 @@ class RunLog:
             self._scenario,
             self.metrics,
             ran_ns=self._ran_ns,
-            reason=self._reason,
+            reason=self.reason,
             rejected=self.recorder.rejected,
         )

@@ -138,8 +138,8 @@ class LogWriter(Closing):
     ) -> None:
         """Create the file; raises LogError. `rates_hz` are maximum rates by topic."""
         self._path = path
-        self.broken = False
-        """True once the file cannot be written."""
+        self.failure = ""
+        """Why the file cannot be written."""
         try:
             self._file = path.open("x+b")
             lock(self._file, path)
@@ -166,6 +166,11 @@ class LogWriter(Closing):
         self._thinning = Thinning(rates_hz) if rates_hz else None
         if rates_hz:
             self.metadata(THINNED_NAME, {topic: f"{rate:g}" for topic, rate in rates_hz.items()})
+
+    @property
+    def broken(self) -> bool:
+        """True once the file cannot be written."""
+        return bool(self.failure)
 
     def write(self, log_time: int, message: Message, data: bytes | None = None) -> None:
         """Log one message and its standard messages.
@@ -352,9 +357,9 @@ class LogWriter(Closing):
             self._give_up(error)
 
     def _give_up(self, error: OSError) -> NoReturn:
-        self.broken = True
+        self.failure = f"{self._path}: cannot write the log: {error.strerror}"
         with contextlib.suppress(OSError):
             self._open_end()
         with contextlib.suppress(OSError):
             self._file.close()
-        raise UnwritableError(f"{self._path}: cannot write the log: {error.strerror}") from error
+        raise UnwritableError(self.failure) from error

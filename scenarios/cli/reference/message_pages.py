@@ -13,7 +13,7 @@ from scenarios.runs.processes.membership import SEPARATOR, Fingerprint
 from transport.convoy_pb2 import Deviation
 from transport.log.foxglove import standard_messages
 from transport.reasons import REASONS, counts_as_late, counts_as_loss
-from transport.topics import RUN_SENDER, TOPICS, alive_key, clock_key, control_key, key
+from transport.topics import RUN_SENDER, TOPICS, alive_key, clock_key, control_key, end_key, key
 from vehicles.messages import MODES, RunEnd, RunStart
 
 RUN_MESSAGES = RunStart, RunEnd
@@ -114,6 +114,7 @@ def wire_queries() -> Iterator[Row]:
         "query, sealed: MARK, perhaps with a second line VEHICLE OFFSET UNCERTAINTY of the "
         "sender's clock in ns; the answer is \"MARK TIME\", the recorder's clock in ns",
     )
+    yield f"RUN/{end_key(RUN_SENDER)}", "query, sealed: VEHICLE confirms the end of a completed run"
     yield f"RUN/{control_key('VEHICLE')}", "query, sealed: change a running vehicle"
     yield f"RUN/{control_key(RUN_SENDER)}", "query: status of the run, from the recorder"
 

@@ -75,7 +75,7 @@ def record_run(
         # Signals are ignored from here, as the result is complete.
         ignore_signals(stop)
         if remaining := recorder.announce_completion():
-            print_error(f"the run is over, but {', '.join(remaining)} did not end")
+            print_error(f"the run is completed, but {', '.join(remaining)} did not confirm the end")
     if display.quiet and summary.reason not in {"", stop.reason}:
         print_error(summary.reason)
     if summary.reason:

@@ -1,7 +1,8 @@
 """Control of a running convoy from outside.
 
-seal          proof that a control message is from this run
-open_runs     the runs of this user on this machine, and where to join them
-live_control  a vehicle that answers requests for changes
-run_status    the status of a run, as its recorder reports it
+seal              proof that a control message is from this run
+open_runs         the runs of this user on this machine, and where to join them
+live_control      a vehicle that answers requests for changes
+run_status        the status of a run, as its recorder reports it
+end_confirmation  each vehicle confirms the end of a completed run
 """

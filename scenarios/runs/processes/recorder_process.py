@@ -7,6 +7,7 @@ from pathlib import Path
 from scenarios.definition.scenario import Scenario
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunSummary
+from scenarios.runs.control.end_confirmation import EndConfirmations
 from scenarios.runs.control.run_status import StatusBoard
 from scenarios.runs.control.seal import Seal, recorder_name, start_secret
 from scenarios.runs.node.sink import BATCH_NS
@@ -21,9 +22,10 @@ from scenarios.runs.stop import Stop
 from transport.bus.bus import Bus
 from transport.bus.telemetry import MAX_RECORDS_BYTES, records_key
 from transport.clock import SYSTEM_TIME, SystemTime, WallClock, poll
-from transport.codec import RefusedMessageError
+from transport.codec import RefusedMessageError, encode
 from transport.log.records import LogError
 from transport.topics import RUN_SENDER, TOPICS, key
+from vehicles.messages import RunEnd
 from vehicles.schedule import MILLISECOND, SECOND, Timer
 
 POLL_S = 0.02
@@ -53,6 +55,8 @@ CONFIRM_NS = 30 * SECOND
 
 A suspended vehicle is a member for 10 s, the lease of its session.
 """
+RECONNECT_NS = ROUTER_LOST_AFTER_NS + RETURN_NS
+"""How long it waits for a vehicle that left without a confirmation, and may be cut off."""
 
 
 class RecorderProcess:
@@ -81,10 +85,13 @@ class RecorderProcess:
         self._secret = secret
         self._present: set[str] = set()
         self._settled_at = 0
+        self._seen_at: dict[str, int] = {}
+        self._is_completed = False
         self._clock_uncertainty_ns_max = scenario.clock_uncertainty_ns_max
         self._seal = Seal(lambda: recorder_name(secret))
         self._clock_server = ClockServer(bus, self._clock.now, scenario.vehicle_names, self._seal)
         self._clock_offsets: dict[str, ClockOffset] = {}
+        self._confirmations = EndConfirmations(bus, scenario.vehicle_names, self._seal)
         self._conductor = Conductor(
             scenario.vehicle_names,
             duration_ns=round(scenario.duration_s * SECOND),
@@ -133,18 +140,33 @@ class RecorderProcess:
             self._run.recorder.log(self._clock.now(), skipped_line, "warning")
         end = self._run.end(self._clock.now(), self._conductor.reason, self._secret)
         self._own_message("end", end)
+        self._is_completed = not self._run.reason
         if self._conductor.reason:
             self._announce_end()
             self._await_final_counters()
         self._run.recorder.rejected.update(self._arrivals.error_lines())
-        return self._run.close(self._clock.now())
+        summary = self._run.close(self._clock.now())
+        if self._is_completed and summary.reason:  # the log or the summary could not be written
+            self._is_completed = False
+            self._own_message("end", encode(self._end_message(summary.reason)))
+        return summary
+
+    def _end_message(self, reason: str) -> RunEnd:
+        """End of the run for the vehicles; the log holds another one."""
+        return RunEnd(
+            vehicle=RUN_SENDER,
+            seq=0,
+            end_at_ns=self._clock.now(),
+            reason=reason,
+            secret=self._secret,
+        )
 
     def announce_completion(self) -> list[str]:
         """Announce that the log is complete; vehicles wait for that before they end.
 
         The announcement of a completed run is repeated until the vehicles have ended, also while
         the router is away. That of a failed run was sent before. Returns the vehicles that have not
-        ended in time.
+        confirmed it in time.
         """
         self._announce_end()
         if self._conductor.reason:
@@ -158,8 +180,14 @@ class RecorderProcess:
         )
         if self._stop.requested:
             return []
-        is_known = self._bus.connected()
-        return sorted(self._membership.vehicles if is_known else self._conductor.taking_part)
+        return sorted(self._unconfirmed())
+
+    def _unconfirmed(self) -> set[str]:
+        """Vehicles that take a completed run for a failed one if they do not learn its end."""
+        if not self._is_completed:
+            return set()
+        taking_part = self._conductor.taking_part | self._membership.vehicles
+        return taking_part - self._confirmations.received
 
     def _announce_end(self) -> None:
         """Publish the end of the run.
@@ -173,13 +201,19 @@ class RecorderProcess:
         """Repeat the end; whether no vehicle waits for it any more."""
         now = self._clock.now()
         if self._announcing.is_due(now):
-            self._bus.publish(*self._own[-1], urgent=True)
+            self._announce_end()
         if not self._bus.connected():
             self._settled_at = now + RETURN_NS
             return now > begun + ROUTER_LOST_AFTER_NS
         if now < self._settled_at:  # the vehicles are still on their way back to the router
             return False
-        return not self._membership.vehicles or now > self._settled_at + CONFIRM_NS
+        present = self._membership.vehicles
+        self._seen_at.update(dict.fromkeys(present, now))
+        return now > self._settled_at + CONFIRM_NS or not present | {
+            name
+            for name in self._unconfirmed()
+            if now < self._seen_at.get(name, begun) + RECONNECT_NS
+        }
 
     def _await_final_counters(self) -> None:
         until = self._clock.now() + CANCELLED_NS

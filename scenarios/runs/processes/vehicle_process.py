@@ -6,6 +6,7 @@ from math import ceil
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.channel.account import LAST_LOOK_NS
+from scenarios.runs.control.end_confirmation import confirm_end
 from scenarios.runs.control.live_control import LiveControl
 from scenarios.runs.machine import THIS_MACHINE, Machine
 from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
@@ -48,6 +49,8 @@ WATCH_NS = SECOND // 4
 counters."""
 END_NS = 60 * SECOND
 """How long a finished vehicle waits for an announcement of a recorder that is present."""
+UNKNOWN_END = "has an unknown end"
+"""Outcome of a run for a vehicle with final counters that cannot receive the end."""
 FAULT_S = 8.0
 """How long a vehicle with a fault waits for the end of the run."""
 HELD_UP_NS = SECOND // 5
@@ -320,6 +323,7 @@ class VehicleProcess:
             return
         if reason := end.reason:
             raise RunCancelledError(f"{self._run} failed: {reason}", announced=True)
+        confirm_end(self._bus, self._builder.name, self._membership.seal, self._time)
         report(f"{self._builder.name}: {self._run} is over")
 
     @property
@@ -351,7 +355,7 @@ class VehicleProcess:
                 if tick.at >= back_at:
                     self._restart_if_down(node, tick.at, probe)
                 if self._watching.is_due(now := self._clock.now()):
-                    self._check_router_and_recorder(now)
+                    self._check_router_and_recorder(now, "failed")
             sink.flush_all()
         except RestartRequestedError:
             sink.flush_all()
@@ -388,22 +392,22 @@ class VehicleProcess:
                 )
             )
 
-    def _check_router_and_recorder(self, now: int) -> None:
-        """Raise RunCancelledError if router or recorder are lost."""
+    def _check_router_and_recorder(self, now: int, outcome: str) -> None:
+        """Raise RunCancelledError if router or recorder are lost: the run `outcome`."""
         self._router.look(now, connected=self._bus.connected())
         if self._router.is_lost_for_good(now):
-            raise RunCancelledError(f"{self._run} failed: the router was lost")
+            raise RunCancelledError(f"{self._run} {outcome}: the router was lost")
         if self._recorder.has_left(now):
-            raise RunCancelledError(f"{self._run} failed: its recorder has left")
+            raise RunCancelledError(f"{self._run} {outcome}: its recorder has left")
 
     def _repeat_final_counters(self, end_at: int) -> None:
         """Repeat the final counters; raises RunCancelledError when no end will come."""
         now = self._clock.now()
         if not self._watching.is_due(now):
             return
-        self._check_router_and_recorder(now)
+        self._check_router_and_recorder(now, UNKNOWN_END)
         if now > max(end_at, self._router.back_at, self._announced.last_received_at) + END_NS:
-            raise RunCancelledError(f"{self._run} failed: the recorder announced no end")
+            raise RunCancelledError(f"{self._run} {UNKNOWN_END}: the recorder announced none")
         self._repeat()
 
     def _repeat(self) -> None:

@@ -26,7 +26,7 @@ from scenarios.runs.stop import EXIT_BAD_INPUT, EXIT_CODES, EXIT_DONE, EXIT_FAIL
 from transport.links.laws.registry import LAWS
 from transport.log.foxglove import standard_messages
 from transport.reasons import REASONS
-from transport.topics import RUN_SENDER, TOPICS, alive_key, clock_key, control_key
+from transport.topics import RUN_SENDER, TOPICS, alive_key, clock_key, control_key, end_key
 from vehicles.messages import MODES, Message, Mode
 
 
@@ -190,6 +190,7 @@ def test_every_topic_and_query_has_its_key() -> None:
         sender = "run" if topic.name in {"start", "end"} else "VEHICLE"
         assert topic.batched or f"RUN/convoy/{sender}/{topic.name}" in text
     assert clock_key(RUN_SENDER) in text
+    assert end_key(RUN_SENDER) in text
     assert control_key("VEHICLE") in text
     assert control_key("run") in text
     assert alive_key("ROLE", "NAME", "FINGERPRINT", "SESSION") in text

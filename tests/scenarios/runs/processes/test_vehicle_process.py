@@ -92,7 +92,7 @@ def test_a_recorder_that_catches_up_is_waited_for_as_long_as_it_gives_signs(
             vehicle.drive(lambda _: None)
             assert vehicle.exit_code == 0
         else:
-            with pytest.raises(RunCancelledError, match="the recorder announced no end"):
+            with pytest.raises(RunCancelledError, match="unknown end: the recorder announced none"):
                 vehicle.drive(lambda _: None)
     finally:
         over.set()

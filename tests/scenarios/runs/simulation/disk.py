@@ -10,11 +10,12 @@ from tests.scenarios.runs.simulation.scheduler import Role
 
 
 class Disk:
-    """Counts writes; the one numbered `full_at` and later ones fail with `error`."""
+    """Counts writes; from the one numbered `full_at` on, `full_for` of them fail with `error`."""
 
-    def __init__(self, full_at: int | None, error: int) -> None:
+    def __init__(self, full_at: int | None, full_for: int, error: int) -> None:
         self.writes = 0
         self.full_at = full_at
+        self._full_for = full_for
         self._error = error
 
     @property
@@ -24,7 +25,7 @@ class Disk:
     def write(self) -> None:
         """Note a write; raises OSError if the disk is full."""
         self.writes += 1
-        if self.has_failed:
+        if self.has_failed and self.writes < (self.full_at or 0) + self._full_for:
             raise OSError(self._error, os.strerror(self._error))
 
 

@@ -11,7 +11,8 @@ from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
 from scenarios.runs.node.sink import BatchingSink
 from scenarios.runs.stop import EXIT_BAD_INPUT, EXIT_DONE
 from scenarios.runs.virtual.virtual_convoy import VirtualConvoy
-from tests.scenarios.runs.simulation.plan import LAUNCHER, RECORDER, ROUTER
+from tests.scenarios.runs.simulation.network import NetworkSettings
+from tests.scenarios.runs.simulation.plan import FOREVER, LAUNCHER, RECORDER, ROUTER
 from tests.scenarios.runs.simulation.world import Process, World, scenario_of
 from transport.bus.telemetry import records_key, unpacked
 from transport.codec import decode
@@ -19,7 +20,7 @@ from transport.log.reader import LogReader
 from transport.log.records import LogError
 from transport.topics import RUN_SENDER, TOPICS, key
 from vehicles.messages import Change, GpsPose, LogText, Message, RunEnd, RunStart, TruePose
-from vehicles.schedule import MILLISECOND, nanoseconds
+from vehicles.schedule import MILLISECOND, SECOND, nanoseconds
 
 STOPPED_BY_LAUNCHER = {-9, 143}
 M = TypeVar("M", bound=Message)
@@ -141,26 +142,26 @@ def outcome_and_exit_codes_agree(run: Aftermath) -> Iterator[str]:
     launcher = None if run.launcher is None or run.launcher.is_faulty else run.launcher.poll()
     if launcher is not None and (launcher == EXIT_DONE) != run.is_completed:
         yield f"convoy run ended with {launcher}, {outcome}"
-    if summary is None:
-        return
     for vehicle in run.vehicles:
         if run.was_disturbed(vehicle) or vehicle.joined_at is None:
             continue
         vehicle_code = vehicle.poll()
         if run.plan.launched and vehicle_code in STOPPED_BY_LAUNCHER:
             continue
-        was_away = vehicle.name in run.world.network.disturbed and any(
-            "its recorder has left" in line for line in vehicle.lines
-        )
-        is_named = (
-            was_away
-            or _is_known_failed(run, vehicle.name)
-            or any(vehicle.name in line and "did not end" in line for line in run.world.printed)
+        is_named = _is_known_failed(run, vehicle.name) or (
+            any("unknown end" in line for line in vehicle.lines)
+            and (vehicle.name in unconfirmed(run) or recorder is None or recorder < 0)
         )
         if run.is_completed and vehicle_code != EXIT_DONE and not is_named:
             yield f"{vehicle.name} ended with {vehicle_code} in a completed run"
         if not run.is_completed and vehicle_code == EXIT_DONE and not run.plan.launched:
             yield f"{vehicle.name} ended with 0 in a failed run"
+
+
+def unconfirmed(run: Aftermath) -> set[str]:
+    """Vehicles that the recorder of a completed run reports as perhaps without knowledge of it."""
+    lines = [line for line in run.world.printed if line.endswith("did not confirm the end")]
+    return {name for name in run.plan.names for line in lines if name in line}
 
 
 def _is_known_failed(run: Aftermath, name: str) -> bool:
@@ -185,16 +186,43 @@ def failed_vehicles_are_in_the_outcome(run: Aftermath) -> Iterator[str]:
 
 
 def only_disturbed_vehicles_are_blamed(run: Aftermath) -> Iterator[str]:
-    for text in run.of_kind(LogText):
-        name, _, line = text.text.partition(" ")
+    texts = [text.text for text in run.of_kind(LogText) if text.vehicle == RUN_SENDER]
+    if run.summary is not None:
+        texts.append(run.summary.reason)
+    for text in texts:
+        name, _, line = text.partition(" ")
         is_blame = line.startswith(("failed ", "was cut off"))
-        if text.vehicle != RUN_SENDER or name not in run.plan.names or not is_blame:
-            continue
-        processes = [process for process in run.world.processes if process.name == name]
-        if name not in run.world.network.disturbed and not any(
-            process.is_faulty or process.poll() not in {EXIT_DONE, None} for process in processes
+        if name in run.plan.names and is_blame and not _had_own_trouble(run, name):
+            yield f"nothing happened to {name}: {text}"
+    for process in run.vehicles:
+        if process.name in unconfirmed(run) and not (
+            process.name in run.world.network.disturbed
+            or run.was_disturbed(process)
+            or run.world.network.states["query lost"]
         ):
-            yield f"nothing happened to {name}: {text.text}"
+            yield f"nothing happened to {process.name}: {run.world.printed}"
+
+
+SURVIVED_NS = 4 * SECOND
+"""A run survives it if recorder or router are away for this time."""
+
+
+def _had_own_trouble(run: Aftermath, name: str) -> bool:
+    """Whether something happened to a vehicle, not only to all by router or recorder."""
+    processes = [process for process in run.world.processes if process.name == name]
+    if any(process.is_faulty for process in processes):
+        return True
+    if name not in run.world.network.disturbed:
+        return any(process.poll() not in {EXIT_DONE, None} for process in processes)
+    faults = run.plan.faults
+    away = sum(fault[-1] or FOREVER for fault in faults if fault[0] in ROUTER_FAULTS)
+    away += sum(fault[3] for fault in faults if fault[0] in CUTS and fault[2] == RECORDER)
+    slowly_back = run.plan.network.retry > NetworkSettings().retry
+    own = any(fault[0] in CUTS and fault[2] == name for fault in faults)
+    return own or slowly_back or away > SURVIVED_NS
+
+
+ROUTER_FAULTS, CUTS = {"freeze router", "restart router"}, {"cut", "pause"}
 
 
 def accounts_balance(run: Aftermath) -> Iterator[str]:
@@ -244,8 +272,8 @@ def nothing_received_is_lost(run: Aftermath) -> Iterator[str]:
     code = None if recorder is None else recorder.poll()
     if code is None or code < 0 or run.summary is None:
         return
-    if run.is_completed and log is None:
-        yield "a completed run has no log"
+    if run.is_completed and (log is None or log.truncated or log.damage):
+        yield "a completed run has no complete log"
     if log is None or (run.world.disk.has_failed and not run.is_completed):
         return
     ends = [at for at, _, message in run.logged if isinstance(message, RunEnd)]

@@ -10,6 +10,7 @@ from vehicles.schedule import MILLISECOND, SECOND
 
 Fault = tuple[Any, ...]
 """Kind, instant (ns), and further values: see `World._cause`."""
+FOREVER = 10**18
 ROUTER, RECORDER, LAUNCHER = "router", "recorder", "launcher"
 
 
@@ -32,6 +33,7 @@ class Plan:
     interruption  longest interruption (ns)
     foreign       vehicle that runs the scenario with another seed
     full_at       number of the write of the log or summary at which the disk is full
+    full_for      number of writes that fail
     """
 
     seed: int
@@ -48,6 +50,7 @@ class Plan:
     interruption: int = 0
     foreign: str = ""
     full_at: int | None = None
+    full_for: int = FOREVER
     disk_error: int = 0
     faults: tuple[Fault, ...] = ()
 
@@ -158,7 +161,12 @@ def _foreign(plan: Plan, random: Random) -> Plan:
 
 
 def _full_disk(plan: Plan, random: Random) -> Plan:
-    return replace(plan, full_at=random.randrange(1, 40), disk_error=random.choice((28, 5)))
+    return replace(
+        plan,
+        full_at=random.randrange(1, 40),
+        full_for=random.choice((1, 4, FOREVER)),
+        disk_error=random.choice((28, 5)),
+    )
 
 
 CHANGES: tuple[Callable[[Plan, Random], Plan], ...] = (
@@ -203,7 +211,8 @@ def _freeze(plan: Plan, random: Random) -> Fault:
 
 
 def _restart_router(plan: Plan, random: Random) -> Fault:
-    return ("restart router", _instant(plan, random), _span(random))
+    back = None if random.random() < 0.2 else _span(random)
+    return ("restart router", _instant(plan, random), back)
 
 
 def _kill(plan: Plan, random: Random) -> Fault:

@@ -12,7 +12,7 @@ from scenarios.results.limits import evaluation
 from scenarios.runs.control.live_control import Confirmation, LiveControl, first_instant
 from scenarios.runs.control.seal import Seal
 from scenarios.runs.node.pending_changes import DueChange, PendingChanges
-from scenarios.runs.processes import recorder_process, vehicle_process
+from scenarios.runs.processes import vehicle_process
 from scenarios.runs.processes.arrivals import SendingOrder
 from scenarios.runs.processes.clock_sync import ClockSync
 from scenarios.runs.processes.conductor import Conductor
@@ -104,8 +104,14 @@ def final_counters_are_not_awaited(patch: pytest.MonkeyPatch) -> None:
 
 
 def the_end_is_announced_once(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(RecorderProcess, "_all_ended", lambda *_: True)
-    patch.setattr(recorder_process, "CONFIRM_NS", 0)
+    announce, announced = RecorderProcess._announce_end, set[RecorderProcess]()
+
+    def announce_once(recorder: RecorderProcess) -> None:
+        if recorder not in announced:
+            announced.add(recorder)
+            announce(recorder)
+
+    patch.setattr(RecorderProcess, "_announce_end", announce_once)
 
 
 PLANTED: Mapping[str, Plant] = {

@@ -6,7 +6,7 @@ import pytest
 
 from tests.scenarios.runs.simulation.invariants import Aftermath, broken
 from tests.scenarios.runs.simulation.network import NetworkSettings
-from tests.scenarios.runs.simulation.plan import Plan
+from tests.scenarios.runs.simulation.plan import Fault, Plan
 from tests.scenarios.runs.simulation.shrinking import simulate
 from tests.scenarios.runs.simulation.world import World
 from vehicles.messages import Change
@@ -64,3 +64,57 @@ def test_messages_that_arrive_after_the_last_tick_are_not_in_flight(tmp_path: Pa
     (link,) = run.summary.links
     assert link.in_flight <= 1
     assert sum(link.not_arrived.values()) >= 8
+
+
+@pytest.mark.parametrize(("cut_s", "exit_code"), [(3, 0), (8, 1)])
+def test_a_vehicle_cut_off_after_its_final_counters_is_awaited_or_named(
+    cut_s: int, exit_code: int
+) -> None:
+    plan = Plan(
+        seed=0,
+        launched=False,
+        starts=BY_HAND,
+        network=NetworkSettings(lease=SECOND * 2 // 3),
+        faults=(("cut", 195 * SECOND // 100, "v2", cut_s * SECOND),),
+    )
+    run = simulate(plan)
+    assert not run.broken
+    assert "outcome: completed" in run.states
+    assert ("vehicle ended with 1" in run.states) == bool(exit_code)
+    named = "printed: error: the run is completed, but V did not confirm the end"
+    assert (named in run.states) == bool(exit_code)
+
+
+def test_changes_are_confirmed_at_a_round_trip_of_more_than_a_second(tmp_path: Path) -> None:
+    plan = Plan(
+        seed=0,
+        launched=False,
+        duration_s=6.5,
+        starts=BY_HAND,
+        network=NetworkSettings(delay=3 * SECOND // 10),
+        variant=("convoy.clock_uncertainty_ms_max=900",),
+        faults=(("change", 6 * SECOND, "stall", "v1"),),
+    )
+    world = World(plan, tmp_path)
+    world.run()
+    (request,) = world.requests
+    assert request.answers is not None
+    assert [bool(each.answer and each.answer.does) for each in request.answers] == [True]
+
+
+@pytest.mark.parametrize("full_at", [8, 12, 15])
+@pytest.mark.parametrize("faults", [(), (("stop", 13 * SECOND // 10, "recorder", 15),)])
+def test_a_full_disk_is_reported_by_all_processes(
+    full_at: int, faults: tuple[Fault, ...], tmp_path: Path
+) -> None:
+    """Writes 11 to 15 complete the log and write the summary."""
+    full_at -= 4 * len(faults)  # it ends earlier
+    plan = Plan(
+        seed=0, launched=False, starts=BY_HAND, full_at=full_at, disk_error=28, faults=faults
+    )
+    world = World(plan, tmp_path)
+    world.run()
+    assert world.disk.has_failed
+    assert any("No space left" in line for line in world.printed)
+    assert not any(process.poll() == 0 for process in world.processes)
+    assert not broken(Aftermath(world))

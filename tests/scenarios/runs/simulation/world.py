@@ -169,7 +169,7 @@ class World:
         self.scheduler = Scheduler(self.random)
         self.network = SimulatedNetwork(self.scheduler, plan.network)
         self.scenario = scenario_of(plan.variant, plan.vehicles, plan.duration_s)
-        self.disk = Disk(plan.full_at, plan.disk_error)
+        self.disk = Disk(plan.full_at, plan.full_for, plan.disk_error)
         self.folder = folder_of(folder / "run", self.disk, lambda: self.scheduler.current)
         self.processes: list[Process] = []
         self.requests: list[LiveRequest] = []
@@ -361,10 +361,10 @@ class World:
     def _freeze_router(self, span: int) -> None:
         self.network.freeze_router(span)
 
-    def _restart_router(self, span: int) -> None:
+    def _restart_router(self, span: int | None) -> None:
         self.router_code = -9
         self.network.stop_router()
-        if not self.plan.launched:
+        if span is not None and not self.plan.launched:
             self.scheduler.after(span, self.network.start_router)
 
     def _kill(self, name: str, back: int | None) -> None:

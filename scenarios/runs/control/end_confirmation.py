@@ -1,0 +1,52 @@
+"""Each vehicle confirms the end of a completed run.
+
+The token of a vehicle also disappears when the vehicle is cut off. Only its confirmation proves
+that it has received the end.
+"""
+
+from collections.abc import Collection
+from threading import Event
+
+from scenarios.runs.control.seal import Seal
+from transport.bus.bus import Bus
+from transport.clock import SYSTEM_TIME, SystemTime
+from transport.topics import RUN_SENDER, end_key
+
+PURPOSE = "confirmation of the end"
+RETRY_S = 0.25
+"""Time between two confirmations; late answers count too."""
+ATTEMPTS = 8
+TIMEOUT_S = ATTEMPTS * RETRY_S
+RECEIVED = b"received"
+
+
+class EndConfirmations:
+    """Vehicles of a run that have confirmed its end; any of `vehicles` may confirm."""
+
+    def __init__(self, bus: Bus, vehicles: Collection[str], seal: Seal) -> None:
+        self.received: set[str] = set()
+        self._vehicles = frozenset(vehicles)
+        self._seal = seal
+        bus.answer(end_key(RUN_SENDER), self._answer)
+
+    def _answer(self, payload: bytes) -> bytes:
+        vehicle = (self._seal.opened(PURPOSE, payload) or b"").decode(errors="replace")
+        if vehicle not in self._vehicles:
+            return b""
+        self.received.add(vehicle)
+        return RECEIVED
+
+
+def confirm_end(bus: Bus, vehicle: str, seal: Seal, system: SystemTime = SYSTEM_TIME) -> None:
+    """Confirm the end until the recorder answers, at most TIMEOUT_S."""
+    answered = Event()
+
+    def receive(answer: bytes) -> None:
+        if answer == RECEIVED:
+            answered.set()
+
+    for _ in range(ATTEMPTS):
+        bus.request(end_key(RUN_SENDER), receive, TIMEOUT_S, seal.sealed(PURPOSE, vehicle.encode()))
+        system.wait(answered, RETRY_S)
+        if answered.is_set():
+            return
