@@ -10,7 +10,7 @@ from scenarios.definition.road.spacing import least_spacings, spacing_policy
 from scenarios.definition.schema.plug_ins.channel import try_law
 from scenarios.definition.schema.plug_ins.emission import try_error, try_rule
 from scenarios.definition.schema.plug_ins.guards import PlugInError, own_name
-from scenarios.definition.schema.plug_ins.table import own_classes
+from scenarios.definition.schema.plug_ins.table import PlugInTable, own_classes
 from scenarios.definition.schema.scenario_tables import ScenarioTables
 from scenarios.definition.validation.wording import toml_repr
 from scenarios.definition.vehicle_setup import VehicleSetup, vehicle_setup
@@ -55,6 +55,12 @@ def _controllers(tables: ScenarioTables, setup: VehicleSetup) -> Iterator[tuple[
             _key(tables, name, "control", "controller"),
             lambda: lateral.point.trial(setup.controller()),
         )
+    reaction = setup.steering.degradation.reaction
+    for inner, table in (("fusion", setup.steering.fusion), ("degradation", reaction)):
+        if table.is_own:
+            key = _key(tables, name, "control", inner)
+            key += ".reaction" if inner == "degradation" else ""
+            yield key, partial(_try_built, table)
     if longitudinal.is_own and setup.place and tables.speed.followers == "gap":
         least = least_spacings(tables)[setup.place]
         start = LongitudinalSetup(
@@ -71,6 +77,10 @@ def _controllers(tables: ScenarioTables, setup: VehicleSetup) -> Iterator[tuple[
             _key(tables, name, "control", "longitudinal"),
             lambda: longitudinal.point.trial(longitudinal.build(start), start),
         )
+
+
+def _try_built(table: PlugInTable) -> object:
+    return table.point.trial(table.build())
 
 
 def _sensors(tables: ScenarioTables, setup: VehicleSetup) -> Iterator[tuple[str, Trial]]:

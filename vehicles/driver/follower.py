@@ -23,7 +23,6 @@ from vehicles.driver.degradation.modes import (
     ModeMachine,
     Modes,
     ModesByReach,
-    steering_without_sources,
 )
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import SLOWING, Situation, SourceFreshness
@@ -35,12 +34,15 @@ from vehicles.driver.ego.own_state import OwnState, Pose
 from vehicles.driver.ego.slip_estimator import LoadWatch
 from vehicles.driver.longitudinal.controller import OwnMotion, SourceMotion, VehiclesAhead
 from vehicles.driver.position_limit import PositionLimit
+from vehicles.driver.reactions import ReactionPolicy
+from vehicles.driver.speed import SpeedCommand
 from vehicles.driver.steering import LateralController, SteeringCommand
 from vehicles.driver.tracking import PathBehind, Rejoining, TrackingErrors, track
 from vehicles.messages import Mode
 from vehicles.preview.curve_fit import MIN_WEIGHT_FOR_NOISE, FitSettings
+from vehicles.preview.fusion import CompositeFusion, SourceFusion
 from vehicles.preview.received.samples import Window
-from vehicles.preview.trajectory import Fit, Fusion, fuse
+from vehicles.preview.trajectory import Fit
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import MILLISECOND, SECOND, Cadence, Timer
 
@@ -76,9 +78,10 @@ class Follower:
         periods: Mapping[str, float],
         delays: Mapping[str, float] | None = None,
         alpha: float,
-        fusion: Fusion,
+        fusion: SourceFusion,
         settings: FitSettings,
         degradation: DegradationSettings,
+        reaction: ReactionPolicy,
         limit: CommandLimit | None = None,
         load: LoadWatch | None = None,
         gates: Mapping[str, InnovationGate] | None = None,
@@ -98,7 +101,7 @@ class Follower:
         self._rate_hz, self._period = control.rate_hz, 1.0 / control.rate_hz
         self._alpha = alpha
         # The first follower's predecessor is the lead: one source, whatever the fusion.
-        self._fusion: Fusion = "composite" if lead == predecessor else fusion
+        self._fusion: SourceFusion = CompositeFusion() if lead == predecessor else fusion
         self._settings = settings
         self._stated_noise = settings.with_stated_noise()
         self._cautious, self._line_only = settings.cautious(), settings.line_only()
@@ -118,17 +121,20 @@ class Follower:
             )
             for name in (lead, predecessor)
         }
-        self._sources = SourcePair(named[lead], named[predecessor], fusion, degradation)
-        self._reaction = degradation.reaction
+        self._sources = SourcePair(
+            named[lead], named[predecessor], degradation, uses_lead=fusion.uses_lead
+        )
+        self._degrades = degradation.reaction == "degrade"
+        self._reaction = reaction
         self._modes: Modes = ModesByReach()
-        if self._reaction == "degrade":
+        if self._degrades:
             self._modes = ModeMachine(degradation)
         self._trajectories: tuple[tuple[float, Fit], ...] = ()
         self._driven = 0.0
         self._behind = PathBehind(), PathBehind()
         self._fitted = False
         self._stops_behind = False
-        self._rejoining = Rejoining(self._remarks, enabled=self._reaction == "degrade")
+        self._rejoining = Rejoining(self._remarks, enabled=self._degrades)
         self._mode: Mode = "straight"
         self._refit = Timer(REFIT_AFTER)
         self._spacings: dict[str, float] = {}
@@ -187,7 +193,7 @@ class Follower:
         sources.steer_along(self._mode, self._period)
         errors, command = self._steer(now, pose)
         held = last.steering if last else command
-        command = steering_without_sources(self._reaction, self._mode, command, held)
+        command = self._reaction.steering(self._mode, command, held)
         steering = self._limit.limited(command)
         self._position_limit.observe(self._own_state.lateral_deviation)
         margin = self._position_limit.gap_margin(self._period)
@@ -199,6 +205,9 @@ class Follower:
         situation.speed_limit = min(situation.speed_limit, self._rejoining.speed_limit)
         speed = self._speed_guard.command(now, pose, ahead, situation, self._mode)
         speed = self._position_limit.limited(speed, pose.speed, acceleration, self._period)
+        wanted = self._reaction.acceleration(situation, self._mode, pose.speed, speed.acceleration)
+        if wanted != speed.acceleration:
+            speed = SpeedCommand(wanted, min(speed.target_speed, pose.speed))
         situation.stops_at = sources.stops_at(self._mode, self._speed_guard.brakes_at)
         self._log_stop(situation)
         remarks: tuple[str, ...] = ()
@@ -230,16 +239,17 @@ class Follower:
 
     def _fit(self, now: int, pose: Pose) -> None:
         """Fit the received samples; if there are too few keep the last trajectory."""
-        degrades = self._reaction == "degrade"
+        degrades = self._degrades
         slowing = degrades and self._mode in SLOWING
         runs_out = slowing or (degrades and self._sources.path_runs_out)
         windows = self._sources.windows(pose, self._settings, runs_out=runs_out)
-        along = fuse(
-            self._fusion,
-            windows.get("lead"),
-            windows.get("predecessor"),
-            alpha=self._sources.alpha(self._alpha),
-            settings=self._settings_for(windows),
+        along = tuple(
+            self._fusion.fuse(
+                windows.get("lead"),
+                windows.get("predecessor"),
+                self._sources.alpha(self._alpha),
+                self._settings_for(windows),
+            )
         )
         if degrades and self._fitted and not along:
             self._extrapolate(pose.speed)
@@ -283,7 +293,7 @@ class Follower:
     def _track(self, fit: Fit, pose: Pose) -> TrackingErrors:
         """Errors along a trajectory; blended sources each have their own path behind."""
         errors = track(fit.spline, pose)
-        behind = self._behind[fit.source.item(0) if self._fusion == "blend" else 0]
+        behind = self._behind[fit.source.item(0) if self._fusion.separate else 0]
         behind.extend(self._driven, errors)
         errors.behind = behind
         return errors

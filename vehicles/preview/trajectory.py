@@ -7,7 +7,7 @@ extrapolated to the ego.
 """
 
 from dataclasses import dataclass
-from typing import Final, Literal, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,6 @@ from vehicles.preview.paper_recipe import recipe_curve
 from vehicles.preview.received.samples import Window
 
 Floats = NDArray[np.float64]
-Fusion = Literal["composite", "predecessor", "blend"]
 LEAD: Final = 0
 PREDECESSOR: Final = 1
 
@@ -103,32 +102,6 @@ def _only_ahead(merged: _Merged, keep: NDArray[np.bool_]) -> bool:
     first: float = station.item(0)
     kept: float = station.item(int(keep.argmax()))
     return first <= 0.0 < kept
-
-
-def fuse(
-    fusion: Fusion,
-    lead: Window | None,
-    predecessor: Window | None,
-    *,
-    alpha: float,
-    settings: FitSettings,
-) -> tuple[tuple[float, Fit], ...]:
-    """Trajectories to steer along, each with its share of the command; empty if there is none.
-
-    `composite` fits one trajectory through both sources (Section III-A), `predecessor` one without
-    lead data (Section V-D.1), `blend` one per source, whose commands the caller blends. `alpha` in
-    [0, 1] is the predecessor's weight of eq. (5); a source alone gets all the weight.
-    """
-    if fusion != "blend":
-        used = lead if fusion == "composite" else None
-        fit = fit_composite(used, predecessor, alpha=alpha, settings=settings)
-        return () if fit is None else ((1.0, fit),)
-    of_lead = fit_composite(lead, None, alpha=alpha, settings=settings)
-    of_predecessor = fit_composite(None, predecessor, alpha=alpha, settings=settings)
-    if of_lead is None or of_predecessor is None:
-        return tuple((1.0, fit) for fit in (of_lead, of_predecessor) if fit is not None)
-    shares = ((1.0 - alpha, of_lead), (alpha, of_predecessor))
-    return tuple((share, fit) for share, fit in shares if share > 0.0)
 
 
 def _merge(lead: Window | None, predecessor: Window | None, alpha: float) -> _Merged | None:

@@ -132,7 +132,7 @@ def _tyres(settings: Mapping[str, Any]) -> str:
 def _fusion(settings: Mapping[str, Any]) -> str:
     sight = f"preview {settings['preview_s']:g} s, tolerance {settings['tolerance_m']:g} m"
     how = f"{settings['trajectory']} trajectory"
-    return f"{settings['fusion']}, {how}, α {settings['alpha_ratio']:g}, {sight}"
+    return f"{plug_in_text(settings['fusion'])}, {how}, α {settings['alpha_ratio']:g}, {sight}"
 
 
 def _largest_alpha(limit: Mapping[str, Any]) -> str:

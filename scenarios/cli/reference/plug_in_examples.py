@@ -65,6 +65,55 @@ use = "mine.ConstantTimeGap"
 gain_per_s = 0.4
 """,
     ),
+    "control.fusion": PlugInExample(
+        """\
+from dataclasses import dataclass
+from vehicles.preview.trajectory import fit_composite
+
+class PredecessorWhileClose:
+    @dataclass
+    class Settings:
+        distance_m: float = 20.0
+
+    def __init__(self, settings):
+        self.distance = settings.distance_m
+
+    def fuse(self, lead, predecessor, alpha, settings):
+        close = predecessor and predecessor.station[-1] < self.distance
+        lead = None if close else lead
+        fit = fit_composite(lead, predecessor, alpha=alpha, settings=settings)
+        return [] if fit is None else [(1.0, fit)]
+""",
+        """\
+[control.fusion]
+use = "mine.PredecessorWhileClose"
+distance_m = 30.0
+""",
+    ),
+    "control.degradation.reaction": PlugInExample(
+        """\
+from dataclasses import dataclass
+from vehicles.driver.reactions import Extrapolate
+
+class BrakeWhenOld(Extrapolate):
+    @dataclass
+    class Settings:
+        age_s: float = 0.5
+        braking_mps2: float = 2.0
+
+    def __init__(self, settings):
+        self.age, self.braking = settings.age_s, settings.braking_mps2
+
+    def acceleration(self, situation, mode, speed, wanted):
+        old = situation.predecessor.age > self.age
+        return min(wanted, -self.braking) if old and speed > 0.0 else wanted
+""",
+        """\
+[control.degradation.reaction]
+use = "mine.BrakeWhenOld"
+age_s = 0.1
+""",
+    ),
     "links.loss": PlugInExample(
         """\
 from math import hypot

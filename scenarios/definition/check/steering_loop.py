@@ -24,6 +24,8 @@ SLOWEST = 1.0
 
 SPEEDS = 4
 """Number of speeds checked between the lowest and the highest planned."""
+FUSIONS = {"composite", "blend"}
+"""Fusions whose trajectories weigh both sources by alpha_ratio."""
 PAPER_LAW = "feedforward_feedback"
 
 LEFT_BY_SLIP = 0.01
@@ -127,7 +129,7 @@ def largest_alphas(scenario: Scenario, speeds: tuple[float, float]) -> dict[str,
     for name in scenario.vehicle_names[2:]:
         setup = scenario.vehicle(name)
         steering = setup.steering
-        if steering.controller.use not in PAPER_LAWS or steering.fusion == "predecessor":
+        if steering.controller.use not in PAPER_LAWS or steering.fusion.use not in FUSIONS:
             continue
         rows = []
         for speed in {max(speed, SLOWEST) for speed in speeds}:

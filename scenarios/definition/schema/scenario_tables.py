@@ -5,7 +5,7 @@ Headings are compass courses. Curvature and lateral offsets are positive to the 
 """
 
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AwareDatetime, BeforeValidator, Field, StringConstraints
 
@@ -18,6 +18,7 @@ from scenarios.definition.schema.log_table import LogTable
 from scenarios.definition.schema.path_tables import Bound, PathTable, PointsPath
 from scenarios.definition.schema.plug_ins.emission import SENDING
 from scenarios.definition.schema.plug_ins.following import LONGITUDINAL
+from scenarios.definition.schema.plug_ins.path import FUSION, REACTION
 from scenarios.definition.schema.plug_ins.steering import LATERAL
 from scenarios.definition.schema.plug_ins.table import PlugInTable, default_of, plug_in
 from scenarios.definition.schema.replay_table import ReplayTable
@@ -42,9 +43,12 @@ if TYPE_CHECKING:
     SendingTable = SettingsTable[SendingRule]
     LateralPlugIn = PlugInTable
     LongitudinalPlugIn = PlugInTable
+    FusionPlugIn = PlugInTable
+    ReactionPlugIn = PlugInTable
 else:
     SendingTable = plug_in(SENDING, one_of(RULES))
     LateralPlugIn, LongitudinalPlugIn = plug_in(LATERAL), plug_in(LONGITUDINAL)
+    FusionPlugIn, ReactionPlugIn = plug_in(FUSION), plug_in(REACTION)
 
 
 class OriginTable(Table):
@@ -100,6 +104,23 @@ class GainsTable(Table):
     yaw_rate_s: float = Field(default=NOMINAL_GAINS.yaw_rate, ge=0, le=10)
 
 
+class DegradationTable(SettingsTable[DegradationSettings]):
+    """Reaction to missing data: thresholds of degradation, and levels of braking.
+
+    The thresholds of a lost source follow openpilot. The growing probation and the gates follow
+    PX4's EKF2. Comfortable braking follows Autoware's comfortable stop, firm braking its emergency
+    stop. Emergency braking is hard braking on a dry road, as in [speed.gap].
+    """
+
+    reaction: ReactionPlugIn = default_of(REACTION)
+
+    def values(self) -> dict[str, Any]:
+        """Fields of the settings; a policy of the user degrades as `Degrade` if it inherits it."""
+        degrades = getattr(self.reaction.plugged, "degrades", False)
+        word = "degrade" if degrades else "extrapolate"
+        return super().values() | {"reaction": word if self.reaction.is_own else self.reaction.use}
+
+
 class SteeringTable(Table):
     """Trajectory and steering of a vehicle.
 
@@ -109,8 +130,8 @@ class SteeringTable(Table):
                    table with parameters has the name as its key `use`
     longitudinal   longitudinal controller of a follower with speed.followers = "gap": "gap", or
                    your own class, likewise
-    fusion         "composite": one trajectory from lead and predecessor; "predecessor" alone; or
-                   "blend": one steering command from each
+    fusion         "composite": one trajectory from lead and predecessor; "predecessor" alone;
+                   "blend": one steering command from each; or your own class
     trajectory     "fitted": curve fitted to the samples. Baselines that are inaccurate for radii
                    below 300 m or noisy poses: "paper": a line within tolerance_m, else one circle
                    (Section III-B); "paper_prefix": the longest line first, then a circle (Section
@@ -128,7 +149,7 @@ class SteeringTable(Table):
 
     controller: LateralPlugIn = default_of(LATERAL)
     longitudinal: LongitudinalPlugIn = default_of(LONGITUDINAL)
-    fusion: Literal["composite", "predecessor", "blend"] = "composite"
+    fusion: FusionPlugIn = default_of(FUSION)
     trajectory: Literal["fitted", "paper", "paper_prefix"] = "fitted"
     alpha_ratio: Ratio = 0.5
     preview_s: float = Field(default=FIT.preview_time, ge=0.1, le=10)
@@ -137,7 +158,7 @@ class SteeringTable(Table):
     estimate_slip: bool = True
     own_state: Literal["estimated", "exact"] = "estimated"
     gains: GainsTable = GainsTable()
-    degradation: SettingsTable[DegradationSettings] = SettingsTable[DegradationSettings]()
+    degradation: DegradationTable = DegradationTable()
 
 
 class ControlTable(SteeringTable):

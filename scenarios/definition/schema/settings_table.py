@@ -83,9 +83,12 @@ class SettingsTable(Table, Generic[S]):
 
     @property
     def value(self) -> S:
-        given = {one.name: _to_si(one, getattr(self, key)) for key, one in self.by_key.items()}
-        made: S = self.settings(**given)
+        made: S = self.settings(**self.values())
         return made
+
+    def values(self) -> dict[str, Any]:
+        """Fields of the settings in SI units."""
+        return {one.name: _to_si(one, getattr(self, key)) for key, one in self.by_key.items()}
 
 
 _GENERATED: dict[tuple[type[Any], str], type[SettingsTable[Any]]] = {}

@@ -10,18 +10,19 @@ from datetime import timedelta
 from pathlib import Path
 
 from scenarios.definition.scenario import Scenario
+from scenarios.definition.schema.plug_ins.path import FUSION
+from scenarios.definition.schema.plug_ins.table import named
 from scenarios.results.drives import Drive, Trial
 from scenarios.results.files import LOG_NAME
 from scenarios.runs.node.recorded_vehicle import Replay, head_start, read_recorded_vehicle
 from scenarios.runs.virtual.logged_run import record_trial
 from vehicles.geometry.geodesy import LocalPlane
-from vehicles.preview.trajectory import Fusion
 
 TIME_BETWEEN_RUNS = timedelta(minutes=5)
 """Time between the starts of two runs."""
 
-WITH_LEAD_DATA: Fusion = "composite"
-WITHOUT_LEAD_DATA: Fusion = "predecessor"
+WITH_LEAD_DATA = "composite"
+WITHOUT_LEAD_DATA = "predecessor"
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ def field_runs(scenario: Scenario, folder: Path) -> FieldRuns:
     shared: list[tuple[Drive, Path]] = []
     for place in range(min(2, len(scenario.vehicle_names))):
         shared.append(_drive(scenario, place, WITH_LEAD_DATA, folder, shared))
-    trials: dict[Fusion, Trial] = {}
+    trials: dict[str, Trial] = {}
     logs = [log for _, log in shared]
     for fusion in (WITH_LEAD_DATA, WITHOUT_LEAD_DATA):
         runs = list(shared)
@@ -56,7 +57,7 @@ def field_runs(scenario: Scenario, folder: Path) -> FieldRuns:
 def _drive(
     scenario: Scenario,
     place: int,
-    fusion: Fusion,
+    fusion: str,
     folder: Path,
     before: Sequence[tuple[Drive, Path]],
 ) -> tuple[Drive, Path]:
@@ -69,7 +70,7 @@ def _drive(
     return next(drive for drive in trial.drives if drive.name == name), log
 
 
-def as_run(scenario: Scenario, place: int, fusion: Fusion = WITH_LEAD_DATA) -> Scenario:
+def as_run(scenario: Scenario, place: int, fusion: str = WITH_LEAD_DATA) -> Scenario:
     """Scenario of the run of the vehicle at `place` (from 0), which starts after earlier runs."""
     tables, names = scenario.tables, scenario.vehicle_names[: place + 1]
     return Scenario(
@@ -79,7 +80,7 @@ def as_run(scenario: Scenario, place: int, fusion: Fusion = WITH_LEAD_DATA) -> S
                 "duration_s": scenario.duration_s,
                 "start_at": tables.start_at + place * TIME_BETWEEN_RUNS,
                 "convoy": tables.convoy.model_copy(update={"names": names, "vehicles": len(names)}),
-                "control": tables.control.model_copy(update={"fusion": fusion}),
+                "control": tables.control.model_copy(update={"fusion": named(FUSION, fusion)}),
                 "vehicle": {name: own for name, own in tables.vehicle.items() if name in names},
             }
         )

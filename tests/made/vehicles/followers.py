@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
 from tests.made.vehicles.exact_drives import CONTROL_HZ, GNSS_HZ, PLANE, START, Source, Step
+from tests.made.vehicles.fusions import FUSION_OF, REACTION_OF
 from transport.codec import RefusedMessageError
 from transport.links.gate import PoseGate
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
@@ -18,11 +19,9 @@ from vehicles.driver.steering import SlipCompensated
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.messages import GpsPose
 from vehicles.preview.curve_fit import FitSettings
-from vehicles.preview.trajectory import Fusion
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import Cadence
 
-FUSIONS: list[Fusion] = ["composite", "predecessor", "blend"]
 STRAIGHT = path_from_segments([Segment(600.0, 0.0)])
 BEND = path_from_segments([Segment(60.0, 0.0), Segment(500.0, 1 / 100)])
 SPACING = 15.0
@@ -36,7 +35,7 @@ def follower(
     lead: str = "v1",
     predecessor: str = "v2",
     alpha: float = 0.5,
-    fusion: Fusion = "composite",
+    fusion: str = "composite",
     speed: float = 10.0,
     law: SpeedLaw | None = None,
     degradation: DegradationSettings = EXTRAPOLATES,
@@ -64,9 +63,10 @@ def follower(
         least_spacing=CAR.length,
         periods={lead: 1.0 / GNSS_HZ, predecessor: 1.0 / GNSS_HZ},
         alpha=alpha,
-        fusion=fusion,
+        fusion=FUSION_OF[fusion],
         settings=FitSettings(),
         degradation=degradation,
+        reaction=REACTION_OF[degradation.reaction],
     )
 
 

@@ -81,6 +81,6 @@ def test_an_override_may_be_written_without_quotes_and_with_indices() -> None:
             "link.0={sender='*', receiver='v2', loss_ratio=0.5}",
         ],
     )
-    assert scenario.vehicle("v2").steering.fusion == "predecessor"
+    assert scenario.vehicle("v2").steering.fusion.use == "predecessor"
     assert scenario.route.length == pytest.approx(1200.0)
     assert scenario.links["v1", "v2"].loss_ratio == 0.5

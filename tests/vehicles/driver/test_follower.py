@@ -19,7 +19,6 @@ from tests.made.vehicles.exact_drives import (
 )
 from tests.made.vehicles.followers import (
     BEND,
-    FUSIONS,
     SPACING,
     STRAIGHT,
     follower,
@@ -28,6 +27,7 @@ from tests.made.vehicles.followers import (
     modes,
     predecessor_of,
 )
+from tests.made.vehicles.fusions import FUSIONS
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
 from vehicles.car.imu import Motion
@@ -37,7 +37,6 @@ from vehicles.driver.degradation.modes import NOTHING_RECEIVED
 from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
 from vehicles.driver.speed import GapKeeping
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
-from vehicles.preview.trajectory import Fusion
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND, Cadence
 
@@ -165,12 +164,12 @@ def test_bends_to_both_sides_are_followed_in_all_headings(yaw: float, sign: int)
     assert steps[-1].decision.errors.curvature == pytest.approx(sign / 80, rel=0.03)
 
 
-# ---- Fusion
+# ---- str
 
 
 @pytest.mark.parametrize("fusion", FUSIONS)
-def test_the_first_follower_has_one_source_whatever_the_fusion(fusion: Fusion) -> None:
-    def drive_behind(chosen: Fusion) -> list[Step]:
+def test_the_first_follower_has_one_source_whatever_the_fusion(fusion: str) -> None:
+    def drive_behind(chosen: str) -> list[Step]:
         first = follower(lead="v1", predecessor="v1", fusion=chosen, alpha=0.3)
         return drive(
             first, on(BEND, 0.0, 10.0), 8.0, received_from(Source("v1", BEND, SPACING, 10.0))

@@ -23,7 +23,6 @@ from tests.made.vehicles.exact_drives import (
 )
 from tests.made.vehicles.followers import (
     BEND,
-    FUSIONS,
     STRAIGHT,
     admitted,
     follower,
@@ -32,6 +31,7 @@ from tests.made.vehicles.followers import (
     modes,
     predecessor_of,
 )
+from tests.made.vehicles.fusions import FUSIONS
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
@@ -39,7 +39,6 @@ from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
 from vehicles.driver.speed import GapKeeping
 from vehicles.geometry.geodesy import heading_from_yaw
 from vehicles.messages import GpsPose
-from vehicles.preview.trajectory import Fusion
 from vehicles.received_pose import ReceivedPose, receive
 from vehicles.schedule import SECOND, instant
 
@@ -204,7 +203,7 @@ pose_inputs = st.tuples(
 def test_with_any_input_commands_are_finite_and_within_the_limits(
     ticks: list[list[tuple[str, int, tuple[float, float] | None, float, float]]],
     own: dict[int, tuple[float, float]],
-    fusion: Fusion,
+    fusion: str,
     alpha: float,
     speed: float,
     *,

@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
 from tests.made.vehicles.arc_courses import course, fit_errors, point_at, window, with_noise
+from tests.made.vehicles.fusions import fuse
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.paper_recipe import circle_of_least_squares, recipe_curve
 from vehicles.preview.received.samples import Window
-from vehicles.preview.trajectory import Fit, fit_composite, fuse
+from vehicles.preview.trajectory import Fit, fit_composite
 
 PAPER = FitSettings(trajectory="paper")
 PREFIX = FitSettings(trajectory="paper_prefix")
@@ -199,7 +200,7 @@ def test_every_fusion_supports_the_recipe() -> None:
     lead = window(path, np.linspace(1.0, 24.0, 17), 0.0)
     other = window(path, np.linspace(1.5, 16.0, 10), 0.0, left=0.02)
     for fusion, count in (("composite", 1), ("predecessor", 1), ("blend", 2)):
-        made = fuse(fusion, lead, other, alpha=0.5, settings=PAPER)  # type: ignore[arg-type]
+        made = fuse(fusion, lead, other, alpha=0.5, settings=PAPER)
         assert len(made) == count
         assert all(len(one.spline.pieces) == 1 for _, one in made)
 

@@ -10,10 +10,11 @@ from scipy.optimize import least_squares
 
 from tests.made.examples import examples
 from tests.made.vehicles.arc_courses import course, fit_errors, point_at, window, with_noise
+from tests.made.vehicles.fusions import fuse
 from vehicles.geometry.arc_spline import ArcSpline
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.received.samples import Window
-from vehicles.preview.trajectory import Fit, fit_composite, fuse
+from vehicles.preview.trajectory import Fit, fit_composite
 
 SETTINGS = FitSettings()
 STARTS = st.tuples(

@@ -1,11 +1,10 @@
 """Modes of a follower: the sources that it steers along, slowing down, stopping."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from math import isnan, sqrt
 from typing import Final, Protocol
 
-from vehicles.driver.degradation.settings import DegradationSettings, Reaction
+from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import LOST, SLOWING, Situation
 from vehicles.driver.degradation.source import Source
 from vehicles.driver.degradation.sources import SourcePair
@@ -15,7 +14,6 @@ from vehicles.driver.degradation.stopping import (
     STOP_MARGIN,
     needed_deceleration,
 )
-from vehicles.driver.steering import SteeringCommand
 from vehicles.messages import Mode
 from vehicles.schedule import SECOND
 
@@ -267,21 +265,6 @@ class ModesByReach:
         if not fitted:
             return "coast", why or NO_TRAJECTORY
         return ("composite" if len(reaching) > 1 else reaching[0]), why
-
-
-def steering_without_sources(
-    reaction: Reaction, mode: Mode, command: SteeringCommand, last: SteeringCommand
-) -> SteeringCommand:
-    """Steering command of a `reaction` while no source is followed.
-
-    "hold" keeps the `last` command; "straight" turns the wheels straight, as the guardian of the
-    Apollo system does; all others use `command`, along their trajectory.
-    """
-    if mode != "coast" or reaction in ("degrade", "extrapolate"):
-        return command
-    if reaction == "hold":
-        return last
-    return replace(command, steering=0.0, feedforward=0.0, feedback=0.0)
 
 
 def _any_lost(sources: Iterable[Source]) -> bool:

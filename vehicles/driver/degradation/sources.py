@@ -14,7 +14,6 @@ from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.received.known_path import PathHole, known_path
 from vehicles.preview.received.samples import Window
 from vehicles.preview.received.trace import Trace
-from vehicles.preview.trajectory import Fusion
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
@@ -30,7 +29,7 @@ class SourcePair:
     """
 
     def __init__(
-        self, lead: Source, predecessor: Source, fusion: Fusion, settings: DegradationSettings
+        self, lead: Source, predecessor: Source, settings: DegradationSettings, *, uses_lead: bool
     ) -> None:
         """`lead` and `predecessor` are one object for the first follower, whatever the fusion."""
         self.lead = lead
@@ -38,7 +37,7 @@ class SourcePair:
         self.all = {one.name: one for one in (lead, predecessor)}
         self.used: dict[Mode, Source] = {}
         self.relied: dict[Mode, Source] = {}
-        if fusion != "predecessor" or lead is predecessor:
+        if uses_lead or lead is predecessor:
             self.used["lead"] = lead
         if lead is not predecessor:
             self.used["predecessor"] = predecessor

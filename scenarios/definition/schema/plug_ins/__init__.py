@@ -5,6 +5,7 @@ point      a plug-in point, and the classes that fit it
 table      the table that selects a class and has its parameters
 steering   lateral controllers
 following  longitudinal controllers
+path       fusions, and degradation policies
 channel    laws of loss and of delay
 emission   sending rules, and errors of receivers
 points     all plug-in points

@@ -15,15 +15,20 @@ class GuardedSteering:
         self._what = f"controller {name!r}: steer()"
 
     def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
-        command: object = called(lambda: self._controller.steer(errors, speed), self._what)
-        if not isinstance(command, SteeringCommand):
-            given = type(command).__name__
-            raise PlugInError(f"{self._what} returned {given}, expected a SteeringCommand")
-        parts = [
-            finite(getattr(command, part), f"{self._what} returned {part}", "number of radians")
-            for part in ("steering", "feedforward", "feedback")
-        ]
-        return SteeringCommand(*parts)
+        command = called(lambda: self._controller.steer(errors, speed), self._what)
+        return steering_command(command, self._what)
+
+
+def steering_command(command: object, what: str) -> SteeringCommand:
+    """Return a finite command; raises PlugInError, beginning with `what`."""
+    if not isinstance(command, SteeringCommand):
+        given = type(command).__name__
+        raise PlugInError(f"{what} returned {given}, expected a SteeringCommand")
+    parts = [
+        finite(getattr(command, part), f"{what} returned {part}", "number of radians")
+        for part in ("steering", "feedforward", "feedback")
+    ]
+    return SteeringCommand(*parts)
 
 
 def try_steering(controller: LateralController) -> list[SteeringCommand]:

@@ -100,7 +100,11 @@ def plug_in_table(point: PlugInPoint, use: str) -> type[BaseModel]:
 
 def default_of(point: PlugInPoint) -> PlugInTable:
     """Return the table of the first shipped class."""
-    use = next(iter(point.shipped))
+    return named(point, next(iter(point.shipped)))
+
+
+def named(point: PlugInPoint, use: str) -> PlugInTable:
+    """Return the table of a class that is constructed, by its name, with default parameters."""
     return cast("PlugInTable", plug_in_table(point, use).model_validate({"use": use}))
 
 

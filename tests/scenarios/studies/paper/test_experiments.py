@@ -72,7 +72,7 @@ def test_the_cases_are_the_papers(case: str, speed: float, loads: list[tuple[int
         mass = setup.assumed_parameters.mass + 120.0 * (front + rear)
         assert setup.parameters.mass == pytest.approx(mass)
         assert setup.steering.controller.use == "feedforward_feedback"
-        assert (setup.steering.alpha_ratio, setup.steering.fusion) == (0.5, "composite")
+        assert (setup.steering.alpha_ratio, setup.steering.fusion.use) == (0.5, "composite")
         assert tuple(setup.steering.gains.model_dump().values()) == NOMINAL_GAINS
         assert setup.gnss.position_noise == 0.0
 
@@ -171,7 +171,7 @@ def test_a_run_of_the_field_experiment_has_only_the_cars_up_to_its_own() -> None
     run = as_run(load_scenario("paper_field"), 1, "predecessor")
     assert run.vehicle_names == ("PL1", "PL2")
     assert run.vehicle("PL2").lateral_offset_m == 0.4
-    assert run.vehicle("PL2").steering.fusion == "predecessor"
+    assert run.vehicle("PL2").steering.fusion.use == "predecessor"
 
 
 def a_drive(name: str, east: np.ndarray, north: np.ndarray, speed: float) -> Drive:
@@ -207,7 +207,7 @@ def test_the_lead_drives_the_sine_for_all_the_periods() -> None:
     scenario = sine_scenario(frequency)
     speed = scenario.tables.speed.set_mps
     east = np.arange(0.0, speed * scenario.duration_s, 0.5)
-    assert scenario.tables.control.fusion == "predecessor"
+    assert scenario.tables.control.fusion.use == "predecessor"
     last = east > east[-1] - PERIODS * 2.0 * pi * speed / frequency
     path = scenario.route.path
     heights = np.array([path.at(scenario.route.start + e).north for e in east[last]])

@@ -32,7 +32,7 @@ def situation(speed: float, acceleration: float, period: float) -> Situation:
     """Situation of a follower at the origin that received its lead along a straight road."""
     settings = DegradationSettings()
     lead = Source("v1", 0.05, settings)
-    pair = SourcePair(lead, lead, "composite", settings)
+    pair = SourcePair(lead, lead, settings, uses_lead=True)
     for seq, east in enumerate((-KNOWN, 0.0, KNOWN)):
         lead.receive(received(START + seq, east, 0.0, 0.0, speed, seq=seq))
     pose = Pose(0.0, 0.0, 0.0, speed, 0.0)

@@ -202,7 +202,7 @@ def test_after_a_silence_positions_are_followed_once_their_offset_is_known() -> 
 def test_a_guess_over_a_long_hole_is_not_used_beside_close_samples_of_the_lead() -> None:
     """The predecessor left the path from 0 to 20 m, where samples of the lead are 7 m apart."""
     lead, ahead = Source("v1", 1.0, DEGRADE), Source("v2", 1.0, DEGRADE)
-    pair = SourcePair(lead, ahead, "composite", DEGRADE)
+    pair = SourcePair(lead, ahead, DEGRADE, uses_lead=True)
     for seq in range(16):
         at, east = START + seq * SECOND, 7.0 * seq - 35.0
         mode: Mode = "coast" if 0.0 < east < 20.0 else "lead"

@@ -34,7 +34,7 @@ class Reception:
         settings = DegradationSettings(reaction=reaction)
         lead, ahead = (Source(name, PERIOD / SECOND, settings) for name in ("v1", "v2"))
         self.sources = (lead, ahead)
-        self.pair = SourcePair(lead, ahead, "composite", settings)
+        self.pair = SourcePair(lead, ahead, settings, uses_lead=True)
         self.until = {"v1": lead_until, "v2": ahead_until}
         self.announced = announced
         self.brakes_at = brakes_at

@@ -1,0 +1,120 @@
+"""Fusions of sources and degradation policies as plug-ins."""
+
+import numpy as np
+
+from scenarios.definition.schema.plug_ins.guards import PlugInError, called, finite
+from scenarios.definition.schema.plug_ins.point import PlugInPoint
+from scenarios.definition.schema.plug_ins.steering import steering_command
+from vehicles.driver.degradation.situation import Situation
+from vehicles.driver.reactions import ReactionPolicy
+from vehicles.driver.steering import SteeringCommand
+from vehicles.messages import Mode
+from vehicles.preview.curve_fit import FitSettings
+from vehicles.preview.fusion import SourceFusion, Trajectories
+from vehicles.preview.received.samples import Window
+from vehicles.preview.trajectory import Fit
+
+
+class GuardedFusion:
+    """Wraps a user's fusion, and converts its faults to PlugInError."""
+
+    def __init__(self, fusion: SourceFusion, name: str) -> None:
+        self._fusion = fusion
+        self._what = f"fusion {name!r}: fuse()"
+        self.uses_lead = getattr(fusion, "uses_lead", True)
+        self.separate = getattr(fusion, "separate", False)
+
+    def fuse(
+        self,
+        lead: Window | None,
+        predecessor: Window | None,
+        alpha: float,
+        settings: FitSettings,
+    ) -> Trajectories:
+        found: object = called(
+            lambda: self._fusion.fuse(lead, predecessor, alpha, settings), self._what
+        )
+        result: list[tuple[float, Fit]] = []
+        for entry in found if isinstance(found, list | tuple) else [found]:
+            if not isinstance(entry, tuple) or len(entry) != 2 or not isinstance(entry[1], Fit):
+                given = type(entry).__name__
+                raise PlugInError(
+                    f"{self._what} returned {given}, expected a list of tuples (share, Fit)"
+                )
+            share = finite(entry[0], f"{self._what} returned the share", "number")
+            result.append((share, entry[1]))
+        return result
+
+
+def try_fusion(fusion: SourceFusion) -> list[float]:
+    """Fuse two straight traces; returns shares and residuals."""
+    station = np.arange(-10.0, 40.0, 2.0)
+    lead = Window(station, 0.01 * station, station)
+    predecessor = Window(station + 1.0, 0.01 * station, station + 1.0)
+    cases = ((lead, predecessor), (None, predecessor), (lead, None))
+    found = [fusion.fuse(first, second, 0.5, FitSettings()) for first, second in cases]
+    return [number for one in found for share, fit in one for number in (share, fit.residual_rms)]
+
+
+class GuardedReaction:
+    """Wraps a user's degradation policy, and converts its faults to PlugInError."""
+
+    def __init__(self, policy: ReactionPolicy, name: str) -> None:
+        self._policy = policy
+        self._what = f"reaction {name!r}"
+
+    def steering(
+        self, mode: Mode, command: SteeringCommand, last: SteeringCommand
+    ) -> SteeringCommand:
+        what = f"{self._what}: steering()"
+        return steering_command(
+            called(lambda: self._policy.steering(mode, command, last), what), what
+        )
+
+    def acceleration(self, situation: Situation, mode: Mode, speed: float, wanted: float) -> float:
+        what = f"{self._what}: acceleration()"
+        value = called(lambda: self._policy.acceleration(situation, mode, speed, wanted), what)
+        return finite(value, f"{what} returned", "acceleration (m/s²)")
+
+
+def try_reaction(policy: ReactionPolicy) -> list[object]:
+    """Call both methods without a source."""
+    command, last = SteeringCommand(0.1, 0.1, 0.0), SteeringCommand(0.05, 0.05, 0.0)
+    modes: tuple[Mode, ...] = ("composite", "coast")
+    return [
+        (policy.steering(mode, command, last), policy.acceleration(Situation(), mode, 20.0, 0.0))
+        for mode in modes
+    ]
+
+
+FUSION = PlugInPoint(
+    name="fusion",
+    title="fusion of the sources",
+    key="control.fusion",
+    shipped={
+        "composite": "vehicles.preview.fusion.CompositeFusion",
+        "predecessor": "vehicles.preview.fusion.PredecessorFusion",
+        "blend": "vehicles.preview.fusion.BlendFusion",
+    },
+    contract=SourceFusion,
+    methods={"fuse": "lead, predecessor, alpha, settings"},
+    types=(),
+    guard=GuardedFusion,
+    trial=try_fusion,
+)
+REACTION = PlugInPoint(
+    name="reaction",
+    title="degradation policy",
+    key="control.degradation.reaction",
+    shipped={
+        "degrade": "vehicles.driver.reactions.Degrade",
+        "extrapolate": "vehicles.driver.reactions.Extrapolate",
+        "hold": "vehicles.driver.reactions.Hold",
+        "straight": "vehicles.driver.reactions.Straight",
+    },
+    contract=ReactionPolicy,
+    methods={"steering": "mode, command, last", "acceleration": "situation, mode, speed, wanted"},
+    types=(SteeringCommand,),
+    guard=GuardedReaction,
+    trial=try_reaction,
+)

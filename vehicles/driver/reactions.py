@@ -1,0 +1,92 @@
+"""Reactions of a follower to missing data: interface, and the shipped classes."""
+
+from dataclasses import replace
+from typing import ClassVar, Protocol
+
+from vehicles.driver.degradation.situation import Situation
+from vehicles.driver.steering import SteeringCommand
+from vehicles.messages import Mode
+
+
+class ReactionPolicy(Protocol):
+    """Interface of a degradation policy, shipped or user-defined.
+
+    Each follower has its own instance, constructed as `Class()`, with its `settings` if it has any.
+    Both methods are called once per control instant. They must not use a clock or draw random
+    numbers. A class can inherit from `Extrapolate` of `vehicles.driver.reactions`, which changes
+    nothing. A class that inherits from `Degrade` has its commands altered after the shipped
+    policy: implausible poses are rejected, the car slows down within the known path, keeps the safe
+    distance and stops.
+
+    `mode` is one of `convoy reference limits`; "coast" and "stop" are modes without a source.
+    """
+
+    degrades: ClassVar[bool]
+
+    def steering(
+        self, mode: Mode, command: SteeringCommand, last: SteeringCommand
+    ) -> SteeringCommand:
+        """Steering command, given that of the controller and the `last` one."""
+        ...
+
+    def acceleration(self, situation: Situation, mode: Mode, speed: float, wanted: float) -> float:
+        """Acceleration (m/s²) at `speed` (m/s), given the `wanted` one.
+
+        `situation.lead` and `situation.predecessor` have the attributes `status`, `age` and
+        `silence` (s), `known` (m of path), `speed` (m/s), `acceleration` (m/s², announced), `mode`
+        and `hazard`; numbers are NaN before the first message. `situation.known` is the known path
+        ahead (m).
+        """
+        ...
+
+
+class Extrapolate:
+    """Continue along the last trajectory at full speed."""
+
+    degrades: ClassVar[bool] = False
+
+    def steering(
+        self,
+        mode: Mode,  # noqa: ARG002 - every policy is called alike
+        command: SteeringCommand,
+        last: SteeringCommand,  # noqa: ARG002
+    ) -> SteeringCommand:
+        return command
+
+    def acceleration(
+        self,
+        situation: Situation,  # noqa: ARG002
+        mode: Mode,  # noqa: ARG002
+        speed: float,  # noqa: ARG002
+        wanted: float,
+    ) -> float:
+        return wanted
+
+
+class Degrade(Extrapolate):
+    """Slow down within the known path, and stop."""
+
+    degrades: ClassVar[bool] = True
+
+
+class Hold(Extrapolate):
+    """Keep the last steering command, at full speed."""
+
+    def steering(
+        self, mode: Mode, command: SteeringCommand, last: SteeringCommand
+    ) -> SteeringCommand:
+        return last if mode == "coast" else command
+
+
+class Straight(Extrapolate):
+    """Turn the wheels straight, at full speed, as the guardian of the Apollo system does."""
+
+    def steering(
+        self,
+        mode: Mode,
+        command: SteeringCommand,
+        last: SteeringCommand,  # noqa: ARG002
+    ) -> SteeringCommand:
+        if mode != "coast":
+            return command
+        return replace(command, steering=0.0, feedforward=0.0, feedback=0.0)
