@@ -3,6 +3,7 @@
 page    the whole page and its file
 tables  tables of figures, events, links and definitions
 plots   pictures as inline SVG
+curves  their curves over time and along the path
 axes    scales and ticks of the plots
 markup  HTML and SVG elements
 

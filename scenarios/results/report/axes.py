@@ -57,12 +57,15 @@ def thinned(at: Floats, values: Floats, most: int) -> tuple[Floats, Floats]:
     """
     if at.size <= most:
         return at, values
-    kept = {0, at.size - 1}
-    for part in np.array_split(np.arange(at.size), max(most // 2, 1)):
-        inside = values[part]
-        if np.isfinite(inside).any():
-            kept |= {int(part[np.nanargmin(inside)]), int(part[np.nanargmax(inside)])}
-        if not np.isfinite(inside).all():
-            kept.add(int(part[~np.isfinite(inside)][0]))
-    rows = sorted(kept)
+    width = -(-at.size // max(most // 2, 1))
+    parts = -(-at.size // width)
+    padded = np.full(parts * width, np.inf)
+    padded[: at.size] = values
+    table = padded.reshape(parts, width)
+    unknown = np.isnan(table)
+    first = np.arange(parts) * width
+    least = first + np.where(unknown, np.inf, table).argmin(axis=1)
+    largest = first + np.where(unknown | np.isinf(table), -np.inf, table).argmax(axis=1)
+    breaks = (first + unknown.argmax(axis=1))[unknown.any(axis=1)]
+    rows = np.unique(np.concatenate([[0, at.size - 1], least, largest, breaks]))
     return at[rows], values[rows]

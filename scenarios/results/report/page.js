@@ -1,10 +1,15 @@
 "use strict";
 // One cursor for all pictures: curves are read back from their paths, by the scales of their plot.
 const LEFT = 58, RIGHT = 892, TOP = 8;
-const NAMES = {error_m: "error, m", gap_m: "gap, m", speed_mps: "speed, m/s"};
-const readout = document.getElementById("readout");
-const pictures = [...document.querySelectorAll("svg[data-seconds]")];
-const duration = pictures.length ? Number(pictures[0].dataset.seconds) : 0;
+const NAMES = {error_m: "error, m", gap_m: "gap, m", speed_mps: "speed, m/s",
+  own_m: "self-estimated error, m"};
+const UNITS = {time: "s", place: "m"};
+const axes = {};
+for (const svg of document.querySelectorAll("svg[data-axis]")) {
+  const name = svg.dataset.axis, from = Number(svg.dataset.from), to = Number(svg.dataset.to);
+  const axis = axes[name] ??= {name, from, to, pictures: [], curves: []};
+  axis.pictures.push(svg);
+}
 
 function pointsOf(path) {
   return (path.getAttribute("d").match(/[ML][^ML]+/g) || []).map(piece => {
@@ -13,12 +18,14 @@ function pointsOf(path) {
   });
 }
 
-const curves = [...document.querySelectorAll("svg.plot path.curve")].map(path => {
-  const svg = path.ownerSVGElement, bottom = svg.viewBox.baseVal.height - 24;
-  const low = Number(svg.dataset.low), high = Number(svg.dataset.high);
-  return {name: path.dataset.name, quantity: svg.dataset.quantity, points: pointsOf(path),
-          value: y => low + (bottom - y) / (bottom - TOP) * (high - low)};
-});
+for (const axis of Object.values(axes)) {
+  for (const path of axis.pictures.flatMap(svg => [...svg.querySelectorAll("path.curve")])) {
+    const svg = path.ownerSVGElement, bottom = svg.viewBox.baseVal.height - 24;
+    const low = Number(svg.dataset.low), high = Number(svg.dataset.high);
+    axis.curves.push({name: path.dataset.name, quantity: svg.dataset.quantity, points: pointsOf(path),
+      value: y => low + (bottom - y) / (bottom - TOP) * (high - low)});
+  }
+}
 const tracks = [...document.querySelectorAll("svg.plan path.track")].map(path => ({
   points: pointsOf(path),
   dot: path.ownerSVGElement.querySelector(`circle[data-name="${CSS.escape(path.dataset.name)}"]`),
@@ -36,55 +43,64 @@ function heightAt(points, x) {
   return b.x === a.x ? b.y : a.y + (x - a.x) / (b.x - a.x) * (b.y - a.y);
 }
 
-function moveTo(seconds) {
-  const at = Math.min(Math.max(seconds, 0), duration);
-  const x = LEFT + at / duration * (RIGHT - LEFT);
-  document.body.classList.add("moved");
-  document.querySelectorAll("line.cursor").forEach(line => {
-    line.setAttribute("x1", x);
-    line.setAttribute("x2", x);
-  });
-  for (const {points, dot} of tracks) {
-    const place = at / duration * (points.length - 1), row = Math.floor(place);
-    const a = points[row], b = points[Math.min(row + 1, points.length - 1)], share = place - row;
-    dot.setAttribute("cx", a.x + share * (b.x - a.x));
-    dot.setAttribute("cy", a.y + share * (b.y - a.y));
+function moveTo(axis, value) {
+  const at = Math.min(Math.max(value, axis.from), axis.to);
+  const share = (at - axis.from) / (axis.to - axis.from), x = LEFT + share * (RIGHT - LEFT);
+  for (const svg of axis.pictures) {
+    svg.classList.add("moved");
+    for (const line of svg.querySelectorAll("line.cursor")) {
+      line.setAttribute("x1", x);
+      line.setAttribute("x2", x);
+    }
   }
-  show(at, x);
+  if (axis.name === "time") moveDots(share);
+  show(axis, at, x);
 }
 
-function show(at, x) {
-  const quantities = [...new Set(curves.map(curve => curve.quantity))];
-  const names = [...document.querySelectorAll("#pictures > .legend .key")].map(key => key.textContent);
+function moveDots(share) {
+  for (const {points, dot} of tracks) {
+    const place = share * (points.length - 1), row = Math.floor(place);
+    const a = points[row], b = points[Math.min(row + 1, points.length - 1)], rest = place - row;
+    dot.setAttribute("cx", a.x + rest * (b.x - a.x));
+    dot.setAttribute("cy", a.y + rest * (b.y - a.y));
+  }
+}
+
+function show(axis, at, x) {
+  const quantities = [...new Set(axis.curves.map(curve => curve.quantity))];
+  const section = document.getElementById(`over-${axis.name}`);
+  const names = [...section.querySelectorAll(":scope > .legend .key")].map(key => key.textContent);
   const table = document.createElement("table");
   const head = table.insertRow();
-  for (const text of [`${at.toFixed(2)} s`, ...names]) {
+  for (const text of [`${at.toFixed(axis.name === "time" ? 2 : 1)} ${UNITS[axis.name]}`, ...names]) {
     head.appendChild(document.createElement("th")).textContent = text;
   }
   for (const quantity of quantities) {
     const row = table.insertRow();
     row.appendChild(document.createElement("th")).textContent = NAMES[quantity] || quantity;
     for (const name of names) {
-      const curve = curves.find(one => one.name === name && one.quantity === quantity);
+      const curve = axis.curves.find(one => one.name === name && one.quantity === quantity);
       const y = curve ? heightAt(curve.points, x) : null;
-      row.insertCell().textContent = y === null ? "–" : curve.value(y).toFixed(2);
+      row.insertCell().textContent = y === null ? "–" : curve.value(y).toFixed(2).replace("-0.00", "0.00");
     }
   }
-  readout.replaceChildren(table);
+  section.querySelector(".readout").replaceChildren(table);
 }
 
-for (const svg of pictures) {
-  if (svg.classList.contains("plan")) continue;
-  svg.addEventListener("pointermove", event => {
-    const box = svg.getBoundingClientRect();
-    const x = (event.clientX - box.left) / box.width * 900;
-    moveTo((x - LEFT) / (RIGHT - LEFT) * duration);
-  });
+for (const axis of Object.values(axes)) {
+  for (const svg of axis.pictures.filter(one => !one.classList.contains("plan"))) {
+    svg.addEventListener("pointermove", event => {
+      const box = svg.getBoundingClientRect();
+      const x = (event.clientX - box.left) / box.width * 900;
+      moveTo(axis, axis.from + (x - LEFT) / (RIGHT - LEFT) * (axis.to - axis.from));
+    });
+  }
 }
 for (const button of document.querySelectorAll("button.at")) {
   button.addEventListener("click", () => {
-    moveTo(Number(button.dataset.at));
-    document.getElementById("pictures").scrollIntoView({behavior: "smooth"});
+    if (!axes.time) return;
+    moveTo(axes.time, Number(button.dataset.at));
+    document.getElementById("over-time").scrollIntoView({behavior: "smooth"});
   });
 }
 for (const code of document.querySelectorAll("code")) {

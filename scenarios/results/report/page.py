@@ -1,17 +1,17 @@
 """The report of a run as one HTML file: no request to a network, light and dark."""
 
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from importlib.resources import files
 from pathlib import Path
 
 from scenarios.results.files import write_whole
 from scenarios.results.holes import hole_lines
-from scenarios.results.log_queries.notes import read_notes
+from scenarios.results.log_queries.notes import RunNote, read_notes
 from scenarios.results.outcome import with_outcome_line
 from scenarios.results.recorded.run_record import RunRecord
 from scenarios.results.report.markup import Markup, element, join
-from scenarios.results.report.plots import RunPlots, TimeMark, colour_code
+from scenarios.results.report.plots import ReportDetail, RunPlots, TimeMark, colour_code
 from scenarios.results.report.tables import (
     MOST_EVENTS,
     all_figures,
@@ -27,6 +27,15 @@ from scenarios.results.summary import RunSummary
 from transport.colours import colour_of
 
 MOST_BYTES = 500_000
+DETAILS = (
+    ReportDetail(points=16_000, vehicles=40, strips=24, rows=60, all_figures=True),
+    ReportDetail(points=8_000, vehicles=24, strips=24, rows=60, all_figures=True),
+    ReportDetail(points=12_000, vehicles=40, strips=24, rows=60, all_figures=False),
+    ReportDetail(points=4_000, vehicles=16, strips=12, rows=40, all_figures=False),
+    ReportDetail(points=1_000, vehicles=6, strips=6, rows=20, all_figures=False),
+)
+"""Tried in turn until the page is small enough."""
+MOST_WARNINGS, MOST_CHANGES = 50, 200
 MOST_HOLES = 10
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 """The page may load nothing."""
@@ -47,13 +56,17 @@ def write_report(record: RunRecord, path: Path, summary: RunSummary | None = Non
 
 def report_page(record: RunRecord, summary: RunSummary) -> str:
     """The page as text; less detailed if it would exceed `MOST_BYTES`."""
-    page = _page(record, summary, detailed=True)
-    if len(page.encode()) > MOST_BYTES:
-        page = _page(record, summary, detailed=False)
+    page = ""
+    for detail in DETAILS:
+        if detail.all_figures and len(summary.vehicles) > detail.vehicles:
+            continue  # it would be too large
+        page = _page(record, summary, detail)
+        if len(page.encode()) < MOST_BYTES:
+            break
     return page
 
 
-def _page(record: RunRecord, summary: RunSummary, *, detailed: bool) -> str:
+def _page(record: RunRecord, summary: RunSummary, detail: ReportDetail) -> str:
     about = summary.identity
     title = about.title or f"{about.scenario}, seed {about.seed}"
     head = element(
@@ -67,7 +80,7 @@ def _page(record: RunRecord, summary: RunSummary, *, detailed: bool) -> str:
     body = element(
         "body",
         *_header(record, summary, title),
-        *_sections(record, summary, detailed=detailed),
+        *_sections(record, summary, detail),
         element("script", Markup(_resource("page.js"))),
     )
     return f"<!DOCTYPE html>\n{element('html', head, body, lang='en')}\n"
@@ -96,6 +109,9 @@ def _header(record: RunRecord, summary: RunSummary, title: str) -> Iterator[Mark
     yield element("p", *codes)
     reasons = [f"failed: {reason}" for reason in summary.reason.split("; ") if reason]
     warnings = [*reasons, *_unrecorded(record, summary), *summary.warnings]
+    if len(warnings) > MOST_WARNINGS:
+        more = len(warnings) - MOST_WARNINGS
+        warnings = [*warnings[:MOST_WARNINGS], f"{more} more warnings are in summary.json"]
     if warnings:
         yield element(
             "div", element("ul", *(element("li", text) for text in warnings)), class_="warnings"
@@ -112,11 +128,13 @@ def _unrecorded(record: RunRecord, summary: RunSummary) -> Iterator[str]:
             yield f"silent: {row.name} from {row.silent_from_s:.2f} s after the start on"
 
 
-def _sections(record: RunRecord, summary: RunSummary, *, detailed: bool) -> Iterator[Markup]:
+def _sections(record: RunRecord, summary: RunSummary, detail: ReportDetail) -> Iterator[Markup]:
     names = list(record.vehicle_names)
     colours = {name: colour_code(colour_of(place)) for place, name in enumerate(names)}
-    yield from _section("Vehicles", vehicle_table(summary, colours))
-    yield from _section("Errors along the string", string_table(summary), STRING_HINT)
+    rows, total = detail.rows, len(summary.vehicles)
+    hint = f"The first {rows} of {total} vehicles; summary.json has all." if total > rows else ""
+    yield from _section("Vehicles", vehicle_table(summary, colours, rows), hint)
+    yield from _section("Errors along the string", string_table(summary, rows), STRING_HINT)
 
     def command(at_s: float) -> str:
         return f"convoy review {shlex.quote(str(record.log))} --at {at_s:.2f}"
@@ -136,22 +154,38 @@ def _sections(record: RunRecord, summary: RunSummary, *, detailed: bool) -> Iter
             )
             for change in summary.changes
         ]
-        yield from _section("Changes", lines_table(changes))
-    events = summary.events[:MOST_EVENTS]
-    marks = [TimeMark(event.at_s, event_text(event), "event") for event in events]
-    marks += [TimeMark(note.at_s, note.text, "note") for note in notes]
-    plots = RunPlots(record, summary.ran_s, marks)
-    if not plots.is_empty:
-        readout = element("div", "Move over a picture to read its values.", id="readout")
-        pictures = element("section", readout, plots.legend(), *plots.figures(), id="pictures")
-        yield from _section("Pictures over time, s", pictures)
-    yield from _section("Links", link_table(summary))
+        yield from _section("Changes", lines_table(changes[:MOST_CHANGES]))
+    yield from _pictures(record, summary, detail, notes)
+    yield from _section("Links", link_table(summary, rows))
     yield from _section("Limits", limit_table(summary))
-    if detailed:
+    if detail.all_figures:
         yield from _section("All figures", all_figures(summary))
     else:
         text = "All figures are in summary.json; `convoy reference fields` defines them."
         yield from _section("All figures", element("p", text))
+
+
+def _pictures(
+    record: RunRecord, summary: RunSummary, detail: ReportDetail, notes: Sequence[RunNote]
+) -> Iterator[Markup]:
+    events = summary.events[:MOST_EVENTS]
+    marks = [TimeMark(event.at_s, event_text(event), "event") for event in events]
+    marks += [TimeMark(note.at_s, note.text, "note") for note in notes]
+    plots = RunPlots(record, summary, detail, marks)
+    if plots.is_empty:
+        return
+    hint = ""
+    if plots.left_out:
+        hint = f"The vehicles with the largest errors; {plots.left_out} others are left out."
+    for kind, title, pictures in (
+        ("time", "Pictures over time, s", list(plots.figures())),
+        ("place", "Pictures along the path of the lead, m", list(plots.figures_along_path())),
+    ):
+        if pictures:
+            text = "Move over a picture to read its values."
+            readout = element("div", text, class_="readout", data_axis=kind)
+            content = element("section", readout, plots.legend(), *pictures, id=f"over-{kind}")
+            yield from _section(title, content, hint)
 
 
 def _section(title: str, content: Markup | None, hint: str = "") -> Iterator[Markup]:

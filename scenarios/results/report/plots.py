@@ -4,30 +4,33 @@ The script of the page reads the curves back from their paths: `data-` attribute
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from scenarios.results.recorded.modes import mode_changes
+from scenarios.results.recorded.modes import ModeFrom, mode_changes
 from scenarios.results.recorded.run_record import RunRecord
-from scenarios.results.report.axes import Scale, thinned, value_range
+from scenarios.results.report.axes import Floats, Scale, thinned, value_range
+from scenarios.results.report.curves import Axis, VehicleCurve, along_path, band_data, path_data
 from scenarios.results.report.markup import Markup, element, join
+from scenarios.results.summary import RunSummary
 from transport.colours import Colour, colour_of
 from transport.panels import PANELS
 
-Floats = NDArray[np.float64]
 WIDTH, LEFT, RIGHT = 900.0, 58.0, 8.0
 TOP, BOTTOM = 8.0, 24.0
 PLOT_HEIGHT, PLAN_HEIGHT = 170.0, (120.0, 420.0)
 STRIP_HEIGHT = 16.0
-ALL_POINTS, LEAST_POINTS, MOST_POINTS = 16_000, 80, 700
-"""Points of all curves together, and of one; they limit the size of the file."""
+LEAST_POINTS, MOST_POINTS = 40, 700
+"""Points of one curve."""
+CURVES_OF_VEHICLE = 8
+"""Curves over time and place, and two sides of a band."""
+MODE_CELLS = 300
+"""Parts of the time in which one mode of a vehicle is drawn, if it changes more often."""
+ERROR, LEFT_POSITIVE = "True error from the lead's path", "m, left positive"
+GAP, BUMPERS = "True gap to the vehicle ahead", "m, bumper to bumper"
 PLAN_POINTS = 200
-MOST_STRIPS = 24
-"""Links with a strip, those that lost most."""
 LOSS_CELLS, LEAST_CELL_S = 150, 0.5
 """Parts of the run whose loss is shown, and their least duration."""
 
@@ -44,55 +47,92 @@ class TimeMark(NamedTuple):
     kind: str
 
 
-@dataclass(frozen=True, slots=True)
-class CurveOfVehicle:
-    """Values of one vehicle over time (s)."""
-
-    name: str
-    place: int
-    at_s: Floats
-    values: Floats
-
-
 def colour_code(colour: Colour) -> str:
     return "#{:02x}{:02x}{:02x}".format(*colour)
 
 
-class RunPlots:
-    """The pictures of one run, with one time axis."""
+class ReportDetail(NamedTuple):
+    """How much a report shows.
 
-    def __init__(self, record: RunRecord, ran_s: float, marks: Sequence[TimeMark] = ()) -> None:
+    Points of all curves, vehicles with curves, links with strips, rows of a table, and whether
+    all figures are listed.
+    """
+
+    points: int
+    vehicles: int
+    strips: int
+    rows: int
+    all_figures: bool
+
+
+class RunPlots:
+    """The pictures of one run, over time and along the path of the lead."""
+
+    def __init__(
+        self,
+        record: RunRecord,
+        summary: RunSummary,
+        detail: ReportDetail,
+        marks: Sequence[TimeMark] = (),
+    ) -> None:
         """`marks` are drawn above the curves."""
         self._record = record
+        self._detail = detail
         self._marks = marks
-        self._ran_s = max(ran_s, 0.1)
-        self._time = Scale(0.0, self._ran_s, LEFT, WIDTH - RIGHT)
-        self._names = [
-            name
-            for name in record.vehicle_names
-            if name in record.columns_of("truth") and len(record.columns_of("truth")[name])
+        self._ran_s = max(summary.ran_s, 0.1)
+        self._time = Axis("time", Scale(*self._times(), LEFT, WIDTH - RIGHT))
+        known = [
+            name for name in record.vehicle_names if len(record.columns_of("truth").get(name, ()))
         ]
-        count = max(3 * len(self._names), 1)
-        self._points = min(max(ALL_POINTS // count, LEAST_POINTS), MOST_POINTS)
+        self._names = _worst(known, summary, detail.vehicles)
+        self.left_out = len(known) - len(self._names)
+        """Vehicles without curves, those with the smallest errors."""
+        count = max(len(self._names) * CURVES_OF_VEHICLE, 1)
+        self._points = min(max(detail.points // count, LEAST_POINTS), MOST_POINTS)
+
+    def _times(self) -> tuple[float, float]:
+        """First and last time (s) of the pictures; a piece begins later than the run."""
+        truth = self._record.columns_of("truth").values()
+        firsts = [self._record.seconds(rows.at_ns[:1])[0] for rows in truth if len(rows)]
+        begin = float(min(firsts, default=0.0))
+        begin = begin if begin > 0.05 * self._ran_s else 0.0
+        return begin, begin + self._ran_s
 
     @property
     def is_empty(self) -> bool:
         return not self._names
 
     def figures(self) -> Iterator[Markup]:
-        """Yield all pictures with their titles."""
+        """Yield all pictures over time, with their titles."""
         yield _figure("Plan", "north up", self._plan())
         for title, unit, name in (
-            ("True error from the lead's path", "m, left positive", "error_m"),
-            ("True gap to the vehicle ahead", "m, bumper to bumper", "gap_m"),
+            (ERROR, LEFT_POSITIVE, "error_m"),
+            (GAP, BUMPERS, "gap_m"),
             ("Speed", "m/s", "speed_mps"),
         ):
-            curves = [curve for curve in self._curves(name) if np.isfinite(curve.values).any()]
-            if curves:
-                yield _figure(title, unit, self._plot(name, curves))
+            tables = {vehicle: self._record.vehicles[vehicle].true for vehicle in self._names}
+            curves = [
+                VehicleCurve(vehicle, true.t_s, true[name]) for vehicle, true in tables.items()
+            ]
+            yield from self._plot(title, unit, name, curves, self._time)
+        own = [self._own_error(name) for name in self._names]
+        title = PANELS["tracking"].title
+        yield from self._plot(title, LEFT_POSITIVE, "own_m", list(filter(None, own)), self._time)
         yield _figure("Modes", "of each vehicle, defined below", self._modes())
         if losses := self._losses():
             yield _figure("Messages lost", "of each link, stronger for a larger share", losses)
+
+    def figures_along_path(self) -> Iterator[Markup]:
+        """Yield the pictures over the place on the path of the lead, with their titles."""
+        tables = {vehicle: self._record.vehicles[vehicle].true for vehicle in self._names}
+        for title, unit, name in ((ERROR, LEFT_POSITIVE, "error_m"), (GAP, BUMPERS, "gap_m")):
+            curves = [along_path(vehicle, true, name) for vehicle, true in tables.items()]
+            known = [curve for curve in curves if curve.is_known]
+            if known:
+                low = min(float(curve.at[0]) for curve in known)
+                high = max(float(curve.at[-1]) for curve in known)
+                axis = Axis("place", Scale(low, max(high, low + 1.0), LEFT, WIDTH - RIGHT))
+                yield from self._plot(title, unit, name, known, axis)
 
     def legend(self) -> Markup:
         """Names of the vehicles in their colours."""
@@ -108,54 +148,63 @@ class RunPlots:
     def _colour(self, name: str) -> str:
         return colour_code(colour_of(list(self._record.vehicle_names).index(name)))
 
-    def _curves(self, name: str) -> list[CurveOfVehicle]:
-        curves = []
-        for place, vehicle in enumerate(self._names):
-            true = self._record.vehicles[vehicle].true
-            curves.append(CurveOfVehicle(vehicle, place, true.t_s, true[name]))
-        return curves
+    def _own_error(self, vehicle: str) -> VehicleCurve | None:
+        if "tracking" not in self._record.topics_of(vehicle):
+            return None
+        own = self._record.vehicles[vehicle].tracking
+        return VehicleCurve(vehicle, own.t_s, own.lateral_error_m, own.lateral_deviation_m)
 
     # ---- Curves
 
-    def _plot(self, name: str, curves: Sequence[CurveOfVehicle]) -> Markup:
+    def _plot(
+        self, title: str, unit: str, name: str, curves: Sequence[VehicleCurve], axis: Axis
+    ) -> Iterator[Markup]:
+        """Yield a picture of the known curves, if there are any."""
+        known = [curve for curve in curves if curve.is_known]
+        if not known:
+            return
         height = PLOT_HEIGHT
-        low, high = value_range([curve.values for curve in curves])
+        bands = [side for curve in known for side in curve.band() or ()]
+        low, high = value_range([*(curve.values for curve in known), *bands])
         scale = Scale(low, high, height - BOTTOM, TOP)
-        paths = []
-        for curve in curves:
-            at_s, values = thinned(curve.at_s, curve.values, self._points)
-            d = path_data(self._time.to_pixels(at_s), scale.to_pixels(values))
-            paths.append(
-                element(
-                    "path",
-                    class_="curve",
-                    d=d,
-                    stroke=self._colour(curve.name),
-                    data_name=curve.name,
-                )
-            )
-        return self._svg(
+        areas, lines = [], []
+        for curve in known:
+            at, values = thinned(curve.at, curve.values, self._points)
+            d = path_data(axis.scale.to_pixels(at), scale.to_pixels(values))
+            style = {"stroke": self._colour(curve.name), "data_name": curve.name}
+            lines.append(element("path", class_="curve", d=d, **style))
+            if area := band_data(axis, scale, curve, self._points // 2):
+                areas.append(element("path", class_="band", d=area, fill=style["stroke"]))
+        picture = self._svg(
             height,
-            *self._grid(height, scale),
-            *paths,
-            *self._drawn_marks(),
+            *self._grid(height, axis, scale),
+            *areas,
+            *lines,
+            *(self._drawn_marks() if axis is self._time else ()),
             kind="plot",
+            axis=axis,
             data_quantity=name,
             data_low=f"{low:.9g}",
             data_high=f"{high:.9g}",
         )
+        yield _figure(title, unit, picture)
 
     def _drawn_marks(self) -> Iterator[Markup]:
         for mark in self._marks:
-            x = self._time.pixel(min(max(mark.at_s, 0.0), self._ran_s))
+            x = self._pixel(mark.at_s)
             title = element("title", f"{mark.at_s:.2f} s: {mark.text}")
             d = f"M{x:.1f} {TOP + 8:g}l-4.5 -8h9z"
             yield element("path", title, d=d, class_=f"mark {mark.kind}")
 
-    def _grid(self, height: float, scale: Scale | None = None) -> Iterator[Markup]:
+    def _pixel(self, at_s: float) -> float:
+        """Pixel of a time, at most at the end of the axis."""
+        scale = self._time.scale
+        return scale.pixel(min(max(at_s, scale.low), scale.high))
+
+    def _grid(self, height: float, axis: Axis, scale: Scale | None = None) -> Iterator[Markup]:
         bottom = height - BOTTOM
-        for value in self._time.ticks(8):
-            x = self._time.pixel(value)
+        for value in axis.scale.ticks(8):
+            x = axis.scale.pixel(value)
             yield _line(x, TOP, x, bottom)
             yield element("text", f"{value:g}", x=f"{x:.1f}", y=f"{height - 8:.1f}", class_="x")
         for value in scale.ticks(4) if scale else ():
@@ -164,7 +213,9 @@ class RunPlots:
             text = f"{value + 0.0:.6g}"
             yield element("text", text, x=f"{LEFT - 6:.1f}", y=f"{y + 4:.1f}", class_="y")
 
-    def _svg(self, height: float, *content: Markup, kind: str, **data: object) -> Markup:
+    def _svg(
+        self, height: float, *content: Markup, kind: str, axis: Axis, **data: object
+    ) -> Markup:
         cursor = element("line", class_="cursor", x1=0, x2=0, y1=TOP, y2=f"{height - BOTTOM:.1f}")
         return element(
             "svg",
@@ -173,7 +224,7 @@ class RunPlots:
             viewBox=f"0 0 {WIDTH:g} {height:g}",
             class_=kind,
             role="img",
-            data_seconds=f"{self._ran_s:.9g}",
+            **axis.data,
             **data,
         )
 
@@ -182,16 +233,12 @@ class RunPlots:
     def _modes(self) -> Markup:
         states = PANELS["mode"].states
         height = TOP + STRIP_HEIGHT * len(self._names) + BOTTOM
-        content = list(self._grid(height))
+        content = list(self._grid(height, self._time))
         used: dict[str, None] = {}
         for row, name in enumerate(self._names):
             changes = mode_changes(self._record.vehicles[name])
-            edges = [change.at_s for change in changes] + [self._ran_s]
             content.append(_row_name(name, row))
-            spans: dict[str, list[Span]] = {}
-            for (begin, end), change in zip(pairwise(edges), changes, strict=False):
-                spans.setdefault(change.mode, []).append((begin, end))
-            for mode, times in spans.items():
+            for mode, times in _spans(changes, self._time.scale).items():
                 used[mode] = None
                 colour = colour_code(states[mode])
                 content.append(self._cells(row, times, f"{name}: {mode}", fill=colour))
@@ -204,14 +251,14 @@ class RunPlots:
             ),
             class_="legend",
         )
-        return join(self._svg(height, *content, kind="strips"), key)
+        return join(self._svg(height, *content, kind="strips", axis=self._time), key)
 
     def _cells(self, row: int, spans: Sequence[Span], title: str, **style: object) -> Markup:
         """Draw the times (s) of a row with one style as one path."""
         top, height = TOP + STRIP_HEIGHT * row, STRIP_HEIGHT - 2.0
         parts = []
         for begin, end in spans:
-            first, last = self._time.pixel(max(begin, 0.0)), self._time.pixel(min(end, self._ran_s))
+            first, last = self._pixel(begin), self._pixel(end)
             width = max(last - first, 0.4)
             parts.append(f"M{first:.1f} {top:g}h{width:.1f}v{height:g}h-{width:.1f}z")
         return element("path", element("title", title), d="".join(parts), **style)
@@ -219,31 +266,35 @@ class RunPlots:
     def _losses(self) -> Markup | None:
         """Strips of the share of messages lost; None if all links delivered everything."""
         cell_s = max(self._ran_s / LOSS_CELLS, LEAST_CELL_S)
+        begin_s = self._time.scale.low
         shares = {link: self._shares(link, cell_s) for link in self._record.links}
-        worst = sorted(shares, key=lambda link: -float(np.nansum(shares[link])))[:MOST_STRIPS]
+        worst = sorted(shares, key=lambda link: -float(np.nansum(shares[link])))[
+            : self._detail.strips
+        ]
         shown = [link for link in shares if link in worst]
         if not any(float(np.nansum(shares[link])) > 0.0 for link in shown):
             return None
         height = TOP + STRIP_HEIGHT * len(shown) + BOTTOM
-        content = list(self._grid(height))
+        content = list(self._grid(height, self._time))
         for row, (sender, receiver) in enumerate(shown):
             content.append(_row_name(f"{sender} → {receiver}", row))
             values = shares[sender, receiver]
             edges = np.flatnonzero(np.diff(values, prepend=-1.0, append=-1.0) != 0.0).tolist()
             spans: dict[float, list[Span]] = {}
             for first, last in pairwise(edges):
-                spans.setdefault(float(values[first]), []).append((first * cell_s, last * cell_s))
+                span = begin_s + first * cell_s, begin_s + last * cell_s
+                spans.setdefault(float(values[first]), []).append(span)
             for share, times in spans.items():
                 if share > 0.0:
                     title = f"{sender} → {receiver}: {share:.0%} lost"
                     opacity = f"{share:.1f}"
                     content.append(self._cells(row, times, title, class_="loss", opacity=opacity))
-        return self._svg(height, *content, kind="strips")
+        return self._svg(height, *content, kind="strips", axis=self._time)
 
     def _shares(self, link: tuple[str, str], cell_s: float) -> Floats:
         """Share lost of the messages sent in each part of the run, to a tenth; 0 without any."""
         outcomes = self._record.links[link].outcomes
-        cells = (outcomes.t_s / cell_s).astype(int)
+        cells = np.floor((outcomes.t_s - self._time.scale.low) / cell_s).astype(int)
         count = int(np.ceil(self._ran_s / cell_s)) + 1
         inside = (cells >= 0) & (cells < count)
         sent = np.bincount(cells[inside], minlength=count)
@@ -255,7 +306,7 @@ class RunPlots:
     # ---- Plan
 
     def _plan(self) -> Markup:
-        times = np.linspace(0.0, self._ran_s, PLAN_POINTS)
+        times = np.linspace(self._time.scale.low, self._time.scale.high, PLAN_POINTS)
         tracks = {name: self._track(name, times) for name in self._names}
         points = np.concatenate([np.stack(track) for track in tracks.values()], axis=1)
         points = points[:, np.isfinite(points).all(axis=0)]
@@ -298,13 +349,45 @@ class RunPlots:
             viewBox=f"0 0 {WIDTH:g} {height:.0f}",
             class_="plan",
             role="img",
-            data_seconds=f"{self._ran_s:.9g}",
+            **self._time.data,
         )
 
     def _track(self, name: str, times: Floats) -> tuple[Floats, Floats]:
         """East and north (m) at times (s); before the first and after the last pose as there."""
         true = self._record.vehicles[name].true
         return np.interp(times, true.t_s, true.east_m), np.interp(times, true.t_s, true.north_m)
+
+
+def _worst(names: Sequence[str], summary: RunSummary, most: int) -> list[str]:
+    """The first vehicle and those with the largest errors, in the order of the convoy."""
+    errors = {row.name: row.cross_track_error_m_max or 0.0 for row in summary.vehicles}
+    worst = sorted(names[1:], key=lambda name: -errors.get(name, 0.0))[: most - 1]
+    return [name for name in names if name in {*names[:1], *worst}]
+
+
+def _spans(changes: Sequence[ModeFrom], scale: Scale) -> dict[str, list[Span]]:
+    """Times (s) of each mode.
+
+    Of very many changes only one mode is kept in each part of the time, the rarest of the vehicle.
+    """
+    edges = [change.at_s for change in changes] + [scale.high]
+    spans: dict[str, list[Span]] = {}
+    for (begin, end), change in zip(pairwise(edges), changes, strict=False):
+        spans.setdefault(change.mode, []).append((begin, end))
+    if len(changes) <= MODE_CELLS:
+        return spans
+    parts = np.linspace(scale.low, scale.high, MODE_CELLS + 1)
+    chosen = np.full(MODE_CELLS, "", object)
+    by_share = sorted(spans, key=lambda mode: -sum(end - begin for begin, end in spans[mode]))
+    for mode in by_share:
+        begins, ends = np.searchsorted(parts, np.array(spans[mode])).T.tolist()
+        for first, last in zip(begins, ends, strict=True):
+            chosen[max(first - 1, 0) : max(last, 1)] = mode
+    firsts = [0, *(np.flatnonzero(chosen[1:] != chosen[:-1]) + 1).tolist(), MODE_CELLS]
+    kept: dict[str, list[Span]] = {}
+    for first, last in pairwise(firsts):
+        kept.setdefault(chosen[first], []).append((float(parts[first]), float(parts[last])))
+    return {mode: times for mode, times in kept.items() if mode}
 
 
 def _round_length(metres: float) -> float:
@@ -325,16 +408,3 @@ def _line(x1: float, y1: float, x2: float, y2: float, kind: str = "grid") -> Mar
 def _row_name(text: str, row: int) -> Markup:
     y = TOP + STRIP_HEIGHT * row + 0.5 * STRIP_HEIGHT + 3.0
     return element("text", text, x=f"{LEFT - 6:.1f}", y=f"{y:.1f}", class_="y")
-
-
-def path_data(x: Floats, y: Floats) -> str:
-    """Path of a line in SVG, interrupted where a value is unknown."""
-    parts: list[str] = []
-    pen = "M"
-    for px, py in zip(x.tolist(), y.tolist(), strict=True):
-        if not (np.isfinite(px) and np.isfinite(py)):
-            pen = "M"
-            continue
-        parts.append(f"{pen}{px:.1f} {py:.1f}")
-        pen = "L"
-    return "".join(parts)

@@ -15,8 +15,8 @@ from vehicles.messages import MODES
 
 Cell = tuple[str, Callable[[Any], Any], float, str]
 """Heading, value of a row, factor and format."""
-MOST_LINKS, MOST_DETAILED, MOST_EVENTS = 60, 24, 200
-"""Rows of links, links with all figures (those that lost most), and rows of events."""
+MOST_DETAILED, MOST_EVENTS = 24, 200
+"""Links with all figures (those that lost most), and rows of events."""
 
 VEHICLE_CELLS: Sequence[Cell] = (
     ("largest error, cm", lambda row: row.cross_track_error_m_max, 100.0, ".1f"),
@@ -64,25 +64,25 @@ def name_cell(text: str, colour: str | None = None) -> Markup:
     return element("th", inside, scope="row")
 
 
-def vehicle_table(summary: RunSummary, colours: Mapping[str, str]) -> Markup:
+def vehicle_table(summary: RunSummary, colours: Mapping[str, str], most: int) -> Markup:
     rows = [
         [
             name_cell(row.name + (" (lead)" if row.role == "lead" else ""), colours.get(row.name)),
             *(number(value(row), factor, form) for _, value, factor, form in VEHICLE_CELLS),
         ]
-        for row in summary.vehicles
+        for row in summary.vehicles[:most]
     ]
     return table(["vehicle", *(heading for heading, *_ in VEHICLE_CELLS)], rows, "figures")
 
 
-def string_table(summary: RunSummary) -> Markup | None:
+def string_table(summary: RunSummary, most: int) -> Markup | None:
     """Errors of each follower, and their ratios from vehicle to vehicle and head to tail."""
     errors = string_errors(summary.vehicles)
     if not errors:
         return None
     largest = max((row.error_m_max or 0.0 for row in errors), default=0.0)
     rows = []
-    for row in errors:
+    for row in errors[:most]:
         share = 100.0 * (row.error_m_max or 0.0) / largest if largest else 0.0
         bar = element("td", element("span", class_="bar", style=f"width:{share:.1f}%"), class_="b")
         rows.append(
@@ -111,11 +111,12 @@ def _ratio(value: float | None) -> Markup:
     return element("td", f"{value:.2f}", class_=kind, data_value=repr(value))
 
 
-def link_table(summary: RunSummary) -> Markup | None:
+def link_table(summary: RunSummary, most: int) -> Markup | None:
+    """Figures of the links that lost most."""
     if not summary.links:
         return None
     rows = []
-    for row in _worst(summary.links, MOST_LINKS):
+    for row in _worst(summary.links, most):
         causes = {**row.dropped, **row.not_arrived}
         text = ", ".join(f"{count} {word.replace('_', ' ')}" for word, count in causes.items())
         cells = [number(value(row), factor, form) for _, value, factor, form in LINK_CELLS]

@@ -3,9 +3,11 @@
 import json
 import re
 import shutil
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -13,11 +15,12 @@ from click.testing import CliRunner, Result
 
 from scenarios.cli.main import cli
 from scenarios.definition.scenario import load_scenario
+from scenarios.results.recorded.data_table import DataTable
 from scenarios.results.recorded.run_record import RunRecord
 from scenarios.results.report.axes import Scale, thinned
 from scenarios.results.report.markup import element
 from scenarios.results.report.page import MOST_BYTES, report_page
-from scenarios.results.summary import documented_fields
+from scenarios.results.summary import RunSummary, documented_fields
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
 from transport.log.mcap_file import McapFile
@@ -140,11 +143,105 @@ def test_each_event_has_the_command_that_shows_it(folder: Path, page: str) -> No
         assert f"convoy review {folder}/run.mcap --at {event['at_s']:.2f}" in page
 
 
-def test_a_long_convoy_fits_the_size(tmp_path: Path) -> None:
-    settings = ["duration_s=0.5", "convoy.vehicles=16", "links.loss_ratio=0.3"]
-    run_virtual(load_scenario("lane_change", settings), tmp_path / "run", Stop())
-    record = RunRecord(tmp_path / "run")
-    assert len(report_page(record, record.summary).encode()) < MOST_BYTES
+class LargeRecord(RunRecord):
+    """The record of a small run, as if it had many vehicles, whose modes change all the time."""
+
+    def __init__(self, path: Path, count: int, length: int) -> None:
+        super().__init__(path)
+        self.start_at_ns = 0
+        self.vehicle_names = [f"v{number}" for number in range(1, count + 1)]
+        t_s = np.linspace(0.0, 600.0, length)
+        noise = np.random.default_rng(1).normal(0.0, 1.0, (4, length))
+        kinds = np.array(["composite", "stop", "lead"], object)[np.arange(length) % 3]
+        true = {"t_s": t_s, "error_m": noise[0], "gap_m": 5.0 + noise[1], "speed_mps": noise[2]}
+        true |= {"east_m": 30.0 * t_s, "north_m": noise[0], "station_m": 30.0 * t_s}
+        own = {"t_s": t_s, "lateral_error_m": noise[3], "lateral_deviation_m": noise[3] ** 2}
+        verdicts = np.array(["delivered", "dropped"], object)[(noise[0] > 0.0).astype(int)]
+        tables = {
+            "true": DataTable(true),
+            "tracking": DataTable({**own, "mode": kinds}),
+            "outcomes": DataTable({"t_s": t_s, "outcome": verdicts}),
+        }
+        self.vehicles = dict.fromkeys(self.vehicle_names, SimpleNamespace(**tables))  # type: ignore[assignment]
+        links = [(self.vehicle_names[0], name) for name in self.vehicle_names[1:]]
+        self.links = dict.fromkeys(links, SimpleNamespace(**tables))  # type: ignore[assignment]
+
+    def columns_of(self, topic: str) -> Any:
+        poses = Poses(np.zeros(1, np.int64))
+        return dict.fromkeys(self.vehicle_names, poses) if topic == "truth" else {}
+
+    def topics_of(self, vehicle: str) -> set[str]:
+        return {"truth", "tracking"} if vehicle else set()
+
+    def large_summary(self) -> RunSummary:
+        first, second, *_ = self.summary.vehicles
+        rows = [replace(second, name=name) for name in self.vehicle_names[1:]]
+        links = [replace(self.summary.links[0], receiver=row.name) for row in rows]
+        warnings = tuple(f"warning number {number} " + 100 * "x" for number in range(1000))
+        return replace(
+            self.summary,
+            vehicles=(first, *rows),
+            links=(*links, *links),
+            events=200 * self.summary.events,
+            warnings=warnings,
+            ran_s=600.0,
+        )
+
+
+class Poses(NamedTuple):
+    """Columns of true poses, of which only the first instant is read."""
+
+    at_ns: Any
+
+    def __len__(self) -> int:
+        return 1
+
+
+@pytest.mark.parametrize(("count", "length"), [(10, 2000), (60, 500), (200, 60)])
+def test_a_report_of_any_run_fits_the_size(folder: Path, count: int, length: int) -> None:
+    record = LargeRecord(folder, count, length)
+    page = report_page(record, record.large_summary())
+    assert 0.2 * MOST_BYTES < len(page.encode()) < MOST_BYTES
+    assert "Pictures along the path of the lead, m" in page
+    assert Page(page).open == []
+
+
+def test_curves_over_time_and_place_are_those_of_the_run(folder: Path, page: str) -> None:
+    """The points of the curves are read back by the scales of their plots."""
+    vehicles = RunRecord(folder).vehicles
+    compared = 0
+    for plot in re.findall(r"<svg[^>]*class=.plot.*?</svg>", page, re.DOTALL):
+        data = dict(re.findall(r'data-(\w+)="([^"]*)"', plot[: plot.index(">")]))
+        low, high = float(data["low"]), float(data["high"])
+        first, last = float(data["from"]), float(data["to"])
+        for path, name in re.findall(r'class="curve" d="([^"]*)"[^>]*data-name="(\w+)"', plot):
+            points = np.array(re.findall(r"[ML]([-\d.]+) ([-\d.]+)", path), float)
+            at = first + (points[:, 0] - 58.0) / (892.0 - 58.0) * (last - first)
+            values = low + (146.0 - points[:, 1]) / 138.0 * (high - low)
+            true, own = vehicles[name].true, vehicles[name].tracking
+            if data["quantity"] == "own_m":
+                known_at, known = own.t_s, own.lateral_error_m
+            else:
+                known_at = true.t_s if data["axis"] == "time" else true.station_m
+                known = true[data["quantity"]]
+            resolution = (last - first) / 8340.0 * np.abs(np.gradient(known, known_at)).max()
+            tolerance = (high - low) / 1380.0 + resolution
+            assert values == pytest.approx(np.interp(at, known_at, known), abs=tolerance + 1e-6)
+            compared += 1
+    assert compared == 4 * 4 - 2 + 2 * 3
+
+
+def test_the_band_is_three_sigma_of_the_self_estimate(folder: Path, page: str) -> None:
+    (plot,) = re.findall(r"<svg[^>]*data-quantity=.own_m.*?</svg>", page, re.DOTALL)
+    low, high = (float(re.findall(rf'data-{end}="([^"]*)"', plot)[0]) for end in ("low", "high"))
+    bands = re.findall(r'class="band" d="([^"]*)"', plot)
+    for band, vehicle in zip(bands, RunRecord(folder).vehicles.values(), strict=True):
+        points = np.array(re.findall(r"[ML]([-\d.]+) ([-\d.]+)", band), float)
+        values = low + (146.0 - points[:, 1]) / 138.0 * (high - low)
+        own = vehicle.tracking
+        sides = [own.lateral_error_m + sign * 3.0 * own.lateral_deviation_m for sign in (-1, 1)]
+        expected = [np.nanmin(sides[0]), np.nanmax(sides[1])]
+        assert [values.min(), values.max()] == pytest.approx(expected, abs=(high - low) / 1300.0)
 
 
 def test_texts_of_a_log_are_escaped(folder: Path, tmp_path: Path) -> None:
