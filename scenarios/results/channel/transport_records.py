@@ -55,6 +55,16 @@ class SentPoses:
             if delay > AWAY_NS:
                 self._held.add(number)
 
+    def add_all(self, numbers: Instants, sent_at: Instants, recorded_at: Instants) -> None:
+        """Take the recorded poses of a log in its order."""
+        begin = len(self)
+        delays = recorded_at - sent_at
+        if delays.any() or (numbers != np.arange(begin, begin + len(numbers))).any():
+            for row in zip(numbers.tolist(), sent_at.tolist(), recorded_at.tolist(), strict=True):
+                self.add(*row)
+        else:  # as in virtual time
+            self._sent_at.extend(sent_at.tolist())
+
     def instants(self, count: int) -> Instants:
         """Instants (ns) of sending of the first `count` messages; interpolated where not recorded.
 
@@ -122,6 +132,17 @@ class ReceiverRecord:
             self.down.append((before, at))
         self._next_decision = tracking.seq + 1
         self.decided_at = at
+
+    def add_decisions(self, numbers: Instants, at: Instants) -> None:
+        """Take decisions by their numbers and instants (ns), in the order of the log."""
+        if not len(numbers):
+            return
+        first = int(at[0]) if self.decided_at is None else self.decided_at
+        before = np.concatenate(([first], at[:-1]))
+        is_next = numbers == np.concatenate(([self._next_decision], numbers[:-1] + 1))
+        down = is_next & (at - before > self.longest_step_ns)
+        self.down += zip(before[down].tolist(), at[down].tolist(), strict=True)
+        self._next_decision, self.decided_at = int(numbers[-1]) + 1, int(at[-1])
 
     def holes(self, count: int) -> list[tuple[int, int, int]]:
         """Spans (ns) with missing verdicts, each with their number, of `count` in all."""

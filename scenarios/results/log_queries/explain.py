@@ -3,7 +3,6 @@
 from bisect import bisect_right
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from math import hypot, isfinite, nan
@@ -14,7 +13,11 @@ from scenarios.definition.channel.origins import origin
 from scenarios.definition.topology import senders_to
 from scenarios.results.channel.account import FATE_WORDS, Fate, MissingVerdict
 from scenarios.results.log_summary import scenario_in
-from scenarios.results.recorded.link_outcomes import ACCOUNTED, missing_verdicts
+from scenarios.results.recorded.link_outcomes import (
+    ACCOUNTED,
+    ACCOUNTED_FIELDS,
+    missing_verdicts,
+)
 from transport.columns import Columns
 from transport.log.reader import LogReader
 from transport.log.records import LogError
@@ -188,6 +191,10 @@ class _NotEnoughError(Exception):
     """The messages read do not determine the answer; earlier ones are needed."""
 
 
+class _AccountNeededError(Exception):
+    """A message lacks a verdict: the account of its link is needed, from the whole log."""
+
+
 class _Excerpt:
     """All messages of a vehicle and its senders with an instant from `since` to `until` (ns).
 
@@ -277,9 +284,14 @@ class RecordedKnowledge:
         requested = self.start_at + round(at_s * SECOND) if isfinite(at_s) else -FOREVER
         for before in () if whole else READ_NS:
             excerpt = self._read(requested, before)
-            with suppress(_NotEnoughError):
-                if excerpt is not None and requested <= self._reader.last_at:
-                    return self._explanation(excerpt, requested)
+            if excerpt is None or requested > self._reader.last_at:
+                break
+            try:
+                return self._explanation(excerpt, requested)
+            except _NotEnoughError:
+                continue
+            except _AccountNeededError:
+                break
         return self._explanation(self._whole, requested)
 
     def _read(self, requested: int, before: int) -> _Excerpt | None:
@@ -333,7 +345,8 @@ class RecordedKnowledge:
     @cached_property
     def _without(self) -> Mapping[str, Mapping[int, MissingVerdict]]:
         """Messages without a verdict by sender and number, by the accounts of the links."""
-        columns = self._reader.columns([TOPIC_OF[kind].name for kind in ACCOUNTED])
+        topics = [TOPIC_OF[kind].name for kind in ACCOUNTED]
+        columns = self._reader.columns(topics, fields=ACCOUNTED_FIELDS)
         by_topic: dict[str, dict[str, Columns]] = {}
         for (name, topic), rows in columns.items():
             by_topic.setdefault(topic, {})[name] = rows
@@ -361,7 +374,7 @@ class RecordedKnowledge:
         without: Mapping[int, MissingVerdict] = {}
         if not excerpt.has_verdicts(sender, since, now):
             if not excerpt.whole:
-                raise _NotEnoughError
+                raise _AccountNeededError
             without = self._without[sender]
         sent_by_now = sorted(number for number, pose in poses.items() if pose.sent_at <= now)
         missing = [

@@ -1,7 +1,6 @@
 """True errors and gaps of a recorded run, a value for each true pose."""
 
-from collections.abc import Mapping
-from heapq import merge
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -32,23 +31,40 @@ class PathErrors(NamedTuple):
 
 def path_errors(scenario: Scenario, truth: Mapping[str, Columns]) -> dict[str, PathErrors]:
     """Foot points of all vehicles, from the columns of their true poses."""
-    poses = {name: columns for name, columns in truth.items() if name in scenario.vehicle_names}
-    errors = {
-        name: PathErrors(np.full(len(columns), np.nan), np.full(len(columns), np.nan))
-        for name, columns in poses.items()
-    }
-    rows = {name: _rows(columns) for name, columns in poses.items()}
+    poses = [truth[name] for name in truth if name in scenario.vehicle_names]
     stream = FigureStream.of(scenario)
+    feet: list[CrossTrack] = []
+    stream.on_error(feet.append)
+    sources = [_passed(stream, columns) for columns in poses]
+    numbers = np.repeat(np.arange(len(poses)), [len(columns) for columns in poses])
+    at = np.concatenate([np.zeros(0, np.int64), *(columns.at_ns for columns in poses)])
+    for number in numbers[np.argsort(at, kind="stable")].tolist():
+        next(sources[number])
+    return {columns.vehicle: _errors_of(columns, feet) for columns in poses}
 
-    def take(foot: CrossTrack) -> None:
-        row = rows[foot.vehicle][foot.at_ns]
-        errors[foot.vehicle].error_m[row] = foot.lateral
-        errors[foot.vehicle].station_m[row] = foot.station
 
-    stream.on_error(take)
-    in_order = (messages_of(columns, TruePose) for columns in poses.values())
-    for pose in merge(*in_order, key=lambda pose: pose.true_at_ns):
-        stream.add_truth(pose)
+def _passed(stream: FigureStream, truth: Columns) -> Iterator[None]:
+    """Pass one true pose to `stream` at each step; of followers only the place is needed."""
+    if truth.vehicle not in stream.followers:
+        for pose in messages_of(truth, TruePose):
+            stream.add_truth(pose)
+            yield
+        return
+    places = (truth.at_ns, truth["east_m"], truth["north_m"])
+    for at, east, north in zip(*(column.tolist() for column in places), strict=True):
+        stream.add_place(truth.vehicle, at, east, north)
+        yield
+
+
+def _errors_of(truth: Columns, feet: Sequence[CrossTrack]) -> PathErrors:
+    """Arrange the foot points of a vehicle by its true poses; the last one of an instant counts."""
+    own = [foot for foot in feet if foot.vehicle == truth.vehicle]
+    errors = PathErrors(np.full(len(truth), np.nan), np.full(len(truth), np.nan))
+    order = np.argsort(truth.at_ns, kind="stable")
+    at = np.array([foot.at_ns for foot in own], np.int64)
+    rows = order[np.searchsorted(truth.at_ns[order], at, side="right") - 1]
+    errors.error_m[rows] = [foot.lateral for foot in own]
+    errors.station_m[rows] = [foot.station for foot in own]
     return errors
 
 
@@ -64,8 +80,3 @@ def true_gaps(sizes: Mapping[str, BodySize], ahead: Columns, behind: Columns) ->
         Bodies.of(behind, rows, sizes[behind.vehicle]),
     )
     return gaps
-
-
-def _rows(columns: Columns) -> dict[int, int]:
-    """Row of each instant."""
-    return {at: row for row, at in enumerate(columns.at_ns.tolist())}
