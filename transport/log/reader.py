@@ -5,8 +5,8 @@ from functools import cached_property
 from pathlib import Path
 
 from transport.codec import RefusedMessageError, decode
-from transport.columns import DEVIATION, Columns
-from transport.log.columns import Selection, read_columns
+from transport.columns import DEVIATION, Columns, Integers
+from transport.log.columns import Selection, read_columns, read_places
 from transport.log.mcap_file import McapFile
 from transport.log.records import EXTENTS, PIECE, REPAIRED, THINNED_NAME, LogError
 from transport.topics import TOPICS, Topic, key
@@ -104,6 +104,13 @@ class LogReader:
         """
         wanted = {topic: (fields or {}).get(topic) for topic in topics}
         return read_columns(self.file, self._channels, Selection(wanted, vehicles, span_ns))
+
+    def places(
+        self, topics: Collection[str], span_ns: tuple[int, int] | None = None
+    ) -> tuple[Integers, Integers]:
+        """Places in the log, as in `Columns.order`, and instants of recording (ns) of messages."""
+        numbers = {number for number, (_, topic) in self._channels.items() if topic in topics}
+        return read_places(self.file, numbers, span_ns)
 
     def recorded_span(
         self, topics: Collection[str], vehicles: Collection[str], span_ns: tuple[int, int]

@@ -46,6 +46,10 @@ class LogRecordingWriter(RecordingWriter):
     def _send_due(self, now: int, message: Message) -> None:
         """Leave sending to the caller."""
 
+    def send_positions(self) -> None:
+        """Send what moves, before the rest is drawn."""
+        self._moving.send(self._start or 0)
+
     def draw_columns(self, columns: Mapping[tuple[str, str], Columns]) -> None:
         """Draw the curves, states, links and trajectories of messages by (vehicle, topic)."""
         start = self._start or 0

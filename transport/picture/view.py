@@ -224,6 +224,11 @@ class RerunView(OpenRecording):
         if self._writer is not None:
             self._writer.mark_furthest(newest_at, errors)
 
+    def send_positions(self) -> None:
+        """Send the positions that were drawn of a log, so that a viewer shows them."""
+        if self._writer is not None:
+            self._writer.send_positions()
+
     def draw_columns(self, columns: Mapping[tuple[str, str], Columns]) -> None:
         """Draw the messages of a log by (vehicle, topic), except what `draw` draws."""
         if self._writer is not None:

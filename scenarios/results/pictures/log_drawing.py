@@ -25,6 +25,11 @@ from vehicles.schedule import MILLISECOND, SECOND
 Key = tuple[str, str]
 SEND_NS = 500 * MILLISECOND
 """Period of marking the vehicle that is furthest off, as live."""
+TICKS_SENT = 40
+"""Number of these periods whose positions are sent together, so that a viewer shows the first ones
+at once."""
+FIRST = frozenset({"truth", "log", "change", "start", "end"})
+"""Topics that are drawn first."""
 EARLIEST, LATEST = -(2**62), 2**62
 
 
@@ -86,15 +91,21 @@ class LogDrawing:
         self._has_events = has_events
 
     def draw(self, excerpt: Excerpt, progress: Callable[[float], None] = lambda _: None) -> int:
-        """Draw part of the run, and report the share done; returns the number of messages."""
-        columns = self._reader.columns(TOPICS, fields=_fields(has_events=self._has_events))
-        progress(0.4)
+        """Draw part of the run, and report the share done; returns the number of messages.
+
+        Cars, errors and gaps are sent first; the rest is read and sent after them. Only the true
+        poses are read from outside of the part, and decisions if there are events.
+        """
+        fields = _fields(has_events=self._has_events)
+        first = FIRST | {"tracking"} if self._has_events else FIRST
+        columns = self._reader.columns(first, fields=fields)
+        progress(0.2)
         start = _start_of(columns)
         excerpt.check(start, self._reader)
         self._view.begin(start)
         span = excerpt.span(start)
         figures = ordered_figures(self._stream, columns, has_events=self._has_events)
-        progress(0.6)
+        progress(0.35)
         shown = {key: _within(rows, span) for key, rows in columns.items() if excerpt.shows(key[0])}
         errors = [
             rows.within(span) for rows in figures.errors.values() if excerpt.shows(rows.vehicle)
@@ -104,15 +115,36 @@ class LogDrawing:
             for order, event in figures.events
             if span[0] <= event.at_ns <= span[1] and any(map(excerpt.shows, event.vehicles))
         ]
-        ticks = _ticks([_within(rows, span) for rows in columns.values()])
-        self._draw_in_order(shown, ticks, errors, marks)
-        progress(0.8)
-        count = sum(map(len, shown.values()))
+        self._draw_in_order(shown, self._ticks(shown, span), errors, marks)
         self._draw_gaps(columns, shown)
         del columns
+        self._view.send_positions()
+        progress(0.6)
+        rest = self._reader.columns(TOPICS.keys() - first, fields=fields, span_ns=span)
+        shown |= {key: rows for key, rows in rest.items() if excerpt.shows(key[0])}
+        progress(0.75)
+        count = sum(map(len, shown.values()))
         self._view.draw_columns(shown)
         progress(1.0)
         return count
+
+    def _ticks(
+        self, columns: Mapping[Key, Columns], span: tuple[int, int]
+    ) -> tuple[Integers, Integers]:
+        """Places in the log and instants (ns) of every message after half a second, and of ends."""
+        order, now = self._reader.places(TOPICS, span_ns=span)
+        chosen: list[int] = []
+        row = 0
+        while row < len(now):
+            chosen.append(row)
+            row = int(np.searchsorted(now, now[row] + SEND_NS))
+        ends = [
+            np.searchsorted(order, rows.order).tolist()
+            for rows in columns.values()
+            if rows.topic == "end"
+        ]
+        numbers = np.array(sorted({*chosen, *chain(*ends)}), np.int64)
+        return order[numbers], now[numbers]
 
     def _draw_in_order(
         self,
@@ -136,6 +168,8 @@ class LogDrawing:
 
         def tick() -> None:
             number, (_, _, newest_at) = left.pop()
+            if not number % TICKS_SENT:
+                self._view.send_positions()
             known = {name: values[number] for name, values in latest.items()}
             known = {name: error for name, error in known.items() if not isnan(error)}
             self._view.mark_furthest(newest_at, known)
@@ -199,22 +233,6 @@ def _start_of(columns: Mapping[Key, Columns]) -> int:
         if topic in {"start", "truth"} and len(rows)
     ]
     return min(firsts, default=(0, 0))[1]
-
-
-def _ticks(columns: Sequence[Columns]) -> tuple[Integers, Integers]:
-    """Places in the log and instants (ns) of every message after half a second, and of the end."""
-    order = np.concatenate([rows.order for rows in columns])
-    by_order = np.argsort(order)
-    order = order[by_order]
-    now = np.concatenate([rows.logged_at_ns for rows in columns])[by_order]
-    chosen: list[int] = []
-    row = 0
-    while row < len(now):
-        chosen.append(row)
-        row = int(np.searchsorted(now, now[row] + SEND_NS))
-    ends = [np.searchsorted(order, rows.order).tolist() for rows in columns if rows.topic == "end"]
-    numbers = np.array(sorted({*chosen, *chain(*ends)}), np.int64)
-    return order[numbers], now[numbers]
 
 
 def _newest(columns: Mapping[Key, Columns], places: Integers) -> list[int]:
