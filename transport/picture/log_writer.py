@@ -11,9 +11,14 @@ from transport.picture.series.curves import States
 from transport.picture.series.log_series import LogSeries, due
 from transport.picture.series.moving_rows import send_trajectories
 from vehicles.messages import Message, TruePose
+from vehicles.schedule import SECOND, Timer
 
 SERIES = ("truth", "tracking", "command")
 """Topics with curves or states."""
+
+
+POSITIONS_NS = 20 * SECOND
+"""Time of the run whose positions are sent together, so that a viewer soon shows the first ones."""
 
 
 class LogRecordingWriter(RecordingWriter):
@@ -26,6 +31,7 @@ class LogRecordingWriter(RecordingWriter):
     def begin(self, start: int) -> None:
         """Set the start of the run (ns), before the first message."""
         self._start = start
+        self._positions_timer = Timer(POSITIONS_NS)
 
     def moving_rows(self, at: Integers) -> Integers:
         """Numbers of the true poses of a vehicle, at instants `at` (ns), that `draw` needs.
@@ -39,6 +45,8 @@ class LogRecordingWriter(RecordingWriter):
         """Mark the vehicle furthest off, by the errors (m) known at the newest pose (ns)."""
         self._errors = dict(errors)
         self._show_worst(newest_at)
+        if self._positions_timer.is_due(newest_at):
+            self.send_positions()
 
     def _draw_values(self, truth: TruePose) -> None:
         """Leave the curves to `draw_columns`."""

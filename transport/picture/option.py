@@ -64,6 +64,15 @@ def parse_rerun_option(text: str) -> RerunOption:
     raise ViewerError(f"--rerun {text}: give {_FORMS}")
 
 
+def require_cursor(option: RerunOption) -> None:
+    """Raise ViewerError if the picture has no time cursor that a program can move."""
+    if option.sink not in {"spawn", "connect"}:
+        raise ViewerError(
+            "--at moves the cursor of a viewer, and files and web pages of Rerun store none; use "
+            "--rerun spawn or connect=URL"
+        )
+
+
 RECORDING_MAGICS = (b"RRF2", b"RRF1", b"RRF0")
 """First bytes of a recording of Rerun, by version."""
 

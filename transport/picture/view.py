@@ -111,8 +111,6 @@ class OpenRecording(Closing):
         """
         from rerun.experimental import ViewerClient  # noqa: PLC0415 - see above
 
-        if not self._viewer:
-            raise ViewerError("--at moves the cursor of a viewer; use --rerun spawn or connect=URL")
         self.recording.flush(timeout_sec=LOG_FLUSH_S)
         deadline = time.monotonic() + CURSOR_S
         while True:

@@ -25,9 +25,6 @@ from vehicles.schedule import MILLISECOND, SECOND
 Key = tuple[str, str]
 SEND_NS = 500 * MILLISECOND
 """Period of marking the vehicle that is furthest off, as live."""
-TICKS_SENT = 40
-"""Number of these periods whose positions are sent together, so that a viewer shows the first ones
-at once."""
 FIRST = frozenset({"truth", "log", "change", "start", "end"})
 """Topics that are drawn first."""
 EARLIEST, LATEST = -(2**62), 2**62
@@ -168,8 +165,6 @@ class LogDrawing:
 
         def tick() -> None:
             number, (_, _, newest_at) = left.pop()
-            if not number % TICKS_SENT:
-                self._view.send_positions()
             known = {name: values[number] for name, values in latest.items()}
             known = {name: error for name, error in known.items() if not isnan(error)}
             self._view.mark_furthest(newest_at, known)

@@ -20,7 +20,7 @@ from scenarios.results.stream import FigureStream
 from scenarios.results.summary import from_json
 from transport.log.reader import LogReader
 from transport.log.records import LogError
-from transport.picture.option import RerunOption
+from transport.picture.option import RerunOption, require_cursor
 from transport.picture.view import RerunView
 from transport.topics import RUN_SENDER
 from vehicles.car.parameters import LINCOLN_MKZ
@@ -47,6 +47,8 @@ def review(
     picture is shown until `wait` returns, which is called with its address when all is drawn.
     Raises LogError or ViewerError.
     """
+    if at_s is not None:
+        require_cursor(option)
     reader = LogReader(log)
     if notice := reader.notice:
         warn(notice)

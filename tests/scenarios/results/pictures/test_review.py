@@ -1,9 +1,9 @@
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from math import hypot, isnan
 from pathlib import Path
 from statistics import fmean
-from typing import get_args
+from typing import Any, get_args
 
 import pytest
 from mcap.reader import make_reader
@@ -13,6 +13,7 @@ from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.events.bodies import BodySize
 from scenarios.results.events.encounters import EventKind
 from scenarios.results.metrics import Metrics
+from scenarios.results.pictures.log_drawing import Excerpt
 from scenarios.results.pictures.review import review
 from scenarios.results.pictures.run_drawing import open_drawing, widest_spacing
 from scenarios.results.summary import RunSummary
@@ -22,10 +23,13 @@ from scenarios.runs.virtual.logged_run import run_virtual
 from tests.made.transport import drive
 from tests.made.transport.recording import Table, columns
 from transport.convoy_pb2 import Deviation
+from transport.log.reader import LogReader
 from transport.log.records import LogError
 from transport.log.writer import LogWriter
 from transport.picture.blueprint import EVENTS
+from transport.picture.log_writer import LogRecordingWriter
 from transport.picture.option import parse_rerun_option
+from transport.picture.viewer_process import ViewerError
 from vehicles.messages import Message
 
 SCENARIO = """
@@ -361,3 +365,54 @@ def test_the_review_of_a_run_has_the_rows_of_the_live_picture(drawn: Drawn) -> N
         assert set(table) == set(again[entity]), entity
         for name, rows in table.items():
             assert rows == again[entity][name], (entity, name)
+
+
+def test_cars_are_sent_before_the_other_topics_are_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """So that a viewer soon shows a picture of a long run."""
+    write_log(tmp_path / "run.mcap", attached=None)
+    steps: list[set[str]] = []
+    read, send = LogReader.columns, LogRecordingWriter.send_positions
+
+    def note_read(reader: LogReader, topics: Iterable[str], **more: Any) -> Any:
+        steps.append(set(topics))
+        return read(reader, topics, **more)
+
+    def note_sent(writer: LogRecordingWriter) -> None:
+        steps.append({"sent"})
+        send(writer)
+
+    monkeypatch.setattr(LogReader, "columns", note_read)
+    monkeypatch.setattr(LogRecordingWriter, "send_positions", note_sent)
+    table = reviewed(tmp_path / "run.mcap")
+    sent = steps.index({"sent"})
+    assert not {"verdict", "trajectory", "command"} & set().union(*steps[:sent])
+    assert {"verdict", "trajectory", "command"} <= set().union(*steps[sent:])
+    assert "/world/cars/v3" in table
+
+
+def test_a_part_has_the_rows_of_the_whole_run(drawn: Drawn, tmp_path: Path) -> None:
+    option = parse_rerun_option(f"save={tmp_path / 'part.rrd'}")
+    part = Excerpt(0.6, 1.4)
+    review(drawn.folder / "run.mcap", option, wait=lambda _: None, excerpt=part)
+    table, whole = columns(tmp_path / "part.rrd"), drawn.tables[1]
+    for entity in [f"/plots/{name}/v3" for name in ("cross_track", "true_gap", "tracking")]:
+        expected = [row for row in curve_of(whole, entity) if part.covers(row[0] / 1e9)]
+        assert curve_of(table, entity) == expected
+        assert len(expected) > 30
+    assert all(part.covers(at / 1e9) for at in table["/world/cars/v3"]["run_time"] if at >= 0)
+
+
+def curve_of(table: Table, entity: str) -> list[tuple[int, Any]]:
+    rows = table[entity]
+    curve = zip(rows["run_time"], rows["Scalars:scalars"], strict=True)
+    return [(at, value) for at, value in curve if value]
+
+
+def test_an_instant_needs_a_viewer(tmp_path: Path) -> None:
+    write_log(tmp_path / "run.mcap", attached=None)
+    option = parse_rerun_option(f"save={tmp_path / 'run.rrd'}")
+    with pytest.raises(ViewerError, match="use --rerun spawn or connect=URL"):
+        review(tmp_path / "run.mcap", option, wait=lambda _: None, at_s=1.0)
+    assert not (tmp_path / "run.rrd").exists()
