@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scenarios.results.events.encounters import Episode
+from scenarios.results.pictures.lead_in import with_lead_in
 from scenarios.results.pictures.ordered_figures import ErrorColumns, ordered_figures
 from scenarios.results.recorded.column_messages import in_order, messages_of
 from scenarios.results.recorded.true_figures import true_gaps
@@ -77,8 +78,8 @@ WHOLE_RUN = Excerpt()
 class LogDrawing:
     """Draws a log into a view: positions and events in its order, everything else by columns.
 
-    `stream` computes the true errors and, with `has_events`, the events. It needs the true poses
-    from the start of the run on, also if only its end is drawn.
+    `stream` computes the true errors and, with `has_events`, the events, which need the true poses
+    from the start of the run on.
     """
 
     def __init__(
@@ -90,18 +91,21 @@ class LogDrawing:
     def draw(self, excerpt: Excerpt, progress: Callable[[float], None] = lambda _: None) -> int:
         """Draw part of the run, and report the share done; returns the number of messages.
 
-        Cars, errors and gaps are sent first; the rest is read and sent after them. Only the true
-        poses are read from outside of the part, and decisions if there are events.
+        Cars, errors and gaps are sent first; the rest is read and sent after them. Of the true
+        poses before the part those are read that the errors need, all of them if there are events.
         """
-        fields = _fields(has_events=self._has_events)
-        first = FIRST | {"tracking"} if self._has_events else FIRST
-        columns = self._reader.columns(first, fields=fields)
-        progress(0.2)
-        start = _start_of(columns)
+        start = self._start()
         excerpt.check(start, self._reader)
         self._view.begin(start)
         span = excerpt.span(start)
-        figures = ordered_figures(self._stream, columns, has_events=self._has_events)
+        fields = _fields(has_events=self._has_events)
+        first = FIRST | {"tracking"} if self._has_events else FIRST
+        before = None if self._has_events else self._with_lead_in(span)
+        columns = self._reader.columns(first, fields=fields, span_ns=span if before else None)
+        progress(0.2)
+        figures = ordered_figures(
+            self._stream, columns if before is None else before, has_events=self._has_events
+        )
         progress(0.35)
         shown = {key: _within(rows, span) for key, rows in columns.items() if excerpt.shows(key[0])}
         errors = [
@@ -113,8 +117,8 @@ class LogDrawing:
             if span[0] <= event.at_ns <= span[1] and any(map(excerpt.shows, event.vehicles))
         ]
         self._draw_in_order(shown, self._ticks(shown, span), errors, marks)
-        self._draw_gaps(columns, shown)
-        del columns
+        self._draw_gaps(columns if before is None else before, shown)
+        del columns, before
         self._view.send_positions()
         progress(0.6)
         rest = self._reader.columns(TOPICS.keys() - first, fields=fields, span_ns=span)
@@ -124,6 +128,19 @@ class LogDrawing:
         self._view.draw_columns(shown)
         progress(1.0)
         return count
+
+    def _start(self) -> int:
+        """Instant (ns) of the first start or true pose in the log."""
+        reader, topics = self._reader, {"start": (), "truth": ()}
+        soon = reader.first_at, reader.first_at + SECOND
+        return _start_of(reader.columns(topics, fields=topics, span_ns=soon)) or _start_of(
+            reader.columns(topics, fields=topics)
+        )
+
+    def _with_lead_in(self, span: tuple[int, int]) -> Mapping[Key, Columns] | None:
+        if span == (EARLIEST, LATEST):
+            return None
+        return with_lead_in(self._reader, list(self._stream.sizes), span)
 
     def _ticks(
         self, columns: Mapping[Key, Columns], span: tuple[int, int]

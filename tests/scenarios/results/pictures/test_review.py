@@ -13,6 +13,7 @@ from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.events.bodies import BodySize
 from scenarios.results.events.encounters import EventKind
 from scenarios.results.metrics import Metrics
+from scenarios.results.pictures import lead_in
 from scenarios.results.pictures.log_drawing import Excerpt
 from scenarios.results.pictures.review import review
 from scenarios.results.pictures.run_drawing import open_drawing, widest_spacing
@@ -31,6 +32,7 @@ from transport.picture.log_writer import LogRecordingWriter
 from transport.picture.option import parse_rerun_option
 from transport.picture.viewer_process import ViewerError
 from vehicles.messages import Message
+from vehicles.schedule import SECOND
 
 SCENARIO = """
 name = "circle"
@@ -402,6 +404,44 @@ def test_a_part_has_the_rows_of_the_whole_run(drawn: Drawn, tmp_path: Path) -> N
         assert curve_of(table, entity) == expected
         assert len(expected) > 30
     assert all(part.covers(at / 1e9) for at in table["/world/cars/v3"]["run_time"] if at >= 0)
+
+
+HAIRPIN = (
+    SCENARIO.replace("duration_s = 2.0", "duration_s = 9.0")
+    .replace("{ length_m = 60.0, radius_m = 50.0", "{ length_m = 31.0, radius_m = 10.0")
+    .replace("{ length_m = 60.0 }", "{ length_m = 35.0 }")
+    .replace("}]", "}, { length_m = 60.0 }]")
+)
+"""The lead drives back beside its followers, and no event occurs."""
+
+
+def test_errors_of_a_part_need_only_the_poses_of_the_convoy_s_length_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driven = scenario_from_text(HAIRPIN, overrides=["speed.set_mps=8", "events.lane_width_m=8"])
+    assert not run_virtual(driven, tmp_path, Stop()).events
+    whole = reviewed(tmp_path / "run.mcap")
+    spans: list[tuple[int, int]] = []
+    read = LogReader.columns
+
+    def note_read(reader: LogReader, topics: Iterable[str], **more: Any) -> Any:
+        spans.append(more["span_ns"])  # never the whole log
+        return read(reader, topics, **more)
+
+    monkeypatch.setattr(lead_in, "LEAD_IN_NS", (SECOND, 4 * SECOND))
+    option = parse_rerun_option(f"save={tmp_path / 'part.rrd'}")
+    part = Excerpt(6.0, 8.5)
+    monkeypatch.setattr(LogReader, "columns", note_read)
+    review(tmp_path / "run.mcap", option, wait=lambda _: None, excerpt=part)
+    seconds = [(last - LogReader(tmp_path / "run.mcap").first_at) / 1e9 for last, _ in spans]
+    assert sorted(seconds) == pytest.approx([0.0, 2.0, 5.0, 6.0, 6.0], abs=0.1)
+    table = columns(tmp_path / "part.rrd")
+    for vehicle in ("v2", "v3"):
+        for name in ("cross_track", "true_gap"):
+            entity = f"/plots/{name}/{vehicle}"
+            expected = [row for row in curve_of(whole, entity) if part.covers(row[0] / 1e9)]
+            assert curve_of(table, entity) == expected
+            assert len(expected) > 100
 
 
 def curve_of(table: Table, entity: str) -> list[tuple[int, Any]]:
