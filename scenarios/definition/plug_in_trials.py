@@ -22,12 +22,15 @@ from vehicles.driver.longitudinal.spacing import GapLimits
 from vehicles.geometry.geodesy import LocalPlane, Origin
 
 Trial = Callable[[], object]
+USUAL_LAW = "gap"
 DETERMINISTIC = "a class must not use a clock or random numbers of its own"
 
 
 def plug_in_problems(tables: ScenarioTables) -> Iterator[Problem]:
-    """Yield the user's classes that violate their contract, by their keys."""
-    if any(own_classes(tables)):
+    """Yield classes that violate their contract or refuse their parameters, by their keys."""
+    controls = [tables.control, *(own.control for own in tables.vehicle.values())]
+    laws = {control.longitudinal.use for control in controls if control}
+    if laws != {USUAL_LAW} or any(own_classes(tables)):
         yield from _problems(tables)
 
 
@@ -37,9 +40,10 @@ def _problems(tables: ScenarioTables) -> Iterator[Problem]:
         setup = vehicle_setup(tables, name)
         for key, trial in (*_controllers(tables, setup), *_sensors(tables, setup)):
             problems |= _problem(key, trial)
-        if tables.speed.followers != "gap" and setup.steering.longitudinal.is_own:
+        longitudinal = setup.steering.longitudinal
+        if tables.speed.followers != "gap" and longitudinal.use != USUAL_LAW:
             problems[_key(tables, name, "control", "longitudinal")] = (
-                f"given {setup.steering.longitudinal.use}, but speed.followers = "
+                f"given {longitudinal.use}, but speed.followers = "
                 f'{toml_repr(tables.speed.followers)}, allowed with "gap"'
             )
     for key, trial in _laws(tables):
@@ -61,7 +65,7 @@ def _controllers(tables: ScenarioTables, setup: VehicleSetup) -> Iterator[tuple[
             key = _key(tables, name, "control", inner)
             key += ".reaction" if inner == "degradation" else ""
             yield key, partial(_try_built, table)
-    if longitudinal.is_own and setup.place and tables.speed.followers == "gap":
+    if longitudinal.use != USUAL_LAW and setup.place and tables.speed.followers == "gap":
         least = least_spacings(tables)[setup.place]
         start = LongitudinalSetup(
             spacing_policy(tables, least),

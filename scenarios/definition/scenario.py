@@ -358,9 +358,19 @@ class Scenario:
             setup.assumed_parameters,
             setup.lead,
             setup.predecessor or "",
+            self._policies_ahead(setup.place),
         )
         controller: LongitudinalController = setup.steering.longitudinal.build(start)
         return controller
+
+    def _policies_ahead(self, place: int) -> dict[str, SpacingPolicy]:
+        """Spacing that the follower at `place` is to have to each vehicle ahead."""
+        policies, standstill, headway = dict[str, SpacingPolicy](), 0.0, 0.0
+        for ahead in range(place, 0, -1):
+            policy = self.spacing_policy(ahead)
+            standstill, headway = standstill + policy.standstill, headway + policy.headway
+            policies[self.vehicle_names[ahead - 1]] = SpacingPolicy(standstill, headway)
+        return policies
 
     @cached_property
     def plug_ins(self) -> list[str]:

@@ -128,7 +128,7 @@ def empty_car(tables: ScenarioTables, name: str) -> VehicleParameters:
 def _car(table: ParametersTable) -> VehicleParameters:
     """Return the car without passengers: the paper's, with the keys that the scenario gives.
 
-    Its tyres and its steering rate are the scenario's in any case.
+    Its tyres, steering rate and drive lag are the scenario's in any case.
     """
     given = {
         "mass": table.mass_kg,
@@ -148,5 +148,6 @@ def _car(table: ParametersTable) -> VehicleParameters:
         steering_rate_limit=table.steering_rate_limit_radps,
         tyres=table.tyres,
         friction=table.friction_ratio,
+        drive_lag=table.drive_lag_s,
         **{key: value for key, value in given.items() if value is not None},
     )

@@ -87,7 +87,8 @@ class Body:
 class Actuation:
     """Command to the car: δ_c of eq. (4) (rad at the road wheels), acceleration (m/s²).
 
-    The acceleration is the paper's dv_x/dt (Section IV-A), which acts without delay.
+    The acceleration is the paper's dv_x/dt (Section IV-A), which acts without delay, unless the
+    car has a drive lag.
     """
 
     steering: float
@@ -96,6 +97,40 @@ class Actuation:
     def __init__(self, steering: float, acceleration: float) -> None:
         self.steering = steering
         self.acceleration = acceleration
+
+
+def achieved_acceleration(before: float, command: float, span: float, lag: float) -> float:
+    """Acceleration (m/s²) at the end of `span` (s) with a constant command, from that before.
+
+    The exact solution of lag da/dt + a = command, the drive model of Plexe; with a lag of 0 s the
+    command.
+    """
+    if lag == 0.0:
+        return command
+    return command + (before - command) * math.exp(-span / lag)
+
+
+class DriveTrain:
+    """The acceleration that follows commands with a lag (s); a standing car has none."""
+
+    def __init__(self, lag: float) -> None:
+        self._lag = lag
+        self._acceleration = 0.0
+
+    def act(self, command: Actuation, body: Body, span: float) -> Actuation:
+        """Command with the mean acceleration over the coming `span` (s), so that speeds are exact.
+
+        Within the span a position differs from the exact one by at most 0.1 times the change of
+        acceleration times the square of the span.
+        """
+        lag = self._lag
+        if lag == 0.0 or span <= 0.0:
+            return command
+        wanted = command.acceleration
+        before = 0.0 if body.speed <= 0.0 else self._acceleration
+        after = achieved_acceleration(before, wanted, span, lag)
+        self._acceleration = after
+        return Actuation(command.steering, wanted + (before - after) * lag / span)
 
 
 class CarMotion:

@@ -23,7 +23,8 @@ class VehicleParameters:
     (ratio) of the second-order actuation, paper eq. (4); steering_limit (rad) and
     steering_rate_limit (rad/s, may be infinite) at the road wheels; length and width (m) of the
     body, for gaps and pictures only, with equal overhangs in front and behind; tyre model; friction
-    coefficient (ratio) between tyres and road, unused by linear tyres.
+    coefficient (ratio) between tyres and road, unused by linear tyres; time constant drive_lag (s)
+    of drive and brakes.
     """
 
     mass: float
@@ -40,6 +41,7 @@ class VehicleParameters:
     steering_rate_limit: float = math.inf
     tyres: TyreModel = "linear"
     friction: float = 0.9
+    drive_lag: float = 0.0
 
     def __post_init__(self) -> None:
         if self.tyres not in get_args(TyreModel):
@@ -49,7 +51,8 @@ class VehicleParameters:
                 continue
             value = getattr(self, field.name)
             endless = field.name == "steering_rate_limit" and value == math.inf
-            if not (endless or (math.isfinite(value) and value > 0.0)):
+            absent = field.name == "drive_lag" and value == 0.0
+            if not (endless or absent or (math.isfinite(value) and value > 0.0)):
                 raise ValueError(f"{field.name} must be a positive number, not {value}")
 
     @property

@@ -11,7 +11,7 @@ from dataclasses import replace
 from math import isnan, nan
 from typing import Final
 
-from vehicles.car.dynamics import Actuation, Body
+from vehicles.car.dynamics import Actuation, Body, achieved_acceleration
 from vehicles.car.gnss import Fix
 from vehicles.car.imu import Motion
 from vehicles.driver.bends import BendsAhead
@@ -86,13 +86,15 @@ class Follower:
         load: LoadWatch | None = None,
         gates: Mapping[str, InnovationGate] | None = None,
         bends: Mapping[str, BendsAhead] | None = None,
+        drive_lag: float = 0.0,
     ) -> None:
         """`alpha` in [0, 1] is the weight of the predecessor, 1 - alpha that of the lead.
 
         `periods` (s) between messages, `delays` (s) of the first message and `gates` are by source;
         without a gate only jumps are refused. `bends` by source limit the speed. `least_spacing`
-        (m) to the predecessor is that at which the bumpers touch.
+        (m) to the predecessor is that at which the bumpers touch. `drive_lag` (s) is the car's.
         """
+        self._drive_lag = drive_lag
         self._own_state = own_state
         self._controller = controller
         self._speed_guard = speed_guard
@@ -341,10 +343,12 @@ class Follower:
         step = (now - self._decided_at) / SECOND if self._decided_at else 0.0
         self._decided_at = now
         last = self._decision
+        command = last.actuation.acceleration if last else 0.0
         self._own = OwnMotion(
             step,
-            last.actuation.acceleration if last else 0.0,
+            command,
             self._own.distance + pose.speed * step,
+            achieved_acceleration(self._own.achieved, command, step, self._drive_lag),
         )
 
     def _bend(self, pose: Pose) -> tuple[float, float] | None:

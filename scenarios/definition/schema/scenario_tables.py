@@ -256,6 +256,8 @@ class ParametersTable(Table):
                                          dbw_mkz_msgs/SteeringCmd) over the ratio of 14.8
     tyres                                "brush": saturating; "linear": as in the paper
     friction_ratio                       friction: dry 0.9, wet 0.6, snow 0.3
+    drive_lag_s                          time constant of drive and brakes, of first order; 0: they
+                                         act at once, as in the paper; Plexe assumes 0.5
     """
 
     mass_kg: float | None = Field(default=None, gt=100, le=100_000)
@@ -272,6 +274,7 @@ class ParametersTable(Table):
     steering_rate_limit_radps: float = Field(default=1.18, ge=0.01, allow_inf_nan=True)
     tyres: Literal["linear", "brush"] = "brush"
     friction_ratio: float = Field(default=0.9, ge=0.05, le=2)
+    drive_lag_s: float = Field(default=0.0, ge=0, le=5)
 
 
 class EventsTable(Table):

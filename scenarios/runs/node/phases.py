@@ -13,7 +13,7 @@ from scenarios.runs.node.outbox import Outbox
 from transport.links.inbox import Inbox, IncomingLink
 from transport.links.laws.effect import Position
 from vehicles.car.clock_error import VehicleClock
-from vehicles.car.dynamics import Actuation, Body, CarMotion
+from vehicles.car.dynamics import Actuation, Body, CarMotion, DriveTrain
 from vehicles.car.gnss import Fix, GnssReceiver
 from vehicles.car.imu import ExactSensor, InertialSensor, Motion
 from vehicles.car.parameters import VehicleParameters
@@ -37,9 +37,11 @@ class Car:
     imu: InertialSensor | ExactSensor
     command: Actuation
     _motion: CarMotion = field(init=False)
+    _drive: DriveTrain = field(init=False)
 
     def __post_init__(self) -> None:
         self._motion = CarMotion(self.parameters)
+        self._drive = DriveTrain(self.parameters.drive_lag)
 
     def measure(self, now: int) -> tuple[Fix | None, Motion | Body | None]:
         """Fix and motion measured at `now` (ns); call it at every tick."""
@@ -48,7 +50,7 @@ class Car:
     def advance(self, command: Actuation, span: float) -> None:
         """Move by `span` (s) with `command`."""
         self.command = command
-        self.body = self._motion.advance(self.body, command, span)
+        self.body = self._motion.advance(self.body, self._drive.act(command, self.body, span), span)
 
     @property
     def position(self) -> Position:

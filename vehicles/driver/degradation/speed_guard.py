@@ -60,7 +60,8 @@ class GuardedCar:
 
     `least_spacing` (m) to the predecessor, at which the bumpers touch; `friction` of the road;
     `policy` and `limits` of gap keeping (at a common speed: the spacing at the start);
-    `initial_spacing` (m) at the start; expected `period` (s) between the predecessor's messages.
+    `initial_spacing` (m) at the start; expected `period` (s) between the predecessor's messages;
+    `drive_lag` (s) of the car, which lengthens a stop by at most its product with the speed.
     """
 
     least_spacing: float
@@ -69,6 +70,7 @@ class GuardedCar:
     limits: GapLimits
     initial_spacing: float
     period: float
+    drive_lag: float = 0.0
 
 
 @dataclass(slots=True)
@@ -216,6 +218,7 @@ class SpeedGuard:
         if harder > self._friction:
             harder = self._friction
         own = stopping_distance(tick.pose.speed, self._last, tick.emergency)
+        own += self._car.drive_lag * tick.pose.speed
         return safe_reserve(tick.spacing - self._car.least_spacing, tick.speed, harder, own)
 
     def _safe_acceleration(self, tick: _Instant, reserve: float) -> float:
@@ -282,7 +285,7 @@ class SpeedGuard:
         if firmly:
             braking = emergency
         known = 0.0 if isnan(tick.situation.known) else tick.situation.known
-        left = known - STOP_MARGIN
+        left = known - STOP_MARGIN - self._car.drive_lag * tick.pose.speed
         needed = needed_deceleration(tick.pose.speed, left, self._last, braking.jerk)
         most = min(needed, braking.deceleration, emergency.deceleration)
         return max(-most, self._last - braking.jerk * tick.span)
@@ -291,6 +294,7 @@ class SpeedGuard:
         """Mildest acceleration (m/s²) that stops behind a predecessor that stops as announced."""
         distance = self._announced.distance(tick.now, tick.speed, tick.situation.predecessor)
         left = tick.spacing + distance - self._car.least_spacing - GUARD_MARGIN
+        left -= self._car.drive_lag * tick.pose.speed
         emergency = tick.emergency
         needed = needed_deceleration(tick.pose.speed, left, self._last, emergency.jerk)
         return max(-min(needed, emergency.deceleration), self._last - emergency.jerk * tick.span)
@@ -303,7 +307,8 @@ class SpeedGuard:
         speed, policy = tick.pose.speed, self._car.policy
         worst = self._emergency.deceleration
         own = stopping_distance(speed, 0.0, tick.emergency) - speed * speed / (2.0 * worst)
-        needed = self._car.least_spacing + GUARD_MARGIN + own + speed * (self._ages.usual + growth)
+        late = self._ages.usual + growth + self._car.drive_lag
+        needed = self._car.least_spacing + GUARD_MARGIN + own + speed * late
         return max(speed * growth, needed - policy.desired(speed), 0.0)
 
     def _without_lead(self, tick: _Instant) -> VehiclesAhead:

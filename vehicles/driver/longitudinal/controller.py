@@ -19,11 +19,13 @@ class OwnMotion:
     step          time since the last control instant (s); 0 at the first one
     acceleration  last command (m/s²), after all limits
     distance      distance driven (m), by the estimated speed
+    achieved      acceleration (m/s²) that the drive has reached by its assumed lag
     """
 
     step: float = 0.0
     acceleration: float = 0.0
     distance: float = 0.0
+    achieved: float = 0.0
 
 
 @dataclass(slots=True)
@@ -106,6 +108,7 @@ class LongitudinalSetup:
     parameters     `VehicleParameters` assumed of the car
     lead           name of the lead
     predecessor    name of the predecessor
+    policies       `SpacingPolicy` to each vehicle ahead by its name; to the predecessor, `policy`
     """
 
     policy: SpacingPolicy
@@ -116,6 +119,7 @@ class LongitudinalSetup:
     parameters: VehicleParameters = LINCOLN_MKZ
     lead: str = ""
     predecessor: str = ""
+    policies: Mapping[str, SpacingPolicy] = field(default_factory=dict)
 
 
 class LongitudinalController(Protocol):

@@ -1,7 +1,22 @@
-"""Shipped longitudinal controllers."""
+"""Shipped longitudinal controllers; SI units.
+
+Symbols of the formulas: gap g to the predecessor, from bumper to bumper; own speed v and
+acceleration a; speeds v_p, v_l and announced accelerations a_p, a_l of predecessor and lead,
+predicted to now; standstill gap d and time headway h of [speed.gap]. Default parameters are those
+of Plexe.
+
+Laws that need radio data fall back to ACC while the predecessor's are older than
+`fallback_after_s`, at a headway that is stable without them. ACC uses the gap of an on-board sensor
+where there is one, else the received one.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
 
 from vehicles.driver.longitudinal.controller import LongitudinalSetup, VehiclesAhead
 from vehicles.driver.longitudinal.gap_keeping import gap_acceleration
+from vehicles.setting import Setting
 
 
 class GapLaw:
@@ -14,3 +29,237 @@ class GapLaw:
     def acceleration(self, speed: float, ahead: VehiclesAhead) -> float:
         """Keep the desired spacing, by the predecessor's and the lead's speed."""
         return gap_acceleration(ahead, speed, self._policy, self._limits)
+
+
+@dataclass(frozen=True)
+class AccSettings:
+    """Parameters of ACC."""
+
+    gap_gain: Annotated[float, Setting("λ, gain of the gap error", "per_s", above=0)] = 0.1
+
+
+class Acc:
+    """Adaptive cruise control (Rajamani, eq. 6.18): no radio data of other vehicles but the gap.
+
+    u = -((v - v_p) + λ (d + h v - g)) / h. With a drive of lag τ it is string stable for h > 2 τ.
+    """
+
+    Settings = AccSettings
+
+    def __init__(self, setup: LongitudinalSetup, settings: AccSettings) -> None:
+        if not setup.policy.headway > 0.0:
+            raise ValueError("acc needs a speed.gap.headway_s above 0")
+        self._setup, self._gain = setup, settings.gap_gain
+
+    def acceleration(self, speed: float, ahead: VehiclesAhead) -> float:
+        """Keep the time gap by the sensor, or by the predecessor's poses."""
+        return acc_acceleration(self._setup, speed, ahead, self._setup.policy.headway, self._gain)
+
+
+@dataclass(frozen=True)
+class Fallback:
+    """Parameters of the fallback to ACC, which all laws with radio data have."""
+
+    fallback_after: Annotated[
+        float, Setting("age of the predecessor's data at which ACC begins", "s", above=0)
+    ] = 0.5
+    fallback_headway: Annotated[float, Setting("least headway of that ACC", "s", above=0)] = 1.2
+
+
+class _RadioLaw:
+    """A law with radio data of the predecessor, and ACC without them."""
+
+    def __init__(self, setup: LongitudinalSetup, settings: Fallback) -> None:
+        self._setup, self._fallback = setup, settings
+        self._headway = max(setup.policy.headway, settings.fallback_headway)
+
+    def acceleration(self, speed: float, ahead: VehiclesAhead) -> float:
+        """Use the law, or ACC while the predecessor's data are old."""
+        source = ahead.sources.get(self._setup.predecessor)
+        if source is not None and source.age <= self._fallback.fallback_after:
+            return self._cooperative(speed, ahead)
+        return acc_acceleration(self._setup, speed, ahead, self._headway)
+
+    def _cooperative(self, speed: float, ahead: VehiclesAhead) -> float:
+        raise NotImplementedError
+
+    def _gap_error(self, gap: float, speed: float) -> float:
+        """Gap error (m), positive if the gap is too wide: g - d - h v."""
+        return gap + self._setup.least_spacing - self._setup.policy.desired(speed)
+
+    def _measured_acceleration(self, ahead: VehiclesAhead, wanted: float, gain: float) -> float:
+        """Solve u = wanted - gain a for u, with the a at the end of the control period.
+
+        Without a drive lag, a = u; with one, a approaches u with that time constant. Taken at the
+        start of the period, a gain above 1 would make commands alternate.
+        """
+        lag = self._setup.parameters.drive_lag
+        left = math.exp(-self._setup.period / lag) if lag > 0.0 else 0.0
+        return (wanted - gain * left * ahead.own.achieved) / (1.0 + gain * (1.0 - left))
+
+
+@dataclass(frozen=True)
+class CaccSettings(Fallback):
+    """Parameters of CACC."""
+
+    lead_share: Annotated[float, Setting("c1, weight of the lead", "ratio", 0, maximum=1)] = 0.5
+    damping: Annotated[float, Setting("ξ, damping ratio", "ratio", 1, maximum=10)] = 1.0
+    bandwidth: Annotated[float, Setting("ω, bandwidth", "radps", above=0)] = 0.2
+
+
+class Cacc(_RadioLaw):
+    """Cooperative adaptive cruise control of PATH at a constant gap (Rajamani, eq. 7.39).
+
+    u = (1 - c1) a_p + c1 a_l + α3 (v - v_p) + α4 (v - v_l) - ω² (d + h v - g),
+    α3 = -(2 ξ - c1 (ξ + sqrt(ξ² - 1))) ω, α4 = -(ξ + sqrt(ξ² - 1)) ω c1. Without data of the lead
+    c1 is 0. Its law has h = 0: set `speed.gap.headway_s` to 0.
+    """
+
+    Settings = CaccSettings
+
+    def __init__(self, setup: LongitudinalSetup, settings: CaccSettings) -> None:
+        super().__init__(setup, settings)
+        self._settings = settings
+        self._root = settings.damping + math.sqrt(settings.damping**2 - 1.0)
+
+    def _cooperative(self, speed: float, ahead: VehiclesAhead) -> float:
+        settings = self._settings
+        share, lead_speed, lead_acceleration = 0.0, 0.0, 0.0
+        if not (math.isnan(ahead.lead_speed) or math.isnan(ahead.lead_acceleration)):
+            share = settings.lead_share
+            lead_speed, lead_acceleration = ahead.lead_speed, ahead.lead_acceleration
+        omega = settings.bandwidth
+        to_predecessor = (2.0 * settings.damping - share * self._root) * omega
+        to_lead = self._root * omega * share
+        gap = ahead.spacing - self._setup.least_spacing
+        return (
+            (1.0 - share) * ahead.predecessor_acceleration
+            + share * lead_acceleration
+            - to_predecessor * (speed - ahead.predecessor_speed)
+            - to_lead * (speed - lead_speed)
+            + omega * omega * self._gap_error(gap, speed)
+        )
+
+
+@dataclass(frozen=True)
+class PloegSettings(Fallback):
+    """Parameters of Ploeg's law."""
+
+    gap_gain: Annotated[float, Setting("k_p", "per_s2", above=0)] = 0.2
+    rate_gain: Annotated[float, Setting("k_d", "per_s", above=0)] = 0.7
+
+
+class Ploeg(_RadioLaw):
+    """Ploeg's law at a time gap, from the predecessor alone (Ploeg et al., 2011 and 2014).
+
+    du/dt = (-u + k_p (g - d - h v) + k_d (v_p - v - h a) + a_p) / h, integrated over each control
+    period from the last command.
+    """
+
+    Settings = PloegSettings
+
+    def __init__(self, setup: LongitudinalSetup, settings: PloegSettings) -> None:
+        if not setup.policy.headway > 0.0:
+            raise ValueError("ploeg needs a speed.gap.headway_s above 0")
+        super().__init__(setup, settings)
+        self._settings = settings
+
+    def _cooperative(self, speed: float, ahead: VehiclesAhead) -> float:
+        settings, headway, own = self._settings, self._setup.policy.headway, ahead.own
+        error = self._gap_error(ahead.spacing - self._setup.least_spacing, speed)
+        rate = ahead.predecessor_speed - speed - headway * own.achieved
+        target = (
+            settings.gap_gain * error + settings.rate_gain * rate + ahead.predecessor_acceleration
+        )
+        left = math.exp(-own.step / headway)
+        return left * own.acceleration + (1.0 - left) * target
+
+
+@dataclass(frozen=True)
+class FlatbedSettings(Fallback):
+    """Parameters of the flatbed law."""
+
+    acceleration_gain: Annotated[float, Setting("k_a", "ratio", 0)] = 2.4
+    speed_gain: Annotated[float, Setting("k_v", "per_s", above=0)] = 0.6
+    gap_gain: Annotated[float, Setting("k_p", "per_s2", above=0)] = 12.0
+    lead_headway: Annotated[
+        float, Setting("h_l, headway by the speed above the lead's", "s", 0)
+    ] = 4.0
+
+
+class Flatbed(_RadioLaw):
+    """Cars as on a flatbed truck: headway by the speed relative to the lead (Ali et al., 2015).
+
+    u = -k_a a + k_v (v_p - v) + k_p (g - d - h v - h_l (v - v_l)). Without data of the lead, v_l is
+    the predecessor's speed.
+    """
+
+    Settings = FlatbedSettings
+
+    def __init__(self, setup: LongitudinalSetup, settings: FlatbedSettings) -> None:
+        super().__init__(setup, settings)
+        self._settings = settings
+
+    def _cooperative(self, speed: float, ahead: VehiclesAhead) -> float:
+        settings = self._settings
+        lead_speed = ahead.predecessor_speed if math.isnan(ahead.lead_speed) else ahead.lead_speed
+        error = self._gap_error(ahead.spacing - self._setup.least_spacing, speed)
+        wanted = settings.speed_gain * (ahead.predecessor_speed - speed) + settings.gap_gain * (
+            error - settings.lead_headway * (speed - lead_speed)
+        )
+        return self._measured_acceleration(ahead, wanted, settings.acceleration_gain)
+
+
+@dataclass(frozen=True)
+class ConsensusSettings(Fallback):
+    """Parameters of the consensus law."""
+
+    position_gain: Annotated[float, Setting("k of each source", "per_s2", above=0)] = 0.86
+    speed_gain: Annotated[float, Setting("b", "per_s", above=0)] = 1.8
+
+
+class Consensus(_RadioLaw):
+    """Consensus over all received vehicles (Santini et al., 2017), along the path.
+
+    u = -b (v - v_0) + (k / n) Σ_j (s_j - S_j), with the speed v_0 of the lead, the spacing s_j to
+    each of n sources, predicted to now at v_0, and its desired value S_j at v_0. Gains are those of
+    Plexe for a mass of 1000 kg.
+    """
+
+    Settings = ConsensusSettings
+
+    def __init__(self, setup: LongitudinalSetup, settings: ConsensusSettings) -> None:
+        super().__init__(setup, settings)
+        self._settings = settings
+
+    def _cooperative(self, speed: float, ahead: VehiclesAhead) -> float:
+        settings, setup = self._settings, self._setup
+        common = ahead.predecessor_speed if math.isnan(ahead.lead_speed) else ahead.lead_speed
+        total, count = 0.0, 0
+        for name, source in ahead.sources.items():
+            if source.age <= settings.fallback_after and name in setup.policies:
+                spacing = source.spacing + source.age * common
+                total += spacing - setup.policies[name].desired(common)
+                count += 1
+        return settings.position_gain * total / max(count, 1) - settings.speed_gain * (
+            speed - common
+        )
+
+
+def acc_acceleration(
+    setup: LongitudinalSetup,
+    speed: float,
+    ahead: VehiclesAhead,
+    headway: float,
+    gain: float = AccSettings.gap_gain,
+) -> float:
+    """Acceleration (m/s²) of ACC at `headway` (s) with the gain λ (1/s).
+
+    The gap is the sensor's, or the received one, which the caller has predicted to now.
+    """
+    gap, rate = ahead.measured_gap, ahead.measured_gap_rate
+    if math.isnan(gap):
+        gap = ahead.spacing - setup.least_spacing
+        rate = ahead.predecessor_speed - speed
+    standstill = setup.policy.standstill - setup.least_spacing
+    return (rate + gain * (gap - standstill - headway * speed)) / headway

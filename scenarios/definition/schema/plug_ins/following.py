@@ -45,7 +45,17 @@ LONGITUDINAL = PlugInPoint(
     name="controller",
     title="longitudinal controller",
     key="control.longitudinal",
-    shipped={"gap": "vehicles.driver.longitudinal.laws.GapLaw"},
+    shipped={
+        name: f"vehicles.driver.longitudinal.laws.{law}"
+        for name, law in (
+            ("gap", "GapLaw"),
+            ("acc", "Acc"),
+            ("cacc", "Cacc"),
+            ("ploeg", "Ploeg"),
+            ("flatbed", "Flatbed"),
+            ("consensus", "Consensus"),
+        )
+    },
     contract=LongitudinalController,
     methods={"acceleration": "speed, ahead"},
     types=(LongitudinalSetup, VehiclesAhead, OwnMotion, SourceMotion),

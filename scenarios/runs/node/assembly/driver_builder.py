@@ -108,6 +108,7 @@ class DriverBuilder:
             load=load,
             gates=self._gates(),
             bends=self._bends(),
+            drive_lag=setup.assumed_parameters.drive_lag,
         )
 
     def _gap_keeping(self) -> GapKeeping:
@@ -242,6 +243,7 @@ class DriverBuilder:
             limits=scenario.gap_limits,
             initial_spacing=initial_spacing,
             period=self._usual_period(predecessor),
+            drive_lag=setup.assumed_parameters.drive_lag,
         )
         return SpeedGuard(law, setup.degradation, car)
 

@@ -149,6 +149,14 @@ def test_a_longitudinal_controller_needs_followers_that_keep_a_gap(module: Modul
         load_scenario("lane_change", [f"control.longitudinal={name}.ConstantTimeGap"])
 
 
+def test_a_shipped_law_refuses_settings_that_do_not_fit_it() -> None:
+    ploeg = "control.longitudinal=ploeg"
+    with pytest.raises(ScenarioError, match=r"control\.longitudinal.*headway_s"):
+        load_scenario("highway", overrides=[ploeg, "speed.gap.headway_s=0"])
+    with pytest.raises(ScenarioError, match=r"speed\.followers"):
+        load_scenario("lane_change", overrides=[ploeg])
+
+
 def test_parameters_reach_the_class_also_by_vehicle_and_model(module: Module) -> None:
     name = module(LATERAL)
     own = f"vehicle.v2.control.controller={{use='{name}.Modelled',share=0.25}}"
