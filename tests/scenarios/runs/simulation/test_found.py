@@ -118,3 +118,18 @@ def test_a_full_disk_is_reported_by_all_processes(
     assert any("No space left" in line for line in world.printed)
     assert not any(process.poll() == 0 for process in world.processes)
     assert not broken(Aftermath(world))
+
+
+def test_a_vehicle_of_which_only_final_counters_arrived_has_holes() -> None:
+    """A change of its receiver leaves it without a schedule of sending."""
+    plan = Plan(
+        seed=8905,
+        network=NetworkSettings(lease=33 * SECOND // 100),
+        faults=(
+            ("change", 336699139, "gnss", "v1"),
+            ("pause", 343198999, "recorder", 2667009497),
+        ),
+    )
+    run = simulate(plan)
+    assert not run.broken
+    assert "change: confirmed" in run.states
