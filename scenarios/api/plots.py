@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Sequence
+from textwrap import fill
 from typing import Any
 
 import matplotlib as mpl
@@ -44,7 +45,7 @@ def run_figure(run: RunRecord, vehicles: Sequence[VehicleRecord]) -> Figure:
     speeds.set(xlabel="time, s", ylabel="speed, m/s")
     gaps.set(xlabel="time, s", ylabel="true gap, m")
     figure.legend(loc="outside right upper")
-    figure.suptitle(run.summary.identity.title or run.summary.identity.scenario)
+    figure.suptitle(fill(run.summary.identity.title or run.summary.identity.scenario, 90))
     return figure
 
 

@@ -5,7 +5,7 @@ from html import escape
 from pathlib import Path
 from shlex import quote
 
-from scenarios.studies.run_list import ListedRun
+from scenarios.studies.run_list import MISSING, ListedRun
 
 HEADINGS = (
     "run",
@@ -101,9 +101,15 @@ def _row(run: ListedRun) -> str:
         _number(run.events, "d"),
         _cell("" if run.faults == run.line else run.line),
         _cell(run.faults, "faults"),
-        f"<td><code>{escape(f'convoy review {quote(run.log)}')}</code></td>",
+        _command(run),
     ]
     return "".join(cells)
+
+
+def _command(run: ListedRun) -> str:
+    if run.faults == MISSING:
+        return "<td></td>"
+    return f"<td><code>{escape(f'convoy review {quote(run.log)}')}</code></td>"
 
 
 def _cell(text: str, kind: str = "") -> str:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import matplotlib as mpl
@@ -36,6 +37,8 @@ LINES: Sequence[Any] = ("-", (0, (4, 1.5)), ":", "-.")
 STRIP_IN = 0.11
 """Height of a strip of modes."""
 MARK: Any = {"color": "black", "linewidth": 0.8, "linestyle": (0, (1, 2))}
+TITLE_WIDTH = 100
+"""Characters of a line of the title of a run."""
 TIME, PLACE = 0, 1
 
 
@@ -206,7 +209,7 @@ def _run_handles(comparison: RunComparison) -> list[Any]:
         Line2D(
             [],
             [],
-            label=run.title,
+            label=fill(run.title, TITLE_WIDTH, subsequent_indent="   "),
             linestyle=LINES[number % len(LINES)],
             color=str(0.65 * (number == 0)),
         )

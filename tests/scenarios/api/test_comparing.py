@@ -19,7 +19,8 @@ def command(*arguments: object) -> Result:
 def pair(tmp_path_factory: pytest.TempPathFactory) -> tuple[convoy.Run, convoy.Run]:
     folder = tmp_path_factory.mktemp("pair")
     settings = {"duration_s": 3.0, "convoy.vehicles": 3}
-    offset = {"vehicle.v2.lateral_offset_m": 0.5}
+    offset = {"vehicle.v2.lateral_offset_m": 0.5, "links.latency_ms": 20.0, "links.loss_ratio": 0.0}
+    offset |= {"convoy.gap_m": 10.0, "speed.set_mps": 30.0, "limits.true_gap_m_min": 1.0}
     return (
         convoy.run(set=settings, out=folder / "a"),
         convoy.run(set=settings | offset, out=folder / "b"),
@@ -63,6 +64,7 @@ def test_a_comparison_has_the_places_of_the_command(pair: tuple[convoy.Run, conv
     assert "A: lane_change" in comparison.runs["A"].title
     figure = comparison.plot(["v2"])
     assert figure._repr_png_().startswith(b"\x89PNG")  # type: ignore[attr-defined]
+    assert max(one.get_window_extent().x1 for one in figure.legends) <= figure.bbox.x1
     with pytest.raises(convoy.Error, match="allowed 2 to 8"):
         convoy.compare(a)
 
