@@ -25,7 +25,8 @@ GAINS = {"KE": (0.001, 10.0), "KTHETA": (0.0, 100.0), "KOMEGA": (0.0, 10.0)}
 """Least and largest gains (rad/m, rad/rad, s); a KE of 0 does not lead back to the path."""
 
 CASES = (
-    *("base", "a", "b", "c", "d", "variable_speed", "lead_data", "laws", "radius"),
+    *("base", "a", "b", "c", "d", "variable_speed", "lead_data"),
+    *("information", "laws", "radius"),
     *("propagation", "gains", "field"),
 )
 """Cases of the paper; a constant because their module needs SciPy."""

@@ -12,11 +12,15 @@ from typing import Literal
 
 from scenarios.studies.paper.keys import (
     BASE,
+    FIELD_NO_INITIAL_ERROR,
+    FIELD_SLIP_COMPENSATED,
     FIELD_WITH,
     FIELD_WITHOUT,
     LONG_WITH,
     LONG_WITHOUT,
     NO_LEAD_DATA,
+    NOISE_WITH,
+    NOISE_WITHOUT,
     VARIABLE_SPEED,
     A,
     B,
@@ -31,14 +35,14 @@ from vehicles.preview.curve_fit import Trajectory
 BASE_SEEDS = 4
 """Number of noisy runs of the base case, with and without the lead's data."""
 
-OTHER_SEEDS = 3
+OTHER_SEEDS = 2
 """Number of noisy runs of other cases, which end after the first lane change."""
 
-FIRST_CHANGE_S = {BASE: 15.0, A: 31.0, B: 31.0, C: 17.0, D: 15.0, VARIABLE_SPEED: 15.0}
+FIRST_CHANGE_S = {BASE: 13.0, A: 31.0, B: 31.0, C: 17.0, D: 13.0, VARIABLE_SPEED: 15.0}
 """Time (s) at which the last car has completed the first lane change, by case."""
 
-BOTH_CHANGES = (BASE, D, VARIABLE_SPEED, LONG_WITH, LONG_WITHOUT)
-"""Cases whose runs on shifted roads include both lane changes.
+OWN_DURATION = (VARIABLE_SPEED, LONG_WITH, LONG_WITHOUT)
+"""Cases whose runs on shifted roads last as long as the exact run.
 
 At constant speed and without noise the second lane change mirrors the first one, so other cases
 are repeated up to the end of the first.
@@ -46,6 +50,21 @@ are repeated up to the end of the first.
 
 RADII = (200.0, 250.0, 300.0, 400.0, 500.0, 700.0, 1000.0)
 """Radii (m) of the curves; the paper states only hundreds of metres."""
+
+ALPHAS = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Weights α of the predecessor in convoys of eight cars; 0.5 is the paper's."""
+
+PREVIEWS_S = (0.4, 0.6, 0.8, 1.0, 1.2)
+"""Previews (s); 0.8 is the paper's, and 1.0 s are the 30 m of Section III-A at 30 m/s."""
+
+LOSSES_PERCENT = (30.0, 60.0, 90.0)
+"""Shares (%) of messages that each link loses."""
+
+LATENCIES_MS = (100.0, 200.0, 400.0)
+"""Latencies (ms) of the links; the other runs have 20 ms."""
+
+NOISE_SEEDS = 2
+"""Number of noisy runs of eight cars on a straight."""
 
 BASE_SPEED = 30.0
 """Speed (m/s) of the base case and of the paper's theoretical figures."""
@@ -94,8 +113,8 @@ ROADS = {
 FIELD_SEEDS = 2
 """Repetitions of the field experiment with noise."""
 
-FIELD_DURATION = "duration_s=45.0"
-"""Repetitions end after the lane change and the first curve; exact runs end after one lap."""
+FIELD_DURATION = "duration_s=30.0"
+"""Repetitions end in the first curve, after the lane change; exact runs end after one lap."""
 
 FIELD_SPEED = 25.0
 """Speed (m/s) of the field experiment."""
@@ -112,6 +131,9 @@ TRAJECTORY_KEY = "control.trajectory="
 
 MIN_STRAIGHT = 1.0
 """Shorter straights (m) are omitted."""
+
+NO_INITIAL_ERROR = ("vehicle.PL2.lateral_offset_m=0.0", "vehicle.PL3.lateral_offset_m=0.0")
+"""All cars of the field experiment start on the path."""
 
 NO_SLOWING = ("speed.lateral_acceleration_mps2_max=5.0",)
 """Keeps the lead from slowing down in tight curves."""
@@ -197,7 +219,7 @@ def _noisy(key: RunKey, scenario: str, seeds: int, *changes: str) -> dict[RunKey
 def _with_phases(key: RunKey, exact: Experiment, case: RunKey = BASE) -> dict[RunKey, Experiment]:
     """An exact run, and its repetitions on shifted roads."""
     speed, begins = ROADS[case]
-    until = () if key in BOTH_CHANGES else _first_change(case)
+    until = () if key in OWN_DURATION else _first_change(case)
     runs = {key: exact}
     for phase in PHASES:
         distance = phase * SAMPLING_S * speed
@@ -217,10 +239,17 @@ def _repeated(key: RunKey, seeds: int, *until: str) -> dict[RunKey, Experiment]:
 
 
 def _paper_case(key: RunKey) -> dict[RunKey, Experiment]:
-    """One of the paper's other cases, and its variant with one trajectory per source."""
+    """One of the paper's other cases, with one trajectory per source, and with another law."""
     name, until = f"paper_{key}", _first_change(key)
-    blend = Experiment(scenario=name, overrides=('control.fusion="blend"', *until))
-    return {**_repeated(key, OTHER_SEEDS, *until), key.with_variant("blend"): blend}
+    return {
+        **_repeated(key, OTHER_SEEDS, *until),
+        key.with_variant("blend"): Experiment(
+            scenario=name, overrides=('control.fusion="blend"', *until)
+        ),
+        key.with_variant("slip_compensated"): Experiment(
+            scenario=name, overrides=(*SLIP_COMPENSATED, *until)
+        ),
+    }
 
 
 def _base_variant(*changes: str) -> Experiment:
@@ -231,7 +260,7 @@ def _base_variant(*changes: str) -> Experiment:
 def _base() -> dict[RunKey, Experiment]:
     knows_loading = "control.knows_loading=true"
     return {
-        **_repeated(BASE, BASE_SEEDS),
+        **_repeated(BASE, BASE_SEEDS, *_first_change(BASE)),
         BASE.with_variant("as_is"): _base_variant(),
         BASE.with_variant("blend"): _base_variant('control.fusion="blend"'),
         BASE.with_variant("lead_only"): _base_variant("control.alpha_ratio=0.0"),
@@ -255,27 +284,52 @@ def _laws() -> dict[RunKey, Experiment]:
 
 
 def _a_or_c(key: RunKey, speed: float) -> dict[RunKey, Experiment]:
-    name, until = f"paper_{key}", _first_change(key)
-    return {
-        **_paper_case(key),
-        key.with_variant("same_times"): Experiment(
-            scenario=name, overrides=at_the_same_times(speed)
-        ),
-        key.with_variant("slip_compensated"): Experiment(
-            scenario=name, overrides=(*SLIP_COMPENSATED, *until)
-        ),
-    }
+    again = Experiment(scenario=f"paper_{key}", overrides=at_the_same_times(speed))
+    return {**_paper_case(key), key.with_variant("same_times"): again}
+
+
+def at_alpha(alpha: float) -> RunKey:
+    """Key of the run of eight cars with a weight α; α = 1 ignores the lead's data."""
+    known = {0.5: LONG_WITH, 1.0: LONG_WITHOUT}
+    return known.get(alpha, RunKey("alpha", value=alpha))
+
+
+def at_preview(preview_s: float) -> RunKey:
+    return BASE if preview_s == 0.8 else RunKey("preview", value=preview_s)
 
 
 def _lead_data() -> dict[RunKey, Experiment]:
-    eight_cars = ("convoy.vehicles=8", "duration_s=17.0")
+    eight_cars = ("convoy.vehicles=8", "duration_s=14.5")
+    straight = ("path.segments=[{length_m=800.0}]", "convoy.vehicles=8", "duration_s=15.0")
     return {
-        **_repeated(BASE, BASE_SEEDS),
+        **_repeated(BASE, BASE_SEEDS, *_first_change(BASE)),
         **_with_phases(NO_LEAD_DATA, Experiment(overrides=PREDECESSOR_ONLY, logged=True)),
         **_noisy(NO_LEAD_DATA, "paper_base", BASE_SEEDS, *PREDECESSOR_ONLY, *_first_change(BASE)),
         **_with_phases(LONG_WITH, Experiment(overrides=eight_cars)),
         **_with_phases(LONG_WITHOUT, Experiment(overrides=(*eight_cars, *PREDECESSOR_ONLY))),
+        RunKey("long", "slip_compensated"): Experiment(overrides=(*eight_cars, *SLIP_COMPENSATED)),
+        **{
+            at_alpha(alpha): Experiment(overrides=(*eight_cars, f"control.alpha_ratio={alpha}"))
+            for alpha in ALPHAS
+            if alpha not in {0.5, 1.0}
+        },
+        **_noisy(NOISE_WITH, "paper_base", NOISE_SEEDS, *straight),
+        **_noisy(NOISE_WITHOUT, "paper_base", NOISE_SEEDS, *straight, *PREDECESSOR_ONLY),
     }
+
+
+def _information() -> dict[RunKey, Experiment]:
+    """The base case with other previews, and over links that lose or delay messages."""
+    settings = {
+        **{at_preview(t): f"control.preview_s={t}" for t in PREVIEWS_S if t != 0.8},
+        **{
+            RunKey("loss", value=percent): f"links.loss_ratio={percent / 100.0}"
+            for percent in LOSSES_PERCENT
+        },
+        **{RunKey("latency", value=ms): f"links.latency_ms={ms}" for ms in LATENCIES_MS},
+    }
+    base = {BASE: Experiment(logged=True)}
+    return base | {key: _base_variant(setting) for key, setting in settings.items()}
 
 
 def _radius() -> dict[RunKey, Experiment]:
@@ -298,15 +352,26 @@ def _radius() -> dict[RunKey, Experiment]:
 def _field() -> dict[RunKey, Experiment]:
     """Repetitions of the field experiment, on shifted roads and with noise, as live convoys.
 
-    Followers treat a replay like a live car. `field_runs` simulates the exact runs, car by car.
+    Followers treat a replay like a live car. `field_runs` simulates the exact runs, car by car. The
+    runs without initial errors exist as live convoys only.
     """
-    runs = {}
-    for key, changes in ((FIELD_WITH, ()), (FIELD_WITHOUT, PREDECESSOR_ONLY)):
+
+    def live(*changes: str) -> Experiment:
+        return Experiment(scenario="paper_field", overrides=(*EXACT, *changes, FIELD_DURATION))
+
+    runs = {
+        FIELD_NO_INITIAL_ERROR: live(*NO_INITIAL_ERROR),
+        FIELD_SLIP_COMPENSATED: live(*NO_INITIAL_ERROR, *SLIP_COMPENSATED),
+    }
+    for key, changes in (
+        (FIELD_WITH, ()),
+        (FIELD_WITHOUT, PREDECESSOR_ONLY),
+        (FIELD_NO_INITIAL_ERROR, NO_INITIAL_ERROR),
+    ):
         for phase in PHASES:
             place = f"path.segments.0.length_m={100.0 + phase * SAMPLING_S * FIELD_SPEED}"
-            runs[key.moved(phase)] = Experiment(
-                scenario="paper_field", overrides=(*EXACT, *changes, place, FIELD_DURATION)
-            )
+            runs[key.moved(phase)] = live(*changes, place)
+    for key, changes in ((FIELD_WITH, ()), (FIELD_WITHOUT, PREDECESSOR_ONLY)):
         runs |= _noisy(key, "paper_field", FIELD_SEEDS, *changes, FIELD_DURATION)
     return runs
 
@@ -319,6 +384,7 @@ RUNS_OF_CASE: Mapping[str, Mapping[RunKey, Experiment]] = {
     "d": _paper_case(D),
     "variable_speed": _paper_case(VARIABLE_SPEED),
     "lead_data": _lead_data(),
+    "information": _information(),
     "laws": _laws(),
     "radius": _radius(),
     Part.PROPAGATION: {},

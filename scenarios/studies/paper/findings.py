@@ -9,12 +9,23 @@ import numpy as np
 from scenarios.results.drives import Array, Trial
 from scenarios.studies.paper.fitted_samples import SampleFigures
 from scenarios.studies.paper.frequency_response import SineResponse
-from scenarios.studies.paper.keys import FIELD_WITH, Need, Part, RunKey
+from scenarios.studies.paper.keys import FIELD_WITH, Need, Part, RunKey, Variant
 from vehicles.preview.curve_fit import Trajectory
 from vehicles.theory.string_stability import is_string_stable
 
 TOLERANCE_M = 0.001
 """Largest errors that differ by less (m) count as equal."""
+
+
+ALTERNATIVES: dict[Variant, str] = {
+    "slip_compensated": "slip compensation",
+    "stanley": "Stanley's law",
+    "pure_pursuit": "pure pursuit",
+}
+"""Steering laws that a row names if they do better than the paper's."""
+
+LOST_M = 10.0
+"""Errors (m) of cars that have lost their path; larger ones are not printed."""
 
 
 class Tally(NamedTuple):
@@ -95,6 +106,20 @@ def _tally(holds: Callable[..., bool], *runs: Sequence[Trial]) -> Tally | None:
     return Tally(sum(holds(*trials) for trials in groups), len(groups)) if groups else None
 
 
+def better_laws(findings: Findings, key: RunKey, measure: str = "tracking") -> str:
+    """Name other steering laws whose largest errors in a case are smaller, with their errors.
+
+    `measure` is `tracking` or `cross_track`, an attribute of a `Trial`.
+    """
+    own = max(getattr(findings.trials[key], measure))
+    found = []
+    for law, name in ALTERNATIVES.items():
+        trial = findings.trials.get(key.with_variant(law))
+        if trial is not None and max(getattr(trial, measure)) < own - TOLERANCE_M:
+            found.append(f"{name} {in_cm(getattr(trial, measure))}")
+    return f". Better: {'; '.join(found)}" if found else ""
+
+
 def non_increasing(maxima: tuple[float, ...]) -> bool:
     """Whether no largest error (m) exceeds that of the car ahead by more than TOLERANCE_M."""
     return is_string_stable(maxima, TOLERANCE_M)
@@ -102,8 +127,9 @@ def non_increasing(maxima: tuple[float, ...]) -> bool:
 
 def in_cm(maxima: tuple[float, ...]) -> str:
     """Format the largest errors (m) of the followers, front to back."""
-    return ", ".join(f"{100.0 * value:.1f}" for value in maxima) + " cm"
+    texts = (f"{100.0 * m:.1f}" if m < LOST_M else f"over {100.0 * LOST_M:.0f}" for m in maxima)
+    return ", ".join(texts) + " cm"
 
 
 def cm(value: float) -> str:
-    return f"{100.0 * value:z.1f} cm"
+    return f"{100.0 * value:z.1f} cm" if value < LOST_M else in_cm((value,))

@@ -16,7 +16,21 @@ TRAJECTORY_NAMES: dict[Trajectory, str] = {
 """Names in the report."""
 
 Setup = Literal[
-    "base", "a", "b", "c", "d", "variable_speed", "no_lead_data", "long", "radius", "field"
+    "base",
+    "a",
+    "b",
+    "c",
+    "d",
+    "variable_speed",
+    "no_lead_data",
+    "long",
+    "radius",
+    "alpha",
+    "preview",
+    "loss",
+    "latency",
+    "noise_along",
+    "field",
 ]
 """Convoy and road: a case of the paper, or an additional one that tests a claim."""
 
@@ -26,6 +40,7 @@ Variant = Literal[
     "gap_20_m",
     "knows_loading",
     "lead_only",
+    "no_initial_error",
     "no_lead_data",
     "own_state_estimated",
     "paper_prefix",
@@ -42,8 +57,9 @@ Variant = Literal[
 
 @dataclass(frozen=True, slots=True)
 class RunKey:
-    """One run: setup, changed setting, radius (m) of the curves, and repetition.
+    """One run: setup, changed setting, value of a varied quantity, and repetition.
 
+    `value` is a radius (m) of the curves, α, a preview (s), a loss (%) or a latency (ms).
     `phase` is the shift of the road as a share of the sample distance, `seed` that of the
     receiver's noise. A run with neither is the exact run.
     """
@@ -51,14 +67,14 @@ class RunKey:
     setup: Setup
     variant: Variant | None = None
     _: KW_ONLY
-    radius: float | None = None
+    value: float | None = None
     phase: float | None = None
     seed: int | None = None
 
     def __str__(self) -> str:
         parts: list[str] = [self.setup]
-        if self.radius is not None:
-            parts.append(f"{self.radius:g}")
+        if self.value is not None:
+            parts.append(f"{self.value:g}")
         if self.variant is not None:
             parts.append(self.variant)
         if self.phase is not None:
@@ -94,11 +110,17 @@ NO_LEAD_DATA = RunKey("no_lead_data")
 LONG_WITH, LONG_WITHOUT = RunKey("long", "with"), RunKey("long", "without")
 """Eight cars with and without the lead's data."""
 
+NOISE_WITH, NOISE_WITHOUT = RunKey("noise_along", "with"), RunKey("noise_along", "without")
+"""Eight cars with receiver noise on a straight; there is no exact run."""
+
 FIELD_WITH, FIELD_WITHOUT = RunKey("field", "with"), RunKey("field", "without")
+FIELD_NO_INITIAL_ERROR = RunKey("field", "no_initial_error")
+FIELD_SLIP_COMPENSATED = RunKey("field", "slip_compensated")
+"""The field experiment with lead data and without initial errors, by the steering law."""
 
 
 def at_radius(radius: float) -> RunKey:
-    return RunKey("radius", radius=radius)
+    return RunKey("radius", value=radius)
 
 
 class Part(StrEnum):

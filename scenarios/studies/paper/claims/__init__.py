@@ -10,4 +10,5 @@ other_cases       Sections V-C.2 and V-C.3: other speeds and loads, varying spee
 string_stability  the simulations by Definition 1, in L2, and off the lead's path
 other_laws        beyond the paper: Stanley and pure pursuit
 field_experiment  Section V-D: the field experiment
+information       beyond the paper: weight α, noise, preview, loss and latency varied
 """

@@ -8,21 +8,29 @@ from scenarios.studies.paper.findings import Findings, Tally
 from scenarios.studies.paper.keys import Need, Part, RunKey
 from vehicles.preview.curve_fit import Trajectory
 
-Judgement = Literal["holds", "undecided", "does not hold", "not checkable"]
-JUDGEMENTS: tuple[Judgement, ...] = ("holds", "undecided", "does not hold", "not checkable")
+Judgement = Literal["holds", "undecided", "misprint, harmless", "does not hold", "not checkable"]
+JUDGEMENTS: tuple[Judgement, ...] = (
+    "holds",
+    "undecided",
+    "misprint, harmless",
+    "does not hold",
+    "not checkable",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
     """The reproduced result, and whether the claim holds in the exact run (None: not checkable).
 
-    `reason` explains why the claim does not hold, cannot be checked, or holds under conditions.
+    `reason` explains why the claim does not hold, cannot be checked, or holds under conditions. A
+    `misprint` does not hold as printed, and no other claim of the paper depends on it.
     `phases` counts the exact runs in which it holds, on shifted roads; `noise` counts the noisy
     runs. `numbers` go into report.json, with units in the keys.
     """
 
     ours: str
     holds: bool | None
+    misprint: bool = False
     reason: str = ""
     phases: Tally | None = None
     noise: Tally | None = None
@@ -136,6 +144,8 @@ def verdict_of(answer: Answer) -> ClaimVerdict:
         judgement = "not checkable"
     elif phases is not None and 0 < phases.holding < phases.runs:
         judgement = "undecided"
+    elif answer.misprint and not answer.holds:
+        judgement = "misprint, harmless"
     else:
         judgement = "holds" if answer.holds else "does not hold"
     return ClaimVerdict(answer=answer, judgement=judgement)
@@ -144,16 +154,24 @@ def verdict_of(answer: Answer) -> ClaimVerdict:
 def counts_text(claims: Sequence[JudgedClaim], trajectory: Trajectory) -> str:
     """Format the number of claims with each judgement."""
     judgements = [claim.verdicts[trajectory].judgement for claim in claims]
-    hold, undecided, fail, unknown = (judgements.count(judgement) for judgement in JUDGEMENTS)
+    hold, undecided, misprints, fail, unknown = map(judgements.count, JUDGEMENTS)
     return (
-        f"{hold} hold, {undecided} are undecided, {fail} do not hold, {unknown} cannot be checked"
+        f"{hold} hold, {undecided} are undecided, {misprints} are harmless misprints, {fail} do "
+        f"not hold, {unknown} cannot be checked"
     )
 
 
 def groups(claims: Iterable[JudgedClaim], trajectory: Trajectory) -> dict[str, list[JudgedClaim]]:
-    """Group claims that do not hold or are undecided, and claims that noise affects."""
+    """Group claims that do not hold, are misprinted or undecided, and that noise affects."""
     grouped: dict[str, list[JudgedClaim]] = {
-        group: [] for group in ("does not hold", "undecided", "fails in noise", "holds in noise")
+        group: []
+        for group in (
+            "does not hold",
+            "misprint, harmless",
+            "undecided",
+            "fails in noise",
+            "holds in noise",
+        )
     }
     for claim in claims:
         outcome = claim.verdicts[trajectory]

@@ -184,6 +184,7 @@ def open_loop_roots(_: Findings) -> Answer:
         ours="Δ_o(s) = s² R(s) has a double root at the origin for every load; the others are "
         f"{roots[0].real:.1f} ± {abs(roots[0].imag):.1f}j 1/s",
         holds=False,
-        reason="the figure can only show the roots of the closed loop, Δ(s, K), as in the row "
-        "above",
+        misprint=True,
+        reason="Δ(s, K) is meant: the figure can only show the roots of the closed loop, which are "
+        "on the left (row above)",
     )

@@ -113,7 +113,9 @@ def preview(_: Findings) -> Answer:
     return Answer(
         ours="0.8 s are 24 m at the paper's 30 m/s; 30 m require 37.5 m/s (135 km/h)",
         holds=False,
-        reason="rounded, without consequence; 24 m is used here",
+        misprint=True,
+        reason="24 m is used here. A preview of 30 m changes the results little (row on the "
+        "preview below)",
         numbers={"preview_m": 24.0},
     )
 
@@ -128,5 +130,7 @@ def signs(_: Findings) -> Answer:
         ours="e_lat = R − distance is positive to the left of the path in left turns only; "
         "y = m x + c does not exist for a road to the north",
         holds=False,
-        reason="here curvature is signed and errors refer to the arc",
+        misprint=True,
+        reason="correct with the sign of the turn and a line given by its heading. Here curvature "
+        "is signed and errors refer to the arc",
     )

@@ -3,14 +3,40 @@
 import numpy as np
 
 from scenarios.results.drives import Array, Trial
+from scenarios.studies.paper.claims.base_case import levels_off, off_the_road
 from scenarios.studies.paper.claims.claim import Answer, Claims, by_runs
 from scenarios.studies.paper.claims.other_cases import SIMULATIONS
-from scenarios.studies.paper.findings import TOLERANCE_M, Findings, cm, in_cm, non_increasing
-from scenarios.studies.paper.keys import BASE, NO_LEAD_DATA, VARIABLE_SPEED, A, B, C, D
-from vehicles.theory.string_stability import head_to_tail, is_string_stable
+from scenarios.studies.paper.findings import (
+    TOLERANCE_M,
+    Findings,
+    better_laws,
+    cm,
+    in_cm,
+    non_increasing,
+)
+from scenarios.studies.paper.keys import (
+    BASE,
+    LONG_WITH,
+    LONG_WITHOUT,
+    NO_LEAD_DATA,
+    VARIABLE_SPEED,
+    A,
+    B,
+    C,
+    D,
+)
+from scenarios.studies.paper.linear_prediction import predict_errors, transfer
+from vehicles.theory.propagation import Transfer, chain_offsets
+from vehicles.theory.string_stability import head_to_tail, is_string_stable, peak
 
 OTHERS = (A, B, C, D, VARIABLE_SPEED)
 """The simulations other than the base case."""
+
+ALPHA = 0.5
+"""The paper's weight of the predecessor."""
+
+MANY = 60
+"""Number of followers of a convoy that stands for any number."""
 
 SPACING = 0.5
 """Distance (m) between the points of the lead's path at which cars are compared."""
@@ -42,6 +68,55 @@ def definition_1(findings: Findings) -> Answer:
 
 
 @CLAIMS.claim(
+    where="IV-B; weaker senses, eight cars (survey: Feng et al., 2019)",
+    paper="With the lead's data, errors are bounded for any number of cars",
+    needs=(BASE, LONG_WITH, LONG_WITHOUT),
+)
+def bounded_along_the_convoy(findings: Findings) -> Answer:
+    loaded = transfer(BASE)
+    contraction = ALPHA * peak(loaded).magnitude
+    with_data, without = findings.trials[LONG_WITH], findings.trials[LONG_WITHOUT]
+    limit = predict_errors(findings.trials[BASE].lead, loaded, ALPHA, MANY)[1][-1]
+    gains, without_gains = (largest_gains(loaded, alpha) for alpha in (ALPHA, 1.0))
+    last, step = len(with_data.followers), head_to_tail(l2_norms(with_data)[:2])
+    level = levels_off(with_data)
+    word = "level off" if level else f"do not level off{off_the_road(with_data)}"
+    return Answer(
+        **by_runs(findings, lambda run: levels_off(run) and contraction < 1.0, LONG_WITH),
+        ours=f"true errors {in_cm(with_data.cross_track)} {word} (theory: at {cm(limit)}); "
+        f"without the lead's data {in_cm(without.cross_track)}. The gain in L2 from the lead's "
+        f"offset to any car's error is at most {max(gains):.1f}, with any number of cars; without "
+        f"the lead's data {without_gains[last - 1]:.0f} for car {last + 1}, growing as ‖F‖∞ⁿ = "
+        f"{peak(loaded).magnitude:.2f}ⁿ",
+        reason=f"in linear theory α‖F‖∞ = {contraction:.2f} < 1, so the contributions of all cars "
+        "ahead converge, in L2 and (Gelfand's formula) in L∞. Such a convoy is string stable in "
+        "the sense of Swaroop and Hedrick (1996: largest errors are bounded for any number of "
+        "cars) and L2 string stable in that of Ploeg et al. (2014: bounded by the lead's "
+        "manoeuvre), though not strictly (no car amplifies the error of the car ahead): here the "
+        f"second follower has {step:.2f} times the error of the first in L2. Definition 1 is the "
+        "strict form in L∞, and fails"
+        + ("" if level else ". This trajectory is not linear: its circles lead a car off the road"),
+        numbers={
+            "alpha_norm_f_ratio": contraction,
+            "limit_m": limit,
+            "largest_gain_ratio": max(gains),
+            "largest_gain_without_ratio": without_gains[last - 1],
+            "second_over_first_l2_ratio": step,
+        },
+    )
+
+
+def largest_gains(transfer: Transfer, alpha: float) -> tuple[float, ...]:
+    """Gain in L2 from the lead's offset to the true error of each of MANY followers.
+
+    The largest magnitude of `chain_offsets` over frequencies from 0.01 to 200 rad/s.
+    """
+    frequencies = np.geomspace(0.01, 200.0, 4000)
+    gains = np.abs(chain_offsets(transfer, frequencies, alpha, MANY)).max(axis=1)
+    return tuple(gains.tolist())
+
+
+@CLAIMS.claim(
     where="V-C.2, V-C.3; IV-B (no car will be off-track)",
     paper="Also in A to D and at variable speed, no car is farther off the track than the car "
     "ahead",
@@ -55,7 +130,10 @@ def others_true(findings: Findings) -> Answer:
     return Answer(
         **by_runs(findings, stays_on_track, *OTHERS),
         ours="true errors: "
-        + "; ".join(f"{key.label} {in_cm(trial.cross_track)}" for key, trial in trials.items()),
+        + "; ".join(
+            f"{key.label} {in_cm(trial.cross_track)}{better_laws(findings, key, 'cross_track')}"
+            for key, trial in trials.items()
+        ),
         reason="as in the base case, every car adds its own error to half of its predecessor's",
         numbers={str(key): trial.cross_track for key, trial in trials.items()},
     )

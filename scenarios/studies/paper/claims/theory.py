@@ -57,7 +57,9 @@ def state_equation(_: Findings) -> Answer:
         ours=f"the slowest root at 30 m/s is {wrong:+.2g} 1/s as printed, {slow:+.2f} 1/s by "
         "eq. (3)",
         holds=False,
-        reason="M⁻¹ is missing before L, C_0, B and F, and the term v̇ θ̃ for varying speed",
+        misprint=True,
+        reason="M⁻¹ is missing before L, C_0, B and F, and the term v̇ θ̃ for varying speed. With "
+        "both, Proposition 1 holds (rows below)",
         numbers={"abscissa_as_printed_per_s": wrong, "abscissa_per_s": slow},
     )
 
@@ -176,7 +178,8 @@ def equivalence(_: Findings) -> Answer:
         f"{peak(plain).magnitude:.2f}: the matrix has rank one, and |G| is only its non-zero "
         "eigenvalue",
         holds=False,
-        reason="|G| ≤ 1 is necessary, not equivalent (and σ_max combines metres and radians); "
-        "necessity suffices for the argument. N(0) also lacks the factor C_f, without consequence",
+        misprint=True,
+        reason='"equivalent" should read "necessary" (and σ_max combines metres and radians): the '
+        "argument needs no more. N(0) also lacks the factor C_f, which changes no sign",
         numbers={"sigma_max": largest},
     )

@@ -8,7 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from scenarios.results.drives import Array, Drive, Trial
-from scenarios.studies.paper.experiments import BASE_SPEED, RADII
+from scenarios.studies.paper.claims.information import noise_rms
+from scenarios.studies.paper.experiments import ALPHAS, BASE_SPEED, RADII, at_alpha
 from scenarios.studies.paper.findings import Findings
 from scenarios.studies.paper.frequency_response import PREVIEW_S, SHORT_PREVIEW_S
 from scenarios.studies.paper.keys import (
@@ -18,6 +19,8 @@ from scenarios.studies.paper.keys import (
     LONG_WITH,
     LONG_WITHOUT,
     NO_LEAD_DATA,
+    NOISE_WITH,
+    NOISE_WITHOUT,
     TRAJECTORY_NAMES,
     VARIABLE_SPEED,
     A,
@@ -30,6 +33,7 @@ from scenarios.studies.paper.keys import (
     Variant,
     at_radius,
 )
+from scenarios.studies.paper.linear_prediction import predict_errors, transfer
 from scenarios.studies.picture_style import BLUE, GREEN, GREY, ORANGE, PAGE_IN, PURPLE, RED
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS
 from vehicles.preview.curve_fit import Trajectory
@@ -217,6 +221,39 @@ def lead_data(findings: Findings) -> Figure:
     return figure
 
 
+def along_the_convoy(findings: Findings) -> Figure:
+    """Draw true errors of eight cars for each α, and noise with and without the lead's data."""
+    figure = Figure(figsize=(PAGE_IN, 3.4), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    for place, alpha in enumerate(ALPHAS):
+        run = findings.trials[at_alpha(alpha)]
+        cars = np.arange(2, 2 + len(run.followers))
+        style: dict[str, Any] = {"color": COLOURS[place], "linewidth": 1.2}
+        left.plot(
+            cars,
+            100.0 * np.array(run.cross_track),
+            marker="o",
+            markersize=4.0,
+            label=f"α = {alpha:g}",
+            **style,
+        )
+        expected = predict_errors(findings.trials[BASE].lead, transfer(BASE), alpha, len(cars))[1]
+        left.plot(cars, 100.0 * np.array(expected), linestyle=":", **style)
+    left.set_ylabel("largest error off the lead's path, cm")
+    left.set_title("A lane change")
+    for key, colour in ((NOISE_WITHOUT, RED), (NOISE_WITH, BLUE)):
+        rms = noise_rms(findings.noisy(key))
+        label = f"{key.variant} the lead's data"
+        right.plot(range(2, 2 + len(rms)), 100.0 * np.array(rms), "o-", color=colour, label=label)
+    right.set_ylabel("rms error off the lead's path, cm")
+    right.set_title("Noise of receivers on a straight")
+    for axes in (left, right):
+        axes.set_ylim(bottom=0.0)
+        axes.set_xlabel("car")
+        axes.legend()
+    return figure
+
+
 def maxima(findings: Findings) -> Figure:
     """Draw largest errors: exact (bars), with the road moved (dashes), with noise (dots)."""
     known = (BASE, NO_LEAD_DATA, A, B, C, D, VARIABLE_SPEED)
@@ -255,7 +292,7 @@ def radius(findings: Findings) -> Figure:
         ("slip_compensated", GREEN, "^", "with them, slip compensated"),
     )
     for variant, colour, mark, label in styles:
-        keys = [RunKey("radius", variant, radius=r) for r in RADII]
+        keys = [RunKey("radius", variant, value=r) for r in RADII]
         values = [findings.trials[key].cross_track[-1] for key in keys]
         right.plot(
             RADII, 100.0 * np.array(values), color=colour, marker=mark, markersize=4, label=label
@@ -378,6 +415,10 @@ PICTURES: dict[str, tuple[tuple[Need, ...], Draw]] = {
     "errors_variable_speed": ((VARIABLE_SPEED,), variable_speed),
     "maxima": ((BASE,), maxima),
     "lead_data": ((BASE, NO_LEAD_DATA, LONG_WITH, LONG_WITHOUT), lead_data),
+    "along_the_convoy": (
+        (BASE, *map(at_alpha, ALPHAS), NOISE_WITH.noisy(1), NOISE_WITHOUT.noisy(1)),
+        along_the_convoy,
+    ),
     "radius": (tuple(at_radius(r) for r in RADII), radius),
     "propagation": ((Part.PROPAGATION,), measured_propagation),
     "field": ((Part.FIELD,), field),

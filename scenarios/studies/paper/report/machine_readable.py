@@ -13,7 +13,7 @@ from scenarios.studies.paper.findings import Findings, non_increasing
 from scenarios.studies.paper.keys import FIELD_WITH, FIELD_WITHOUT, Part
 from vehicles.preview.curve_fit import Trajectory
 
-SCHEMA = "convoy.reproduction/2"
+SCHEMA = "convoy.reproduction/3"
 
 AllFindings = Mapping[Trajectory, Findings]
 

@@ -5,7 +5,16 @@ from dataclasses import replace
 import numpy as np
 
 from scenarios.results.drives import Drive, Trial
-from scenarios.studies.paper.experiments import OTHER_LAWS, RADII
+from scenarios.studies.paper.experiments import (
+    ALPHAS,
+    LATENCIES_MS,
+    LOSSES_PERCENT,
+    OTHER_LAWS,
+    PREVIEWS_S,
+    RADII,
+    at_alpha,
+    at_preview,
+)
 from scenarios.studies.paper.findings import Findings
 from scenarios.studies.paper.fitted_samples import SampleFigures
 from scenarios.studies.paper.frequency_response import (
@@ -17,16 +26,21 @@ from scenarios.studies.paper.frequency_response import (
 )
 from scenarios.studies.paper.keys import (
     BASE,
+    FIELD_NO_INITIAL_ERROR,
+    FIELD_SLIP_COMPENSATED,
     FIELD_WITH,
     FIELD_WITHOUT,
     LONG_WITH,
     LONG_WITHOUT,
     NO_LEAD_DATA,
+    NOISE_WITH,
+    NOISE_WITHOUT,
     VARIABLE_SPEED,
     A,
     B,
     C,
     D,
+    RunKey,
     at_radius,
 )
 from vehicles.preview.curve_fit import Trajectory
@@ -38,12 +52,20 @@ def trial_of(tracking: tuple[float, ...], true: tuple[float, ...] | None = None)
     bump = np.exp(-((at - 12.0) ** 2))
     peak = bump / bump.max()
     nothing = np.zeros(len(at))
-    lead = Drive("v1", at, 30.0 * at, -peak, nothing + 30.0, nothing, nothing, at, nothing)
+    east = 30.0 * at
+    lead = Drive("v1", at, east, -peak, nothing + 30.0, nothing, nothing, east, nothing)
     followers = [
         replace(lead, name=f"v{k}", lateral_error=-error * peak, cross_track=true_error * peak)
         for k, (error, true_error) in enumerate(zip(tracking, true or tracking, strict=True), 2)
     ]
     return Trial((lead, *followers))
+
+
+def late_third_car(error: float) -> Trial:
+    """Make a run in which the second follower has its largest error (m) later than the first."""
+    trial = trial_of((0.05, error))
+    first, second = trial.followers
+    return Trial((trial.lead, first, replace(second, cross_track=np.roll(second.cross_track, 20))))
 
 
 def along_both_trajectories(findings: Findings) -> dict[Trajectory, Findings]:
@@ -61,7 +83,14 @@ def findings_with_all_claims_true() -> Findings:
         D,
         VARIABLE_SPEED.with_variant("blend"),
     )
-    trials = dict.fromkeys(same, falling)
+    varied = (
+        *map(at_alpha, ALPHAS),
+        *map(at_preview, PREVIEWS_S),
+        *(RunKey("loss", value=percent) for percent in LOSSES_PERCENT),
+        *(RunKey("latency", value=latency) for latency in LATENCIES_MS),
+        *(key.noisy(1) for key in (NOISE_WITH, NOISE_WITHOUT)),
+    )
+    trials = dict.fromkeys((*same, *varied), falling)
     trials[NO_LEAD_DATA] = trial_of((0.08, 0.08, 0.08), (0.08, 0.16, 0.25))
     trials[LONG_WITH] = trial_of((0.08, 0.06, 0.05), (0.08, 0.06, 0.05))
     trials[LONG_WITHOUT] = trial_of((0.08, 0.08, 0.08), (0.08, 0.16, 0.25))
@@ -74,7 +103,9 @@ def findings_with_all_claims_true() -> Findings:
         trials[at_radius(radius)] = trials[at_radius(radius).noisy(1)] = falling
     for law in OTHER_LAWS:
         trials[BASE.with_variant(law)] = falling
-    trials[FIELD_WITH], trials[FIELD_WITHOUT] = trial_of((0.05, 0.04)), trial_of((0.05, 0.06))
+    trials[FIELD_WITH], trials[FIELD_WITHOUT] = late_third_car(0.04), trial_of((0.05, 0.06))
+    for key in (FIELD_NO_INITIAL_ERROR, FIELD_SLIP_COMPENSATED):
+        trials[key] = trial_of((0.05, 0.04))
     responses = [
         SineResponse(frequency, preview, (1.0, 1.1, 1.2, 1.3))
         for preview, frequencies in (

@@ -55,9 +55,11 @@ NAMES = """
     road base_below_9_cm base_where
     base_decreasing base_true amplified_without_lead_data reduced_by_lead_data a_decreasing
     b_decreasing c_decreasing d_decreasing uneven faster mass small variable_below_11_cm
-    slightly_more variable_speed_decreasing definition_1 others_true amplified_in_l2
-    not_amplified_in_l2 propagation_measured field_course field_amplified
-    field_not_amplified field_initial_error field_on_the_road against_stanley against_pure_pursuit
+    slightly_more variable_speed_decreasing definition_1 bounded_along_the_convoy
+    others_true amplified_in_l2 not_amplified_in_l2 propagation_measured
+    field_course field_amplified field_not_amplified field_initial_error
+    field_on_the_road against_stanley against_pure_pursuit alpha_chain
+    noise_along_the_convoy preview_suffices loss_varied latency_varied
 """
 """Names of the claims in report.json, in the order of the paper."""
 
@@ -112,13 +114,17 @@ def test_report_json_agrees_with_report_md(whole: Path) -> None:
         rows = {claim["name"]: claim["trajectories"][kind] for claim in report["claims"]}
         counts = [sum(row["verdict"] == j for row in rows.values()) for j in JUDGEMENTS]
         assert sum(counts) == len(CLAIMS)
-        line = f"{counts[0]} hold, {counts[1]} are undecided, {counts[2]} do not hold, {counts[3]}"
+        assert counts[2] == 5
+        line = (
+            f"{counts[0]} hold, {counts[1]} are undecided, 5 are harmless misprints, {counts[3]} do"
+            f" not hold, {counts[4]} cannot be checked"
+        )
         assert line in text
         runs = report["runs"][kind]
         assert set(runs) == {"field/with", "field/without"} | {
             str(key) for case in RUNS_OF_CASE.values() for key in case
         }
-        assert rows["a_decreasing"]["noise"] == {"holding": 3, "runs": 3, "kind": "seeds"}
+        assert rows["a_decreasing"]["noise"] == {"holding": 2, "runs": 2, "kind": "seeds"}
         assert runs["base"]["tracking_error_m_max"] == pytest.approx([0.08, 0.06, 0.05])
     assert all(map(isfinite, numbers_in(report)))
 
