@@ -41,7 +41,7 @@ from scenarios.definition.road.route import (
 from scenarios.definition.road.spacing import least_spacings, spacing_policy
 from scenarios.definition.run_limits import limit_problems
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.definition.schema.plug_ins.table import own_classes
+from scenarios.definition.schema.plug_ins.table import RECORDED, own_classes
 from scenarios.definition.schema.scenario_tables import ClockTable, OriginTable, ScenarioTables
 from scenarios.definition.topology import directed_links
 from scenarios.definition.traces.reading import OnDrive
@@ -484,13 +484,16 @@ def _read(
     raw = with_presets(given.raw, problems)
     tables: ScenarioTables | None
     try:
-        tables = _with_lead_gap(ScenarioTables.model_validate(raw), recorded=file.recorded)
+        tables = _with_lead_gap(
+            ScenarioTables.model_validate(raw, context=RECORDED if file.recorded else None),
+            recorded=file.recorded,
+        )
         problems += contradictions.between_keys(tables)
     except ValidationError as error:
         problems += error_lines(error)
         tables = _valid_part(raw, error)
     if tables is not None:
-        problems += plug_in_problems(tables)
+        problems += () if file.recorded else plug_in_problems(tables)
         tables = _with_files(tables, given, problems, on_drive)
     if tables is None or problems or given.invalid_overrides:
         raise _scenario_error(given, problems)

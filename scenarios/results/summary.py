@@ -18,6 +18,7 @@ from typing import Any, Literal, get_args
 from pydantic import TypeAdapter, ValidationError
 
 from scenarios.definition.scenario import Scenario
+from scenarios.definition.schema.plug_ins.table import RECORDED
 from scenarios.results.channel.link_summary import LinkSummary
 from scenarios.results.events.run_event import RunEvent
 from scenarios.results.holes import RecordHole
@@ -293,7 +294,10 @@ def from_json(text: str) -> RunSummary:
     try:
         return _FIGURES.validate_python(
             {name: value for name, value in values.items() if name in own}
-            | {"identity": RunIdentity.of_values({k: v for k, v in values.items() if k not in own})}
+            | {
+                "identity": RunIdentity.of_values({k: v for k, v in values.items() if k not in own})
+            },
+            context=RECORDED,
         )
     except ValidationError as error:
         raise ValueError(f"not a summary: {error}") from error

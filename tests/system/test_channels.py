@@ -4,9 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from scenarios.cli.reference.plug_in_examples import EXAMPLES
 from scenarios.definition.channel.presets import presets
 from tests.system.logs import Run, assert_equal_while_nothing_was_late
-from tests.system.processes import invoke, start
+from tests.system.processes import invoke, run_to_the_end, start
 from vehicles.messages import LinkVerdict
 
 EVERY_LAW = """
@@ -163,3 +164,34 @@ def test_presets_decide_alike_in_processes_and_virtual_time(case: int, tmp_path:
     lost = sum(bool(verdict[1]) for verdict in verdicts(virtual).values())
     assert (lost > 0) == (name != "clear")
     assert_same_verdicts(wall, virtual)
+
+
+PLUGGED = """\
+extends = "lane_change"
+name = "plugged"
+duration_s = 2.0
+convoy.vehicles = 3
+links.latency_ms = 60.0
+"""
+
+
+def test_a_run_with_all_plug_ins_equals_its_virtual_run(tmp_path: Path) -> None:
+    code = "\n\n".join(example.code for example in EXAMPLES.values())
+    (tmp_path / "mine.py").write_text(code, encoding="utf-8")
+    toml = "\n".join(example.toml for example in EXAMPLES.values())
+    links = [one.toml.partition("\n")[2] for key, one in EXAMPLES.items() if "links." in key]
+    for key, example in EXAMPLES.items():
+        if "links." in key:
+            toml = toml.replace(example.toml, "")
+    (tmp_path / "own.toml").write_text(f"{PLUGGED}{_links(links)}{toml}", encoding="utf-8")
+    for out, clock in (("wall", "wall"), ("virtual", "virtual")):
+        ran = run_to_the_end("run", "own.toml", "--clock", clock, "--out", out, folder=tmp_path)
+        assert ran.exit_code == 0, ran.err
+    wall, virtual = Run(tmp_path / "wall"), Run(tmp_path / "virtual")
+    assert_equal_while_nothing_was_late(wall, virtual, within_m=0.05)
+    assert wall.summary["plug_ins"] == virtual.summary["plug_ins"]
+    assert list(wall.summary["plug_ins"]) == ["mine"]
+
+
+def _links(lines: list[str]) -> str:
+    return "".join(f"links.{line}" for line in lines)

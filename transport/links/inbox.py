@@ -207,17 +207,27 @@ class Inbox:
         self._taken_until = now
         return self._deliver(now) if self._waiting else []
 
-    def _judge_arrived(self, now: int) -> None:
+    def _judge_arrived(self, now: int, *, ends: bool = False) -> None:
+        """Judge the messages sent by the tick at `now` (ns), or all that arrived if it `ends`.
+
+        A late tick finds messages sent after it, when the position of the receiver is not known
+        yet: they wait for the next tick.
+        """
         with self._lock:
             arrived, self._arrived = self._arrived, deque(maxlen=QUEUE)
+        early: list[tuple[str, bytes, int]] = []
         for sender_key, data, arrived_at in arrived:
             try:
-                self._judge(sender_key, data, now, arrived_at)
+                if not self._judge(sender_key, data, now, arrived_at, ends=ends):
+                    early.append((sender_key, data, arrived_at))
             except RefusedMessageError as refusal:
                 self._refused[refusal.reason] += 1
                 sender = self._senders.get(sender_key, "")
                 if sender and (warning := self._misdated.count(sender, refusal.reason)):
                     self._clock_warnings.append(warning)
+        if early:
+            with self._lock:
+                self._arrived.extendleft(reversed(early))
 
     def waiting(self, now: int) -> str:
         """List the messages that arrived in time and have no verdict by `now` (ns), for Health.
@@ -225,7 +235,7 @@ class Inbox:
         Those that arrived late, after the last tick, were of no use: they are not in flight. Up to
         LONGEST_WAITING characters.
         """
-        self._judge_arrived(now)
+        self._judge_arrived(now, ends=True)
         numbers = {sender: MessageNumbers() for sender in self.links}
         for _, sender, seq, _, item in self._waiting:
             if isinstance(item, Transmission) and not item.late:
@@ -258,7 +268,10 @@ class Inbox:
         self._reported = now
         return sorted(new.items())
 
-    def _judge(self, sender_key: str, data: bytes, now: int, arrived_at: int) -> None:
+    def _judge(
+        self, sender_key: str, data: bytes, now: int, arrived_at: int, *, ends: bool
+    ) -> bool:
+        """Judge a message; False for one that has to wait for the next tick."""
         sender = self._senders.get(sender_key)
         if sender is None:
             raise RefusedMessageError("unknown", f"{self.receiver} has no link for {sender_key}")
@@ -266,7 +279,9 @@ class Inbox:
         pose = link.gate.admit(data, now)
         message = pose.message
         if message.sent_at_ns < self._receives_from:  # sent before a restart
-            return
+            return True
+        if message.sent_at_ns > now and not ends:
+            return False
         link.register(message.seq)
         antenna = Position(message.true_east_m, message.true_north_m, message.true_distance_m)
         own = self._positions.at(message.sent_at_ns)
@@ -281,8 +296,9 @@ class Inbox:
             if not link.staged.is_overtaken(context):
                 link.staged.join(context, verdict)
                 link.pending[message.seq] = transmission
-                return
+                return True
         heappush(self._waiting, (verdict.visible_at, sender, message.seq, 0, transmission))
+        return True
 
     def _deliver(self, now: int) -> list[ReceivedPose]:
         delivered: list[ReceivedPose] = []

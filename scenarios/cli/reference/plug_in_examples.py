@@ -111,7 +111,7 @@ class BrakeWhenOld(Extrapolate):
         """\
 [control.degradation.reaction]
 use = "mine.BrakeWhenOld"
-age_s = 0.1
+age_s = 0.06
 """,
     ),
     "links.loss": PlugInExample(

@@ -17,7 +17,13 @@ from transport.clock import ticks
 from transport.codec import RefusedMessageError, encode
 from transport.links.gate import HORIZON_NS, LONGEST_POSE_BYTES
 from transport.links.inbox import QUEUE, WINDOW, Inbox, IncomingLink
-from transport.links.laws.effect import UNKNOWN_POSITION, TransmissionContext
+from transport.links.laws.effect import (
+    UNKNOWN_POSITION,
+    Draw,
+    Effect,
+    Position,
+    TransmissionContext,
+)
 from transport.links.laws.queue import Queue
 from transport.topics import TOPICS, key
 from vehicles.messages import GpsPose, LinkVerdict, LogText
@@ -489,3 +495,27 @@ def test_a_path_history_counts_in_the_bytes_of_a_queue() -> None:
         box.take(START + SECOND)
         visible += [verdict.visible_at_ns for verdict in box.verdicts()]
     assert visible[1] - visible[0] == extra * MS
+
+
+class Noting(Effect):
+    """Notes the transmissions that it judges."""
+
+    key = "noting"
+
+    def __init__(self, judged: list[TransmissionContext]) -> None:
+        self.judged = judged
+
+    def judge(self, draw: Draw, context: TransmissionContext) -> int:  # noqa: ARG002
+        self.judged.append(context)
+        return 0
+
+
+def test_a_message_sent_after_a_late_tick_is_judged_by_the_position_at_its_sending() -> None:
+    """The receiver's tick at 25 ms is late, and finds the message that was sent at 50 ms."""
+    inbox, judged = make_inbox(), list[TransmissionContext]()
+    link = inbox.links["lead"].link
+    link.effects = (Noting(judged), *link.effects)
+    send(inbox, pose(1))
+    for at in (25, 50, 75):
+        inbox.take(START + at * MS, Position(float(at), 0.0, float(at)))
+    assert [context.receiver.east for context in judged] == [50.0]

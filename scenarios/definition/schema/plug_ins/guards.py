@@ -4,10 +4,12 @@ from collections.abc import Callable
 from math import isfinite
 from typing import TypeVar
 
+from transport.texts import ConvoyError
+
 T = TypeVar("T")
 
 
-class PlugInError(ValueError):
+class PlugInError(ConvoyError, ValueError):
     """A class violates the contract of its plug-in point; the message is one line."""
 
 

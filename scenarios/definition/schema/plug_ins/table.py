@@ -5,9 +5,11 @@ from typing import Annotated, Any, ClassVar, Literal, cast
 
 from pydantic import (
     BaseModel,
+    ConfigDict,
     SerializeAsAny,
     SerializerFunctionWrapHandler,
     ValidationError,
+    ValidationInfo,
     ValidatorFunctionWrapHandler,
     WrapValidator,
     create_model,
@@ -19,6 +21,8 @@ from scenarios.definition.schema.base_table import Table
 from scenarios.definition.schema.plug_ins.guards import PlugInError, called
 from scenarios.definition.schema.plug_ins.point import PlugInPoint, settings_class
 from scenarios.definition.schema.settings_table import SettingsTable, generated
+from transport.links.laws.delay.base import BaseDelay
+from transport.links.laws.link_law import LinkLaw
 
 AS_ANY = cast("Any", SerializeAsAny)()
 ERROR_TYPE = "plug_in"
@@ -75,6 +79,14 @@ class ModelPlugIn(PlugInTable):
         return (self.model.model_construct(**{name: getattr(self, name) for name in fields}),)
 
 
+class _KeepsKeys(BaseModel):
+    model_config = ConfigDict(extra="allow")
+
+
+RECORDED = {"recorded": True}
+"""Context of the validation of a recorded scenario, whose own classes need not be here."""
+MODEL_BASES = (LinkLaw, BaseDelay)
+"""Bases of classes that are Pydantic models."""
 _TABLES: dict[tuple[str, str], type[BaseModel]] = {}
 _TABLE_OF_TAG: dict[str, type[BaseModel]] = {}
 """Generated tables by the tag that the location of an error has in front of a parameter."""
@@ -130,7 +142,7 @@ def plug_in(point: PlugInPoint, shipped: Any = PlugInTable) -> Any:
     """
     has_kinds = shipped is not PlugInTable
 
-    def validate(given: object, usual: ValidatorFunctionWrapHandler) -> Any:
+    def validate(given: object, usual: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
         table: Mapping[str, Any] = {}
         if isinstance(given, str) and (not has_kinds or "." in given):
             table = {"use": given}
@@ -144,6 +156,9 @@ def plug_in(point: PlugInPoint, shipped: Any = PlugInTable) -> Any:
         try:
             model = plug_in_table(point, use)
         except PlugInError as error:
+            is_absent = isinstance(error.__cause__, ImportError)
+            if info.context == RECORDED and is_absent and point.base in {None, *MODEL_BASES}:
+                return _absent(point).model_validate(table)
             raise _custom_error(str(error), {"use": use, "names": list(point.shipped)}) from error
         named = {**table, "use": point.short_names.get(use, use)}
         try:
@@ -153,6 +168,15 @@ def plug_in(point: PlugInPoint, shipped: Any = PlugInTable) -> Any:
             raise ValidationError.from_exception_data(use, list(_tagged(error, tag))) from error
 
     return Annotated[shipped, WrapValidator(validate), AS_ANY]
+
+
+def _absent(point: PlugInPoint) -> type[BaseModel]:
+    """Generate the table of a recorded class whose module is not here; it keeps all keys."""
+    base: Any = PlugInTable if point.base is None else point.contract
+    made: Any = create_model("Absent", __base__=(base, _KeepsKeys), use=(str, ...))
+    if point.base is None:
+        made.point, made.plugged = point, object
+    return cast("type[BaseModel]", made)
 
 
 def _tag(point: PlugInPoint, use: str) -> str:

@@ -1,5 +1,6 @@
 """Classes that a scenario selects: the printed examples, parameters, and planted mistakes."""
 
+import importlib
 import itertools
 import re
 import sys
@@ -7,11 +8,15 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
+from scenarios.cli.main import cli
 from scenarios.cli.reference.plug_in_examples import EXAMPLES
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
+from scenarios.definition.schema.plug_ins import table
+from scenarios.results.summary import from_json
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
 from transport.links.laws.effect import TransmissionContext
@@ -57,10 +62,13 @@ def test_the_example_of_a_point_runs_and_its_parameter_counts(
     again = scenario_from_text(scenario.text)
     assert again.text == scenario.text
     assert again.plug_ins == scenario.plug_ins
-    stop = Stop()
-    summary = run_virtual(scenario, tmp_path, stop)
+    summary = run_virtual(scenario, tmp_path / "own", Stop())
     assert summary.outcome == "completed", summary.reason
     assert list(summary.identity.plug_ins) == [name]
+    overrides = ["convoy.vehicles=3", "duration_s=1"]
+    overrides += ["speed.followers=gap"] if key == "control.longitudinal" else []
+    usual = run_virtual(load_scenario("lane_change", overrides), tmp_path / "usual", Stop())
+    assert summary.vehicles != usual.vehicles
 
 
 LATERAL = """
@@ -279,3 +287,20 @@ def test_a_law_of_ones_own_equals_the_shipped_one(module: Module) -> None:
         verdicts.append([link.judge(TransmissionContext(seq, seq * 10**8)) for seq in range(200)])
     assert verdicts[0] == verdicts[1]
     assert 0.3 < sum(one.outcome == "dropped" for one in verdicts[0]) / 200 < 0.5
+
+
+def test_a_log_is_readable_without_the_modules_of_its_classes(
+    module: Module, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name, channel = module(LATERAL), module(CHANNEL)
+    own = [f"control.controller={{use='{name}.Law',share=0.9}}"]
+    own += [f"links.loss={{use='{channel}.Half',ratio=0.5}}"]
+    run_virtual(load_scenario("lane_change", [*TWO, *own]), tmp_path / "run", Stop())
+    for gone in (name, channel):
+        monkeypatch.delitem(sys.modules, gone)
+        (tmp_path / f"{gone}.py").unlink()
+    monkeypatch.setattr(table, "_TABLES", {})
+    importlib.invalidate_caches()
+    assert from_json((tmp_path / "run" / "summary.json").read_text()).links[0].judged == 20
+    ran = CliRunner().invoke(cli, ["explain", str(tmp_path / "run"), "--vehicle=v2", "--at=0.9"])
+    assert ran.exit_code == 0, ran.output
