@@ -62,7 +62,10 @@ def _about_one(
         yield f"{key}.vehicle", f"given {toml_repr(name)}, allowed {', '.join(names)}"
         return
     if name in tables.repeats_messages:
-        yield f"{key}.vehicle", f"given {toml_repr(name)}, which sends recorded messages"
+        yield (
+            f"{key}.vehicle",
+            f"given {toml_repr(name)}, which sends recorded messages, allowed a simulated vehicle",
+        )
         return
     own = tables.vehicle.get(name)
     if name == names[0] and isinstance(change, JoinTable | LeaveTable):
