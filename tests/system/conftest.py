@@ -29,7 +29,7 @@ def lane_change(tmp_path_factory: pytest.TempPathFactory) -> Driven:
     arguments = ("run", "lane_change", f"--set=duration_s={DURATION_S}")
     with first_only(folder) as first:
         if first:
-            with start(*arguments, "--out", "wall", folder=folder) as wall:
+            with start(*arguments, "--out", "wall", folder=folder, fresh=True) as wall:
                 virtual = invoke(
                     *arguments, "--clock=virtual", "--quiet", "--out=virtual", folder=folder
                 )

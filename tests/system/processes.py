@@ -16,11 +16,10 @@ import psutil
 from click.testing import CliRunner, Result
 
 from scenarios.cli.main import cli
+from tests.made.warm_interpreter import MARK, ForkedCommand, warm_interpreter
 
 PREFIX = "convoy-"
 """Prefix of the process names of a run."""
-MARK = "CONVOY_TEST_MARK"
-"""Environment variable that all descendants of a command inherit, to find them by."""
 TIMEOUT_S = 60.0
 """Longest wait for an expected event, on a busy machine."""
 SETTLE_S = 10.0
@@ -38,7 +37,7 @@ DRIVING = "vehicles are present"
 class Process:
     """A running `convoy …` command with its output and its descendants."""
 
-    popen: "subprocess.Popen[bytes]"
+    popen: "subprocess.Popen[bytes] | ForkedCommand"
     mark: str
     stdout_file: Path
     stderr_file: Path
@@ -105,24 +104,32 @@ class Process:
 
 
 @contextmanager
-def start(*arguments: object, folder: Path, inside: Sequence[str] = ()) -> Iterator[Process]:
+def start(
+    *arguments: object, folder: Path, inside: Sequence[str] = (), fresh: bool = False
+) -> Iterator[Process]:
     """Start `convoy ARGUMENTS` in `folder`; kill all its processes on exit.
 
-    `inside` is the beginning of a command that runs it on another host.
+    `inside` is the beginning of a command that runs it on another host. In tests a process that has
+    imported the project forks the command, unless `fresh`; benches start a new interpreter.
     """
     mark = uuid4().hex
     stdout_file, stderr_file = folder / f"{mark}.out", folder / f"{mark}.err"
     environment = {**os.environ, MARK: mark, "COLUMNS": "200"}
-    with stdout_file.open("wb") as out, stderr_file.open("wb") as err:
-        popen = subprocess.Popen(
-            [*inside, sys.executable, "-m", "scenarios.cli", *map(str, arguments)],
-            cwd=folder,
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            stdout=out,
-            stderr=err,
-            start_new_session=True,
-        )
+    command = [str(argument) for argument in arguments]
+    popen: subprocess.Popen[bytes] | ForkedCommand
+    if inside or fresh or "PYTEST_CURRENT_TEST" not in os.environ:
+        with stdout_file.open("wb") as out, stderr_file.open("wb") as err:
+            popen = subprocess.Popen(
+                [*inside, sys.executable, "-m", "scenarios.cli", *command],
+                cwd=folder,
+                env=environment,
+                stdin=subprocess.DEVNULL,
+                stdout=out,
+                stderr=err,
+                start_new_session=True,
+            )
+    else:
+        popen = warm_interpreter().start(command, folder, stdout_file, stderr_file, environment)
     process = Process(popen, mark, stdout_file, stderr_file)
     try:
         yield process
