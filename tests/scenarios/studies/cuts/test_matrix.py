@@ -16,10 +16,11 @@ from scenarios.studies.cuts.road_record import RoadObserver
 
 SCENARIOS = [name for name in library() if not name.startswith("paper")]
 CASES = list(product(SCENARIOS, presets(), range(3, 9), (1, 2, 3)))
-Random(1).shuffle(CASES)  # the few that run by default differ in all respects
+Random(1).shuffle(CASES)  # the few that run by default differ in all other respects
+CASES.sort(key=lambda case: case[2] > 3)
 
 
-@pytest.mark.campaign(4, len(CASES))
+@pytest.mark.campaign(3, len(CASES))
 def test_a_convoy_drives_on_a_shipped_channel(case: int) -> None:
     """No collision, no departure from the lane that was avoidable."""
     name, preset, vehicles, seed = CASES[case]

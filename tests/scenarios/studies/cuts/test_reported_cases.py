@@ -38,18 +38,14 @@ profile = [
 standstill_m = 8.0
 headway_s = 0.0
 """
-ALONE = (
-    "duration_s=20",
-    "change=[{kind='cut',at_s=3.8,for_s=4.2,sender='v3'},"
-    "{kind='cut',at_s=3.8,for_s=4.2,receiver='v3'}]",
-)
 OFF_M = 0.5
 """Largest distance from the path of the lead after a cut."""
 
 
 def church_lot(at_s: float, for_s: float = 7.0) -> Scenario:
     cut = f"change=[{{kind='cut', at_s={at_s}, for_s={for_s}}}]"
-    return load_scenario("church_lot", [cut, f"duration_s={at_s + for_s + 12.0}"])
+    duration = f"duration_s={at_s + for_s + 12.0}"
+    return load_scenario("church_lot", [cut, duration, "convoy.vehicles=3"])
 
 
 def collisions(summary: RunSummary) -> int:
@@ -60,6 +56,7 @@ def largest_error(summary: RunSummary) -> float:
     return max(vehicle.cross_track_error_m_max or 0.0 for vehicle in summary.vehicles)
 
 
+@pytest.mark.spread(2)
 @pytest.mark.parametrize(
     "scenario",
     [scenario_from_text(HOLE, label="hole"), *(church_lot(at_s) for at_s in (20.0, 26.0, 32.0))],
@@ -78,10 +75,7 @@ def test_nobody_is_hit_if_the_lead_brakes_at_6_mps2(latency_ms: int) -> None:
     assert collisions(run_unlogged(scenario)) == 0
 
 
-def test_a_car_that_is_cut_off_alone_is_not_hit() -> None:
-    assert collisions(run_unlogged(load_scenario("lane_change", ALONE))) == 0
-
-
+@pytest.mark.spread(1)
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_convoy_longer_than_its_lap_does_not_drive_into_itself(seed: int) -> None:
     overrides = ("convoy.vehicles=5", "links.preset=bursty")

@@ -23,7 +23,7 @@ def collisions(summary: RunSummary) -> int:
     return sum(event.kind == "collision" for event in summary.events)
 
 
-@pytest.mark.parametrize(("vehicle", "gap_m"), [("v2", 10.0), ("v3", 3.0)])
+@pytest.mark.parametrize(("vehicle", "gap_m"), [("v2", 3.0), ("v3", 10.0)])
 def test_a_vehicle_that_is_cut_off_alone_is_not_hit(vehicle: str, gap_m: float) -> None:
     overrides = cut_off(f"convoy.gap_m={gap_m}", vehicle=vehicle)
     summary = run_unlogged(load_scenario("lane_change", overrides))

@@ -50,7 +50,7 @@ def test_a_lead_that_ignores_its_followers_collides(monkeypatch: pytest.MonkeyPa
     assert hits_of_lead(load_scenario("lapped_convoy")) > 0
 
 
-@pytest.mark.campaign(1, len(CASES))
+@pytest.mark.campaign(0, len(CASES))
 def test_the_lead_touches_nobody(case: int) -> None:
     vehicles, seed = CASES[case]
     overrides = (f"convoy.vehicles={vehicles}", 'links.preset="bursty"')
