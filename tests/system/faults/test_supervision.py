@@ -144,10 +144,11 @@ def test_a_suspended_vehicle_catches_up_all_ticks(tmp_path: Path) -> None:
     arguments = three(tmp_path, duration_s=duration_s)
     virtual_arguments = (*arguments[:-1], "virtual", "--clock=virtual", "--quiet")
     with start(*arguments, folder=tmp_path) as convoy:
+        vehicle = convoy.part("v2")  # now: a busy machine takes a second to find it
         convoy.drive(0.4)
-        convoy.part("v2").suspend()
+        vehicle.suspend()
         time.sleep(suspended_s)
-        convoy.part("v2").resume()
+        vehicle.resume()
         assert convoy.wait() == 0, convoy.err
     assert invoke(*virtual_arguments, folder=tmp_path).exit_code == 0
     run = Run(tmp_path / "run")
@@ -205,9 +206,10 @@ def test_a_convoy_continues_without_failed_and_terminated_vehicles(tmp_path: Pat
     duration_s = 2.5
     settings = ("--set=convoy.vehicles=4", '--set=convoy.on_vehicle_failure="continue"')
     with start(*three(tmp_path, duration_s=duration_s), *settings, folder=tmp_path) as convoy:
+        killed, terminated = convoy.part("v2"), convoy.part("v3")
         convoy.drive(0.4)
-        convoy.part("v2").send_signal(signal.SIGKILL)
-        convoy.part("v3").send_signal(signal.SIGTERM)
+        killed.send_signal(signal.SIGKILL)
+        terminated.send_signal(signal.SIGTERM)
         assert convoy.wait() == 0, convoy.err
         assert not convoy.remaining()
         lines = sorted(line for line in convoy.lines() if " after the start; " in line)
