@@ -173,16 +173,65 @@ def log_options(command: Command) -> Command:
     return command
 
 
-def rerun_option(default: str, purpose: str) -> Callable[[Command], Command]:
-    viewers = "spawn (native viewer), serve (browser), connect=URL, save=PATH"
-    return click.option(
-        "--rerun",
-        default=default,
-        show_default=True,
-        metavar="VIEWER",
-        shell_complete=completion.rerun,
-        help=f"{purpose}: {'off, ' * (default == 'off')}{viewers}.",
-    )
+def rerun_option(default: str, purpose: str, usual: str = "") -> Callable[[Command], Command]:
+    """Options with Rerun's names for the destination of a picture; the command receives `rerun`.
+
+    `usual` states when the native viewer is the default. The hidden `--rerun` is the earlier name
+    of all of them. Options that the command has already, as Zenoh's `--connect`, are left out.
+    """
+
+    def decorate(command: Command) -> Command:
+        @wraps(command)
+        def with_destination(*args: Any, rerun: str | None, **options: Any) -> Any:
+            given = {name: options.pop(_parameter(name), None) for name in DESTINATIONS}
+            given = {name: value for name, value in given.items() if value not in {None, False}}
+            names = [f"--{name}" for name in given] + ["--rerun"] * (rerun is not None)
+            if len(names) > 1:
+                raise click.UsageError(f"{' and '.join(names)}: give one of them")
+            for name, value in given.items():
+                sink = name.removesuffix("-at")
+                rerun = sink if value is True else f"{sink}={value}"
+            return command(*args, rerun=default if rerun is None else rerun, **options)
+
+        decorated: Any = with_destination
+        parameters = decorated.__dict__.setdefault("__click_params__", [])
+        taken = {name for parameter in parameters for name in parameter.opts}
+        parameters += [
+            option for option in _destinations(purpose, usual) if taken.isdisjoint(option.opts)
+        ]
+        chosen: Command = decorated
+        return chosen
+
+    return decorate
+
+
+DESTINATIONS = ("spawn", "serve", "serve-at", "connect", "save")
+
+
+def _parameter(name: str) -> str:
+    return f"rerun_{name.replace('-', '_')}"
+
+
+def _destinations(purpose: str, usual: str) -> list[click.Option]:
+    """Options for the destination, in the reverse order of the help."""
+
+    def option(name: str, help_text: str, **more: Any) -> click.Option:
+        return click.Option([f"--{name}", _parameter(name)], help=help_text, **more)
+
+    return [
+        click.Option(
+            ["--rerun"], hidden=True, help="Earlier name.", shell_complete=completion.rerun
+        ),
+        option("save", "The same into a file, such as run.rrd.", metavar="FILE"),
+        option("connect", "The same in the running viewer with this URL.", metavar="URL"),
+        option(
+            "serve-at",
+            "The same on other ports, or for other machines.",
+            metavar="[ADDRESS:]PORT[:DATA_PORT]",
+        ),
+        option("serve", "The same in a browser.", is_flag=True),
+        option("spawn", f"{purpose}, in a new native viewer. {usual}".strip(), is_flag=True),
+    ]
 
 
 def zenoh_options(command: Command) -> Command:

@@ -15,13 +15,13 @@ from transport.texts import printable
     epilog="""\b
 Examples:
   convoy review runs/20260101-120000-lane_change/run.mcap
-  convoy review run.mcap --rerun serve           in a browser
-  convoy review run.mcap --rerun save=run.rrd    into a file
+  convoy review run.mcap --serve           in a browser
+  convoy review run.mcap --save run.rrd    into a file
   convoy review run.mcap --from 100 --to 160 --vehicles v3,v4 --at 120
 """
 )
 @click.argument("log", type=click.Path(path_type=Path))
-@rerun_option("spawn", "Rerun viewer")
+@rerun_option("spawn", "Show the run in Rerun", "Default.")
 @time_option("--from", help_text="Show the run from this time after its start.")
 @time_option("--to", help_text="Show the run up to this time after its start.")
 @click.option(

@@ -39,7 +39,7 @@ from scenarios.cli.tables.export_command import export
 EXAMPLES = """\b
 Examples:
   convoy run                              the default scenario, in real time
-  convoy run church_lot --rerun spawn     with a live view in Rerun
+  convoy run church_lot --spawn           with a live view in Rerun
   convoy run lossy_lane_change --clock virtual --seed 7
   convoy run my.toml --loss 0.3 --duration 20s
   convoy check drive.gpx --out drive.svg  a recorded drive of your own

@@ -36,7 +36,7 @@ def show_catalog(
     """
     require("browse --catalog", "catalog", "rerun", "datafusion")
     if option.sink not in {"spawn", "serve"}:
-        raise ViewerError("browse --catalog: give --rerun spawn or serve")
+        raise ViewerError("browse --catalog: give --spawn or --serve")
     if option.sink == "spawn":
         require_display()
     from transport.picture.comparison.catalog import serve_catalog, shown  # noqa: PLC0415

@@ -1,6 +1,6 @@
 """The picture of a run in Rerun, live or from its log.
 
-option            the value of `--rerun`: the destination of the picture
+option            the destination of the picture
 view              opens and closes the picture
 recording_writer  turns messages into entities of the recording
 log_writer        the same from the columns of a log

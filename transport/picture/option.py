@@ -1,9 +1,9 @@
-"""The value of `--rerun`: the destination of the picture."""
+"""The destination of the picture, as text and as options of commands."""
 
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 from urllib.parse import urlsplit
 
 from transport.picture.viewer_process import ViewerError
@@ -33,11 +33,19 @@ class RerunOption:
 _ADDRESS = r"(?P<address>\d+\.\d+\.\d+\.\d+|localhost)"
 _PORTS = r"(?P<page>\d{1,5})(?::(?P<data>\d{1,5}))?"
 _SERVE = re.compile(rf"(?:{_ADDRESS}(?:$|:(?=\d)))?(?:{_PORTS})?")
-_FORMS = "off, spawn, serve, serve=[ADDRESS:]PORT[:DATA_PORT], connect=URL or save=PATH"
+_FORMS = "--spawn, --serve, --serve-at [ADDRESS:]PORT[:DATA_PORT], --connect URL or --save FILE"
+
+
+def spelled(text: str) -> str:
+    """Options that request a destination, such as "--save run.rrd"."""
+    sink, equals, value = text.partition("=")
+    if sink not in get_args(Sink) or sink == "off":
+        return f"--rerun {text}"
+    return f"--{sink}{'-at' * (equals != '' and sink == 'serve')} {value}".rstrip()
 
 
 def parse_rerun_option(text: str) -> RerunOption:
-    """Read the value of `--rerun`; raises ViewerError.
+    """Read a destination; raises ViewerError.
 
     `serve=0.0.0.0:9090:9876` serves the web page on port 9090 and its data on port 9876 of all
     interfaces, as a container needs it. The default address is 127.0.0.1.
@@ -53,7 +61,7 @@ def parse_rerun_option(text: str) -> RerunOption:
             if url.scheme in {"rerun", "rerun+http", "rerun+https"} and url.hostname:
                 return RerunOption("connect", target=value)
             raise ViewerError(
-                f"--rerun {text}: {value} is no Rerun URL like "
+                f"{spelled(text)}: {value} is no Rerun URL like "
                 f"rerun+http://127.0.0.1:{DATA_PORT}/proxy"
             )
         case "serve", True:
@@ -61,7 +69,7 @@ def parse_rerun_option(text: str) -> RerunOption:
             ports = [int(parts[name] or 0) for name in ("page", "data")] if parts else [65536]
             if parts and max(ports) < 65536:
                 return RerunOption("serve", "", parts["address"] or LOOPBACK, *ports)
-    raise ViewerError(f"--rerun {text}: give {_FORMS}")
+    raise ViewerError(f"{spelled(text)}: give {_FORMS}")
 
 
 def require_cursor(option: RerunOption) -> None:
@@ -69,7 +77,7 @@ def require_cursor(option: RerunOption) -> None:
     if option.sink not in {"spawn", "connect"}:
         raise ViewerError(
             "--at moves the cursor of a viewer, and files and web pages of Rerun store none; use "
-            "--rerun spawn or connect=URL"
+            "--spawn or --connect URL"
         )
 
 
@@ -91,5 +99,5 @@ def refuse_foreign_file(option: RerunOption) -> None:
         raise ViewerError(f"{path}: cannot write the recording: {error.strerror}") from error
     if begins not in RECORDING_MAGICS:
         raise ViewerError(
-            f"{path}: exists and is no recording of Rerun; give another file by --rerun save=PATH"
+            f"{path}: exists and is no recording of Rerun; give another file by --save FILE"
         )

@@ -1,4 +1,4 @@
-"""The picture of a run in Rerun, opened as configured by `--rerun`.
+"""The picture of a run in Rerun, at the destination that the user requests.
 
 Rerun itself (90 MB, half a second) is loaded only for a picture.
 """

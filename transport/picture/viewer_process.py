@@ -22,7 +22,7 @@ STOP_S = 2.0
 POLL_S = 0.05
 PORT_TRIES = 5
 """Number of free ports that are tried, in case other programs take them meanwhile."""
-OTHER_PORTS = "choose other ports with --rerun serve=ADDRESS:PORT:DATA_PORT"
+OTHER_PORTS = "choose other ports with --serve-at ADDRESS:PORT:DATA_PORT"
 LAYOUT_NICENESS = 10
 _END_WITH_PARENT = """
 import ctypes, os, sys
@@ -53,7 +53,9 @@ def viewer_binary() -> Path:
         binary = Path(folder) / "rerun"
         if binary.exists():
             return binary
-    raise ViewerError("Rerun's viewer is not installed here: save=PATH writes a recording instead")
+    raise ViewerError(
+        "Rerun's viewer is not installed here: --save FILE writes a recording instead"
+    )
 
 
 def start_web_page(*, address: str, port: int, data_url: str) -> "subprocess.Popen[bytes] | None":
@@ -95,8 +97,8 @@ def require_display() -> None:
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     ):
         raise ViewerError(
-            "no display here for Rerun's viewer: serve shows it in a browser, "
-            "save=PATH writes a recording"
+            "no display here for Rerun's viewer: --serve shows it in a browser, "
+            "--save FILE writes a recording"
         )
 
 
@@ -218,7 +220,7 @@ def _listens(pid: int, port: int) -> bool:
 
 def _did_not_start(viewer: "subprocess.Popen[bytes]") -> ViewerError:
     return ViewerError(
-        f"Rerun's viewer did not start (exit code {viewer.returncode}): save=PATH writes a "
+        f"Rerun's viewer did not start (exit code {viewer.returncode}): --save FILE writes a "
         "recording instead"
     )
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     epilog="""\b
 Examples:
   convoy compare runs/first runs/second
-  convoy compare runs/first runs/second --rerun save=both.rrd
+  convoy compare runs/first runs/second --save both.rrd
   convoy compare runs/a runs/b runs/c -o errors.pdf      a figure for a paper
 """
 )
@@ -40,7 +40,7 @@ Examples:
     metavar="METRES",
     help="Difference of the lateral positions from which runs diverge.",
 )
-@rerun_option("", "Show the runs in Rerun. Default: spawn, or off with -o or --json")
+@rerun_option("", "Show the runs in Rerun", "Default without -o and --json.")
 @json_option("Print divergences and differences as JSON.")
 def compare(
     logs: tuple[Path, ...],

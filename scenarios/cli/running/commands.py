@@ -186,13 +186,13 @@ def vehicle(
     epilog="""\b
 Examples:
   convoy record lane_change -e tcp/192.0.2.1:7447
-  convoy record lane_change --out runs/today --rerun serve
+  convoy record lane_change --out runs/today --serve
 """
 )
 @scenario_options
 @run_option
-@zenoh_options
 @log_options
+@zenoh_options
 @confirmation_option
 @time_option("--wait", default=60.0, help_text="Longest wait for all vehicles. Default: 60s.")
 @parent_watch_option

@@ -33,7 +33,7 @@ Examples:
   convoy browse runs --where "overrides~loss" --where "worst_error_m>0.5"
   convoy browse runs --sort=-worst_error_m --open 1
   convoy browse runs --html runs.html
-  convoy browse runs --catalog --rerun serve     in Rerun, in a browser
+  convoy browse runs --catalog --serve     in Rerun, in a browser
 
 \b
 Columns of --where and --sort: log, scenario, overrides, seed, clock, outcome,
@@ -63,7 +63,7 @@ ran_s, worst_error_m, worst_vehicle, events, line, faults. Signs: = != < <= >
     is_flag=True,
     help="Show all runs of the table in Rerun's catalog. Needs the extra catalog.",
 )
-@rerun_option("spawn", "Where --open and --catalog show runs")
+@rerun_option("spawn", "Show the runs of --open and --catalog in Rerun", "Default.")
 @click.option(
     "--html",
     "page",

@@ -351,7 +351,7 @@ def test_an_unknown_viewer_is_refused_before_anything_is_written(
 ) -> None:
     out = tmp_path / "run"
     line = refused(convoy("run", *SHORT, "--rerun", option, "--out", out))
-    assert "spawn" in line or "save=" in line
+    assert "--spawn" in line
     assert not out.exists()
 
 
@@ -365,16 +365,16 @@ def test_a_viewer_without_a_display_is_refused_before_anything_is_started(
     line = refused(convoy("run", "--clock", clock, "--rerun", "spawn", "--out", out))
     assert "no display" in line
     assert "serve" in line
-    assert "save=PATH" in line
+    assert "--save FILE" in line
     assert not out.exists()
 
 
 @pytest.mark.parametrize(
     ("arguments", "missing", "extra"),
     [
-        (["run", "--rerun", "spawn"], ("rerun",), "viewer"),
-        (["run", "--clock", "virtual", "--rerun", "save=run.rrd"], ("rerun",), "viewer"),
-        (["record", "--rerun", "serve"], ("rerun",), "viewer"),
+        (["run", "--spawn"], ("rerun",), "viewer"),
+        (["run", "--clock", "virtual", "--save", "run.rrd"], ("rerun",), "viewer"),
+        (["record", "--serve"], ("rerun",), "viewer"),
         (["review", "run.mcap"], ("rerun",), "viewer"),
         (["gains"], ("matplotlib", "scipy"), "studies"),
         (["reproduce"], ("scipy",), "studies"),
@@ -680,7 +680,7 @@ def test_a_recording_does_not_overwrite_another_file(
     precious.write_text("precious", encoding="utf-8")
     what = finished / "run.mcap" if command == "review" else "lane_change"
     options: list[str | Path] = [] if command == "review" else ["--out", tmp_path / "run"]
-    line = refused(convoy(command, what, "--rerun", f"save={precious}", *options))
+    line = refused(convoy(command, what, "--save", precious, *options))
     assert line.startswith(f"{precious}: exists and is no recording")
     assert precious.read_text(encoding="utf-8") == "precious"
     assert not (tmp_path / "run").exists()
@@ -689,13 +689,13 @@ def test_a_recording_does_not_overwrite_another_file(
 def test_a_review_does_not_overwrite_its_log(finished: Path) -> None:
     log = finished / "run.mcap"
     before = log.read_bytes()
-    assert "no recording" in refused(convoy("review", log, "--rerun", f"save={log}"))
+    assert "no recording" in refused(convoy("review", log, "--save", log))
     assert log.read_bytes() == before
 
 
 def test_a_recording_cannot_replace_the_log(tmp_path: Path) -> None:
     out = tmp_path / "run"
-    line = refused(convoy("run", *SHORT, "--out", out, "--rerun", f"save={out / 'run.mcap'}"))
+    line = refused(convoy("run", *SHORT, "--out", out, "--save", out / "run.mcap"))
     assert "the run writes this file itself" in line
     assert not out.exists()
 
@@ -775,3 +775,22 @@ def test_check_names_the_proof_that_does_not_cover_a_speed() -> None:
     line = next(line for line in result.stdout.splitlines() if line.startswith("warning: v1: "))
     assert "does not cover speeds below 2 m/s" in line
     assert "convoy gains" in line
+
+
+def test_destinations_have_the_names_of_rerun(tmp_path: Path) -> None:
+    """Exactly one is taken; those of the earlier option `--rerun` remain."""
+    line = refused(convoy("review", tmp_path, "--save", tmp_path / "a.rrd", "--serve"))
+    assert "--serve and --save: give one of them" in line
+    line = refused(convoy("run", *SHORT, "--rerun", "spawn", "--serve-at", "9090"))
+    assert "--serve-at and --rerun: give one of them" in line
+    line = refused(convoy("run", *SHORT, "--connect", "box", "--out", tmp_path / "run"))
+    assert line.startswith("--connect box: box is no Rerun URL")
+    line = refused(convoy("run", *SHORT, "--serve-at", "99999", "--out", tmp_path / "run"))
+    assert line.startswith("--serve-at 99999: give ")
+    assert not (tmp_path / "run").exists()
+    helped = {
+        name: convoy(name, "--help").stdout for name in ("run", "record", "review", "compare")
+    }
+    for text in helped.values():
+        assert all(f"  --{name}" in text for name in ("spawn", "serve", "serve-at", "save"))
+    assert "-e, --connect ENDPOINT" in helped["record"]  # Zenoh's

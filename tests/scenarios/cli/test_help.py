@@ -52,7 +52,8 @@ def test_an_option_has_the_same_values_in_every_command() -> None:
             if isinstance(parameter, click.Option):
                 kind = parameter.make_metavar(context), parameter.is_flag
                 kinds.setdefault(max(parameter.opts, key=len), set()).add(kind)
-    assert {name: found for name, found in kinds.items() if len(found) > 1} == {}
+    # Rerun and Zenoh have an option of this name; commands with that of Zenoh lack the other.
+    assert {name for name, found in kinds.items() if len(found) > 1} == {"--connect"}
     assert {name for name, found in kinds.items() if ("TIME", False) in found} >= {
         "--at", "--for", "--from", "--to", "--burst", "--step", "--wait", "--duration",
     }  # fmt: skip

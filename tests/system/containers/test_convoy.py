@@ -173,10 +173,10 @@ def test_the_vehicle_image_lacks_the_extras(project: Path) -> None:
     build = ("docker", "build", "--target", "vehicle", "-t", VEHICLE_IMAGE, ".")
     built = call(*build, cwd=project, timeout=BUILD_S)
     assert built.returncode == 0, built.stdout[-2000:] + built.stderr[-2000:]
-    refused = call("docker", "run", "--rm", VEHICLE_IMAGE, "run", "--rerun", "serve")
+    refused = call("docker", "run", "--rm", VEHICLE_IMAGE, "run", "--serve")
     assert refused.returncode == 2
     needs = "needs rerun, not installed here: pip install 'convoy-emulator[viewer]'"
-    assert refused.stderr == f"error: --rerun serve: {needs}\n"
+    assert refused.stderr == f"error: --serve: {needs}\n"
     sizes = [
         int(call("docker", "image", "inspect", "-f", "{{.Size}}", image).stdout)
         for image in (VEHICLE_IMAGE, IMAGE)

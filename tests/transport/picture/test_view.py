@@ -454,7 +454,7 @@ def test_a_requested_port_that_is_taken_later(
 ) -> None:
     monkeypatch.setattr(viewer_process, "_bound", lambda _address, port: port)
     option = parse_rerun_option(f"serve=127.0.0.1:0:{taken_port}")
-    with pytest.raises(ViewerError, match=f"{taken_port}: address already in use.*--rerun serve"):
+    with pytest.raises(ViewerError, match=f"{taken_port}: address already in use.*--serve-at"):
         RerunView(option, recording_id="x", vehicles=drive.VEHICLES)
 
 

@@ -453,6 +453,6 @@ def curve_of(table: Table, entity: str) -> list[tuple[int, Any]]:
 def test_an_instant_needs_a_viewer(tmp_path: Path) -> None:
     write_log(tmp_path / "run.mcap", attached=None)
     option = parse_rerun_option(f"save={tmp_path / 'run.rrd'}")
-    with pytest.raises(ViewerError, match="use --rerun spawn or connect=URL"):
+    with pytest.raises(ViewerError, match="use --spawn or --connect URL"):
         review(tmp_path / "run.mcap", option, wait=lambda _: None, at_s=1.0)
     assert not (tmp_path / "run.rrd").exists()
