@@ -164,7 +164,7 @@ def figures_of(cut: LinkCut) -> tuple[CutFigures, ...]:
     return tuple(replace(row, cut=cut) for row in first_figures(cut.variant))
 
 
-@pytest.mark.campaign(2, 10_000)
+@pytest.mark.campaign(1, 10_000)
 @pytest.mark.parametrize("name", COMMANDS)
 def test_promised_files_are_on_the_disk_or_the_command_fails(
     name: str, campaign: int, ended: Ending

@@ -15,7 +15,7 @@ cars with receivers of their own differ by."""
 
 
 @pytest.mark.campaign(1, 5)
-@pytest.mark.spread(2)
+@pytest.mark.spread(1)
 @pytest.mark.parametrize("name", [name for name in DRIVES if name != "track"])
 def test_followers_stay_on_the_path_of_a_lead_with_real_corners(
     name: str, campaign: int, tmp_path: Path

@@ -68,7 +68,7 @@ def outcome(case: int) -> Outcome:
     )
 
 
-@pytest.mark.campaign(2, len(CASES))
+@pytest.mark.campaign(1, len(CASES))
 def test_cars_stay_in_their_lane_or_a_warning_predicts_it(case: int) -> None:
     found = outcome(case)
     if found.growth > 0.0:

@@ -39,6 +39,7 @@ def run(name: str, *overrides: str) -> tuple[Seen, list[str]]:
 FLOAT = "gnss.preset=rtk_float"
 
 
+@pytest.mark.spread(1)
 @pytest.mark.parametrize("name", ["lane_change", "highway"])
 def test_a_convoy_with_float_receivers_slows_without_a_collision(name: str) -> None:
     seen, events = run(name, FLOAT, "duration_s=20.0", "convoy.vehicles=3")

@@ -31,7 +31,7 @@ def test_a_vehicle_that_is_cut_off_alone_is_not_hit(vehicle: str, gap_m: float) 
     assert collisions(summary) == 0
 
 
-@pytest.mark.campaign(2, 200)
+@pytest.mark.campaign(1, 200)
 def test_random_cuts_of_one_vehicle_or_link_end_without_a_collision(case: int) -> None:
     chance = Random(case)
     place = chance.randint(2, 4)
