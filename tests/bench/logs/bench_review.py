@@ -95,7 +95,7 @@ RATIOS_MIN = (
     (draw_columns, draw_span, 2.0),
     (explain_whole, explain_instant, 3.0),
     (derive_messages, derive_columns, 2.0),
-    (read_messages, read_columns, 5.0),
+    (read_messages, read_columns, 2.0),
 )
 """Limits: processor time of the simpler method over that of the other one."""
 CASES = {case.__name__: case for row in RATIOS_MIN for case in row[:2]}
