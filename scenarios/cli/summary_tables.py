@@ -3,6 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
@@ -39,6 +40,7 @@ NAMES: dict[EventKind, tuple[str, str]] = {
     "collision": ("collision", "collisions"),
     "near_miss": ("near miss", "near misses"),
     "lane_departure": ("lane departure", "lane departures"),
+    "own": ("own event", "own events"),
     "path_lost": ("path lost", "paths lost"),
     "slide": ("slide", "slides"),
     "stop": ("emergency stop", "emergency stops"),
@@ -168,7 +170,7 @@ REACTION_COLUMNS: Sequence[Column[VehicleSummary]] = (
 """Reaction of each follower to missing messages."""
 EVENT_COLUMNS: Sequence[Column[RunEvent]] = (
     Column("at, s", lambda event: event.period.removesuffix(" s")),
-    Column("event", lambda event: NAMES[event.kind][0], left=True),
+    Column("event", lambda event: event.name or NAMES[event.kind][0], left=True),
     Column("vehicles", lambda event: ", ".join(event.vehicles), left=True, wraps=True),
     Column("figures", _figures_of, left=True, wraps=True),
 )
@@ -263,12 +265,24 @@ def _print_line(line: str, console: Console) -> None:
     console.print(line, highlight=False, markup=False, emoji=False, soft_wrap=True)
 
 
+def _own_columns(summary: RunSummary) -> Iterator[Column[VehicleSummary]]:
+    yield VEHICLE_COLUMNS[0]
+    for name in dict.fromkeys(name for row in summary.vehicles for name in row.own_figures):
+        yield Column(name, partial(_own_figure, name), ".4g")
+
+
+def _own_figure(name: str, row: VehicleSummary) -> float | None:
+    return row.own_figures.get(name)
+
+
 def _tables(summary: RunSummary, tables: Tables) -> Iterator[tuple[bool, Table]]:
     """Yield the tables of a summary, each with whether it carries news."""
     followers = [row for row in summary.vehicles if row.role != "lead"]
     yield True, table_of(VEHICLE_COLUMNS, summary.vehicles)
     yield False, table_of(DETAIL_COLUMNS, summary.vehicles, title="vehicles, details")
     yield any(map(_has_process_news, summary.vehicles)), table_of(PROCESS_COLUMNS, summary.vehicles)
+    if any(row.own_figures for row in summary.vehicles):
+        yield True, table_of([*_own_columns(summary)], summary.vehicles, title="own figures")
     if any(row.reaction != NO_REACTION for row in followers):
         is_news = any(row.reaction.stops or row.reaction.blind_m >= 0.05 for row in followers)
         yield is_news, table_of(REACTION_COLUMNS, followers, title="degradation")

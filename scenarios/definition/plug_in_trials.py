@@ -46,7 +46,7 @@ def _problems(tables: ScenarioTables) -> Iterator[Problem]:
                 f"given {longitudinal.use}, but speed.followers = "
                 f'{toml_repr(tables.speed.followers)}, allowed with "gap"'
             )
-    for key, trial in _laws(tables):
+    for key, trial in (*_laws(tables), *_measures(tables)):
         problems |= _problem(key, trial)
     yield from problems.items()
 
@@ -106,6 +106,12 @@ def _laws(tables: ScenarioTables) -> Iterator[tuple[str, Trial]]:
         for inner, law in (("loss", link.loss), ("delay", link.delay)):
             if law is not None and any(own_classes(law)):
                 yield f"{key}.{inner}", partial(try_law, law, setting)
+
+
+def _measures(tables: ScenarioTables) -> Iterator[tuple[str, Trial]]:
+    for key, entries in (("event", tables.event), ("figure", tables.figure)):
+        for index, table in enumerate(entries):
+            yield f"{key}[{index}]", partial(_try_built, table)
 
 
 def _streams(purpose: str) -> np.random.Generator:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from operator import attrgetter
 from typing import Any
 
@@ -257,8 +258,9 @@ class Metrics:
 
     def vehicle_summaries(self, ran_ns: int = 0) -> tuple[VehicleSummary, ...]:
         span, gaps, seconds = self._span(ran_ns), self.stream.gaps, self.stream.seconds
+        own = self.stream.own
         return tuple(
-            figures.summary(span, gaps.get(name), seconds)
+            replace(figures.summary(span, gaps.get(name), seconds), own_figures=own.values(name))
             for name, figures in self.vehicles.items()
         )
 

@@ -29,7 +29,7 @@ def _line(summary: RunSummary) -> str:
     if summary.outcome == "completed" and not incidents:
         caveats = list(_caveats(summary))
         ok = f"OK ({', '.join(caveats)})" if caveats else "OK"
-        facts = [_count(summary), _duration(summary), _worst_error(summary), "no events"]
+        facts = [_count(summary), _duration(summary), _worst_error(summary), _own_events(summary)]
         if summary.limits:
             facts.append(f"limits: {_limits(summary)}")
         return f"{ok}: {', '.join(filter(None, facts))}"
@@ -37,7 +37,7 @@ def _line(summary: RunSummary) -> str:
     if not any(event.kind == "lane_departure" for event in summary.events):
         facts.append(_worst_error(summary))
     if summary.ran_s:
-        facts.append(_collisions(summary) if incidents else "no events")
+        facts.append(_collisions(summary) if incidents else _own_events(summary))
     match summary.outcome:
         case "failed":
             head = f"FAILED: {_reasons(summary.reason)}"
@@ -109,6 +109,12 @@ def _worst_error(summary: RunSummary) -> str:
     if worst is None:
         return ""
     return f"worst error {length(worst.cross_track_error_m_max or 0.0)} ({worst.name})"
+
+
+def _own_events(summary: RunSummary) -> str:
+    """Number of the user's events, where there are no others."""
+    count = len(_of(summary, "own"))
+    return f"{count} own event{'s' * (count > 1)}" if count else "no events"
 
 
 def _of(summary: RunSummary, kind: EventKind) -> list[RunEvent]:

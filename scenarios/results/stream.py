@@ -13,6 +13,7 @@ from scenarios.definition.schema.scenario_tables import EventsTable
 from scenarios.results.events.bodies import BodySize, body_of
 from scenarios.results.events.encounters import Encounters, Episode, EventKind, TrueGap
 from scenarios.results.events.lane import LaneWatch, TakeExcess
+from scenarios.results.events.own_measures import OwnMeasures
 from scenarios.results.events.watches import (
     PathWatch,
     SlideWatch,
@@ -57,6 +58,8 @@ class FigureStream:
         road_yaw: float | None = None,
         roads: Mapping[str, PathWalk] | None = None,
         replayed: Collection[str] = (),
+        *,
+        own: OwnMeasures | None = None,
     ) -> None:
         """Bodies, lead first, thresholds, and the yaw (rad) of the road at the start.
 
@@ -69,6 +72,7 @@ class FigureStream:
         self._rules = rules or EventsTable()
         self._path = CrossTrackError(self._lead, road_yaw, replayed=replayed)
         self._roads = roads or {}
+        self.own = own or OwnMeasures(())
         self._lane: LaneWatch | None = None
         self._encounters: Encounters | None = None
         self._slides = SlideWatch()
@@ -97,6 +101,7 @@ class FigureStream:
             scenario.route.start_yaw,
             {name: PathWalk(*scenario.road_of(name)) for name in scenario.vehicle_names},
             scenario.replays.keys(),
+            own=OwnMeasures.of(scenario),
         )
 
     def on_error(self, take: TakeError) -> None:
@@ -181,6 +186,7 @@ class FigureStream:
             self._pass_on(departed)
         if self._on_gap:
             self._pass_gaps(name, at)
+        self._pass_on(self.own.add(pose))
 
     def add_place(self, follower: str, at: int, east: float, north: float) -> None:
         """Take only the place (m) of a follower's true pose: enough for its true error."""

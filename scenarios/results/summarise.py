@@ -70,6 +70,7 @@ def summarise(
             *late_lines(vehicles),
             *transport_lines(links, vehicles),
             *metrics.warnings,
+            *metrics.stream.own.faults,
             *metrics.out_of_linear.values(),
             *metrics.channel_warnings(ran_ns),
         ),

@@ -220,5 +220,51 @@ use = "mine.Multipath"
 amplitude_m = 0.05
 """,
     ),
+    "event": PlugInExample(
+        """\
+from dataclasses import dataclass
+
+class HardCornering:
+    @dataclass
+    class Settings:
+        limit_mps2: float = 3.0
+
+    def __init__(self, settings):
+        self.limit = settings.limit_mps2
+
+    def holds(self, pose):
+        return abs(pose.lateral_acceleration_mps2) > self.limit
+""",
+        """\
+[[event]]
+use = "mine.HardCornering"
+limit_mps2 = 0.02
+""",
+    ),
+    "figure": PlugInExample(
+        """\
+from dataclasses import dataclass
+
+class SteeringEffort:
+    @dataclass
+    class Settings:
+        exponent: float = 2.0
+
+    def __init__(self, settings):
+        self.exponent, self.total, self.count = settings.exponent, 0.0, 0
+
+    def add(self, pose):
+        self.total += abs(pose.steering_rad) ** self.exponent
+        self.count += 1
+
+    def value(self):
+        return self.total / self.count if self.count else None
+""",
+        """\
+[[figure]]
+use = "mine.SteeringEffort"
+exponent = 1.0
+""",
+    ),
 }
 """Examples by the key of the plug-in point."""

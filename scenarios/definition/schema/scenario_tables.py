@@ -18,6 +18,7 @@ from scenarios.definition.schema.log_table import LogTable
 from scenarios.definition.schema.path_tables import Bound, PathTable, PointsPath
 from scenarios.definition.schema.plug_ins.emission import SENDING
 from scenarios.definition.schema.plug_ins.following import LONGITUDINAL
+from scenarios.definition.schema.plug_ins.measures import EVENT, FIGURE
 from scenarios.definition.schema.plug_ins.path import FUSION, REACTION
 from scenarios.definition.schema.plug_ins.steering import LATERAL
 from scenarios.definition.schema.plug_ins.table import PlugInTable, default_of, plug_in
@@ -45,10 +46,13 @@ if TYPE_CHECKING:
     LongitudinalPlugIn = PlugInTable
     FusionPlugIn = PlugInTable
     ReactionPlugIn = PlugInTable
+    EventPlugIn = PlugInTable
+    FigurePlugIn = PlugInTable
 else:
     SendingTable = plug_in(SENDING, one_of(RULES))
     LateralPlugIn, LongitudinalPlugIn = plug_in(LATERAL), plug_in(LONGITUDINAL)
     FusionPlugIn, ReactionPlugIn = plug_in(FUSION), plug_in(REACTION)
+    EventPlugIn, FigurePlugIn = plug_in(EVENT), plug_in(FIGURE)
 
 
 class OriginTable(Table):
@@ -388,6 +392,8 @@ class ScenarioTables(Table):
     replay       vehicles that send their messages of a recorded run again
     link         other values for some links
     change       changes during the run
+    event        events of your own (convoy reference plug-ins)
+    figure       figures of your own (convoy reference plug-ins)
     parameters   the car without passengers
     loading      passengers in addition to the driver, and luggage
     vehicle      other values for single vehicles
@@ -415,6 +421,8 @@ class ScenarioTables(Table):
     replay: ReplayTable | None = None
     link: Annotated[tuple[LinkEntry, ...], Field(strict=False)] = ()
     change: Changes = ()
+    event: Annotated[tuple[EventPlugIn, ...], Field(strict=False)] = ()
+    figure: Annotated[tuple[FigurePlugIn, ...], Field(strict=False)] = ()
     parameters: ParametersTable = ParametersTable()
     loading: SettingsTable[Loading] = SettingsTable[Loading]()
     vehicle: dict[str, VehicleTable] = Field(default_factory=dict)

@@ -21,7 +21,7 @@ from vehicles.messages import TruePose
 from vehicles.schedule import SECOND
 
 EventKind = Literal[
-    "collision", "distrust", "lane_departure", "near_miss", "path_lost", "slide", "stop"
+    "collision", "distrust", "lane_departure", "near_miss", "own", "path_lost", "slide", "stop"
 ]
 
 MOST_FRAMES = 3000
@@ -36,7 +36,8 @@ QUIET_NS = SECOND
 class Episode:
     """An event from `at_ns` until `until_ns`; figures have unit suffixes.
 
-    Figures of a continuing event still grow. `place` (east, north, m) is where it began.
+    Figures of a continuing event still grow. `place` (east, north, m) is where it began; `name` is
+    that of an event of the user.
     """
 
     kind: EventKind
@@ -46,6 +47,7 @@ class Episode:
     figures: dict[str, float] = field(default_factory=dict)
     hit: bool = False
     place: tuple[float, float] = (0.0, 0.0)
+    name: str = ""
 
     def least(self, figure: str, value: float) -> None:
         self.figures[figure] = min(value, self.figures.get(figure, inf))

@@ -14,8 +14,9 @@ class RunEvent:
     kind: EventKind
     """collision, near_miss, lane_departure, path_lost, slide, stop (braking to a stop for lack of
     data, which ends early if data returns; a lead: standing behind a silent member of its convoy),
-    or distrust (the follower rejects a source as
-    implausible)."""
+    distrust (the follower rejects a source as implausible), or own (an event of the user)."""
+    name: str = ""
+    """Name of an event of the user's, that of its class; else empty."""
     at_s: float
     """When the event began, or was first seen."""
     after_s: float | None = None
@@ -30,7 +31,7 @@ class RunEvent:
 
     @property
     def line(self) -> str:
-        name = self.kind.replace("_", " ")
+        name = self.name or self.kind.replace("_", " ")
         return f"{name}: {_what(self)}, {self.period} after the start"
 
     @property
@@ -69,6 +70,8 @@ def _what(event: RunEvent) -> str:
             ends = "" if known is None else f"; {road_known(known)}"
             beyond = f"; predicted blind distance {blind:.1f} m" if blind else ""
             text = f"{first} brakes to a stop for lack of data{ends}{beyond}"
+        case "own":
+            text = first
         case "distrust":
             text = f"{others[0]} distrusts {first}"
     return text
@@ -128,6 +131,7 @@ class EventLog:
         seen_before = self._seen_before(episode)
         return RunEvent(
             kind=episode.kind,
+            name=episode.name,
             at_s=self._seconds(episode.at_ns),
             after_s=None if seen_before is None else self._seconds(seen_before),
             vehicles=episode.vehicles,

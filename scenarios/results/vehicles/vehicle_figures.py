@@ -6,7 +6,7 @@ in its `summary`.
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf, isfinite
 from typing import Literal, NamedTuple
 
@@ -95,6 +95,8 @@ class VehicleSummary:
     linear tyres only."""
     sliding_s: float | None = None
     """Time during which an axle used all of the available friction, or more."""
+    own_figures: Mapping[str, float | None] = field(default_factory=dict)
+    """Figures of the user's classes, by the name of the class."""
     ticks_by_mode: Mapping[str, int]
     """Number of steering commands by mode: path (the lead), composite, lead, predecessor, coast,
     stop, creep or straight."""

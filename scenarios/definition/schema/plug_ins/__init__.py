@@ -8,5 +8,6 @@ following  longitudinal controllers
 path       fusions, and degradation policies
 channel    laws of loss and of delay
 emission   sending rules, and errors of receivers
+measures   events and figures
 points     all plug-in points
 """

@@ -41,4 +41,5 @@ def finite(value: object, what: str, wanted: str) -> float:
     """Return a finite number, which may be a NumPy scalar, as a float; raises PlugInError."""
     if isinstance(value, int | float) and isfinite(value):
         return float(value)
-    raise PlugInError(f"{what} = {value!r}, expected a finite {wanted}")
+    sign = "" if what.endswith("returned") else "= "
+    raise PlugInError(f"{what} {sign}{value!r}, expected a finite {wanted}")

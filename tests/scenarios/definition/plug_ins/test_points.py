@@ -68,7 +68,7 @@ def test_the_example_of_a_point_runs_and_its_parameter_counts(
     overrides = ["convoy.vehicles=3", "duration_s=1"]
     overrides += ["speed.followers=gap"] if key == "control.longitudinal" else []
     usual = run_virtual(load_scenario("lane_change", overrides), tmp_path / "usual", Stop())
-    assert summary.vehicles != usual.vehicles
+    assert (summary.vehicles, summary.events) != (usual.vehicles, usual.events)
 
 
 LATERAL = """
@@ -286,6 +286,8 @@ def test_a_law_of_ones_own_equals_the_shipped_one(module: Module) -> None:
         link = Link(link_effects(scenario.links["v1", "v2"], 20.0), 1, "v1", "v2")
         verdicts.append([link.judge(TransmissionContext(seq, seq * 10**8)) for seq in range(200)])
     assert verdicts[0] == verdicts[1]
+    described = [one.describe() for one in link_effects(own.links["v1", "v2"], 20.0)]
+    assert "Half, ratio 0.4" in described
     assert 0.3 < sum(one.outcome == "dropped" for one in verdicts[0]) / 200 < 0.5
 
 
@@ -304,3 +306,56 @@ def test_a_log_is_readable_without_the_modules_of_its_classes(
     assert from_json((tmp_path / "run" / "summary.json").read_text()).links[0].judged == 20
     ran = CliRunner().invoke(cli, ["explain", str(tmp_path / "run"), "--vehicle=v2", "--at=0.9"])
     assert ran.exit_code == 0, ran.output
+
+
+MEASURES = """
+class Every:
+    def holds(self, pose):
+        return pose.seq % 2 == 0
+
+class Faulty(Every):
+    def holds(self, pose):
+        return 1 / (pose.seq - 30) < 9.0
+
+class Distance:
+    def __init__(self):
+        self.last = None
+    def add(self, pose):
+        self.last = pose.distance_m
+    def value(self):
+        return self.last
+
+class Text(Distance):
+    def value(self):
+        return "far"
+"""
+
+
+def test_own_events_and_figures_are_in_the_summary(module: Module, tmp_path: Path) -> None:
+    name = module(MEASURES)
+    own = [f"event=[{{use='{name}.{one}'}}]" for one in ("Every",)]
+    own += [f"figure=[{{use='{name}.Distance'}}]"]
+    summary = run_virtual(load_scenario("lane_change", [*TWO, *own]), tmp_path, Stop())
+    assert [row.own_figures for row in summary.vehicles] == [
+        {"Distance": row.distance_m} for row in summary.vehicles
+    ]
+    assert {(one.name, *one.vehicles) for one in summary.events} == {
+        ("Every", "v1"),
+        ("Every", "v2"),
+    }
+    assert from_json((tmp_path / "summary.json").read_text()).events == summary.events
+    assert summary.outcome_line.endswith(", 2 own events")
+
+
+def test_a_measure_that_fails_is_left_out_with_a_warning(module: Module, tmp_path: Path) -> None:
+    own = f"event=['{module(MEASURES)}.Faulty']"
+    summary = run_virtual(load_scenario("lane_change", [*TWO, own]), tmp_path, Stop())
+    assert summary.outcome == "completed"
+    assert [line.partition(": holds() ")[2] for line in summary.warnings] == [
+        "raised ZeroDivisionError: division by zero; left out from then on"
+    ] * 2
+
+
+def test_a_figure_that_is_no_number_is_refused(module: Module) -> None:
+    with pytest.raises(ScenarioError, match=r"figure\[0\]: figure .*: value\(\) returned 'far'"):
+        load_scenario("lane_change", [f"figure=['{module(MEASURES)}.Text']"])
