@@ -99,9 +99,9 @@ def test_figures_from_a_journal_equal_those_of_the_run(tmp_path: Path) -> None:
 
 
 def test_the_campaign_writes_its_figures(tmp_path: Path) -> None:
-    summaries = run_campaign(1, tmp_path, print, roads=["slalom"], workers=0)
+    summaries = run_campaign(2, tmp_path, print, roads=["slalom"], workers=0)
     assert [summary.variant for summary in summaries] == list(HISTORY)
-    assert [summary.runs for summary in summaries] == [1, 1]
+    assert [summary.runs for summary in summaries] == [2, 2]
     results = json.loads((tmp_path / JSON_FILE).read_text())
     assert {row["cut"]["variant"] for row in results["rows"]} == set(HISTORY)
     assert (tmp_path / "cuts.png").stat().st_size > 10_000
