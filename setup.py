@@ -8,7 +8,8 @@ run time, and classes whose annotations are read: messages and the contents of t
 interpreted can inherit from a compiled class, or read its docstring, as `convoy reference` does.
 
 mypyc inlines constants annotated as Final, and does not compile the `__init__` that `dataclass`
-generates: classes constructed many times per tick have one written by hand.
+generates: classes constructed many times per tick have one written by hand. It cannot
+compile a keyword-only argument whose default is a number.
 """
 
 import os

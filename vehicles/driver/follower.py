@@ -86,7 +86,7 @@ class Follower:
         load: LoadWatch | None = None,
         gates: Mapping[str, InnovationGate] | None = None,
         bends: Mapping[str, BendsAhead] | None = None,
-        drive_lag: float = 0.0,
+        drive_lag: float,
     ) -> None:
         """`alpha` in [0, 1] is the weight of the predecessor, 1 - alpha that of the lead.
 

@@ -67,6 +67,7 @@ def follower(
         settings=FitSettings(),
         degradation=degradation,
         reaction=REACTION_OF[degradation.reaction],
+        drive_lag=0.0,
     )
 
 
