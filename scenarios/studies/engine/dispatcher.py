@@ -4,7 +4,7 @@ If a worker dies, the jobs of its batch are retried one by one, to isolate a job
 """
 
 from collections import Counter, deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from dataclasses import dataclass
 from math import ceil
@@ -63,8 +63,13 @@ class JobDispatcher:
         workers: WorkerGroup,
         sizer: BatchSizer | None = None,
         plug_ins: Mapping[str, str] | None = None,
+        idle: Callable[[], None] = lambda: None,
     ) -> None:
-        """`plug_ins` are digests that workers must have, see `run_batch`."""
+        """`plug_ins` are digests that workers must have, see `run_batch`.
+
+        `idle` is called each second while jobs run.
+        """
+        self._idle = idle
         self._plug_ins = dict(plug_ins or {})
         self._jobs = {job.key: job.work for job in jobs}
         self._workers = workers
@@ -78,6 +83,7 @@ class JobDispatcher:
         while self._waiting or self._retries or self._running:
             self._submit_batches()
             done, _ = wait(self._running, timeout=POLL_INTERVAL_S, return_when=FIRST_COMPLETED)
+            self._idle()
             for future in done:
                 yield from self._collect(self._running.pop(future), future)
 

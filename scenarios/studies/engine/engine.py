@@ -17,6 +17,8 @@ from transport.log.records import LogError
 ABANDONED = "given_up"
 """Journal key of a job that killed its workers. It is retried when the study resumes."""
 REPORT_EVERY_S = 2.0
+LONGEST_SILENCE_S = 5.0
+"""Progress is reported after this time even if no job has finished."""
 
 
 class JobProgress:
@@ -44,12 +46,21 @@ class JobProgress:
         """
         self.done += 1
         now = time.monotonic()
-        first, first_at = self._first = self._first or (self.done, now)
+        self._first = self._first or (self.done, now)
         if now - self._reported_at < REPORT_EVERY_S and self.done != self.total:
             return
+        self._report_count(now)
+
+    def report_if_silent(self) -> None:
+        now = time.monotonic()
+        if now - self._reported_at >= LONGEST_SILENCE_S:
+            self._report_count(now)
+
+    def _report_count(self, now: float) -> None:
         self._reported_at = now
+        first, first_at = self._first or (self.done, now)
         text = (
-            f"{self.done} run{'s' * (self.done > 1)}"
+            f"{self.done} run{'s' * (self.done != 1)}"
             if self.total is None
             else f"{self.done} of {self.total} runs"
         )
@@ -124,7 +135,9 @@ class Engine:
             return
         if self._workers is None:
             self._workers = self._exit_stack.enter_context(self._open_workers())
-        dispatcher = JobDispatcher(left, self._workers, self._sizer, self._plug_ins)
+        dispatcher = JobDispatcher(
+            left, self._workers, self._sizer, self._plug_ins, self.progress.report_if_silent
+        )
         for outcome in dispatcher.outcomes():
             if self._journal is not None and (record_errors or not outcome.error):
                 entry = self._journal.add(outcome.key, _entry_of(outcome))
