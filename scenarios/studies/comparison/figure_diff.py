@@ -141,8 +141,8 @@ def _difference(name: str, a: Mapping[int, float], b: Mapping[int, float]) -> Fi
 def _paired(a: Mapping[int, float], b: Mapping[int, float]) -> tuple[float, float]:
     """Student's interval of the mean difference of runs with equal seeds."""
     differences = [b[seed] - a[seed] for seed in a]
-    error = sqrt(variance(differences) / len(differences))
-    return _interval(fmean(differences), error, len(differences) - 1)
+    middle, error = fmean(differences), sqrt(_variance_of_mean(differences))
+    return _interval(middle, error, len(differences) - 1) if any(differences) else (0.0, 0.0)
 
 
 def _independent(a: Sequence[float], b: Sequence[float]) -> tuple[float, float] | None:
@@ -152,12 +152,26 @@ def _independent(a: Sequence[float], b: Sequence[float]) -> tuple[float, float] 
     """
     if len(a) < 2 or len(b) < 2:
         return None
-    of_a, of_b = variance(a) / len(a), variance(b) / len(b)
-    middle, error = fmean(b) - fmean(a), sqrt(of_a + of_b)
+    middle = fmean(b) - fmean(a)
+    if len({*a, *b}) == 1:
+        return middle, middle
+    of_a, of_b = _variance_of_mean(a), _variance_of_mean(b)
+    error = sqrt(of_a + of_b)
     if not error:
         return middle, middle
     freedom = (of_a + of_b) ** 2 / (of_a**2 / (len(a) - 1) + of_b**2 / (len(b) - 1))
     return _interval(middle, error, freedom)
+
+
+def _variance_of_mean(values: Sequence[float]) -> float:
+    """Squared standard error of a mean.
+
+    Counts that are equal by chance have no spread. Theirs is at least that of one more run which
+    differs by one.
+    """
+    count = len(values)
+    least = 1.0 / (count + 1) ** 2 if all(map(float.is_integer, map(float, values))) else 0.0
+    return max(variance(values) / count, least)
 
 
 def _interval(middle: float, error: float, freedom: float) -> tuple[float, float]:
